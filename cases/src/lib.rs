@@ -1,0 +1,1 @@
+//! Case files, command line and material library.

@@ -1,0 +1,2 @@
+//! The `perimelt` binary.
+fn main() {}

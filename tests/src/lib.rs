@@ -1,0 +1,1 @@
+//! Verification and command-line tests.
