@@ -1,5 +1,38 @@
 //! Points, families, fields, solvers, scheduler, log and plugin traits of Perimelt.
+//!
+//! A tour, in the order in which a case comes to life:
+//!
+//! 1. [`shape`] and [`body`]: shapes are filled with points on a lattice.
+//! 2. [`material`]: properties, constant, by temperature or by phase.
+//! 3. [`plugin`]: the two traits, [`Physics`] and [`Coupler`], that carry everything else.
+//! 4. [`Setup`]: plugins declare [`field`]s and obtain [`family`]s.
+//! 5. [`Simulation`]: [`schedule`] derives the order, then time goes on.
+//! 6. [`solver`]: time integration and equations for any physics.
+//! 7. [`log`]: the run as an MCAP file, and back.
 
+pub mod body;
+pub mod error;
+pub mod family;
+pub mod field;
 pub mod log;
 pub mod material;
+pub mod plugin;
+pub mod schedule;
+pub mod setup;
+pub mod shape;
+pub mod simulation;
 pub mod solver;
+pub mod world;
+
+pub use body::{Body, Face, Region};
+pub use error::{Problem, RunError, SetupError};
+pub use family::{Bond, BondKernel, Correction, Family, FamilySpec, Moment, PartialVolume};
+pub use field::{Key, Read, ReadIfProvided, Write, keys};
+pub use plugin::{Balance, Clock, Coupler, Physics, Report, Step, StepSize, Update, Work};
+pub use setup::Setup;
+pub use simulation::Simulation;
+pub use world::World;
+
+// for the registration macros
+#[doc(hidden)]
+pub use {inventory, schemars, serde};

@@ -1,1 +1,2 @@
-//! (to be written)
+//! Solvers.
+pub mod reduce;

@@ -1,0 +1,402 @@
+//! Construction of a family: slots, mirrored layers, completeness, corrections, rows, chunks.
+
+use crate::body::{Body, Face, Store};
+
+use super::{
+    Bond, Chunk, Correction, Family, FamilyError, FamilySpec, Ghost, PartialVolume, Rows, Span,
+    StencilBond,
+};
+
+/// Points per chunk: small enough to balance two to many cores, large enough to amortise.
+const CHUNK_POINTS: u32 = 4096;
+
+/// No layer, no point.
+const EMPTY: u32 = u32::MAX;
+
+/// The lattice with a margin that holds the layers; slots are its cells, x fastest.
+struct Padded {
+    cells: [usize; 3],
+    pad: [usize; 3],
+}
+
+impl Padded {
+    fn slot(&self, cell: [i64; 3]) -> Option<usize> {
+        let shifted: [i64; 3] = std::array::from_fn(|a| cell[a] + self.pad[a] as i64);
+        let inside = (0..3).all(|a| shifted[a] >= 0 && shifted[a] < self.cells[a] as i64);
+        let [i, j, k] = shifted.map(|c| c as usize);
+        inside.then(|| (k * self.cells[1] + j) * self.cells[0] + i)
+    }
+
+    fn cell(&self, slot: usize) -> [i64; 3] {
+        let [nx, ny, _] = self.cells;
+        let shifted = [slot % nx, slot / nx % ny, slot / (nx * ny)];
+        std::array::from_fn(|a| shifted[a] as i64 - self.pad[a] as i64)
+    }
+
+    fn len(&self) -> usize {
+        self.cells.iter().product()
+    }
+
+    fn offset(&self, step: [i64; 3]) -> isize {
+        ((step[2] * self.cells[1] as i64 + step[1]) * self.cells[0] as i64 + step[0]) as isize
+    }
+}
+
+impl Family {
+    /// Lays out the family of every point of `body`.
+    ///
+    /// # Errors
+    /// [`FamilyError`] when the horizon reaches no neighbour or a point has none.
+    pub fn build(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
+        let lattice = &body.lattice;
+        let stencil = stencil(body, spec);
+        if stencil.is_empty() {
+            return Err(FamilyError::HorizonTooSmall {
+                horizon: spec.horizon,
+                spacing: lattice.spacing,
+            });
+        }
+        let reach = stencil.iter().map(|(step, _)| step[0]).max().unwrap_or(0);
+        let pad: [usize; 3] = std::array::from_fn(|a| {
+            if a < body.dimension {
+                reach as usize
+            } else {
+                0
+            }
+        });
+        let padded = Padded {
+            cells: std::array::from_fn(|a| lattice.cells[a] + 2 * pad[a]),
+            pad,
+        };
+
+        // slot -> the point whose state the slot carries or mirrors
+        let mut mirror_of = vec![EMPTY; padded.len()];
+        let slot_of_point: Vec<u32> = lattice
+            .cell_of_point
+            .iter()
+            .map(|cell| {
+                padded
+                    .slot(cell.map(i64::from))
+                    .expect("points lie inside the padded lattice") as u32
+            })
+            .collect();
+        for (point, &slot) in slot_of_point.iter().enumerate() {
+            mirror_of[slot as usize] = point as u32;
+        }
+        let (ghosts, layers) = mirror(body, spec, &padded, reach, &mut mirror_of);
+        // a corner mirrors a mirror: it is audited when any face on its way is
+        let mut audited = vec![false; padded.len()];
+        for (face, range) in &layers {
+            for ghost in &ghosts[range.clone()] {
+                audited[ghost.slot as usize] =
+                    spec.audited.contains(face) || audited[ghost.source as usize];
+            }
+        }
+
+        let steps: Vec<(isize, Bond)> = stencil
+            .iter()
+            .map(|(step, bond)| (padded.offset(*step), *bond))
+            .collect();
+        let slots = padded.len();
+        let neighbour = |slot: u32, offset: isize| {
+            Some(slot as usize)
+                .map(|s| s.wrapping_add_signed(offset))
+                .filter(|&s| s < slots && mirror_of[s] != EMPTY)
+        };
+        let complete: Vec<bool> = slot_of_point
+            .iter()
+            .map(|&s| steps.iter().all(|(o, _)| neighbour(s, *o).is_some()))
+            .collect();
+
+        let target = spec
+            .moment
+            .continuum(body.dimension, spec.horizon, body.thickness);
+        let energy =
+            |bonds: &mut dyn Iterator<Item = &Bond>| directional_energy(bonds, spec.moment.power());
+        let full = energy(&mut steps.iter().map(|(_, b)| b))[0];
+        let lattice_factor = if spec.correction == Correction::None {
+            1.0
+        } else {
+            target / full
+        };
+
+        // per-point factors only where they differ from the lattice factor
+        let cut = |point: usize| spec.correction == Correction::Point && !complete[point];
+        let factor: Vec<[f64; 3]> = if spec.correction == Correction::Point {
+            (0..body.points.len())
+                .map(|p| {
+                    if complete[p] {
+                        return [lattice_factor; 3];
+                    }
+                    let present = steps
+                        .iter()
+                        .filter(|(o, _)| neighbour(slot_of_point[p], *o).is_some());
+                    energy(&mut present.map(|(_, b)| b))
+                        .map(|e| if e > 0.0 { target / e } else { lattice_factor })
+                })
+                .collect()
+        } else {
+            Vec::new()
+        };
+
+        let mut rows = Rows {
+            start: vec![0],
+            ..Rows::default()
+        };
+        let mut layer_rows = Rows {
+            start: vec![0],
+            ..Rows::default()
+        };
+        let mut in_rows = vec![false; body.points.len()];
+        let mut bonds = 0;
+        for (point, &slot) in slot_of_point.iter().enumerate() {
+            let members = || {
+                steps
+                    .iter()
+                    .filter_map(|(o, b)| Some((neighbour(slot, *o)?, b)))
+            };
+            let count = if complete[point] {
+                steps.len()
+            } else {
+                members().count()
+            };
+            if count == 0 {
+                return Err(FamilyError::Lonely {
+                    at: body.points.position[point].into(),
+                    horizon: spec.horizon,
+                });
+            }
+            bonds += count;
+            let corrected = |slot: usize, bond: &Bond| {
+                let bond_factor = if spec.correction == Correction::Point {
+                    mean_factor(bond, &factor[point], &factor[mirror_of[slot] as usize])
+                } else {
+                    lattice_factor
+                };
+                Bond {
+                    volume: bond.volume * bond_factor,
+                    ..*bond
+                }
+            };
+            let uneven = spec.correction == Correction::Point
+                && (cut(point) || members().any(|(s, _)| cut(mirror_of[s] as usize)));
+            in_rows[point] = body.store == Store::List || !complete[point] || uneven;
+            if in_rows[point] {
+                rows.push(point, slot, members().map(|(s, b)| (s, corrected(s, b))));
+            }
+            if !spec.audited.is_empty() && members().any(|(s, _)| audited[s]) {
+                let from_layer = members().filter(|(s, _)| audited[*s]);
+                layer_rows.push(point, slot, from_layer.map(|(s, b)| (s, corrected(s, b))));
+            }
+        }
+
+        let spans = stretches(&slot_of_point, |_| true);
+        let runs = stretches(&slot_of_point, |p| !in_rows[p]);
+        let chunks = chunks(&runs, rows.point.len());
+        let stencil = steps
+            .iter()
+            .map(|(offset, bond)| StencilBond {
+                offset: *offset,
+                bond: Bond {
+                    volume: bond.volume * lattice_factor,
+                    ..*bond
+                },
+            })
+            .collect();
+        let swept = runs.iter().map(|r| r.len as usize).sum::<usize>() + rows.point.len();
+        assert_eq!(
+            swept,
+            body.points.len(),
+            "runs and rows partition the points"
+        );
+        Ok(Family {
+            spec: spec.clone(),
+            points: body.points.len(),
+            bonds,
+            slots,
+            spans,
+            ghosts,
+            layers,
+            stencil,
+            runs,
+            rows,
+            layer_rows,
+            chunks,
+        })
+    }
+}
+
+/// Members of a complete family as lattice steps, with partial volumes, ordered z, y, x.
+fn stencil(body: &Body, spec: &FamilySpec) -> Vec<([i64; 3], Bond)> {
+    let spacing = body.lattice.spacing;
+    let horizon = spec.horizon / spacing;
+    // ties such as |xi| = 3 dx belong to the family whatever the rounding of the horizon
+    let cut = match spec.partial_volume {
+        PartialVolume::Full => horizon + 0.5 - 1e-9,
+        _ => horizon * (1.0 + 1e-9),
+    };
+    let reach: [i64; 3] = std::array::from_fn(|a| {
+        if a < body.dimension {
+            cut.floor() as i64
+        } else {
+            0
+        }
+    });
+    let mut members = Vec::new();
+    for k in -reach[2]..=reach[2] {
+        for j in -reach[1]..=reach[1] {
+            for i in -reach[0]..=reach[0] {
+                let step = [i, j, k];
+                let length = step.iter().map(|s| (s * s) as f64).sum::<f64>().sqrt();
+                if length == 0.0 || length > cut {
+                    continue;
+                }
+                let share = match spec.partial_volume {
+                    PartialVolume::None => 1.0,
+                    _ => (horizon + 0.5 - length).min(1.0),
+                };
+                let bond = Bond {
+                    xi: step.map(|s| s as f64 * spacing),
+                    length: length * spacing,
+                    volume: share * body.points.volume[0],
+                };
+                members.push((step, bond));
+            }
+        }
+    }
+    members
+}
+
+/// Layer points behind the faces of `spec.layers`, each the image of a point or of an
+/// earlier layer point; repeated until edges, corners and bodies thinner than the horizon
+/// are complete. Returned in the order in which they must be filled.
+fn mirror(
+    body: &Body,
+    spec: &FamilySpec,
+    padded: &Padded,
+    reach: i64,
+    mirror_of: &mut [u32],
+) -> (Vec<Ghost>, Vec<(Face, std::ops::Range<usize>)>) {
+    let mut ghosts: Vec<Ghost> = Vec::new();
+    let mut layers = Vec::new();
+    loop {
+        let before = ghosts.len();
+        for &face in spec.layers.iter().filter(|f| f.axis() < body.dimension) {
+            let first = ghosts.len();
+            let axis = face.axis();
+            for depth in 0..reach {
+                // cells at `depth` behind the face mirror those at the same depth before it
+                let size = body.lattice.cells[axis] as i64;
+                let (outer, inner) = if face.is_upper() {
+                    (size + depth, size - 1 - depth)
+                } else {
+                    (-1 - depth, depth)
+                };
+                for slot in 0..padded.len() / padded.cells[axis] {
+                    let mut cell = plane_cell(padded, axis, slot);
+                    cell[axis] = outer;
+                    let target = padded.slot(cell).expect("the margin holds the layer");
+                    cell[axis] = inner;
+                    let Some(source) = padded.slot(cell) else {
+                        continue;
+                    };
+                    if mirror_of[target] == EMPTY && mirror_of[source] != EMPTY {
+                        mirror_of[target] = mirror_of[source];
+                        ghosts.push(Ghost {
+                            slot: target as u32,
+                            source: source as u32,
+                        });
+                    }
+                }
+            }
+            if ghosts.len() > first {
+                layers.push((face, first..ghosts.len()));
+            }
+        }
+        if ghosts.len() == before {
+            return (ghosts, layers);
+        }
+    }
+}
+
+/// The `index`-th cell of the padded plane normal to `axis`.
+fn plane_cell(padded: &Padded, axis: usize, index: usize) -> [i64; 3] {
+    let [u, v] = match axis {
+        0 => [1, 2],
+        1 => [0, 2],
+        _ => [0, 1],
+    };
+    let mut cell = padded.cell(0);
+    cell[u] += (index % padded.cells[u]) as i64;
+    cell[v] += (index / padded.cells[u]) as i64;
+    cell
+}
+
+fn directional_energy(bonds: &mut dyn Iterator<Item = &Bond>, power: i32) -> [f64; 3] {
+    let mut energy = [0.0; 3];
+    for bond in bonds {
+        for (e, x) in energy.iter_mut().zip(bond.xi) {
+            *e += bond.length * (x / bond.length).powi(power) * bond.volume;
+        }
+    }
+    energy
+}
+
+/// Factor of a bond from the directional factors at its ends (Wang (2025), eqs. 4.5, 4.6):
+/// the radius along the bond of the ellipsoid with their means as semi-axes.
+fn mean_factor(bond: &Bond, own: &[f64; 3], other: &[f64; 3]) -> f64 {
+    let squares = (0..3)
+        .map(|m| (bond.xi[m] / bond.length / (0.5 * (own[m] + other[m]))).powi(2))
+        .sum::<f64>();
+    squares.sqrt().recip()
+}
+
+impl Rows {
+    fn push(&mut self, point: usize, slot: u32, bonds: impl Iterator<Item = (usize, Bond)>) {
+        self.point.push(point as u32);
+        self.slot.push(slot);
+        for (column, bond) in bonds {
+            self.column.push(column as u32);
+            self.bond.push(bond);
+        }
+        self.start.push(self.column.len());
+    }
+}
+
+/// Maximal stretches of consecutive points in consecutive slots that satisfy `keep`.
+fn stretches(slot_of_point: &[u32], keep: impl Fn(usize) -> bool) -> Vec<Span> {
+    let mut spans: Vec<Span> = Vec::new();
+    for (point, &slot) in slot_of_point.iter().enumerate().filter(|(p, _)| keep(*p)) {
+        match spans.last_mut() {
+            Some(s) if s.point + s.len == point as u32 && s.slot + s.len == slot => s.len += 1,
+            _ => spans.push(Span {
+                slot,
+                point: point as u32,
+                len: 1,
+            }),
+        }
+    }
+    spans
+}
+
+fn chunks(runs: &[Span], rows: usize) -> Vec<Chunk> {
+    let mut chunks = Vec::new();
+    let (mut first, mut points) = (0, 0);
+    for (index, run) in runs.iter().enumerate() {
+        points += run.len;
+        if points >= CHUNK_POINTS || index + 1 == runs.len() {
+            chunks.push(Chunk {
+                runs: first..index + 1,
+                rows: 0..0,
+            });
+            (first, points) = (index + 1, 0);
+        }
+    }
+    // a row costs a few times a lane of a run
+    let step = CHUNK_POINTS as usize / 4;
+    chunks.extend((0..rows).step_by(step).map(|r| Chunk {
+        runs: 0..0,
+        rows: r..(r + step).min(rows),
+    }));
+    chunks
+}

@@ -1,0 +1,231 @@
+//! The sweep over all bonds: the only place with `unsafe`, and the only one that must be fast.
+//!
+//! Complete families: [`LANES`] neighbouring points advance together through the shared
+//! stencil, their sums in registers; per bond and point one load of each input. The
+//! compiler vectorises the lane loop for the instruction set chosen at run time. No fused
+//! multiply-add: all instruction sets then give the same bits.
+
+use rayon::prelude::*;
+
+use super::{Chunk, Family, Rows, Span, StencilBond};
+
+/// Points that advance together: two AVX-512 or four AVX2 registers.
+const LANES: usize = 16;
+
+/// A bond of the reference configuration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bond {
+    /// Reference vector to the neighbour, m.
+    pub xi: [f64; 3],
+    /// Length of `xi`, m.
+    pub length: f64,
+    /// Volume of the neighbour times partial-volume and correction factors, m³.
+    pub volume: f64,
+}
+
+/// What a bond adds to `O` sums of its point, from `I` inputs at its two ends.
+///
+/// Write plain scalar code and mark `bond` `#[inline(always)]`: the sweep vectorises it.
+pub trait BondKernel<const I: usize, const O: usize>: Sync {
+    /// The contributions of one bond.
+    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O];
+}
+
+/// Output shared by the threads of a sweep; each point is written by exactly one of them.
+struct Output<const O: usize> {
+    first: *mut [f64; O],
+    len: usize,
+}
+
+// SAFETY: `chunks` partition the points (checked by `Family::build`), so no two threads
+// write the same element, and nobody reads before the sweep has joined.
+unsafe impl<const O: usize> Sync for Output<O> {}
+
+impl<const O: usize> Output<O> {
+    #[inline(always)]
+    fn set(&self, point: usize, value: [f64; O]) {
+        debug_assert!(point < self.len);
+        // SAFETY: `point` indexes a point of the family and `Family::sum` asserts that the
+        // output has one element per point; exclusive by the partition named above.
+        unsafe { *self.first.add(point) = value }
+    }
+}
+
+impl Family {
+    /// For every point, the sum of `kernel` over its bonds; `inputs` in slot space, `sums`
+    /// by point. Bit-identical for any number of threads.
+    ///
+    /// # Panics
+    /// When an input is not [`Family::slots`] long or `sums` not one element per point.
+    pub fn sum<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: [&[f64]; I],
+        sums: &mut [[f64; O]],
+    ) {
+        assert!(
+            inputs.iter().all(|i| i.len() == self.slots),
+            "inputs are slot arrays"
+        );
+        assert_eq!(sums.len(), self.points, "one sum per point");
+        let output = Output {
+            first: sums.as_mut_ptr(),
+            len: sums.len(),
+        };
+        self.chunks
+            .par_iter()
+            .for_each(|chunk| self.sweep(kernel, &inputs, &output, chunk));
+    }
+
+    /// For every point near an audited layer, passes the point and the sum of `kernel` over
+    /// its bonds with layer points to `receive`, in order.
+    pub fn sum_from_layers<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: [&[f64]; I],
+        mut receive: impl FnMut(usize, [f64; O]),
+    ) {
+        for row in 0..self.layer_rows.point.len() {
+            let sum = sum_row(kernel, &inputs, &self.layer_rows, row);
+            receive(self.layer_rows.point[row] as usize, sum);
+        }
+    }
+
+    fn sweep<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: &[&[f64]; I],
+        output: &Output<O>,
+        chunk: &Chunk,
+    ) {
+        for row in chunk.rows.clone() {
+            output.set(
+                self.rows.point[row] as usize,
+                sum_row(kernel, inputs, &self.rows, row),
+            );
+        }
+        let runs = &self.runs[chunk.runs.clone()];
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
+                // SAFETY: the instruction set was detected.
+                return unsafe { sweep_avx512(kernel, &self.stencil, inputs, output, runs) };
+            }
+            if is_x86_feature_detected!("avx2") {
+                // SAFETY: the instruction set was detected.
+                return unsafe { sweep_avx2(kernel, &self.stencil, inputs, output, runs) };
+            }
+        }
+        sweep_runs(kernel, &self.stencil, inputs, output, runs);
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl")]
+fn sweep_avx512<const I: usize, const O: usize>(
+    kernel: &impl BondKernel<I, O>,
+    stencil: &[StencilBond],
+    inputs: &[&[f64]; I],
+    output: &Output<O>,
+    runs: &[Span],
+) {
+    sweep_runs(kernel, stencil, inputs, output, runs);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn sweep_avx2<const I: usize, const O: usize>(
+    kernel: &impl BondKernel<I, O>,
+    stencil: &[StencilBond],
+    inputs: &[&[f64]; I],
+    output: &Output<O>,
+    runs: &[Span],
+) {
+    sweep_runs(kernel, stencil, inputs, output, runs);
+}
+
+#[inline(always)]
+fn sweep_runs<const I: usize, const O: usize>(
+    kernel: &impl BondKernel<I, O>,
+    stencil: &[StencilBond],
+    inputs: &[&[f64]; I],
+    output: &Output<O>,
+    runs: &[Span],
+) {
+    for run in runs {
+        let (slot, point, len) = (run.slot as usize, run.point as usize, run.len as usize);
+        let mut done = 0;
+        while done < len {
+            if len < LANES {
+                output.set(
+                    point + done,
+                    sum_block::<I, O, 1>(kernel, stencil, inputs, slot + done)[0],
+                );
+                done += 1;
+                continue;
+            }
+            // the last block overlaps the one before it: the same sums are written twice
+            let first = done.min(len - LANES);
+            let sums = sum_block::<I, O, LANES>(kernel, stencil, inputs, slot + first);
+            for (lane, sum) in sums.into_iter().enumerate() {
+                output.set(point + first + lane, sum);
+            }
+            done = first + LANES;
+        }
+    }
+}
+
+/// Sums of `N` consecutive points with complete families.
+#[inline(always)]
+fn sum_block<const I: usize, const O: usize, const N: usize>(
+    kernel: &impl BondKernel<I, O>,
+    stencil: &[StencilBond],
+    inputs: &[&[f64]; I],
+    slot: usize,
+) -> [[f64; O]; N] {
+    let own: [[f64; N]; I] = std::array::from_fn(|i| lanes(inputs[i], slot));
+    let mut sums = [[0.0; N]; O];
+    for StencilBond { offset, bond } in stencil {
+        let at = slot.wrapping_add_signed(*offset);
+        let other: [[f64; N]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
+        for lane in 0..N {
+            let part = kernel.bond(
+                bond,
+                std::array::from_fn(|i| own[i][lane]),
+                std::array::from_fn(|i| other[i][lane]),
+            );
+            for o in 0..O {
+                sums[o][lane] += part[o];
+            }
+        }
+    }
+    std::array::from_fn(|lane| std::array::from_fn(|o| sums[o][lane]))
+}
+
+#[inline(always)]
+fn lanes<const N: usize>(input: &[f64], at: usize) -> [f64; N] {
+    input[at..at + N]
+        .try_into()
+        .expect("the slice has N elements")
+}
+
+#[inline(always)]
+fn sum_row<const I: usize, const O: usize>(
+    kernel: &impl BondKernel<I, O>,
+    inputs: &[&[f64]; I],
+    rows: &Rows,
+    row: usize,
+) -> [f64; O] {
+    let at = rows.slot[row] as usize;
+    let own = std::array::from_fn(|i| inputs[i][at]);
+    let mut sums = [0.0; O];
+    let range = rows.start[row]..rows.start[row + 1];
+    for (bond, &column) in rows.bond[range.clone()].iter().zip(&rows.column[range]) {
+        let other = std::array::from_fn(|i| inputs[i][column as usize]);
+        let part = kernel.bond(bond, own, other);
+        for o in 0..O {
+            sums[o] += part[o];
+        }
+    }
+    sums
+}

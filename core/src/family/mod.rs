@@ -1,0 +1,258 @@
+//! Families: all bonds of the points of a body, behind one interface.
+//!
+//! 1. A physics describes the family it wants ([`FamilySpec`]): horizon, partial-volume rule,
+//!    correction, and the faces behind which the body goes on as a mirrored layer.
+//! 2. [`Family::build`] lays out *slots*: one for each point and one for each layer point
+//!    (*ghost*). Kernel inputs live in slot space ([`Family::scatter`], [`Family::fill_layers`]).
+//! 3. [`Family::sum`] evaluates a [`BondKernel`] over all bonds of all points.
+//!
+//! Two stores hide behind this: points whose family is complete share one stencil and are
+//! swept in contiguous runs with SIMD; all others (at bare surfaces, next to them when bonds
+//! are corrected, or everywhere with [`Store::List`]) have rows of their own. Both add the
+//! bonds of a point in the same order, so they agree to rounding.
+
+mod build;
+mod kernel;
+
+pub use kernel::{Bond, BondKernel};
+
+use std::ops::Range;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::body::Face;
+
+/// Partial volume of members near the edge of the horizon (spec 02, 1.3; Wang (2025), eq. 4.2).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PartialVolume {
+    /// Members with `|xi| <= horizon`, full volumes.
+    None,
+    /// Members with `|xi| <= horizon`; within half a spacing of the edge the volume falls
+    /// linearly to one half.
+    #[default]
+    Half,
+    /// Members with `|xi| < horizon + spacing / 2`; the volume falls linearly to zero.
+    Full,
+}
+
+/// What makes a discrete family reproduce the classical energy.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Correction {
+    /// The continuum constants as they are.
+    None,
+    /// One factor for all bonds, so that a complete family is exact.
+    Lattice,
+    /// A factor for each bond from the directional energies of its two ends (Wang (2025),
+    /// eqs. 4.4 to 4.8), so that families cut by a bare surface are repaired, too.
+    #[default]
+    Point,
+}
+
+/// Which energy a correction restores: the moment of the bond directions in it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Moment {
+    /// Conduction under a unit gradient along an axis: `sum |xi| n^2 V`.
+    Conduction,
+    /// Elasticity under a unit uniaxial strain along an axis: `sum |xi| n^4 V`.
+    Elasticity,
+}
+
+impl Moment {
+    pub(crate) fn power(self) -> i32 {
+        match self {
+            Moment::Conduction => 2,
+            Moment::Elasticity => 4,
+        }
+    }
+
+    /// `integral of |xi| n_m^p dV` over a full horizon, by dimension; `thickness` is the
+    /// thickness (2D, m) or cross-section (1D, m²).
+    pub fn continuum(self, dimension: usize, horizon: f64, thickness: f64) -> f64 {
+        use std::f64::consts::PI;
+        match (dimension, self) {
+            (1, _) => thickness * horizon.powi(2),
+            (2, Moment::Conduction) => PI / 3.0 * thickness * horizon.powi(3),
+            (2, Moment::Elasticity) => PI / 4.0 * thickness * horizon.powi(3),
+            (_, Moment::Conduction) => PI / 3.0 * horizon.powi(4),
+            (_, Moment::Elasticity) => PI / 5.0 * horizon.powi(4),
+        }
+    }
+}
+
+/// What a physics asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FamilySpec {
+    /// Radius, m.
+    pub horizon: f64,
+    /// Rule for members at the edge.
+    pub partial_volume: PartialVolume,
+    /// Correction of the bonds.
+    pub correction: Correction,
+    /// Which energy the correction restores.
+    pub moment: Moment,
+    /// Faces behind which the body continues as a mirrored layer.
+    pub layers: Vec<Face>,
+    /// Those of `layers` whose exchange with the body is wanted ([`Family::sum_from_layers`]).
+    pub audited: Vec<Face>,
+}
+
+/// Mistakes in a family's description.
+#[derive(Debug, thiserror::Error)]
+pub enum FamilyError {
+    /// The horizon is smaller than the distance to the nearest neighbour.
+    #[error(
+        "the horizon {horizon} m is below the spacing {spacing} m: every family would be empty"
+    )]
+    HorizonTooSmall {
+        /// Horizon, m.
+        horizon: f64,
+        /// Spacing, m.
+        spacing: f64,
+    },
+    /// A point without a bond.
+    #[error("the point at ({}, {}, {}) m has no neighbour within the horizon {horizon} m", at[0], at[1], at[2])]
+    Lonely {
+        /// Position, m.
+        at: [f64; 3],
+        /// Horizon, m.
+        horizon: f64,
+    },
+}
+
+/// All bonds of the points of a body.
+#[derive(Debug)]
+pub struct Family {
+    spec: FamilySpec,
+    points: usize,
+    bonds: usize,
+    slots: usize,
+    spans: Vec<Span>,
+    ghosts: Vec<Ghost>,
+    layers: Vec<(Face, Range<usize>)>,
+    stencil: Vec<StencilBond>,
+    runs: Vec<Span>,
+    rows: Rows,
+    layer_rows: Rows,
+    chunks: Vec<Chunk>,
+}
+
+/// Consecutive points in consecutive slots.
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    slot: u32,
+    point: u32,
+    len: u32,
+}
+
+/// A layer point: its slot and the slot that it mirrors.
+#[derive(Clone, Copy, Debug)]
+struct Ghost {
+    slot: u32,
+    source: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct StencilBond {
+    offset: isize,
+    bond: Bond,
+}
+
+/// Compressed rows of bonds.
+#[derive(Debug, Default)]
+struct Rows {
+    point: Vec<u32>,
+    slot: Vec<u32>,
+    start: Vec<usize>,
+    column: Vec<u32>,
+    bond: Vec<Bond>,
+}
+
+/// A share of the work, sized to keep all cores busy.
+#[derive(Clone, Debug)]
+struct Chunk {
+    runs: Range<usize>,
+    rows: Range<usize>,
+}
+
+/// How a field continues in the mirrored layer behind a face:
+/// `value(layer point) = scale * value(mirror point) + offset`, component by component
+/// (scalars use the first). Prescribed value `b`: scale -1, offset 2 b (Wang (2025),
+/// eq. 7.17); constant layer: 0, b; insulated: 1, 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LayerRule {
+    /// The face.
+    pub face: Face,
+    /// Factors on the mirrored components.
+    pub scale: [f64; 3],
+    /// Added to the mirrored components, in the unit of the field.
+    pub offset: [f64; 3],
+}
+
+impl Family {
+    /// The description that it was built from.
+    pub fn spec(&self) -> &FamilySpec {
+        &self.spec
+    }
+
+    /// Number of directed bonds.
+    pub fn bonds(&self) -> usize {
+        self.bonds
+    }
+
+    /// Length of a slot array.
+    pub fn slots(&self) -> usize {
+        self.slots
+    }
+
+    /// Share of the points that are swept with the shared stencil.
+    pub fn stencil_share(&self) -> f64 {
+        self.runs.iter().map(|r| f64::from(r.len)).sum::<f64>() / self.points as f64
+    }
+
+    /// Bytes held.
+    pub fn memory(&self) -> usize {
+        self.rows.memory()
+            + self.layer_rows.memory()
+            + size_of_val(&*self.ghosts)
+            + size_of_val(&*self.spans)
+    }
+
+    /// Copies one component of a field (point-major, `components` per point) to the slots
+    /// of its points.
+    pub fn scatter(&self, field: &[f64], components: usize, component: usize, slots: &mut [f64]) {
+        for span in &self.spans {
+            let (first, len) = (span.point as usize, span.len as usize);
+            let target = &mut slots[span.slot as usize..][..len];
+            if components == 1 {
+                target.copy_from_slice(&field[first..][..len]);
+            } else {
+                let source = field[first * components + component..]
+                    .iter()
+                    .step_by(components);
+                target.iter_mut().zip(source).for_each(|(t, s)| *t = *s);
+            }
+        }
+    }
+
+    /// Fills the slots of the layer points of one `component` from their mirror points.
+    /// Layers without a rule mirror the value as it is.
+    pub fn fill_layers(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
+        for (face, range) in &self.layers {
+            let rule = rules.iter().find(|r| r.face == *face);
+            let (scale, offset) =
+                rule.map_or((1.0, 0.0), |r| (r.scale[component], r.offset[component]));
+            for ghost in &self.ghosts[range.clone()] {
+                slots[ghost.slot as usize] = scale * slots[ghost.source as usize] + offset;
+            }
+        }
+    }
+}
+
+impl Rows {
+    fn memory(&self) -> usize {
+        size_of_val(&*self.column) + size_of_val(&*self.bond) + self.point.len() * 16
+    }
+}

@@ -1,0 +1,266 @@
+//! Fields: named, typed, unit-bearing arrays over the points of a body.
+//!
+//! A [`Key`] names a field. At set-up a plugin asks for the access it needs
+//! ([`crate::Setup::own`], [`crate::Setup::read`], ...) and receives a *handle*; a run-time
+//! access needs a handle, so reading or writing what was not declared cannot be written.
+
+use std::borrow::Cow;
+use std::cell::{Ref, RefCell, RefMut};
+use std::marker::PhantomData;
+
+use nalgebra::{Matrix3, Vector3};
+
+/// A type that a field can hold: `f64`, `Vector3<f64>` or `Matrix3<f64>`.
+pub trait Value: bytemuck::Pod + Default + Send + Sync {
+    /// Number of `f64` components of one value: 1, 3 or 9 (column-major).
+    const COMPONENTS: usize;
+}
+
+impl Value for f64 {
+    const COMPONENTS: usize = 1;
+}
+impl Value for Vector3<f64> {
+    const COMPONENTS: usize = 3;
+}
+impl Value for Matrix3<f64> {
+    const COMPONENTS: usize = 9;
+}
+
+/// Name, unit and meaning of a field with values of type `T`.
+#[derive(Clone, Debug)]
+pub struct Key<T> {
+    /// Name as used in case files and logs.
+    pub name: Cow<'static, str>,
+    /// SI unit.
+    pub unit: Cow<'static, str>,
+    /// One line for `perimelt list`.
+    pub meaning: Cow<'static, str>,
+    value: PhantomData<fn() -> T>,
+}
+
+impl<T: Value> Key<T> {
+    /// A key known when the program is written.
+    pub const fn new(name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
+        Key {
+            name: Cow::Borrowed(name),
+            unit: Cow::Borrowed(unit),
+            meaning: Cow::Borrowed(meaning),
+            value: PhantomData,
+        }
+    }
+
+    /// A key for a field that a case file or a log names.
+    pub fn named(name: String, unit: String) -> Self {
+        Key {
+            name: name.into(),
+            unit: unit.into(),
+            meaning: Cow::Borrowed(""),
+            value: PhantomData,
+        }
+    }
+}
+
+/// The common vocabulary. A plugin may add keys of its own.
+pub mod keys {
+    use super::Key;
+    use nalgebra::Vector3;
+
+    /// Temperature, K.
+    pub const TEMPERATURE: Key<f64> = Key::new("temperature", "K", "temperature");
+    /// Enthalpy per reference volume, J/m³.
+    pub const ENTHALPY: Key<f64> = Key::new("enthalpy", "J/m3", "enthalpy per reference volume");
+    /// Heat added per volume and time, W/m³ (sink field of the thermal physics).
+    pub const HEAT_SOURCE: Key<f64> =
+        Key::new("heat_source", "W/m3", "heat added per volume and time");
+    /// Share of liquid, 0 to 1.
+    pub const LIQUID_FRACTION: Key<f64> = Key::new("liquid_fraction", "1", "share of liquid");
+    /// Displacement from the reference position, m.
+    pub const DISPLACEMENT: Key<Vector3<f64>> = Key::new(
+        "displacement",
+        "m",
+        "displacement from the reference position",
+    );
+    /// Velocity, m/s.
+    pub const VELOCITY: Key<Vector3<f64>> = Key::new("velocity", "m/s", "velocity");
+    /// Force per volume, N/m³ (sink field of the mechanical physics).
+    pub const BODY_FORCE: Key<Vector3<f64>> = Key::new("body_force", "N/m3", "force per volume");
+    /// Isotropic stress-free strain, for example alpha (T - T_ref) (sink field of the mechanical physics).
+    pub const EIGENSTRAIN: Key<f64> = Key::new("eigenstrain", "1", "isotropic stress-free strain");
+    /// Rate of the elastic energy density's derivative by the eigenstrain, Pa/s: the power that
+    /// one unit of eigenstrain takes from the motion. `heat from deformation = -alpha T` times it.
+    pub const EIGENSTRESS_RATE: Key<f64> = Key::new(
+        "eigenstress_rate",
+        "Pa/s",
+        "rate of the stress conjugate to the eigenstrain",
+    );
+}
+
+/// Index of a field in a [`Fields`] store.
+pub type FieldIndex = usize;
+
+macro_rules! handle {
+    ($(#[$doc:meta])* $name:ident) => {
+        $(#[$doc])*
+        #[derive(Debug)]
+        pub struct $name<T> {
+            pub(crate) field: FieldIndex,
+            value: PhantomData<fn() -> T>,
+        }
+        impl<T> $name<T> {
+            pub(crate) fn new(field: FieldIndex) -> Self {
+                Self { field, value: PhantomData }
+            }
+        }
+        impl<T> Clone for $name<T> {
+            fn clone(&self) -> Self {
+                *self
+            }
+        }
+        impl<T> Copy for $name<T> {}
+    };
+}
+
+handle! {
+    /// Permission to read a field.
+    Read
+}
+handle! {
+    /// Permission to read a field if anybody provides it.
+    ReadIfProvided
+}
+handle! {
+    /// Permission to read and write a field: its owner, its only writer, or an adder into a sink.
+    Write
+}
+
+/// Components of a field, by type.
+#[derive(Clone, Debug)]
+pub enum Data {
+    /// One number per point.
+    Scalar(Vec<f64>),
+    /// One vector per point.
+    Vector(Vec<Vector3<f64>>),
+    /// One tensor per point.
+    Tensor(Vec<Matrix3<f64>>),
+}
+
+impl Data {
+    fn zeros(components: usize, points: usize) -> Self {
+        match components {
+            1 => Data::Scalar(vec![0.0; points]),
+            3 => Data::Vector(vec![Vector3::zeros(); points]),
+            _ => Data::Tensor(vec![Matrix3::zeros(); points]),
+        }
+    }
+
+    /// Number of `f64` components of one value: 1, 3 or 9.
+    pub fn components(&self) -> usize {
+        match self {
+            Data::Scalar(_) => 1,
+            Data::Vector(_) => 3,
+            Data::Tensor(_) => 9,
+        }
+    }
+
+    /// All components, point-major.
+    pub fn flat(&self) -> &[f64] {
+        match self {
+            Data::Scalar(v) => v,
+            Data::Vector(v) => bytemuck::must_cast_slice(v),
+            Data::Tensor(v) => bytemuck::must_cast_slice(v),
+        }
+    }
+
+    /// All components, point-major.
+    pub fn flat_mut(&mut self) -> &mut [f64] {
+        match self {
+            Data::Scalar(v) => v,
+            Data::Vector(v) => bytemuck::must_cast_slice_mut(v),
+            Data::Tensor(v) => bytemuck::must_cast_slice_mut(v),
+        }
+    }
+}
+
+/// One field of one body.
+#[derive(Debug)]
+pub struct Field {
+    /// Body that the field lives on.
+    pub body: usize,
+    /// Name as used in case files and logs.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    data: RefCell<Data>,
+}
+
+/// All fields of all bodies of a world.
+#[derive(Debug, Default)]
+pub struct Fields {
+    fields: Vec<Field>,
+}
+
+impl Fields {
+    /// Index of the field `name` of `body`.
+    pub fn find(&self, body: usize, name: &str) -> Option<FieldIndex> {
+        self.fields
+            .iter()
+            .position(|f| f.body == body && f.name == name)
+    }
+
+    /// Every field, in the order of declaration.
+    pub fn iter(&self) -> impl Iterator<Item = &Field> {
+        self.fields.iter()
+    }
+
+    /// The field at `index`.
+    pub fn field(&self, index: FieldIndex) -> &Field {
+        &self.fields[index]
+    }
+
+    /// Finds or adds the field of `key`; `Err` with the present number of components
+    /// when it is known with another type.
+    pub(crate) fn intern<T: Value>(
+        &mut self,
+        body: usize,
+        points: usize,
+        key: &Key<T>,
+    ) -> Result<FieldIndex, usize> {
+        if let Some(index) = self.find(body, &key.name) {
+            let present = self.fields[index].data.borrow().components();
+            return if present == T::COMPONENTS {
+                Ok(index)
+            } else {
+                Err(present)
+            };
+        }
+        self.fields.push(Field {
+            body,
+            name: key.name.to_string(),
+            unit: key.unit.to_string(),
+            data: RefCell::new(Data::zeros(T::COMPONENTS, points)),
+        });
+        Ok(self.fields.len() - 1)
+    }
+}
+
+impl Field {
+    /// The values, whatever their type (for logs and checkpoints).
+    pub fn data(&self) -> Ref<'_, Data> {
+        self.data.borrow()
+    }
+
+    /// The values, whatever their type (for initial values and checkpoints).
+    pub fn data_mut(&self) -> RefMut<'_, Data> {
+        self.data.borrow_mut()
+    }
+
+    pub(crate) fn read<T: Value>(&self) -> Ref<'_, [T]> {
+        Ref::map(self.data.borrow(), |data| bytemuck::cast_slice(data.flat()))
+    }
+
+    pub(crate) fn write<T: Value>(&self) -> RefMut<'_, [T]> {
+        RefMut::map(self.data.borrow_mut(), |data| {
+            bytemuck::cast_slice_mut(data.flat_mut())
+        })
+    }
+}

@@ -1,0 +1,308 @@
+//! The plugin contract: [`Physics`] and [`Coupler`], and how a plugin makes itself known.
+//!
+//! A plugin is a struct whose fields are the keys of its table in the case file. It
+//! 1. derives `Serialize`, `Deserialize` (with `deny_unknown_fields`) and `JsonSchema`; doc
+//!    comments of the fields, with units, become the help text of `perimelt explain`;
+//! 2. implements [`Physics`] or [`Coupler`] under `#[typetag::serde(name = "...")]`;
+//! 3. registers with [`crate::register_physics!`] or [`crate::register_coupler!`].
+//!
+//! What it obtains at set-up (handles, families, work arrays) sits in a
+//! `#[serde(skip)]` field. What must survive a restart and is not a field goes through
+//! [`Physics::save`] and [`Physics::load`].
+
+use schemars::{JsonSchema, Schema};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{RunError, SetupError};
+use crate::setup::Setup;
+use crate::world::World;
+
+/// A step in time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Start, s.
+    pub start: f64,
+    /// Size, s; zero when couplers are applied for the initial state.
+    pub size: f64,
+}
+
+impl Step {
+    /// Middle of the step, s: where sources are evaluated, so that power which is linear in
+    /// time is deposited exactly.
+    pub fn middle(&self) -> f64 {
+        self.start + 0.5 * self.size
+    }
+
+    /// End of the step, s: where prescribed values are evaluated.
+    pub fn end(&self) -> f64 {
+        self.start + self.size
+    }
+}
+
+/// Step size of a physics: `"auto"` (the largest stable one with a safety factor) or seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", untagged)]
+pub enum StepSize {
+    /// The largest stable step times the safety factor.
+    #[default]
+    #[serde(with = "auto")]
+    #[schemars(with = "String")]
+    Auto,
+    /// A fixed step, s.
+    Fixed(f64),
+}
+
+mod auto {
+    use serde::{Deserialize, Deserializer, Serializer, de::Error};
+
+    pub fn serialize<S: Serializer>(serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str("auto")
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
+        match String::deserialize(deserializer)?.as_str() {
+            "auto" => Ok(()),
+            _ => Err(D::Error::custom("expected \"auto\" or a step in seconds")),
+        }
+    }
+}
+
+/// When a physics is advanced.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Update {
+    /// In every macro step.
+    #[default]
+    Step,
+    /// Once for each log interval, just before the state is logged.
+    Log,
+}
+
+/// How a physics wants to be stepped.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Clock {
+    /// Size of its (sub-)steps.
+    pub step: StepSize,
+    /// When it is advanced.
+    pub update: Update,
+}
+
+/// What one advance cost.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Work {
+    /// Solver iterations or stages.
+    pub iterations: usize,
+}
+
+/// A conserved total of a physics, all since the start of the run.
+///
+/// `stored - initial = supplied + error`
+#[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
+pub struct Balance {
+    /// What is conserved, such as `heat` or `momentum.x`.
+    pub quantity: String,
+    /// SI unit.
+    pub unit: String,
+    /// Total now.
+    pub stored: f64,
+    /// Total at the start.
+    pub initial: f64,
+    /// What came in through sources and boundaries, negative when it left.
+    pub supplied: f64,
+}
+
+impl Balance {
+    /// `stored - initial - supplied`, in the unit of the quantity.
+    pub fn error(&self) -> f64 {
+        self.stored - self.initial - self.supplied
+    }
+
+    /// The error as a share of the larger of what is stored in excess and what was supplied.
+    pub fn relative_error(&self) -> f64 {
+        let scale = (self.stored - self.initial).abs().max(self.supplied.abs());
+        if scale == 0.0 {
+            self.error().abs()
+        } else {
+            self.error().abs() / scale
+        }
+    }
+}
+
+/// A number that a plugin reports for the progress log, such as deposited power.
+#[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
+pub struct Report {
+    /// Name.
+    pub name: String,
+    /// SI unit.
+    pub unit: String,
+    /// Value now.
+    pub value: f64,
+}
+
+/// Something with a state that the scheduler steps.
+#[typetag::serde(tag = "type")]
+pub trait Physics {
+    /// Declares fields, obtains families and handles, checks the case.
+    ///
+    /// # Errors
+    /// [`SetupError`] with the key to blame.
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError>;
+
+    /// Completes the initial state from the initial fields (not called on resume).
+    ///
+    /// # Errors
+    /// [`RunError`] when the initial state cannot be completed.
+    fn start(&mut self, _world: &World) -> Result<(), RunError> {
+        Ok(())
+    }
+
+    /// How it wants to be stepped.
+    fn clock(&self) -> Clock {
+        Clock::default()
+    }
+
+    /// Largest step that is stable in every state that the run can reach, s; `None` when
+    /// there is no limit. Asked once, before the first step, also on resume.
+    fn stable_step(&mut self, _world: &World) -> Option<f64> {
+        None
+    }
+
+    /// Magnitudes of owned fields (by name) beyond which the run has blown up.
+    fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {
+        Vec::new()
+    }
+
+    /// Advances its state fields over `step`.
+    ///
+    /// # Errors
+    /// [`RunError`] when a solver fails.
+    fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError>;
+
+    /// Conserved totals.
+    fn balance(&self, _world: &World) -> Vec<Balance> {
+        Vec::new()
+    }
+
+    /// Internal state that is not a field.
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(())
+    }
+
+    /// Restores what [`Physics::save`] gave.
+    ///
+    /// # Errors
+    /// When the data do not have the form of the state.
+    fn load(
+        &mut self,
+        _state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        Ok(())
+    }
+}
+
+/// Something that carries what fields do to others, on one body or between two.
+#[typetag::serde(tag = "type")]
+pub trait Coupler {
+    /// Declares fields, checks the case. Couplers are prepared before physics.
+    ///
+    /// # Errors
+    /// [`SetupError`] with the key to blame.
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError>;
+
+    /// Writes or adds what it declared, for `step`.
+    ///
+    /// # Errors
+    /// [`RunError`] when it cannot.
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError>;
+
+    /// The next time after `after` (s) at which its action has a kink or a jump; steps land on it.
+    fn next_event(&self, _after: f64) -> Option<f64> {
+        None
+    }
+
+    /// Largest step that still resolves its action, s, such as a source crossing a cell;
+    /// automatic macro steps respect it.
+    fn step_limit(&self) -> Option<f64> {
+        None
+    }
+
+    /// Numbers for the progress log.
+    fn report(&self) -> Vec<Report> {
+        Vec::new()
+    }
+
+    /// Internal state that is not a field.
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(())
+    }
+
+    /// Restores what [`Coupler::save`] gave.
+    ///
+    /// # Errors
+    /// When the data do not have the form of the state.
+    fn load(
+        &mut self,
+        _state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        Ok(())
+    }
+}
+
+/// Builds a plugin of one kind from its table in a case file, keeping exact error positions.
+pub type FromToml<P> = fn(toml::de::ValueDeserializer<'_>) -> Result<Box<P>, toml::de::Error>;
+
+/// A registered kind of plugin.
+pub struct Registration<P: ?Sized + 'static> {
+    /// The `type` in case files.
+    pub name: &'static str,
+    /// Keys, types, defaults, documentation.
+    pub schema: fn() -> Schema,
+    /// Constructor.
+    pub from_toml: FromToml<P>,
+}
+
+inventory::collect!(Registration<dyn Physics>);
+inventory::collect!(Registration<dyn Coupler>);
+
+/// All registered plugins of one kind (`dyn Physics` or `dyn Coupler`), by name.
+pub fn registered<P: ?Sized + 'static>() -> Vec<&'static Registration<P>>
+where
+    Registration<P>: inventory::Collect,
+{
+    let mut all: Vec<_> = inventory::iter::<Registration<P>>.into_iter().collect();
+    all.sort_by_key(|r| r.name);
+    all
+}
+
+/// Makes a physics known under the name of its `typetag` attribute.
+#[macro_export]
+macro_rules! register_physics {
+    ($name:literal, $physics:ty) => {
+        $crate::register!(dyn $crate::Physics, $name, $physics);
+    };
+}
+
+/// Makes a coupler known under the name of its `typetag` attribute.
+#[macro_export]
+macro_rules! register_coupler {
+    ($name:literal, $coupler:ty) => {
+        $crate::register!(dyn $crate::Coupler, $name, $coupler);
+    };
+}
+
+#[doc(hidden)]
+#[macro_export]
+macro_rules! register {
+    ($kind:ty, $name:literal, $plugin:ty) => {
+        $crate::inventory::submit! {
+            $crate::plugin::Registration::<$kind> {
+                name: $name,
+                schema: || $crate::schemars::schema_for!($plugin),
+                from_toml: |value| {
+                    let plugin = <$plugin as $crate::serde::Deserialize>::deserialize(value)?;
+                    Ok(Box::new(plugin))
+                },
+            }
+        }
+    };
+}

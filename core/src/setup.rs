@@ -1,0 +1,501 @@
+//! Set-up: where plugins declare what they touch and obtain what they need.
+//!
+//! A physics *owns* its state fields and *consumes* sink fields; a coupler *writes* derived
+//! fields and *adds* into sink fields; anybody *reads*. [`Setup::finish`] checks that what is
+//! read is provided and what is added is consumed.
+
+use std::path::{Path, PathBuf};
+
+use crate::body::{Body, Face, Region};
+use crate::error::{Problem, SetupError};
+use crate::family::{Family, FamilySpec, LayerRule};
+use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write};
+use crate::material::{EnthalpyCurve, Material, MaterialError, Property};
+use crate::world::{BodyIndex, LayerHandle, Layers, LayersHandle, PhaseChange, World};
+
+/// How a plugin touches a field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// State that it advances.
+    Own,
+    /// Sums that it takes up; zeroed before each round of additions.
+    Consume,
+    /// Derived values that it computes.
+    Write,
+    /// Adds into a sink.
+    Add,
+    /// Reads.
+    Read,
+    /// Reads if provided.
+    ReadIfProvided,
+    /// Sets the layer behind a face.
+    Layer,
+}
+
+impl Access {
+    fn provides(self) -> bool {
+        matches!(self, Access::Own | Access::Write)
+    }
+
+    pub(crate) fn reads(self) -> bool {
+        matches!(
+            self,
+            Access::Read | Access::ReadIfProvided | Access::Consume
+        )
+    }
+
+    pub(crate) fn writes(self) -> bool {
+        matches!(self, Access::Write | Access::Add | Access::Layer)
+    }
+}
+
+/// A declared access.
+#[derive(Clone, Debug)]
+pub struct Declaration {
+    /// The plugin, by its position in [`Setup`]'s order: couplers first, then physics.
+    pub plugin: usize,
+    /// How.
+    pub access: Access,
+    /// What.
+    pub field: FieldIndex,
+}
+
+/// Handed to each plugin in turn.
+pub struct Setup<'w> {
+    world: &'w mut World,
+    folder: PathBuf,
+    plugins: Vec<String>,
+    declarations: Vec<Declaration>,
+    families: Vec<(BodyIndex, FamilySpec, std::sync::Arc<Family>)>,
+}
+
+impl<'w> Setup<'w> {
+    /// Starts the set-up of `world`; relative paths in the case start from `folder`.
+    pub fn new(world: &'w mut World, folder: &Path) -> Self {
+        Setup {
+            world,
+            folder: folder.to_path_buf(),
+            plugins: Vec::new(),
+            declarations: Vec::new(),
+            families: Vec::new(),
+        }
+    }
+
+    /// The next plugin, by the name that messages use; declarations are its own from here on.
+    pub fn next_plugin(&mut self, label: &str) {
+        self.plugins.push(label.to_string());
+    }
+
+    /// A path of the case file, relative to the file's folder.
+    pub fn path(&self, path: &str) -> PathBuf {
+        self.folder.join(path)
+    }
+
+    /// The body called `name`, or the only one.
+    ///
+    /// # Errors
+    /// When there is none of that name, or several and no name.
+    pub fn find_body(&self, name: Option<&str>) -> Result<BodyIndex, SetupError> {
+        let names = || {
+            self.world
+                .bodies
+                .iter()
+                .map(|b| b.name.clone())
+                .collect::<Vec<_>>()
+        };
+        match name {
+            Some(name) => self
+                .world
+                .bodies
+                .iter()
+                .position(|b| b.name == name)
+                .ok_or_else(|| {
+                    let problem = Problem::UnknownName {
+                        what: "body",
+                        name: name.into(),
+                        known: names(),
+                    };
+                    SetupError::new("body", problem)
+                }),
+            None if self.world.bodies.len() == 1 => Ok(0),
+            None => Err(SetupError::new("body", Problem::WhichBody(names()))),
+        }
+    }
+
+    /// A body.
+    pub fn body(&self, index: BodyIndex) -> &Body {
+        &self.world.bodies[index]
+    }
+
+    /// The region called `name` of a body.
+    ///
+    /// # Errors
+    /// When there is none of that name, or it holds no point; blamed on `key`.
+    pub fn region(&self, body: BodyIndex, key: &str, name: &str) -> Result<Region, SetupError> {
+        let body = self.body(body);
+        let region = body.regions.get(name).ok_or_else(|| {
+            let known = body.regions.keys().cloned().collect();
+            SetupError::new(
+                key,
+                Problem::UnknownName {
+                    what: "region",
+                    name: name.into(),
+                    known,
+                },
+            )
+        })?;
+        if region.points.is_empty() {
+            let (from, to) = body.bounds();
+            let problem = Problem::EmptyRegion {
+                region: name.into(),
+                body: body.name.clone(),
+                from: from.into(),
+                to: to.into(),
+                spacing: body.lattice.spacing,
+            };
+            return Err(SetupError::new(key, problem));
+        }
+        Ok(region.clone())
+    }
+
+    /// The property `name` of each material of a body.
+    ///
+    /// # Errors
+    /// When a material lacks it.
+    pub fn property(&self, body: BodyIndex, name: &str) -> Result<Vec<Property>, SetupError> {
+        let body = self.body(body);
+        let missing = |material: &str| {
+            SetupError::new(
+                "",
+                Problem::MissingProperty {
+                    material: material.into(),
+                    body: body.name.clone(),
+                    property: name.into(),
+                },
+            )
+        };
+        body.materials
+            .iter()
+            .map(|m| m.get(name).cloned().ok_or_else(|| missing(m.name())))
+            .collect()
+    }
+
+    /// The property `name` of each material of a body, as a number.
+    ///
+    /// # Errors
+    /// When a material lacks it or it is not constant.
+    pub fn constant_property(&self, body: BodyIndex, name: &str) -> Result<Vec<f64>, SetupError> {
+        let properties = self.property(body, name)?;
+        properties
+            .iter()
+            .map(|p| {
+                p.constant().ok_or_else(|| {
+                    SetupError::value(
+                        "",
+                        format!("`{name}` is a table"),
+                        format!("one number for `{name}`"),
+                    )
+                })
+            })
+            .collect()
+    }
+
+    /// Lets a body melt and freeze; called by the phase-change coupler.
+    pub fn set_phase_change(&mut self, body: BodyIndex, change: PhaseChange) {
+        self.world.phase_change[body] = Some(change);
+    }
+
+    /// Enthalpy against temperature of each material of a body, with latent heat where the
+    /// body has a phase change and the material all of solidus, liquidus and latent heat.
+    ///
+    /// # Errors
+    /// When density or specific heat are missing, or the curve cannot be.
+    pub fn enthalpy_curves(&self, body: BodyIndex) -> Result<Vec<EnthalpyCurve>, SetupError> {
+        let change = self.world.phase_change[body];
+        let curve = |material: &Material| {
+            // a material that does not say how it melts stays solid
+            let melts = ["solidus", "liquidus", "latent_heat"]
+                .iter()
+                .all(|p| material.get(p).is_some());
+            let latent = match change.filter(|_| melts) {
+                Some(change) => Some(material.latent_heat(change.mushy_capacity, change.form)?),
+                None => None,
+            };
+            material.enthalpy_curve(latent)
+        };
+        self.body(body)
+            .materials
+            .iter()
+            .map(curve)
+            .collect::<Result<_, MaterialError>>()
+            .map_err(|e| SetupError::other("", e))
+    }
+
+    /// A family of a body; equal requests share one.
+    ///
+    /// # Errors
+    /// When the horizon reaches no neighbour.
+    pub fn family(
+        &mut self,
+        body: BodyIndex,
+        spec: &FamilySpec,
+    ) -> Result<std::sync::Arc<Family>, SetupError> {
+        if let Some((.., family)) = self
+            .families
+            .iter()
+            .find(|(b, s, _)| *b == body && s == spec)
+        {
+            return Ok(family.clone());
+        }
+        let family =
+            Family::build(self.body(body), spec).map_err(|e| SetupError::new("horizon", e))?;
+        let family = std::sync::Arc::new(family);
+        self.families.push((body, spec.clone(), family.clone()));
+        Ok(family)
+    }
+
+    /// All families built so far.
+    pub fn families(&self) -> impl Iterator<Item = (BodyIndex, &Family)> {
+        self.families
+            .iter()
+            .map(|(body, _, family)| (*body, &**family))
+    }
+
+    fn declare<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+        access: Access,
+    ) -> Result<FieldIndex, SetupError> {
+        let points = self.body(body).points.len();
+        let field = self
+            .world
+            .fields
+            .intern(body, points, key)
+            .map_err(|present| {
+                let problem = Problem::FieldType {
+                    field: key.name.to_string(),
+                    asked: T::COMPONENTS,
+                    present,
+                };
+                SetupError::new("", problem)
+            })?;
+        let plugin = self.plugins.len() - 1;
+        let rival = |d: &&Declaration| {
+            d.field == field
+                && (d.access.provides() && access.provides()
+                    || d.access == Access::Consume && access == Access::Consume)
+        };
+        if let Some(first) = self.declarations.iter().find(rival) {
+            let problem = Problem::TwoWriters {
+                field: key.name.to_string(),
+                body: self.body(body).name.clone(),
+                first: self.plugins[first.plugin].clone(),
+            };
+            return Err(SetupError::new("", problem));
+        }
+        self.declarations.push(Declaration {
+            plugin,
+            access,
+            field,
+        });
+        Ok(field)
+    }
+
+    /// A state field that the calling physics owns and advances.
+    ///
+    /// # Errors
+    /// When somebody else writes it, or it is known with another type.
+    pub fn own<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> Result<Write<T>, SetupError> {
+        self.declare(body, key, Access::Own).map(Write::new)
+    }
+
+    /// A sink field that the calling physics takes up.
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    pub fn consume<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<Read<T>, SetupError> {
+        self.declare(body, key, Access::Consume).map(Read::new)
+    }
+
+    /// A derived field that the calling plugin computes.
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    pub fn write<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<Write<T>, SetupError> {
+        self.declare(body, key, Access::Write).map(Write::new)
+    }
+
+    /// A sink field that the calling coupler adds into.
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    pub fn add<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> Result<Write<T>, SetupError> {
+        self.declare(body, key, Access::Add).map(Write::new)
+    }
+
+    /// A field that the calling plugin reads.
+    ///
+    /// # Errors
+    /// When it is known with another type; [`Setup::finish`] reports one that nobody provides.
+    pub fn read<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> Result<Read<T>, SetupError> {
+        self.declare(body, key, Access::Read).map(Read::new)
+    }
+
+    /// A field that the calling plugin reads where it exists.
+    ///
+    /// # Errors
+    /// When it is known with another type.
+    pub fn read_if_provided<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<ReadIfProvided<T>, SetupError> {
+        self.declare(body, key, Access::ReadIfProvided)
+            .map(ReadIfProvided::new)
+    }
+
+    fn layers_of(&mut self, body: BodyIndex, field: &str) -> usize {
+        let layers = &mut self.world.layers;
+        layers
+            .iter()
+            .position(|l| l.body == body && l.field == field)
+            .unwrap_or_else(|| {
+                let prescribed = Vec::new();
+                let rules = Vec::new().into();
+                layers.push(Layers {
+                    body,
+                    field: field.to_string(),
+                    prescribed,
+                    rules,
+                });
+                layers.len() - 1
+            })
+    }
+
+    /// A mirrored layer for the field of `key` behind a face of the body's box, whose values
+    /// the calling boundary sets. `prescribed`: it exchanges the conserved quantity with the
+    /// body, so its share is accounted for.
+    ///
+    /// # Errors
+    /// When another boundary has the same layer, or the body has no such face.
+    pub fn layer<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+        face: Face,
+        prescribed: bool,
+    ) -> Result<LayerHandle, SetupError> {
+        if face.axis() >= self.body(body).dimension {
+            let dimension = self.body(body).dimension;
+            return Err(SetupError::value(
+                "face",
+                format!("a {dimension}D body has no face `{}`", face.name()),
+                "a face within the body's dimensions",
+            ));
+        }
+        self.declare(body, key, Access::Layer)?;
+        let layers = self.layers_of(body, &key.name);
+        let entry = &mut self.world.layers[layers];
+        let rules = entry.rules.get_mut();
+        if rules.iter().any(|r| r.face == face) {
+            let message = format!(
+                "face `{}` already has a layer for `{}`",
+                face.name(),
+                key.name
+            );
+            return Err(SetupError::value(
+                "face",
+                message,
+                "one boundary for each face and field",
+            ));
+        }
+        rules.push(LayerRule {
+            face,
+            scale: [1.0; 3],
+            offset: [0.0; 3],
+        });
+        rules.sort_by_key(|r| r.face);
+        if prescribed {
+            entry.prescribed.push(face);
+        }
+        Ok(LayerHandle { layers, face })
+    }
+
+    /// The layers of a field that the calling physics owns: a handle to their rules, the
+    /// faces that boundaries have claimed, and those among them that are prescribed.
+    pub fn layers<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> (LayersHandle, Vec<Face>, Vec<Face>) {
+        let index = self.layers_of(body, &key.name);
+        let layers = &self.world.layers[index];
+        let faces = layers.rules.borrow().iter().map(|r| r.face).collect();
+        (LayersHandle(index), faces, layers.prescribed.clone())
+    }
+
+    /// Checks that what is read is provided and what is added is consumed, and hands over
+    /// the declarations. The error comes with the plugin at fault.
+    ///
+    /// # Errors
+    /// The first access without its counterpart.
+    pub fn finish(self) -> Result<Vec<Declaration>, (usize, SetupError)> {
+        let fields = self.world.fields.iter().count();
+        let with = |test: fn(Access) -> bool| {
+            let mut found = vec![false; fields];
+            self.declarations
+                .iter()
+                .filter(|d| test(d.access))
+                .for_each(|d| found[d.field] = true);
+            found
+        };
+        let provided = with(Access::provides);
+        let consumed = with(|a| a == Access::Consume);
+        for d in &self.declarations {
+            let field = self.world.fields.field(d.field);
+            let (name, body) = (
+                field.name.clone(),
+                self.world.bodies[field.body].name.clone(),
+            );
+            let plugin = self.plugins[d.plugin].clone();
+            let problem = match d.access {
+                Access::Read | Access::Layer if !provided[d.field] => {
+                    let same_body = |(i, f): &(usize, &crate::field::Field)| {
+                        f.body == field.body && provided[*i]
+                    };
+                    let provided = self
+                        .world
+                        .fields
+                        .iter()
+                        .enumerate()
+                        .filter(same_body)
+                        .map(|(_, f)| f.name.clone());
+                    Problem::NobodyProvides {
+                        field: name,
+                        body,
+                        plugin,
+                        provided: provided.collect(),
+                    }
+                }
+                Access::Add if !consumed[d.field] => Problem::NobodyConsumes {
+                    field: name,
+                    body,
+                    plugin,
+                },
+                _ => continue,
+            };
+            return Err((d.plugin, SetupError::new("", problem)));
+        }
+        self.world.provided = provided;
+        Ok(self.declarations)
+    }
+}

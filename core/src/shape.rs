@@ -1,0 +1,214 @@
+//! Shapes: constructive geometry for bodies and regions.
+//!
+//! A shape answers one question, whether a position lies inside it, and knows its
+//! bounding box. Bodies are the cell centres of a lattice that lie inside a shape;
+//! regions are the points of a body that do.
+
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A solid shape. All lengths in metres.
+///
+/// In a case file: `shape.box = { min = [0, 0, 0], max = [0.1, 0.05, 0.01] }`.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Shape {
+    /// Axis-aligned box from `min` to `max`, in m.
+    Box(BoxShape),
+    /// Circular cylinder between the centres of its two end faces, in m.
+    Cylinder(Cylinder),
+    /// Sphere (a disc in 2D bodies), in m.
+    Sphere(Sphere),
+    /// All positions below a plane: those with `(x - point) . normal <= 0`.
+    HalfSpace(HalfSpace),
+    /// Everything inside at least one of the shapes.
+    Union(Vec<Shape>),
+    /// Everything inside `from` and outside `subtract`.
+    Difference(Difference),
+}
+
+/// Axis-aligned box.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BoxShape {
+    /// Corner with the smallest coordinates, m.
+    pub min: [f64; 3],
+    /// Corner with the largest coordinates, m.
+    pub max: [f64; 3],
+}
+
+/// Circular cylinder.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Cylinder {
+    /// Centre of one end face, m.
+    pub start: [f64; 3],
+    /// Centre of the other end face, m.
+    pub end: [f64; 3],
+    /// Radius, m.
+    pub radius: f64,
+}
+
+/// Sphere.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sphere {
+    /// Centre, m.
+    pub centre: [f64; 3],
+    /// Radius, m.
+    pub radius: f64,
+}
+
+/// Half-space.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HalfSpace {
+    /// A point of the bounding plane, m.
+    pub point: [f64; 3],
+    /// Outward normal of the plane; need not be of unit length.
+    pub normal: [f64; 3],
+}
+
+/// One shape less another.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Difference {
+    /// The shape to cut from.
+    pub from: Box<Shape>,
+    /// The shape that is cut away.
+    pub subtract: Box<Shape>,
+}
+
+/// Corners of an axis-aligned bounding box, m.
+pub type Bounds = (Vector3<f64>, Vector3<f64>);
+
+impl Shape {
+    /// Whether `position` (m) lies inside or, within `tolerance` (m), on the surface.
+    pub fn contains(&self, position: &Vector3<f64>, tolerance: f64) -> bool {
+        match self {
+            Shape::Box(b) => (0..3).all(|a| {
+                position[a] >= b.min[a] - tolerance && position[a] <= b.max[a] + tolerance
+            }),
+            Shape::Cylinder(c) => {
+                let (start, axis) = (
+                    Vector3::from(c.start),
+                    Vector3::from(c.end) - Vector3::from(c.start),
+                );
+                let length = axis.norm();
+                let relative = position - start;
+                let along = relative.dot(&axis) / length;
+                let radial = (relative.norm_squared() - along * along).max(0.0).sqrt();
+                along >= -tolerance && along <= length + tolerance && radial <= c.radius + tolerance
+            }
+            Shape::Sphere(s) => (position - Vector3::from(s.centre)).norm() <= s.radius + tolerance,
+            Shape::HalfSpace(h) => {
+                let normal = Vector3::from(h.normal).normalize();
+                (position - Vector3::from(h.point)).dot(&normal) <= tolerance
+            }
+            Shape::Union(shapes) => shapes.iter().any(|s| s.contains(position, tolerance)),
+            Shape::Difference(d) => {
+                d.from.contains(position, tolerance) && !d.subtract.contains(position, -tolerance)
+            }
+        }
+    }
+
+    /// Bounding box, or `None` for shapes without bounds (half-spaces).
+    pub fn bounds(&self) -> Option<Bounds> {
+        match self {
+            Shape::Box(b) => Some((b.min.into(), b.max.into())),
+            Shape::Cylinder(c) => {
+                let (start, end) = (Vector3::from(c.start), Vector3::from(c.end));
+                let axis = (end - start).normalize();
+                let reach = axis.map(|a| c.radius * (1.0 - a * a).max(0.0).sqrt());
+                Some((start.inf(&end) - reach, start.sup(&end) + reach))
+            }
+            Shape::Sphere(s) => {
+                let (centre, reach) = (Vector3::from(s.centre), Vector3::repeat(s.radius));
+                Some((centre - reach, centre + reach))
+            }
+            Shape::HalfSpace(_) => None,
+            Shape::Union(shapes) => shapes
+                .iter()
+                .map(Shape::bounds)
+                .reduce(|a, b| Some((a?.0.inf(&b?.0), a?.1.sup(&b?.1))))
+                .flatten(),
+            Shape::Difference(d) => d.from.bounds(),
+        }
+    }
+
+    /// The first number of this shape that cannot be, as a sentence.
+    pub fn mistake(&self) -> Option<String> {
+        match self {
+            Shape::Box(b) => (0..3).find(|&a| b.max[a] < b.min[a]).map(|a| {
+                format!(
+                    "the box has max {} below min {} along {}",
+                    b.max[a],
+                    b.min[a],
+                    ["x", "y", "z"][a]
+                )
+            }),
+            Shape::Cylinder(c) if c.start == c.end => Some("the cylinder has no length".into()),
+            Shape::Cylinder(Cylinder { radius, .. }) | Shape::Sphere(Sphere { radius, .. })
+                if *radius <= 0.0 =>
+            {
+                Some(format!("the radius {radius} is not positive"))
+            }
+            Shape::HalfSpace(h) if h.normal == [0.0; 3] => Some("the normal is zero".into()),
+            Shape::Union(shapes) => shapes.iter().find_map(Shape::mistake),
+            Shape::Difference(d) => d.from.mistake().or_else(|| d.subtract.mistake()),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sphere(radius: f64) -> Shape {
+        Shape::Sphere(Sphere {
+            centre: [0.0; 3],
+            radius,
+        })
+    }
+
+    #[test]
+    fn difference_excludes_the_inner_sphere_but_keeps_its_surface() {
+        let shell = Shape::Difference(Difference {
+            from: sphere(2.0).into(),
+            subtract: sphere(1.0).into(),
+        });
+        for (x, inside) in [(0.5, false), (1.0, true), (1.5, true), (2.5, false)] {
+            assert_eq!(
+                shell.contains(&Vector3::new(x, 0.0, 0.0), 1e-9),
+                inside,
+                "x = {x}"
+            );
+        }
+    }
+
+    #[test]
+    fn oblique_cylinder_lies_within_its_bounds() {
+        let cylinder = Shape::Cylinder(Cylinder {
+            start: [0.0; 3],
+            end: [3.0, 4.0, 0.0],
+            radius: 1.0,
+        });
+        let (min, max) = cylinder.bounds().expect("a cylinder is bounded");
+        assert!((min - Vector3::new(-0.8, -0.6, -1.0)).norm() < 1e-12);
+        assert!((max - Vector3::new(3.8, 4.6, 1.0)).norm() < 1e-12);
+        assert!(cylinder.contains(&Vector3::new(1.5 - 0.79, 2.0 + 0.59, 0.0), 0.0));
+        assert!(!cylinder.contains(&Vector3::new(1.5 - 0.81, 2.0 + 0.61, 0.0), 0.0));
+    }
+
+    #[test]
+    fn a_union_with_a_half_space_has_no_bounds() {
+        let half = Shape::HalfSpace(HalfSpace {
+            point: [0.0; 3],
+            normal: [0.0, 0.0, 2.0],
+        });
+        assert!(half.contains(&Vector3::new(9.0, 9.0, -1.0), 0.0));
+        assert!(Shape::Union(vec![sphere(1.0), half]).bounds().is_none());
+    }
+}

@@ -1,0 +1,106 @@
+//! The world: bodies, their fields, and how fields continue behind faces.
+
+use std::cell::{Ref, RefCell, RefMut};
+
+use crate::body::{Body, Face};
+use crate::family::LayerRule;
+use crate::field::{Fields, Read, ReadIfProvided, Value, Write};
+use crate::material::{LatentHeatForm, MushyCapacity};
+
+/// Index of a body.
+pub type BodyIndex = usize;
+
+/// Mirrored layers of one field of one body.
+#[derive(Debug)]
+pub(crate) struct Layers {
+    pub(crate) body: BodyIndex,
+    pub(crate) field: String,
+    pub(crate) prescribed: Vec<Face>,
+    pub(crate) rules: RefCell<Vec<LayerRule>>,
+}
+
+/// Permission of a boundary to set the values of one layer.
+#[derive(Clone, Copy, Debug)]
+pub struct LayerHandle {
+    pub(crate) layers: usize,
+    pub(crate) face: Face,
+}
+
+/// Permission of a physics to read the layers of a field that it owns.
+#[derive(Clone, Copy, Debug)]
+pub struct LayersHandle(pub(crate) usize);
+
+/// How a body melts and freezes, set by the phase-change coupler.
+#[derive(Clone, Copy, Debug)]
+pub struct PhaseChange {
+    /// What heats up between solidus and liquidus.
+    pub mushy_capacity: MushyCapacity,
+    /// How a step of heating finds the new temperature.
+    pub form: LatentHeatForm,
+}
+
+/// Bodies, fields, layers: everything that plugins act on.
+#[derive(Debug, Default)]
+pub struct World {
+    pub(crate) bodies: Vec<Body>,
+    pub(crate) fields: Fields,
+    pub(crate) layers: Vec<Layers>,
+    pub(crate) provided: Vec<bool>,
+    pub(crate) phase_change: Vec<Option<PhaseChange>>,
+}
+
+impl World {
+    /// A world of the given bodies, without fields.
+    pub fn new(bodies: Vec<Body>) -> World {
+        World {
+            phase_change: vec![None; bodies.len()],
+            bodies,
+            ..World::default()
+        }
+    }
+
+    /// All bodies.
+    pub fn bodies(&self) -> &[Body] {
+        &self.bodies
+    }
+
+    /// One body.
+    pub fn body(&self, index: BodyIndex) -> &Body {
+        &self.bodies[index]
+    }
+
+    /// All fields, whatever their type: for logs, plots and checkpoints.
+    pub fn fields(&self) -> &Fields {
+        &self.fields
+    }
+
+    /// Values of a field.
+    pub fn read<T: Value>(&self, handle: Read<T>) -> Ref<'_, [T]> {
+        self.fields.field(handle.field).read()
+    }
+
+    /// Values of a field, if anybody provides it.
+    pub fn read_if_provided<T: Value>(&self, handle: ReadIfProvided<T>) -> Option<Ref<'_, [T]>> {
+        self.provided[handle.field].then(|| self.fields.field(handle.field).read())
+    }
+
+    /// Values of a field, to change.
+    pub fn write<T: Value>(&self, handle: Write<T>) -> RefMut<'_, [T]> {
+        self.fields.field(handle.field).write()
+    }
+
+    /// How a field continues behind the faces of its body.
+    pub fn layer_rules(&self, handle: LayersHandle) -> Ref<'_, [LayerRule]> {
+        Ref::map(self.layers[handle.0].rules.borrow(), Vec::as_slice)
+    }
+
+    /// Sets the values behind one face: `scale * mirrored value + offset` by component.
+    pub fn set_layer(&self, handle: LayerHandle, scale: [f64; 3], offset: [f64; 3]) {
+        let mut rules = self.layers[handle.layers].rules.borrow_mut();
+        let rule = rules
+            .iter_mut()
+            .find(|r| r.face == handle.face)
+            .expect("registered at set-up");
+        (rule.scale, rule.offset) = (scale, offset);
+    }
+}
