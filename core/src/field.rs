@@ -133,6 +133,12 @@ handle! {
     Write
 }
 
+impl<T> From<Write<T>> for Read<T> {
+    fn from(write: Write<T>) -> Self {
+        Read::new(write.field)
+    }
+}
+
 /// Components of a field, by type.
 #[derive(Clone, Debug)]
 pub enum Data {

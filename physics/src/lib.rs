@@ -1,1 +1,7 @@
-//! Physics plugins.
+//! Physics plugins: things with a state that the scheduler steps.
+//!
+//! | type | owns | consumes |
+//! |---|---|---|
+//! | `thermal` | `temperature`, `enthalpy` | `heat_source` |
+
+pub mod thermal;
