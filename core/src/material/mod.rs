@@ -1,1 +1,279 @@
-//! (to be written)
+//! Materials: named sets of properties, each constant or a function of temperature and phase.
+//!
+//! - [`Table`]: a value at rows of increasing temperature (or time), piecewise linear, clamped;
+//! - [`Property`]: a number, a table, or one of these for solid and liquid apart;
+//! - [`PropertyKey`], [`known_properties`]: which properties there are, with units and allowed
+//!   values; a plugin may register more;
+//! - [`MaterialSection`]: how a case file or a library file writes a material, with its mistakes
+//!   reported where they are;
+//! - [`Material`]: the checked set that physics and couplers read;
+//! - [`EnthalpyCurve`]: heat content against temperature with melting, and back.
+
+mod enthalpy;
+mod property;
+mod section;
+mod table;
+mod vocabulary;
+
+#[cfg(test)]
+mod library_files;
+
+pub use enthalpy::{
+    EnthalpyCurve, EnthalpyError, LatentHeat, LatentHeatForm, MushyCapacity, REFERENCE_TEMPERATURE,
+};
+pub use property::Property;
+pub use section::MaterialSection;
+pub use table::{Table, TableError};
+pub use vocabulary::{COMMON_PROPERTIES, PropertyKey, ValueRange, find_property, known_properties};
+
+use std::collections::BTreeMap;
+
+use thiserror::Error;
+
+/// A named set of properties, checked against the vocabulary.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Material {
+    name: String,
+    description: Option<String>,
+    properties: BTreeMap<String, Property>,
+}
+
+/// What is wrong with a material.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum MaterialError {
+    /// No property has this name.
+    #[error("unknown material property `{property}`{}", suggestion(.nearest))]
+    UnknownProperty {
+        /// Name as written.
+        property: String,
+        /// Valid name most like it.
+        nearest: Option<String>,
+    },
+    /// A property takes a value that it cannot have.
+    #[error("`{property}` must be {range} [{unit}], but is {value}")]
+    OutOfRange {
+        /// Name of the property.
+        property: &'static str,
+        /// The offending value.
+        value: f64,
+        /// Values allowed.
+        range: ValueRange,
+        /// Unit of the property.
+        unit: &'static str,
+    },
+    /// The liquidus lies below the solidus.
+    #[error(
+        "material `{material}`: the liquidus ({liquidus} K) lies below the solidus ({solidus} K)"
+    )]
+    LiquidusBelowSolidus {
+        /// Name of the material.
+        material: String,
+        /// Solidus [K].
+        solidus: f64,
+        /// Liquidus [K].
+        liquidus: f64,
+    },
+    /// A property that somebody needs is not given.
+    #[error("material `{material}` has no `{property}`{}; add it", described(.property))]
+    Missing {
+        /// Name of the material.
+        material: String,
+        /// Name of the property.
+        property: String,
+    },
+    /// A property must be a single number.
+    #[error("material `{material}`: `{property}` must be one number, not a table or one per phase")]
+    NotConstant {
+        /// Name of the material.
+        material: String,
+        /// Name of the property.
+        property: String,
+    },
+    /// The properties give no enthalpy curve.
+    #[error("material `{material}`: {source}")]
+    Enthalpy {
+        /// Name of the material.
+        material: String,
+        /// Why.
+        source: EnthalpyError,
+    },
+}
+
+fn suggestion(nearest: &Option<String>) -> String {
+    match nearest {
+        Some(nearest) => format!(", did you mean `{nearest}`?"),
+        None => {
+            let names: Vec<_> = known_properties().map(|key| key.name).collect();
+            format!("; the known ones are {}", names.join(", "))
+        }
+    }
+}
+
+fn described(property: &str) -> String {
+    find_property(property).map_or_else(String::new, |key| format!(" [{}]", key.unit))
+}
+
+impl Material {
+    /// Builds a material from its section, starting from `library` where the section names one.
+    ///
+    /// Keys of the section replace those of the library entry.
+    ///
+    /// # Errors
+    /// An unknown property, a value out of its range, or a liquidus below the solidus.
+    pub fn new(
+        name: impl Into<String>,
+        section: MaterialSection,
+        library: Option<&Material>,
+    ) -> Result<Self, MaterialError> {
+        let mut material = Self {
+            name: name.into(),
+            description: section
+                .description
+                .or_else(|| library.and_then(|entry| entry.description.clone())),
+            properties: library.map_or_else(BTreeMap::new, |entry| entry.properties.clone()),
+        };
+        for (property, value) in section.properties {
+            check_range(known(&property)?, &value)?;
+            material.properties.insert(property, value);
+        }
+        if let (Ok(solidus), Ok(liquidus)) =
+            (material.constant("solidus"), material.constant("liquidus"))
+            && liquidus < solidus
+        {
+            return Err(MaterialError::LiquidusBelowSolidus {
+                material: material.name,
+                solidus,
+                liquidus,
+            });
+        }
+        Ok(material)
+    }
+
+    /// Name in the case file.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What the material is, in a line.
+    pub fn description(&self) -> Option<&str> {
+        self.description.as_deref()
+    }
+
+    /// All properties by name.
+    pub fn properties(&self) -> &BTreeMap<String, Property> {
+        &self.properties
+    }
+
+    /// The property called `property`, if it is given.
+    pub fn get(&self, property: &str) -> Option<&Property> {
+        self.properties.get(property)
+    }
+
+    /// The property called `property`.
+    ///
+    /// # Errors
+    /// [`MaterialError::Missing`].
+    pub fn require(&self, property: &str) -> Result<&Property, MaterialError> {
+        self.get(property).ok_or_else(|| MaterialError::Missing {
+            material: self.name.clone(),
+            property: property.to_owned(),
+        })
+    }
+
+    /// The property called `property`, which must be a single number.
+    ///
+    /// # Errors
+    /// [`MaterialError::Missing`] or [`MaterialError::NotConstant`].
+    pub fn constant(&self, property: &str) -> Result<f64, MaterialError> {
+        self.require(property)?
+            .constant()
+            .ok_or_else(|| MaterialError::NotConstant {
+                material: self.name.clone(),
+                property: property.to_owned(),
+            })
+    }
+
+    /// Density [kg/m³] that fixes the mass of a point: its value at [`REFERENCE_TEMPERATURE`],
+    /// of the liquid if the material is molten there.
+    ///
+    /// # Errors
+    /// [`MaterialError::Missing`].
+    pub fn reference_density(&self) -> Result<f64, MaterialError> {
+        let molten = self
+            .constant("liquidus")
+            .is_ok_and(|liquidus| liquidus <= REFERENCE_TEMPERATURE);
+        Ok(self
+            .require("density")?
+            .at(REFERENCE_TEMPERATURE, f64::from(u8::from(molten))))
+    }
+
+    /// Melting by `solidus`, `liquidus` and `latent_heat`.
+    ///
+    /// # Errors
+    /// One of the three is missing or not a single number.
+    pub fn latent_heat(
+        &self,
+        mushy_capacity: MushyCapacity,
+        form: LatentHeatForm,
+    ) -> Result<LatentHeat, MaterialError> {
+        Ok(LatentHeat {
+            solidus: self.constant("solidus")?,
+            liquidus: self.constant("liquidus")?,
+            latent_heat: self.constant("latent_heat")?,
+            mushy_capacity,
+            form,
+        })
+    }
+
+    /// Enthalpy against temperature, from `specific_heat`, the reference density and `latent`.
+    ///
+    /// # Errors
+    /// A missing property, or [`MaterialError::Enthalpy`].
+    pub fn enthalpy_curve(
+        &self,
+        latent: Option<LatentHeat>,
+    ) -> Result<EnthalpyCurve, MaterialError> {
+        EnthalpyCurve::new(
+            self.reference_density()?,
+            self.require("specific_heat")?,
+            latent,
+        )
+        .map_err(|source| MaterialError::Enthalpy {
+            material: self.name.clone(),
+            source,
+        })
+    }
+}
+
+/// The key of a property name.
+pub(crate) fn known(property: &str) -> Result<&'static PropertyKey, MaterialError> {
+    find_property(property).ok_or_else(|| MaterialError::UnknownProperty {
+        property: property.to_owned(),
+        nearest: vocabulary::nearest_name(
+            property,
+            known_properties()
+                .map(|key| key.name)
+                .chain(section::OTHER_KEYS),
+        ),
+    })
+}
+
+/// Checks every number of a property.
+pub(crate) fn check_range(
+    key: &'static PropertyKey,
+    property: &Property,
+) -> Result<(), MaterialError> {
+    match property
+        .values()
+        .into_iter()
+        .find(|&value| !key.range.allows(value))
+    {
+        Some(value) => Err(MaterialError::OutOfRange {
+            property: key.name,
+            value,
+            range: key.range,
+            unit: key.unit,
+        }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,491 @@
+//! Volumetric enthalpy of a material against temperature, with melting.
+//!
+//! Wang (2025), eqs. 7.11, 7.12, 7.31, 7.32; corrected, see spec 02, section 1.6. Between
+//! the solidus θ_s and the liquidus θ_l the latent heat L is released evenly over temperature:
+//!
+//! ```text
+//! latent only:            C(θ) = ρ L/(θ_l − θ_s)
+//! latent plus sensible:   C(θ) = ρ L/(θ_l − θ_s) + ρ c(θ)          θ_s ≤ θ ≤ θ_l
+//! h(θ) = ∫ C dθ,  h(θ_s) = 0                                       [J/m³]
+//! ```
+//!
+//! The density is the constant reference density: mass is kept, volume change on melting is
+//! mechanics. With a specific heat piecewise linear in temperature, h is piecewise quadratic
+//! and both directions are exact. Not for vaporisation: above the liquidus the liquid stays
+//! liquid at any temperature.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::property::Property;
+
+/// Temperature [K] at which enthalpy is zero in a material that does not melt.
+pub const REFERENCE_TEMPERATURE: f64 = 293.15;
+
+/// What heats up between solidus and liquidus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MushyCapacity {
+    /// Latent heat alone: the interval takes up ρL exactly (Wang (2025), eq. 7.11).
+    LatentOnly,
+    /// Latent heat and specific heat: the interval takes up ρL + ρ∫c dθ, as measured
+    /// specific and latent heats mean it.
+    #[default]
+    LatentPlusSensible,
+}
+
+/// How a step of heating finds the new temperature.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LatentHeatForm {
+    /// Advance enthalpy and invert it: conserves energy for any step, cannot skip the interval.
+    #[default]
+    Enthalpy,
+    /// Divide by the capacity at the old temperature, as published; needs steps in which the
+    /// temperature changes much less than θ_l − θ_s.
+    Apparent,
+}
+
+/// Melting of a material.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LatentHeat {
+    /// Temperature at which melting starts [K].
+    pub solidus: f64,
+    /// Temperature at which melting ends [K]; equal to the solidus for a pure substance.
+    pub liquidus: f64,
+    /// Heat of fusion [J/kg].
+    pub latent_heat: f64,
+    /// What heats up in the interval.
+    pub mushy_capacity: MushyCapacity,
+    /// How a step finds the new temperature.
+    pub form: LatentHeatForm,
+}
+
+/// Why a material has no enthalpy curve.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum EnthalpyError {
+    /// A property that must be positive is not.
+    #[error("{property} must be above 0 and finite, not {value}")]
+    NotPositive {
+        /// The property.
+        property: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// The liquidus lies below the solidus.
+    #[error("the liquidus ({liquidus} K) lies below the solidus ({solidus} K)")]
+    LiquidusBelowSolidus {
+        /// Solidus [K].
+        solidus: f64,
+        /// Liquidus [K].
+        liquidus: f64,
+    },
+    /// No capacity in the interval.
+    #[error(
+        "a latent heat of {latent_heat} J/kg leaves no heat capacity between solidus and \
+         liquidus; give a positive one, or let the mushy capacity be `latent_plus_sensible`"
+    )]
+    NoMushyCapacity {
+        /// Latent heat [J/kg].
+        latent_heat: f64,
+    },
+    /// Latent heat at one temperature has no finite capacity.
+    #[error(
+        "solidus and liquidus are both {temperature} K, so the apparent heat capacity is infinite; \
+         use `form = \"enthalpy\"`, or an interval of a few kelvin"
+    )]
+    IsothermalApparent {
+        /// Melting temperature [K].
+        temperature: f64,
+    },
+    /// The specific heat is given by phase, but there are no phases.
+    #[error(
+        "the specific heat differs between solid and liquid, but nothing says where the material \
+         melts; give it a solidus, a liquidus and a latent heat, or one specific heat"
+    )]
+    PhasesWithoutMelting,
+}
+
+/// Volumetric enthalpy h(θ) [J/m³] of a material, its inverse and its slope.
+///
+/// h is 0 at the solidus, or at [`REFERENCE_TEMPERATURE`] in a material that does not melt.
+/// Beyond the rows of a specific heat table the capacity stays constant, so every finite
+/// temperature and enthalpy has its partner.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EnthalpyCurve {
+    /// Where piece 1, 2, ... starts, as temperature and as enthalpy; piece 0 lies below.
+    temperatures: Vec<f64>,
+    enthalpies: Vec<f64>,
+    pieces: Vec<Piece>,
+    density: f64,
+    melting: Option<Melting>,
+    minimum_capacity: f64,
+    maximum_capacity: f64,
+}
+
+/// h = enthalpy + capacity d + slope d²/2 with d = θ − temperature.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Piece {
+    temperature: f64,
+    enthalpy: f64,
+    capacity: f64,
+    slope: f64,
+}
+
+impl Piece {
+    fn constant(temperature: f64, capacity: f64) -> Self {
+        Self {
+            temperature,
+            enthalpy: 0.0,
+            capacity,
+            slope: 0.0,
+        }
+    }
+
+    fn enthalpy(&self, temperature: f64) -> f64 {
+        let d = temperature - self.temperature;
+        self.enthalpy + d * (self.capacity + 0.5 * self.slope * d)
+    }
+
+    /// Root of slope d²/2 + capacity d = h − enthalpy in the form without cancellation.
+    fn temperature(&self, enthalpy: f64) -> f64 {
+        let gain = enthalpy - self.enthalpy;
+        if self.slope == 0.0 {
+            return self.temperature + gain / self.capacity;
+        }
+        let root = (self.capacity * self.capacity + 2.0 * self.slope * gain)
+            .max(0.0)
+            .sqrt();
+        self.temperature + 2.0 * gain / (self.capacity + root)
+    }
+
+    fn capacity(&self, temperature: f64) -> f64 {
+        self.capacity + self.slope * (temperature - self.temperature)
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Melting {
+    latent: LatentHeat,
+    /// Capacity at the liquidus, counted as mushy.
+    capacity_at_liquidus: f64,
+}
+
+impl EnthalpyCurve {
+    /// Builds the curve from density [kg/m³], specific heat [J/(kg K)] and melting.
+    ///
+    /// A specific heat by phase takes its solid value up to the solidus, its liquid value from
+    /// the liquidus on, and between them (felt by `latent_plus_sensible` only) the straight line
+    /// from c_solid(θ_s) to c_liquid(θ_l).
+    ///
+    /// # Errors
+    /// [`EnthalpyError`] when a value is not positive, the liquidus lies below the solidus, the
+    /// interval has no capacity, or the apparent form is asked of an isothermal melting.
+    pub fn new(
+        density: f64,
+        specific_heat: &Property,
+        latent: Option<LatentHeat>,
+    ) -> Result<Self, EnthalpyError> {
+        check_positive("density", density)?;
+        for value in specific_heat.values() {
+            check_positive("specific heat", value)?;
+        }
+        match &latent {
+            Some(latent) => check_latent(latent)?,
+            None if specific_heat.is_by_phase() => {
+                return Err(EnthalpyError::PhasesWithoutMelting);
+            }
+            None => {}
+        }
+        let capacity = VolumetricCapacity {
+            density,
+            specific_heat,
+            latent,
+        };
+        let knots = capacity.knots();
+        let mut pieces = capacity.pieces(&knots);
+        let enthalpies = capacity.knot_enthalpies(&knots, &pieces);
+        pieces[0].enthalpy = enthalpies[0];
+        for (piece, enthalpy) in pieces[1..].iter_mut().zip(&enthalpies) {
+            piece.enthalpy = *enthalpy;
+        }
+
+        let ends = pieces.iter().enumerate().flat_map(|(i, piece)| {
+            let right = knots.get(i).copied().unwrap_or(piece.temperature);
+            [piece.capacity, piece.capacity(right)]
+        });
+        let finite = ends.filter(|capacity| capacity.is_finite());
+        let (minimum_capacity, maximum_capacity) = finite
+            .fold((f64::INFINITY, 0.0), |(low, high), capacity| {
+                (capacity.min(low), capacity.max(high))
+            });
+        let melting = latent.map(|latent| {
+            let mushy = knots.partition_point(|&knot| knot < latent.liquidus);
+            Melting {
+                latent,
+                capacity_at_liquidus: pieces[mushy].capacity(latent.liquidus),
+            }
+        });
+        Ok(Self {
+            temperatures: knots,
+            enthalpies,
+            pieces,
+            density,
+            melting,
+            minimum_capacity,
+            maximum_capacity,
+        })
+    }
+
+    /// Enthalpy [J/m³] at a temperature [K].
+    ///
+    /// At an isothermal melting temperature it is that of the liquid, ρL.
+    pub fn enthalpy(&self, temperature: f64) -> f64 {
+        self.pieces[piece_index(&self.temperatures, temperature)].enthalpy(temperature)
+    }
+
+    /// Temperature [K] at an enthalpy [J/m³].
+    pub fn temperature(&self, enthalpy: f64) -> f64 {
+        self.pieces[piece_index(&self.enthalpies, enthalpy)].temperature(enthalpy)
+    }
+
+    /// Slope dh/dθ [J/(m³ K)]; solidus and liquidus both count as mushy.
+    ///
+    /// At an isothermal melting temperature, where h jumps, it is that of the solid.
+    pub fn capacity(&self, temperature: f64) -> f64 {
+        match &self.melting {
+            Some(melting) if temperature == melting.latent.liquidus => melting.capacity_at_liquidus,
+            _ => self.pieces[piece_index(&self.temperatures, temperature)].capacity(temperature),
+        }
+    }
+
+    /// Share of liquid, clamp((θ − θ_s)/(θ_l − θ_s), 0, 1); 0 in a material that does not melt.
+    ///
+    /// At an isothermal melting temperature it is 1, as [`Self::enthalpy`] is there; only
+    /// [`Self::liquid_fraction_from_enthalpy`] tells a half-molten point.
+    pub fn liquid_fraction(&self, temperature: f64) -> f64 {
+        let Some(LatentHeat {
+            solidus, liquidus, ..
+        }) = self.melting.map(|melting| melting.latent)
+        else {
+            return 0.0;
+        };
+        if temperature >= liquidus {
+            1.0
+        } else if temperature <= solidus {
+            0.0
+        } else {
+            (temperature - solidus) / (liquidus - solidus)
+        }
+    }
+
+    /// Share of liquid at an enthalpy [J/m³]; for an isothermal melting clamp(h/(ρL), 0, 1).
+    pub fn liquid_fraction_from_enthalpy(&self, enthalpy: f64) -> f64 {
+        match &self.melting {
+            Some(Melting { latent, .. }) if latent.solidus == latent.liquidus => {
+                (enthalpy / (self.density * latent.latent_heat)).clamp(0.0, 1.0)
+            }
+            _ => self.liquid_fraction(self.temperature(enthalpy)),
+        }
+    }
+
+    /// Temperature [K] and enthalpy [J/m³] after adding `heat` [J/m³].
+    ///
+    /// Enthalpy form: h' = h + heat, θ' = h⁻¹(h'). Apparent form: θ' = θ + heat/C(θ) and
+    /// h' = h(θ'), so that h' − h − heat is the energy that the form gains or loses.
+    pub fn advance(&self, temperature: f64, enthalpy: f64, heat: f64) -> (f64, f64) {
+        match self.form() {
+            LatentHeatForm::Enthalpy => {
+                let enthalpy = enthalpy + heat;
+                (self.temperature(enthalpy), enthalpy)
+            }
+            LatentHeatForm::Apparent => {
+                let temperature = temperature + heat / self.capacity(temperature);
+                (temperature, self.enthalpy(temperature))
+            }
+        }
+    }
+
+    /// Form of the latent heat; the enthalpy form in a material that does not melt.
+    pub fn form(&self) -> LatentHeatForm {
+        self.melting
+            .map_or(LatentHeatForm::Enthalpy, |melting| melting.latent.form)
+    }
+
+    /// Melting of the material, if it melts.
+    pub fn latent_heat(&self) -> Option<&LatentHeat> {
+        self.melting.as_ref().map(|melting| &melting.latent)
+    }
+
+    /// Least capacity [J/(m³ K)] at any temperature: decides the stable step.
+    pub fn minimum_capacity(&self) -> f64 {
+        self.minimum_capacity
+    }
+
+    /// Largest finite capacity [J/(m³ K)] at any temperature.
+    pub fn maximum_capacity(&self) -> f64 {
+        self.maximum_capacity
+    }
+}
+
+/// Number of starts at or below `value`; 0 for a NaN, which then runs through the arithmetic.
+#[inline]
+fn piece_index(starts: &[f64], value: f64) -> usize {
+    starts.partition_point(|&start| start <= value)
+}
+
+fn check_positive(property: &'static str, value: f64) -> Result<(), EnthalpyError> {
+    if value > 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(EnthalpyError::NotPositive { property, value })
+    }
+}
+
+fn check_latent(latent: &LatentHeat) -> Result<(), EnthalpyError> {
+    let LatentHeat {
+        solidus,
+        liquidus,
+        latent_heat,
+        ..
+    } = *latent;
+    for (property, value) in [("solidus", solidus), ("liquidus", liquidus)] {
+        check_positive(property, value)?;
+    }
+    if liquidus < solidus {
+        return Err(EnthalpyError::LiquidusBelowSolidus { solidus, liquidus });
+    }
+    let sensible = latent.mushy_capacity == MushyCapacity::LatentPlusSensible;
+    if latent_heat == 0.0 && (!sensible || liquidus == solidus) {
+        return Err(EnthalpyError::NoMushyCapacity { latent_heat });
+    }
+    if latent_heat != 0.0 {
+        check_positive("latent heat", latent_heat)?;
+    }
+    if liquidus == solidus && latent.form == LatentHeatForm::Apparent {
+        return Err(EnthalpyError::IsothermalApparent {
+            temperature: solidus,
+        });
+    }
+    Ok(())
+}
+
+const SOLID: f64 = 0.0;
+const LIQUID: f64 = 1.0;
+
+/// C(θ) [J/(m³ K)] as it is given.
+struct VolumetricCapacity<'a> {
+    density: f64,
+    specific_heat: &'a Property,
+    latent: Option<LatentHeat>,
+}
+
+impl VolumetricCapacity<'_> {
+    /// Temperatures between which the capacity is linear; an isothermal melting stands twice.
+    fn knots(&self) -> Vec<f64> {
+        let mut knots = self.specific_heat.temperatures();
+        match self.latent {
+            None => knots.push(REFERENCE_TEMPERATURE),
+            Some(latent) => {
+                let mushy_is_linear = latent.mushy_capacity == MushyCapacity::LatentOnly
+                    || self.specific_heat.is_by_phase();
+                knots.retain(|&knot| {
+                    !mushy_is_linear || knot < latent.solidus || knot > latent.liquidus
+                });
+                knots.extend([latent.solidus, latent.liquidus]);
+            }
+        }
+        knots.sort_by(f64::total_cmp);
+        knots.dedup();
+        if let Some(latent) = self
+            .latent
+            .filter(|latent| latent.solidus == latent.liquidus)
+        {
+            let at = knots.partition_point(|&knot| knot < latent.solidus);
+            knots.insert(at, latent.solidus);
+        }
+        knots
+    }
+
+    /// The piece below the first knot, between each two, and above the last; enthalpies still 0.
+    fn pieces(&self, knots: &[f64]) -> Vec<Piece> {
+        let (first, last) = (knots[0], knots[knots.len() - 1]);
+        let mut pieces = vec![Piece::constant(first, self.sensible(first, SOLID))];
+        for pair in knots.windows(2) {
+            let (left, right) = (pair[0], pair[1]);
+            let (at_left, at_right) = self.ends(left, right);
+            let mut piece = Piece::constant(left, at_left);
+            if right > left {
+                piece.slope = (at_right - at_left) / (right - left);
+            }
+            pieces.push(piece);
+        }
+        pieces.push(Piece::constant(last, self.sensible(last, LIQUID)));
+        pieces
+    }
+
+    /// Capacity just above `left` and just below `right`, two neighbouring knots.
+    fn ends(&self, left: f64, right: f64) -> (f64, f64) {
+        let liquid_fraction = match self.latent {
+            Some(latent) if left >= latent.solidus && right <= latent.liquidus => {
+                // an isothermal jump gets an infinite capacity: θ stays whatever h does
+                let evenly = self.density * latent.latent_heat / (latent.liquidus - latent.solidus);
+                return match latent.mushy_capacity {
+                    _ if left == right => (f64::INFINITY, f64::INFINITY),
+                    MushyCapacity::LatentOnly => (evenly, evenly),
+                    MushyCapacity::LatentPlusSensible => (
+                        evenly + self.mushy_sensible(left, &latent),
+                        evenly + self.mushy_sensible(right, &latent),
+                    ),
+                };
+            }
+            Some(latent) if left >= latent.liquidus => LIQUID,
+            _ => SOLID,
+        };
+        (
+            self.sensible(left, liquid_fraction),
+            self.sensible(right, liquid_fraction),
+        )
+    }
+
+    /// Enthalpy at the knots, 0 at the reference.
+    ///
+    /// Summed outwards from the zero, so that the mushy interval carries no rounding of its
+    /// neighbours. Piece i + 1 lies between knots i and i + 1.
+    fn knot_enthalpies(&self, knots: &[f64], pieces: &[Piece]) -> Vec<f64> {
+        let reference = self
+            .latent
+            .map_or(REFERENCE_TEMPERATURE, |latent| latent.solidus);
+        let origin = knots.partition_point(|&knot| knot < reference);
+        let rise = |i: usize| match self.latent {
+            Some(latent) if knots[i] == knots[i + 1] => self.density * latent.latent_heat,
+            _ => pieces[i + 1].enthalpy(knots[i + 1]),
+        };
+        let mut enthalpies = vec![0.0; knots.len()];
+        for i in origin..knots.len() - 1 {
+            enthalpies[i + 1] = enthalpies[i] + rise(i);
+        }
+        for i in (0..origin).rev() {
+            enthalpies[i] = enthalpies[i + 1] - rise(i);
+        }
+        enthalpies
+    }
+
+    fn sensible(&self, temperature: f64, liquid_fraction: f64) -> f64 {
+        self.density * self.specific_heat.at(temperature, liquid_fraction)
+    }
+
+    fn mushy_sensible(&self, temperature: f64, latent: &LatentHeat) -> f64 {
+        if !self.specific_heat.is_by_phase() {
+            return self.sensible(temperature, SOLID);
+        }
+        let solid = self.sensible(latent.solidus, SOLID);
+        let liquid = self.sensible(latent.liquidus, LIQUID);
+        let fraction = (temperature - latent.solidus) / (latent.liquidus - latent.solidus);
+        solid + fraction * (liquid - solid)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,256 @@
+//! The names, units and allowed values of material properties.
+//!
+//! A plugin that needs a property of its own registers it where it is defined:
+//!
+//! ```
+//! use perimelt_core::material::{PropertyKey, ValueRange};
+//!
+//! inventory::submit! {
+//!     PropertyKey {
+//!         name: "moisture_diffusivity",
+//!         unit: "m²/s",
+//!         meaning: "diffusivity of moisture",
+//!         range: ValueRange::Positive,
+//!     }
+//! }
+//! ```
+
+use std::fmt;
+
+/// One property that a material may have.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PropertyKey {
+    /// Name in case files.
+    pub name: &'static str,
+    /// SI unit.
+    pub unit: &'static str,
+    /// What it is, in a line.
+    pub meaning: &'static str,
+    /// Values it may take.
+    pub range: ValueRange,
+}
+
+inventory::collect!(PropertyKey);
+
+/// Values that a property may take.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ValueRange {
+    /// Any finite number.
+    Any,
+    /// Above zero.
+    Positive,
+    /// Zero or above.
+    NotNegative,
+    /// From the first to the second number, both allowed.
+    Between(f64, f64),
+}
+
+impl ValueRange {
+    /// Whether `value` is finite and allowed.
+    pub fn allows(self, value: f64) -> bool {
+        value.is_finite()
+            && match self {
+                Self::Any => true,
+                Self::Positive => value > 0.0,
+                Self::NotNegative => value >= 0.0,
+                Self::Between(low, high) => (low..=high).contains(&value),
+            }
+    }
+}
+
+impl fmt::Display for ValueRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Any => write!(f, "a finite number"),
+            Self::Positive => write!(f, "above 0"),
+            Self::NotNegative => write!(f, "0 or above"),
+            Self::Between(low, high) => write!(f, "from {low} to {high}"),
+        }
+    }
+}
+
+/// The common properties of materials.
+pub const COMMON_PROPERTIES: &[PropertyKey] = &[
+    key(
+        "density",
+        "kg/m³",
+        "mass per volume at the reference state (mass is kept, so it does not follow temperature in heat conduction)",
+        ValueRange::Positive,
+    ),
+    key(
+        "specific_heat",
+        "J/(kg K)",
+        "heat capacity per mass at constant pressure, without latent heat",
+        ValueRange::Positive,
+    ),
+    key(
+        "conductivity",
+        "W/(m K)",
+        "thermal conductivity",
+        ValueRange::Positive,
+    ),
+    key(
+        "solidus",
+        "K",
+        "temperature at which melting starts",
+        ValueRange::Positive,
+    ),
+    key(
+        "liquidus",
+        "K",
+        "temperature at which melting ends",
+        ValueRange::Positive,
+    ),
+    key(
+        "latent_heat",
+        "J/kg",
+        "heat of fusion per mass, from solidus to liquidus",
+        ValueRange::NotNegative,
+    ),
+    key(
+        "boiling_temperature",
+        "K",
+        "temperature of vaporisation at atmospheric pressure",
+        ValueRange::Positive,
+    ),
+    key(
+        "vaporisation_heat",
+        "J/kg",
+        "heat of vaporisation per mass",
+        ValueRange::Positive,
+    ),
+    key(
+        "youngs_modulus",
+        "Pa",
+        "Young's modulus",
+        ValueRange::Positive,
+    ),
+    key(
+        "poissons_ratio",
+        "1",
+        "Poisson's ratio",
+        ValueRange::Between(-1.0, 0.5),
+    ),
+    key(
+        "thermal_expansion",
+        "1/K",
+        "mean (secant) coefficient of linear thermal expansion from the reference temperature",
+        ValueRange::Any,
+    ),
+    key("yield_stress", "Pa", "yield stress", ValueRange::Positive),
+    key(
+        "emissivity",
+        "1",
+        "total hemispherical emissivity of the surface",
+        ValueRange::Between(0.0, 1.0),
+    ),
+    key(
+        "absorptivity",
+        "1",
+        "absorbed share of a laser beam (wavelength near 1 µm)",
+        ValueRange::Between(0.0, 1.0),
+    ),
+    key(
+        "viscosity",
+        "Pa s",
+        "dynamic viscosity of the liquid",
+        ValueRange::Positive,
+    ),
+    key(
+        "surface_tension",
+        "N/m",
+        "surface tension of the liquid against its gas",
+        ValueRange::NotNegative,
+    ),
+];
+
+const fn key(
+    name: &'static str,
+    unit: &'static str,
+    meaning: &'static str,
+    range: ValueRange,
+) -> PropertyKey {
+    PropertyKey {
+        name,
+        unit,
+        meaning,
+        range,
+    }
+}
+
+/// All properties: the common ones, then those that plugins registered.
+pub fn known_properties() -> impl Iterator<Item = &'static PropertyKey> {
+    COMMON_PROPERTIES
+        .iter()
+        .chain(inventory::iter::<PropertyKey>)
+}
+
+/// The property called `name`.
+pub fn find_property(name: &str) -> Option<&'static PropertyKey> {
+    known_properties().find(|key| key.name == name)
+}
+
+/// The candidate most like `name`, unless none is like it.
+pub(crate) fn nearest_name<'a>(
+    name: &str,
+    candidates: impl Iterator<Item = &'a str>,
+) -> Option<String> {
+    // below 0.4 the shared letters are chance: `foo` would suggest `solidus`
+    const LEAST_SIMILARITY: f64 = 0.4;
+    let name = name.to_lowercase();
+    candidates
+        .map(|candidate| {
+            (
+                strsim::normalized_damerau_levenshtein(&name, candidate),
+                candidate,
+            )
+        })
+        .filter(|(similarity, _)| *similarity >= LEAST_SIMILARITY)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, candidate)| candidate.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    inventory::submit! {
+        PropertyKey {
+            name: "moisture_diffusivity",
+            unit: "m²/s",
+            meaning: "diffusivity of moisture (for this test)",
+            range: ValueRange::Positive,
+        }
+    }
+
+    #[test]
+    fn a_registered_property_is_known_beside_the_common_ones() {
+        assert!(find_property("moisture_diffusivity").is_some());
+        assert!(find_property("conductivity").is_some());
+        assert!(find_property("colour").is_none());
+    }
+
+    #[test]
+    fn names_are_unique() {
+        let names: BTreeSet<_> = known_properties().map(|key| key.name).collect();
+        assert_eq!(names.len(), known_properties().count());
+    }
+
+    #[test]
+    fn nearest_name_finds_slips_and_stays_silent_on_nonsense() {
+        let nearest = |name| nearest_name(name, known_properties().map(|key| key.name));
+        assert_eq!(nearest("conductivty").as_deref(), Some("conductivity"));
+        assert_eq!(nearest("Youngs_Modulus").as_deref(), Some("youngs_modulus"));
+        assert_eq!(nearest("qqq"), None);
+    }
+
+    #[test]
+    fn ranges_keep_their_ends() {
+        assert!(!ValueRange::Positive.allows(0.0));
+        assert!(ValueRange::NotNegative.allows(0.0));
+        assert!(ValueRange::Between(-1.0, 0.5).allows(0.5));
+        assert!(!ValueRange::Between(0.0, 1.0).allows(1.01));
+        assert!(!ValueRange::Any.allows(f64::NAN));
+    }
+}
