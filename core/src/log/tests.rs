@@ -442,8 +442,10 @@ proptest! {
         if let Ok(log) = Log::open(&path) {
             for index in 0..log.times(BODY).len() {
                 if let Ok(cloud) = log.cloud(BODY, index) {
-                    let expected = some_cloud(cloud.time, 30, index as u64);
-                    prop_assert_eq!(cloud.positions, expected.positions);
+                    // an earlier cloud may be lost, but none may be another one's or distorted
+                    let step = (0..3).find(|step| time_of(*step) == cloud.time);
+                    let step = step.expect("the time of a step");
+                    prop_assert_eq!(cloud, some_cloud(time_of(step), 30, step));
                 }
             }
         }
