@@ -56,7 +56,7 @@ impl Implicit {
         }
     }
 
-    /// Advances `state` from `time` by `dt` [s]. After an error the state is as it was.
+    /// Advances `state` from `time` by `dt` (s). After an error the state is as it was.
     ///
     /// # Errors
     /// A step that is not positive, and those of [`Newton::solve`].

@@ -21,6 +21,8 @@
 //! All sums go through [`reduce`], whose order of summation does not depend on the number of
 //! threads: same binary, same case, same bits.
 
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
 mod error;
 mod implicit;
 mod krylov;

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct NewtonOptions {
-    /// Residual relative to that of the initial guess [-].
+    /// Residual relative to that of the initial guess (-).
     pub relative_tolerance: f64,
     /// Residual in its own unit.
     pub absolute_tolerance: f64,

@@ -17,7 +17,7 @@ pub struct ForwardEuler {
 }
 
 impl ForwardEuler {
-    /// Advances `state` from `time` by `dt` [s].
+    /// Advances `state` from `time` by `dt` (s).
     ///
     /// # Errors
     /// A step that is not positive, and errors of the model.
@@ -66,7 +66,7 @@ pub struct Rkl2 {
 
 impl Rkl2 {
     /// Smallest odd number of stages, at least 3, that is stable for `dt` when forward Euler
-    /// is stable for `stable_step` (both [s]). Odd numbers damp the stiffest modes better.
+    /// is stable for `stable_step` (both in seconds). Odd numbers damp the stiffest modes better.
     ///
     /// # Errors
     /// A step that is not positive and finite, a stable step that is not positive.
@@ -93,7 +93,7 @@ impl Rkl2 {
         Ok(stages.max(3) | 1)
     }
 
-    /// Advances `state` from `time` by `dt` [s] in `stages` stages (see [`Rkl2::stages`]).
+    /// Advances `state` from `time` by `dt` (s) in `stages` stages (see [`Rkl2::stages`]).
     ///
     /// # Errors
     /// A step that is not positive, fewer than two stages, and errors of the model.
@@ -191,6 +191,30 @@ mod tests {
             });
             assert!((order - 2.0).abs() < 0.05, "{stages} stages: {order}");
         }
+    }
+
+    #[test]
+    fn rkl2_on_a_stiff_bar_is_of_second_order() {
+        // a cosine is an eigenvector of the bar, lambda = -4 sin^2(pi / 2n), with 400 stable steps
+        // of forward Euler to its decay
+        let n = 40;
+        let angle = std::f64::consts::PI / n as f64;
+        let lambda = -4.0 * (angle / 2.0).sin().powi(2);
+        let error = |steps: usize| {
+            let dt = 200.0 / steps as f64;
+            let stages = Rkl2::stages(dt, 0.5).unwrap();
+            let mut y: Vec<f64> = (0..n).map(|i| (angle * (i as f64 + 0.5)).cos()).collect();
+            let exact = y[0] * (lambda * 200.0).exp();
+            for _ in 0..steps {
+                Rkl2::default()
+                    .step(&mut insulated_bar(), 0.0, dt, stages, &mut y)
+                    .unwrap();
+            }
+            (y[0] - exact).abs()
+        };
+        // the constant of the error changes by some per cent with the number of stages
+        let order = (error(4) / error(8)).log2();
+        assert!((order - 2.0).abs() < 0.15, "{order}");
     }
 
     #[test]

@@ -25,9 +25,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RelaxationOptions {
-    /// Force over fictitious mass, relative to that at the start [-].
+    /// Force over fictitious mass, relative to that at the start (-).
     pub relative_tolerance: f64,
-    /// Norm of force over fictitious mass [m], about the displacement of one iteration.
+    /// Norm of force over fictitious mass (m), about the displacement of one iteration.
     pub absolute_tolerance: f64,
     /// Iterations after which the solver gives up.
     pub max_iterations: usize,
@@ -48,7 +48,7 @@ impl Default for RelaxationOptions {
 pub struct RelaxationReport {
     /// Iterations, each with one evaluation of the force.
     pub iterations: usize,
-    /// Norm of force over fictitious mass at the end [m].
+    /// Norm of force over fictitious mass at the end (m).
     pub residual: f64,
 }
 
@@ -79,7 +79,7 @@ impl Relaxation {
         }
     }
 
-    /// Relaxes `displacement` [m], which holds the initial guess on entry and after an error
+    /// Relaxes `displacement` (m), which holds the initial guess on entry and after an error
     /// the last iterate.
     ///
     /// `force(u, out)` writes the force of all components into `out` (zero for held ones),

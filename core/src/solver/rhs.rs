@@ -41,7 +41,7 @@ pub trait Rhs {
 /// Where a tangent is taken.
 #[derive(Debug, Clone, Copy)]
 pub struct At<'a> {
-    /// Time [s], or a load factor.
+    /// Time (s), or a load factor.
     pub time: f64,
     /// State.
     pub state: &'a [f64],

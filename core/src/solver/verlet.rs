@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// The moving state, all vectors of one length: components of all points, in any order.
 #[derive(Debug)]
 pub struct Motion<'a> {
-    /// Displacement [m].
+    /// Displacement (m).
     pub displacement: &'a mut [f64],
     /// Velocity [m/s].
     pub velocity: &'a mut [f64],
@@ -62,7 +62,7 @@ impl Verlet {
         self.force.clear();
     }
 
-    /// Advances the motion from `time` by `dt` [s]; `force(t, u, out)` writes `F(t, u)` into `out`.
+    /// Advances the motion from `time` by `dt` (s); `force(t, u, out)` writes `F(t, u)` into `out`.
     ///
     /// # Errors
     /// A step that is not positive, vectors of different lengths, and errors of `force`.
@@ -120,7 +120,7 @@ pub struct SymplecticEuler {
 }
 
 impl SymplecticEuler {
-    /// Advances the motion from `time` by `dt` [s]; `force(t, u, out)` writes `F(t, u)` into `out`.
+    /// Advances the motion from `time` by `dt` (s); `force(t, u, out)` writes `F(t, u)` into `out`.
     ///
     /// # Errors
     /// A step that is not positive, vectors of different lengths, and errors of `force`.
