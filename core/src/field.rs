@@ -116,13 +116,10 @@ pub mod keys {
     pub const BODY_FORCE: Key<Vector3<f64>> = Key::new("body_force", "N/m3", "force per volume");
     /// Isotropic stress-free strain, for example alpha (T - T_ref) (sink field of the mechanical physics).
     pub const EIGENSTRAIN: Key<f64> = Key::new("eigenstrain", "1", "isotropic stress-free strain");
-    /// Rate of the elastic energy density's derivative by the eigenstrain, Pa/s: the power that
-    /// one unit of eigenstrain takes from the motion. `heat from deformation = -alpha T` times it.
-    pub const EIGENSTRESS_RATE: Key<f64> = Key::new(
-        "eigenstress_rate",
-        "Pa/s",
-        "rate of the stress conjugate to the eigenstrain",
-    );
+    /// Stress conjugate to the eigenstrain, `dW/d(strain)` summed over the bonds, Pa. Heat from
+    /// deformation is `-alpha T` times its change.
+    pub const EIGENSTRESS: Key<f64> =
+        Key::new("eigenstress", "Pa", "stress conjugate to the eigenstrain");
 }
 
 /// Index of a field in a [`Fields`] store.

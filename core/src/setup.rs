@@ -361,6 +361,15 @@ impl<'w> Setup<'w> {
         self.declare(body, key, Access::Read).map(Read::new)
     }
 
+    /// Whether a plugin prepared before the calling one reads the field of `key`: a derived
+    /// field that nobody reads need not be computed.
+    pub fn is_read<T: Value>(&self, body: BodyIndex, key: &Key<T>) -> bool {
+        let field = self.world.fields.find(body, &key.name);
+        self.declarations
+            .iter()
+            .any(|d| Some(d.field) == field && d.access.reads())
+    }
+
     /// A field that the calling plugin reads where it exists.
     ///
     /// # Errors

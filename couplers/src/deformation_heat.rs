@@ -1,11 +1,12 @@
 //! Thermoelastic heat: a solid cools when it is extended and heats when compressed
 //!
 //! ```text
-//! heat_source -= alpha T eigenstress_rate           [W/m³]
+//! heat_source -= alpha T d(eigenstress)/dt           (W/m³)
 //! ```
 //!
-//! `eigenstress_rate` comes from the mechanical physics: the rate of -dW/d(eigenstrain), in a
-//! bond-based solid `sum_j (c/2) (extension rate) v V`, positive in extension (spec 04, 1.6).
+//! `eigenstress` comes from the mechanical physics: in a bond-based solid
+//! `sum_j (c/2) (extension) v V`, positive in extension (spec 04, 1.6). Its change since the
+//! heat was last computed is taken up in full, whatever the steps of the two physics.
 //! With `linearised_at = T0` the heat is -alpha T0 times it: the linear theory that closed
 //! forms and the sources use, in which `temperature` may also be a change from T0.
 //!
@@ -43,7 +44,10 @@ struct Prepared {
     expansion: Vec<Property>,
     temperature: Read<f64>,
     liquid_fraction: ReadIfProvided<f64>,
-    eigenstress_rate: Read<f64>,
+    eigenstress: Read<f64>,
+    /// Eigenstress when the heat was last computed, Pa; empty before the first time.
+    seen: Vec<f64>,
+    rate: Vec<f64>,
     heat_source: Write<f64>,
     power: f64,
 }
@@ -62,19 +66,31 @@ impl Coupler for DeformationHeat {
             expansion: setup.property(body, "thermal_expansion")?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             liquid_fraction: setup.read_if_provided(body, &keys::LIQUID_FRACTION)?,
-            eigenstress_rate: setup.read(body, &keys::EIGENSTRESS_RATE)?,
+            eigenstress: setup.read(body, &keys::EIGENSTRESS)?,
+            seen: Vec::new(),
+            rate: vec![0.0; setup.body(body).points.len()],
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
             power: 0.0,
         });
         Ok(())
     }
 
-    fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let p = self.prepared.as_mut().expect("prepared before the run");
         let temperature: &[f64] = &world.read(p.temperature);
         let liquid_fraction = world.read_if_provided(p.liquid_fraction);
         let liquid_fraction = liquid_fraction.as_deref();
-        let rate: &[f64] = &world.read(p.eigenstress_rate);
+        let eigenstress = world.read(p.eigenstress);
+        p.seen.resize(eigenstress.len(), 0.0);
+        for ((rate, now), seen) in p.rate.iter_mut().zip(&*eigenstress).zip(&mut p.seen) {
+            *rate = if step.size > 0.0 {
+                (now - *seen) / step.size
+            } else {
+                0.0
+            };
+            *seen = *now;
+        }
+        let rate = &p.rate;
         let body = world.body(p.body);
         let heat = |point: usize| {
             let liquid = liquid_fraction.map_or(0.0, |f| f[point]);
@@ -89,6 +105,19 @@ impl Coupler for DeformationHeat {
         // in order, so that the sum does not depend on the number of threads
         let volumes = body.points.volume.iter().enumerate();
         p.power = volumes.map(|(point, volume)| heat(point) * volume).sum();
+        Ok(())
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(&self.prepared.as_ref().expect("prepared before a save").seen)
+    }
+
+    fn load(
+        &mut self,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        let p = self.prepared.as_mut().expect("prepared before a restart");
+        p.seen = erased_serde::deserialize(state)?;
         Ok(())
     }
 
@@ -115,12 +144,12 @@ mod tests {
             let mut coupler: DeformationHeat = read(keys_given);
             prepare(&mut world, &mut coupler, |setup| {
                 setup.own(0, &keys::TEMPERATURE).expect("free");
-                setup.own(0, &keys::EIGENSTRESS_RATE).expect("free");
+                setup.own(0, &keys::EIGENSTRESS).expect("free");
                 setup.consume(0, &keys::HEAT_SOURCE).expect("free");
             })
             .expect("valid");
             set(&world, &keys::TEMPERATURE, |_| 400.0);
-            set(&world, &keys::EIGENSTRESS_RATE, |i| [1e9, -1e9][i]);
+            set(&world, &keys::EIGENSTRESS, |i| [1e9, -1e9][i]);
             apply(&world, &mut coupler, 0.0);
             for (value, expected) in values(&world, &keys::HEAT_SOURCE).iter().zip([heat, -heat]) {
                 // rounding of three factors

@@ -3,5 +3,7 @@
 //! | type | owns | consumes |
 //! |---|---|---|
 //! | `thermal` | `temperature`, `enthalpy` | `heat_source` |
+//! | `mechanical` | `displacement`, `velocity`, `eigenstress` | `eigenstrain`, `body_force` |
 
+pub mod mechanical;
 pub mod thermal;

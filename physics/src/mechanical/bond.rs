@@ -42,7 +42,11 @@ impl<const VARYING: bool> Law<VARYING> {
     #[inline(always)]
     fn constant(&self, bond: &Bond, (own, other): Ends<'_>) -> f64 {
         let constant = self.bond_constant * bond.volume;
-        if VARYING { constant * (0.5 * (own[MODULUS] + other[MODULUS])) } else { constant }
+        if VARYING {
+            constant * (0.5 * (own[MODULUS] + other[MODULUS]))
+        } else {
+            constant
+        }
     }
 }
 
@@ -52,8 +56,8 @@ pub struct Force<const FINITE: bool, const VARYING: bool>(pub Law<VARYING>);
 /// Stiffness times displacement, N/m³: the linear part of minus [`Force`].
 pub struct Stiffness<const VARYING: bool>(pub Law<VARYING>);
 
-/// Diagonal of the stiffness, `sum_j c n_a^2 v V_j / |xi|`, N/m⁴.
-pub struct Diagonal<const VARYING: bool>(pub Law<VARYING>);
+/// Diagonal block of the stiffness, `sum_j c n n^T v V_j / |xi|`, as xx, yy, zz, xy, yz, zx, N/m⁵.
+pub struct Block<const VARYING: bool>(pub Law<VARYING>);
 
 /// Elastic energy density `sum_j c s^2 |xi| v V_j / 4` (J/m³) and eigenstress
 /// `sum_j c s |xi| v V_j / 2` (Pa), both of the total stretch `s`.
@@ -61,7 +65,10 @@ pub struct Energy<const FINITE: bool, const VARYING: bool, const D: usize>(pub L
 
 /// Stretch and current direction of a bond.
 #[inline(always)]
-fn stretch<const FINITE: bool, const D: usize>(bond: &Bond, (own, other): Ends<'_>) -> (f64, [f64; D]) {
+fn stretch<const FINITE: bool, const D: usize>(
+    bond: &Bond,
+    (own, other): Ends<'_>,
+) -> (f64, [f64; D]) {
     let relative: [f64; D] = std::array::from_fn(|a| other[a] - own[a]);
     if FINITE {
         let current: [f64; D] = std::array::from_fn(|a| bond.xi[a] + relative[a]);
@@ -104,11 +111,12 @@ impl<const VARYING: bool, const D: usize> BondKernel<INPUTS, D> for Stiffness<VA
     }
 }
 
-impl<const VARYING: bool, const D: usize> BondKernel<INPUTS, D> for Diagonal<VARYING> {
+impl<const VARYING: bool> BondKernel<INPUTS, 6> for Block<VARYING> {
     #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 6] {
         let constant = self.0.constant(bond, (&own, &other)) / bond.length;
-        std::array::from_fn(|a| constant * (bond.xi[a] / bond.length).powi(2))
+        let [x, y, z] = bond.xi.map(|xi| xi / bond.length);
+        [x * x, y * y, z * z, x * y, y * z, z * x].map(|n| constant * n)
     }
 }
 

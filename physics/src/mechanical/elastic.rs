@@ -8,7 +8,7 @@ use perimelt_core::{Body, BondKernel, Family, Moment};
 use rayon::prelude::*;
 
 use super::bond::{
-    Diagonal, EIGENSTRAIN, Energy, Force, INPUTS, Law, MODULUS, Stiffness, uniaxial_modulus,
+    Block, EIGENSTRAIN, Energy, Force, INPUTS, Law, MODULUS, Stiffness, uniaxial_modulus,
 };
 
 /// Family, constants and work arrays of an elastic body. Vectors have three components per
@@ -26,32 +26,47 @@ pub struct Elastic {
     slots: [Vec<f64>; INPUTS],
     sums: Vec<f64>,
     energy: Vec<[f64; 2]>,
+    blocks: Vec<[f64; 6]>,
 }
 
 #[derive(Clone, Copy)]
 enum Sum {
     Force,
     Stiffness,
-    Diagonal,
 }
 
 impl Elastic {
     /// The operator of `body` with the given family and Young's moduli of its materials.
-    pub fn new(body: &Body, family: Arc<Family>, youngs_modulus: Vec<Property>, finite: bool) -> Self {
+    pub fn new(
+        body: &Body,
+        family: Arc<Family>,
+        youngs_modulus: Vec<Property>,
+        finite: bool,
+    ) -> Self {
         let horizon = family.spec().horizon;
         let moment = Moment::Elasticity.continuum(body.dimension, horizon, body.thickness);
         let first = youngs_modulus[0].constant();
         let uniform = first.filter(|_| youngs_modulus.iter().all(|e| e.constant() == first));
         let (points, slots) = (body.points.len(), family.slots());
-        let needed = |input| input == EIGENSTRAIN || input < body.dimension || input == MODULUS && uniform.is_none();
+        let needed = |input| {
+            input == EIGENSTRAIN || input < body.dimension || input == MODULUS && uniform.is_none()
+        };
         Elastic {
             dimension: body.dimension,
             finite,
             unit_constant: 2.0 * uniaxial_modulus(body.dimension) / moment,
             modulus: vec![0.0; if uniform.is_some() { 0 } else { points }],
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
-            sums: vec![0.0; if body.dimension == 3 { 0 } else { points * body.dimension }],
+            sums: vec![
+                0.0;
+                if body.dimension == 3 {
+                    0
+                } else {
+                    points * body.dimension
+                }
+            ],
             energy: vec![[0.0; 2]; points],
+            blocks: Vec::new(),
             youngs_modulus,
             uniform,
             family,
@@ -69,7 +84,11 @@ impl Elastic {
             return;
         }
         let properties = &self.youngs_modulus;
-        let points = self.modulus.par_iter_mut().zip(&body.material_of_point).enumerate();
+        let points = self
+            .modulus
+            .par_iter_mut()
+            .zip(&body.material_of_point)
+            .enumerate();
         points.for_each(|(i, (e, &m))| {
             *e = properties[m as usize].at(temperature.map_or(0.0, |t| t[i]), 0.0);
         });
@@ -90,20 +109,24 @@ impl Elastic {
     }
 
     fn load_modulus(&mut self) {
-        self.family.scatter(&self.modulus, 1, 0, &mut self.slots[MODULUS]);
+        self.family
+            .scatter(&self.modulus, 1, 0, &mut self.slots[MODULUS]);
         self.family.fill_layers(&[], 0, &mut self.slots[MODULUS]);
     }
 
     /// Takes the stress-free strain of each point; layers mirror it.
     pub fn set_eigenstrain(&mut self, eigenstrain: &[f64]) {
-        self.family.scatter(eigenstrain, 1, 0, &mut self.slots[EIGENSTRAIN]);
-        self.family.fill_layers(&[], 0, &mut self.slots[EIGENSTRAIN]);
+        self.family
+            .scatter(eigenstrain, 1, 0, &mut self.slots[EIGENSTRAIN]);
+        self.family
+            .fill_layers(&[], 0, &mut self.slots[EIGENSTRAIN]);
     }
 
     /// Takes displacements, m, and fills the layers by `rules`.
     pub fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]) {
         for axis in 0..self.dimension {
-            self.family.scatter(displacement, 3, axis, &mut self.slots[axis]);
+            self.family
+                .scatter(displacement, 3, axis, &mut self.slots[axis]);
             self.family.fill_layers(rules, axis, &mut self.slots[axis]);
         }
     }
@@ -119,9 +142,16 @@ impl Elastic {
         self.sum(Sum::Stiffness, out);
     }
 
-    /// Diagonal of the stiffness, N/m⁴.
-    pub fn diagonal(&mut self, out: &mut [f64]) {
-        self.sum(Sum::Diagonal, out);
+    /// Diagonal block of the stiffness of each point as xx, yy, zz, xy, yz, zx, N/m⁵.
+    pub fn blocks(&mut self) -> &[[f64; 6]] {
+        let mut blocks = std::mem::take(&mut self.blocks);
+        blocks.resize(self.energy.len(), [0.0; 6]);
+        match self.uniform {
+            Some(_) => self.run(&Block::<false>(self.law()), &mut blocks),
+            None => self.run(&Block::<true>(self.law()), &mut blocks),
+        }
+        self.blocks = blocks;
+        &self.blocks
     }
 
     /// Elastic energy density (J/m³) and eigenstress (Pa) of each point.
@@ -143,7 +173,10 @@ impl Elastic {
             1 => self.sum_into::<1>(what, bytemuck::cast_slice_mut(&mut sums)),
             _ => self.sum_into::<2>(what, bytemuck::cast_slice_mut(&mut sums)),
         }
-        for (out, sum) in out.chunks_exact_mut(3).zip(sums.chunks_exact(self.dimension)) {
+        for (out, sum) in out
+            .chunks_exact_mut(3)
+            .zip(sums.chunks_exact(self.dimension))
+        {
             out[..self.dimension].copy_from_slice(sum);
             out[self.dimension..].fill(0.0);
         }
@@ -152,11 +185,19 @@ impl Elastic {
 
     /// The kernels' inputs; those that a kernel does not use are any array of the right length.
     fn inputs(&self) -> [&[f64]; INPUTS] {
-        self.slots.each_ref().map(|s| if s.is_empty() { &self.slots[EIGENSTRAIN][..] } else { s })
+        self.slots.each_ref().map(|s| {
+            if s.is_empty() {
+                &self.slots[EIGENSTRAIN][..]
+            } else {
+                s
+            }
+        })
     }
 
     fn law<const VARYING: bool>(&self) -> Law<VARYING> {
-        Law { bond_constant: self.unit_constant * self.uniform.unwrap_or(1.0) }
+        Law {
+            bond_constant: self.unit_constant * self.uniform.unwrap_or(1.0),
+        }
     }
 
     fn sum_into<const D: usize>(&self, what: Sum, sums: &mut [[f64; D]]) {
@@ -167,8 +208,6 @@ impl Elastic {
             (Sum::Force, true, true) => self.run(&Force::<true, true>(self.law()), sums),
             (Sum::Stiffness, _, false) => self.run(&Stiffness::<false>(self.law()), sums),
             (Sum::Stiffness, _, true) => self.run(&Stiffness::<true>(self.law()), sums),
-            (Sum::Diagonal, _, false) => self.run(&Diagonal::<false>(self.law()), sums),
-            (Sum::Diagonal, _, true) => self.run(&Diagonal::<true>(self.law()), sums),
         }
     }
 
