@@ -11,7 +11,17 @@ macro_rules! entries {
     };
 }
 
-entries!();
+entries!(
+    "304L",
+    "316L",
+    "6061",
+    "AlSi10Mg",
+    "IN625",
+    "IN718",
+    "S355",
+    "Ti-6Al-4V",
+    "water",
+);
 
 /// Names of the library entries.
 pub fn names() -> impl Iterator<Item = &'static str> {
