@@ -10,8 +10,11 @@
 //! `#[serde(skip)]` field. What must survive a restart and is not a field goes through
 //! [`Physics::save`] and [`Physics::load`].
 
-use schemars::{JsonSchema, Schema};
-use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::fmt;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 use crate::error::{RunError, SetupError};
 use crate::setup::Setup;
@@ -40,30 +43,69 @@ impl Step {
 }
 
 /// Step size of a physics: `"auto"` (the largest stable one with a safety factor) or seconds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", untagged)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum StepSize {
     /// The largest stable step times the safety factor.
     #[default]
-    #[serde(with = "auto")]
-    #[schemars(with = "String")]
     Auto,
     /// A fixed step, s.
     Fixed(f64),
 }
 
-mod auto {
-    use serde::{Deserialize, Deserializer, Serializer, de::Error};
+impl Serialize for StepSize {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            StepSize::Auto => serializer.serialize_str("auto"),
+            StepSize::Fixed(step) => serializer.serialize_f64(*step),
+        }
+    }
+}
 
-    pub fn serialize<S: Serializer>(serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str("auto")
+/// By hand, because an untagged enum cannot say what it expected.
+impl<'de> Deserialize<'de> for StepSize {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct StepVisitor;
+        impl de::Visitor<'_> for StepVisitor {
+            type Value = StepSize;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("\"auto\" or a step above 0 s")
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<StepSize, E> {
+                match text {
+                    "auto" => Ok(StepSize::Auto),
+                    other => Err(E::invalid_value(de::Unexpected::Str(other), &self)),
+                }
+            }
+
+            fn visit_f64<E: de::Error>(self, step: f64) -> Result<StepSize, E> {
+                if step > 0.0 {
+                    Ok(StepSize::Fixed(step))
+                } else {
+                    Err(E::invalid_value(de::Unexpected::Float(step), &self))
+                }
+            }
+
+            fn visit_i64<E: de::Error>(self, step: i64) -> Result<StepSize, E> {
+                self.visit_f64(step as f64)
+            }
+
+            fn visit_u64<E: de::Error>(self, step: u64) -> Result<StepSize, E> {
+                self.visit_f64(step as f64)
+            }
+        }
+        deserializer.deserialize_any(StepVisitor)
+    }
+}
+
+impl JsonSchema for StepSize {
+    fn schema_name() -> Cow<'static, str> {
+        "StepSize".into()
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<(), D::Error> {
-        match String::deserialize(deserializer)?.as_str() {
-            "auto" => Ok(()),
-            _ => Err(D::Error::custom("expected \"auto\" or a step in seconds")),
-        }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        schemars::json_schema!({ "oneOf": [{ "const": "auto" }, { "type": "number", "exclusiveMinimum": 0 }] })
     }
 }
 

@@ -717,11 +717,13 @@ impl Simulation {
             .collect()
     }
 
-    /// Fields that hold state or derived values, not sums that are rebuilt in every step.
-    fn lasting(&self) -> impl Iterator<Item = &crate::field::Field> {
+    /// Fields that somebody provides: state or derived values, not sums that are rebuilt in
+    /// every step.
+    pub fn lasting(&self) -> impl Iterator<Item = &crate::field::Field> {
+        let is_sink = |i: &usize| self.plan.sinks.iter().any(|s| s.contains(i));
         let fields = self.world.fields.iter().enumerate();
         fields
-            .filter(|(i, _)| !self.plan.sinks.iter().any(|s| s.contains(i)))
+            .filter(move |(i, _)| self.world.provided[*i] && !is_sink(i))
             .map(|(_, f)| f)
     }
 

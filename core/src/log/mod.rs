@@ -114,6 +114,9 @@ pub struct RunInfo {
     pub threads: usize,
     /// start of the run, seconds since 1970-01-01 00:00 UTC
     pub started: u64,
+    /// folder from which relative paths in the case start
+    #[serde(default)]
+    pub case_folder: String,
     /// the bodies, in case-file order
     pub bodies: Vec<BodyInfo>,
     /// physics and couplers as composed, all defaults filled in

@@ -20,6 +20,7 @@ fn run_info() -> RunInfo {
         version: "0.1.0".into(),
         threads: 2,
         started: 1_700_000_000,
+        case_folder: "cases".into(),
         bodies: vec![BodyInfo {
             name: BODY.into(),
             dimension: 3,

@@ -1,0 +1,152 @@
+//! Bodies and materials of a case.
+
+use perimelt_core::body::BodyError;
+use perimelt_core::error::nearest;
+use perimelt_core::material::Material;
+use perimelt_core::{Body, Problem};
+
+use super::error::CaseError;
+use super::reword::split_help;
+use super::sections::BodySection;
+use super::{Case, Result};
+use crate::library;
+
+impl Case {
+    /// Fills all bodies with points, their regions and materials.
+    pub(super) fn fill_bodies(&self) -> Result<Vec<Body>> {
+        self.bodies.iter().map(|(name, section)| self.fill(name, section)).collect()
+    }
+
+    fn fill(&self, name: &str, section: &BodySection) -> Result<Body> {
+        if name.is_empty() || name == "probes" || name.contains('/') {
+            return Err(self.body_error(
+                &[name],
+                format!("a body cannot be called `{name}`"),
+                "a name without `/` other than `probes`: it becomes a topic of the log",
+            ));
+        }
+        let thickness = match section.dimension {
+            1 => section.cross_section,
+            _ => section.thickness,
+        };
+        let filled = Body::fill(name, &section.shape, section.dimension, section.spacing, thickness);
+        let mut body = filled.map_err(|e| {
+            let key = match &e {
+                BodyError::NotPositive { key: "thickness", .. } if section.dimension == 1 => "cross_section",
+                BodyError::NotPositive { key, .. } => key,
+                BodyError::Dimension(_) => "dimension",
+                BodyError::NoPoints { .. } | BodyError::TooManyPoints(_) => "spacing",
+                _ => "shape",
+            };
+            let error = self.body_error(&[name, key], e.to_string(), "");
+            split_help(error, &e.to_string())
+        })?;
+        body.store = section.store;
+        for (region, shape) in &section.regions {
+            if let Some(mistake) = shape.mistake() {
+                return Err(self.body_error(&[name, "regions", region], mistake, ""));
+            }
+            let points = body.points_in(shape);
+            if points.points.is_empty() {
+                let (from, to) = body.bounds();
+                let problem = Problem::EmptyRegion {
+                    region: region.clone(),
+                    body: name.to_string(),
+                    from: from.into(),
+                    to: to.into(),
+                    spacing: body.lattice.spacing,
+                };
+                return Err(self.body_error(&[name, "regions", region], problem.to_string(), "holds no point"));
+            }
+            body.regions.insert(region.clone(), points);
+        }
+        self.assign_materials(name, section, &mut body)?;
+        Ok(body)
+    }
+
+    fn assign_materials(&self, name: &str, section: &BodySection, body: &mut Body) -> Result<()> {
+        body.materials.push(self.material(&[name, "material"], &section.material)?);
+        for (region, material) in &section.materials {
+            let key = [name, "materials", region];
+            let Some(points) = body.regions.get(region) else {
+                return Err(self.unknown_region(&key, region, section));
+            };
+            let known = body.materials.iter().position(|m| m.name() == material);
+            let index = match known {
+                Some(index) => index,
+                None => {
+                    body.materials.push(self.material(&key, material)?);
+                    body.materials.len() - 1
+                }
+            } as u16;
+            for &point in &points.points {
+                let of_point = &mut body.material_of_point[point as usize];
+                if *of_point != 0 && *of_point != index {
+                    let other = body.materials[*of_point as usize].name();
+                    let message = format!(
+                        "region `{region}` shares points with another region, whose material is `{other}`"
+                    );
+                    return Err(self.body_error(&key, message, "expected regions that do not overlap"));
+                }
+                *of_point = index;
+            }
+        }
+        Ok(())
+    }
+
+    /// The material called `material`, for the key at `path` below `bodies`.
+    fn material(&self, path: &[&str], material: &str) -> Result<Material> {
+        let Some(section) = self.materials.get(material) else {
+            return library::find(material).ok_or_else(|| {
+                let sections = self.materials.keys().map(String::as_str);
+                let known: Vec<&str> = sections.chain(library::names()).collect();
+                let message = format!("no material is called `{material}`");
+                let error = self.body_error(path, message, "no such material");
+                suggest(error, material, &known)
+            });
+        };
+        let header = self.place(&["materials", material]).unwrap_or(0..0);
+        let base = match &section.library {
+            None => None,
+            Some(entry) => Some(library::find(entry).ok_or_else(|| {
+                let span = self.place(&["materials", material, "library"]).unwrap_or(0..0);
+                let message = format!("the library has no material `{entry}`");
+                let error = CaseError::new(&self.file, message, span)
+                    .expected("no such entry")
+                    .within(header.clone(), format!("in [materials.{material}]"));
+                suggest(error, entry, &library::names().collect::<Vec<_>>())
+            })?),
+        };
+        Material::new(material, section.clone(), base.as_ref())
+            .map_err(|e| split_help(CaseError::new(&self.file, e.to_string(), header), &e.to_string()))
+    }
+
+    /// A mistake at a key below `bodies`.
+    pub(super) fn body_error(&self, path: &[&str], message: impl Into<String>, expected: &str) -> Box<CaseError> {
+        let mut whole = vec!["bodies"];
+        whole.extend(path);
+        let header = self.place(&whole[..2]).unwrap_or(0..0);
+        let span = self.place(&whole).unwrap_or(header.clone());
+        let error = CaseError::new(&self.file, message, span).expected(expected);
+        error.within(header, format!("in [bodies.{}]", path[0]))
+    }
+
+    pub(super) fn unknown_region(&self, path: &[&str], region: &str, section: &BodySection) -> Box<CaseError> {
+        let known: Vec<&str> = section.regions.keys().map(String::as_str).collect();
+        let error = self.body_error(path, format!("no region is called `{region}`"), "no such region");
+        suggest(error, region, &known)
+    }
+}
+
+/// Adds the nearest of the known names, and all of them.
+pub(super) fn suggest(error: Box<CaseError>, name: &str, known: &[&str]) -> Box<CaseError> {
+    let error = match nearest(name, known.iter().copied()) {
+        Some(close) => error.expected(format!("did you mean `{close}`?")),
+        None => error,
+    };
+    if known.is_empty() {
+        error.help("there is none")
+    } else {
+        error.help(format!("known here: {}", known.join(", ")))
+    }
+}

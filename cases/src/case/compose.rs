@@ -1,0 +1,272 @@
+//! From a case that was read to a simulation that can run.
+
+use perimelt_core::plugin::{FromToml, Registration, registered};
+use perimelt_core::simulation::{Culprit, Named, TimeOptions};
+use perimelt_core::{Coupler, Physics, Problem, RunError, SetupError, Simulation, World};
+use schemars::Schema;
+use toml::de::ValueDeserializer;
+
+use super::bodies::suggest;
+use super::error::CaseError;
+use super::locate::{self, Value};
+use super::reword::{Section, split_help};
+use super::{Case, Reader, Result, without_type};
+use crate::probe::Probe;
+
+/// Why a composed case cannot start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// A mistake in the case file.
+    #[error(transparent)]
+    Case(Box<CaseError>),
+    /// A physics cannot start.
+    #[error(transparent)]
+    Run(#[from] RunError),
+}
+
+/// A `[[physics]]` or `[[couplers]]` table.
+struct PluginTable<'a> {
+    section: &'static str,
+    kind: &'a str,
+    value: &'a Value,
+}
+
+impl Case {
+    /// Fills bodies, builds and prepares plugins, sets initial fields: everything but the
+    /// start of the run. Nothing is written.
+    ///
+    /// # Errors
+    /// The first mistake.
+    pub fn compose(&self) -> Result<Simulation> {
+        let couplers = self.plugin_tables("couplers")?;
+        let physics = self.plugin_tables("physics")?;
+        if physics.is_empty() {
+            let error = CaseError::of_file(&self.file, "the case has no physics");
+            return Err(error.help("add a section `[[physics]]` with a `type`, see `perimelt list`"));
+        }
+        let built_couplers = self.build::<dyn Coupler>(&couplers)?;
+        let built_physics = self.build::<dyn Physics>(&physics)?;
+        let options = TimeOptions {
+            end: self.time.end,
+            step: self.time.step,
+            safety: self.time.safety,
+            log_interval: self.log_interval(),
+            iteration: self.time.iteration,
+        };
+        let world = World::new(self.fill_bodies()?);
+        let prepared = Simulation::prepare(world, built_couplers, built_physics, options, &self.folder);
+        let mut simulation = prepared.map_err(|(culprit, e)| {
+            let table = match culprit {
+                Culprit::Physics(i) => &physics[i],
+                Culprit::Coupler(i) => &couplers[i],
+            };
+            self.setup_error(table, &e)
+        })?;
+        self.set_initial(&mut simulation)?;
+        self.check_logged(&simulation)?;
+        self.build_probes(&simulation)?;
+        Ok(simulation)
+    }
+
+    /// Completes the initial state and refuses fixed steps above the stable ones.
+    ///
+    /// # Errors
+    /// A mistake in the case, or a physics that cannot start.
+    pub fn start(&self, simulation: &mut Simulation) -> std::result::Result<(), StartError> {
+        simulation.start()?;
+        simulation.check_steps().map_err(|(culprit, e)| {
+            let (Culprit::Physics(i) | Culprit::Coupler(i)) = culprit;
+            match self.plugin_tables("physics") {
+                Ok(tables) => StartError::Case(self.setup_error(&tables[i], &e)),
+                Err(e) => StartError::Case(e),
+            }
+        })
+    }
+
+    /// The probes of the case.
+    ///
+    /// # Errors
+    /// The first mistake in a `[[probes]]` table.
+    pub fn build_probes(&self, simulation: &Simulation) -> Result<Vec<Probe>> {
+        let build = |(i, section)| {
+            Probe::new(section, simulation).map_err(|e| {
+                let number = i.to_string();
+                let mut path = vec!["probes", number.as_str()];
+                path.extend(e.key.split('.').filter(|k| !k.is_empty()));
+                let header = self.place(&path[..2]).unwrap_or(0..0);
+                let span = self.place(&path).unwrap_or(header.clone());
+                let message = e.to_string();
+                split_help(CaseError::new(&self.file, message.as_str(), span), &message)
+                    .within(header, format!("in [[probes]] `{}`", section.name))
+            })
+        };
+        self.probes.iter().enumerate().map(build).collect()
+    }
+
+    fn plugin_tables(&self, section: &'static str) -> Result<Vec<PluginTable<'_>>> {
+        let reader = Reader { file: &self.file, table: &self.table };
+        let read = |value: &'_ Value| -> Result<()> {
+            let table = value.get_ref().as_table();
+            match table.and_then(|t| t.get("type")) {
+                None => Err(CaseError::new(&self.file, format!("key `type` is missing in [[{section}]]"), value.span())
+                    .expected("needs `type = \"...\"`")
+                    .help(format!("known here: {}", names(section).join(", ")))),
+                Some(kind) if !kind.get_ref().is_str() => {
+                    Err(CaseError::new(&self.file, "`type` is not text", kind.span()).expected("expected a name in quotes"))
+                }
+                Some(_) => Ok(()),
+            }
+        };
+        let mut tables = Vec::new();
+        for value in reader.list(section)? {
+            read(value)?;
+            let table = value.get_ref().as_table();
+            let kind = table.and_then(|t| t.get("type")?.get_ref().as_str()).unwrap_or("");
+            tables.push(PluginTable { section, kind, value });
+        }
+        Ok(tables)
+    }
+
+    /// Builds the plugins of one kind, with labels that differ.
+    fn build<P: ?Sized + 'static>(&self, tables: &[PluginTable<'_>]) -> Result<Vec<Named<P>>>
+    where
+        Registration<P>: inventory::Collect,
+    {
+        let known = registered::<P>();
+        let mut plugins: Vec<Named<P>> = Vec::new();
+        for table in tables {
+            let Some(found) = known.iter().find(|r| r.name == table.kind) else {
+                return Err(self.unknown_plugin(table));
+            };
+            let plugin = self.construct(table, found.from_toml, found.schema)?;
+            let keys = table.value.get_ref().as_table();
+            let body = keys.and_then(|t| t.get("body")?.get_ref().as_str());
+            let base = match body {
+                Some(body) => format!("{} on {body}", table.kind),
+                None => table.kind.to_string(),
+            };
+            let mut label = base.clone();
+            let mut number = 2;
+            while plugins.iter().any(|p| p.label == label) {
+                label = format!("{base} ({number})");
+                number += 1;
+            }
+            plugins.push(Named { label, plugin });
+        }
+        Ok(plugins)
+    }
+
+    fn construct<P: ?Sized>(&self, table: &PluginTable<'_>, from_toml: FromToml<P>, schema: fn() -> Schema) -> Result<Box<P>> {
+        from_toml(ValueDeserializer::from(without_type(table.value))).map_err(|e| {
+            let empty = locate::Table::new();
+            let section = Section {
+                file: &self.file,
+                name: table.title(),
+                header: table.value.span(),
+                table: table.value.get_ref().as_table().unwrap_or(&empty),
+                schema: schema().to_value(),
+            };
+            section.reword(&e)
+        })
+    }
+
+    fn unknown_plugin(&self, table: &PluginTable<'_>) -> Box<CaseError> {
+        let (kind, other) = match table.section {
+            "physics" => ("physics", "couplers"),
+            _ => ("coupler", "physics"),
+        };
+        let span = table.at("type");
+        let message = format!("no {kind} is called `{}`", table.kind);
+        let error = CaseError::new(&self.file, message, span).expected("no such type");
+        if names(other).contains(&table.kind) {
+            return error.help(format!("`{}` belongs into a section headed `[[{other}]]`", table.kind));
+        }
+        suggest(error, table.kind, &names(table.section))
+    }
+
+    /// A mistake that a plugin found, at its key.
+    fn setup_error(&self, table: &PluginTable<'_>, e: &SetupError) -> Box<CaseError> {
+        let message = e.to_string();
+        if let Problem::MissingProperty { material, property, .. } = &e.problem
+            && let Some(section) = self.place(&["materials", material])
+        {
+            let error = CaseError::new(&self.file, message.as_str(), section);
+            let error = split_help(error, &message).expected(format!("needs `{property}`"));
+            return error.within(table.value.span(), format!("because of {}", table.title()));
+        }
+        let span = if e.key.is_empty() { table.value.span() } else { table.at(&e.key) };
+        split_help(CaseError::new(&self.file, message.as_str(), span), &message)
+            .within(table.value.span(), format!("in {}", table.title()))
+    }
+
+    fn set_initial(&self, simulation: &mut Simulation) -> Result<()> {
+        for (b, (name, section)) in self.bodies.iter().enumerate() {
+            for (field, initial) in &section.initial {
+                let known: Vec<String> =
+                    simulation.lasting().filter(|f| f.body == b).map(|f| f.name.clone()).collect();
+                if !known.contains(field) {
+                    let message = format!("body `{name}` has no field `{field}` that could start with a value");
+                    let error = self.body_error(&[name, "initial", field], message, "nobody provides it");
+                    return Err(suggest(error, field, &known.iter().map(String::as_str).collect::<Vec<_>>()));
+                }
+                let place = |e: Problem, path: &[&str]| {
+                    let message = e.to_string();
+                    split_help(self.body_error(path, message.as_str(), ""), &message)
+                };
+                let all = 0..simulation.world().body(b).points.len();
+                simulation
+                    .set_initial(b, field, all, initial.value().as_slice())
+                    .map_err(|e| place(e, &[name, "initial", field]))?;
+                for (region, value) in initial.regions() {
+                    let path = [name.as_str(), "initial", field, "regions", region];
+                    let Some(points) = simulation.world().body(b).regions.get(region).cloned() else {
+                        return Err(self.unknown_region(&path, region, section));
+                    };
+                    let points = points.points.iter().map(|&p| p as usize);
+                    simulation.set_initial(b, field, points, value.as_slice()).map_err(|e| place(e, &path))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Fields to log exist.
+    fn check_logged(&self, simulation: &Simulation) -> Result<()> {
+        for (i, field) in self.log.fields.iter().flatten().enumerate() {
+            let mut known: Vec<&str> = simulation.lasting().map(|f| f.name.as_str()).collect();
+            known.dedup();
+            if !known.contains(&field.as_str()) {
+                let error = self.error_at(
+                    &format!("log.fields.{i}"),
+                    format!("no body has a field `{field}` that could be logged"),
+                    "nobody provides it",
+                );
+                return Err(suggest(error, field, &known));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl PluginTable<'_> {
+    fn title(&self) -> String {
+        format!("[[{}]] `{}`", self.section, self.kind)
+    }
+
+    /// Place of a dotted key's value, or of the header when it is not written.
+    fn at(&self, key: &str) -> std::ops::Range<usize> {
+        let path: Vec<&str> = key.split('.').collect();
+        let table = self.value.get_ref().as_table();
+        let place = table.and_then(|t| locate::find(t, &path));
+        place.map_or(self.value.span(), |p| p.value)
+    }
+}
+
+/// Registered types of a section.
+fn names(section: &str) -> Vec<&'static str> {
+    if section == "physics" {
+        registered::<dyn Physics>().iter().map(|r| r.name).collect()
+    } else {
+        registered::<dyn Coupler>().iter().map(|r| r.name).collect()
+    }
+}

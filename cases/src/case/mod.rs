@@ -1,0 +1,267 @@
+//! Case files: TOML text in, a composed [`Simulation`] out, mistakes shown where they are.
+//!
+//! 1. [`Case::read`] parses the text and reads every section but the plugins.
+//! 2. [`Case::compose`] fills bodies with points, builds plugins through their registrations,
+//!    lets them prepare, and sets initial fields.
+//! 3. [`Case::start`] completes the initial state and checks the step sizes.
+//!
+//! Each step returns a [`CaseError`] that shows file, line, key, what was expected and the
+//! nearest valid name.
+
+mod bodies;
+mod compose;
+mod error;
+mod locate;
+mod reword;
+pub mod schema;
+pub mod sections;
+mod whole_schema;
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use perimelt_core::error::nearest;
+use perimelt_core::material::MaterialSection;
+use schemars::JsonSchema;
+use serde::de::DeserializeOwned;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue, ValueDeserializer};
+
+pub use compose::StartError;
+pub use error::{CaseError, CaseFile};
+pub use whole_schema::whole_schema;
+
+use locate::{Table, Value};
+use reword::Section;
+use sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
+
+/// A case file that could be read.
+#[derive(Debug)]
+pub struct Case {
+    /// Name and text.
+    pub file: Arc<CaseFile>,
+    /// Where relative paths start.
+    pub folder: PathBuf,
+    /// `[case]`.
+    pub case: CaseSection,
+    /// `[bodies.<name>]`, in file order.
+    pub bodies: Vec<(String, BodySection)>,
+    /// `[materials.<name>]`.
+    pub materials: BTreeMap<String, MaterialSection>,
+    /// `[time]`.
+    pub time: TimeSection,
+    /// `[[probes]]`.
+    pub probes: Vec<ProbeSection>,
+    /// `[log]`.
+    pub log: LogSection,
+    table: Table,
+}
+
+/// The sections of a case file, in the order in which they are written.
+pub const SECTIONS: [&str; 9] = [
+    "case", "bodies", "materials", "physics", "couplers", "time", "probes", "log", "verify",
+];
+
+type Result<T> = std::result::Result<T, Box<CaseError>>;
+
+impl Case {
+    /// Reads the case file at `path`.
+    ///
+    /// # Errors
+    /// The file cannot be read, or the first mistake in it.
+    pub fn read(path: &Path) -> Result<Case> {
+        let name = path.display().to_string();
+        let text = match std::fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(source) => {
+                let file = Arc::new(CaseFile { name, text: String::new() });
+                let message = format!("the case file cannot be read: {source}");
+                return Err(CaseError::of_file(&file, message));
+            }
+        };
+        let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        Case::parse(&name, text, &folder)
+    }
+
+    /// Reads the `text` of a case called `name`, whose relative paths start from `folder`.
+    ///
+    /// # Errors
+    /// The first mistake.
+    pub fn parse(name: &str, text: String, folder: &Path) -> Result<Case> {
+        let name = name.to_string();
+        let file = Arc::new(CaseFile { name, text });
+        let mut table = DeTable::parse(&file.text)
+            .map_err(|e| {
+                let span = e.span().unwrap_or(0..0);
+                CaseError::new(&file, format!("this is not valid TOML: {}", e.message()), span)
+            })?
+            .into_inner();
+        table.make_owned();
+        let table: Table = table;
+
+        if let Some(key) = table.keys().find(|k| !SECTIONS.contains(&&**k.get_ref())) {
+            let error = CaseError::new(&file, format!("unknown section `{}`", key.get_ref()), key.span());
+            let error = match nearest(key.get_ref(), SECTIONS) {
+                Some(close) => error.expected(format!("did you mean `{close}`?")),
+                None => error.expected("no such section"),
+            };
+            return Err(error.help(format!("sections are, in this order: {}", SECTIONS.join(", "))));
+        }
+        let reader = Reader { file: &file, table: &table };
+        let mut named = Vec::new();
+        for (key, value) in reader.named("bodies")? {
+            let body: BodySection = reader.section(&format!("[bodies.{key}]"), value)?;
+            named.push((key, body));
+        }
+        if named.is_empty() {
+            let error = CaseError::of_file(&file, "the case has no body");
+            return Err(error.help("add a section `[bodies.<name>]` with `shape`, `spacing` and `material`"));
+        }
+        let mut materials = BTreeMap::new();
+        for (key, value) in reader.named("materials")? {
+            let material: MaterialSection = reader.section(&format!("[materials.{key}]"), value)?;
+            materials.insert(key, material);
+        }
+        let mut probes = Vec::new();
+        for value in reader.list("probes")? {
+            probes.push(reader.section("[[probes]]", value)?);
+        }
+        reader.list("verify")?;
+        let missing = || {
+            let error = CaseError::of_file(&file, "section `[time]` is missing");
+            error.help("add `[time]` with `end`, the end of the simulated time in s")
+        };
+        let case = Case {
+            case: reader.optional("case")?.unwrap_or_default(),
+            time: reader.optional("time")?.ok_or_else(missing)?,
+            log: reader.optional("log")?.unwrap_or_default(),
+            folder: folder.to_path_buf(),
+            file: file.clone(),
+            bodies: named,
+            materials,
+            probes,
+            table,
+        };
+        case.check_times()?;
+        Ok(case)
+    }
+
+    /// Simulated time between logged states, s.
+    pub fn log_interval(&self) -> f64 {
+        self.log.interval.unwrap_or(self.time.end / 100.0)
+    }
+
+    /// Simulated time between checkpoints, s.
+    pub fn checkpoint_interval(&self) -> f64 {
+        self.log.checkpoint.unwrap_or(self.time.end / 10.0)
+    }
+
+    /// The `[[verify]]` tables, read as `T`.
+    ///
+    /// # Errors
+    /// The first mistake in them.
+    pub fn verify_entries<T: DeserializeOwned + JsonSchema>(&self) -> Result<Vec<T>> {
+        let reader = Reader { file: &self.file, table: &self.table };
+        let entries = reader.list("verify")?;
+        entries.into_iter().map(|v| reader.section("[[verify]]", v)).collect()
+    }
+
+    fn check_times(&self) -> Result<()> {
+        let positive = [
+            ("time.end", Some(self.time.end)),
+            ("log.interval", self.log.interval),
+            ("log.checkpoint", self.log.checkpoint),
+        ];
+        for (key, value) in positive {
+            if let Some(value) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
+                return Err(self.error_at(key, format!("`{key}` cannot be {value}"), "expected a time above 0 s"));
+            }
+        }
+        let safety = self.time.safety;
+        if !(safety > 0.0 && safety <= 1.0) {
+            let message = format!("`time.safety` cannot be {safety}");
+            return Err(self.error_at("time.safety", message, "expected a number above 0 and up to 1"));
+        }
+        Ok(())
+    }
+
+    /// A mistake at a dotted key of the whole file.
+    fn error_at(&self, key: &str, message: impl Into<String>, expected: &str) -> Box<CaseError> {
+        let path: Vec<&str> = key.split('.').collect();
+        let span = self.place(&path).unwrap_or(0..0);
+        CaseError::new(&self.file, message, span).expected(expected)
+    }
+
+    /// Place of the value at `path`, or of the deepest part that is there.
+    fn place(&self, path: &[&str]) -> Option<Range<usize>> {
+        locate::find(&self.table, path).map(|place| place.value)
+    }
+}
+
+/// Reads sections out of a parsed file.
+struct Reader<'a> {
+    file: &'a Arc<CaseFile>,
+    table: &'a Table,
+}
+
+impl Reader<'_> {
+    /// Reads one section as `T`.
+    fn section<T: DeserializeOwned + JsonSchema>(&self, name: &str, value: &Value) -> Result<T> {
+        let Some(table) = value.get_ref().as_table() else {
+            let message = format!("`{name}` is not a table");
+            return Err(CaseError::new(self.file, message, value.span())
+                .expected(format!("expected a section headed `{name}`")));
+        };
+        T::deserialize(ValueDeserializer::from(value.clone())).map_err(|e| {
+            let section = Section {
+                file: self.file,
+                name: name.to_string(),
+                header: value.span(),
+                table,
+                schema: schemars::schema_for!(T).to_value(),
+            };
+            section.reword(&e)
+        })
+    }
+
+    fn optional<T: DeserializeOwned + JsonSchema>(&self, key: &str) -> Result<Option<T>> {
+        let value = self.table.get(key);
+        value.map(|v| self.section(&format!("[{key}]"), v)).transpose()
+    }
+
+    /// The tables `[key.<name>]`, in file order.
+    fn named(&self, key: &str) -> Result<Vec<(String, &Value)>> {
+        let Some(value) = self.table.get(key) else {
+            return Ok(Vec::new());
+        };
+        let Some(table) = value.get_ref().as_table() else {
+            return Err(CaseError::new(self.file, format!("`{key}` is not a table"), value.span())
+                .expected(format!("expected sections headed `[{key}.<name>]`")));
+        };
+        let mut all: Vec<_> = table.iter().collect();
+        all.sort_by_key(|(name, _)| name.span().start);
+        Ok(all.into_iter().map(|(name, v)| (name.get_ref().to_string(), v)).collect())
+    }
+
+    /// The tables `[[key]]`.
+    fn list(&self, key: &str) -> Result<Vec<&Value>> {
+        let Some(value) = self.table.get(key) else {
+            return Ok(Vec::new());
+        };
+        let tables = value.get_ref().as_array().map(|a| a.iter().collect::<Vec<_>>());
+        match tables {
+            Some(tables) if tables.iter().all(|v| v.get_ref().is_table()) => Ok(tables),
+            _ => Err(CaseError::new(self.file, format!("`{key}` is not a list of tables"), value.span())
+                .expected(format!("expected sections headed `[[{key}]]`, in double brackets"))),
+        }
+    }
+}
+
+/// The table of a plugin without its `type`, for its constructor.
+fn without_type(value: &Value) -> Value {
+    let mut table = value.get_ref().as_table().cloned().unwrap_or_default();
+    table.remove("type");
+    Spanned::new(value.span(), DeValue::Table(table))
+}

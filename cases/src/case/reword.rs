@@ -1,0 +1,162 @@
+//! Turns what the TOML reader and serde say into sentences for the user.
+
+use std::sync::Arc;
+
+use perimelt_core::error::nearest;
+use serde_json::Value as Json;
+
+use super::error::{CaseError, CaseFile};
+use super::locate::{self, Table};
+use super::schema;
+
+/// A section that is being read: for messages.
+pub struct Section<'a> {
+    /// The case file.
+    pub file: &'a Arc<CaseFile>,
+    /// Such as `[time]` or `[[couplers]]`, with the plugin's type where it has one.
+    pub name: String,
+    /// The header.
+    pub header: std::ops::Range<usize>,
+    /// Its keys.
+    pub table: &'a Table,
+    /// Schema of its keys.
+    pub schema: Json,
+}
+
+impl Section<'_> {
+    /// The mistake that `error` reports in this section.
+    pub fn reword(&self, error: &toml::de::Error) -> Box<CaseError> {
+        let span = error.span().unwrap_or_else(|| self.header.clone());
+        let is_header = span == self.header;
+        let path = if is_header {
+            Vec::new()
+        } else {
+            locate::path_to(self.table, &span)
+        };
+        let message = error.message();
+        let at = |message: String| CaseError::new(self.file, message, span.clone());
+        let reworded = if let Some((name, known)) = unknown(message) {
+            let what = if message.starts_with("unknown variant") {
+                "choice"
+            } else {
+                "key"
+            };
+            let mut known = known;
+            if path.len() <= 1 && self.schema["properties"].get("type").is_none() {
+                known.retain(|k| *k != "type");
+            }
+            let reworded = at(format!("unknown {what} `{name}` in {}", self.name));
+            match nearest(name, known.iter().copied()) {
+                Some(close) => {
+                    let mut keys = path.clone();
+                    if let Some(last) = keys.last_mut() {
+                        *last = close.into();
+                    }
+                    let doc = schema::documentation(&self.schema, &keys);
+                    let reworded = reworded.expected(format!("did you mean `{close}`?"));
+                    if doc.is_empty() {
+                        reworded
+                    } else {
+                        reworded.help(format!("`{close}`: {doc}"))
+                    }
+                }
+                None => reworded.expected("no such name"),
+            }
+            .help(format!("known here: {}", known.join(", ")))
+        } else if let Some(name) = quoted(message, "missing field `") {
+            let mut keys = path.clone();
+            keys.push(name.into());
+            let whole = keys.join(".");
+            let reworded = at(format!("key `{whole}` is missing in {}", self.name));
+            let doc = schema::documentation(&self.schema, &keys);
+            let kind = schema::at(&self.schema, &keys)
+                .map_or_else(String::new, |k| schema::type_name(&self.schema, k));
+            let reworded = reworded.expected(match kind.as_str() {
+                "" => format!("needs `{name}`"),
+                kind => format!("needs `{name} = <{kind}>`"),
+            });
+            if doc.is_empty() {
+                reworded
+            } else {
+                reworded.help(format!("`{name}`: {doc}"))
+            }
+        } else if let Some((found, expected)) = wrong_type(message) {
+            let key = path.join(".");
+            let reworded = at(format!("`{key}` in {} cannot be {found}", self.name))
+                .expected(format!("expected {expected}"));
+            let name = path.last().map_or("", String::as_str);
+            let doc = schema::documentation(&self.schema, &path);
+            if doc.is_empty() {
+                reworded
+            } else {
+                reworded.help(format!("`{name}`: {doc}"))
+            }
+        } else {
+            split_help(at(message.to_string()), message)
+        };
+        reworded.within(self.header.clone(), format!("in {}", self.name))
+    }
+}
+
+/// Moves what follows the first `; ` or `, did you mean` of a message into its help.
+pub fn split_help(mut error: Box<CaseError>, message: &str) -> Box<CaseError> {
+    let split = message
+        .split_once("; ")
+        .or_else(|| message.split_once(", did you").map(|(m, _)| (m, &message[m.len() + 2..])));
+    let Some((message, rest)) = split else {
+        return error;
+    };
+    error.message = message.into();
+    if rest.starts_with("expected ") || rest.starts_with("did you mean") {
+        error.expected(rest)
+    } else {
+        error.help(rest)
+    }
+}
+
+fn quoted<'m>(message: &'m str, before: &str) -> Option<&'m str> {
+    let name = message.strip_prefix(before)?;
+    name.split_once('`').map(|(name, _)| name)
+}
+
+/// The unknown name and the known ones.
+fn unknown(message: &str) -> Option<(&str, Vec<&str>)> {
+    let name = quoted(message, "unknown field `").or_else(|| quoted(message, "unknown variant `"))?;
+    let known = message.split_once("expected").map_or("", |(_, known)| known);
+    Some((name, known.split('`').skip(1).step_by(2).collect()))
+}
+
+/// What was found and what was expected, in plain words.
+fn wrong_type(message: &str) -> Option<(String, String)> {
+    let rest = message
+        .strip_prefix("invalid type: ")
+        .or_else(|| message.strip_prefix("invalid value: "))
+        .or_else(|| message.strip_prefix("invalid length "))?;
+    let (found, expected) = rest.split_once(", expected ")?;
+    let found = match found.split_once(' ') {
+        Some(("string", text)) => format!("the text {text}"),
+        Some(("integer" | "floating", _)) => {
+            format!("the number {}", found.split('`').nth(1).unwrap_or(found))
+        }
+        Some(("boolean", text)) => text.trim_matches('`').to_string(),
+        _ => match found {
+            "map" => "a table".into(),
+            "sequence" => "a list".into(),
+            "unit variant" => "a name alone".into(),
+            length if length.parse::<usize>().is_ok() => format!("a list of {length}"),
+            other => other.into(),
+        },
+    };
+    let expected = match expected {
+        "f64" | "f32" => "a number".into(),
+        "u64" | "usize" | "u32" | "i64" => "a whole number".into(),
+        "a boolean" => "true or false".into(),
+        "a string" => "text in quotes".into(),
+        "a sequence" => "a list in [ ]".into(),
+        "newtype variant" | "struct variant" => "`name = { ... }` with the keys of that choice".into(),
+        "an array of length 3" => "three numbers, [x, y, z]".into(),
+        e if e.starts_with("struct ") || e == "a map" => "a table".into(),
+        other => other.into(),
+    };
+    Some((found, expected))
+}
