@@ -142,7 +142,7 @@ pub enum ToolpathError {
         limit: f64,
     },
     /// The table cannot be opened.
-    #[error("cannot open the toolpath table {}: {source}", path.display())]
+    #[error("cannot read the toolpath table {}: {source}", path.display())]
     TableOpen {
         /// The file.
         path: PathBuf,
@@ -151,8 +151,9 @@ pub enum ToolpathError {
     },
     /// A row of the table cannot be read.
     #[error(
-        "line {line} of the toolpath table {} cannot be read: {source}; \
-         expected the header `time,x,y,z,power` and numbers below it", path.display()
+        "line {line} of the toolpath table {} cannot be read: {}; \
+         expected the header `time,x,y,z,power` and numbers below it",
+        path.display(), reason(source)
     )]
     TableRow {
         /// The file.
@@ -202,6 +203,22 @@ pub enum ToolpathError {
         /// Rows found.
         rows: usize,
     },
+}
+
+/// What the CSV reader found, without its own line numbers.
+fn reason(error: &csv::Error) -> String {
+    match error.kind() {
+        csv::ErrorKind::Deserialize { err, .. } => match err.field() {
+            Some(field) => format!("column {}: {}", field + 1, err.kind()),
+            None => err.kind().to_string(),
+        },
+        csv::ErrorKind::UnequalLengths {
+            expected_len, len, ..
+        } => {
+            format!("it has {len} columns instead of {expected_len}")
+        }
+        _ => error.to_string(),
+    }
 }
 
 impl ToolpathError {

@@ -1,8 +1,6 @@
 //! Toolpath from a CSV file with the header `time,x,y,z,power`; motion and power are linear
 //! between rows.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
@@ -42,37 +40,53 @@ impl Table {
         base_dir: &Path,
     ) -> Result<Track, ToolpathError> {
         let path = base_dir.join(&self.file);
-        match File::open(&path) {
-            Ok(file) => read(file, &path, default_power),
+        match std::fs::read_to_string(&path) {
+            Ok(content) => read(&content, &path, default_power),
             Err(source) => Err(ToolpathError::TableOpen { path, source }),
         }
     }
 }
 
-fn read(input: impl Read, path: &Path, default_power: Option<f64>) -> Result<Track, ToolpathError> {
+fn read(content: &str, path: &Path, default_power: Option<f64>) -> Result<Track, ToolpathError> {
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
-        .from_reader(input);
+        .from_reader(content.as_bytes());
+    // the reader dates a record from before the comments above it, so count up to its end
+    let (mut end, mut line) = (0, 1);
+    let mut line_at = |position: &csv::Position| {
+        let read = content
+            .get(..position.byte() as usize)
+            .unwrap_or(content)
+            .trim_end();
+        line += read.get(end..).unwrap_or("").matches('\n').count() as u64;
+        end = read.len();
+        line
+    };
+    let row_error = |line, error| ToolpathError::TableRow {
+        path: path.into(),
+        line,
+        source: Box::new(error),
+    };
     let headers = reader
         .headers()
         .cloned()
-        .map_err(|error| row_error(path, 1, error))?;
+        .map_err(|error| row_error(1, error))?;
+    let header_line = line_at(reader.position());
     let mut record = csv::StringRecord::new();
     let mut track: Option<(TrackBuilder, f64, f64)> = None;
     let mut rows = 0;
     loop {
-        let line = reader.position().line();
-        let more = reader
-            .read_record(&mut record)
-            .map_err(|e| row_error(path, line, e))?;
-        if !more {
+        let more = reader.read_record(&mut record);
+        let line = line_at(reader.position());
+        if !more.map_err(|error| row_error(line, error))? {
             break;
         }
-        let line = record.position().map_or(line, csv::Position::line);
-        let row: Row = record
-            .deserialize(Some(&headers))
-            .map_err(|e| row_error(path, line, e))?;
+        let row: Row = record.deserialize(Some(&headers)).map_err(|error| {
+            let in_header = matches!(error.kind(),
+                csv::ErrorKind::Deserialize { err, .. } if err.field().is_none());
+            row_error(if in_header { header_line } else { line }, error)
+        })?;
         let power = checked(&row, default_power, path, line)?;
         let place = Vector3::new(row.x, row.y, row.z);
         match &mut track {
@@ -132,12 +146,4 @@ fn checked(
         return table_value("power", power, "a finite number, zero or greater");
     }
     Ok(power)
-}
-
-fn row_error(path: &Path, line: u64, error: csv::Error) -> ToolpathError {
-    ToolpathError::TableRow {
-        path: path.into(),
-        line,
-        source: Box::new(error),
-    }
 }

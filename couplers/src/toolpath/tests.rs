@@ -250,6 +250,12 @@ fn table_mistakes_name_the_line() {
             "line 5",
         ),
         ("time,x,y,z,power\n0,0,0,0,1\n1,0,0\n", "line 3"),
+        ("time,x,y,z,power\n0,0,0,0,1\n1,0,0,0,b", "line 3"),
+        (
+            "# note\ntime,x,y,z,power\r\nO,0,0,0,1\r\n1,0,0,0,1\r\n",
+            "line 3",
+        ),
+        ("# note\n\ntime,x,z,power\n0,0,0,1\n", "line 3"),
         ("time,x,y,z,power\n0,0,0,0,1\n1,0,0,0,-2\n", "line 3"),
         ("time,x,y,z,power\n0,0,0,0,1\n1,inf,0,0,2\n", "line 3"),
         ("0,0,0,0,1\n1,0,0,0,1\n", "time,x,y,z,power"),

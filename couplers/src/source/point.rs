@@ -1,0 +1,203 @@
+//! Point source: all power in the cells around the lattice vertex nearest the source.
+//!
+//! `h = Q / (n V)` on n cells of volume V: the 2 × 2 around the vertex on the heated face, or the
+//! 2 × 2 × 2 around a vertex inside the body (Wang (2025), eq. 7.27). The source hops from vertex
+//! to vertex. The dwell is centred, vertex `i = floor(v t / dx + 1/2)`: hopping on arrival (eq.
+//! 7.19) lags by half a spacing and costs 9 to 11 % ahead of the source (spec 02, section 1.7).
+//!
+//! Not for temperatures within a horizon of the source: the peak depends on the phase of the hop.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Deposit, Grid, HeatedSurface, SourceError, Target, whole, within};
+use crate::toolpath::Pose;
+
+/// A point source that hops from lattice vertex to lattice vertex.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Point {
+    /// Power where the toolpath gives none [W].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub power: Option<f64>,
+    /// Part of the power that enters the body, 0 to 1; default 1.
+    #[serde(default = "whole")]
+    pub efficiency: f64,
+    /// When the source hops to the next vertex; default `centred`.
+    #[serde(default)]
+    pub dwell: Dwell,
+    /// The heated face, which bounds the cells from above; default z_max at the height of the
+    /// toolpath. Give its level to move the source inside the body.
+    #[serde(default)]
+    pub heated_surface: HeatedSurface,
+}
+
+/// When a point source hops to the next vertex.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Dwell {
+    /// Half way between two vertices.
+    #[default]
+    Centred,
+    /// On arrival at the next vertex.
+    OnArrival,
+}
+
+impl Point {
+    pub(super) fn checked(&self) -> Result<Self, SourceError> {
+        within("efficiency", self.efficiency, 0.0, 1.0)?;
+        Ok(self.clone())
+    }
+
+    pub(super) fn add(
+        &self,
+        target: &(impl Target + ?Sized),
+        pose: &Pose,
+        asked: f64,
+        values: &mut [f64],
+    ) -> Deposit {
+        let grid = target.grid();
+        let [xs, ys, zs] = [0, 1, 2].map(|axis| self.cells(grid, pose, axis));
+        let number = [&xs, &ys, &zs].map(|[first, last]| last - first + 1);
+        let share = asked / number.iter().product::<i64>() as f64;
+        let mut deposit = Deposit {
+            asked,
+            ..Deposit::default()
+        };
+        for z in zs[0]..=zs[1] {
+            for y in ys[0]..=ys[1] {
+                for x in xs[0]..=xs[1] {
+                    match point_at(target, [x, y, z]) {
+                        Some(point) => {
+                            values[point] += share / target.volume(point);
+                            deposit.deposited += share;
+                        }
+                        None => deposit.lost += share,
+                    }
+                }
+            }
+        }
+        deposit
+    }
+
+    /// First and last cell along an axis.
+    fn cells(&self, grid: &Grid, pose: &Pose, axis: usize) -> [i64; 2] {
+        if grid.is_thickness(axis) {
+            return [0, 0];
+        }
+        let vertex = nearest_vertex(grid, pose, axis, self.dwell);
+        let face = self.heated_surface.face;
+        if axis != face.axis() {
+            return [vertex - 1, vertex];
+        }
+        let vertex = nearest_vertex(grid, pose, axis, Dwell::Centred);
+        let level = match self.heated_surface.level {
+            Some(level) => grid.in_cells(axis, level).round() as i64,
+            None => vertex,
+        };
+        if face.is_max() {
+            let top = level - 1;
+            [(vertex - 1).min(top), vertex.min(top)]
+        } else {
+            [(vertex - 1).max(level), vertex.max(level)]
+        }
+    }
+}
+
+/// Index of the plane between cells where the source dwells.
+fn nearest_vertex(grid: &Grid, pose: &Pose, axis: usize, dwell: Dwell) -> i64 {
+    let at = grid.in_cells(axis, pose.position[axis]);
+    let travel = pose.direction[axis];
+    let vertex = match dwell {
+        Dwell::OnArrival if travel > 1e-9 => at.floor(),
+        Dwell::OnArrival if travel < -1e-9 => at.ceil(),
+        // a tie, the source on a line of cell centres, goes up whatever the rounding
+        Dwell::OnArrival | Dwell::Centred => (at + 0.5 + 1e-9).floor(),
+    };
+    vertex as i64
+}
+
+fn point_at(target: &(impl Target + ?Sized), cell: [i64; 3]) -> Option<usize> {
+    let mut inside = [0; 3];
+    for axis in 0..3 {
+        inside[axis] = usize::try_from(cell[axis])
+            .ok()
+            .filter(|&index| index < target.grid().dims[axis])?;
+    }
+    target.point(inside)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::target::lattice::TestLattice;
+    use super::super::tests::{agree, block, depositor, pose};
+
+    #[test]
+    fn point_source_hops_half_way_between_vertices() {
+        // spec 02, 7.5.3: dx = 0.4 mm, 5 mm/s, so 0.08 s per vertex
+        let lattice = TestLattice::plate(4e-4, 0.01, 250);
+        let columns = |dwell: &str, time: f64, direction: f64| {
+            let mut depositor = depositor(&format!("point = {{ dwell = '{dwell}' }}"), &lattice);
+            let mut values = lattice.zeros();
+            let at = pose([direction * 0.005 * time, 0.0, 0.0], [direction, 0.0, 0.0]);
+            depositor.add(&lattice, &at, &mut values);
+            // h = Q / (4 dx² H)
+            let density = 1000.0 / (4.0 * 1.6e-7 * 0.01);
+            let hot: Vec<usize> = (0..values.len())
+                .filter(|&point| values[point] != 0.0)
+                .collect();
+            assert!(hot.iter().all(|&point| agree(values[point], density)));
+            assert_eq!(
+                hot.iter().map(|point| point / 250).collect::<Vec<_>>(),
+                [124, 124, 125, 125]
+            );
+            [hot[0] % 250, hot[1] % 250]
+        };
+        for (time, vertex) in [(0.0, 0), (0.0399, 0), (0.0401, 1), (0.08, 1), (4.0, 50)] {
+            assert_eq!(
+                columns("centred", time, 1.0),
+                [124 + vertex, 125 + vertex],
+                "at {time} s"
+            );
+            assert_eq!(
+                columns("centred", time, -1.0),
+                [124 - vertex, 125 - vertex],
+                "at {time} s"
+            );
+        }
+        for (time, vertex) in [(0.0, 0), (0.0401, 0), (0.0799, 0), (0.08, 1), (4.0, 50)] {
+            assert_eq!(
+                columns("on_arrival", time, 1.0),
+                [124 + vertex, 125 + vertex],
+                "at {time} s"
+            );
+            assert_eq!(
+                columns("on_arrival", time, -1.0),
+                [124 - vertex, 125 - vertex],
+                "at {time} s"
+            );
+        }
+    }
+
+    #[test]
+    fn point_source_fills_four_cells_on_the_face_and_eight_inside() {
+        let lattice = block([4e-4; 3]);
+        for (surface, z, cells) in [
+            ("", 0.0, 4),
+            (", heated_surface = { level = 0.0 }", 0.0, 4),
+            (", heated_surface = { level = 0.0 }", 1.0, 4),
+            (", heated_surface = { level = 0.0 }", -4e-4, 8),
+        ] {
+            let mut values = lattice.zeros();
+            let at = pose([0.0, 0.0, z], [1.0, 0.0, 0.0]);
+            let toml = format!("point = {{ power = 1{surface} }}");
+            let deposit = depositor(&toml, &lattice).add(&lattice, &at, &mut values);
+            assert_eq!(
+                values.iter().filter(|&&value| value > 0.0).count(),
+                cells,
+                "{surface} {z}"
+            );
+            assert!(agree(lattice.power(&values), 1000.0) && deposit.lost == 0.0);
+        }
+    }
+}
