@@ -24,8 +24,8 @@
 //!
 //! Sources are sampled at the middle of a step, and steps end at the events of the toolpath, so
 //! that the energy is exact. While the source is on, automatic steps are at most the time in
-//! which it moves a quarter of its shortest lateral length, or of a cell where that is longer:
-//! the trace is then smooth to within a few percent of that length.
+//! which it moves a quarter of its shortest lateral length, or of a cell where that is longer,
+//! so that a pass heats a line and not a row of spots.
 
 mod account;
 mod keys;

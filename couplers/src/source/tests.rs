@@ -264,7 +264,7 @@ fn sources_heat_any_face_and_only_below_it() {
                 .map(|point| values[point])
                 .sum()
         };
-        let [outer, inner] = if face.ends_with("max") {
+        let [outer, inner] = if face.ends_with('+') {
             [29, 0]
         } else {
             [0, 29]
