@@ -25,7 +25,7 @@ const GAUSS: [(f64, f64); 4] = [
 ];
 
 /// Length of a Gauss panel over the finest length of the source; unnormalised powers are then
-/// right to 1e-6 where the density is smooth.
+/// right to 1e-5.
 const PANEL: f64 = 0.5;
 
 /// A power density with its way onto the lattice.
