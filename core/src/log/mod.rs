@@ -1,1 +1,177 @@
-//! (to be written)
+//! The log of a run: one MCAP file that any MCAP tool reads without our code.
+//!
+//! | topic | content |
+//! |---|---|
+//! | `/<body>/points` | `foxglove.PointCloud` (protobuf): positions and fields of a body |
+//! | `/probes/<name>` | scalar time series, JSON with schema |
+//! | `/balance` | energy, mass, momentum; JSON with schema |
+//! | `/progress` | [`Progress`], JSON with schema |
+//! | `/checkpoint` | everything needed to go on, opaque bytes (MessagePack) |
+//! | `/index` | one line before each point cloud and checkpoint: topic, exact time, step |
+//! | attachment `case.toml` | the case file as run |
+//! | metadata `run` | [`RunInfo`], one JSON text per key, and `case_file`, the name of the case file |
+//!
+//! [`Writer`] writes it, [`Log`] reads it back, also when the run was killed, and
+//! [`Writer::continue_from`] starts the log of a resumed run from an older one.
+//!
+//! **Time.** MCAP counts time in whole nanoseconds, too coarse for femtosecond heating. The
+//! authority is therefore the exact `time` (s, f64) in every JSON message, and in `/index` for
+//! point clouds and checkpoints. The MCAP `log_time` is that time rounded to nanoseconds, or one
+//! more than the last one where rounding would not let it grow: messages of one simulated time
+//! share a `log_time`, later times have larger ones, whatever the scale.
+//!
+//! **Layout.** Attachment and metadata come first, so that an unfinished file has them. A large
+//! message has a chunk of its own: time series are read without unpacking point clouds, and one
+//! point cloud without unpacking its neighbours.
+
+mod error;
+mod foxglove_schema;
+mod point_cloud;
+mod reader;
+mod scan;
+mod series;
+mod topic;
+mod writer;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use error::LogError;
+pub use reader::Log;
+pub use scan::Ending;
+pub use series::{Column, Series};
+pub use writer::Writer;
+
+/// One body at one time, as read back from a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cloud {
+    /// simulated time, s
+    pub time: f64,
+    /// current positions of all points, m
+    pub positions: Vec<[f64; 3]>,
+    /// logged fields, in the order they were written
+    pub fields: Vec<CloudField>,
+}
+
+/// One field of a [`Cloud`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct CloudField {
+    /// name, as in the field's key
+    pub name: String,
+    /// SI unit, empty where the log does not tell
+    pub unit: String,
+    /// 1 (scalar), 3 (vector) or 9 (tensor)
+    pub components: usize,
+    /// `points * components` values, those of one point together; tensors column by column
+    /// (xx, yx, zx, xy, ...), which is how nalgebra keeps them
+    pub values: Vec<f64>,
+}
+
+/// One body at one time, borrowed for writing.
+#[derive(Clone, Copy, Debug)]
+pub struct CloudView<'a> {
+    /// simulated time, s
+    pub time: f64,
+    /// current positions of all points, m
+    pub positions: &'a [[f64; 3]],
+    /// fields to log
+    pub fields: &'a [FieldView<'a>],
+}
+
+/// One field of a [`CloudView`]; same layout as [`CloudField`].
+#[derive(Clone, Copy, Debug)]
+pub struct FieldView<'a> {
+    /// name, as in the field's key
+    pub name: &'a str,
+    /// 1 (scalar), 3 (vector) or 9 (tensor)
+    pub components: usize,
+    /// `points * components` values, those of one point together
+    pub values: &'a [f64],
+}
+
+/// How exactly point clouds are logged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Precision {
+    /// four bytes a number: enough for the eye, half the file
+    #[default]
+    F32,
+    /// eight bytes a number: exact, for runs that are replayed into another run
+    F64,
+}
+
+/// What was run: everything about a run that does not change while it runs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RunInfo {
+    /// version of the program
+    pub version: String,
+    /// number of threads
+    pub threads: usize,
+    /// start of the run, seconds since 1970-01-01 00:00 UTC
+    pub started: u64,
+    /// the bodies, in case-file order
+    pub bodies: Vec<BodyInfo>,
+    /// physics and couplers as composed, all defaults filled in
+    pub plugins: serde_json::Value,
+}
+
+/// A body of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BodyInfo {
+    /// name, the first part of its topic
+    pub name: String,
+    /// 1, 2 or 3
+    pub dimension: usize,
+    /// distance between neighbouring points, m
+    pub spacing: f64,
+    /// extent across the plane of a two-dimensional body, m
+    pub thickness: f64,
+    /// number of points
+    pub points: usize,
+    /// fields the body has, logged or not
+    pub fields: Vec<FieldInfo>,
+}
+
+/// A field of a body.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FieldInfo {
+    /// name, as in the field's key
+    pub name: String,
+    /// SI unit
+    pub unit: String,
+    /// 1 (scalar), 3 (vector) or 9 (tensor)
+    pub components: usize,
+}
+
+/// How far a run has come and what it took; one message of topic `/progress`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Progress {
+    /// simulated time, s
+    pub time: f64,
+    /// macro steps done since the start of the run
+    pub step: u64,
+    /// size of the last macro step, s
+    pub step_size: f64,
+    /// sub-steps of each physics since the last message
+    pub sub_steps: BTreeMap<String, u64>,
+    /// solver iterations of each physics since the last message
+    pub iterations: BTreeMap<String, u64>,
+    /// passes of the strong coupling since the last message (weak coupling: one a macro step)
+    pub coupling_passes: u64,
+    /// wall time since the start of the run, s
+    pub wall_seconds: f64,
+}
+
+/// Where a run can be taken up again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CheckpointInfo {
+    /// simulated time, s
+    pub time: f64,
+    /// macro steps done
+    pub step: u64,
+}

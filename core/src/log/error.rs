@@ -1,0 +1,207 @@
+//! What can go wrong with a log, in sentences for the user.
+
+use std::{io, path::PathBuf};
+
+use mcap::McapError;
+
+/// Why a log could not be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum LogError {
+    /// The operating system refused.
+    #[error("could not {action} the log {path}: {source}", path = path.display())]
+    Io {
+        /// create, write or read
+        action: &'static str,
+        /// the log
+        path: PathBuf,
+        /// what the system says
+        source: io::Error,
+    },
+    /// The MCAP library refused.
+    #[error("could not write the log {path}: {source}", path = path.display())]
+    Mcap {
+        /// the log
+        path: PathBuf,
+        /// what the library says
+        source: McapError,
+    },
+    /// Not an MCAP file at all.
+    #[error(
+        "{path} is not an MCAP file; give the log of a run, as written by `perimelt run`",
+        path = path.display()
+    )]
+    NotMcap {
+        /// the file
+        path: PathBuf,
+    },
+    /// An MCAP file without our case and metadata.
+    #[error(
+        "{path} is an MCAP file, but not the log of a Perimelt run: it has no {missing}{}",
+        if *.cut { " (the file was cut off before that; nothing in it can be read)" } else { "" },
+        path = path.display()
+    )]
+    NotARun {
+        /// the file
+        path: PathBuf,
+        /// what was looked for
+        missing: &'static str,
+        /// the file ends early
+        cut: bool,
+    },
+    /// The metadata `run` is there, but is not what this version writes.
+    #[error(
+        "the description of the run in {path} cannot be understood: {source}; \
+         was it written by another version?",
+        path = path.display()
+    )]
+    RunInfo {
+        /// the log
+        path: PathBuf,
+        /// what is wrong with it
+        source: serde_json::Error,
+    },
+    /// A record whose checksum or form is wrong.
+    #[error("the log {path} is damaged at byte {offset}: {source}", path = path.display())]
+    Damaged {
+        /// the log
+        path: PathBuf,
+        /// start of the record in the file
+        offset: u64,
+        /// what the library says
+        source: McapError,
+    },
+    /// A message that is not of the form that its topic promises.
+    #[error("a message of topic {topic} cannot be understood: {source}")]
+    Json {
+        /// topic of the message
+        topic: String,
+        /// what is wrong with it
+        source: serde_json::Error,
+    },
+    /// A point cloud that is not a `foxglove.PointCloud`.
+    #[error("a point cloud of topic {topic} cannot be decoded: {source}")]
+    PointCloud {
+        /// topic of the message
+        topic: String,
+        /// what is wrong with it
+        source: prost::DecodeError,
+    },
+    /// A point cloud, but not one that we wrote.
+    #[error("a point cloud of topic {topic} is not as Perimelt writes it: {what}")]
+    PointCloudLayout {
+        /// topic of the message
+        topic: String,
+        /// the difference
+        what: &'static str,
+    },
+    /// More than protobuf can hold.
+    #[error(
+        "the point cloud of body `{body}` would take {bytes} bytes, but the format ends at 2 GiB; \
+         log fewer fields, or log them as f32"
+    )]
+    CloudTooLarge {
+        /// the body
+        body: String,
+        /// size of its points
+        bytes: usize,
+    },
+    /// A body that the run does not have.
+    #[error("the log has no body `{body}`; it has {}", list(.known))]
+    UnknownBody {
+        /// the name asked for
+        body: String,
+        /// the names there are
+        known: Vec<String>,
+    },
+    /// A message number beyond the last one.
+    #[error(
+        "topic {topic} has {count} messages; number {index} (counted from 0) is not among them"
+    )]
+    NoSuchMessage {
+        /// the topic
+        topic: String,
+        /// the number asked for
+        index: usize,
+        /// how many there are
+        count: usize,
+    },
+    /// No way to resume.
+    #[error(
+        "the log {path} has no checkpoint; a run can only be resumed from a checkpoint",
+        path = path.display()
+    )]
+    NoCheckpoint {
+        /// the log
+        path: PathBuf,
+    },
+    /// A body name that cannot be part of a topic.
+    #[error(
+        "a body cannot be named `{name}`: its name is part of a topic of the log; \
+         choose one that is not empty, not `probes`, and has no `/`"
+    )]
+    BodyName {
+        /// the name
+        name: String,
+    },
+    /// A field that cannot be logged.
+    #[error("field `{field}` of body `{body}` cannot be logged: {what}")]
+    Field {
+        /// the body
+        body: String,
+        /// the field
+        field: String,
+        /// what is wrong with it
+        what: &'static str,
+    },
+    /// A field with too few or too many values.
+    #[error("field `{field}` of body `{body}` has {found} values, but its points need {expected}")]
+    FieldLength {
+        /// the body
+        body: String,
+        /// the field
+        field: String,
+        /// points times components
+        expected: usize,
+        /// length of the slice
+        found: usize,
+    },
+    /// A time series whose columns change on the way.
+    #[error(
+        "topic {topic} began with the columns {}, and now has {}; columns cannot change during \
+         a run",
+        list(.began), list(.now)
+    )]
+    Columns {
+        /// the topic
+        topic: String,
+        /// columns of the first message
+        began: Vec<String>,
+        /// columns of this message
+        now: Vec<String>,
+    },
+    /// A time that is infinite or not a number.
+    #[error("topic {topic} cannot be logged at time {time} s")]
+    Time {
+        /// the topic
+        topic: String,
+        /// the time, s
+        time: f64,
+    },
+    /// A resumed run must not overwrite what it reads.
+    #[error(
+        "{path} is the log to resume from; write the resumed run to another file",
+        path = path.display()
+    )]
+    SameFile {
+        /// the log
+        path: PathBuf,
+    },
+}
+
+fn list(names: &[String]) -> String {
+    if names.is_empty() {
+        "none".into()
+    } else {
+        format!("`{}`", names.join("`, `"))
+    }
+}

@@ -1,0 +1,287 @@
+//! Reading the log of a run, finished or not.
+
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
+};
+
+use mcap::records::{MessageHeader, Record};
+use serde_json::{Map, Value};
+
+use super::{
+    CheckpointInfo, Cloud, Ending, LogError, Progress, RunInfo, Series,
+    point_cloud::{self, Undecodable},
+    scan::{Contents, MessagePlace, Source},
+    topic,
+};
+
+/// A log opened for reading. Time series are in memory; point clouds and checkpoints are read
+/// from the file when asked for.
+pub struct Log {
+    path: PathBuf,
+    run: RunInfo,
+    case_name: String,
+    ending: Ending,
+    contents: Contents,
+    /// times of the point clouds by body, s
+    times: BTreeMap<String, Vec<f64>>,
+    checkpoints: Vec<CheckpointInfo>,
+    source: Mutex<Source>,
+}
+
+impl Log {
+    /// Opens a log. One that is unfinished or damaged is read up to there, see
+    /// [`ending`](Self::ending).
+    ///
+    /// # Errors
+    /// The file cannot be read, is not MCAP, or lacks the case and run information that a log
+    /// begins with.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, LogError> {
+        let path = path.as_ref();
+        let mut source = Source::open(path)?;
+        let (mut contents, ending) = Contents::scan(&mut source)?;
+
+        let missing = |missing| LogError::NotARun {
+            path: path.into(),
+            missing,
+            cut: ending != Ending::Finished,
+        };
+        if contents.case_text.is_none() {
+            return Err(missing("attachment `case.toml`"));
+        }
+        let metadata = contents
+            .run
+            .take()
+            .ok_or_else(|| missing("metadata `run`"))?;
+        let (run, case_name) = describe(metadata).map_err(|source| LogError::RunInfo {
+            path: path.into(),
+            source,
+        })?;
+
+        let exact_of = |topic: &str| -> Vec<CheckpointInfo> {
+            let messages = contents.large.get(topic).into_iter().flatten();
+            messages
+                .map(|message| contents.exact(topic, message.log_time))
+                .collect()
+        };
+        let times_of = |body: &str| {
+            exact_of(&topic::points(body))
+                .iter()
+                .map(|message| message.time)
+                .collect()
+        };
+        let times = run
+            .bodies
+            .iter()
+            .map(|body| (body.name.clone(), times_of(&body.name)));
+        Ok(Self {
+            path: path.into(),
+            times: times.collect(),
+            checkpoints: exact_of(topic::CHECKPOINT),
+            run,
+            case_name,
+            ending,
+            contents,
+            source: Mutex::new(source),
+        })
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// What was run.
+    #[must_use]
+    pub fn run(&self) -> &RunInfo {
+        &self.run
+    }
+
+    /// The case file as run.
+    #[must_use]
+    pub fn case_text(&self) -> &str {
+        self.contents.case_text.as_deref().unwrap_or_default()
+    }
+
+    /// Name of the case file.
+    #[must_use]
+    pub fn case_name(&self) -> &str {
+        &self.case_name
+    }
+
+    /// Whether the writer closed the file. This says nothing about the end time of the case:
+    /// a run that stopped with an error closes its log too.
+    #[must_use]
+    pub fn finished(&self) -> bool {
+        self.ending == Ending::Finished
+    }
+
+    /// Where and why the log ends.
+    #[must_use]
+    pub fn ending(&self) -> &Ending {
+        &self.ending
+    }
+
+    /// Names of the bodies, in case-file order.
+    pub fn bodies(&self) -> impl Iterator<Item = &str> {
+        self.run.bodies.iter().map(|body| body.name.as_str())
+    }
+
+    /// Times of a body's point clouds, s; empty for a body that the run does not have.
+    #[must_use]
+    pub fn times(&self, body: &str) -> &[f64] {
+        self.times.get(body).map_or(&[], Vec::as_slice)
+    }
+
+    /// Point cloud number `index` of a body, counted from 0.
+    ///
+    /// # Errors
+    /// No such body or cloud, or the file is damaged there.
+    pub fn cloud(&self, body: &str, index: usize) -> Result<Cloud, LogError> {
+        let info = self
+            .run
+            .bodies
+            .iter()
+            .find(|info| info.name == body)
+            .ok_or_else(|| LogError::UnknownBody {
+                body: body.into(),
+                known: self.bodies().map(String::from).collect(),
+            })?;
+        let topic = topic::points(body);
+        let message = self.large(&topic, index)?;
+        let mut cloud =
+            point_cloud::decode(&message, self.times(body)[index]).map_err(|undecodable| {
+                match undecodable {
+                    Undecodable::Protobuf(source) => LogError::PointCloud { topic, source },
+                    Undecodable::Layout(what) => LogError::PointCloudLayout { topic, what },
+                }
+            })?;
+        for field in &mut cloud.fields {
+            if let Some(info) = info.fields.iter().find(|info| info.name == field.name) {
+                field.unit.clone_from(&info.unit);
+            }
+        }
+        Ok(cloud)
+    }
+
+    /// The probes by name.
+    #[must_use]
+    pub fn probes(&self) -> &BTreeMap<String, Series> {
+        &self.contents.probes
+    }
+
+    /// Energy, mass and momentum over time; empty if not logged.
+    #[must_use]
+    pub fn balance(&self) -> &Series {
+        &self.contents.balance
+    }
+
+    /// How the run went on.
+    #[must_use]
+    pub fn progress(&self) -> &[Progress] {
+        &self.contents.progress
+    }
+
+    /// The checkpoints, oldest first.
+    #[must_use]
+    pub fn checkpoints(&self) -> &[CheckpointInfo] {
+        &self.checkpoints
+    }
+
+    /// The state in checkpoint number `index`, counted from 0.
+    ///
+    /// # Errors
+    /// No such checkpoint, or the file is damaged there.
+    pub fn checkpoint(&self, index: usize) -> Result<Vec<u8>, LogError> {
+        self.large(topic::CHECKPOINT, index)
+    }
+
+    /// Number of the last checkpoint, the one to resume from.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn last_checkpoint(&self) -> Result<usize, LogError> {
+        let none = || LogError::NoCheckpoint {
+            path: self.path.clone(),
+        };
+        self.checkpoints.len().checked_sub(1).ok_or_else(none)
+    }
+
+    /// Log times of a checkpoint and of the one before it (the same for the first).
+    pub(super) fn resume_range(&self, checkpoint: usize) -> Result<(u64, u64), LogError> {
+        self.last_checkpoint()?;
+        let end = self.place(topic::CHECKPOINT, checkpoint)?.log_time;
+        let before = self
+            .place(topic::CHECKPOINT, checkpoint.saturating_sub(1))?
+            .log_time;
+        Ok((end, before))
+    }
+
+    /// Visits all messages in file order: topic, data of its schema, header, message.
+    pub(super) fn visit_messages(
+        &self,
+        mut visit: impl FnMut(&str, &[u8], &MessageHeader, &[u8]) -> Result<(), LogError>,
+    ) -> Result<(), LogError> {
+        let mut source = self.source.lock().unwrap_or_else(PoisonError::into_inner);
+        for place in &self.contents.chunks {
+            source.visit(*place, |record| match record {
+                Record::Message { header, data } => {
+                    match self.contents.channels.get(&header.channel_id) {
+                        Some(channel) => visit(&channel.topic, &channel.schema, &header, &data),
+                        None => Ok(()),
+                    }
+                }
+                _ => Ok(()),
+            })?;
+        }
+        Ok(())
+    }
+
+    fn place(&self, topic: &str, index: usize) -> Result<MessagePlace, LogError> {
+        let messages = self
+            .contents
+            .large
+            .get(topic)
+            .map_or(&[][..], Vec::as_slice);
+        messages
+            .get(index)
+            .copied()
+            .ok_or_else(|| LogError::NoSuchMessage {
+                topic: topic.into(),
+                index,
+                count: messages.len(),
+            })
+    }
+
+    fn large(&self, topic: &str, index: usize) -> Result<Vec<u8>, LogError> {
+        let wanted = self.place(topic, index)?;
+        let mut source = self.source.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut message = Vec::new();
+        let mut ordinal = 0;
+        source.visit(wanted.place, |record| {
+            if let Record::Message { header, data } = record
+                && header.channel_id == wanted.channel
+            {
+                if ordinal == wanted.ordinal {
+                    message = data.into_owned();
+                }
+                ordinal += 1;
+            }
+            Ok(())
+        })?;
+        Ok(message)
+    }
+}
+
+/// The run and the name of its case file, from the metadata: one JSON text per key.
+fn describe(metadata: BTreeMap<String, String>) -> Result<(RunInfo, String), serde_json::Error> {
+    let mut run = Map::new();
+    for (key, text) in metadata {
+        run.insert(key, serde_json::from_str(&text)?);
+    }
+    let case_name = run.remove("case_file").unwrap_or_default();
+    let case_name = case_name.as_str().unwrap_or_default().to_owned();
+    Ok((serde_json::from_value(Value::Object(run))?, case_name))
+}

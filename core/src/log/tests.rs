@@ -1,0 +1,453 @@
+//! Round trips, cut and damaged files, resumed logs.
+
+use std::path::{Path, PathBuf};
+
+use proptest::prelude::*;
+use tempfile::TempDir;
+
+use super::*;
+
+const BODY: &str = "plate";
+const CASE: &str = "[case]\nname = \"test\"\n";
+
+fn run_info() -> RunInfo {
+    let field = |name: &str, unit: &str, components| FieldInfo {
+        name: name.into(),
+        unit: unit.into(),
+        components,
+    };
+    RunInfo {
+        version: "0.1.0".into(),
+        threads: 2,
+        started: 1_700_000_000,
+        bodies: vec![BodyInfo {
+            name: BODY.into(),
+            dimension: 3,
+            spacing: 1e-4,
+            thickness: 1e-4,
+            points: 40,
+            fields: vec![
+                field("temperature", "K", 1),
+                field("velocity", "m/s", 3),
+                field("stress", "Pa", 9),
+            ],
+        }],
+        plugins: serde_json::json!({"physics": [{"type": "thermal", "horizon": 3.015}]}),
+    }
+}
+
+/// Numbers without a short decimal or binary form, different for every seed.
+fn numbers(count: usize, seed: u64) -> Vec<f64> {
+    (0..count)
+        .map(|i| ((seed * 977 + i as u64) as f64 * 0.7391).sin() * 1234.5678)
+        .collect()
+}
+
+fn some_cloud(time: f64, points: usize, seed: u64) -> Cloud {
+    let coordinates = numbers(3 * points, seed);
+    let field = |name: &str, unit: &str, components: usize| CloudField {
+        name: name.into(),
+        unit: unit.into(),
+        components,
+        values: numbers(components * points, seed + components as u64),
+    };
+    Cloud {
+        time,
+        positions: coordinates
+            .chunks_exact(3)
+            .map(|p| [p[0], p[1], p[2]])
+            .collect(),
+        fields: vec![
+            field("temperature", "K", 1),
+            field("velocity", "m/s", 3),
+            field("stress", "Pa", 9),
+        ],
+    }
+}
+
+fn log_cloud(writer: &mut Writer, precision: Precision, cloud: &Cloud) -> Result<(), LogError> {
+    let fields: Vec<_> = cloud
+        .fields
+        .iter()
+        .map(|f| FieldView {
+            name: &f.name,
+            components: f.components,
+            values: &f.values,
+        })
+        .collect();
+    let view = CloudView {
+        time: cloud.time,
+        positions: &cloud.positions,
+        fields: &fields,
+    };
+    writer.points(BODY, precision, &view)
+}
+
+fn create(path: &Path) -> Writer {
+    Writer::create(path, &run_info(), "test.toml", CASE).expect("a fresh file")
+}
+
+fn time_of(step: u64) -> f64 {
+    step as f64 * 1e-3 / 7.0
+}
+
+/// One step of a run with everything a log can hold; the checkpoint comes last.
+fn log_step(writer: &mut Writer, step: u64, points: usize) {
+    let time = time_of(step);
+    log_cloud(writer, Precision::F64, &some_cloud(time, points, step)).expect("logs points");
+    let value = numbers(1, step)[0];
+    writer
+        .probe("tip", time, &[("temperature", "K", value)])
+        .expect("logs a probe");
+    writer
+        .balance(time, &[("stored", "J", value), ("error", "J", 1e-9)])
+        .expect("logs balance");
+    let progress = Progress {
+        time,
+        step,
+        step_size: 1e-3 / 7.0,
+        ..Default::default()
+    };
+    writer.progress(&progress).expect("logs progress");
+    let state: Vec<u8> = numbers(points, step)
+        .iter()
+        .flat_map(|x| x.to_le_bytes())
+        .collect();
+    writer
+        .checkpoint(time, step, &state)
+        .expect("logs a checkpoint");
+    writer.flush().expect("flushes");
+}
+
+/// A folder with the finished log of some steps.
+fn logged(steps: u64, points: usize) -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run.mcap");
+    let mut writer = create(&path);
+    for step in 0..steps {
+        log_step(&mut writer, step, points);
+    }
+    writer.finish().expect("finishes");
+    (folder, path)
+}
+
+/// Everything a reader sees but the checkpoints.
+fn assert_same_content(left: &Log, right: &Log) {
+    assert_eq!(left.run(), right.run());
+    assert_eq!(
+        (left.case_name(), left.case_text()),
+        (right.case_name(), right.case_text())
+    );
+    assert_eq!(left.probes(), right.probes());
+    assert_eq!(left.balance(), right.balance());
+    assert_eq!(left.progress(), right.progress());
+    assert_eq!(left.times(BODY), right.times(BODY));
+    for index in 0..left.times(BODY).len() {
+        assert_eq!(
+            left.cloud(BODY, index).unwrap(),
+            right.cloud(BODY, index).unwrap()
+        );
+    }
+}
+
+#[test]
+fn what_was_written_is_read_back() {
+    let (_folder, path) = logged(3, 40);
+    let log = Log::open(path).unwrap();
+    assert!(log.finished());
+    assert_eq!(log.run(), &run_info());
+    assert_eq!((log.case_name(), log.case_text()), ("test.toml", CASE));
+    assert_eq!(log.bodies().collect::<Vec<_>>(), [BODY]);
+    let times: Vec<f64> = (0..3).map(time_of).collect();
+    assert_eq!(log.times(BODY), times);
+    for step in 0..3 {
+        let index = step as usize;
+        assert_eq!(
+            log.cloud(BODY, index).unwrap(),
+            some_cloud(times[index], 40, step)
+        );
+        assert_eq!(
+            log.checkpoints()[index],
+            CheckpointInfo {
+                time: times[index],
+                step
+            }
+        );
+        assert_eq!(log.checkpoint(index).unwrap().len(), 40 * 8);
+        assert_eq!(log.progress()[index].step, step);
+    }
+    let tip = &log.probes()["tip"];
+    assert_eq!(tip.times, times);
+    let values = (0..3).map(|step| numbers(1, step)[0]).collect();
+    let column = |name: &str, unit: &str, values| Column {
+        name: name.into(),
+        unit: unit.into(),
+        values,
+    };
+    assert_eq!(tip.columns, [column("temperature", "K", values)]);
+    assert_eq!(
+        log.balance().columns[1],
+        column("error", "J", vec![1e-9; 3])
+    );
+}
+
+#[test]
+fn large_messages_are_read_back_too() {
+    // 20 000 points of 16 numbers: clouds have chunks of their own and are not unpacked on opening
+    let (_folder, path) = logged(2, 20_000);
+    let log = Log::open(path).unwrap();
+    assert_eq!(log.times(BODY), [time_of(0), time_of(1)]);
+    assert_eq!(
+        log.cloud(BODY, 1).unwrap(),
+        some_cloud(time_of(1), 20_000, 1)
+    );
+    assert_eq!(
+        log.checkpoints()[1],
+        CheckpointInfo {
+            time: time_of(1),
+            step: 1
+        }
+    );
+}
+
+#[test]
+fn single_precision_rounds_and_nothing_more() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut writer = create(&path);
+    let cloud = some_cloud(0.0, 40, 5);
+    log_cloud(&mut writer, Precision::F32, &cloud).unwrap();
+    writer.finish().unwrap();
+    let read = Log::open(path).unwrap().cloud(BODY, 0).unwrap();
+    let rounded = |value: f64| f64::from(value as f32);
+    assert_eq!(read.positions[7], cloud.positions[7].map(rounded));
+    for (read, written) in read.fields.iter().zip(&cloud.fields) {
+        let expected: Vec<f64> = written.values.iter().copied().map(rounded).collect();
+        assert_eq!(read.values, expected);
+    }
+}
+
+#[test]
+fn times_below_a_nanosecond_stay_apart_and_exact() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut writer = create(&path);
+    let times: Vec<f64> = (0..20).map(|i| i as f64 * 1e-15 / 3.0).collect();
+    for &time in &times {
+        log_cloud(&mut writer, Precision::F64, &some_cloud(time, 4, 1)).unwrap();
+        writer
+            .probe("tip", time, &[("temperature", "K", f64::NAN)])
+            .unwrap();
+    }
+    writer.finish().unwrap();
+    let log = Log::open(path).unwrap();
+    assert_eq!(log.times(BODY), times);
+    assert_eq!(log.probes()["tip"].times, times);
+    assert!(
+        log.probes()["tip"].columns[0]
+            .values
+            .iter()
+            .all(|value| value.is_nan())
+    );
+}
+
+#[test]
+fn a_dropped_writer_leaves_a_readable_log() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut writer = create(&path);
+    log_step(&mut writer, 0, 4);
+    drop(writer);
+    assert_eq!(Log::open(path).unwrap().progress().len(), 1);
+}
+
+#[test]
+fn a_log_resumed_equals_one_never_interrupted() {
+    for points in [10, 20_000] {
+        let (folder, path) = logged(5, points);
+        let whole = Log::open(&path).unwrap();
+
+        let interrupted = folder.path().join("interrupted.mcap");
+        let mut writer = create(&interrupted);
+        for step in 0..4 {
+            log_step(&mut writer, step, points);
+        }
+        // killed: neither finished nor dropped
+        std::mem::forget(writer);
+        let old = Log::open(&interrupted).unwrap();
+        assert!(!old.finished());
+
+        let resumed = folder.path().join("resumed.mcap");
+        let mut writer = Writer::continue_from(&old, &resumed, 2).unwrap();
+        for step in 3..5 {
+            log_step(&mut writer, step, points);
+        }
+        writer.finish().unwrap();
+        let resumed = Log::open(resumed).unwrap();
+        assert_same_content(&resumed, &whole);
+        // of those before the interruption, the last two
+        assert_eq!(resumed.checkpoints(), &whole.checkpoints()[1..]);
+        assert_eq!(resumed.checkpoint(0).unwrap(), whole.checkpoint(1).unwrap());
+        assert_eq!(resumed.checkpoint(3).unwrap(), whole.checkpoint(4).unwrap());
+    }
+}
+
+#[test]
+fn resuming_into_the_same_file_is_refused() {
+    let (_folder, path) = logged(1, 4);
+    let log = Log::open(&path).unwrap();
+    let refused = Writer::continue_from(&log, &path, 0);
+    assert!(matches!(refused, Err(LogError::SameFile { .. })));
+    assert_eq!(Log::open(&path).unwrap().checkpoints().len(), 1);
+}
+
+#[test]
+fn resuming_without_a_checkpoint_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    create(&path).finish().unwrap();
+    let log = Log::open(&path).unwrap();
+    assert!(matches!(
+        log.last_checkpoint(),
+        Err(LogError::NoCheckpoint { .. })
+    ));
+    let refused = Writer::continue_from(&log, folder.path().join("new.mcap"), 0);
+    assert!(matches!(refused, Err(LogError::NoCheckpoint { .. })));
+}
+
+#[test]
+fn other_files_are_told_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("file");
+    let refusal = || Log::open(&path).err().expect("refused").to_string();
+    assert!(
+        refusal().contains("could not read the log"),
+        "{}",
+        refusal()
+    );
+    for content in ["", "short", "a text file, longer than any magic number"] {
+        std::fs::write(&path, content).unwrap();
+        assert!(refusal().contains("is not an MCAP file"), "{}", refusal());
+    }
+    let mut other = mcap::Writer::new(std::fs::File::create(&path).unwrap()).unwrap();
+    other.finish().unwrap();
+    assert!(
+        refusal().contains("not the log of a Perimelt run"),
+        "{}",
+        refusal()
+    );
+}
+
+#[test]
+fn mistakes_in_logging_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut writer = create(&path);
+    let good = some_cloud(0.0, 4, 1);
+    let view = CloudView {
+        time: 0.0,
+        positions: &good.positions,
+        fields: &[],
+    };
+    let unknown = writer.points("plat", Precision::F32, &view).unwrap_err();
+    assert!(unknown.to_string().contains("`plate`"), "{unknown}");
+
+    let mut short = good.clone();
+    short.fields[1].values.pop();
+    let error = log_cloud(&mut writer, Precision::F32, &short).unwrap_err();
+    assert!(
+        matches!(
+            error,
+            LogError::FieldLength {
+                expected: 12,
+                found: 11,
+                ..
+            }
+        ),
+        "{error}"
+    );
+    let mut coordinate = good.clone();
+    coordinate.fields[0].name = "x".into();
+    let error = log_cloud(&mut writer, Precision::F32, &coordinate).unwrap_err();
+    assert!(matches!(error, LogError::Field { .. }), "{error}");
+    let never = Cloud {
+        time: f64::NAN,
+        ..good
+    };
+    let error = log_cloud(&mut writer, Precision::F32, &never).unwrap_err();
+    assert!(matches!(error, LogError::Time { .. }), "{error}");
+
+    writer.probe("tip", 0.0, &[("a", "K", 1.0)]).unwrap();
+    let error = writer.probe("tip", 1.0, &[("b", "K", 1.0)]).unwrap_err();
+    assert!(matches!(error, LogError::Columns { .. }), "{error}");
+
+    let mut run = run_info();
+    for name in ["", "probes", "a/b"] {
+        run.bodies[0].name = name.into();
+        let refused = Writer::create(&path, &run, "test.toml", CASE);
+        assert!(matches!(refused, Err(LogError::BodyName { .. })));
+    }
+}
+
+/// A log, and how long it was after its head and after each step was flushed.
+fn flushed_lengths(path: &Path, steps: u64, points: usize) -> Vec<usize> {
+    let length = || std::fs::metadata(path).expect("exists").len() as usize;
+    let mut writer = create(path);
+    let mut lengths = vec![length()];
+    for step in 0..steps {
+        log_step(&mut writer, step, points);
+        lengths.push(length());
+    }
+    writer.finish().expect("finishes");
+    lengths
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Where a file is cut, as a fraction of its length; small and large messages.
+    #[test]
+    fn flushed_steps_survive_a_cut(fraction in 0.0..1.0, points in prop::sample::select(vec![5_usize, 4_000])) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.mcap");
+        let lengths = flushed_lengths(&path, 4, points);
+        let bytes = std::fs::read(&path).unwrap();
+        let cut = (fraction * bytes.len() as f64) as usize;
+        std::fs::write(&path, &bytes[..cut]).unwrap();
+
+        match Log::open(&path) {
+            Err(_) => prop_assert!(cut < lengths[0]),
+            Ok(log) => {
+                prop_assert!(!log.finished());
+                let survived = lengths[1..].iter().filter(|length| **length <= cut).count();
+                prop_assert!(log.checkpoints().len() >= survived);
+                prop_assert!(log.progress().len() >= survived);
+                prop_assert!(log.probes().get("tip").map_or(0, |tip| tip.times.len()) >= survived);
+                for step in 0..survived {
+                    let expected = some_cloud(time_of(step as u64), points, step as u64);
+                    prop_assert_eq!(log.cloud(BODY, step).unwrap(), expected);
+                }
+            }
+        }
+    }
+
+    /// No damage makes the reader panic or return a wrong number.
+    #[test]
+    fn a_damaged_byte_is_never_read_as_data(fraction in 0.0..1.0, change in 1_u8..=255) {
+        let (_folder, path) = logged(3, 30);
+        let mut bytes = std::fs::read(&path).unwrap();
+        let at = (fraction * bytes.len() as f64) as usize;
+        bytes[at] ^= change;
+        std::fs::write(&path, &bytes).unwrap();
+        if let Ok(log) = Log::open(&path) {
+            for index in 0..log.times(BODY).len() {
+                if let Ok(cloud) = log.cloud(BODY, index) {
+                    // an earlier cloud may be lost, but none may be another one's or distorted
+                    let step = (0..3).find(|step| time_of(*step) == cloud.time);
+                    let step = step.expect("the time of a step");
+                    prop_assert_eq!(cloud, some_cloud(time_of(step), 30, step));
+                }
+            }
+        }
+    }
+}

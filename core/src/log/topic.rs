@@ -1,0 +1,62 @@
+//! The topics of a log.
+
+pub(super) const BALANCE: &str = "/balance";
+pub(super) const PROGRESS: &str = "/progress";
+pub(super) const CHECKPOINT: &str = "/checkpoint";
+pub(super) const INDEX: &str = "/index";
+const PROBES: &str = "/probes/";
+const POINTS: &str = "/points";
+
+/// What a topic holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Topic<'a> {
+    Points(&'a str),
+    Probe(&'a str),
+    Balance,
+    Progress,
+    Checkpoint,
+    Index,
+    /// not ours
+    Other,
+}
+
+impl<'a> Topic<'a> {
+    pub(super) fn of(name: &'a str) -> Self {
+        match name {
+            BALANCE => Self::Balance,
+            PROGRESS => Self::Progress,
+            CHECKPOINT => Self::Checkpoint,
+            INDEX => Self::Index,
+            _ => {
+                if let Some(probe) = name.strip_prefix(PROBES) {
+                    Self::Probe(probe)
+                } else if let Some(body) = name
+                    .strip_prefix('/')
+                    .and_then(|name| name.strip_suffix(POINTS))
+                {
+                    Self::Points(body)
+                } else {
+                    Self::Other
+                }
+            }
+        }
+    }
+
+    /// Point clouds and checkpoints are large and stay in the file until asked for.
+    pub(super) fn is_large(self) -> bool {
+        matches!(self, Self::Points(_) | Self::Checkpoint)
+    }
+}
+
+pub(super) fn points(body: &str) -> String {
+    format!("/{body}{POINTS}")
+}
+
+pub(super) fn probe(name: &str) -> String {
+    format!("{PROBES}{name}")
+}
+
+/// A body's name is one level of a topic, and must not be the level of the probes.
+pub(super) fn is_body_name(name: &str) -> bool {
+    !name.is_empty() && !name.contains('/') && name != "probes"
+}

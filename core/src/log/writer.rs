@@ -1,0 +1,514 @@
+//! Writing the log of a run.
+
+use std::{
+    borrow::Cow,
+    collections::BTreeMap,
+    fs::File,
+    io::{BufWriter, Write},
+    path::{Path, PathBuf},
+};
+
+use mcap::{
+    Attachment, Compression, McapError, WriteOptions,
+    records::{MessageHeader, Metadata},
+};
+use serde_json::{Value, json};
+
+use super::{
+    CloudView, Log, LogError, Precision, Progress, RunInfo, foxglove_schema, point_cloud,
+    scan::IndexLine,
+    series,
+    topic::{self, Topic},
+};
+
+/// Small messages are gathered into chunks of this many bytes, or until the next flush.
+const CHUNK_BYTES: u64 = 1 << 20;
+
+/// A message from this size on gets a chunk of its own.
+const LARGE_BYTES: usize = 1 << 18;
+
+/// The largest protobuf message, less some room for what is not points.
+const MAX_CLOUD_BYTES: usize = (1 << 31) - (1 << 16);
+
+/// The log of a run being written. Dropping it closes the file as [`finish`](Self::finish)
+/// does, but nobody learns whether that worked.
+pub struct Writer {
+    path: PathBuf,
+    mcap: mcap::Writer<BufWriter<File>>,
+    channels: BTreeMap<String, Channel>,
+    clock: Clock,
+    /// the message being encoded; kept because point clouds are large
+    buffer: Vec<u8>,
+}
+
+struct Channel {
+    id: u16,
+    next_sequence: u32,
+    /// names and units, of a time series
+    columns: Vec<(String, String)>,
+}
+
+/// Turns simulated time into `log_time`, see the [module](super).
+#[derive(Default)]
+struct Clock {
+    last: Option<(f64, u64)>,
+}
+
+impl Clock {
+    fn log_time(&mut self, time: f64) -> u64 {
+        let nanoseconds = (time * 1e9).round() as u64;
+        let log_time = match self.last {
+            Some((last, log_time)) if last == time => log_time,
+            Some((_, log_time)) => nanoseconds.max(log_time.saturating_add(1)),
+            None => nanoseconds,
+        };
+        self.last = Some((time, log_time));
+        log_time
+    }
+}
+
+impl Writer {
+    /// Creates the log of a run (an existing file is overwritten) and writes what a reader of an
+    /// unfinished log needs: case, run, and the channels of every body.
+    ///
+    /// # Errors
+    /// The file cannot be written, or a body's name cannot be part of a topic.
+    pub fn create(
+        path: impl AsRef<Path>,
+        run: &RunInfo,
+        case_file_name: &str,
+        case_text: &str,
+    ) -> Result<Self, LogError> {
+        let path = path.as_ref();
+        if let Some(body) = run
+            .bodies
+            .iter()
+            .find(|body| !topic::is_body_name(&body.name))
+        {
+            return Err(LogError::BodyName {
+                name: body.name.clone(),
+            });
+        }
+        let file = File::create(path).map_err(|source| LogError::Io {
+            action: "create",
+            path: path.into(),
+            source,
+        })?;
+        let mcap = WriteOptions::new()
+            .profile("perimelt")
+            .library(concat!("perimelt/", env!("CARGO_PKG_VERSION")))
+            .chunk_size(Some(CHUNK_BYTES))
+            // whole chunks are appended: a killed run never leaves half a header behind
+            .disable_seeking(true)
+            .compression(Some(Compression::Zstd))
+            // the cores belong to the solver: fast level, no threads of its own
+            .compression_level(1)
+            .compression_threads(0)
+            .create(BufWriter::new(file))
+            .map_err(|source| write_error(path, source))?;
+        let mut writer = Self {
+            path: path.into(),
+            mcap,
+            channels: BTreeMap::new(),
+            clock: Clock::default(),
+            buffer: Vec::new(),
+        };
+        writer.describe(run, case_file_name, case_text)?;
+        Ok(writer)
+    }
+
+    fn describe(&mut self, run: &RunInfo, name: &str, text: &str) -> Result<(), LogError> {
+        let nanoseconds = run.started.saturating_mul(1_000_000_000);
+        let case = Attachment {
+            log_time: nanoseconds,
+            create_time: nanoseconds,
+            name: "case.toml".into(),
+            media_type: "application/toml".into(),
+            data: Cow::Borrowed(text.as_bytes()),
+        };
+        self.mcap
+            .attach(&case)
+            .map_err(|source| write_error(&self.path, source))?;
+
+        let wrong = |source| LogError::RunInfo {
+            path: self.path.clone(),
+            source,
+        };
+        let mut description = serde_json::to_value(run).map_err(wrong)?;
+        description["case_file"] = name.into();
+        let entries = description.as_object().into_iter().flatten();
+        let metadata = Metadata {
+            name: "run".into(),
+            metadata: entries
+                .map(|(key, value)| (key.clone(), value.to_string()))
+                .collect(),
+        };
+        self.mcap
+            .write_metadata(&metadata)
+            .map_err(|source| write_error(&self.path, source))?;
+
+        let descriptor = foxglove_schema::file_descriptor_set();
+        for body in &run.bodies {
+            let topic = topic::points(&body.name);
+            let schema = (foxglove_schema::NAME, "protobuf", descriptor.as_slice());
+            self.declare(&topic, schema, "protobuf", Vec::new())?;
+        }
+        let checkpoint = ("perimelt.Checkpoint", "", [].as_slice());
+        self.declare(topic::CHECKPOINT, checkpoint, "msgpack", Vec::new())?;
+        self.declare_json(topic::INDEX, "perimelt.Index", &index_schema(), Vec::new())?;
+        let progress = schemars::schema_for!(Progress).to_value();
+        self.declare_json(topic::PROGRESS, "perimelt.Progress", &progress, Vec::new())?;
+        self.flush()
+    }
+
+    /// Starts the log of a run resumed from checkpoint number `checkpoint` of an older log:
+    /// copies everything logged up to and including the time of that checkpoint, of the
+    /// checkpoints only that one and the one before, and goes on from there. A step should
+    /// therefore log its checkpoint last.
+    ///
+    /// # Errors
+    /// No such checkpoint, the old log is damaged, the new one cannot be written or is the old.
+    pub fn continue_from(
+        old: &Log,
+        path: impl AsRef<Path>,
+        checkpoint: usize,
+    ) -> Result<Self, LogError> {
+        let path = path.as_ref();
+        if let (Ok(new), Ok(old)) = (path.canonicalize(), old.path().canonicalize())
+            && new == old
+        {
+            return Err(LogError::SameFile { path: path.into() });
+        }
+        let (end, oldest_checkpoint) = old.resume_range(checkpoint)?;
+        let mut writer = Self::create(path, old.run(), old.case_name(), old.case_text())?;
+        old.visit_messages(|topic, schema, header, data| {
+            let outdated = header.log_time < oldest_checkpoint
+                && match Topic::of(topic) {
+                    Topic::Checkpoint => true,
+                    Topic::Index => IndexLine::parse(data)?.topic == topic::CHECKPOINT,
+                    _ => false,
+                };
+            if header.log_time > end || outdated {
+                return Ok(());
+            }
+            if matches!(Topic::of(topic), Topic::Probe(_) | Topic::Balance) {
+                let columns = series::columns(schema).map_err(|source| LogError::Json {
+                    topic: topic.into(),
+                    source,
+                })?;
+                writer.declare_series(topic, columns)?;
+            }
+            // anything else unknown was added by another tool and is not the run's
+            if let Some(channel) = writer.channels.get_mut(topic) {
+                channel.next_sequence = header.sequence;
+                writer.write(topic, header.log_time, data)?;
+            }
+            Ok(())
+        })?;
+        writer.clock.last = Some((old.checkpoints()[checkpoint].time, end));
+        writer.flush()?;
+        Ok(writer)
+    }
+
+    /// Logs the points of a body on `/<body>/points`.
+    ///
+    /// # Errors
+    /// Unknown body, a field without as many values as its points need, a cloud beyond 2 GiB,
+    /// or the file cannot be written.
+    pub fn points(
+        &mut self,
+        body: &str,
+        precision: Precision,
+        cloud: &CloudView,
+    ) -> Result<(), LogError> {
+        let topic = topic::points(body);
+        if !self.channels.contains_key(&topic) {
+            return Err(self.unknown_body(body));
+        }
+        for field in cloud.fields {
+            let (body, name) = (|| body.to_owned(), || field.name.to_owned());
+            if let Some(what) = point_cloud::objection(field.name, field.components) {
+                return Err(LogError::Field {
+                    body: body(),
+                    field: name(),
+                    what,
+                });
+            }
+            let expected = cloud.positions.len() * field.components;
+            let found = field.values.len();
+            if found != expected {
+                return Err(LogError::FieldLength {
+                    body: body(),
+                    field: name(),
+                    expected,
+                    found,
+                });
+            }
+        }
+        let bytes = cloud.positions.len() * point_cloud::point_stride(cloud, precision);
+        if bytes > MAX_CLOUD_BYTES {
+            return Err(LogError::CloudTooLarge {
+                body: body.into(),
+                bytes,
+            });
+        }
+        let log_time = self.log_time(&topic, cloud.time)?;
+        self.index(&topic, cloud.time, None)?;
+        let mut buffer = std::mem::take(&mut self.buffer);
+        buffer.clear();
+        point_cloud::encode(&mut buffer, cloud, precision, log_time);
+        let written = self.write(&topic, log_time, &buffer);
+        self.buffer = buffer;
+        written
+    }
+
+    /// Logs a row of the time series `/probes/<name>`: (name, unit, value) of each column.
+    ///
+    /// # Errors
+    /// The columns are not those of the first row, or the file cannot be written.
+    pub fn probe(
+        &mut self,
+        name: &str,
+        time: f64,
+        values: &[(&str, &str, f64)],
+    ) -> Result<(), LogError> {
+        self.series(&topic::probe(name), time, values)
+    }
+
+    /// Logs a row of `/balance`: (name, unit, value) of each column.
+    ///
+    /// # Errors
+    /// The columns are not those of the first row, or the file cannot be written.
+    pub fn balance(&mut self, time: f64, values: &[(&str, &str, f64)]) -> Result<(), LogError> {
+        self.series(topic::BALANCE, time, values)
+    }
+
+    fn series(
+        &mut self,
+        topic: &str,
+        time: f64,
+        values: &[(&str, &str, f64)],
+    ) -> Result<(), LogError> {
+        match self.channels.get(topic) {
+            Some(channel) => {
+                let same = channel.columns.len() == values.len()
+                    && channel
+                        .columns
+                        .iter()
+                        .zip(values)
+                        .all(|(began, now)| began.0 == now.0);
+                if !same {
+                    return Err(LogError::Columns {
+                        topic: topic.into(),
+                        began: channel
+                            .columns
+                            .iter()
+                            .map(|(name, _)| name.clone())
+                            .collect(),
+                        now: values.iter().map(|(name, ..)| (*name).into()).collect(),
+                    });
+                }
+            }
+            None => {
+                let columns = values
+                    .iter()
+                    .map(|(name, unit, _)| ((*name).into(), (*unit).into()));
+                self.declare_series(topic, columns.collect())?;
+            }
+        }
+        self.json(topic, time, &series::message(time, values))
+    }
+
+    /// Logs how far the run has come.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn progress(&mut self, progress: &Progress) -> Result<(), LogError> {
+        let message = serde_json::to_value(progress).map_err(|source| LogError::Json {
+            topic: topic::PROGRESS.into(),
+            source,
+        })?;
+        self.json(topic::PROGRESS, progress.time, &message)
+    }
+
+    /// Logs everything needed to go on after `step` macro steps.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn checkpoint(&mut self, time: f64, step: u64, state: &[u8]) -> Result<(), LogError> {
+        let log_time = self.log_time(topic::CHECKPOINT, time)?;
+        self.index(topic::CHECKPOINT, time, Some(step))?;
+        self.write(topic::CHECKPOINT, log_time, state)
+    }
+
+    /// Ends the chunk and hands everything to the operating system: what was logged up to here
+    /// survives if the run is killed.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn flush(&mut self) -> Result<(), LogError> {
+        self.mcap
+            .flush()
+            .map_err(|source| write_error(&self.path, source))
+    }
+
+    /// Writes the summary and closes the file.
+    ///
+    /// # Errors
+    /// The file cannot be written; what was flushed before can still be read.
+    pub fn finish(mut self) -> Result<(), LogError> {
+        self.mcap
+            .finish()
+            .map_err(|source| write_error(&self.path, source))?;
+        let mut file = self.mcap.into_inner();
+        file.flush()
+            .and_then(|()| file.get_ref().sync_all())
+            .map_err(|source| write_error(&self.path, McapError::Io(source)))
+    }
+
+    /// Announces a point cloud or checkpoint with its exact time.
+    fn index(&mut self, topic: &str, time: f64, step: Option<u64>) -> Result<(), LogError> {
+        self.json(
+            topic::INDEX,
+            time,
+            &json!({"time": time, "topic": topic, "step": step}),
+        )
+    }
+
+    fn json(&mut self, topic: &str, time: f64, message: &Value) -> Result<(), LogError> {
+        let log_time = self.log_time(topic, time)?;
+        self.write(topic, log_time, message.to_string().as_bytes())
+    }
+
+    fn log_time(&mut self, topic: &str, time: f64) -> Result<u64, LogError> {
+        if time.is_finite() {
+            Ok(self.clock.log_time(time))
+        } else {
+            Err(LogError::Time {
+                topic: topic.into(),
+                time,
+            })
+        }
+    }
+
+    /// Writes a message to a declared channel.
+    fn write(&mut self, topic: &str, log_time: u64, data: &[u8]) -> Result<(), LogError> {
+        let channel = self
+            .channels
+            .get_mut(topic)
+            .expect("every topic is declared before");
+        let header = MessageHeader {
+            channel_id: channel.id,
+            sequence: channel.next_sequence,
+            log_time,
+            publish_time: log_time,
+        };
+        channel.next_sequence += 1;
+        let alone = data.len() >= LARGE_BYTES;
+        let mut write = || -> Result<(), McapError> {
+            if alone {
+                self.mcap.flush()?;
+            }
+            self.mcap.write_to_known_channel(&header, data)?;
+            if alone {
+                self.mcap.flush()?;
+            }
+            Ok(())
+        };
+        write().map_err(|source| write_error(&self.path, source))
+    }
+
+    fn declare_series(
+        &mut self,
+        topic: &str,
+        columns: Vec<(String, String)>,
+    ) -> Result<(), LogError> {
+        let name = format!("perimelt{}", topic.replace('/', "."));
+        self.declare_json(topic, &name, &series::schema(&columns), columns)
+    }
+
+    fn declare_json(
+        &mut self,
+        topic: &str,
+        name: &str,
+        schema: &Value,
+        columns: Vec<(String, String)>,
+    ) -> Result<(), LogError> {
+        let schema = schema.to_string();
+        self.declare(
+            topic,
+            (name, "jsonschema", schema.as_bytes()),
+            "json",
+            columns,
+        )
+    }
+
+    /// Declares a channel, if it is not yet; `schema` is name, encoding, data.
+    fn declare(
+        &mut self,
+        topic: &str,
+        schema: (&str, &str, &[u8]),
+        encoding: &str,
+        columns: Vec<(String, String)>,
+    ) -> Result<(), LogError> {
+        if self.channels.contains_key(topic) {
+            return Ok(());
+        }
+        let (name, schema_encoding, data) = schema;
+        let id = self
+            .mcap
+            .add_schema(name, schema_encoding, data)
+            .and_then(|schema| {
+                self.mcap
+                    .add_channel(schema, topic, encoding, &BTreeMap::new())
+            })
+            .map_err(|source| write_error(&self.path, source))?;
+        self.channels.insert(
+            topic.into(),
+            Channel {
+                id,
+                next_sequence: 0,
+                columns,
+            },
+        );
+        Ok(())
+    }
+
+    fn unknown_body(&self, body: &str) -> LogError {
+        let known = self
+            .channels
+            .keys()
+            .filter_map(|topic| match Topic::of(topic) {
+                Topic::Points(body) => Some(body.to_owned()),
+                _ => None,
+            });
+        LogError::UnknownBody {
+            body: body.into(),
+            known: known.collect(),
+        }
+    }
+}
+
+fn index_schema() -> Value {
+    json!({
+        "type": "object",
+        "properties": {
+            "time": {"type": "number", "unit": "s"},
+            "topic": {"type": "string"},
+            "step": {"type": "integer"},
+        },
+        "required": ["time", "topic"],
+    })
+}
+
+fn write_error(path: &Path, source: McapError) -> LogError {
+    let path = path.into();
+    match source {
+        McapError::Io(source) => LogError::Io {
+            action: "write",
+            path,
+            source,
+        },
+        source => LogError::Mcap { path, source },
+    }
+}
