@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
+use crate::family::Cut;
 use crate::material::Material;
 use crate::shape::{Bounds, Shape};
 
@@ -198,6 +199,8 @@ pub struct Body {
     pub regions: BTreeMap<String, Region>,
     /// How families are stored.
     pub store: Store,
+    /// Cracks, which no bond crosses.
+    pub cuts: Vec<Cut>,
 }
 
 /// Mistakes in the description of a body.
@@ -322,6 +325,7 @@ impl Body {
             materials: Vec::new(),
             regions: BTreeMap::new(),
             store: Store::default(),
+            cuts: Vec::new(),
         })
     }
 

@@ -72,6 +72,20 @@ pub mod keys {
     /// Heat added per volume and time, W/m³ (sink field of the thermal physics).
     pub const HEAT_SOURCE: Key<f64> =
         Key::new("heat_source", "W/m3", "heat added per volume and time");
+    /// How often a point's temperature is held: 0 where it is free, one for each boundary that
+    /// holds it (sink field of the thermal physics; the value is in [`HELD_TEMPERATURE`]).
+    pub const TEMPERATURE_CONSTRAINT: Key<f64> = Key::new(
+        "temperature_constraint",
+        "1",
+        "number of boundaries that hold the temperature of the point",
+    );
+    /// Sum of the temperatures at which boundaries hold a point, K; divided by
+    /// [`TEMPERATURE_CONSTRAINT`] it is the value to take (sink field of the thermal physics).
+    pub const HELD_TEMPERATURE: Key<f64> = Key::new(
+        "held_temperature",
+        "K",
+        "sum of the temperatures at which boundaries hold the point",
+    );
     /// Share of liquid, 0 to 1.
     pub const LIQUID_FRACTION: Key<f64> = Key::new("liquid_fraction", "1", "share of liquid");
     /// Displacement from the reference position, m.
@@ -80,19 +94,32 @@ pub mod keys {
         "m",
         "displacement from the reference position",
     );
+    /// How often a component of the displacement is held: 0 where it is free, one for each
+    /// boundary that holds it (sink field of the mechanical physics; the value is in
+    /// [`HELD_DISPLACEMENT`]).
+    pub const CONSTRAINT: Key<Vector3<f64>> = Key::new(
+        "constraint",
+        "1",
+        "number of boundaries that hold each component of the displacement",
+    );
+    /// Sum of the displacements at which boundaries hold a point, m; divided by
+    /// [`CONSTRAINT`], component by component, it is the value to take (sink field of the
+    /// mechanical physics).
+    pub const HELD_DISPLACEMENT: Key<Vector3<f64>> = Key::new(
+        "held_displacement",
+        "m",
+        "sum of the displacements at which boundaries hold the point",
+    );
     /// Velocity, m/s.
     pub const VELOCITY: Key<Vector3<f64>> = Key::new("velocity", "m/s", "velocity");
     /// Force per volume, N/m³ (sink field of the mechanical physics).
     pub const BODY_FORCE: Key<Vector3<f64>> = Key::new("body_force", "N/m3", "force per volume");
     /// Isotropic stress-free strain, for example alpha (T - T_ref) (sink field of the mechanical physics).
     pub const EIGENSTRAIN: Key<f64> = Key::new("eigenstrain", "1", "isotropic stress-free strain");
-    /// Rate of the elastic energy density's derivative by the eigenstrain, Pa/s: the power that
-    /// one unit of eigenstrain takes from the motion. `heat from deformation = -alpha T` times it.
-    pub const EIGENSTRESS_RATE: Key<f64> = Key::new(
-        "eigenstress_rate",
-        "Pa/s",
-        "rate of the stress conjugate to the eigenstrain",
-    );
+    /// Stress conjugate to the eigenstrain, `dW/d(strain)` summed over the bonds, Pa. Heat from
+    /// deformation is `-alpha T` times its change.
+    pub const EIGENSTRESS: Key<f64> =
+        Key::new("eigenstress", "Pa", "stress conjugate to the eigenstrain");
 }
 
 /// Index of a field in a [`Fields`] store.
@@ -131,6 +158,12 @@ handle! {
 handle! {
     /// Permission to read and write a field: its owner, its only writer, or an adder into a sink.
     Write
+}
+
+impl<T> From<Write<T>> for Read<T> {
+    fn from(write: Write<T>) -> Self {
+        Read::new(write.field)
+    }
 }
 
 /// Components of a field, by type.
@@ -226,6 +259,9 @@ impl Fields {
         key: &Key<T>,
     ) -> Result<FieldIndex, usize> {
         if let Some(index) = self.find(body, &key.name) {
+            if self.fields[index].unit.is_empty() {
+                self.fields[index].unit = key.unit.to_string();
+            }
             let present = self.fields[index].data.borrow().components();
             return if present == T::COMPONENTS {
                 Ok(index)

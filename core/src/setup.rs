@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use crate::body::{Body, Face, Region};
 use crate::error::{Problem, SetupError};
-use crate::family::{Family, FamilySpec, LayerRule};
+use crate::family::{Cut, Family, FamilySpec, LayerRule};
 use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write};
 use crate::material::{EnthalpyCurve, Material, MaterialError, Property};
 use crate::world::{BodyIndex, LayerHandle, Layers, LayersHandle, PhaseChange, World};
@@ -30,6 +30,8 @@ pub enum Access {
     ReadIfProvided,
     /// Sets the layer behind a face.
     Layer,
+    /// Sets the layer behind a face if somebody owns the field.
+    LayerIfProvided,
 }
 
 impl Access {
@@ -45,7 +47,10 @@ impl Access {
     }
 
     pub(crate) fn writes(self) -> bool {
-        matches!(self, Access::Write | Access::Add | Access::Layer)
+        matches!(
+            self,
+            Access::Write | Access::Add | Access::Layer | Access::LayerIfProvided
+        )
     }
 }
 
@@ -200,6 +205,12 @@ impl<'w> Setup<'w> {
             .collect()
     }
 
+    /// Cuts a body: no family obtained from now on has bonds across `cut`. Called by crack
+    /// couplers, which are prepared before all physics.
+    pub fn cut(&mut self, body: BodyIndex, cut: Cut) {
+        self.world.bodies[body].cuts.push(cut);
+    }
+
     /// Lets a body melt and freeze; called by the phase-change coupler.
     pub fn set_phase_change(&mut self, body: BodyIndex, change: PhaseChange) {
         self.world.phase_change[body] = Some(change);
@@ -350,6 +361,15 @@ impl<'w> Setup<'w> {
         self.declare(body, key, Access::Read).map(Read::new)
     }
 
+    /// Whether a plugin prepared before the calling one reads the field of `key`: a derived
+    /// field that nobody reads need not be computed.
+    pub fn is_read<T: Value>(&self, body: BodyIndex, key: &Key<T>) -> bool {
+        let field = self.world.fields.find(body, &key.name);
+        self.declarations
+            .iter()
+            .any(|d| Some(d.field) == field && d.access.reads())
+    }
+
     /// A field that the calling plugin reads where it exists.
     ///
     /// # Errors
@@ -394,6 +414,31 @@ impl<'w> Setup<'w> {
         face: Face,
         prescribed: bool,
     ) -> Result<LayerHandle, SetupError> {
+        self.claim_layer(body, key, face, prescribed, Access::Layer)
+    }
+
+    /// As [`Setup::layer`], not prescribed, for a boundary that also makes sense where nobody
+    /// owns the field.
+    ///
+    /// # Errors
+    /// As [`Setup::layer`].
+    pub fn layer_if_provided<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+        face: Face,
+    ) -> Result<LayerHandle, SetupError> {
+        self.claim_layer(body, key, face, false, Access::LayerIfProvided)
+    }
+
+    fn claim_layer<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+        face: Face,
+        prescribed: bool,
+        access: Access,
+    ) -> Result<LayerHandle, SetupError> {
         if face.axis() >= self.body(body).dimension {
             let dimension = self.body(body).dimension;
             return Err(SetupError::value(
@@ -402,7 +447,7 @@ impl<'w> Setup<'w> {
                 "a face within the body's dimensions",
             ));
         }
-        self.declare(body, key, Access::Layer)?;
+        self.declare(body, key, access)?;
         let layers = self.layers_of(body, &key.name);
         let entry = &mut self.world.layers[layers];
         let rules = entry.rules.get_mut();

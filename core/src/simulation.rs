@@ -561,11 +561,15 @@ impl Simulation {
     /// last pass is not relaxed, so that balances hold.
     fn iterate(&mut self, end: f64, logging: bool, iteration: Iteration) -> Result<(), RunError> {
         let before = self.save_physics()?;
+        let couplers_before = self.save_couplers()?;
         let advanced_to = self.clock.advanced_to.clone();
         let mut guess: Option<Vec<Vec<f64>>> = None;
         let mut last_residual: Vec<f64> = Vec::new();
         let mut relaxation = 1.0;
         for pass in 1..=iteration.passes {
+            if pass > 1 {
+                self.restore_couplers(&couplers_before)?;
+            }
             for p in 0..self.physics.len() {
                 if !self.is_due(p, logging) {
                     continue;
@@ -682,6 +686,21 @@ impl Simulation {
         self.physics[p].plugin.load(&mut erased).map_err(broken)
     }
 
+    fn save_couplers(&self) -> Result<Vec<serde_bytes::ByteBuf>, RunError> {
+        let save = |c: &Named<dyn Coupler>| Ok(pack(&*c.plugin.save())?.into());
+        self.couplers.iter().map(save).collect()
+    }
+
+    fn restore_couplers(&mut self, saved: &[serde_bytes::ByteBuf]) -> Result<(), RunError> {
+        for (c, state) in self.couplers.iter_mut().zip(saved) {
+            let mut source = rmp_serde::Deserializer::from_read_ref(state);
+            let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
+            let broken = |e| RunError::Checkpoint(format!("state of {}: {e}", c.label));
+            c.plugin.load(&mut erased).map_err(broken)?;
+        }
+        Ok(())
+    }
+
     /// Conserved totals of all physics: label and balances.
     pub fn balances(&self) -> Vec<(&str, Vec<Balance>)> {
         self.physics
@@ -731,11 +750,7 @@ impl Simulation {
                 .iter()
                 .map(|p| Ok(pack(&*p.plugin.save())?.into()))
                 .collect::<Result<_, RunError>>()?,
-            couplers: self
-                .couplers
-                .iter()
-                .map(|c| Ok(pack(&*c.plugin.save())?.into()))
-                .collect::<Result<_, RunError>>()?,
+            couplers: self.save_couplers()?,
         };
         rmp_serde::to_vec(&checkpoint).map_err(|e| RunError::Checkpoint(e.to_string()))
     }
@@ -775,13 +790,7 @@ impl Simulation {
                 .load(&mut erased)
                 .map_err(|e| misfit(format!("state of {}: {e}", p.label)))?;
         }
-        for (c, state) in self.couplers.iter_mut().zip(&saved.couplers) {
-            let mut source = rmp_serde::Deserializer::from_read_ref(state);
-            let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
-            c.plugin
-                .load(&mut erased)
-                .map_err(|e| misfit(format!("state of {}: {e}", c.label)))?;
-        }
+        self.restore_couplers(&saved.couplers)?;
         self.clock = saved.clock;
         self.find_steps();
         Ok(())

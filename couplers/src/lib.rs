@@ -1,4 +1,14 @@
-//! Couplers: what one field does to another, and what the surroundings do to a body.
+//! Couplers.
 
+pub mod boundary;
+pub mod deformation_heat;
+pub mod expansion;
+pub mod in_time;
+pub mod phase_change;
 pub mod source;
+mod surface;
+#[cfg(test)]
+mod testing;
 pub mod toolpath;
+
+pub use in_time::InTime;

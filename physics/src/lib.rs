@@ -1,1 +1,9 @@
-//! Physics plugins.
+//! Physics plugins: things with a state that the scheduler steps.
+//!
+//! | type | owns | consumes |
+//! |---|---|---|
+//! | `thermal` | `temperature`, `enthalpy` | `heat_source` |
+//! | `mechanical` | `displacement`, `velocity`, `eigenstress` | `eigenstrain`, `body_force` |
+
+pub mod mechanical;
+pub mod thermal;

@@ -3,8 +3,8 @@
 use crate::body::{Body, Face, Store};
 
 use super::{
-    Bond, Chunk, Correction, Family, FamilyError, FamilySpec, Ghost, PartialVolume, Rows, Span,
-    StencilBond,
+    Bond, Chunk, Correction, Cut, Family, FamilyError, FamilySpec, Ghost, PartialVolume, Rows,
+    Span, StencilBond,
 };
 
 /// Points per chunk: small enough to balance two to many cores, large enough to amortise.
@@ -93,6 +93,16 @@ impl Family {
             }
         }
 
+        let cuts = cuts(body, spec);
+        let severed = |point: usize, bond: &Bond| {
+            let from = &body.points.position[point];
+            // most points are far from all cuts
+            cuts.iter().any(|cut| {
+                cut.distance(from).abs() <= 2.0 * bond.length
+                    && cut.crosses(from, &(from + nalgebra::Vector3::from(bond.xi)))
+            })
+        };
+
         let steps: Vec<(isize, Bond)> = stencil
             .iter()
             .map(|(step, bond)| (padded.offset(*step), *bond))
@@ -120,8 +130,9 @@ impl Family {
             target / full
         };
 
-        // per-point factors only where they differ from the lattice factor
-        let cut = |point: usize| spec.correction == Correction::Point && !complete[point];
+        // per-point factors only where they differ from the lattice factor; a cut does not
+        // count as missing material: at a crack nothing is repaired (spec 02, 4.3)
+        let truncated = |point: usize| spec.correction == Correction::Point && !complete[point];
         let factor: Vec<[f64; 3]> = if spec.correction == Correction::Point {
             (0..body.points.len())
                 .map(|p| {
@@ -151,11 +162,12 @@ impl Family {
         let mut bonds = 0;
         for (point, &slot) in slot_of_point.iter().enumerate() {
             let members = || {
-                steps
+                let present = steps
                     .iter()
-                    .filter_map(|(o, b)| Some((neighbour(slot, *o)?, b)))
+                    .filter(|(_, b)| cuts.is_empty() || !severed(point, b));
+                present.filter_map(|(o, b)| Some((neighbour(slot, *o)?, b)))
             };
-            let count = if complete[point] {
+            let count = if complete[point] && cuts.is_empty() {
                 steps.len()
             } else {
                 members().count()
@@ -179,8 +191,8 @@ impl Family {
                 }
             };
             let uneven = spec.correction == Correction::Point
-                && (cut(point) || members().any(|(s, _)| cut(mirror_of[s] as usize)));
-            in_rows[point] = body.store == Store::List || !complete[point] || uneven;
+                && (truncated(point) || members().any(|(s, _)| truncated(mirror_of[s] as usize)));
+            in_rows[point] = body.store == Store::List || count < steps.len() || uneven;
             if in_rows[point] {
                 rows.push(point, slot, members().map(|(s, b)| (s, corrected(s, b))));
             }
@@ -224,6 +236,17 @@ impl Family {
             chunks,
         })
     }
+}
+
+/// The cuts of the body and their images behind the faces where it continues as a mirror.
+fn cuts(body: &Body, spec: &FamilySpec) -> Vec<Cut> {
+    let mut cuts = body.cuts.clone();
+    for &face in spec.layers.iter().filter(|f| f.axis() < body.dimension) {
+        let position = body.face_position(face);
+        let images: Vec<Cut> = cuts.iter().map(|c| c.mirrored(face, position)).collect();
+        cuts.extend(images);
+    }
+    cuts
 }
 
 /// Members of a complete family as lattice steps, with partial volumes, ordered z, y, x.

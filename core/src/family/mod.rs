@@ -2,7 +2,7 @@
 //!
 //! 1. A physics describes the family it wants ([`FamilySpec`]): horizon, partial-volume rule,
 //!    correction, and the faces behind which the body goes on as a mirrored layer.
-//! 2. [`Family::build`] lays out *slots*: one for each point and one for each layer point
+//! 2. [`Family::build`] leaves out bonds across the body's [`Cut`]s and lays out *slots*: one for each point and one for each layer point
 //!    (*ghost*). Kernel inputs live in slot space ([`Family::scatter`], [`Family::fill_layers`]).
 //! 3. [`Family::sum`] evaluates a [`BondKernel`] over all bonds of all points.
 //!
@@ -12,8 +12,10 @@
 //! bonds of a point in the same order, so they agree to rounding.
 
 mod build;
+mod cut;
 mod kernel;
 
+pub use cut::Cut;
 pub use kernel::{Bond, BondKernel};
 
 use std::ops::Range;

@@ -30,6 +30,7 @@ mod point_cloud;
 mod reader;
 mod scan;
 mod series;
+mod source;
 mod topic;
 mod writer;
 

@@ -294,3 +294,42 @@ fn number(bytes: &[u8]) -> f64 {
         _ => unreachable!("elements are four or eight bytes wide"),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::log::FieldView;
+
+    #[test]
+    fn tensor_elements_are_named_by_row_then_column() {
+        let stress = nalgebra::Matrix3::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0);
+        let field = FieldView {
+            name: "stress",
+            components: 9,
+            values: stress.as_slice(),
+        };
+        let cloud = CloudView {
+            time: 0.0,
+            positions: &[[0.0; 3]],
+            fields: &[field],
+        };
+        let mut buffer = Vec::new();
+        encode(&mut buffer, &cloud, Precision::F64, 0);
+        let message = PointCloud::decode(buffer.as_slice()).expect("just encoded");
+        for (row, r) in VECTOR.iter().enumerate() {
+            for (column, c) in VECTOR.iter().enumerate() {
+                let name = format!("stress.{r}{c}");
+                let element = message
+                    .fields
+                    .iter()
+                    .find(|f| f.name == name)
+                    .expect("is there");
+                let start = element.offset as usize;
+                assert_eq!(
+                    number(&message.data[start..start + 8]),
+                    stress[(row, column)]
+                );
+            }
+        }
+    }
+}

@@ -12,7 +12,8 @@ use serde_json::{Map, Value};
 use super::{
     CheckpointInfo, Cloud, Ending, LogError, Progress, RunInfo, Series,
     point_cloud::{self, Undecodable},
-    scan::{Contents, MessagePlace, Source},
+    scan::{Contents, MessagePlace},
+    source::Source,
     topic,
 };
 

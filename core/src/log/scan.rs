@@ -4,30 +4,16 @@
 //! tell enough. The summary at the end of the file is not needed, so an unfinished log is read
 //! like any other, up to the first record that is incomplete or damaged.
 
-use std::{
-    collections::{BTreeMap, HashMap},
-    fs::File,
-    io::{BufReader, Read, Seek},
-    path::{Path, PathBuf},
-};
+use std::collections::{BTreeMap, HashMap};
 
-use mcap::{
-    McapError,
-    records::{MessageHeader, MessageIndex, Record, op},
-    sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions},
-};
+use mcap::records::{MessageHeader, MessageIndex, Record, op};
 use serde::Deserialize;
 
 use super::{
     CheckpointInfo, LogError, Progress, Series, series,
+    source::{Place, Source},
     topic::{self, Topic},
 };
-
-/// No chunk is unpacked to more bytes than this: a damaged size must not take all memory.
-const MAX_RECORD_BYTES: usize = 1 << 33;
-
-/// Bytes of the opcode and the length before each record.
-const RECORD_HEAD: u64 = 9;
 
 /// How a log ends.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,13 +32,6 @@ pub enum Ending {
         /// what is wrong with it
         what: String,
     },
-}
-
-/// A record, or rather where it is in the file.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
-    offset: u64,
-    length: u64,
 }
 
 /// A message: the `ordinal`-th of its channel in the chunk at `place`.
@@ -85,126 +64,6 @@ impl IndexLine {
             topic: topic::INDEX.into(),
             source,
         })
-    }
-}
-
-/// The file, and where in it we are.
-pub(super) struct Source {
-    pub(super) path: PathBuf,
-    reader: BufReader<File>,
-    position: u64,
-    length: u64,
-}
-
-impl Source {
-    pub(super) fn open(path: &Path) -> Result<Self, LogError> {
-        let error = |source| LogError::Io {
-            action: "read",
-            path: path.into(),
-            source,
-        };
-        let file = File::open(path).map_err(error)?;
-        let length = file.metadata().map_err(error)?.len();
-        let mut source = Self {
-            path: path.into(),
-            reader: BufReader::new(file),
-            position: 0,
-            length,
-        };
-        let mut magic = [0; mcap::MAGIC.len()];
-        if length < magic.len() as u64 {
-            return Err(LogError::NotMcap { path: path.into() });
-        }
-        source.read(0, &mut magic)?;
-        if magic != mcap::MAGIC {
-            return Err(LogError::NotMcap { path: path.into() });
-        }
-        Ok(source)
-    }
-
-    fn read(&mut self, offset: u64, buffer: &mut [u8]) -> Result<(), LogError> {
-        let mut read = || {
-            // keeps what is buffered, which `seek` would not
-            self.reader
-                .seek_relative(offset as i64 - self.position as i64)?;
-            self.position = offset;
-            self.reader.read_exact(buffer)?;
-            self.position += buffer.len() as u64;
-            Ok(())
-        };
-        let result = read();
-        if result.is_err() {
-            self.position = self.reader.stream_position().unwrap_or_default();
-        }
-        result.map_err(|source| LogError::Io {
-            action: "read",
-            path: self.path.clone(),
-            source,
-        })
-    }
-
-    /// Opcode and place of the record at `offset`, `None` if it is incomplete.
-    fn record(&mut self, offset: u64) -> Result<Option<(u8, Place)>, LogError> {
-        let left = self.length.saturating_sub(offset);
-        if left < RECORD_HEAD {
-            return Ok(None);
-        }
-        let mut head = [0; RECORD_HEAD as usize];
-        self.read(offset, &mut head)?;
-        let [opcode, length @ ..] = head;
-        let body = u64::from_le_bytes(length);
-        Ok((body <= left - RECORD_HEAD).then_some((
-            opcode,
-            Place {
-                offset,
-                length: RECORD_HEAD + body,
-            },
-        )))
-    }
-
-    /// Visits the record at `place`, or if it is a chunk the records in it, after its checksum.
-    pub(super) fn visit(
-        &mut self,
-        place: Place,
-        mut visit: impl FnMut(Record) -> Result<(), LogError>,
-    ) -> Result<(), LogError> {
-        let path = self.path.clone();
-        let damaged = |source| LogError::Damaged {
-            path: path.clone(),
-            offset: place.offset,
-            source,
-        };
-        let mut reader = LinearReader::new_with_options(
-            LinearReaderOptions::default()
-                .with_skip_start_magic(true)
-                .with_skip_end_magic(true)
-                .with_prevalidate_chunk_crcs(true)
-                .with_record_length_limit(MAX_RECORD_BYTES),
-        );
-        let mut done = 0;
-        while let Some(event) = reader.next_event() {
-            match event.map_err(damaged)? {
-                LinearReadEvent::ReadRequest(wanted) => {
-                    let bytes = (wanted as u64).min(place.length - done) as usize;
-                    self.read(place.offset + done, reader.insert(bytes))?;
-                    reader.notify_read(bytes);
-                    done += bytes as u64;
-                }
-                LinearReadEvent::Record { data, opcode } => {
-                    if opcode == op::ATTACHMENT && !attachment_fits(data) {
-                        return Err(damaged(McapError::UnexpectedEof));
-                    }
-                    visit(mcap::parse_record(opcode, data).map_err(damaged)?)?;
-                }
-            }
-        }
-        Ok(())
-    }
-
-    fn ends_with_magic(&mut self) -> Result<bool, LogError> {
-        let mut magic = [0; mcap::MAGIC.len()];
-        self.read(self.length - magic.len() as u64, &mut magic)?;
-        Ok(magic == mcap::MAGIC)
     }
 }
 
@@ -422,20 +281,6 @@ impl Contents {
             .copied()
             .unwrap_or(rounded)
     }
-}
-
-/// Whether an attachment is long enough for its header and checksum; the library takes that for
-/// granted.
-fn attachment_fits(record: &[u8]) -> bool {
-    let text_end = |start: usize| {
-        let bytes = record.get(start..start.checked_add(4)?)?;
-        let length = u32::from_le_bytes(bytes.try_into().ok()?);
-        start.checked_add(4 + length as usize)
-    };
-    // two times, name, media type, length of the data; then the checksum
-    text_end(16)
-        .and_then(text_end)
-        .is_some_and(|end| end + 8 + 4 <= record.len())
 }
 
 /// Damage ends the log there; any other error is one of the reader's.

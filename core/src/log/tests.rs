@@ -1,5 +1,7 @@
 //! Round trips, cut and damaged files, resumed logs.
 
+#![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
 use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;

@@ -1,23 +1,20 @@
 //! Writing the log of a run.
 
+mod channels;
+mod resume;
+
 use std::{
-    borrow::Cow,
     collections::BTreeMap,
     fs::File,
     io::{BufWriter, Write},
     path::{Path, PathBuf},
 };
 
-use mcap::{
-    Attachment, Compression, McapError, WriteOptions,
-    records::{MessageHeader, Metadata},
-};
+use mcap::{Compression, McapError, WriteOptions, records::MessageHeader};
 use serde_json::{Value, json};
 
 use super::{
-    CloudView, Log, LogError, Precision, Progress, RunInfo, foxglove_schema, point_cloud,
-    scan::IndexLine,
-    series,
+    CloudView, LogError, Precision, Progress, RunInfo, point_cloud, series,
     topic::{self, Topic},
 };
 
@@ -114,99 +111,6 @@ impl Writer {
             buffer: Vec::new(),
         };
         writer.describe(run, case_file_name, case_text)?;
-        Ok(writer)
-    }
-
-    fn describe(&mut self, run: &RunInfo, name: &str, text: &str) -> Result<(), LogError> {
-        let nanoseconds = run.started.saturating_mul(1_000_000_000);
-        let case = Attachment {
-            log_time: nanoseconds,
-            create_time: nanoseconds,
-            name: "case.toml".into(),
-            media_type: "application/toml".into(),
-            data: Cow::Borrowed(text.as_bytes()),
-        };
-        self.mcap
-            .attach(&case)
-            .map_err(|source| write_error(&self.path, source))?;
-
-        let wrong = |source| LogError::RunInfo {
-            path: self.path.clone(),
-            source,
-        };
-        let mut description = serde_json::to_value(run).map_err(wrong)?;
-        description["case_file"] = name.into();
-        let entries = description.as_object().into_iter().flatten();
-        let metadata = Metadata {
-            name: "run".into(),
-            metadata: entries
-                .map(|(key, value)| (key.clone(), value.to_string()))
-                .collect(),
-        };
-        self.mcap
-            .write_metadata(&metadata)
-            .map_err(|source| write_error(&self.path, source))?;
-
-        let descriptor = foxglove_schema::file_descriptor_set();
-        for body in &run.bodies {
-            let topic = topic::points(&body.name);
-            let schema = (foxglove_schema::NAME, "protobuf", descriptor.as_slice());
-            self.declare(&topic, schema, "protobuf", Vec::new())?;
-        }
-        let checkpoint = ("perimelt.Checkpoint", "", [].as_slice());
-        self.declare(topic::CHECKPOINT, checkpoint, "msgpack", Vec::new())?;
-        self.declare_json(topic::INDEX, "perimelt.Index", &index_schema(), Vec::new())?;
-        let progress = schemars::schema_for!(Progress).to_value();
-        self.declare_json(topic::PROGRESS, "perimelt.Progress", &progress, Vec::new())?;
-        self.flush()
-    }
-
-    /// Starts the log of a run resumed from checkpoint number `checkpoint` of an older log:
-    /// copies everything logged up to and including the time of that checkpoint, of the
-    /// checkpoints only that one and the one before, and goes on from there. A step should
-    /// therefore log its checkpoint last.
-    ///
-    /// # Errors
-    /// No such checkpoint, the old log is damaged, the new one cannot be written or is the old.
-    pub fn continue_from(
-        old: &Log,
-        path: impl AsRef<Path>,
-        checkpoint: usize,
-    ) -> Result<Self, LogError> {
-        let path = path.as_ref();
-        if let (Ok(new), Ok(old)) = (path.canonicalize(), old.path().canonicalize())
-            && new == old
-        {
-            return Err(LogError::SameFile { path: path.into() });
-        }
-        let (end, oldest_checkpoint) = old.resume_range(checkpoint)?;
-        let mut writer = Self::create(path, old.run(), old.case_name(), old.case_text())?;
-        old.visit_messages(|topic, schema, header, data| {
-            let outdated = header.log_time < oldest_checkpoint
-                && match Topic::of(topic) {
-                    Topic::Checkpoint => true,
-                    Topic::Index => IndexLine::parse(data)?.topic == topic::CHECKPOINT,
-                    _ => false,
-                };
-            if header.log_time > end || outdated {
-                return Ok(());
-            }
-            if matches!(Topic::of(topic), Topic::Probe(_) | Topic::Balance) {
-                let columns = series::columns(schema).map_err(|source| LogError::Json {
-                    topic: topic.into(),
-                    source,
-                })?;
-                writer.declare_series(topic, columns)?;
-            }
-            // anything else unknown was added by another tool and is not the run's
-            if let Some(channel) = writer.channels.get_mut(topic) {
-                channel.next_sequence = header.sequence;
-                writer.write(topic, header.log_time, data)?;
-            }
-            Ok(())
-        })?;
-        writer.clock.last = Some((old.checkpoints()[checkpoint].time, end));
-        writer.flush()?;
         Ok(writer)
     }
 
@@ -418,62 +322,6 @@ impl Writer {
         write().map_err(|source| write_error(&self.path, source))
     }
 
-    fn declare_series(
-        &mut self,
-        topic: &str,
-        columns: Vec<(String, String)>,
-    ) -> Result<(), LogError> {
-        let name = format!("perimelt{}", topic.replace('/', "."));
-        self.declare_json(topic, &name, &series::schema(&columns), columns)
-    }
-
-    fn declare_json(
-        &mut self,
-        topic: &str,
-        name: &str,
-        schema: &Value,
-        columns: Vec<(String, String)>,
-    ) -> Result<(), LogError> {
-        let schema = schema.to_string();
-        self.declare(
-            topic,
-            (name, "jsonschema", schema.as_bytes()),
-            "json",
-            columns,
-        )
-    }
-
-    /// Declares a channel, if it is not yet; `schema` is name, encoding, data.
-    fn declare(
-        &mut self,
-        topic: &str,
-        schema: (&str, &str, &[u8]),
-        encoding: &str,
-        columns: Vec<(String, String)>,
-    ) -> Result<(), LogError> {
-        if self.channels.contains_key(topic) {
-            return Ok(());
-        }
-        let (name, schema_encoding, data) = schema;
-        let id = self
-            .mcap
-            .add_schema(name, schema_encoding, data)
-            .and_then(|schema| {
-                self.mcap
-                    .add_channel(schema, topic, encoding, &BTreeMap::new())
-            })
-            .map_err(|source| write_error(&self.path, source))?;
-        self.channels.insert(
-            topic.into(),
-            Channel {
-                id,
-                next_sequence: 0,
-                columns,
-            },
-        );
-        Ok(())
-    }
-
     fn unknown_body(&self, body: &str) -> LogError {
         let known = self
             .channels
@@ -487,18 +335,6 @@ impl Writer {
             known: known.collect(),
         }
     }
-}
-
-fn index_schema() -> Value {
-    json!({
-        "type": "object",
-        "properties": {
-            "time": {"type": "number", "unit": "s"},
-            "topic": {"type": "string"},
-            "step": {"type": "integer"},
-        },
-        "required": ["time", "topic"],
-    })
 }
 
 fn write_error(path: &Path, source: McapError) -> LogError {

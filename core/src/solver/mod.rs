@@ -1,2 +1,48 @@
-//! Solvers.
+//! Solvers over flat vectors, for any physics; none of them knows of fields or plugins.
+//!
+//! Which one?
+//!
+//! | problem | solver | when |
+//! |---|---|---|
+//! | `y' = f(t, y)`, diffusion | [`ForwardEuler`] | the step is below the stable one anyway |
+//! | | [`Rkl2`] | the step is 2 to 1000 times the stable one: no systems to solve, second order |
+//! | | [`Implicit::euler`] | larger steps still, strong nonlinearity |
+//! | | [`Implicit::crank_nicolson`] | large steps over smooth data, second order |
+//! | `f(t, y) = 0` | [`steady_state`] | the end of the above without the way to it |
+//! | `F(u) = 0`, statics | [`Newton`] | smooth models; linear ones in one linear solve |
+//! | | [`Relaxation`] | softening, fracture, contact |
+//! | `M u'' = F(t, u)` | [`Verlet`] | waves, impact, fracture dynamics |
+//! | | [`SymplecticEuler`] | to reproduce published runs |
+//! | `A x = b` | [`Krylov`] | the linear solve itself, matrix-free |
+//!
+//! A model is an [`Rhs`] (or a closure, see [`rhs()`]); a failure of the model passes through
+//! as [`SolverError::Model`]. Solvers own their work vectors and allocate at first use only.
+//!
+//! All sums go through [`reduce`], whose order of summation does not depend on the number of
+//! threads: same binary, same case, same bits.
+
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod error;
+mod implicit;
+mod krylov;
+mod newton;
+mod ode;
 pub mod reduce;
+mod relaxation;
+mod rhs;
+mod steady;
+#[cfg(test)]
+mod test_problems;
+mod vector;
+mod verlet;
+
+pub use error::SolverError;
+pub use implicit::Implicit;
+pub use krylov::{Hints, Krylov, KrylovMethod, KrylovOptions, KrylovReport, NullSpace};
+pub use newton::{Newton, NewtonOptions, NewtonReport};
+pub use ode::{ForwardEuler, Rkl2};
+pub use relaxation::{Relaxation, RelaxationOptions, RelaxationReport, fictitious_mass};
+pub use rhs::{At, Rhs, rhs};
+pub use steady::steady_state;
+pub use verlet::{Motion, SymplecticEuler, Verlet};

@@ -1,1 +1,284 @@
-//! (to be written)
+//! Toolpaths: where a heat source is, which way it travels and how strong it is.
+//!
+//! A case file describes a [`Toolpath`] (one struct per kind, each in its own file). Reading it
+//! yields a [`Track`]: contiguous moves in time, from which [`Track::pose`] gives position, travel
+//! direction and power at any time, and [`Track::next_event`] the next time at which motion or
+//! power is not smooth. Between events the power is linear in time, so a step that ends at every
+//! event and samples the track at its middle delivers the exact energy.
+//!
+//! ```toml
+//! toolpath.line = { start = [0.0, 0.0, 0.005], direction = [1.0, 0.0, 0.0], speed = 0.005 }
+//! ```
+//!
+//! SI units throughout; angles in radian, counted from +x towards +y. Circles, weaves and hatches
+//! lie in planes normal to z.
+
+mod circle;
+mod hatch;
+mod line;
+mod polyline;
+mod table;
+#[cfg(test)]
+mod tests;
+mod track;
+mod weave;
+
+use std::path::{Path, PathBuf};
+
+pub use circle::Circle;
+pub use hatch::Hatch;
+pub use line::Line;
+pub use polyline::{Polyline, Segment};
+pub use table::Table;
+pub use track::{Pose, Track};
+pub use weave::{Weave, WeaveShape};
+
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The path of a moving heat source, as written in a case file: `toolpath.line = { ... }`.
+///
+/// The kind is the key and not a `type` entry, so that a mistake inside is reported at its own
+/// line.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Toolpath {
+    /// One straight pass.
+    Line(Line),
+    /// Straight segments, each with its own speed, power and dwell.
+    Polyline(Polyline),
+    /// Part of a circle, one circle or several turns.
+    Circle(Circle),
+    /// A straight seam with a sideways oscillation.
+    Weave(Weave),
+    /// Parallel scan lines that fill a rectangle, layer by layer.
+    Hatch(Hatch),
+    /// Times, positions and powers from a CSV file.
+    Table(Table),
+}
+
+impl Toolpath {
+    /// Checks the path and lays it out in time.
+    ///
+    /// `default_power` [W] is used wherever the toolpath gives no power of its own; file names
+    /// are taken relative to `base_dir`.
+    ///
+    /// # Errors
+    /// [`ToolpathError`], naming the key or the row at fault.
+    pub fn track(
+        &self,
+        default_power: Option<f64>,
+        base_dir: &Path,
+    ) -> Result<Track, ToolpathError> {
+        if let Some(power) = default_power {
+            not_negative("power", power)?;
+        }
+        match self {
+            Self::Line(path) => path.track(default_power),
+            Self::Polyline(path) => path.track(default_power),
+            Self::Circle(path) => path.track(default_power),
+            Self::Weave(path) => path.track(default_power),
+            Self::Hatch(path) => path.track(default_power),
+            Self::Table(path) => path.track(default_power, base_dir),
+        }
+    }
+}
+
+/// What can be wrong with a toolpath.
+#[derive(Debug, thiserror::Error)]
+pub enum ToolpathError {
+    /// A length, speed or time that must be greater than zero is not.
+    #[error("`{key}` of the toolpath must be a finite number greater than zero, but is {value}")]
+    NotPositive {
+        /// Key in the case file.
+        key: String,
+        /// Value found.
+        value: f64,
+    },
+    /// A power, time or dwell that must not be negative is.
+    #[error("`{key}` of the toolpath must be a finite number, zero or greater, but is {value}")]
+    Negative {
+        /// Key in the case file.
+        key: String,
+        /// Value found.
+        value: f64,
+    },
+    /// A coordinate or angle that is not a number.
+    #[error("`{key}` of the toolpath must be finite")]
+    NotFinite {
+        /// Key in the case file.
+        key: String,
+    },
+    /// Both ways, or neither, of saying where a line goes.
+    #[error(
+        "a line needs either `end`, or `direction` with an optional `end_time`, and not both; \
+         see `{key}`"
+    )]
+    LineGoal {
+        /// Key in the case file.
+        key: String,
+    },
+    /// A move without length.
+    #[error("`{key}` of the toolpath does not lead anywhere: the move has no length")]
+    NoLength {
+        /// Key in the case file.
+        key: String,
+    },
+    /// Neither the toolpath nor the source gives a power.
+    #[error("no power is given for `{key}`: set `power` of the source or of the toolpath")]
+    NoPower {
+        /// Key in the case file.
+        key: String,
+    },
+    /// The path would need more moves than can be held.
+    #[error("the toolpath has {moves} moves, more than {limit}; check `{key}`")]
+    TooManyMoves {
+        /// Key in the case file.
+        key: String,
+        /// Moves asked for.
+        moves: f64,
+        /// Most that are allowed.
+        limit: f64,
+    },
+    /// The table cannot be opened.
+    #[error("cannot read the toolpath table {}: {source}", path.display())]
+    TableOpen {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A row of the table cannot be read.
+    #[error(
+        "line {line} of the toolpath table {} cannot be read: {}; \
+         expected the header `time,x,y,z,power` and numbers below it",
+        path.display(), reason(source)
+    )]
+    TableRow {
+        /// The file.
+        path: PathBuf,
+        /// Line in the file, counted from 1.
+        line: u64,
+        /// Why.
+        source: Box<csv::Error>,
+    },
+    /// A row of the table holds a value that makes no sense.
+    #[error(
+        "line {line} of the toolpath table {}: `{column}` is {value}, expected {expected}",
+        path.display()
+    )]
+    TableValue {
+        /// The file.
+        path: PathBuf,
+        /// Line in the file, counted from 1.
+        line: u64,
+        /// Column name.
+        column: &'static str,
+        /// Value found.
+        value: f64,
+        /// What was expected.
+        expected: &'static str,
+    },
+    /// The times of the table run backwards.
+    #[error(
+        "line {line} of the toolpath table {}: time {time} s comes after {previous} s; \
+         times must not decrease", path.display()
+    )]
+    TableTime {
+        /// The file.
+        path: PathBuf,
+        /// Line in the file, counted from 1.
+        line: u64,
+        /// Time of this row [s].
+        time: f64,
+        /// Time of the row before [s].
+        previous: f64,
+    },
+    /// Fewer than two rows.
+    #[error("the toolpath table {} has {rows} rows, at least two are needed", path.display())]
+    TableShort {
+        /// The file.
+        path: PathBuf,
+        /// Rows found.
+        rows: usize,
+    },
+}
+
+/// What the CSV reader found, without its own line numbers.
+fn reason(error: &csv::Error) -> String {
+    match error.kind() {
+        csv::ErrorKind::Deserialize { err, .. } => match err.field() {
+            Some(field) => format!("column {}: {}", field + 1, err.kind()),
+            None => err.kind().to_string(),
+        },
+        csv::ErrorKind::UnequalLengths {
+            expected_len, len, ..
+        } => {
+            format!("it has {len} columns instead of {expected_len}")
+        }
+        _ => error.to_string(),
+    }
+}
+
+impl ToolpathError {
+    /// The case-file key at fault, for pointing at its line.
+    pub fn key(&self) -> &str {
+        match self {
+            Self::NotPositive { key, .. }
+            | Self::Negative { key, .. }
+            | Self::NotFinite { key }
+            | Self::LineGoal { key }
+            | Self::NoLength { key }
+            | Self::NoPower { key }
+            | Self::TooManyMoves { key, .. } => key,
+            Self::TableOpen { .. }
+            | Self::TableRow { .. }
+            | Self::TableValue { .. }
+            | Self::TableTime { .. }
+            | Self::TableShort { .. } => "file",
+        }
+    }
+}
+
+fn positive(key: &str, value: f64) -> Result<f64, ToolpathError> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(value);
+    }
+    Err(ToolpathError::NotPositive {
+        key: key.into(),
+        value,
+    })
+}
+
+fn not_negative(key: &str, value: f64) -> Result<f64, ToolpathError> {
+    if value.is_finite() && value >= 0.0 {
+        return Ok(value);
+    }
+    Err(ToolpathError::Negative {
+        key: key.into(),
+        value,
+    })
+}
+
+fn finite(key: &str, value: f64) -> Result<f64, ToolpathError> {
+    if value.is_finite() {
+        return Ok(value);
+    }
+    Err(ToolpathError::NotFinite { key: key.into() })
+}
+
+fn place(key: &str, value: [f64; 3]) -> Result<Vector3<f64>, ToolpathError> {
+    for component in value {
+        finite(key, component)?;
+    }
+    Ok(Vector3::from(value))
+}
+
+/// Own power of a move, or that of the toolpath, or that of the source [W].
+fn power_of(key: &str, own: Option<f64>, default: Option<f64>) -> Result<f64, ToolpathError> {
+    match own.or(default) {
+        Some(power) => not_negative(key, power),
+        None => Err(ToolpathError::NoPower { key: key.into() }),
+    }
+}

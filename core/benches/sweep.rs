@@ -1,0 +1,102 @@
+//! Bonds per second of the sweep, by store and kernel: `cargo bench -p perimelt-core`.
+//!
+//! Block of 48³ points, horizon 3.015 spacings, 122 bonds each. What limits each kernel
+//! stands in `ARCHITECTURE.md`.
+
+use divan::Bencher;
+use divan::counter::ItemsCount;
+use perimelt_core::body::{Body, Store};
+use perimelt_core::shape::{BoxShape, Shape};
+use perimelt_core::{
+    Bond, BondKernel, Correction, Face, Family, FamilySpec, Moment, PartialVolume,
+};
+
+fn main() {
+    divan::main();
+}
+
+fn family(store: Store) -> (Body, Family) {
+    let shape = Shape::Box(BoxShape {
+        min: [0.0; 3],
+        max: [48.0; 3],
+    });
+    let mut body = Body::fill("block", &shape, 3, 1.0, 1.0).expect("a valid block");
+    body.store = store;
+    let spec = FamilySpec {
+        horizon: 3.015,
+        partial_volume: PartialVolume::Half,
+        correction: Correction::Lattice,
+        moment: Moment::Conduction,
+        layers: Face::ALL.to_vec(),
+        audited: Vec::new(),
+    };
+    let family = Family::build(&body, &spec).expect("a valid family");
+    (body, family)
+}
+
+struct Heat;
+
+impl BondKernel<1, 1> for Heat {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
+        [bond.volume / bond.length * (other - own)]
+    }
+}
+
+/// Bond force with finite stretch.
+struct Force;
+
+impl BondKernel<3, 3> for Force {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 3] {
+        let y: [f64; 3] = std::array::from_fn(|a| bond.xi[a] + other[a] - own[a]);
+        let length = (y[0] * y[0] + y[1] * y[1] + y[2] * y[2]).sqrt();
+        let force = bond.volume * (1.0 / bond.length - 1.0 / length);
+        y.map(|y| force * y)
+    }
+}
+
+fn sweep<const I: usize, const O: usize>(
+    bencher: Bencher<'_, '_>,
+    kernel: &impl BondKernel<I, O>,
+    store: Store,
+    threads: usize,
+) {
+    let (body, family) = family(store);
+    let fields: [Vec<f64>; I] = std::array::from_fn(|i| {
+        (0..family.slots())
+            .map(|s| ((s * (i + 7)) as f64).sin() * 1e-3)
+            .collect()
+    });
+    let mut sums = vec![[0.0; O]; body.points.len()];
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .expect("threads");
+    bencher
+        .counter(ItemsCount::new(family.bonds()))
+        .bench_local(|| {
+            let inputs = std::array::from_fn(|i| &fields[i][..]);
+            pool.install(|| family.sum(kernel, inputs, &mut sums));
+        });
+}
+
+#[divan::bench(args = [1, 2])]
+fn heat_lattice(bencher: Bencher<'_, '_>, threads: usize) {
+    sweep(bencher, &Heat, Store::Lattice, threads);
+}
+
+#[divan::bench(args = [1, 2])]
+fn heat_list(bencher: Bencher<'_, '_>, threads: usize) {
+    sweep(bencher, &Heat, Store::List, threads);
+}
+
+#[divan::bench(args = [1, 2])]
+fn force_lattice(bencher: Bencher<'_, '_>, threads: usize) {
+    sweep(bencher, &Force, Store::Lattice, threads);
+}
+
+#[divan::bench(args = [1, 2])]
+fn force_list(bencher: Bencher<'_, '_>, threads: usize) {
+    sweep(bencher, &Force, Store::List, threads);
+}

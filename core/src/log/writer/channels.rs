@@ -1,0 +1,129 @@
+//! What a log begins with, and the channels it declares.
+
+use std::{borrow::Cow, collections::BTreeMap};
+
+use mcap::{Attachment, records::Metadata};
+use serde_json::{Value, json};
+
+use super::{Channel, Writer, write_error};
+use crate::log::{LogError, Progress, RunInfo, foxglove_schema, series, topic};
+
+impl Writer {
+    /// Writes case, run and the channels that every log has.
+    pub(super) fn describe(
+        &mut self,
+        run: &RunInfo,
+        name: &str,
+        text: &str,
+    ) -> Result<(), LogError> {
+        let nanoseconds = run.started.saturating_mul(1_000_000_000);
+        let case = Attachment {
+            log_time: nanoseconds,
+            create_time: nanoseconds,
+            name: "case.toml".into(),
+            media_type: "application/toml".into(),
+            data: Cow::Borrowed(text.as_bytes()),
+        };
+        self.mcap
+            .attach(&case)
+            .map_err(|source| write_error(&self.path, source))?;
+
+        let wrong = |source| LogError::RunInfo {
+            path: self.path.clone(),
+            source,
+        };
+        let mut description = serde_json::to_value(run).map_err(wrong)?;
+        description["case_file"] = name.into();
+        let entries = description.as_object().into_iter().flatten();
+        let metadata = Metadata {
+            name: "run".into(),
+            metadata: entries
+                .map(|(key, value)| (key.clone(), value.to_string()))
+                .collect(),
+        };
+        self.mcap
+            .write_metadata(&metadata)
+            .map_err(|source| write_error(&self.path, source))?;
+
+        let descriptor = foxglove_schema::file_descriptor_set();
+        for body in &run.bodies {
+            let topic = topic::points(&body.name);
+            let schema = (foxglove_schema::NAME, "protobuf", descriptor.as_slice());
+            self.declare(&topic, schema, "protobuf", Vec::new())?;
+        }
+        let checkpoint = ("perimelt.Checkpoint", "", [].as_slice());
+        self.declare(topic::CHECKPOINT, checkpoint, "msgpack", Vec::new())?;
+        self.declare_json(topic::INDEX, "perimelt.Index", &index_schema(), Vec::new())?;
+        let progress = schemars::schema_for!(Progress).to_value();
+        self.declare_json(topic::PROGRESS, "perimelt.Progress", &progress, Vec::new())?;
+        self.flush()
+    }
+
+    pub(super) fn declare_series(
+        &mut self,
+        topic: &str,
+        columns: Vec<(String, String)>,
+    ) -> Result<(), LogError> {
+        let name = format!("perimelt{}", topic.replace('/', "."));
+        self.declare_json(topic, &name, &series::schema(&columns), columns)
+    }
+
+    fn declare_json(
+        &mut self,
+        topic: &str,
+        name: &str,
+        schema: &Value,
+        columns: Vec<(String, String)>,
+    ) -> Result<(), LogError> {
+        let schema = schema.to_string();
+        self.declare(
+            topic,
+            (name, "jsonschema", schema.as_bytes()),
+            "json",
+            columns,
+        )
+    }
+
+    /// Declares a channel, if it is not yet; `schema` is name, encoding, data.
+    fn declare(
+        &mut self,
+        topic: &str,
+        schema: (&str, &str, &[u8]),
+        encoding: &str,
+        columns: Vec<(String, String)>,
+    ) -> Result<(), LogError> {
+        if self.channels.contains_key(topic) {
+            return Ok(());
+        }
+        let (name, schema_encoding, data) = schema;
+        let id = self
+            .mcap
+            .add_schema(name, schema_encoding, data)
+            .and_then(|schema| {
+                self.mcap
+                    .add_channel(schema, topic, encoding, &BTreeMap::new())
+            })
+            .map_err(|source| write_error(&self.path, source))?;
+        self.channels.insert(
+            topic.into(),
+            Channel {
+                id,
+                next_sequence: 0,
+                columns,
+            },
+        );
+        Ok(())
+    }
+}
+
+fn index_schema() -> Value {
+    json!({
+        "type": "object",
+        "properties": {
+            "time": {"type": "number", "unit": "s"},
+            "topic": {"type": "string"},
+            "step": {"type": "integer"},
+        },
+        "required": ["time", "topic"],
+    })
+}

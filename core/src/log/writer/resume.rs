@@ -1,0 +1,62 @@
+//! Starting a log from an older one.
+
+use std::path::Path;
+
+use super::Writer;
+use crate::log::{
+    Log, LogError,
+    scan::IndexLine,
+    series,
+    topic::{self, Topic},
+};
+
+impl Writer {
+    /// Starts the log of a run resumed from checkpoint number `checkpoint` of an older log:
+    /// copies everything logged up to and including the time of that checkpoint, of the
+    /// checkpoints only that one and the one before, and goes on from there. A step should
+    /// therefore log its checkpoint last.
+    ///
+    /// # Errors
+    /// No such checkpoint, the old log is damaged, the new one cannot be written or is the old.
+    pub fn continue_from(
+        old: &Log,
+        path: impl AsRef<Path>,
+        checkpoint: usize,
+    ) -> Result<Self, LogError> {
+        let path = path.as_ref();
+        if let (Ok(new), Ok(old)) = (path.canonicalize(), old.path().canonicalize())
+            && new == old
+        {
+            return Err(LogError::SameFile { path: path.into() });
+        }
+        let (end, oldest_checkpoint) = old.resume_range(checkpoint)?;
+        let mut writer = Self::create(path, old.run(), old.case_name(), old.case_text())?;
+        old.visit_messages(|topic, schema, header, data| {
+            let outdated = header.log_time < oldest_checkpoint
+                && match Topic::of(topic) {
+                    Topic::Checkpoint => true,
+                    Topic::Index => IndexLine::parse(data)?.topic == topic::CHECKPOINT,
+                    _ => false,
+                };
+            if header.log_time > end || outdated {
+                return Ok(());
+            }
+            if matches!(Topic::of(topic), Topic::Probe(_) | Topic::Balance) {
+                let columns = series::columns(schema).map_err(|source| LogError::Json {
+                    topic: topic.into(),
+                    source,
+                })?;
+                writer.declare_series(topic, columns)?;
+            }
+            // anything else unknown was added by another tool and is not the run's
+            if let Some(channel) = writer.channels.get_mut(topic) {
+                channel.next_sequence = header.sequence;
+                writer.write(topic, header.log_time, data)?;
+            }
+            Ok(())
+        })?;
+        writer.clock.last = Some((old.checkpoints()[checkpoint].time, end));
+        writer.flush()?;
+        Ok(writer)
+    }
+}

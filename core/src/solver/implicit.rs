@@ -1,0 +1,242 @@
+//! Implicit steps for `y' = f(t, y)`: implicit Euler and Crank-Nicolson.
+//!
+//! ```text
+//! z = y + dt ((1 - theta) f(t, y) + theta f(t + dt, z))            solved for z by Newton-Krylov
+//! y_new = y + dt ((1 - theta) f(t, y) + theta f(t + dt, z))        flux form
+//! ```
+//!
+//! The second line looks like a repetition of the first, but `z` meets it only to the
+//! tolerance of the iteration. Its right side is a rate: when the entries of `f` add up to
+//! zero (or to the heat put in), the sum of the state changes by that and by rounding,
+//! however loose the tolerance. `y_new` differs from `z` by the residual, within the tolerance.
+//!
+//! Heat with phase change: with the enthalpy as the state, the Jacobian is a symmetric
+//! matrix times `dT/dh`, not symmetric, hence BiCGStab; it also covers melting at one
+//! temperature, where `dT/dh = 0`. A model without such a plateau may instead solve for the
+//! temperature by [`Newton`] with conjugate gradients, `h(T_new) - h_old = dt f(T_new)`, and
+//! advance the enthalpy by `dt f(T_new)` itself.
+
+use super::error::{SolverError, positive};
+use super::newton::{Newton, NewtonOptions, NewtonReport};
+use super::reduce::norm;
+use super::rhs::{At, Rhs};
+use super::vector::update;
+
+/// Theta method with its work vectors; unconditionally stable.
+///
+/// The relative tolerance of the Newton iteration is relative to the increment of the step.
+#[derive(Debug, Clone)]
+pub struct Implicit {
+    theta: f64,
+    newton: Newton,
+    old_rate: Vec<f64>,
+    history: Vec<f64>,
+    candidate: Vec<f64>,
+}
+
+impl Implicit {
+    /// Implicit Euler: first order, damps every mode; the safe choice for large steps.
+    pub fn euler(options: NewtonOptions) -> Self {
+        Self::with_theta(1.0, options)
+    }
+
+    /// Crank-Nicolson: second order; steps far above the explicit limit let stiff modes
+    /// oscillate with slow decay, so start from smooth data.
+    pub fn crank_nicolson(options: NewtonOptions) -> Self {
+        Self::with_theta(0.5, options)
+    }
+
+    fn with_theta(theta: f64, options: NewtonOptions) -> Self {
+        Self {
+            theta,
+            newton: Newton::new(options),
+            old_rate: Vec::new(),
+            history: Vec::new(),
+            candidate: Vec::new(),
+        }
+    }
+
+    /// Advances `state` from `time` by `dt` (s). After an error the state is as it was.
+    ///
+    /// # Errors
+    /// A step that is not positive, and those of [`Newton::solve`].
+    pub fn step(
+        &mut self,
+        rhs: &mut dyn Rhs,
+        time: f64,
+        dt: f64,
+        state: &mut [f64],
+    ) -> Result<NewtonReport, SolverError> {
+        positive("the time step [s]", dt)?;
+        let Self {
+            theta,
+            newton,
+            old_rate,
+            history,
+            candidate,
+        } = self;
+        for vector in [&mut *old_rate, &mut *history, &mut *candidate] {
+            vector.resize(state.len(), 0.0);
+        }
+        let (old, new) = ((1.0 - *theta) * dt, *theta * dt);
+        if old > 0.0 {
+            rhs.rate(time, state, old_rate)?;
+        } else {
+            old_rate.fill(0.0);
+        }
+        update(history, [state, old_rate], |_, [y, f]| y + old * f);
+        candidate.copy_from_slice(state);
+
+        let asked = newton.options.absolute_tolerance;
+        // near a steady state the increment vanishes, and no residual gets below rounding
+        newton.options.absolute_tolerance = asked + 4.0 * f64::EPSILON * norm(state);
+        let mut equation = StepEquation {
+            rhs,
+            history,
+            weight: new,
+        };
+        let report = newton.solve(&mut equation, time + dt, candidate, None);
+        newton.options.absolute_tolerance = asked;
+        let report = report?;
+
+        // history has served, and holds the new rate from here on
+        rhs.rate(time + dt, candidate, history)?;
+        update(state, [old_rate, history], |y, [f_old, f_new]| {
+            y + (old * f_old + new * f_new)
+        });
+        Ok(report)
+    }
+}
+
+/// `history + weight f(t, z) - z`, to be brought to zero.
+struct StepEquation<'a> {
+    rhs: &'a mut dyn Rhs,
+    history: &'a [f64],
+    weight: f64,
+}
+
+impl Rhs for StepEquation<'_> {
+    fn rate(&mut self, time: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+        let weight = self.weight;
+        self.rhs.rate(time, state, rate)?;
+        update(rate, [self.history, state], |f, [history, z]| {
+            history - z + weight * f
+        });
+        Ok(())
+    }
+
+    fn tangent(&mut self, at: At, direction: &[f64], out: &mut [f64]) -> Result<bool, SolverError> {
+        let weight = self.weight;
+        let offered = self.rhs.tangent(at, direction, out)?;
+        update(out, [direction], |jv, [v]| weight * jv - v);
+        Ok(offered)
+    }
+
+    fn tangent_diagonal(&mut self, at: At, out: &mut [f64]) -> Result<bool, SolverError> {
+        let weight = self.weight;
+        let offered = self.rhs.tangent_diagonal(at, out)?;
+        update(out, [], |diagonal, []| weight * diagonal - 1.0);
+        Ok(offered)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solver::reduce::{max_abs, sum};
+    use crate::solver::rhs;
+    use crate::solver::test_problems::{insulated_bar, order_of_convergence};
+
+    fn tight() -> NewtonOptions {
+        NewtonOptions {
+            relative_tolerance: 1e-11,
+            ..Default::default()
+        }
+    }
+
+    #[test]
+    fn implicit_euler_is_of_first_and_crank_nicolson_of_second_order() {
+        for (mut method, expected) in [
+            (Implicit::euler(tight()), 1.0),
+            (Implicit::crank_nicolson(tight()), 2.0),
+        ] {
+            let order = order_of_convergence(|f, time, dt, y| {
+                method.step(f, time, dt, y).unwrap();
+            });
+            // the next term of the error is about dt relative to the first
+            assert!((order - expected).abs() < 0.03, "{order}");
+        }
+    }
+
+    #[test]
+    fn a_cosine_decays_as_the_method_says() {
+        // the cosine is an eigenvector of the insulated bar, lambda = -4 sin^2(pi k / 2n)
+        let (n, k, dt) = (200, 3, 400.0);
+        let angle = std::f64::consts::PI * k as f64 / n as f64;
+        let z = -4.0 * (angle / 2.0).sin().powi(2) * dt;
+        for (mut method, factor) in [
+            (Implicit::euler(tight()), 1.0 / (1.0 - z)),
+            (
+                Implicit::crank_nicolson(tight()),
+                (1.0 + z / 2.0) / (1.0 - z / 2.0),
+            ),
+        ] {
+            let start: Vec<f64> = (0..n).map(|i| (angle * (i as f64 + 0.5)).cos()).collect();
+            let mut y = start.clone();
+            method.step(&mut insulated_bar(), 0.0, dt, &mut y).unwrap();
+            for (y, start) in y.iter().zip(&start) {
+                // the tolerance of the step
+                assert!((y - factor * start).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn a_loose_tolerance_still_keeps_the_sum_to_rounding() {
+        // a Stefan problem in enthalpy: temperature stays at 0 for 0 < h < 50
+        let temperature = |h: f64| if h < 0.0 { h } else { (h - 50.0).max(0.0) };
+        let mut melting = rhs(|_, h, rate| {
+            rate.fill(0.0);
+            for i in 1..h.len() {
+                let flow = temperature(h[i - 1]) - temperature(h[i]);
+                rate[i - 1] -= flow;
+                rate[i] += flow;
+            }
+            Ok(())
+        });
+        let n = 300;
+        let mut h: Vec<f64> = (0..n)
+            .map(|i| if i < 40 { 1000.0 } else { -20.0 })
+            .collect();
+        let before = sum(&h);
+        let mut method = Implicit::euler(NewtonOptions {
+            relative_tolerance: 1e-3,
+            ..Default::default()
+        });
+        for step in 0..20 {
+            method
+                .step(&mut melting, step as f64, 20.0, &mut h)
+                .unwrap();
+        }
+        assert!(
+            h.iter().any(|h| (0.0..50.0).contains(h)),
+            "something is melting"
+        );
+        assert!(max_abs(&h) < 1000.0);
+        // 20 roundings of 300 entries up to 1000, at random, on a sum of 34,800
+        assert!(
+            (sum(&h) / before - 1.0).abs() < 1e-14,
+            "{:e}",
+            sum(&h) / before - 1.0
+        );
+    }
+
+    #[test]
+    fn a_steady_state_stays_as_it_is() {
+        let mut y = vec![1500.0; 100];
+        let report = Implicit::crank_nicolson(tight())
+            .step(&mut insulated_bar(), 0.0, 1e6, &mut y)
+            .unwrap();
+        assert_eq!((report.iterations, y), (0, vec![1500.0; 100]));
+    }
+}

@@ -1,0 +1,199 @@
+//! Linear systems `A x = b` by Krylov methods, with `A` known only by its action.
+//!
+//! Source: Saad, Iterative Methods for Sparse Linear Systems, 2nd ed. (2003), algorithms
+//! 9.1 (preconditioned conjugate gradients) and 7.7 (BiCGStab, here preconditioned from
+//! the right so that the residual tested is that of the system itself).
+//!
+//! Not for systems that are nearly singular without a [`NullSpace`], nor for matrices so
+//! ill conditioned that their diagonal is no preconditioner at all: there is no other.
+
+mod bicgstab;
+mod conjugate_gradient;
+mod null_space;
+#[cfg(test)]
+mod tests;
+
+pub use null_space::NullSpace;
+
+use super::error::{SolverError, same_length};
+use super::vector::update;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Which Krylov method.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum KrylovMethod {
+    /// Symmetric positive (semi-)definite matrices: one product with `A` per iteration.
+    ConjugateGradient,
+    /// Any matrix: two products with `A` per iteration, convergence not monotone.
+    BiCgStab,
+}
+
+/// When a Krylov iteration stops: at `|b - A x| <= relative |b| + absolute`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct KrylovOptions {
+    /// Residual relative to the right-hand side (-).
+    pub relative_tolerance: f64,
+    /// Residual in the unit of the right-hand side.
+    pub absolute_tolerance: f64,
+    /// Iterations after which the solver gives up.
+    pub max_iterations: usize,
+}
+
+impl Default for KrylovOptions {
+    fn default() -> Self {
+        Self {
+            relative_tolerance: 1e-10,
+            absolute_tolerance: 0.0,
+            max_iterations: 10_000,
+        }
+    }
+}
+
+/// What a Krylov iteration did.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct KrylovReport {
+    /// Iterations spent.
+    pub iterations: usize,
+    /// Norm of the residual, in the unit of the right-hand side, as updated by the
+    /// recurrence (it drifts from `|b - A x|` by rounding only).
+    pub residual: f64,
+}
+
+/// What is known of the matrix besides its action.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Hints<'a> {
+    /// Diagonal of the matrix, used as preconditioner; positive for conjugate gradients.
+    pub diagonal: Option<&'a [f64]>,
+    /// Vectors that the matrix maps to zero, for instance rigid motions of a free body.
+    /// Right-hand side and corrections are kept orthogonal to them, so the component of
+    /// the initial guess along them stays as it is. For BiCGStab the range of the matrix
+    /// must be orthogonal to them too, as it is for a symmetric matrix.
+    pub null_space: Option<&'a NullSpace>,
+}
+
+impl Hints<'_> {
+    /// `out = P D^-1 residual`.
+    fn precondition(&self, residual: &[f64], out: &mut [f64]) {
+        match self.diagonal {
+            Some(diagonal) => update(out, [residual, diagonal], |_, [r, d]| r / d),
+            None => out.copy_from_slice(residual),
+        }
+        self.project(out);
+    }
+
+    fn project(&self, vector: &mut [f64]) {
+        if let Some(null_space) = self.null_space {
+            null_space.project(vector);
+        }
+    }
+}
+
+/// A Krylov solver with its work vectors, which are allocated once.
+///
+/// Work vectors are updated in parallel and reduced by [`super::reduce`], so that the
+/// result has the same bits for any number of threads (if the operator's has).
+#[derive(Debug, Clone)]
+pub struct Krylov {
+    /// Which method.
+    pub method: KrylovMethod,
+    /// When to stop.
+    pub options: KrylovOptions,
+    work: Work,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Work {
+    residual: Vec<f64>,
+    direction: Vec<f64>,
+    preconditioned: Vec<f64>,
+    image: Vec<f64>,
+    // of BiCGStab only
+    shadow: Vec<f64>,
+    second_image: Vec<f64>,
+}
+
+impl Krylov {
+    /// A solver that sizes its work vectors at first use.
+    pub fn new(method: KrylovMethod, options: KrylovOptions) -> Self {
+        Self {
+            method,
+            options,
+            work: Work::default(),
+        }
+    }
+
+    /// Solves `A x = rhs`; `solution` holds the initial guess on entry.
+    ///
+    /// `apply(x, out)` writes `A x` into `out`, which holds unspecified numbers on entry.
+    ///
+    /// # Errors
+    /// No convergence, a matrix that is not positive definite (conjugate gradients),
+    /// numbers that are not finite, vectors of different lengths, a zero in the diagonal,
+    /// and errors of `apply`.
+    pub fn solve(
+        &mut self,
+        mut apply: impl FnMut(&[f64], &mut [f64]) -> Result<(), SolverError>,
+        rhs: &[f64],
+        solution: &mut [f64],
+        hints: Hints,
+    ) -> Result<KrylovReport, SolverError> {
+        let n = rhs.len();
+        same_length("the initial guess", n, solution.len())?;
+        if let Some(diagonal) = hints.diagonal {
+            same_length("the diagonal", n, diagonal.len())?;
+            if let Some(&value) = diagonal.iter().find(|d| **d == 0.0 || !d.is_finite()) {
+                return Err(SolverError::OutOfRange {
+                    what: "an entry of the diagonal",
+                    value,
+                    range: "finite and not zero",
+                });
+            }
+        }
+        if let Some(null_space) = hints.null_space {
+            same_length(
+                "a vector of the null space",
+                n,
+                null_space.dimension().unwrap_or(n),
+            )?;
+        }
+        self.work.resize(n, self.method);
+        match self.method {
+            KrylovMethod::ConjugateGradient => conjugate_gradient::solve(
+                &mut self.work,
+                self.options,
+                &mut apply,
+                rhs,
+                solution,
+                hints,
+            ),
+            KrylovMethod::BiCgStab => bicgstab::solve(
+                &mut self.work,
+                self.options,
+                &mut apply,
+                rhs,
+                solution,
+                hints,
+            ),
+        }
+    }
+}
+
+impl Work {
+    fn resize(&mut self, n: usize, method: KrylovMethod) {
+        for vector in [
+            &mut self.residual,
+            &mut self.direction,
+            &mut self.preconditioned,
+            &mut self.image,
+        ] {
+            vector.resize(n, 0.0);
+        }
+        if method == KrylovMethod::BiCgStab {
+            self.shadow.resize(n, 0.0);
+            self.second_image.resize(n, 0.0);
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! Both Krylov methods on chains, rings and diagonals with known answers.
+
+use super::*;
+use crate::solver::reduce::sum;
+use rayon::prelude::*;
+
+type Outcome = Result<(), SolverError>;
+
+/// `-y_(i-1) + (2 + shift) y_i - (1 + wind) y_(i+1)` with zero beyond the ends.
+fn chain(shift: f64, wind: f64) -> impl Fn(&[f64], &mut [f64]) -> Outcome + Sync + Copy {
+    move |x, out| {
+        out.par_iter_mut().enumerate().for_each(|(i, out)| {
+            let left = if i == 0 { 0.0 } else { x[i - 1] };
+            let right = x.get(i + 1).copied().unwrap_or(0.0);
+            *out = (2.0 + shift) * x[i] - left - (1.0 + wind) * right;
+        });
+        Ok(())
+    }
+}
+
+fn ring(x: &[f64], out: &mut [f64]) -> Outcome {
+    let n = x.len();
+    for i in 0..n {
+        out[i] = 2.0 * x[i] - x[(i + 1) % n] - x[(i + n - 1) % n];
+    }
+    Ok(())
+}
+
+fn solver(method: KrylovMethod) -> Krylov {
+    Krylov::new(method, KrylovOptions::default())
+}
+
+#[test]
+fn both_methods_recover_a_known_solution() {
+    let n = 500;
+    let exact: Vec<f64> = (0..n).map(|i| (i as f64 * 0.37).sin()).collect();
+    let diagonal = vec![2.1; n];
+    for (method, wind) in [
+        (KrylovMethod::ConjugateGradient, 0.0),
+        (KrylovMethod::BiCgStab, 0.0),
+        (KrylovMethod::BiCgStab, -0.5),
+    ] {
+        for diagonal in [None, Some(&diagonal[..])] {
+            let (mut b, mut x) = (vec![0.0; n], vec![1.0; n]);
+            chain(0.1, wind)(&exact, &mut b).unwrap();
+            let hints = Hints {
+                diagonal,
+                null_space: None,
+            };
+            let report = solver(method)
+                .solve(chain(0.1, wind), &b, &mut x, hints)
+                .unwrap();
+            assert!(report.iterations > 5);
+            for (x, exact) in x.iter().zip(&exact) {
+                // relative residual 1e-10 times |b|, about 20, over the smallest eigenvalue 0.1
+                assert!((x - exact).abs() < 2e-8, "{method:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_diagonal_of_wide_range_is_worth_its_preconditioner() {
+    let n = 200;
+    let diagonal: Vec<f64> = (0..n).map(|i| 10f64.powi((i % 9) as i32)).collect();
+    let apply = |x: &[f64], out: &mut [f64]| {
+        update(out, [x, &diagonal], |_, [x, d]| d * x);
+        Ok(())
+    };
+    for method in [KrylovMethod::ConjugateGradient, KrylovMethod::BiCgStab] {
+        let mut x = vec![0.0; n];
+        let hints = Hints {
+            diagonal: Some(&diagonal),
+            null_space: None,
+        };
+        let report = solver(method)
+            .solve(apply, &vec![1.0; n], &mut x, hints)
+            .unwrap();
+        assert_eq!(report.iterations, 1, "{method:?}");
+    }
+}
+
+#[test]
+fn a_singular_matrix_is_solved_beside_its_null_space() {
+    let n = 101;
+    let constant = NullSpace::constant(n);
+    let hints = Hints {
+        diagonal: None,
+        null_space: Some(&constant),
+    };
+    for method in [KrylovMethod::ConjugateGradient, KrylovMethod::BiCgStab] {
+        // the constant part of the load has no answer and is ignored
+        let b: Vec<f64> = (0..n).map(|i| (i as f64).cos() + 7.0).collect();
+        let mut x = vec![3.0; n];
+        let mut krylov = solver(method);
+        krylov.solve(ring, &b, &mut x, hints).unwrap();
+        let mut residual = vec![0.0; n];
+        ring(&x, &mut residual).unwrap();
+        let mean = sum(&b) / n as f64;
+        for (r, b) in residual.iter().zip(&b) {
+            // tolerance 1e-10 of a right-hand side of norm 7
+            assert!((r - (b - mean)).abs() < 1e-9, "{method:?}");
+        }
+        // the mean of the guess stays: rounding of 101 values up to 300
+        assert!(
+            (sum(&x) / n as f64 - 3.0).abs() < 1e-11,
+            "{method:?}: {}",
+            sum(&x)
+        );
+    }
+}
+
+#[test]
+fn dependent_modes_are_dropped() {
+    let modes = vec![
+        vec![1.0, 1.0, 1.0],
+        vec![2.0, 2.0, 2.0],
+        vec![0.0, 1.0, 2.0],
+    ];
+    let null_space = NullSpace::new(modes);
+    let mut v = vec![1.0, 5.0, 3.0];
+    null_space.project(&mut v);
+    // what is left is the part along (1, -2, 1), which is (-6 / 6) of it
+    for (v, exact) in v.iter().zip([-1.0, 2.0, -1.0]) {
+        assert!((v - exact).abs() < 1e-14);
+    }
+}
+
+#[test]
+fn wrong_matrices_and_limits_are_reported() {
+    let minus = |x: &[f64], out: &mut [f64]| {
+        update(out, [x], |_, [x]| -x);
+        Ok(())
+    };
+    let mut cg = solver(KrylovMethod::ConjugateGradient);
+    let error = cg
+        .solve(minus, &[1.0; 4], &mut [0.0; 4], Hints::default())
+        .unwrap_err();
+    assert!(
+        matches!(error, SolverError::NotPositiveDefinite { .. }),
+        "{error}"
+    );
+    for method in [KrylovMethod::ConjugateGradient, KrylovMethod::BiCgStab] {
+        let mut krylov = solver(method);
+        krylov.options.max_iterations = 3;
+        let error = krylov.solve(
+            chain(0.0, 0.0),
+            &[1.0; 500],
+            &mut [0.0; 500],
+            Hints::default(),
+        );
+        assert!(
+            matches!(error, Err(SolverError::NotConverged { iterations: 3, .. })),
+            "{method:?}"
+        );
+        let nan = |_: &[f64], out: &mut [f64]| {
+            out.fill(f64::NAN);
+            Ok(())
+        };
+        let error = krylov.solve(nan, &[1.0; 4], &mut [0.0; 4], Hints::default());
+        assert!(
+            matches!(error, Err(SolverError::NotFinite { .. })),
+            "{method:?}"
+        );
+        let error = krylov.solve(ring, &[1.0; 4], &mut [0.0; 3], Hints::default());
+        assert!(
+            matches!(error, Err(SolverError::Length { .. })),
+            "{method:?}"
+        );
+        // a singular matrix and a load outside its range: no answer, and no endless loop
+        krylov.options.max_iterations = 1000;
+        assert!(
+            krylov
+                .solve(ring, &[1.0; 8], &mut [0.0; 8], Hints::default())
+                .is_err()
+        );
+    }
+}
+
+#[test]
+fn solutions_have_the_same_bits_for_any_number_of_threads() {
+    let n = 100_000;
+    let b: Vec<f64> = (0..n).map(|i| (i as f64 * 0.1).sin()).collect();
+    let constant = NullSpace::constant(n);
+    for method in [KrylovMethod::ConjugateGradient, KrylovMethod::BiCgStab] {
+        let solve = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            pool.install(|| {
+                let mut x = vec![0.0; n];
+                let hints = Hints {
+                    diagonal: None,
+                    null_space: Some(&constant),
+                };
+                solver(method)
+                    .solve(chain(0.5, 0.0), &b, &mut x, hints)
+                    .unwrap();
+                x.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+            })
+        };
+        assert!(solve(1) == solve(2), "{method:?}");
+    }
+}

@@ -1,0 +1,330 @@
+//! Newton-Krylov iteration for `f(t, y) = 0`: large displacements, implicit steps, steady states.
+//!
+//! Each iteration solves `-J d = f` by a Krylov method, `J = df/dy`, and goes along `d` as
+//! far as the residual falls. The sign is that of a restoring force or of diffusion: for
+//! them `-J` is positive (semi-)definite and conjugate gradients may be chosen.
+//!
+//! Sources: Knoll & Keyes (2004), J. Comput. Phys. 193, 357-397; accuracy of the linear
+//! solves after Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16-32, choice 2.
+
+use super::error::SolverError;
+use super::krylov::{Hints, Krylov, KrylovMethod, KrylovOptions, NullSpace};
+use super::reduce::norm;
+use super::rhs::{At, Rhs};
+use super::vector::update;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How a Newton iteration works, and when it stops: at `|f| <= relative |f at start| + absolute`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct NewtonOptions {
+    /// Residual relative to that of the initial guess (-).
+    pub relative_tolerance: f64,
+    /// Residual in its own unit.
+    pub absolute_tolerance: f64,
+    /// Newton iterations after which the solver gives up.
+    pub max_iterations: usize,
+    /// Krylov method for the linear systems.
+    pub krylov: KrylovMethod,
+    /// Krylov iterations after which one linear system is given up.
+    pub max_krylov_iterations: usize,
+    /// The function is linear in the state (plus a constant): one linear system is solved to
+    /// the full tolerance, and differences of rates are taken over large distances.
+    pub linear: bool,
+}
+
+impl Default for NewtonOptions {
+    fn default() -> Self {
+        Self {
+            relative_tolerance: 1e-8,
+            absolute_tolerance: 0.0,
+            max_iterations: 50,
+            krylov: KrylovMethod::BiCgStab,
+            max_krylov_iterations: 10_000,
+            linear: false,
+        }
+    }
+}
+
+/// What a Newton iteration did.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct NewtonReport {
+    /// Newton iterations spent.
+    pub iterations: usize,
+    /// Krylov iterations spent, all together.
+    pub krylov_iterations: usize,
+    /// Norm of the residual at the end, in its own unit.
+    pub residual: f64,
+}
+
+/// A Newton-Krylov solver with its work vectors, which are allocated once.
+#[derive(Debug, Clone)]
+pub struct Newton {
+    /// How to work and when to stop.
+    pub options: NewtonOptions,
+    krylov: Krylov,
+    value: Vec<f64>,
+    step: Vec<f64>,
+    trial: Vec<f64>,
+    trial_value: Vec<f64>,
+    diagonal: Vec<f64>,
+}
+
+/// Fraction of the full step below which a line search gives up.
+const SHORTEST_STEP: f64 = 1.0 / 1024.0;
+
+impl Newton {
+    /// A solver that sizes its work vectors at first use.
+    pub fn new(options: NewtonOptions) -> Self {
+        Self {
+            options,
+            krylov: Krylov::new(options.krylov, KrylovOptions::default()),
+            value: Vec::new(),
+            step: Vec::new(),
+            trial: Vec::new(),
+            trial_value: Vec::new(),
+            diagonal: Vec::new(),
+        }
+    }
+
+    /// Brings `rhs` at the given time (or load factor) to zero; `state` holds the initial
+    /// guess on entry, and after an error the best state so far.
+    ///
+    /// `null_space` holds what the residual does not depend on, see [`Hints::null_space`]. A
+    /// residual along it (a free body under forces that do not balance) cannot be removed
+    /// and is reported as no convergence.
+    ///
+    /// # Errors
+    /// No convergence, those of [`Krylov::solve`], and errors of the model.
+    pub fn solve(
+        &mut self,
+        rhs: &mut dyn Rhs,
+        time: f64,
+        state: &mut [f64],
+        null_space: Option<&NullSpace>,
+    ) -> Result<NewtonReport, SolverError> {
+        let Self {
+            options,
+            krylov,
+            value,
+            step,
+            trial,
+            trial_value,
+            diagonal,
+        } = self;
+        for vector in [
+            &mut *value,
+            &mut *step,
+            &mut *trial,
+            &mut *trial_value,
+            &mut *diagonal,
+        ] {
+            vector.resize(state.len(), 0.0);
+        }
+        krylov.method = options.krylov;
+        krylov.options.max_iterations = options.max_krylov_iterations;
+
+        rhs.rate(time, state, value)?;
+        let mut report = NewtonReport {
+            residual: norm(value),
+            ..Default::default()
+        };
+        let tolerance = options.relative_tolerance * report.residual + options.absolute_tolerance;
+        let mut forcing: f64 = 0.1;
+        loop {
+            if !report.residual.is_finite() {
+                let iteration = report.iterations;
+                return Err(SolverError::NotFinite {
+                    what: "the residual",
+                    iteration,
+                });
+            }
+            if report.residual <= tolerance {
+                return Ok(report);
+            }
+            let not_converged = |advice| SolverError::NotConverged {
+                method: "Newton's method",
+                iterations: report.iterations,
+                residual: report.residual,
+                tolerance,
+                advice,
+            };
+            if report.iterations == options.max_iterations {
+                return Err(not_converged(
+                    "take a smaller step or a better initial guess",
+                ));
+            }
+
+            let at = At { time, state };
+            let has_diagonal = rhs.tangent_diagonal(at, diagonal)?;
+            update(diagonal, [], |entry, []| -entry);
+            let hints = Hints {
+                diagonal: has_diagonal.then_some(&**diagonal),
+                null_space,
+            };
+            // solving the linear system better than the tolerance asks is wasted work
+            let enough = 0.5 * tolerance / report.residual;
+            krylov.options.relative_tolerance = if options.linear {
+                enough
+            } else {
+                forcing.max(enough)
+            };
+            step.fill(0.0);
+            let linear = options.linear;
+            let linear_report = krylov.solve(
+                |direction, out| {
+                    if !rhs.tangent(at, direction, out)? {
+                        difference(rhs, at, direction, linear, (&mut *trial, value, out))?;
+                    }
+                    update(out, [], |entry, []| -entry);
+                    Ok(())
+                },
+                value,
+                step,
+                hints,
+            )?;
+            report.krylov_iterations += linear_report.iterations;
+
+            let before = report.residual;
+            let mut fraction = 1.0;
+            report.residual = loop {
+                update(trial, [state, step], |_, [y, d]| y + fraction * d);
+                rhs.rate(time, trial, trial_value)?;
+                let residual = norm(trial_value);
+                if residual <= (1.0 - 1e-4 * fraction) * before {
+                    break residual;
+                }
+                fraction *= 0.5;
+                if fraction < SHORTEST_STEP {
+                    return Err(not_converged(
+                        "no step along the Newton direction lowers the residual: loads that do not balance, a tolerance below rounding, or a kink of the model; take a smaller step",
+                    ));
+                }
+            };
+            state.copy_from_slice(trial);
+            std::mem::swap(value, trial_value);
+            report.iterations += 1;
+            forcing = (0.9 * (report.residual / before).powi(2)).clamp(1e-6, 0.1);
+        }
+    }
+}
+
+/// `out = (f(y + e v) - f(y)) / e`, an approximation of `J v` whose error is of the order of
+/// `sqrt(eps)`; for a function linear in the state there is no error but rounding, and `e`
+/// may be large.
+///
+/// `(work, value, out)`: work vector, `f(y)`, result.
+fn difference(
+    rhs: &mut dyn Rhs,
+    at: At,
+    direction: &[f64],
+    linear: bool,
+    (work, value, out): (&mut [f64], &[f64], &mut [f64]),
+) -> Result<(), SolverError> {
+    let length = norm(direction);
+    if length == 0.0 {
+        out.fill(0.0);
+        return Ok(());
+    }
+    let relative = if linear { 1.0 } else { f64::EPSILON.sqrt() };
+    let e = relative * (1.0 + norm(at.state)) / length;
+    update(work, [at.state, direction], |_, [y, v]| y + e * v);
+    rhs.rate(at.time, work, out)?;
+    update(out, [value], |moved, [value]| (moved - value) / e);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solver::rhs;
+
+    /// A bar whose springs harden, `N(e) = e + e^3`, held at the left, pulled by `p` at the right.
+    fn hardening_bar(p: f64) -> impl Rhs {
+        rhs(move |_, u, force| {
+            force.fill(0.0);
+            for i in 0..u.len() {
+                let e = u[i] - if i == 0 { 0.0 } else { u[i - 1] };
+                force[i] -= e + e * e * e;
+                if i > 0 {
+                    force[i - 1] += e + e * e * e;
+                }
+            }
+            *force.last_mut().unwrap() += p;
+            Ok(())
+        })
+    }
+
+    #[test]
+    fn both_krylov_methods_find_the_nonlinear_equilibrium() {
+        for krylov in [KrylovMethod::ConjugateGradient, KrylovMethod::BiCgStab] {
+            let mut newton = Newton::new(NewtonOptions {
+                krylov,
+                relative_tolerance: 1e-11,
+                ..Default::default()
+            });
+            let mut u = vec![0.0; 50];
+            // e + e^3 = 10 for e = 2
+            let report = newton
+                .solve(&mut hardening_bar(10.0), 0.0, &mut u, None)
+                .unwrap();
+            for (i, u) in u.iter().enumerate() {
+                // residual 1e-10 on a chain whose flexibility is at most 50
+                assert!((u - 2.0 * (i + 1) as f64).abs() < 1e-8, "{krylov:?}");
+            }
+            assert!(report.iterations < 20, "{report:?}");
+        }
+    }
+
+    #[test]
+    fn a_linear_function_takes_one_iteration() {
+        let mut bar = rhs(|_, u, force| {
+            for i in 0..u.len() {
+                let left = if i == 0 { 0.0 } else { u[i - 1] };
+                let right = if i + 1 == u.len() { 1.0 } else { u[i + 1] };
+                force[i] = left - 2.0 * u[i] + right;
+            }
+            Ok(())
+        });
+        let krylov = KrylovMethod::ConjugateGradient;
+        let mut newton = Newton::new(NewtonOptions {
+            krylov,
+            linear: true,
+            ..Default::default()
+        });
+        let mut u = vec![0.0; 99];
+        let report = newton.solve(&mut bar, 0.0, &mut u, None).unwrap();
+        assert_eq!(report.iterations, 1);
+        for (i, u) in u.iter().enumerate() {
+            // relative residual 1e-8 times the condition number, about 4000
+            assert!((u - (i + 1) as f64 / 100.0).abs() < 4e-5);
+        }
+    }
+
+    #[test]
+    fn the_line_search_rescues_a_start_from_which_full_steps_diverge() {
+        // atan has full steps of growing size from |y| > 1.392
+        let mut function = rhs(|_, y, value| {
+            value[0] = -y[0].atan();
+            Ok(())
+        });
+        let mut y = [20.0];
+        Newton::new(NewtonOptions::default())
+            .solve(&mut function, 0.0, &mut y, None)
+            .unwrap();
+        assert!(y[0].abs() < 1e-7);
+    }
+
+    #[test]
+    fn a_function_without_zero_is_reported() {
+        let mut function = rhs(|_, y, value| {
+            value[0] = -1.0 - y[0] * y[0];
+            Ok(())
+        });
+        let error = Newton::new(NewtonOptions::default())
+            .solve(&mut function, 0.0, &mut [0.5], None)
+            .unwrap_err();
+        assert!(matches!(error, SolverError::NotConverged { .. }), "{error}");
+    }
+}

@@ -1,0 +1,64 @@
+//! The function that a solver integrates or brings to zero.
+
+use super::error::SolverError;
+
+/// A vector function `f(t, y)`: the rate of a state, or the residual force of a body.
+///
+/// Implement [`Rhs::rate`] and every method of this module works; add the tangent and its
+/// diagonal to make the implicit ones faster. A plain closure will do: see [`rhs`].
+pub trait Rhs {
+    /// Writes `f(time, state)` into `rate`, which holds unspecified numbers on entry.
+    ///
+    /// # Errors
+    /// Those of the model; wrap them with [`SolverError::model`].
+    fn rate(&mut self, time: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError>;
+
+    /// Writes `df/dy(at) . direction` into `out` and returns true, or returns false if the
+    /// model has no tangent: then a difference of two rates replaces it.
+    ///
+    /// # Errors
+    /// Those of the model.
+    fn tangent(
+        &mut self,
+        _at: At,
+        _direction: &[f64],
+        _out: &mut [f64],
+    ) -> Result<bool, SolverError> {
+        Ok(false)
+    }
+
+    /// Writes the diagonal of `df/dy(at)` into `out` and returns true, or returns false:
+    /// then there is no preconditioner. An estimate will do, but for conjugate gradients
+    /// all entries must be negative.
+    ///
+    /// # Errors
+    /// Those of the model.
+    fn tangent_diagonal(&mut self, _at: At, _out: &mut [f64]) -> Result<bool, SolverError> {
+        Ok(false)
+    }
+}
+
+/// Where a tangent is taken.
+#[derive(Debug, Clone, Copy)]
+pub struct At<'a> {
+    /// Time (s), or a load factor.
+    pub time: f64,
+    /// State.
+    pub state: &'a [f64],
+}
+
+/// Makes an [`Rhs`] of a closure `|time, state, rate| { ...; Ok(()) }`.
+pub fn rhs<F>(function: F) -> impl Rhs
+where
+    F: FnMut(f64, &[f64], &mut [f64]) -> Result<(), SolverError>,
+{
+    Closure(function)
+}
+
+struct Closure<F>(F);
+
+impl<F: FnMut(f64, &[f64], &mut [f64]) -> Result<(), SolverError>> Rhs for Closure<F> {
+    fn rate(&mut self, time: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+        (self.0)(time, state, rate)
+    }
+}

@@ -1,0 +1,110 @@
+//! Steady states of `y' = f(t, y)`: the state at which the rate vanishes, without marching to it.
+
+use super::error::SolverError;
+use super::krylov::NullSpace;
+use super::newton::{Newton, NewtonReport};
+use super::reduce::sum;
+use super::rhs::Rhs;
+use super::vector::update;
+
+/// Brings the rate to zero by [`Newton`]; with `options.linear` this is a single linear
+/// solve. `state` holds the initial guess on entry.
+///
+/// `conserved` is for systems that exchange nothing with their surroundings, such as an
+/// insulated body: then steady states form a family, and the one with the sum of the
+/// initial guess is returned. The rate must depend on the state only through differences,
+/// so that adding a constant to all entries changes nothing.
+///
+/// Choose the absolute tolerance of `newton` in the unit of the rate: a relative one means
+/// little when the guess is already good.
+///
+/// # Errors
+/// Those of [`Newton::solve`]; no convergence if there is no steady state, as in an
+/// insulated body that is heated.
+pub fn steady_state(
+    newton: &mut Newton,
+    rhs: &mut dyn Rhs,
+    time: f64,
+    state: &mut [f64],
+    conserved: bool,
+) -> Result<NewtonReport, SolverError> {
+    if !conserved {
+        return newton.solve(rhs, time, state, None);
+    }
+    let before = sum(state);
+    let constant = NullSpace::constant(state.len());
+    let report = newton.solve(rhs, time, state, Some(&constant))?;
+    // the projection keeps the sum to the rounding of each iteration; this removes what built up
+    let excess = (sum(state) - before) / state.len() as f64;
+    update(state, [], |y, []| y - excess);
+    Ok(report)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solver::test_problems::insulated_bar;
+    use crate::solver::{KrylovMethod, NewtonOptions, rhs};
+
+    fn solver(linear: bool) -> Newton {
+        let krylov = KrylovMethod::ConjugateGradient;
+        Newton::new(NewtonOptions {
+            krylov,
+            linear,
+            relative_tolerance: 1e-12,
+            ..Default::default()
+        })
+    }
+
+    #[test]
+    fn an_insulated_bar_becomes_uniform_at_its_mean() {
+        let mut y: Vec<f64> = (0..101).map(|i| 300.0 + i as f64).collect();
+        let report =
+            steady_state(&mut solver(true), &mut insulated_bar(), 0.0, &mut y, true).unwrap();
+        assert_eq!(report.iterations, 1);
+        for y in y {
+            // residual 1e-12 sqrt(2) times the inverse of the smallest eigenvalue, 1000
+            assert!((y - 350.0).abs() < 2e-9);
+        }
+    }
+
+    #[test]
+    fn conductivity_that_grows_with_temperature_gives_the_kirchhoff_profile() {
+        // k = 1 + T between T = 0 and T = 1: T + T^2/2 is linear; (T^2 differences make it exact on a grid)
+        let n = 40;
+        let potential = |t: f64| t + 0.5 * t * t;
+        let mut bar = rhs(move |_, t, rate| {
+            for i in 0..n {
+                let left = if i == 0 { 0.0 } else { potential(t[i - 1]) };
+                let right = if i + 1 == n {
+                    potential(1.0)
+                } else {
+                    potential(t[i + 1])
+                };
+                rate[i] = left - 2.0 * potential(t[i]) + right;
+            }
+            Ok(())
+        });
+        let mut newton = solver(false);
+        newton.options.krylov = KrylovMethod::BiCgStab;
+        let mut t = vec![0.5; n];
+        steady_state(&mut newton, &mut bar, 0.0, &mut t, false).unwrap();
+        for (i, t) in t.iter().enumerate() {
+            let exact = -1.0 + (1.0 + 3.0 * (i + 1) as f64 / (n + 1) as f64).sqrt();
+            // relative residual 1e-12 times the condition number, about 700
+            assert!((t - exact).abs() < 1e-9, "{t} {exact}");
+        }
+    }
+
+    #[test]
+    fn an_insulated_heated_bar_has_no_steady_state() {
+        let mut heated = rhs(|_, y: &[f64], rate: &mut [f64]| {
+            insulated_bar().rate(0.0, y, rate)?;
+            rate[3] += 1.0;
+            Ok(())
+        });
+        let error =
+            steady_state(&mut solver(true), &mut heated, 0.0, &mut [300.0; 20], true).unwrap_err();
+        assert!(matches!(error, SolverError::NotConverged { .. }), "{error}");
+    }
+}

@@ -1,0 +1,135 @@
+//! Clamps: points held where they started, until the clamp is released.
+
+use nalgebra::Vector3;
+use perimelt_core::{Coupler, RunError, Setup, SetupError, Step, World, Write, keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Holds the points of a region at zero displacement.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Clamp {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Region whose points are held.
+    pub region: String,
+    /// Components that are held, such as `["y"]`; default all that the body has.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub components: Option<Vec<Axis>>,
+    /// Time of release [s]; default never.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub until: Option<f64>,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<Prepared>,
+}
+
+/// An axis of space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Axis {
+    /// x.
+    X,
+    /// y.
+    Y,
+    /// z.
+    Z,
+}
+
+#[derive(Debug)]
+struct Prepared {
+    points: Vec<u32>,
+    held: [bool; 3],
+    constraint: Write<Vector3<f64>>,
+}
+
+impl Clamp {
+    /// Whether the clamp is closed at the end of `step`; rounding does not release it early.
+    fn is_closed(&self, step: Step) -> bool {
+        self.until
+            .is_none_or(|until| step.end() - until <= 1e-6 * step.size)
+    }
+}
+
+#[typetag::serde(name = "clamp")]
+impl Coupler for Clamp {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        let dimension = setup.body(body).dimension;
+        let held = match &self.components {
+            None => std::array::from_fn(|axis| axis < dimension),
+            Some(components) => {
+                let mut held = [false; 3];
+                components
+                    .iter()
+                    .for_each(|axis| held[*axis as usize] = true);
+                held
+            }
+        };
+        if held == [false; 3] || held[dimension..].contains(&true) {
+            return Err(SetupError::value(
+                "components",
+                format!("a {dimension}D body cannot be held like this"),
+                format!("some of {:?}", &["x", "y", "z"][..dimension]),
+            ));
+        }
+        // zero is what the sum of held displacements is without an addition, so only the
+        // physics that takes up the constraint is needed
+        self.prepared = Some(Prepared {
+            points: setup.region(body, "region", &self.region)?.points,
+            held,
+            constraint: setup.add(body, &keys::CONSTRAINT)?,
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_ref().expect("prepared before the run");
+        if self.is_closed(step) {
+            let mut constraint = world.write(p.constraint);
+            let held = Vector3::from(p.held.map(|h| f64::from(u8::from(h))));
+            p.points
+                .iter()
+                .for_each(|&point| constraint[point as usize] += held);
+        }
+        Ok(())
+    }
+
+    fn next_event(&self, after: f64) -> Option<f64> {
+        self.until.filter(|until| *until > after)
+    }
+}
+
+perimelt_core::register_coupler!("clamp", Clamp);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, apply, block, prepare, read, refusal, set_vector, values};
+
+    #[test]
+    fn a_clamp_holds_its_components_up_to_its_release() {
+        let mut world = World::new(vec![block([2, 1, 1], 2, STEEL)]);
+        let mut clamp: Clamp = read("region = 'left'\nuntil = 3");
+        prepare(&mut world, &mut clamp, |setup| {
+            setup.consume(0, &keys::CONSTRAINT).expect("free");
+        })
+        .expect("valid");
+        assert_eq!(clamp.next_event(0.0), Some(3.0));
+        assert_eq!(clamp.next_event(3.0), None);
+        for (start, held) in [(0.0, 1.0), (2.0, 1.0), (2.0 + 1e-15, 1.0), (3.0, 0.0)] {
+            set_vector(&world, &keys::CONSTRAINT, Vector3::zeros());
+            apply(&world, &mut clamp, start);
+            let constraint = values(&world, &keys::CONSTRAINT);
+            assert_eq!(constraint, [held, held, 0.0, 0.0, 0.0, 0.0], "from {start}");
+        }
+    }
+
+    #[test]
+    fn a_plate_is_not_held_along_z() {
+        let mut world = World::new(vec![block([2, 1, 1], 2, STEEL)]);
+        let mut clamp: Clamp = read("region = 'left'\ncomponents = ['z']");
+        assert!(refusal(&mut world, &mut clamp).contains("a 2D body cannot be held"));
+    }
+}

@@ -1,0 +1,141 @@
+//! Convection: `q = h(T) (T_ambient - T)` into the body, T of the surface point itself.
+//!
+//! The point lies half a spacing below the surface, so the temperature drop across that half
+//! cell is neglected: small against the film's while `h dx / (2 k)` is. A step must resolve the
+//! exchange, `dt <= C dx / (2 h)` per face with the volumetric capacity C; automatic steps do.
+
+use perimelt_core::material::Property;
+use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::InTime;
+use crate::surface::{SurfaceHeat, all_faces};
+
+/// Share of the exchange's time constant that a step may take.
+const STEP_SHARE: f64 = 0.5;
+
+/// Heat exchange with a fluid around the body.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Convection {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Which way the cooled surface faces; default every way.
+    #[serde(default = "all_faces")]
+    pub faces: Vec<Face>,
+    /// Region that limits the cooled surface.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<String>,
+    /// Heat transfer coefficient [W/(m² K)]: a number, or `{ temperature = [...], value = [...] }`
+    /// with the temperature of the surface in K.
+    pub coefficient: Property,
+    /// Temperature of the fluid [K]: a number, or `{ time = [...], value = [...] }`, times in s.
+    pub ambient: InTime,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<Prepared>,
+}
+
+#[derive(Debug)]
+struct Prepared {
+    heat: SurfaceHeat,
+    temperature: Read<f64>,
+    step_limit: Option<f64>,
+}
+
+#[typetag::serde(name = "convection")]
+impl Coupler for Convection {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        let coefficients = self.coefficient.values();
+        if self.coefficient.is_by_phase() || coefficients.iter().any(|h| *h < 0.0) {
+            return Err(SetupError::value(
+                "coefficient",
+                "this is no heat transfer coefficient",
+                "a number or a table in temperature, nowhere below 0",
+            ));
+        }
+        let heat = SurfaceHeat::prepare(setup, body, &self.faces, self.region.as_deref())?;
+        let largest = coefficients.iter().fold(0.0, |a: f64, h| a.max(*h));
+        let exchange = largest * heat.largest_ratio(&setup.body(body).points.volume);
+        // a steady solution needs no capacity and no step
+        let curves = setup.enthalpy_curves(body).unwrap_or_default();
+        let capacity = curves
+            .iter()
+            .map(|c| c.minimum_capacity())
+            .min_by(f64::total_cmp);
+        self.prepared = Some(Prepared {
+            heat,
+            temperature: setup.read(body, &keys::TEMPERATURE)?,
+            step_limit: capacity
+                .filter(|_| exchange > 0.0)
+                .map(|c| STEP_SHARE * c / exchange),
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_mut().expect("prepared before the run");
+        let temperature = world.read(p.temperature);
+        let ambient = self.ambient.at(step.middle());
+        p.heat.add(world, |point| {
+            let temperature = temperature[point];
+            self.coefficient.at(temperature, 0.0) * (ambient - temperature)
+        });
+        Ok(())
+    }
+
+    fn next_event(&self, after: f64) -> Option<f64> {
+        self.ambient.next_event(after)
+    }
+
+    fn step_limit(&self) -> Option<f64> {
+        self.prepared.as_ref().and_then(|p| p.step_limit)
+    }
+
+    fn report(&self) -> Vec<Report> {
+        let prepared = self.prepared.as_ref();
+        prepared.map_or_else(Vec::new, |p| p.heat.report())
+    }
+}
+
+perimelt_core::register_coupler!("convection", Convection);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, apply, block, prepare, read, refusal, set, values};
+
+    #[test]
+    fn each_surface_point_exchanges_at_its_own_temperature_and_area() {
+        let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
+        let mut boundary: Convection = read(
+            "coefficient = { temperature = [300, 500], value = [10, 30] }
+             ambient = { time = [0, 2], value = [250, 350] }",
+        );
+        prepare(&mut world, &mut boundary, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        })
+        .expect("valid");
+        set(&world, &keys::TEMPERATURE, |_| 400.0);
+        apply(&world, &mut boundary, 0.0);
+        // middle of the first second: 275 K; coefficient 20; corner, edge, face, heart
+        let heat = values(&world, &keys::HEAT_SOURCE);
+        let expected = [3.0, 2.0, 1.0, 0.0].map(|faces| faces * 20.0 * (275.0 - 400.0));
+        assert_eq!([heat[0], heat[1], heat[4], heat[13]], expected);
+        assert_eq!(boundary.report()[0].value, -54.0 * 2500.0);
+        // capacity 4e6 over three faces of 30 W/(m² K)
+        let limit = boundary.step_limit().expect("there is an exchange");
+        assert!((limit - 0.5 * 4e6 / 90.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_negative_coefficient_is_refused() {
+        let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
+        let mut boundary: Convection = read("coefficient = -1\nambient = 300");
+        assert!(refusal(&mut world, &mut boundary).starts_with("coefficient: "));
+    }
+}

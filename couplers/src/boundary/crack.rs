@@ -1,0 +1,144 @@
+//! Insulated crack: bonds that cross it are removed, so neither heat nor force passes
+//! (spec 02, 1.5 and 4.3).
+//!
+//! The correction of the bonds beside the crack stays that of the uncut body: families there
+//! lack members for a physical reason, not because the lattice ends. The crack does not grow,
+//! and its faces may pass through each other when it closes.
+
+use perimelt_core::{Body, Coupler, Cut, RunError, Setup, SetupError, Step, World};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A flat crack: a line (`from`, `to`) through the whole thickness, or a plane part of a 3D body
+/// (`corner`, `edges`).
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InsulatedCrack {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// One tip of the line, x and y [m].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub from: Option<[f64; 2]>,
+    /// The other tip, x and y [m].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub to: Option<[f64; 2]>,
+    /// A corner of the parallelogram [m].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub corner: Option<[f64; 3]>,
+    /// The two edges from that corner, as vectors [m].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub edges: Option<[[f64; 3]; 2]>,
+}
+
+impl InsulatedCrack {
+    /// The cut and the key that describes it.
+    fn cut(&self) -> Result<(Cut, &'static str), SetupError> {
+        let (cut, key) = match (self.from, self.to, self.corner, self.edges) {
+            (Some(from), Some(to), None, None) => (Cut::segment(from, to), "to"),
+            (None, None, Some(corner), Some(edges)) => (Cut::parallelogram(corner, edges), "edges"),
+            _ => {
+                let message = "the crack is not described";
+                let expected = "either `from` and `to`, or `corner` and `edges`";
+                return Err(SetupError::value("", message, expected));
+            }
+        };
+        let flat = || SetupError::value(key, "the crack has no extent", "different ends or edges");
+        Ok((cut.ok_or_else(flat)?, key))
+    }
+}
+
+/// Whether `cut` passes between any two neighbouring cells.
+fn severs(body: &Body, cut: &Cut) -> bool {
+    let positions = &body.points.position;
+    positions
+        .iter()
+        .zip(&body.lattice.cell_of_point)
+        .any(|(position, cell)| {
+            (0..body.dimension).any(|axis| {
+                let mut next = cell.map(i64::from);
+                next[axis] += 1;
+                let neighbour = body.lattice.point(next);
+                neighbour.is_some_and(|n| cut.crosses(position, &positions[n]))
+            })
+        })
+}
+
+#[typetag::serde(name = "insulated_crack")]
+impl Coupler for InsulatedCrack {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        let (cut, key) = self.cut()?;
+        if !severs(setup.body(body), &cut) {
+            let (min, max) = setup.body(body).bounds();
+            let message = format!(
+                "the crack passes between no points of body `{}`, which spans {:?} to {:?} m",
+                setup.body(body).name,
+                <[f64; 3]>::from(min),
+                <[f64; 3]>::from(max),
+            );
+            return Err(SetupError::value(key, message, "a crack inside the body"));
+        }
+        setup.cut(body, cut);
+        Ok(())
+    }
+
+    fn apply(&mut self, _world: &World, _step: Step) -> Result<(), RunError> {
+        Ok(())
+    }
+}
+
+perimelt_core::register_coupler!("insulated_crack", InsulatedCrack);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, block, prepare, read, refusal};
+    use perimelt_core::{Correction, FamilySpec, Moment, PartialVolume};
+
+    fn bonds(setup: &mut Setup<'_>) -> usize {
+        let spec = FamilySpec {
+            horizon: 1.0,
+            partial_volume: PartialVolume::Half,
+            correction: Correction::Point,
+            moment: Moment::Conduction,
+            layers: Vec::new(),
+            audited: Vec::new(),
+        };
+        setup.family(0, &spec).expect("valid").bonds()
+    }
+
+    #[test]
+    fn families_obtained_after_it_lack_the_bonds_that_cross() {
+        for (crack, cut) in [
+            ("from = [0, 1]\nto = [2, 1]", 2 * 2 * 2),
+            ("corner = [0, 1, 0]\nedges = [[2, 0, 0], [0, 0, 1]]", 2 * 2),
+        ] {
+            let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
+            let mut coupler: InsulatedCrack = read(crack);
+            let left = prepare(&mut world, &mut coupler, bonds).expect("valid");
+            // edges of the lattice along x, y, z; each is two directed bonds
+            let whole = 2 * (3 * 3 * 2 + 4 * 2 * 2 + 4 * 3);
+            assert_eq!(left, whole - cut, "{crack}");
+        }
+    }
+
+    #[test]
+    fn a_crack_beside_the_body_is_refused() {
+        for (crack, message) in [
+            (
+                "from = [9, 1]\nto = [12, 1]",
+                "passes between no points of body `block`",
+            ),
+            ("from = [1, 1]\nto = [1, 1]", "no extent"),
+            ("from = [1, 1]", "either `from` and `to`"),
+        ] {
+            let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
+            let mut coupler: InsulatedCrack = read(crack);
+            assert!(
+                refusal(&mut world, &mut coupler).contains(message),
+                "{crack}"
+            );
+        }
+    }
+}

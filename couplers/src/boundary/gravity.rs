@@ -1,0 +1,78 @@
+//! Weight: `body_force += rho g`, with the reference density of each material.
+
+use nalgebra::Vector3;
+use perimelt_core::{Coupler, RunError, Setup, SetupError, Step, World, Write, keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A uniform acceleration of every point; needs the material property `density`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Gravity {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Acceleration [m/s²], such as `[0.0, 0.0, -9.81]`.
+    pub acceleration: [f64; 3],
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<Prepared>,
+}
+
+#[derive(Debug)]
+struct Prepared {
+    body: usize,
+    /// By material, N/m³.
+    weight: Vec<Vector3<f64>>,
+    body_force: Write<Vector3<f64>>,
+}
+
+#[typetag::serde(name = "gravity")]
+impl Coupler for Gravity {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        setup.property(body, "density")?;
+        let acceleration = Vector3::from(self.acceleration);
+        let materials = setup.body(body).materials.iter();
+        let weight = materials.map(|m| Ok(m.reference_density()? * acceleration));
+        let weight = weight.collect::<Result<_, perimelt_core::material::MaterialError>>();
+        self.prepared = Some(Prepared {
+            body,
+            weight: weight.map_err(|e| SetupError::other("", e))?,
+            body_force: setup.add(body, &keys::BODY_FORCE)?,
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_ref().expect("prepared before the run");
+        let material = &world.body(p.body).material_of_point;
+        let mut body_force = world.write(p.body_force);
+        let points = body_force.iter_mut().zip(material);
+        points.for_each(|(sum, material)| *sum += p.weight[*material as usize]);
+        Ok(())
+    }
+}
+
+perimelt_core::register_coupler!("gravity", Gravity);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, apply, block, prepare, read, values};
+
+    #[test]
+    fn every_point_has_its_weight() {
+        let mut world = World::new(vec![block([2, 1, 1], 3, STEEL)]);
+        let mut gravity: Gravity = read("acceleration = [0, 0, -10]");
+        prepare(&mut world, &mut gravity, |setup| {
+            setup.consume(0, &keys::BODY_FORCE).expect("free");
+        })
+        .expect("valid");
+        apply(&world, &mut gravity, 0.0);
+        assert_eq!(
+            values(&world, &keys::BODY_FORCE),
+            [0.0, 0.0, -8e4, 0.0, 0.0, -8e4]
+        );
+    }
+}

@@ -1,0 +1,85 @@
+//! Prescribed heat flux: a flux q into the body heats the points of the surface by
+//! `q area / volume` (Wang (2025), eq. 7.18, with the sign of heat coming in).
+
+use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::InTime;
+use crate::surface::SurfaceHeat;
+
+/// Heat through the surface at a given rate.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeatFlux {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Which way the heated surface faces, such as `["z+"]`.
+    pub faces: Vec<Face>,
+    /// Region that limits the heated surface.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<String>,
+    /// Flux into the body [W/m²]: a number, or `{ time = [...], value = [...] }`, times in s.
+    pub flux: InTime,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<SurfaceHeat>,
+}
+
+#[typetag::serde(name = "heat_flux")]
+impl Coupler for HeatFlux {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        let heat = SurfaceHeat::prepare(setup, body, &self.faces, self.region.as_deref())?;
+        self.prepared = Some(heat);
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let heat = self.prepared.as_mut().expect("prepared before the run");
+        let flux = self.flux.at(step.middle());
+        heat.add(world, |_| flux);
+        Ok(())
+    }
+
+    fn next_event(&self, after: f64) -> Option<f64> {
+        self.flux.next_event(after)
+    }
+
+    fn report(&self) -> Vec<Report> {
+        self.prepared
+            .as_ref()
+            .map_or_else(Vec::new, SurfaceHeat::report)
+    }
+}
+
+perimelt_core::register_coupler!("heat_flux", HeatFlux);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, apply, block, prepare, read, total};
+    use perimelt_core::keys;
+
+    #[test]
+    fn the_power_is_the_flux_at_the_middle_of_the_step_times_the_area() {
+        for (table, power) in [
+            ("faces = ['z+', 'x-']\nflux = 10", 10.0 * (12.0 + 6.0)),
+            (
+                "faces = ['z+']\nregion = 'left'\nflux = { time = [0, 4], value = [0, 8] }",
+                9.0,
+            ),
+        ] {
+            let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
+            let mut boundary: HeatFlux = read(table);
+            prepare(&mut world, &mut boundary, |setup| {
+                setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+            })
+            .expect("valid");
+            apply(&world, &mut boundary, 1.0);
+            assert_eq!(total(&world, &keys::HEAT_SOURCE), power, "{table}");
+            assert_eq!(boundary.report()[0].value, power);
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Insulated faces: the layer behind a face mirrors the field as it is, `theta(layer) =
+//! theta(mirror)`, so that nothing flows and families at the face are complete.
+//!
+//! (Wang (2025), section 7.2 calls `theta_b = 0` in eq. 7.17 insulated; that is a wall at zero,
+//! spec 02, E5.) A face without any boundary is insulated too, by truncated families.
+
+use perimelt_core::{Coupler, Face, Key, RunError, Setup, SetupError, Step, World, keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::surface::all_faces;
+
+/// Faces that nothing crosses.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Insulated {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Faces of the body's box, such as `["y-", "y+"]`; default all that the body has.
+    #[serde(default = "all_faces")]
+    pub faces: Vec<Face>,
+    /// The scalar field that is mirrored; default `temperature`.
+    #[serde(default = "temperature")]
+    pub field: String,
+}
+
+fn temperature() -> String {
+    keys::TEMPERATURE.name.into_owned()
+}
+
+#[typetag::serde(name = "insulated")]
+impl Coupler for Insulated {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        // the owner of the field gives it its unit
+        let key = Key::<f64>::named(self.field.clone(), String::new());
+        let dimension = setup.body(body).dimension;
+        let all = self.faces.len() == Face::ALL.len();
+        let faces = self.faces.iter().copied();
+        for face in faces.filter(|f| !all || f.axis() < dimension) {
+            // a fresh layer is even
+            setup
+                .layer(body, &key, face, false)
+                .map_err(|e| SetupError::new("faces", e.problem))?;
+        }
+        Ok(())
+    }
+
+    fn apply(&mut self, _world: &World, _step: Step) -> Result<(), RunError> {
+        Ok(())
+    }
+}
+
+perimelt_core::register_coupler!("insulated", Insulated);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, block, prepare, read};
+
+    #[test]
+    fn layers_are_even_and_not_prescribed() {
+        let mut world = World::new(vec![block([3, 2, 1], 2, STEEL)]);
+        let mut boundary: Insulated = read("");
+        let (layers, claimed, prescribed) = prepare(&mut world, &mut boundary, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.layers(0, &keys::TEMPERATURE)
+        })
+        .expect("valid");
+        assert_eq!(claimed, Face::ALL[..4], "a plate has four faces");
+        assert!(prescribed.is_empty());
+        let even = |r: &perimelt_core::family::LayerRule| (r.scale[0], r.offset[0]) == (1.0, 0.0);
+        assert!(world.layer_rules(layers).iter().all(even));
+        let unit = &world.fields().iter().next().expect("one field").unit;
+        assert_eq!(unit, "K", "the owner gives the unit");
+    }
+
+    #[test]
+    fn a_field_that_nobody_owns_is_refused() {
+        let mut world = World::new(vec![block([3, 2, 1], 2, STEEL)]);
+        let mut boundary: Insulated = read("field = 'moisture'");
+        let error = prepare(&mut world, &mut boundary, |_| ()).expect_err("no owner");
+        assert!(error.to_string().contains("field `moisture`"));
+    }
+}

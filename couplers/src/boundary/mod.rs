@@ -1,0 +1,86 @@
+//! Boundaries: what the surroundings do to a body.
+//!
+//! Values are prescribed behind a `face` of the body's box by a mirrored layer that completes
+//! the families there ([`LayerKind`]), or at the points of a `region` themselves. Fluxes,
+//! tractions and exchange act on the points of the bare surface.
+
+mod clamp;
+mod convection;
+mod crack;
+mod gravity;
+mod heat_flux;
+mod insulated;
+mod prescribed_displacement;
+mod prescribed_temperature;
+mod radiation;
+mod symmetry;
+mod traction;
+
+pub use clamp::Clamp;
+pub use convection::Convection;
+pub use crack::InsulatedCrack;
+pub use gravity::Gravity;
+pub use heat_flux::HeatFlux;
+pub use insulated::Insulated;
+pub use prescribed_displacement::PrescribedDisplacement;
+pub use prescribed_temperature::PrescribedTemperature;
+pub use radiation::Radiation;
+pub use symmetry::Symmetry;
+pub use traction::Traction;
+
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Face, Setup, SetupError};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How the layer behind a face carries a prescribed value b.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LayerKind {
+    /// 2 b less the mirrored value, so that the value on the face is b (Wang (2025), eq. 7.17).
+    #[default]
+    Mirrored,
+    /// b throughout: the value b is then met a fraction of a spacing outside the face.
+    Constant,
+}
+
+impl LayerKind {
+    /// Scale and offset of the layer for the value `b`, in the unit of the field.
+    pub fn rule(self, b: f64) -> (f64, f64) {
+        match self {
+            LayerKind::Mirrored => (-1.0, 2.0 * b),
+            LayerKind::Constant => (0.0, b),
+        }
+    }
+}
+
+/// Where a value is prescribed.
+enum Place {
+    /// In the layer behind a face.
+    Face(Face),
+    /// At these points.
+    Points(Vec<u32>),
+}
+
+/// The one of `face` and `region` that is given.
+fn place(
+    setup: &Setup<'_>,
+    body: BodyIndex,
+    face: Option<Face>,
+    region: Option<&str>,
+) -> Result<Place, SetupError> {
+    match (face, region) {
+        (Some(face), None) => Ok(Place::Face(face)),
+        (None, Some(name)) => Ok(Place::Points(setup.region(body, "region", name)?.points)),
+        (Some(_), Some(_)) => Err(SetupError::value(
+            "region",
+            "both `face` and `region` are given",
+            "one of the two",
+        )),
+        (None, None) => Err(SetupError::value(
+            "face",
+            "it is not said where",
+            "`face`, such as \"x-\", or `region`",
+        )),
+    }
+}

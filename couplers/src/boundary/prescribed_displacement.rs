@@ -1,0 +1,194 @@
+//! Prescribed displacement behind a face or at points, component by component.
+//!
+//! Behind a face: `u(layer) = 2 b(t) - u(mirror)` or `b(t)` for the components that are given,
+//! `u(mirror)` for the free ones, at the end of the step. At the points of a region: their
+//! components are held at b(t) themselves.
+
+use nalgebra::Vector3;
+use perimelt_core::world::LayerHandle;
+use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, Write, keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{LayerKind, Place, place};
+use crate::InTime;
+use crate::in_time::earlier;
+
+/// Displacement of a face or of the points of a region; components left out are free.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PrescribedDisplacement {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Face of the body's box, such as `"x-"`; or give `region`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub face: Option<Face>,
+    /// Region whose points are held; or give `face`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<String>,
+    /// Displacement along x [m]: a number, or `{ time = [...], value = [...] }`, times in s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub x: Option<InTime>,
+    /// Displacement along y [m].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub y: Option<InTime>,
+    /// Displacement along z [m].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub z: Option<InTime>,
+    /// How the layer behind a face carries it; default `mirrored`.
+    #[serde(default)]
+    pub layer: LayerKind,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<Prepared>,
+}
+
+#[derive(Debug)]
+enum Prepared {
+    Layer(LayerHandle),
+    Points {
+        points: Vec<u32>,
+        constraint: Write<Vector3<f64>>,
+        held: Write<Vector3<f64>>,
+    },
+}
+
+impl PrescribedDisplacement {
+    fn components(&self) -> [Option<&InTime>; 3] {
+        [self.x.as_ref(), self.y.as_ref(), self.z.as_ref()]
+    }
+}
+
+#[typetag::serde(name = "prescribed_displacement")]
+impl Coupler for PrescribedDisplacement {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        let dimension = setup.body(body).dimension;
+        let given = self.components().map(|c| c.is_some());
+        if given == [false; 3] {
+            let message = "no component is prescribed";
+            return Err(SetupError::value(
+                "",
+                message,
+                "at least one of `x`, `y`, `z`",
+            ));
+        }
+        if let Some(axis) = (dimension..3).find(|&axis| given[axis]) {
+            let name = ["x", "y", "z"][axis];
+            let message = format!("a {dimension}D body has no displacement along {name}");
+            return Err(SetupError::value(
+                name,
+                message,
+                "components within the dimensions",
+            ));
+        }
+        let prepared = match place(setup, body, self.face, self.region.as_deref())? {
+            Place::Face(face) => {
+                Prepared::Layer(setup.layer(body, &keys::DISPLACEMENT, face, true)?)
+            }
+            Place::Points(points) => Prepared::Points {
+                points,
+                constraint: setup.add(body, &keys::CONSTRAINT)?,
+                held: setup.add(body, &keys::HELD_DISPLACEMENT)?,
+            },
+        };
+        self.prepared = Some(prepared);
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let values = self.components().map(|c| c.map(|c| c.at(step.end())));
+        match self.prepared.as_ref().expect("prepared before the run") {
+            Prepared::Layer(layer) => {
+                let rules = values.map(|v| v.map_or((1.0, 0.0), |v| self.layer.rule(v)));
+                world.set_layer(*layer, rules.map(|r| r.0), rules.map(|r| r.1));
+            }
+            Prepared::Points {
+                points,
+                constraint,
+                held,
+            } => {
+                let (mut constraint, mut held) = (world.write(*constraint), world.write(*held));
+                for (axis, value) in values.into_iter().enumerate() {
+                    let Some(value) = value else { continue };
+                    for &point in points {
+                        constraint[point as usize][axis] += 1.0;
+                        held[point as usize][axis] += value;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn next_event(&self, after: f64) -> Option<f64> {
+        let events = self.components().into_iter().flatten();
+        events.map(|c| c.next_event(after)).fold(None, earlier)
+    }
+}
+
+perimelt_core::register_coupler!("prescribed_displacement", PrescribedDisplacement);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, apply, block, prepare, read, refusal, values};
+
+    #[test]
+    fn a_layer_prescribes_the_given_components_and_mirrors_the_others() {
+        let mut world = World::new(vec![block([3, 3, 1], 2, STEEL)]);
+        let mut boundary: PrescribedDisplacement =
+            read("face = 'x-'\ny = { time = [0, 2], value = [0, 1e-3] }");
+        let layers = prepare(&mut world, &mut boundary, |setup| {
+            setup.own(0, &keys::DISPLACEMENT).expect("free");
+            setup.layers(0, &keys::DISPLACEMENT).0
+        })
+        .expect("valid");
+        apply(&world, &mut boundary, 0.0);
+        let rule = world.layer_rules(layers)[0];
+        assert_eq!(
+            (rule.scale, rule.offset),
+            ([1.0, -1.0, 1.0], [0.0, 1e-3, 0.0])
+        );
+        assert_eq!(boundary.next_event(0.0), Some(2.0));
+    }
+
+    #[test]
+    fn points_are_held_in_the_given_components() {
+        let mut world = World::new(vec![block([2, 1, 1], 3, STEEL)]);
+        let mut boundary: PrescribedDisplacement = read("region = 'left'\nx = 0.5\nz = 0");
+        prepare(&mut world, &mut boundary, |setup| {
+            setup.consume(0, &keys::CONSTRAINT).expect("free");
+            setup.consume(0, &keys::HELD_DISPLACEMENT).expect("free");
+        })
+        .expect("valid");
+        apply(&world, &mut boundary, 0.0);
+        assert_eq!(
+            values(&world, &keys::CONSTRAINT),
+            [1.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+        );
+        assert_eq!(
+            values(&world, &keys::HELD_DISPLACEMENT)[..3],
+            [0.5, 0.0, 0.0]
+        );
+    }
+
+    #[test]
+    fn components_must_exist_and_be_given() {
+        for (table, message) in [
+            ("face = 'x-'", "no component is prescribed"),
+            (
+                "face = 'x-'\nz = 0",
+                "a 2D body has no displacement along z",
+            ),
+        ] {
+            let mut world = World::new(vec![block([3, 3, 1], 2, STEEL)]);
+            let mut boundary: PrescribedDisplacement = read(table);
+            assert!(
+                refusal(&mut world, &mut boundary).contains(message),
+                "{table}"
+            );
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! Plane of symmetry: the body goes on as its mirror image behind a face.
+//!
+//! Temperature is even; of the displacement the normal component is odd and the others are
+//! even. Whichever of the two fields the case has is mirrored.
+
+use perimelt_core::world::LayerHandle;
+use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A face in which the body is mirrored.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Symmetry {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Face of the body's box, such as `"y-"`.
+    pub face: Face,
+    #[serde(skip)]
+    #[schemars(skip)]
+    displacement: Option<LayerHandle>,
+}
+
+#[typetag::serde(name = "symmetry")]
+impl Coupler for Symmetry {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        // a fresh layer is even
+        setup.layer_if_provided(body, &keys::TEMPERATURE, self.face)?;
+        let displacement = setup.layer_if_provided(body, &keys::DISPLACEMENT, self.face)?;
+        self.displacement = Some(displacement);
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
+        let layer = self.displacement.expect("prepared before the run");
+        let mut scale = [1.0; 3];
+        scale[self.face.axis()] = -1.0;
+        world.set_layer(layer, scale, [0.0; 3]);
+        Ok(())
+    }
+}
+
+perimelt_core::register_coupler!("symmetry", Symmetry);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, apply, block, prepare, read};
+
+    #[test]
+    fn the_normal_displacement_is_odd_and_temperature_need_not_exist() {
+        let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
+        let mut boundary: Symmetry = read("face = 'y-'");
+        let (layers, faces, prescribed) = prepare(&mut world, &mut boundary, |setup| {
+            setup.own(0, &keys::DISPLACEMENT).expect("free");
+            setup.layers(0, &keys::DISPLACEMENT)
+        })
+        .expect("a case without temperature is fine");
+        assert_eq!((faces, prescribed), (vec![Face::YMin], vec![]));
+        apply(&world, &mut boundary, 0.0);
+        let rule = world.layer_rules(layers)[0];
+        assert_eq!((rule.scale, rule.offset), ([1.0, -1.0, 1.0], [0.0; 3]));
+    }
+}

@@ -1,0 +1,172 @@
+//! Traction: force per area on the surface, as force per volume on the points behind it,
+//! `body_force += traction area / volume`.
+//!
+//! The load acts half a spacing below the surface, and the surface is that of the reference
+//! configuration: a pressure does not turn with it.
+
+use nalgebra::Vector3;
+use perimelt_core::body::SurfaceCell;
+use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::InTime;
+use crate::surface::select;
+
+/// Force on the surface: give `traction` or `pressure`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Traction {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Which way the loaded surface faces, such as `["x+"]`.
+    pub faces: Vec<Face>,
+    /// Region that limits the loaded surface.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<String>,
+    /// Force per area [Pa], by component.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub traction: Option<[f64; 3]>,
+    /// Pressure [Pa], against the outward normal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pressure: Option<f64>,
+    /// Factor on the load: a number, or `{ time = [...], value = [...] }`, times in s;
+    /// default 1.
+    #[serde(default = "constant")]
+    pub factor: InTime,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<Prepared>,
+}
+
+fn constant() -> InTime {
+    InTime::Constant(1.0)
+}
+
+#[derive(Debug)]
+struct Prepared {
+    body: usize,
+    cells: Vec<SurfaceCell>,
+    load: Load,
+    body_force: Write<Vector3<f64>>,
+    force: Vector3<f64>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Load {
+    Traction(Vector3<f64>),
+    Pressure(f64),
+}
+
+impl Load {
+    fn on(self, face: Face) -> Vector3<f64> {
+        match self {
+            Load::Traction(traction) => traction,
+            Load::Pressure(pressure) => -pressure * face.normal(),
+        }
+    }
+}
+
+#[typetag::serde(name = "traction")]
+impl Coupler for Traction {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        let load = match (self.traction, self.pressure) {
+            (Some(traction), None) => Load::Traction(traction.into()),
+            (None, Some(pressure)) => Load::Pressure(pressure),
+            _ => {
+                let message = "the load is given twice or not at all";
+                let expected = "either `traction` or `pressure`";
+                return Err(SetupError::value("traction", message, expected));
+            }
+        };
+        self.prepared = Some(Prepared {
+            body,
+            cells: select(setup, body, &self.faces, self.region.as_deref())?,
+            load,
+            body_force: setup.add(body, &keys::BODY_FORCE)?,
+            force: Vector3::zeros(),
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_mut().expect("prepared before the run");
+        let factor = self.factor.at(step.end());
+        let volume = &world.body(p.body).points.volume;
+        let mut body_force = world.write(p.body_force);
+        p.force = Vector3::zeros();
+        for cell in &p.cells {
+            let point = cell.point as usize;
+            let force = p.load.on(cell.face) * (factor * cell.area);
+            body_force[point] += force / volume[point];
+            p.force += force;
+        }
+        Ok(())
+    }
+
+    fn next_event(&self, after: f64) -> Option<f64> {
+        self.factor.next_event(after)
+    }
+
+    fn report(&self) -> Vec<Report> {
+        let force = self
+            .prepared
+            .as_ref()
+            .map_or_else(Vector3::zeros, |p| p.force);
+        let component = |axis: usize| Report {
+            name: format!("force.{}", ["x", "y", "z"][axis]),
+            unit: "N".into(),
+            value: force[axis],
+        };
+        (0..3).map(component).collect()
+    }
+}
+
+perimelt_core::register_coupler!("traction", Traction);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, apply, block, prepare, read, refusal, values};
+
+    fn loaded(table: &str) -> (Vec<f64>, Vec<f64>) {
+        let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
+        let mut boundary: Traction = read(table);
+        prepare(&mut world, &mut boundary, |setup| {
+            setup.consume(0, &keys::BODY_FORCE).expect("free");
+        })
+        .expect("valid");
+        apply(&world, &mut boundary, 1.0);
+        let force = boundary.report().iter().map(|r| r.value).collect();
+        (values(&world, &keys::BODY_FORCE), force)
+    }
+
+    #[test]
+    fn the_force_is_the_traction_at_the_end_of_the_step_times_the_area() {
+        let table =
+            "faces = ['x+']\ntraction = [5, 0, -1]\nfactor = { time = [0, 4], value = [0, 2] }";
+        let (body_force, force) = loaded(table);
+        assert_eq!(force, [30.0, 0.0, -6.0]);
+        // unit volumes; the last point of the first row carries its share, the first none
+        assert_eq!(
+            (&body_force[9..12], body_force[0]),
+            (&[5.0, 0.0, -1.0][..], 0.0)
+        );
+    }
+
+    #[test]
+    fn pressure_pushes_inwards_and_cancels_all_around() {
+        assert_eq!(loaded("faces = ['z+']\npressure = 2").1, [0.0, 0.0, -24.0]);
+        let all = "faces = ['x-', 'x+', 'y-', 'y+', 'z-', 'z+']\npressure = 2";
+        assert_eq!(loaded(all).1, [0.0; 3]);
+    }
+
+    #[test]
+    fn one_kind_of_load_is_needed() {
+        let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
+        let mut boundary: Traction = read("faces = ['x+']");
+        assert!(refusal(&mut world, &mut boundary).contains("either `traction` or `pressure`"));
+    }
+}

@@ -1,0 +1,161 @@
+//! Thermoelastic heat: a solid cools when it is extended and heats when compressed
+//!
+//! ```text
+//! heat_source -= alpha T d(eigenstress)/dt           (W/m³)
+//! ```
+//!
+//! `eigenstress` comes from the mechanical physics: in a bond-based solid
+//! `sum_j (c/2) (extension) v V`, positive in extension (spec 04, 1.6). Its change since the
+//! heat was last computed is taken up in full, whatever the steps of the two physics.
+//! With `linearised_at = T0` the heat is -alpha T0 times it: the linear theory that closed
+//! forms and the sources use, in which `temperature` may also be a change from T0.
+//!
+//! Alpha is the coefficient at the temperature of the point; that of a steep table should be
+//! the tangent one, which differs from the secant one that expansion needs. Not for plastic
+//! or viscous heat.
+
+use perimelt_core::material::Property;
+use perimelt_core::{
+    Coupler, Read, ReadIfProvided, Report, RunError, Setup, SetupError, Step, World, Write, keys,
+};
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Heat from the rate of deformation; needs the material property `thermal_expansion`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DeformationHeat {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Temperature in the place of the current one [K], for the linear theory; left out: the
+    /// current one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub linearised_at: Option<f64>,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<Prepared>,
+}
+
+#[derive(Debug)]
+struct Prepared {
+    body: usize,
+    expansion: Vec<Property>,
+    temperature: Read<f64>,
+    liquid_fraction: ReadIfProvided<f64>,
+    eigenstress: Read<f64>,
+    /// Eigenstress when the heat was last computed, Pa; empty before the first time.
+    seen: Vec<f64>,
+    rate: Vec<f64>,
+    heat_source: Write<f64>,
+    power: f64,
+}
+
+/// `-alpha T p'`, W/m³, for the eigenstress rate p' in Pa/s.
+pub fn thermoelastic_heat(expansion: f64, temperature: f64, eigenstress_rate: f64) -> f64 {
+    -expansion * temperature * eigenstress_rate
+}
+
+#[typetag::serde(name = "deformation_heat")]
+impl Coupler for DeformationHeat {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        self.prepared = Some(Prepared {
+            body,
+            expansion: setup.property(body, "thermal_expansion")?,
+            temperature: setup.read(body, &keys::TEMPERATURE)?,
+            liquid_fraction: setup.read_if_provided(body, &keys::LIQUID_FRACTION)?,
+            eigenstress: setup.read(body, &keys::EIGENSTRESS)?,
+            seen: Vec::new(),
+            rate: vec![0.0; setup.body(body).points.len()],
+            heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
+            power: 0.0,
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_mut().expect("prepared before the run");
+        let temperature: &[f64] = &world.read(p.temperature);
+        let liquid_fraction = world.read_if_provided(p.liquid_fraction);
+        let liquid_fraction = liquid_fraction.as_deref();
+        let eigenstress = world.read(p.eigenstress);
+        p.seen.resize(eigenstress.len(), 0.0);
+        for ((rate, now), seen) in p.rate.iter_mut().zip(&*eigenstress).zip(&mut p.seen) {
+            *rate = if step.size > 0.0 {
+                (now - *seen) / step.size
+            } else {
+                0.0
+            };
+            *seen = *now;
+        }
+        let rate = &p.rate;
+        let body = world.body(p.body);
+        let heat = |point: usize| {
+            let liquid = liquid_fraction.map_or(0.0, |f| f[point]);
+            let expansion = &p.expansion[body.material_of_point[point] as usize];
+            let expansion = expansion.at(temperature[point], liquid);
+            let temperature = self.linearised_at.unwrap_or(temperature[point]);
+            thermoelastic_heat(expansion, temperature, rate[point])
+        };
+        let mut heat_source = world.write(p.heat_source);
+        let points = heat_source.par_iter_mut().enumerate();
+        points.for_each(|(point, sum)| *sum += heat(point));
+        // in order, so that the sum does not depend on the number of threads
+        let volumes = body.points.volume.iter().enumerate();
+        p.power = volumes.map(|(point, volume)| heat(point) * volume).sum();
+        Ok(())
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(&self.prepared.as_ref().expect("prepared before a save").seen)
+    }
+
+    fn load(
+        &mut self,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        let p = self.prepared.as_mut().expect("prepared before a restart");
+        p.seen = erased_serde::deserialize(state)?;
+        Ok(())
+    }
+
+    fn report(&self) -> Vec<Report> {
+        vec![Report {
+            name: "power from deformation".into(),
+            unit: "W".into(),
+            value: self.prepared.as_ref().map_or(0.0, |p| p.power),
+        }]
+    }
+}
+
+perimelt_core::register_coupler!("deformation_heat", DeformationHeat);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{apply, block, prepare, read, set, values};
+
+    #[test]
+    fn extension_cools_in_proportion_to_the_temperature_or_to_the_given_one() {
+        for (keys_given, heat) in [("", -12e-6 * 400.0 * 1e9), ("linearised_at = 300", -3.6e6)] {
+            let mut world = World::new(vec![block([2, 1, 1], 1, "thermal_expansion = 12e-6")]);
+            let mut coupler: DeformationHeat = read(keys_given);
+            prepare(&mut world, &mut coupler, |setup| {
+                setup.own(0, &keys::TEMPERATURE).expect("free");
+                setup.own(0, &keys::EIGENSTRESS).expect("free");
+                setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+            })
+            .expect("valid");
+            set(&world, &keys::TEMPERATURE, |_| 400.0);
+            set(&world, &keys::EIGENSTRESS, |i| [1e9, -1e9][i]);
+            apply(&world, &mut coupler, 0.0);
+            for (value, expected) in values(&world, &keys::HEAT_SOURCE).iter().zip([heat, -heat]) {
+                // rounding of three factors
+                assert!((value - expected).abs() < 1e-9 * heat.abs());
+            }
+            assert_eq!(coupler.report()[0].value, 0.0, "the two points cancel");
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! A number, or a table of numbers in time.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use perimelt_core::material::Table;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{self, Deserializer, MapAccess, Visitor};
+use serde::ser::{SerializeMap, Serializer};
+use serde::{Deserialize, Serialize};
+
+/// A number that may change in time: piecewise linear through the rows of a table, constant
+/// before the first and after the last. A jump is two rows a moment apart.
+///
+/// ```toml
+/// value = 300
+/// value = { time = [0, 10], value = [300, 500] }   # s
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub enum InTime {
+    /// The same at all times.
+    Constant(f64),
+    /// Rows of time (s) and value.
+    Table(Table),
+}
+
+impl InTime {
+    /// Value at `time` (s).
+    pub fn at(&self, time: f64) -> f64 {
+        match self {
+            InTime::Constant(value) => *value,
+            InTime::Table(table) => table.at(time),
+        }
+    }
+
+    /// The first row later than `after` (s): a kink, on which steps should land.
+    pub fn next_event(&self, after: f64) -> Option<f64> {
+        match self {
+            InTime::Constant(_) => None,
+            InTime::Table(table) => table.abscissae().iter().copied().find(|t| *t > after),
+        }
+    }
+
+    /// All numbers given: every value lies between the least and the largest of them.
+    pub fn values(&self) -> &[f64] {
+        match self {
+            InTime::Constant(value) => std::slice::from_ref(value),
+            InTime::Table(table) => table.values(),
+        }
+    }
+}
+
+/// The earlier of two events.
+pub(crate) fn earlier(a: Option<f64>, b: Option<f64>) -> Option<f64> {
+    a.into_iter().chain(b).min_by(f64::total_cmp)
+}
+
+const FORMS: &str = "a number, or { time = [...], value = [...] } with times in seconds";
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Rows {
+    time: Vec<f64>,
+    value: Vec<f64>,
+}
+
+impl<'de> Deserialize<'de> for InTime {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(InTimeVisitor)
+    }
+}
+
+struct InTimeVisitor;
+
+impl<'de> Visitor<'de> for InTimeVisitor {
+    type Value = InTime;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(FORMS)
+    }
+
+    fn visit_f64<E: de::Error>(self, value: f64) -> Result<InTime, E> {
+        if value.is_finite() {
+            Ok(InTime::Constant(value))
+        } else {
+            Err(E::custom(format_args!("{value} is not a finite number")))
+        }
+    }
+
+    fn visit_i64<E: de::Error>(self, value: i64) -> Result<InTime, E> {
+        Ok(InTime::Constant(value as f64))
+    }
+
+    fn visit_u64<E: de::Error>(self, value: u64) -> Result<InTime, E> {
+        Ok(InTime::Constant(value as f64))
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<InTime, A::Error> {
+        let rows = Rows::deserialize(MapAccessDeserializer::new(map))?;
+        Table::new(rows.time, rows.value)
+            .map(InTime::Table)
+            .map_err(de::Error::custom)
+    }
+}
+
+impl Serialize for InTime {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            InTime::Constant(value) => serializer.serialize_f64(*value),
+            InTime::Table(table) => {
+                let mut map = serializer.serialize_map(Some(2))?;
+                map.serialize_entry("time", table.abscissae())?;
+                map.serialize_entry("value", table.values())?;
+                map.end()
+            }
+        }
+    }
+}
+
+impl JsonSchema for InTime {
+    fn schema_name() -> Cow<'static, str> {
+        "InTime".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "A number, or a table of numbers in time",
+            "anyOf": [
+                { "type": "number", "description": "The same at all times" },
+                {
+                    "type": "object",
+                    "description": "Piecewise linear in time, constant outside the rows",
+                    "properties": {
+                        "time": {
+                            "type": "array", "items": { "type": "number" }, "minItems": 1,
+                            "description": "Times of the rows [s], strictly increasing"
+                        },
+                        "value": {
+                            "type": "array", "items": { "type": "number" }, "minItems": 1,
+                            "description": "Values of the rows"
+                        }
+                    },
+                    "required": ["time", "value"],
+                    "additionalProperties": false
+                }
+            ]
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, Serialize, Deserialize)]
+    struct Holder {
+        value: InTime,
+    }
+
+    fn read(value: &str) -> Result<InTime, toml::de::Error> {
+        toml::from_str::<Holder>(&format!("value = {value}")).map(|h| h.value)
+    }
+
+    #[test]
+    fn tables_are_linear_in_time_with_an_event_at_each_row() {
+        let ramp = read("{ time = [1, 3], value = [10, 30] }").expect("valid");
+        for (time, value) in [(0.0, 10.0), (2.0, 20.0), (9.0, 30.0)] {
+            assert_eq!(ramp.at(time), value);
+        }
+        for (after, event) in [(0.0, Some(1.0)), (1.0, Some(3.0)), (3.0, None)] {
+            assert_eq!(ramp.next_event(after), event);
+        }
+        assert_eq!(read("5").expect("valid").at(7.0), 5.0);
+        assert_eq!(earlier(Some(2.0), None), Some(2.0));
+        assert_eq!(earlier(Some(2.0), Some(1.0)), Some(1.0));
+    }
+
+    #[test]
+    fn mistakes_are_explained() {
+        for (text, message) in [
+            ("'hot'", "a number, or { time ="),
+            ("inf", "not a finite number"),
+            ("{ time = [0, 1], value = [1] }", "one value per row"),
+            ("{ time = [0, 1] }", "missing field `value`"),
+            ("{ times = [0, 1] }", "unknown field `times`"),
+        ] {
+            let error = read(text).expect_err(text);
+            assert!(error.message().contains(message), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn writing_and_reading_gives_the_same() {
+        for text in ["5.5", "{ time = [1, 3], value = [10, 30] }"] {
+            let value = read(text).expect("valid");
+            let json = serde_json::to_string(&value).expect("serialises");
+            assert_eq!(serde_json::from_str::<InTime>(&json).expect("reads"), value);
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! Melting and freezing: the thermal physics of the body takes up latent heat.
+//!
+//! The coupler says how ([`perimelt_core::material::EnthalpyCurve`] holds the formulas, after
+//! Wang (2025), eqs. 7.11, 7.12; spec 02, 1.6) and writes the share of liquid
+//!
+//! ```text
+//! liquid_fraction = clamp((T - T_s)/(T_l - T_s), 0, 1)
+//! ```
+//!
+//! for couplers, plots and properties by phase. Where the thermal physics provides `enthalpy`,
+//! the share comes from that, so that it is also right for a pure substance (T_s = T_l), whose
+//! temperature does not tell how much has melted. Materials of the body that lack one of
+//! `solidus`, `liquidus` and `latent_heat` stay solid.
+//!
+//! Not for vaporisation or undercooling.
+
+use perimelt_core::error::Problem;
+use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, MushyCapacity};
+use perimelt_core::{
+    Coupler, Read, ReadIfProvided, RunError, Setup, SetupError, Step, World, Write, keys, world,
+};
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Latent heat; needs the material properties `solidus`, `liquidus` and `latent_heat`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PhaseChange {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// How a step finds the new temperature; default `enthalpy`.
+    #[serde(default)]
+    pub form: LatentHeatForm,
+    /// What heats up between solidus and liquidus; default `latent_plus_sensible`.
+    #[serde(default)]
+    pub mushy_capacity: MushyCapacity,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<Prepared>,
+}
+
+#[derive(Debug)]
+struct Prepared {
+    body: usize,
+    curves: Vec<EnthalpyCurve>,
+    temperature: Read<f64>,
+    enthalpy: ReadIfProvided<f64>,
+    liquid_fraction: Write<f64>,
+}
+
+/// The property that keeps the first material from melting, when none of the body's does.
+fn missing_property(setup: &Setup<'_>, body: usize) -> Option<Problem> {
+    const NEEDED: [&str; 3] = ["solidus", "liquidus", "latent_heat"];
+    let body = setup.body(body);
+    let mut first = None;
+    for material in &body.materials {
+        let property = NEEDED.iter().find(|p| material.get(p).is_none())?;
+        first.get_or_insert_with(|| Problem::MissingProperty {
+            material: material.name().into(),
+            body: body.name.clone(),
+            property: (*property).into(),
+        });
+    }
+    first
+}
+
+#[typetag::serde(name = "phase_change")]
+impl Coupler for PhaseChange {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        if let Some(problem) = missing_property(setup, body) {
+            return Err(SetupError::new("", problem));
+        }
+        let change = world::PhaseChange {
+            mushy_capacity: self.mushy_capacity,
+            form: self.form,
+        };
+        setup.set_phase_change(body, change);
+        self.prepared = Some(Prepared {
+            body,
+            curves: setup.enthalpy_curves(body)?,
+            temperature: setup.read(body, &keys::TEMPERATURE)?,
+            enthalpy: setup.read_if_provided(body, &keys::ENTHALPY)?,
+            liquid_fraction: setup.write(body, &keys::LIQUID_FRACTION)?,
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_ref().expect("prepared before the run");
+        let temperature: &[f64] = &world.read(p.temperature);
+        let enthalpy = world.read_if_provided(p.enthalpy);
+        let enthalpy = enthalpy.as_deref();
+        let material = &world.body(p.body).material_of_point;
+        let mut liquid_fraction = world.write(p.liquid_fraction);
+        let fraction = |point: usize| {
+            let curve = &p.curves[material[point] as usize];
+            match enthalpy {
+                Some(enthalpy) => curve.liquid_fraction_from_enthalpy(enthalpy[point]),
+                None => curve.liquid_fraction(temperature[point]),
+            }
+        };
+        let points = liquid_fraction.par_iter_mut().enumerate();
+        points.for_each(|(point, value)| *value = fraction(point));
+        Ok(())
+    }
+}
+
+perimelt_core::register_coupler!("phase_change", PhaseChange);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, apply, block, prepare, read, refusal, set, values};
+
+    #[test]
+    fn the_share_of_liquid_follows_temperature_where_there_is_no_enthalpy() {
+        let mut world = World::new(vec![block([4, 1, 1], 1, STEEL)]);
+        let mut change: PhaseChange = read("form = 'apparent'\nmushy_capacity = 'latent_only'");
+        let curves = prepare(&mut world, &mut change, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.enthalpy_curves(0).expect("valid")
+        })
+        .expect("valid");
+        let latent = curves[0]
+            .latent_heat()
+            .expect("the physics now sees latent heat");
+        assert_eq!(latent.form, LatentHeatForm::Apparent);
+        assert_eq!(latent.mushy_capacity, MushyCapacity::LatentOnly);
+        let temperatures = [300.0, 1700.0, 1725.0, 2000.0];
+        set(&world, &keys::TEMPERATURE, |i| temperatures[i]);
+        apply(&world, &mut change, 0.0);
+        assert_eq!(
+            values(&world, &keys::LIQUID_FRACTION),
+            [0.0, 0.0, 0.25, 1.0]
+        );
+    }
+
+    #[test]
+    fn a_pure_substance_melts_by_its_enthalpy() {
+        let ice = "density = 1000\nspecific_heat = 2000\nsolidus = 273\nliquidus = 273\nlatent_heat = 3e5";
+        let mut world = World::new(vec![block([3, 1, 1], 1, ice)]);
+        let mut change: PhaseChange = read("");
+        prepare(&mut world, &mut change, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.own(0, &keys::ENTHALPY).expect("free");
+        })
+        .expect("valid");
+        set(&world, &keys::TEMPERATURE, |_| 273.0);
+        // 3e8 J/m³ melt all of it
+        set(&world, &keys::ENTHALPY, |i| [-1.0, 0.75e8, 4e8][i]);
+        apply(&world, &mut change, 0.0);
+        assert_eq!(values(&world, &keys::LIQUID_FRACTION), [0.0, 0.25, 1.0]);
+    }
+
+    #[test]
+    fn a_body_that_cannot_melt_is_refused_by_the_property_that_it_lacks() {
+        let mut world = World::new(vec![block([3, 1, 1], 1, "solidus = 300\nliquidus = 400")]);
+        let mut change: PhaseChange = read("");
+        let message = refusal(&mut world, &mut change);
+        assert!(message.contains("material `steel` of body `block` has no `latent_heat`"));
+    }
+}

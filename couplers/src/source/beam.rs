@@ -1,0 +1,320 @@
+//! A beam on a lattice: the part of the power that falls on every cell, then W/m³.
+//!
+//! The density is footprint × depth profile, so the part of a cell is a lateral part × a depth
+//! part, and their sums over the endless lattice multiply too. Depth parts are exact. Lateral parts
+//! are products of error functions where the travel direction lies along an axis of the lattice (or
+//! makes no difference), otherwise sums over Gauss points whose spacing follows the source, not the
+//! cells: coarse lattices see all of it.
+//!
+//! Cost: one lateral table per step, a few thousand exponentials when it needs Gauss points, and
+//! one multiplication per heated cell.
+
+use super::profile::{DepthProfile, Footprint};
+use super::{Deposit, Grid, HeatedSurface, Sampling, SourceError, Target};
+use crate::toolpath::Pose;
+
+/// Most cells in a cross-section of the source: 1 GB of work space.
+const MOST_CELLS: f64 = 1e8;
+
+/// Gauss-Legendre nodes on [-1, 1] and weights.
+const GAUSS: [(f64, f64); 4] = [
+    (-0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
+    (-0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
+    (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
+    (0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
+];
+
+/// Length of a Gauss panel over the finest length of the source; unnormalised powers are then
+/// right to 1e-6 where the density is smooth.
+const PANEL: f64 = 0.5;
+
+/// A power density with its way onto the lattice.
+#[derive(Debug, Clone)]
+pub(super) struct Beam {
+    pub footprint: Footprint,
+    pub depth: DepthProfile,
+    /// A plate heated through its thickness H takes power × H / `plate_depth`; `None`: the power.
+    pub plate_depth: Option<f64>,
+    pub sampling: Sampling,
+    pub normalise: bool,
+    pub surface: HeatedSurface,
+    /// Key of the greatest lateral length.
+    pub widest_key: &'static str,
+}
+
+/// Work space of a step.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Scratch {
+    lateral: Vec<f64>,
+    depth: Vec<f64>,
+    along: [Vec<f64>; 2],
+}
+
+/// The cells of one lateral axis that the source reaches.
+#[derive(Debug, Clone, Copy)]
+struct Span {
+    first: i64,
+    count: usize,
+    /// Low end of the first cell, seen from the source [m].
+    low: f64,
+    width: f64,
+    reach: f64,
+    /// Thickness of a plate: one cell takes the whole reach.
+    thickness: bool,
+}
+
+impl Span {
+    fn new(grid: &Grid, axis: usize, position: f64, reach: f64) -> Self {
+        if grid.is_thickness(axis) {
+            let width = 2.0 * reach;
+            return Self {
+                first: 0,
+                count: 1,
+                low: -reach,
+                width,
+                reach,
+                thickness: true,
+            };
+        }
+        let width = grid.spacing[axis];
+        let at = grid.in_cells(axis, position);
+        let first = (at - reach / width).floor();
+        let count = (at + reach / width).ceil() - first;
+        Self {
+            first: first as i64,
+            count: count as usize,
+            low: (first - at) * width,
+            width,
+            reach,
+            thickness: false,
+        }
+    }
+
+    /// Ends of a cell, seen from the source [m].
+    fn cell(&self, index: usize) -> (f64, f64) {
+        let low = self.low + index as f64 * self.width;
+        (low, low + self.width)
+    }
+
+    /// Nodes and weights that integrate over a cell; its centre alone for point sampling.
+    fn nodes(
+        &self,
+        index: usize,
+        sampling: Sampling,
+        finest: f64,
+    ) -> impl Iterator<Item = (f64, f64)> + Clone + use<> {
+        let (low, high) = self.cell(index);
+        let centre = (sampling == Sampling::Point && !self.thickness)
+            .then_some((0.5 * (low + high), self.width));
+        let (low, high) = (low.max(-self.reach), high.min(self.reach));
+        let panels = match centre {
+            Some(_) => 0,
+            None => ((high - low) / (PANEL * finest)).ceil().max(0.0) as usize,
+        };
+        let half = 0.5 * (high - low) / panels as f64;
+        let gauss = (0..panels).flat_map(move |panel| {
+            let middle = low + half * (2 * panel + 1) as f64;
+            GAUSS.map(|(node, weight)| (middle + half * node, half * weight))
+        });
+        centre.into_iter().chain(gauss)
+    }
+}
+
+impl Beam {
+    /// Refuses a source that covers more cells than can be held.
+    pub fn check_size(&self, grid: &Grid) -> Result<(), SourceError> {
+        let axis = self.surface.face.axis();
+        let [along, across] = self.footprint.reach();
+        let lateral: f64 = (0..3)
+            .filter(|&other| other != axis && !grid.is_thickness(other))
+            .map(|other| 2.0 * along.max(across) / grid.spacing[other] + 2.0)
+            .product();
+        let layers = self.depth.reach() / grid.spacing[axis];
+        for (key, cells) in [(self.widest_key, lateral), ("depth", layers)] {
+            if cells > MOST_CELLS {
+                return Err(SourceError::TooWide {
+                    key,
+                    cells,
+                    limit: MOST_CELLS,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the density of `power` [W] to `values` [W/m³].
+    pub fn add(
+        &self,
+        target: &(impl Target + ?Sized),
+        pose: &Pose,
+        power: f64,
+        values: &mut [f64],
+        scratch: &mut Scratch,
+    ) -> Deposit {
+        let grid = *target.grid();
+        let depth_axis = self.surface.face.axis();
+        let axes = [(depth_axis + 1) % 3, (depth_axis + 2) % 3];
+        let asked = match self.plate_depth {
+            Some(depth) if grid.is_thickness(depth_axis) => {
+                power * grid.spacing[depth_axis] / depth
+            }
+            _ => power,
+        };
+
+        let travel = self.travel(axes.map(|axis| pose.direction[axis]));
+        let [along, across] = self.footprint.reach();
+        let [cos, sin] = travel.map(f64::abs);
+        // box around the turned footprint
+        let reach = [cos * along + sin * across, sin * along + cos * across];
+        let spans = [0, 1].map(|i| Span::new(&grid, axes[i], pose.position[axes[i]], reach[i]));
+        let level = self.surface.level.unwrap_or(pose.position[depth_axis]);
+        let first_layer = self.fill_depth(&grid, level, self.sampling, &mut scratch.depth);
+        self.fill_lateral(&spans, travel, self.sampling, scratch);
+        let sum = |parts: &[f64]| parts.iter().sum::<f64>();
+        let mut all = sum(&scratch.lateral) * sum(&scratch.depth);
+        let mut layer = first_layer;
+        if all == 0.0 && self.normalise {
+            // no cell centre sees the source
+            layer = self.fill_depth(&grid, level, Sampling::CellAverage, &mut scratch.depth);
+            self.fill_lateral(&spans, travel, Sampling::CellAverage, scratch);
+            all = sum(&scratch.lateral) * sum(&scratch.depth);
+        }
+        let scale = if self.normalise { asked / all } else { asked };
+
+        let rows = inside(spans[1].first, spans[1].count, grid.dims[axes[1]]);
+        let columns = inside(spans[0].first, spans[0].count, grid.dims[axes[0]]);
+        let layers = inside(layer, scratch.depth.len(), grid.dims[depth_axis]);
+        let mut hit = 0.0;
+        for k in layers {
+            for j in rows.clone() {
+                for i in columns.clone() {
+                    let part = scratch.depth[k] * scratch.lateral[j * spans[0].count + i];
+                    let mut cell = [0; 3];
+                    cell[depth_axis] = (layer + k as i64) as usize;
+                    cell[axes[0]] = (spans[0].first + i as i64) as usize;
+                    cell[axes[1]] = (spans[1].first + j as i64) as usize;
+                    if let Some(point) = target.point(cell) {
+                        values[point] += scale * part / target.volume(point);
+                        hit += part;
+                    }
+                }
+            }
+        }
+        // the cut-off tail and rounding are no loss
+        let lost = if all - hit > 1e-12 * all {
+            scale * (all - hit)
+        } else {
+            0.0
+        };
+        Deposit {
+            asked,
+            deposited: scale * hit,
+            lost,
+        }
+    }
+
+    /// Unit vector of travel on the heated face; snapped to an axis where it all but lies on it.
+    fn travel(&self, direction: [f64; 2]) -> [f64; 2] {
+        let length = direction[0].hypot(direction[1]);
+        if self.footprint.is_round() || length < 1e-12 {
+            return [1.0, 0.0];
+        }
+        let [u, v] = direction.map(|component| component / length);
+        match (u.abs() < 1e-12, v.abs() < 1e-12) {
+            (_, true) => [u.signum(), 0.0],
+            (true, _) => [0.0, v.signum()],
+            _ => [u, v],
+        }
+    }
+
+    /// Parts of the power in the layers of cells below the heated face; returns the first layer.
+    fn fill_depth(&self, grid: &Grid, level: f64, sampling: Sampling, parts: &mut Vec<f64>) -> i64 {
+        let face = self.surface.face;
+        let axis = face.axis();
+        parts.clear();
+        if grid.is_thickness(axis) {
+            parts.push(1.0);
+            return 0;
+        }
+        let width = grid.spacing[axis];
+        let level = grid.in_cells(axis, level);
+        let reach = self.depth.reach() / width;
+        let (low, high) = if face.is_max() {
+            (level - reach, level)
+        } else {
+            (level, level + reach)
+        };
+        let first = low.floor() as i64;
+        parts.extend((first..high.ceil() as i64).map(|index| {
+            let (near, far) = face.depth(index, level);
+            match sampling {
+                Sampling::CellAverage => {
+                    self.depth.down_to(far * width) - self.depth.down_to(near * width)
+                }
+                Sampling::Point => self.depth.density(0.5 * (near + far) * width) * width,
+            }
+        }));
+        first
+    }
+
+    /// Parts of the power in the columns of cells, first span fastest.
+    fn fill_lateral(
+        &self,
+        spans: &[Span; 2],
+        travel: [f64; 2],
+        sampling: Sampling,
+        scratch: &mut Scratch,
+    ) {
+        let shape = &self.footprint;
+        let table = &mut scratch.lateral;
+        table.clear();
+        let [u, v] = travel;
+        if shape.is_separable() && (u == 0.0 || v == 0.0) {
+            for ((span, facing), parts) in spans.iter().zip(travel).zip(&mut scratch.along) {
+                parts.clear();
+                parts.extend((0..span.count).map(|cell| {
+                    let (low, high) = span.cell(cell);
+                    if sampling == Sampling::Point && !span.thickness {
+                        let centre = 0.5 * (low + high);
+                        let density = match facing {
+                            0.0 => shape.across(centre),
+                            _ => shape.along(facing * centre),
+                        };
+                        return density * span.width;
+                    }
+                    let within = |x: f64| match facing {
+                        0.0 => shape.across_from_centre(x),
+                        _ => facing * shape.along_from_centre(facing * x),
+                    };
+                    within(high) - within(low)
+                }));
+            }
+            let [first, second] = &scratch.along;
+            table.extend(second.iter().flat_map(|b| first.iter().map(move |a| a * b)));
+            return;
+        }
+        let finest = shape.finest();
+        for j in 0..spans[1].count {
+            for i in 0..spans[0].count {
+                let rows = spans[1].nodes(j, sampling, finest);
+                let columns = spans[0].nodes(i, sampling, finest);
+                let part: f64 = rows
+                    .map(|(y, weight_y)| {
+                        let row = columns.clone().map(|(x, weight_x)| {
+                            weight_x * shape.density(x * u + y * v, y * u - x * v)
+                        });
+                        weight_y * row.sum::<f64>()
+                    })
+                    .sum();
+                table.push(part);
+            }
+        }
+    }
+}
+
+/// The offsets from `first` that lie on the body.
+fn inside(first: i64, count: usize, dim: usize) -> std::ops::Range<usize> {
+    let end = (dim as i64 - first).clamp(0, count as i64);
+    let start = (-first).clamp(0, end);
+    start as usize..end as usize
+}

@@ -1,0 +1,172 @@
+//! What a source heats: a lattice of cells, some of which hold a material point.
+
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A lattice of box-shaped cells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Grid {
+    /// Low corner of cell (0, 0, 0) [m]; half a spacing below its centre.
+    pub origin: Vector3<f64>,
+    /// Size of a cell [m]. The z size of a plate is its thickness.
+    pub spacing: Vector3<f64>,
+    /// Number of cells along x, y, z; one along the z of a plate.
+    pub dims: [usize; 3],
+    /// Whether the body is a plate, a 2D body: then the position along z counts for nothing.
+    pub plate: bool,
+}
+
+impl Grid {
+    /// Whether an axis is the thickness of a plate.
+    pub(super) fn is_thickness(&self, axis: usize) -> bool {
+        self.plate && axis == 2
+    }
+
+    /// A coordinate in spacings from the origin, on the plane between two cells when it is meant
+    /// to be: coordinates carry rounding, and a sliver of a cell above the surface is no cell.
+    pub(super) fn in_cells(&self, axis: usize, coordinate: f64) -> f64 {
+        let cells = (coordinate - self.origin[axis]) / self.spacing[axis];
+        if (cells - cells.round()).abs() < 1e-9 {
+            cells.round()
+        } else {
+            cells
+        }
+    }
+}
+
+/// A body on a lattice.
+pub trait Target {
+    /// The lattice.
+    fn grid(&self) -> &Grid;
+
+    /// The point in a cell inside `dims`, or `None` where there is no material.
+    fn point(&self, cell: [usize; 3]) -> Option<usize>;
+
+    /// Volume of a point [m³].
+    fn volume(&self, point: usize) -> f64;
+}
+
+/// The face of a body that the source heats; depth counts from it into the body.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum HeatedFace {
+    /// The face towards -x.
+    XMin,
+    /// The face towards +x.
+    XMax,
+    /// The face towards -y.
+    YMin,
+    /// The face towards +y.
+    YMax,
+    /// The face towards -z.
+    ZMin,
+    /// The face towards +z.
+    #[default]
+    ZMax,
+}
+
+impl HeatedFace {
+    /// Axis of the depth.
+    pub(super) fn axis(self) -> usize {
+        match self {
+            Self::XMin | Self::XMax => 0,
+            Self::YMin | Self::YMax => 1,
+            Self::ZMin | Self::ZMax => 2,
+        }
+    }
+
+    /// Whether depth grows towards lower coordinates.
+    pub(super) fn is_max(self) -> bool {
+        matches!(self, Self::XMax | Self::YMax | Self::ZMax)
+    }
+
+    /// Depth range of cell `index`, in spacings, below a face at `level`, in spacings.
+    pub(super) fn depth(self, index: i64, level: f64) -> (f64, f64) {
+        let (low, high) = (index as f64, (index + 1) as f64);
+        if self.is_max() {
+            (level - high, level - low)
+        } else {
+            (low - level, high - level)
+        }
+    }
+}
+
+/// Which face is heated and where it is.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeatedSurface {
+    /// The face; default `z_max`.
+    #[serde(default)]
+    pub face: HeatedFace,
+    /// Its coordinate along the depth axis [m]. Default: that of the toolpath, or of the face of
+    /// the body for a source without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub level: Option<f64>,
+}
+
+#[cfg(test)]
+pub(super) mod lattice {
+    use super::*;
+
+    /// A lattice whose points are numbered cell by cell, with holes.
+    pub struct TestLattice {
+        pub grid: Grid,
+        pub material: fn([usize; 3]) -> bool,
+    }
+
+    impl TestLattice {
+        pub fn full(origin: [f64; 3], spacing: [f64; 3], dims: [usize; 3]) -> Self {
+            let grid = Grid {
+                origin: origin.into(),
+                spacing: spacing.into(),
+                dims,
+                plate: false,
+            };
+            Self {
+                grid,
+                material: |_| true,
+            }
+        }
+
+        /// `size` × `size` cells of `spacing`, centred on x = y = 0.
+        pub fn plate(spacing: f64, thickness: f64, size: usize) -> Self {
+            let low = -0.5 * spacing * size as f64;
+            let mut plate = Self::full(
+                [low, low, -0.5 * thickness],
+                [spacing, spacing, thickness],
+                [size, size, 1],
+            );
+            plate.grid.plate = true;
+            plate
+        }
+
+        pub fn zeros(&self) -> Vec<f64> {
+            vec![0.0; self.grid.dims.iter().product()]
+        }
+
+        /// Sum of density times volume [W].
+        pub fn power(&self, values: &[f64]) -> f64 {
+            values
+                .iter()
+                .enumerate()
+                .map(|(point, value)| value * self.volume(point))
+                .sum()
+        }
+    }
+
+    impl Target for TestLattice {
+        fn grid(&self) -> &Grid {
+            &self.grid
+        }
+
+        fn point(&self, cell: [usize; 3]) -> Option<usize> {
+            let [nx, ny, _] = self.grid.dims;
+            (self.material)(cell).then_some(cell[0] + nx * (cell[1] + ny * cell[2]))
+        }
+
+        fn volume(&self, _: usize) -> f64 {
+            self.grid.spacing.product()
+        }
+    }
+}

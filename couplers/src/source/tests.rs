@@ -1,0 +1,596 @@
+//! What heat sources of every kind promise: the power asked for arrives.
+
+use std::path::Path;
+
+use nalgebra::Vector3;
+use proptest::prelude::*;
+
+use super::target::lattice::TestLattice;
+use super::*;
+use crate::toolpath::{Pose, Toolpath};
+
+/// Relative tolerance of powers, the acceptance target; sums of 1e5 terms round to 1e-12.
+const POWER: f64 = 1e-10;
+
+/// One of every kind, all of size 1 mm or less.
+const SOURCES: &[&str] = &[
+    "point = { power = 3200 }",
+    "point = { power = 3200, dwell = 'on_arrival', efficiency = 0.8 }",
+    "gaussian = { power = 3200, sigma = 4e-4, effective_depth = 1e-3 }",
+    "semi_ellipsoid = { power = 3200, half_length = 5e-4, half_width = 1e-3, depth = 1e-3 }",
+    "goldak = { front_length = 5e-4, rear_length = 1e-3, half_width = 8e-4, depth = 6e-4,
+        front_fraction = 0.9 }",
+    "super_gaussian = { absorptivity = 0.35, radius = 8e-4, order = 6, penetration_depth = 3e-5 }",
+    "super_gaussian = { absorptivity = 0.35, radius = 8e-4, penetration_depth = 5e-4,
+        penetration = 'uniform' }",
+];
+
+/// Every kind of toolpath, on z = 0 within 4 mm of the origin, all within 1 s.
+const TOOLPATHS: &[&str] = &[
+    "line = { start = [-0.003, 0.0002, 0], direction = [1, 0, 0], speed = 0.006, end_time = 1 }",
+    "line = { start = [-0.002, -0.003, 0], end = [0.001, 0.002, 0], speed = 0.006 }",
+    "polyline = { start = [0, 0, 0], speed = 0.01, segments = [
+        { to = [0.003, 0, 0], dwell = 0.1, power = 100 }, { to = [0, -0.002, 0], power = 900 } ] }",
+    "circle = { centre = [0, 0.001, 0], radius = 0.002, speed = 0.0125 }",
+    "weave = { start = [-0.003, 0, 0], end = [0.002, 0.001, 0], speed = 0.0052, amplitude = 5e-4,
+        wavelength = 8e-4 }",
+    "hatch = { corner = [-0.001, -0.001, 0], length = 0.003, width = 0.001, spacing = 3e-4,
+        speed = 0.015, turn_time = 0.01, angle = 0.5 }",
+];
+
+fn source(toml: &str) -> Source {
+    toml::from_str(toml).expect("the source of the test is well formed")
+}
+
+fn depositor(toml: &str, lattice: &TestLattice) -> Depositor {
+    Depositor::new(&source(toml), &lattice.grid).expect("the source of the test is valid")
+}
+
+fn pose(position: [f64; 3], direction: [f64; 3]) -> Pose {
+    Pose {
+        position: position.into(),
+        direction: Vector3::from(direction).normalize(),
+        power: 1000.0,
+        speed: 0.005,
+    }
+}
+
+/// A body under z = 0 that holds all of the sources on all of the toolpaths. Exponential depths
+/// reach 32 lengths (1 mm), ellipsoids 3.3 times their size.
+fn block(spacing: [f64; 3]) -> TestLattice {
+    let dims = [0.024, 0.024, 0.006]
+        .iter()
+        .zip(spacing)
+        .map(|(length, dx)| (length / dx).ceil() as usize + 4)
+        .collect::<Vec<_>>();
+    let dims = [dims[0], dims[1], dims[2]];
+    let low = |axis: usize| -0.5 * spacing[axis] * dims[axis] as f64;
+    TestLattice::full(
+        [low(0), low(1), -spacing[2] * dims[2] as f64],
+        spacing,
+        dims,
+    )
+}
+
+fn agree(found: f64, expected: f64) -> bool {
+    (found - expected).abs() <= POWER * expected.abs()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn power_is_exact_for_every_source_on_every_toolpath_at_any_spacing(
+        dx in -1.0..0.48_f64, aspect in (0.6..1.6, 0.6..1.6), time in 0.0..1.0, shift in 0.0..1.0,
+    ) {
+        // 0.1 to 3 mm, which is 0.1 to 3 times the size of the sources
+        let dx = 1e-3 * 10_f64.powf(dx);
+        let mut lattice = block([dx, dx * aspect.0, dx.max(1.5e-4) * aspect.1]);
+        lattice.grid.origin.x += shift * dx;
+        for toml in SOURCES {
+            let source = source(toml);
+            let mut depositor = depositor(toml, &lattice);
+            for path in TOOLPATHS {
+                let path: Toolpath = toml::from_str(path).expect("a path");
+                let track = path.track(source.power().or(Some(500.0)), Path::new("")).expect("a track");
+                let pose = track.pose(time * track.end().expect("an end"));
+                let mut values = lattice.zeros();
+                let deposit = depositor.add(&lattice, &pose, &mut values);
+                let asked = pose.power * source.efficiency();
+                prop_assert!(agree(deposit.asked, asked), "{toml}");
+                prop_assert!(agree(lattice.power(&values), asked), "{toml} {path:?} {deposit:?}");
+                prop_assert_eq!(deposit.lost, 0.0, "{} {:?}", toml, path);
+                prop_assert!(values.iter().all(|&value| value >= 0.0));
+            }
+        }
+    }
+
+    #[test]
+    fn power_is_exact_on_a_plate(
+        dx in 1e-4..3e-3, x in -3e-3..3e-3, y in -3e-3..3e-3, angle in 0.0..6.3_f64,
+    ) {
+        let lattice = TestLattice::plate(dx, 0.01, (0.024 / dx) as usize + 4);
+        for toml in SOURCES {
+            // the effective depth of this one is not the thickness
+            let factor = if toml.starts_with("gaussian") { 10.0 } else { 1.0 };
+            let mut values = lattice.zeros();
+            let pose = pose([x, y, 7.0], [angle.cos(), angle.sin(), 0.0]);
+            let deposit = depositor(toml, &lattice).add(&lattice, &pose, &mut values);
+            let asked = 1000.0 * source(toml).efficiency() * factor;
+            prop_assert!(agree(deposit.asked, asked));
+            prop_assert!(agree(lattice.power(&values), asked), "{toml}");
+        }
+    }
+
+    #[test]
+    fn what_one_half_of_a_body_loses_the_other_receives(
+        x in -2e-3..2e-3, y in -2e-3..2e-3, angle in 0.0..6.3_f64, dx in 2e-4..1e-3,
+    ) {
+        let mut lattice = block([dx, dx, dx]);
+        let at = pose([x, y, 0.0], [angle.cos(), angle.sin(), 0.0]);
+        for toml in SOURCES {
+            let mut depositor = depositor(toml, &lattice);
+            let halves: [fn([usize; 3]) -> bool; 2] =
+                [|[x, y, _]| (x + 3 * y).is_multiple_of(5), |[x, y, _]| !(x + 3 * y).is_multiple_of(5)];
+            let [one, other] = halves.map(|half| {
+                lattice.material = half;
+                let mut values = lattice.zeros();
+                let deposit = depositor.add(&lattice, &at, &mut values);
+                assert!(agree(lattice.power(&values), deposit.deposited));
+                deposit
+            });
+            for deposit in [one, other] {
+                prop_assert!(agree(deposit.deposited + deposit.lost, deposit.asked));
+            }
+            prop_assert!((one.lost - other.deposited).abs() < POWER * one.asked, "{toml}");
+        }
+    }
+}
+
+#[test]
+fn half_of_a_source_over_an_edge_is_lost() {
+    for toml in SOURCES.iter().filter(|toml| !toml.contains("on_arrival")) {
+        let mut lattice = block([4e-4; 3]);
+        let edge = lattice.grid.origin.x;
+        lattice.grid.origin.y += 1e-4;
+        // travelling along the edge, so front and rear lie on the body alike
+        let at = pose([edge, 0.0, 0.0], [0.0, 1.0, 0.0]);
+        let deposit = depositor(toml, &lattice).add(&lattice, &at, &mut lattice.zeros());
+        assert!(
+            agree(deposit.lost, 0.5 * deposit.asked),
+            "{toml}: {deposit:?}"
+        );
+        // far off the body nothing arrives
+        let at = pose([edge - 0.1, 0.0, 0.0], [0.0, 1.0, 0.0]);
+        let deposit = depositor(toml, &lattice).add(&lattice, &at, &mut lattice.zeros());
+        assert!(agree(deposit.lost, deposit.asked) && deposit.deposited == 0.0);
+    }
+}
+
+#[test]
+fn peak_of_the_semi_ellipsoid_is_the_corrected_q_m() {
+    // spec 02, 7.5.4.1: 3200 W, a = b = 1 mm, c = 0.5 mm
+    let toml = "semi_ellipsoid = { half_length = 5e-4, half_width = 1e-3, depth = 1e-3,
+        normalise = false, sampling = 'point' }";
+    let lattice = TestLattice::full([-2e-5, -2e-5, -4e-8], [4e-5, 4e-5, 4e-8], [1, 1, 1]);
+    let mut values = lattice.zeros();
+    let at = Pose {
+        power: 3200.0,
+        ..pose([0.0; 3], [1.0, 0.0, 0.0])
+    };
+    depositor(toml, &lattice).add(&lattice, &at, &mut values);
+    // printed with six digits
+    assert!((values[0] - 1.19445e13).abs() < 1e8, "{}", values[0]);
+}
+
+#[test]
+fn cell_averages_tend_to_the_density() {
+    let toml = "goldak = { front_length = 5e-4, rear_length = 1e-3, half_width = 8e-4,
+        depth = 6e-4, normalise = false }";
+    let q_m = 6.0 * 3_f64.sqrt() * 1000.0 / (8e-4 * 6e-4 * std::f64::consts::PI.powf(1.5));
+    for (direction, x, y) in [
+        ([1.0, 0.0, 0.0], 3e-4, 2e-4),
+        ([0.0, -1.0, 0.0], 3e-4, 2e-4),
+        ([0.6, 0.8, 0.0], -4e-4, 3e-4),
+        ([-0.6, 0.8, 0.0], -4e-4, 3e-4),
+    ] {
+        // one cell of 1 µm, 0.2 mm deep
+        let size = 1e-6;
+        let low = [x - 0.5 * size, y - 0.5 * size, -2e-4 - 0.5 * size];
+        let lattice = TestLattice::full(low, [size; 3], [1, 1, 1]);
+        let mut values = lattice.zeros();
+        depositor(toml, &lattice).add(&lattice, &pose([0.0; 3], direction), &mut values);
+        let xi = x * direction[0] + y * direction[1];
+        let eta = y * direction[0] - x * direction[1];
+        let (c, f) = if xi > 0.0 {
+            (5e-4, 2.0 / 3.0)
+        } else {
+            (1e-3, 4.0 / 3.0)
+        };
+        let square = (xi / c).powi(2) + (eta / 8e-4).powi(2) + (2e-4_f64 / 6e-4).powi(2);
+        let expected = f * q_m / c * (-3.0 * square).exp();
+        // the curvature over a cell of 1/500 of the source gives 1e-5
+        assert!((values[0] / expected - 1.0).abs() < 1e-5, "{direction:?}");
+    }
+}
+
+#[test]
+fn front_and_rear_receive_their_fractions() {
+    for (given, front) in [
+        ("front_fraction = 0.6", 0.6),
+        ("rear_fraction = 0.6", 1.4),
+        ("efficiency = 1.0", 2.0 * 5.0 / 15.0),
+    ] {
+        let toml = format!(
+            "goldak = {{ front_length = 5e-4, rear_length = 1e-3, half_width = 8e-4,
+             depth = 6e-4, {given} }}"
+        );
+        let mut lattice = block([3e-4; 3]);
+        let at = pose([0.0; 3], [-1.0, 0.0, 0.0]);
+        // the lattice has a plane between cells at x = 0
+        assert_eq!(lattice.grid.dims[0] % 2, 0);
+        lattice.material = |[x, ..]| x < 42;
+        assert_eq!(lattice.grid.dims[0], 84);
+        let deposit = depositor(&toml, &lattice).add(&lattice, &at, &mut lattice.zeros());
+        assert!(
+            agree(deposit.deposited, 500.0 * front),
+            "{given}: {deposit:?}"
+        );
+    }
+}
+
+#[test]
+fn aligned_cell_averages_need_no_normalisation_but_point_values_do() {
+    // spec 02, section 1.7: c = 1.25 dx oscillates by 1.2 % in x
+    let lattice = block([4e-4; 3]);
+    let with = |sampling: &str, x: f64| {
+        let toml = format!(
+            "semi_ellipsoid = {{ half_length = 5e-4, half_width = 1e-3, depth = 1e-3,
+             normalise = false, sampling = '{sampling}' }}"
+        );
+        let at = pose([x, 0.0, 0.0], [1.0, 0.0, 0.0]);
+        let deposit = depositor(&toml, &lattice).add(&lattice, &at, &mut lattice.zeros());
+        assert!((deposit.sampling_error() - (1000.0 - deposit.deposited)).abs() < 1e-9);
+        deposit.deposited / 1000.0 - 1.0
+    };
+    for x in [0.0, 1e-4, 2e-4, 3.3e-4] {
+        // the cut-off tails carry 1e-14
+        assert!(with("cell_average", x).abs() < 1e-12);
+    }
+    let [on_plane, on_centre] = [0.0, 2e-4].map(|x| with("point", x));
+    assert!((on_plane + 0.012).abs() < 1e-3, "{on_plane}");
+    assert!((on_centre - 0.012).abs() < 1e-3, "{on_centre}");
+}
+
+#[test]
+fn turned_sources_are_integrated_to_a_millionth() {
+    for toml in [
+        "goldak = { front_length = 5e-4, rear_length = 1e-3, half_width = 8e-4, depth = 6e-4,
+            normalise = false }",
+        "super_gaussian = { absorptivity = 1, radius = 8e-4, order = 6, penetration_depth = 3e-5,
+            normalise = false }",
+    ] {
+        for dx in [2e-4, 7e-4, 3e-3] {
+            let lattice = block([dx; 3]);
+            let at = pose([1.3e-4, 0.7e-4, 0.0], [0.8, 0.6, 0.0]);
+            let deposit = depositor(toml, &lattice).add(&lattice, &at, &mut lattice.zeros());
+            // the second derivative jumps between front and rear
+            assert!(
+                deposit.sampling_error().abs() < 1e-3,
+                "{toml} {dx}: {deposit:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn crossing_a_cell_is_smooth() {
+    for toml in SOURCES.iter().filter(|toml| !toml.starts_with("point")) {
+        let lattice = block([4e-4; 3]);
+        let mut depositor = depositor(toml, &lattice);
+        let steps = 200;
+        let runs = [[1.0, 0.0], [0.8, 0.6]].map(|[u, v]| {
+            let mut before: Option<Vec<f64>> = None;
+            let (mut largest, mut change) = (0.0_f64, 0.0_f64);
+            for step in 0..=steps {
+                let s = 8e-4 * f64::from(step) / f64::from(steps);
+                let mut values = lattice.zeros();
+                depositor.add(
+                    &lattice,
+                    &pose([s * u, s * v, 0.0], [u, v, 0.0]),
+                    &mut values,
+                );
+                for (point, &value) in values.iter().enumerate() {
+                    largest = largest.max(value);
+                    if let Some(before) = &before {
+                        change = change.max((value - before[point]).abs());
+                    }
+                }
+                before = Some(values);
+            }
+            change / largest
+        });
+        // a step is 1/100 of a cell; a source sharper than the cell empties it in about one cell
+        assert!(runs.iter().all(|&change| change < 0.02), "{toml}: {runs:?}");
+    }
+}
+
+#[test]
+fn point_source_hops_half_way_between_vertices() {
+    // spec 02, 7.5.3: dx = 0.4 mm, 5 mm/s, so 0.08 s per vertex
+    let lattice = TestLattice::plate(4e-4, 0.01, 250);
+    let columns = |dwell: &str, time: f64, direction: f64| {
+        let mut depositor = depositor(&format!("point = {{ dwell = '{dwell}' }}"), &lattice);
+        let mut values = lattice.zeros();
+        let at = pose([direction * 0.005 * time, 0.0, 0.0], [direction, 0.0, 0.0]);
+        depositor.add(&lattice, &at, &mut values);
+        // h = Q / (4 dx² H)
+        let density = 1000.0 / (4.0 * 1.6e-7 * 0.01);
+        let hot: Vec<usize> = (0..values.len())
+            .filter(|&point| values[point] != 0.0)
+            .collect();
+        assert!(hot.iter().all(|&point| agree(values[point], density)));
+        assert_eq!(
+            hot.iter().map(|point| point / 250).collect::<Vec<_>>(),
+            [124, 124, 125, 125]
+        );
+        [hot[0] % 250, hot[1] % 250]
+    };
+    for (time, vertex) in [(0.0, 0), (0.0399, 0), (0.0401, 1), (0.08, 1), (4.0, 50)] {
+        assert_eq!(
+            columns("centred", time, 1.0),
+            [124 + vertex, 125 + vertex],
+            "at {time} s"
+        );
+        assert_eq!(
+            columns("centred", time, -1.0),
+            [124 - vertex, 125 - vertex],
+            "at {time} s"
+        );
+    }
+    for (time, vertex) in [(0.0, 0), (0.0401, 0), (0.0799, 0), (0.08, 1), (4.0, 50)] {
+        assert_eq!(
+            columns("on_arrival", time, 1.0),
+            [124 + vertex, 125 + vertex],
+            "at {time} s"
+        );
+        assert_eq!(
+            columns("on_arrival", time, -1.0),
+            [124 - vertex, 125 - vertex],
+            "at {time} s"
+        );
+    }
+}
+
+#[test]
+fn point_source_fills_four_cells_on_the_face_and_eight_inside() {
+    let lattice = block([4e-4; 3]);
+    for (surface, z, cells) in [
+        ("", 0.0, 4),
+        (", heated_surface = { level = 0.0 }", 0.0, 4),
+        (", heated_surface = { level = 0.0 }", 1.0, 4),
+        (", heated_surface = { level = 0.0 }", -4e-4, 8),
+    ] {
+        let mut values = lattice.zeros();
+        let at = pose([0.0, 0.0, z], [1.0, 0.0, 0.0]);
+        let toml = format!("point = {{ power = 1{surface} }}");
+        let deposit = depositor(&toml, &lattice).add(&lattice, &at, &mut values);
+        assert_eq!(
+            values.iter().filter(|&&value| value > 0.0).count(),
+            cells,
+            "{surface} {z}"
+        );
+        assert!(agree(lattice.power(&values), 1000.0) && deposit.lost == 0.0);
+    }
+}
+
+#[test]
+fn gaussian_on_a_plate_has_the_peak_of_its_effective_depth() {
+    // spec 02, 7.5.5.1: q_m = 1.03938e9 W/m² for 3200 W and sigma = 0.7 mm
+    let lattice = TestLattice::plate(4e-5, 0.01, 301);
+    for (depth, h_eff) in [("", 0.01), (", effective_depth = 4e-4", 4e-4)] {
+        let mut values = lattice.zeros();
+        let at = Pose {
+            power: 3200.0,
+            ..pose([0.0; 3], [1.0, 0.0, 0.0])
+        };
+        let toml = format!("gaussian = {{ sigma = 7e-4{depth} }}");
+        let deposit = depositor(&toml, &lattice).add(&lattice, &at, &mut values);
+        let peak = values.iter().copied().fold(0.0, f64::max) * h_eff;
+        // averaged over a cell of sigma/17: (dx/sigma)²/24 = 1.4e-4
+        assert!((peak / 1.03938e9 - 1.0).abs() < 2e-4, "{peak}");
+        assert!(agree(deposit.asked, 3200.0 * 0.01 / h_eff));
+    }
+}
+
+#[test]
+fn sources_heat_any_face_and_only_below_it() {
+    for (face, axis, level) in [
+        ("x_min", 0, -0.001),
+        ("y_max", 1, 0.002),
+        ("z_min", 2, -0.001),
+    ] {
+        let lattice = TestLattice::full([-0.001; 3], [1e-4; 3], [30, 30, 30]);
+        let toml = format!(
+            "semi_ellipsoid = {{ half_length = 3e-4, half_width = 2e-4, depth = 4e-4,
+             heated_surface = {{ face = '{face}' }} }}"
+        );
+        let mut position = [5e-4; 3];
+        position[axis] = level;
+        let mut direction = [1.0, 2.0, 3.0];
+        direction[axis] = 0.0;
+        let mut values = lattice.zeros();
+        depositor(&toml, &lattice).add(&lattice, &pose(position, direction), &mut values);
+        assert!(agree(lattice.power(&values), 1000.0), "{face}");
+        let layer = |index: usize| -> f64 {
+            let strides = [1, 30, 900];
+            (0..values.len())
+                .filter(|point| point / strides[axis] % 30 == index)
+                .map(|point| values[point])
+                .sum()
+        };
+        let [outer, inner] = if face.ends_with("max") {
+            [29, 0]
+        } else {
+            [0, 29]
+        };
+        assert!(layer(outer) > 10.0 * layer(10.max(inner.min(19))), "{face}");
+    }
+}
+
+#[test]
+fn beam_from_above_heats_the_top_edge_of_a_cross_section() {
+    let lattice = TestLattice::plate(1e-4, 0.01, 100);
+    for shape in ["", ", order = 8"] {
+        let toml = format!(
+            "super_gaussian = {{ absorptivity = 1, radius = 5e-4, penetration_depth = 1e-4{shape},
+             heated_surface = {{ face = 'y_max' }} }}"
+        );
+        let mut values = lattice.zeros();
+        let at = pose([0.0, 5e-3, 0.0], [1.0, 0.0, 0.0]);
+        depositor(&toml, &lattice).add(&lattice, &at, &mut values);
+        assert!(agree(lattice.power(&values), 1000.0), "{shape}");
+        // half of it right of the centre
+        let right: f64 = (0..values.len())
+            .filter(|p| p % 100 >= 50)
+            .map(|p| values[p])
+            .sum();
+        assert!(agree(right, 0.5 * values.iter().sum::<f64>()));
+    }
+}
+
+#[test]
+fn point_sampling_of_a_source_between_the_centres_loses_no_power() {
+    let toml = "semi_ellipsoid = { half_length = 1e-6, half_width = 1e-6, depth = 1e-6,
+        sampling = 'point' }";
+    let lattice = block([1e-3; 3]);
+    let mut values = lattice.zeros();
+    depositor(toml, &lattice).add(
+        &lattice,
+        &pose([3e-4, 3e-4, 0.0], [1.0, 0.0, 0.0]),
+        &mut values,
+    );
+    assert!(agree(lattice.power(&values), 1000.0));
+}
+
+fn film_laser(face: &str) -> PulsedLaser {
+    toml::from_str(&format!(
+        "fluence = 13.4\nreflectivity = 0.93\nabsorption_depth = 15.3e-9\n\
+         pulse_duration = 100e-15\nheated_surface = {{ face = '{face}' }}"
+    ))
+    .expect("a valid laser")
+}
+
+#[test]
+fn pulse_deposits_the_fluence_of_the_film_in_any_number_of_steps() {
+    // spec 02, 4.4: absorbed fluence 0.639719 J/m² of a film of 20 nm in 1 ps
+    for face in ["x_min", "x_max"] {
+        let mut film = TestLattice::plate(2e-10, 1e-9, 100);
+        film.grid.dims = [100, 3, 1];
+        let laser = film_laser(face);
+        for steps in [1, 7, 1000] {
+            let step = 1e-12 / f64::from(steps);
+            let mut energy = 0.0;
+            for n in 0..steps {
+                let mut values = film.zeros();
+                let times = (step * f64::from(n), step * f64::from(n + 1));
+                let deposit = laser.add(&film, times, &mut values);
+                assert!(agree(film.power(&values), deposit.deposited));
+                assert!(agree(deposit.deposited + deposit.lost, deposit.asked));
+                energy += deposit.deposited * step;
+            }
+            let fluence = energy / (3.0 * 2e-10 * 1e-9);
+            // printed with six digits
+            assert!(
+                (fluence - 0.639719).abs() < 1e-6,
+                "{face} {steps}: {fluence}"
+            );
+        }
+    }
+}
+
+#[test]
+fn pulse_has_the_printed_density() {
+    let film = TestLattice::plate(2e-10, 1e-9, 100);
+    let laser = film_laser("x_min");
+    let mut values = film.zeros();
+    let time = 150e-15;
+    laser.add(&film, (time - 1e-18, time + 1e-18), &mut values);
+    // s at the centre of the sixth cell, 1.1 nm deep
+    let expected =
+        0.94 * 13.4 * 0.07 / (100e-15 * 15.3e-9) * (-1.1 / 15.3 - 1.992 * (50.0 / 100.0_f64)).exp();
+    // cell average of an exponential: (dx/l)²/24 = 7e-6
+    assert!(
+        (values[5] / expected - 1.0).abs() < 1e-5,
+        "{}",
+        values[5] / expected
+    );
+    assert_eq!(
+        (laser.next_event(0.0), laser.next_event(3e-13)),
+        (Some(2e-13), None)
+    );
+}
+
+#[test]
+fn mistakes_name_the_key() {
+    let block = block([1e-3; 3]);
+    let ellipsoid = "half_width = 1e-3, depth = 1e-3";
+    let cases = [
+        ("point = { efficiency = 1.2 }".to_owned(), "efficiency"),
+        (
+            "gaussian = { sigma = 0, effective_depth = 1 }".to_owned(),
+            "sigma",
+        ),
+        ("gaussian = { sigma = 1e-3 }".to_owned(), "effective_depth"),
+        (
+            "gaussian = { sigma = nan, effective_depth = 1 }".to_owned(),
+            "sigma",
+        ),
+        (
+            format!("semi_ellipsoid = {{ half_length = -1, {ellipsoid} }}"),
+            "half_length",
+        ),
+        (
+            format!("semi_ellipsoid = {{ half_length = 1e3, {ellipsoid} }}"),
+            "half_length",
+        ),
+        (
+            format!(
+                "goldak = {{ front_length = 1, rear_length = 1, front_fraction = 1, \
+                     rear_fraction = 1.5, {ellipsoid} }}"
+            ),
+            "front_fraction",
+        ),
+        (
+            format!(
+                "goldak = {{ front_length = 1, rear_length = 1, rear_fraction = 3, \
+                     {ellipsoid} }}"
+            ),
+            "rear_fraction",
+        ),
+        (
+            "super_gaussian = { absorptivity = 2, radius = 1e-3, penetration_depth = 1e-3 }"
+                .to_owned(),
+            "absorptivity",
+        ),
+        (
+            "super_gaussian = { absorptivity = 1, radius = 1e-3, order = 0, \
+             penetration_depth = 1e-3 }"
+                .to_owned(),
+            "order",
+        ),
+    ];
+    for (toml, key) in cases {
+        let error = Depositor::new(&source(&toml), &block.grid).expect_err(&toml);
+        assert_eq!(error.key(), key, "{error}");
+    }
+    assert!(toml::from_str::<Source>("gaussian = { sigma = 1, sgima = 2 }").is_err());
+    let laser = PulsedLaser {
+        reflectivity: 1.5,
+        ..film_laser("x_min")
+    };
+    assert_eq!(
+        laser.validate().expect_err("too bright").key(),
+        "reflectivity"
+    );
+}

@@ -1,0 +1,103 @@
+//! A small world for the tests of couplers, in which the test plays the physics.
+
+use std::path::Path;
+
+use nalgebra::Vector3;
+use perimelt_core::field::Value;
+use perimelt_core::material::Material;
+use perimelt_core::shape::{BoxShape, Shape};
+use perimelt_core::{Body, Coupler, Key, Setup, SetupError, Step, World};
+
+/// Steel that melts, expands and radiates.
+pub const STEEL: &str = "
+    density = 8000
+    specific_heat = 500
+    conductivity = 40
+    solidus = 1700
+    liquidus = 1800
+    latent_heat = 250e3
+    thermal_expansion = { temperature = [300, 1300], value = [10e-6, 20e-6] }
+    emissivity = 0.8
+";
+
+/// A block of unit cells with its lower corner in the origin; region `left` is its first layer.
+pub fn block(cells: [usize; 3], dimension: usize, material: &str) -> Body {
+    let max = cells.map(|c| c as f64);
+    let shape = Shape::Box(BoxShape { min: [0.0; 3], max });
+    let mut body = Body::fill("block", &shape, dimension, 1.0, 1.0).expect("a valid block");
+    let section = toml::from_str(material).expect("a valid material");
+    body.materials = vec![Material::new("steel", section, None).expect("a valid material")];
+    let left = Shape::Box(BoxShape {
+        min: [0.0; 3],
+        max: [1.0, max[1], max[2]],
+    });
+    body.regions.insert("left".into(), body.points_in(&left));
+    body
+}
+
+/// A coupler from the keys of its table.
+pub fn read<C: serde::de::DeserializeOwned>(table: &str) -> C {
+    toml::from_str(table).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Prepares `coupler` as the first plugin and lets `physics` declare what it owns and consumes.
+pub fn prepare<R>(
+    world: &mut World,
+    coupler: &mut dyn Coupler,
+    physics: impl FnOnce(&mut Setup<'_>) -> R,
+) -> Result<R, SetupError> {
+    let mut setup = Setup::new(world, Path::new("."));
+    setup.next_plugin("the coupler");
+    coupler.prepare(&mut setup)?;
+    setup.next_plugin("the physics");
+    let handles = physics(&mut setup);
+    setup.finish().map_err(|(_, e)| e)?;
+    Ok(handles)
+}
+
+/// The message of a preparation that must fail, with the key at fault in front.
+pub fn refusal(world: &mut World, coupler: &mut dyn Coupler) -> String {
+    match prepare(world, coupler, |_| ()) {
+        Err(e) => format!("{}: {e}", e.key),
+        Ok(()) => panic!("the coupler must be refused"),
+    }
+}
+
+/// Applies `coupler` for the second from `start`.
+pub fn apply(world: &World, coupler: &mut dyn Coupler, start: f64) {
+    coupler
+        .apply(world, Step { start, size: 1.0 })
+        .expect("the coupler applies");
+}
+
+/// All components of a field of the first body.
+pub fn values<T: Value>(world: &World, key: &Key<T>) -> Vec<f64> {
+    let index = world.fields().find(0, &key.name).expect("a known field");
+    world.fields().field(index).data().flat().to_vec()
+}
+
+/// Sets a scalar field of the first body, point by point.
+pub fn set(world: &World, key: &Key<f64>, value: impl Fn(usize) -> f64) {
+    let index = world.fields().find(0, &key.name).expect("a known field");
+    let mut data = world.fields().field(index).data_mut();
+    let entries = data.flat_mut().iter_mut().enumerate();
+    entries.for_each(|(i, v)| *v = value(i));
+}
+
+/// Sum of a density times volume.
+pub fn total(world: &World, key: &Key<f64>) -> f64 {
+    let volumes = &world.body(0).points.volume;
+    values(world, key)
+        .iter()
+        .zip(volumes)
+        .map(|(v, w)| v * w)
+        .sum()
+}
+
+/// Sets a vector field of the first body everywhere.
+pub fn set_vector(world: &World, key: &Key<Vector3<f64>>, value: Vector3<f64>) {
+    let index = world.fields().find(0, &key.name).expect("a known field");
+    let mut data = world.fields().field(index).data_mut();
+    let points = data.flat_mut().chunks_exact_mut(3);
+    points.for_each(|v| v.copy_from_slice(value.as_slice()));
+}

@@ -1,0 +1,127 @@
+//! Hatching: parallel scan lines that fill a rectangle, layer by layer.
+
+use nalgebra::{Rotation3, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::track::TrackBuilder;
+use super::{ToolpathError, Track, finite, not_negative, place, positive, power_of};
+
+/// Most scan lines, to refuse a spacing in the wrong unit instead of filling the memory.
+const MOST_LINES: f64 = 1e7;
+
+/// Parallel scan lines inside a rectangle `length` × `width`; the source is off between them.
+///
+/// The lines keep their `spacing` and lie in the middle of the width.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Hatch {
+    /// Corner of the rectangle where the first layer starts [m].
+    pub corner: [f64; 3],
+    /// Length of a scan line [m].
+    pub length: f64,
+    /// Width of the rectangle [m]; 0 for a single line.
+    pub width: f64,
+    /// Distance between scan lines [m].
+    pub spacing: f64,
+    /// Angle of the scan lines from +x towards +y [rad]; default 0. The width extends to their
+    /// left.
+    #[serde(default)]
+    pub angle: f64,
+    /// Scan speed [m/s].
+    pub speed: f64,
+    /// Whether every second line runs backwards; default yes.
+    #[serde(default = "yes")]
+    pub bidirectional: bool,
+    /// Time from the end of a line to the start of the next, source off [s]; default 0.
+    #[serde(default)]
+    pub turn_time: f64,
+    /// Number of layers; default 1.
+    #[serde(default = "one")]
+    pub layers: u32,
+    /// Rise in z from layer to layer [m]; default 0.
+    #[serde(default)]
+    pub layer_height: f64,
+    /// Turn of the pattern about the middle of the rectangle from layer to layer [rad];
+    /// default 0.
+    #[serde(default)]
+    pub layer_angle: f64,
+    /// Time between layers, source off [s]; default 0.
+    #[serde(default)]
+    pub layer_time: f64,
+    /// When the source is first switched on [s]; default 0.
+    #[serde(default)]
+    pub start_time: f64,
+    /// Power on the lines [W]; default that of the source.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub power: Option<f64>,
+}
+
+fn yes() -> bool {
+    true
+}
+
+fn one() -> u32 {
+    1
+}
+
+impl Hatch {
+    pub(super) fn track(&self, default_power: Option<f64>) -> Result<Track, ToolpathError> {
+        let corner = place("corner", self.corner)?;
+        let length = positive("length", self.length)?;
+        let width = not_negative("width", self.width)?;
+        let spacing = positive("spacing", self.spacing)?;
+        let speed = positive("speed", self.speed)?;
+        let turn_time = not_negative("turn_time", self.turn_time)?;
+        let layer_time = not_negative("layer_time", self.layer_time)?;
+        let rise = finite("layer_height", self.layer_height)?;
+        let angle = finite("angle", self.angle)?;
+        let layer_angle = finite("layer_angle", self.layer_angle)?;
+        let start_time = finite("start_time", self.start_time)?;
+        let power = power_of("power", self.power, default_power)?;
+        positive("layers", f64::from(self.layers))?;
+
+        // a width of 3 spacings holds 4 lines even when 0.3 / 0.1 is a little less than 3
+        let gaps = (width / spacing + 1e-9).floor();
+        let lines = (gaps + 1.0) * f64::from(self.layers);
+        if lines > MOST_LINES {
+            let key = "spacing".into();
+            return Err(ToolpathError::TooManyMoves {
+                key,
+                moves: lines,
+                limit: MOST_LINES,
+            });
+        }
+        let margin = 0.5 * (width - gaps * spacing);
+        let middle = Vector3::new(0.5 * length, 0.5 * width, 0.0);
+        let centre = corner + Rotation3::from_axis_angle(&Vector3::z_axis(), angle) * middle;
+
+        let mut track: Option<TrackBuilder> = None;
+        for layer in 0..self.layers {
+            let turned = angle + layer_angle * f64::from(layer);
+            let rotation = Rotation3::from_axis_angle(&Vector3::z_axis(), turned);
+            let centre = centre + Vector3::z() * (rise * f64::from(layer));
+            for line in 0..=gaps as u32 {
+                let y = margin + spacing * f64::from(line);
+                let ends = [Vector3::new(0.0, y, 0.0), Vector3::new(length, y, 0.0)];
+                let [mut from, mut to] = ends.map(|end| centre + rotation * (end - middle));
+                if self.bidirectional && line % 2 == 1 {
+                    std::mem::swap(&mut from, &mut to);
+                }
+                let track = track.get_or_insert_with(|| TrackBuilder::new(start_time, from));
+                let pause = match (layer, line) {
+                    (0, 0) => 0.0,
+                    (_, 0) => layer_time,
+                    _ => turn_time,
+                };
+                track.glide(from, pause, [0.0; 2]);
+                track.go(to, speed, power);
+            }
+        }
+        track
+            .and_then(TrackBuilder::finish)
+            .ok_or(ToolpathError::NoLength {
+                key: "length".into(),
+            })
+    }
+}

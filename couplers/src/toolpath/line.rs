@@ -1,0 +1,79 @@
+//! One straight pass: `x(t) = start + direction speed (t - start_time)`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::track::TrackBuilder;
+use super::{ToolpathError, Track, finite, place, positive, power_of};
+
+/// A straight pass at constant speed, to an end point or in a direction.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Line {
+    /// Position at `start_time` [m].
+    pub start: [f64; 3],
+    /// Where the pass ends [m]; give this or `direction`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end: Option<[f64; 3]>,
+    /// Direction of travel, of any length; give this or `end`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction: Option<[f64; 3]>,
+    /// Speed [m/s].
+    pub speed: f64,
+    /// When the source is switched on [s]; default 0.
+    #[serde(default)]
+    pub start_time: f64,
+    /// When it is switched off [s], with `direction` only; default never.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end_time: Option<f64>,
+    /// Power [W]; default that of the source.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub power: Option<f64>,
+}
+
+impl Line {
+    pub(super) fn track(&self, default_power: Option<f64>) -> Result<Track, ToolpathError> {
+        let start = place("start", self.start)?;
+        let speed = positive("speed", self.speed)?;
+        let start_time = finite("start_time", self.start_time)?;
+        let power = power_of("power", self.power, default_power)?;
+        let mut track = TrackBuilder::new(start_time, start);
+        let key = match (self.end, self.direction, self.end_time) {
+            (Some(end), None, None) => {
+                track.go(place("end", end)?, speed, power);
+                "end"
+            }
+            (None, Some(direction), end_time) => {
+                let direction = place("direction", direction)?.try_normalize(0.0).ok_or(
+                    ToolpathError::NoLength {
+                        key: "direction".into(),
+                    },
+                )?;
+                let end = match end_time {
+                    Some(end) => start_time + positive("end_time", end - start_time)?,
+                    None => f64::INFINITY,
+                };
+                track.go_on(direction, speed, end, power);
+                "direction"
+            }
+            (None, None, _) => {
+                return Err(ToolpathError::LineGoal {
+                    key: "start".into(),
+                });
+            }
+            (Some(_), Some(_), _) => {
+                return Err(ToolpathError::LineGoal {
+                    key: "direction".into(),
+                });
+            }
+            (Some(_), None, Some(_)) => {
+                return Err(ToolpathError::LineGoal {
+                    key: "end_time".into(),
+                });
+            }
+        };
+        track
+            .finish()
+            .ok_or(ToolpathError::NoLength { key: key.into() })
+    }
+}

@@ -1,0 +1,149 @@
+//! Toolpath from a CSV file with the header `time,x,y,z,power`; motion and power are linear
+//! between rows.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::track::TrackBuilder;
+use super::{ToolpathError, Track};
+
+/// Times, positions and powers from a CSV file.
+///
+/// Columns `time` [s], `x`, `y`, `z` [m] and `power` [W], in any order, named in the first line;
+/// lines that start with `#` are skipped. Without a `power` column, or with an empty entry, the
+/// power is that of the source. Two rows with the same time are a jump: so the source is switched
+/// on and off at full power.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Table {
+    /// CSV file; relative to the folder of the case file.
+    pub file: PathBuf,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Row {
+    time: f64,
+    x: f64,
+    y: f64,
+    z: f64,
+    power: Option<f64>,
+}
+
+impl Table {
+    pub(super) fn track(
+        &self,
+        default_power: Option<f64>,
+        base_dir: &Path,
+    ) -> Result<Track, ToolpathError> {
+        let path = base_dir.join(&self.file);
+        match std::fs::read_to_string(&path) {
+            Ok(content) => read(&content, &path, default_power),
+            Err(source) => Err(ToolpathError::TableOpen { path, source }),
+        }
+    }
+}
+
+fn read(content: &str, path: &Path, default_power: Option<f64>) -> Result<Track, ToolpathError> {
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_reader(content.as_bytes());
+    // the reader dates a record from before the comments above it, so count up to its end
+    let (mut end, mut line) = (0, 1);
+    let mut line_at = |position: &csv::Position| {
+        let read = content
+            .get(..position.byte() as usize)
+            .unwrap_or(content)
+            .trim_end();
+        line += read.get(end..).unwrap_or("").matches('\n').count() as u64;
+        end = read.len();
+        line
+    };
+    let row_error = |line, error| ToolpathError::TableRow {
+        path: path.into(),
+        line,
+        source: Box::new(error),
+    };
+    let headers = reader
+        .headers()
+        .cloned()
+        .map_err(|error| row_error(1, error))?;
+    let header_line = line_at(reader.position());
+    let mut record = csv::StringRecord::new();
+    let mut track: Option<(TrackBuilder, f64, f64)> = None;
+    let mut rows = 0;
+    loop {
+        let more = reader.read_record(&mut record);
+        let line = line_at(reader.position());
+        if !more.map_err(|error| row_error(line, error))? {
+            break;
+        }
+        let row: Row = record.deserialize(Some(&headers)).map_err(|error| {
+            let in_header = matches!(error.kind(),
+                csv::ErrorKind::Deserialize { err, .. } if err.field().is_none());
+            row_error(if in_header { header_line } else { line }, error)
+        })?;
+        let power = checked(&row, default_power, path, line)?;
+        let place = Vector3::new(row.x, row.y, row.z);
+        match &mut track {
+            None => track = Some((TrackBuilder::new(row.time, place), row.time, power)),
+            Some((_, time, _)) if row.time < *time => {
+                let (path, previous) = (path.into(), *time);
+                return Err(ToolpathError::TableTime {
+                    path,
+                    line,
+                    time: row.time,
+                    previous,
+                });
+            }
+            Some((track, time, before)) => {
+                track.glide(place, row.time - *time, [*before, power]);
+                (*time, *before) = (row.time, power);
+            }
+        }
+        rows += 1;
+    }
+    track
+        .and_then(|(track, ..)| track.finish())
+        .ok_or_else(|| ToolpathError::TableShort {
+            path: path.into(),
+            rows,
+        })
+}
+
+/// The power of a row [W], after a look at all its numbers.
+fn checked(
+    row: &Row,
+    default_power: Option<f64>,
+    path: &Path,
+    line: u64,
+) -> Result<f64, ToolpathError> {
+    let power = row
+        .power
+        .or(default_power)
+        .ok_or_else(|| ToolpathError::NoPower {
+            key: "power".into(),
+        })?;
+    let table_value = |column, value, expected| {
+        Err(ToolpathError::TableValue {
+            path: path.into(),
+            line,
+            column,
+            value,
+            expected,
+        })
+    };
+    for (column, value) in [("time", row.time), ("x", row.x), ("y", row.y), ("z", row.z)] {
+        if !value.is_finite() {
+            return table_value(column, value, "a finite number");
+        }
+    }
+    if !(power.is_finite() && power >= 0.0) {
+        return table_value("power", power, "a finite number, zero or greater");
+    }
+    Ok(power)
+}

@@ -1,0 +1,311 @@
+//! A toolpath laid out in time: contiguous moves, found by bisection.
+
+use nalgebra::Vector3;
+
+/// Where the source is at one time, which way it travels and how strong it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Position [m].
+    pub position: Vector3<f64>,
+    /// Unit vector of travel; kept from the last motion while the source dwells, +x before it
+    /// first moves. On a weave it is the direction of the seam: the torch does not turn.
+    pub direction: Vector3<f64>,
+    /// Power [W]; 0 while the source is off.
+    pub power: f64,
+    /// Speed along the path [m/s].
+    pub speed: f64,
+}
+
+/// Contiguous moves from the start of a toolpath to its end. Before and after it the source is
+/// off and rests at the nearer end.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    moves: Vec<Move>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Move {
+    start: f64,
+    end: f64,
+    motion: Motion,
+    direction: Vector3<f64>,
+    /// Power at the start and at the end [W], linear between.
+    power: [f64; 2],
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Motion {
+    /// `from + velocity s`, s = time since the start of the move.
+    Straight {
+        from: Vector3<f64>,
+        velocity: Vector3<f64>,
+    },
+    /// `centre + radius (cos phi, sin phi, 0)`, `phi = angle + rate s`.
+    Arc {
+        centre: Vector3<f64>,
+        radius: f64,
+        angle: f64,
+        rate: f64,
+    },
+    /// `from + velocity s + sideways sin(rate s)`.
+    Sine {
+        from: Vector3<f64>,
+        velocity: Vector3<f64>,
+        sideways: Vector3<f64>,
+        rate: f64,
+    },
+}
+
+impl Move {
+    fn position(&self, time: f64) -> Vector3<f64> {
+        let s = time - self.start;
+        match &self.motion {
+            Motion::Straight { from, velocity } => from + velocity * s,
+            Motion::Arc {
+                centre,
+                radius,
+                angle,
+                rate,
+            } => {
+                let (sin, cos) = (angle + rate * s).sin_cos();
+                centre + Vector3::new(cos, sin, 0.0) * *radius
+            }
+            Motion::Sine {
+                from,
+                velocity,
+                sideways,
+                rate,
+            } => from + velocity * s + sideways * (rate * s).sin(),
+        }
+    }
+
+    fn velocity(&self, time: f64) -> Vector3<f64> {
+        let s = time - self.start;
+        match &self.motion {
+            Motion::Straight { velocity, .. } => *velocity,
+            Motion::Arc {
+                radius,
+                angle,
+                rate,
+                ..
+            } => {
+                let (sin, cos) = (angle + rate * s).sin_cos();
+                Vector3::new(-sin, cos, 0.0) * (radius * rate)
+            }
+            Motion::Sine {
+                velocity,
+                sideways,
+                rate,
+                ..
+            } => velocity + sideways * (rate * (rate * s).cos()),
+        }
+    }
+
+    fn direction(&self, time: f64) -> Vector3<f64> {
+        match &self.motion {
+            Motion::Arc { .. } => self.velocity(time).normalize(),
+            Motion::Straight { .. } | Motion::Sine { .. } => self.direction,
+        }
+    }
+
+    fn power(&self, time: f64) -> f64 {
+        let [first, last] = self.power;
+        // an endless move has constant power, and the ratio below would be 0 * infinity
+        if first == last {
+            return first;
+        }
+        first + (last - first) * (time - self.start) / (self.end - self.start)
+    }
+}
+
+impl Track {
+    /// Position, direction, power and speed at `time` [s]. At an event the later move counts.
+    pub fn pose(&self, time: f64) -> Pose {
+        let first = &self.moves[0];
+        let last = &self.moves[self.moves.len() - 1];
+        if time < first.start || time >= last.end {
+            let (rest, at) = if time < first.start {
+                (first, first.start)
+            } else {
+                (last, last.end)
+            };
+            return Pose {
+                position: rest.position(at),
+                direction: rest.direction(at),
+                power: 0.0,
+                speed: 0.0,
+            };
+        }
+        let active = &self.moves[self.moves.partition_point(|m| m.end <= time)];
+        Pose {
+            position: active.position(time),
+            direction: active.direction(time),
+            power: active.power(time),
+            speed: active.velocity(time).norm(),
+        }
+    }
+
+    /// The first time after `after` at which the motion or the power has a kink or a jump [s].
+    ///
+    /// Time steps should end on events. Strictly greater than `after`; `None` when nothing more
+    /// happens.
+    pub fn next_event(&self, after: f64) -> Option<f64> {
+        if after < self.start() {
+            return Some(self.start());
+        }
+        let next = self.moves.partition_point(|m| m.end <= after);
+        self.moves
+            .get(next)
+            .map(|m| m.end)
+            .filter(|end| end.is_finite())
+    }
+
+    /// When the source is first switched on or starts to move [s].
+    pub fn start(&self) -> f64 {
+        self.moves[0].start
+    }
+
+    /// When the path is done [s]; `None` for a line without an end.
+    pub fn end(&self) -> Option<f64> {
+        self.moves
+            .last()
+            .map(|m| m.end)
+            .filter(|end| end.is_finite())
+    }
+
+    /// Power at `time` [W].
+    pub fn power(&self, time: f64) -> f64 {
+        self.pose(time).power
+    }
+
+    /// Energy released between two times [J]: the integral of the power, in closed form.
+    pub fn energy(&self, from: f64, to: f64) -> f64 {
+        let first = self.moves.partition_point(|m| m.end <= from);
+        self.moves[first..]
+            .iter()
+            .take_while(|m| m.start < to)
+            .map(|m| {
+                let (a, b) = (m.start.max(from), m.end.min(to));
+                // linear power: the middle value is the mean
+                m.power(0.5 * (a + b)) * (b - a)
+            })
+            .sum()
+    }
+}
+
+/// Appends moves, carrying time, position and direction from one to the next.
+#[derive(Debug)]
+pub(super) struct TrackBuilder {
+    moves: Vec<Move>,
+    time: f64,
+    position: Vector3<f64>,
+    direction: Vector3<f64>,
+}
+
+impl TrackBuilder {
+    pub fn new(time: f64, position: Vector3<f64>) -> Self {
+        Self {
+            moves: Vec::new(),
+            time,
+            position,
+            direction: Vector3::x(),
+        }
+    }
+
+    fn push(&mut self, duration: f64, motion: Motion, power: [f64; 2]) {
+        let end = self.time + duration;
+        // a pause too short for the clock to notice is no move
+        if end > self.time {
+            let direction = self.direction;
+            self.moves.push(Move {
+                start: self.time,
+                end,
+                motion,
+                direction,
+                power,
+            });
+            self.time = end;
+        }
+    }
+
+    /// A straight move that takes `duration` [s]; no motion when `to` is where the source is.
+    pub fn glide(&mut self, to: Vector3<f64>, duration: f64, power: [f64; 2]) {
+        let way = to - self.position;
+        if let Some(direction) = way.try_normalize(0.0) {
+            self.direction = direction;
+        }
+        if duration > 0.0 {
+            let motion = Motion::Straight {
+                from: self.position,
+                velocity: way / duration,
+            };
+            self.push(duration, motion, power);
+        }
+        self.position = to;
+    }
+
+    /// A straight move at `speed` [m/s] and constant power [W].
+    pub fn go(&mut self, to: Vector3<f64>, speed: f64, power: f64) {
+        self.glide(to, (to - self.position).norm() / speed, [power; 2]);
+    }
+
+    /// A straight move without an end, until `end` [s] (infinity for never).
+    pub fn go_on(&mut self, direction: Vector3<f64>, speed: f64, end: f64, power: f64) {
+        self.direction = direction;
+        let motion = Motion::Straight {
+            from: self.position,
+            velocity: direction * speed,
+        };
+        self.push(end - self.time, motion, [power; 2]);
+    }
+
+    /// A rest of `duration` [s] at constant power [W].
+    pub fn dwell(&mut self, duration: f64, power: f64) {
+        self.glide(self.position, duration, [power; 2]);
+    }
+
+    /// A turn about `centre`, from where the source is, at `rate` [rad/s] (negative: clockwise).
+    pub fn turn(&mut self, centre: Vector3<f64>, rate: f64, duration: f64, power: f64) {
+        let arm = self.position - centre;
+        let motion = Motion::Arc {
+            centre,
+            radius: arm.norm(),
+            angle: arm.y.atan2(arm.x),
+            rate,
+        };
+        self.push(duration, motion, [power; 2]);
+    }
+
+    /// A seam to `to` with the sideways swing `sideways sin(rate s)`.
+    pub fn swing(
+        &mut self,
+        to: Vector3<f64>,
+        speed: f64,
+        (sideways, rate): (Vector3<f64>, f64),
+        power: f64,
+    ) {
+        let way = to - self.position;
+        self.direction = way.normalize();
+        let motion = Motion::Sine {
+            from: self.position,
+            velocity: self.direction * speed,
+            sideways,
+            rate,
+        };
+        self.push(way.norm() / speed, motion, [power; 2]);
+        self.position = to;
+    }
+
+    /// Turns the reported travel direction of all moves to the one given.
+    pub fn facing(mut self, direction: Vector3<f64>) -> Self {
+        for each in &mut self.moves {
+            each.direction = direction;
+        }
+        self
+    }
+
+    /// The finished track, or `None` when nothing takes any time.
+    pub fn finish(self) -> Option<Track> {
+        (!self.moves.is_empty()).then_some(Track { moves: self.moves })
+    }
+}

@@ -1,0 +1,199 @@
+//! Equilibrium: the displacement at which bond forces and loads balance.
+
+use nalgebra::Vector3;
+use perimelt_core::family::LayerRule;
+use perimelt_core::solver::reduce::norm;
+use perimelt_core::solver::{At, NullSpace, Rhs, SolverError, fictitious_mass};
+use perimelt_core::{Step, World};
+
+use super::Run;
+use super::elastic::Elastic;
+
+/// Unbalanced force of a displacement; zero for held components.
+struct Residual<'a> {
+    elastic: &'a mut Elastic,
+    rules: &'a [LayerRule],
+    /// The rules without their prescribed values: for displacements that are differences.
+    homogeneous: Vec<LayerRule>,
+    body_force: &'a [f64],
+    constraint: &'a [f64],
+    dimension: usize,
+    finite: bool,
+}
+
+impl Residual<'_> {
+    fn release(&self, out: &mut [f64], value: f64) {
+        for (i, (f, c)) in out.iter_mut().zip(self.constraint).enumerate() {
+            if *c > 0.0 || i % 3 >= self.dimension {
+                *f = value;
+            }
+        }
+    }
+}
+
+impl Rhs for Residual<'_> {
+    fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+        self.elastic.set_displacement(state, self.rules);
+        self.elastic.force(rate);
+        rate.iter_mut()
+            .zip(self.body_force)
+            .for_each(|(f, b)| *f += b);
+        self.release(rate, 0.0);
+        Ok(())
+    }
+
+    fn tangent(
+        &mut self,
+        _: At<'_>,
+        direction: &[f64],
+        out: &mut [f64],
+    ) -> Result<bool, SolverError> {
+        if self.finite {
+            return Ok(false);
+        }
+        self.elastic.set_displacement(direction, &self.homogeneous);
+        self.elastic.stiffness(out);
+        out.iter_mut().for_each(|f| *f = -*f);
+        self.release(out, 0.0);
+        Ok(true)
+    }
+
+    fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
+        for (out, block) in out.chunks_exact_mut(3).zip(self.elastic.blocks()) {
+            (0..3).for_each(|axis| out[axis] = -block[axis]);
+        }
+        self.release(out, -1.0);
+        Ok(true)
+    }
+}
+
+/// Brings `run` into equilibrium by Newton-Krylov; returns the linear iterations.
+pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, SolverError> {
+    let body_force = world.read(run.body_force);
+    let constraint = world.read(run.constraint);
+    let rules = world.layer_rules(run.layers);
+    let mut displacement = world.write(run.displacement);
+    let state: &mut [f64] = bytemuck::cast_slice_mut(&mut displacement);
+    let constraint: &[f64] = bytemuck::cast_slice(&constraint);
+    let body = world.body(run.body);
+    let mut residual = Residual {
+        elastic: &mut run.elastic,
+        homogeneous: rules
+            .iter()
+            .map(|r| LayerRule {
+                offset: [0.0; 3],
+                ..*r
+            })
+            .collect(),
+        rules: &rules,
+        body_force: bytemuck::cast_slice(&body_force),
+        constraint,
+        dimension: body.dimension,
+        finite: !run.newton.options.linear,
+    };
+
+    let held = constraint.iter().filter(|c| **c > 0.0).count();
+    if run.rigid.as_ref().is_none_or(|(count, _)| *count != held) {
+        let modes = rigid_motions(&body.points.position, body.dimension);
+        run.rigid = Some((held, hindered_by_nothing(&mut residual, modes)?));
+    }
+    let (_, rigid) = run.rigid.as_ref().expect("set above");
+
+    // unbalanced force is measured against the loads: a good first guess must not tighten it
+    for (w, (u, c)) in run.work.iter_mut().zip(state.iter().zip(constraint)) {
+        *w = if *c > 0.0 { *u } else { 0.0 };
+    }
+    let mut loads = vec![0.0; state.len()];
+    residual.rate(step.end(), &run.work, &mut loads)?;
+    rigid.project(&mut loads);
+    run.newton.options.absolute_tolerance = run.tolerance * norm(&loads);
+    let report = run
+        .newton
+        .solve(&mut residual, step.end(), state, Some(rigid))?;
+    Ok(report.krylov_iterations)
+}
+
+/// Brings `run` into equilibrium by adaptive dynamic relaxation; returns the iterations.
+pub(super) fn relax(run: &mut Run, world: &World) -> Result<usize, SolverError> {
+    let body_force = world.read(run.body_force);
+    let body_force: &[f64] = bytemuck::cast_slice(&body_force);
+    let constraint = world.read(run.constraint);
+    let constraint: &[f64] = bytemuck::cast_slice(&constraint);
+    let rules = world.layer_rules(run.layers);
+    let mut displacement = world.write(run.displacement);
+    let dimension = world.body(run.body).dimension;
+    for (mass, block) in run.work.chunks_exact_mut(3).zip(run.elastic.blocks()) {
+        // |n_a n_b| <= (n_a^2 + n_b^2) / 2 bounds the row sum by the diagonal block
+        let trace: f64 = block[..3].iter().sum();
+        for axis in 0..3 {
+            let row = dimension as f64 * block[axis] + trace;
+            mass[axis] = fictitious_mass(row, 1.1);
+        }
+    }
+    let elastic = &mut run.elastic;
+    let state = bytemuck::cast_slice_mut::<Vector3<f64>, f64>(&mut displacement);
+    let report = run.relaxation.solve(state, &run.work, |u, force| {
+        elastic.set_displacement(u, &rules);
+        elastic.force(force);
+        for (i, (f, b)) in force.iter_mut().zip(body_force).enumerate() {
+            let free = constraint[i] == 0.0 && i % 3 < dimension;
+            *f = if free { *f + b } else { 0.0 };
+        }
+        Ok(())
+    })?;
+    Ok(report.iterations)
+}
+
+/// Translations and infinitesimal rotations of the points, three components each.
+fn rigid_motions(position: &[Vector3<f64>], dimension: usize) -> Vec<Vec<f64>> {
+    let centre = position.iter().sum::<Vector3<f64>>() / position.len() as f64;
+    let size = position
+        .iter()
+        .map(|x| (x - centre).norm())
+        .fold(0.0, f64::max);
+    let field = |motion: &dyn Fn(Vector3<f64>) -> Vector3<f64>| {
+        position
+            .iter()
+            .flat_map(|x| <[f64; 3]>::from(motion((x - centre) / size)))
+            .collect()
+    };
+    let axis = |a: usize| Vector3::ith_axis(a).into_inner();
+    let mut modes: Vec<Vec<f64>> = (0..dimension).map(|a| field(&|_| axis(a))).collect();
+    let rotations = match dimension {
+        1 => 0..0,
+        2 => 2..3,
+        _ => 0..3,
+    };
+    modes.extend(rotations.map(|a| field(&|x| axis(a).cross(&x))));
+    modes
+}
+
+/// Those of `modes` that meet no resistance.
+fn hindered_by_nothing(
+    residual: &mut Residual<'_>,
+    modes: Vec<Vec<f64>>,
+) -> Result<NullSpace, SolverError> {
+    let mut free = Vec::new();
+    let mut resistance = vec![0.0; modes[0].len()];
+    let stiffness = residual
+        .elastic
+        .blocks()
+        .iter()
+        .map(|b| b[0])
+        .fold(0.0, f64::max);
+    for mode in modes {
+        let held = mode
+            .iter()
+            .zip(residual.constraint)
+            .any(|(m, c)| *c > 0.0 && *m != 0.0);
+        residual
+            .elastic
+            .set_displacement(&mode, &residual.homogeneous);
+        residual.elastic.stiffness(&mut resistance);
+        // rounding of a sum of a few hundred terms, against one hindered point among millions
+        if !held && norm(&resistance) <= 1e-10 * stiffness * norm(&mode) {
+            free.push(mode);
+        }
+    }
+    Ok(NullSpace::new(free))
+}

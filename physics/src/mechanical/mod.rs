@@ -1,0 +1,399 @@
+//! Deformation of a bond-based thermoelastic solid.
+//!
+//! The law stands in [`bond`], the operator with its work arrays in [`elastic`]. This file is
+//! the plugin: it balances (`quasi_static`, `relaxation`) or integrates (`explicit`)
+//!
+//! ```text
+//! rho u'' = sum_j c (s - (e_i + e_j)/2) n v V_j + b                 Wang (2025), eq. 7.15
+//! ```
+//!
+//! with the sink fields `eigenstrain` (e, from thermal expansion) and `body_force` (b, N/m³).
+//! Young's modulus follows the temperature where its material gives a table; a bond takes
+//! the mean of its ends (eq. 7.14). Poisson's ratio is fixed by the bonds at 1/4 (3D) and 1/3
+//! (2D, plane stress), whatever the material says.
+//!
+//! Assumes small eigenstrains with `linear` kinematics. Not for plastic flow or damage.
+
+pub mod bond;
+pub mod elastic;
+mod equilibrium;
+mod motion;
+
+use nalgebra::{Matrix3, Vector3};
+use perimelt_core::solver::reduce::{sum_of, weighted_sum};
+use perimelt_core::solver::{
+    Newton, NewtonOptions, NullSpace, Relaxation, RelaxationOptions, Verlet,
+};
+use perimelt_core::world::{BodyIndex, LayersHandle};
+use perimelt_core::{
+    Balance, Clock, Correction, FamilySpec, Moment, PartialVolume, Physics, Read, ReadIfProvided,
+    RunError, Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use elastic::Elastic;
+
+/// Bond-based thermoelastic solid; owns `displacement` and `velocity`, consumes `eigenstrain`
+/// and `body_force`, provides `eigenstress`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Mechanical {
+    /// Body that deforms; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Horizon in spacings.
+    #[serde(default = "three")]
+    pub horizon: f64,
+    /// Partial volume of neighbours at the edge of the horizon.
+    #[serde(default)]
+    pub partial_volume: PartialVolume,
+    /// Calibration of the bonds.
+    #[serde(default)]
+    pub correction: Correction,
+    /// Small displacements, or current lengths and directions of bonds.
+    #[serde(default)]
+    pub kinematics: Kinematics,
+    /// How equilibrium or motion is found.
+    #[serde(default)]
+    pub solver: MechanicalSolver,
+    /// Step in s, or "auto" (explicit solver).
+    #[serde(default)]
+    pub step: StepSize,
+    /// Advance in every macro `step`, or once per `log` interval.
+    #[serde(default)]
+    pub update: Update,
+    #[serde(skip)]
+    #[schemars(skip)]
+    run: Option<Run>,
+}
+
+fn three() -> f64 {
+    3.0
+}
+
+/// Measure of stretch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Kinematics {
+    /// Stretch linear in the displacement, directions of the reference configuration.
+    #[default]
+    Linear,
+    /// Current lengths and directions: large rotations and displacements.
+    Finite,
+}
+
+/// How the mechanical state follows its loads.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MechanicalSolver {
+    /// Equilibrium at every step by Newton-Krylov; stress waves are left out.
+    QuasiStatic {
+        /// Unbalanced force relative to the loads at which the solution counts as found.
+        #[serde(default = "tolerance")]
+        tolerance: f64,
+    },
+    /// Equilibrium at every step by adaptive dynamic relaxation, as published.
+    Relaxation(RelaxationOptions),
+    /// Motion by velocity Verlet, with stress waves.
+    Explicit {
+        /// Mass-proportional damping rate, 1/s.
+        #[serde(default)]
+        damping: f64,
+    },
+}
+
+fn tolerance() -> f64 {
+    1e-8
+}
+
+impl Default for MechanicalSolver {
+    fn default() -> Self {
+        MechanicalSolver::QuasiStatic {
+            tolerance: tolerance(),
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Run {
+    body: BodyIndex,
+    elastic: Elastic,
+    layers: LayersHandle,
+    displacement: Write<Vector3<f64>>,
+    /// Of the explicit solver.
+    velocity: Option<Write<Vector3<f64>>>,
+    eigenstress: Write<f64>,
+    eigenstress_wanted: bool,
+    eigenstrain: Read<f64>,
+    body_force: Read<Vector3<f64>>,
+    constraint: Read<Vector3<f64>>,
+    held: Read<Vector3<f64>>,
+    temperature: ReadIfProvided<f64>,
+    /// kg/m³, by point.
+    density: Vec<f64>,
+    free_inverse_density: Vec<f64>,
+    work: Vec<f64>,
+    newton: Newton,
+    relaxation: Relaxation,
+    /// Rigid motions that nothing hinders, and the number of held components they are for.
+    rigid: Option<(usize, NullSpace)>,
+    tolerance: f64,
+    state: State,
+}
+
+/// What a restart needs beside the fields.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct State {
+    verlet: Verlet,
+    /// Work done by body forces and eigenstrains since the start, J.
+    supplied: f64,
+    /// Impulse of body forces since the start, N s.
+    impulse: [f64; 3],
+    initial_energy: f64,
+    initial_momentum: [f64; 3],
+}
+
+impl Run {
+    /// Takes loads and moduli of the moment and writes held components into `displacement`.
+    fn load(&mut self, world: &World) {
+        let body = world.body(self.body);
+        let temperature = world.read_if_provided(self.temperature);
+        self.elastic.set_modulus(body, temperature.as_deref());
+        self.elastic.set_eigenstrain(&world.read(self.eigenstrain));
+        let (constraint, held) = (world.read(self.constraint), world.read(self.held));
+        let mut displacement = world.write(self.displacement);
+        for ((u, c), h) in displacement.iter_mut().zip(&*constraint).zip(&*held) {
+            for axis in 0..3 {
+                if c[axis] > 0.0 {
+                    u[axis] = h[axis] / c[axis];
+                }
+            }
+        }
+    }
+
+    fn provide_eigenstress(&mut self, world: &World) {
+        if !self.eigenstress_wanted {
+            return;
+        }
+        let displacement = world.read::<Vector3<f64>>(self.displacement.into());
+        let rules = world.layer_rules(self.layers);
+        self.elastic
+            .set_displacement(bytemuck::cast_slice(&displacement), &rules);
+        let energy = self.elastic.energy();
+        for (p, [_, eigenstress]) in world.write(self.eigenstress).iter_mut().zip(energy) {
+            *p = *eigenstress;
+        }
+    }
+
+    /// Kinetic and elastic energy, J (none of the former but in the explicit solver).
+    fn energy(&mut self, world: &World) -> f64 {
+        let volume = &world.body(self.body).points.volume;
+        let displacement = world.read::<Vector3<f64>>(self.displacement.into());
+        let rules = world.layer_rules(self.layers);
+        self.elastic
+            .set_displacement(bytemuck::cast_slice(&displacement), &rules);
+        let mut density: Vec<f64> = self.elastic.energy().iter().map(|[w, _]| *w).collect();
+        if let Some(velocity) = self.velocity {
+            let velocity = world.read::<Vector3<f64>>(velocity.into());
+            for ((w, v), rho) in density.iter_mut().zip(&*velocity).zip(&self.density) {
+                *w += 0.5 * rho * v.norm_squared();
+            }
+        }
+        weighted_sum(&density, volume)
+    }
+
+    fn momentum(&self, world: &World) -> [f64; 3] {
+        let Some(velocity) = self.velocity else {
+            return [0.0; 3];
+        };
+        let velocity = world.read::<Vector3<f64>>(velocity.into());
+        let volume = &world.body(self.body).points.volume;
+        std::array::from_fn(|axis| {
+            let component: Vec<f64> = velocity.iter().map(|v| v[axis]).collect();
+            sum_of([&component, &self.density, volume], |[v, rho, volume]| {
+                v * rho * volume
+            })
+        })
+    }
+}
+
+#[typetag::serde(name = "mechanical")]
+impl Physics for Mechanical {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        if self.horizon.is_nan() || self.horizon < 1.0 {
+            let message = format!("`horizon` = {} reaches no neighbour", self.horizon);
+            return Err(SetupError::value(
+                "horizon",
+                message,
+                "at least 1 (spacing)",
+            ));
+        }
+        let (layers, faces, _) = setup.layers(body, &keys::DISPLACEMENT);
+        let horizon = self.horizon * setup.body(body).lattice.spacing;
+        let spec = FamilySpec {
+            horizon,
+            partial_volume: self.partial_volume,
+            correction: self.correction,
+            moment: Moment::Elasticity,
+            layers: faces,
+            audited: Vec::new(),
+        };
+        let family = setup.family(body, &spec)?;
+        let youngs_modulus = setup.property(body, "youngs_modulus")?;
+        let this = setup.body(body);
+        let finite = self.kinematics == Kinematics::Finite;
+        let elastic = Elastic::new(this, family, youngs_modulus, finite);
+        let densities = this.materials.iter().map(|m| m.reference_density());
+        let densities = densities
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(|e| SetupError::other("", e))?;
+        let density: Vec<f64> = this
+            .material_of_point
+            .iter()
+            .map(|&m| densities[m as usize])
+            .collect();
+        let points = density.len();
+
+        let options = match self.solver {
+            MechanicalSolver::Relaxation(options) => options,
+            _ => RelaxationOptions::default(),
+        };
+        let damping = match self.solver {
+            MechanicalSolver::Explicit { damping } => damping,
+            _ => 0.0,
+        };
+        let tolerance = match self.solver {
+            MechanicalSolver::QuasiStatic { tolerance } => tolerance,
+            _ => tolerance(),
+        };
+        let explicit = matches!(self.solver, MechanicalSolver::Explicit { .. });
+        let newton = NewtonOptions {
+            relative_tolerance: 0.0,
+            krylov: perimelt_core::solver::KrylovMethod::ConjugateGradient,
+            linear: !finite,
+            ..NewtonOptions::default()
+        };
+        self.run = Some(Run {
+            body,
+            layers,
+            displacement: setup.own(body, &keys::DISPLACEMENT)?,
+            velocity: if explicit {
+                Some(setup.own(body, &keys::VELOCITY)?)
+            } else {
+                None
+            },
+            eigenstress_wanted: setup.is_read(body, &keys::EIGENSTRESS),
+            eigenstress: setup.own(body, &keys::EIGENSTRESS)?,
+            eigenstrain: setup.consume(body, &keys::EIGENSTRAIN)?,
+            body_force: setup.consume(body, &keys::BODY_FORCE)?,
+            constraint: setup.consume(body, &keys::CONSTRAINT)?,
+            held: setup.consume(body, &keys::HELD_DISPLACEMENT)?,
+            temperature: setup.read_if_provided(body, &keys::TEMPERATURE)?,
+            elastic,
+            density,
+            free_inverse_density: vec![0.0; 3 * points],
+            work: vec![0.0; 3 * points],
+            newton: Newton::new(newton),
+            relaxation: Relaxation::new(options),
+            rigid: None,
+            tolerance,
+            state: State {
+                verlet: Verlet::new(damping),
+                ..State::default()
+            },
+        });
+        Ok(())
+    }
+
+    fn start(&mut self, world: &World) -> Result<(), RunError> {
+        let run = self.run.as_mut().expect("prepared before the start");
+        let temperature = world.read_if_provided(run.temperature);
+        run.elastic
+            .set_modulus(world.body(run.body), temperature.as_deref());
+        run.provide_eigenstress(world);
+        run.state.initial_energy = run.energy(world);
+        run.state.initial_momentum = run.momentum(world);
+        Ok(())
+    }
+
+    fn clock(&self) -> Clock {
+        Clock {
+            step: self.step,
+            update: self.update,
+        }
+    }
+
+    /// `sqrt(2 rho / K)` with the largest diagonal block `K` of the stiffness: of a network
+    /// of springs no eigenvalue exceeds twice that of a diagonal block, because
+    /// `(n . (u_j - u_i))^2 <= 2 (n . u_i)^2 + 2 (n . u_j)^2`.
+    fn stable_step(&mut self, world: &World) -> Option<f64> {
+        let run = self.run.as_mut().expect("prepared before the start");
+        if !matches!(self.solver, MechanicalSolver::Explicit { .. }) {
+            return None;
+        }
+        run.elastic.set_largest_modulus(world.body(run.body));
+        let limit = |(&[xx, yy, zz, xy, yz, zx], rho): (&[f64; 6], &f64)| {
+            let block = Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz);
+            (2.0 * rho / block.symmetric_eigenvalues().max()).sqrt()
+        };
+        let blocks = run.elastic.blocks().iter().zip(&run.density);
+        Some(blocks.map(limit).fold(f64::INFINITY, f64::min))
+    }
+
+    fn plausible(&self, world: &World) -> Vec<(&'static str, f64)> {
+        let body = self.run.as_ref().map_or(0, |r| r.body);
+        let (min, max) = world.body(body).bounds();
+        vec![("displacement", 10.0 * (max - min).norm())]
+    }
+
+    fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
+        let run = self.run.as_mut().expect("prepared before the first step");
+        run.load(world);
+        let result = match self.solver {
+            MechanicalSolver::QuasiStatic { .. } => equilibrium::newton(run, world, step),
+            MechanicalSolver::Relaxation(_) => equilibrium::relax(run, world),
+            MechanicalSolver::Explicit { .. } => run.move_on(world, step),
+        };
+        let iterations = result.map_err(|cause| RunError::Plugin {
+            plugin: "mechanical".into(),
+            time: step.end(),
+            cause: cause.into(),
+        })?;
+        run.provide_eigenstress(world);
+        Ok(Work { iterations })
+    }
+
+    fn balance(&self, world: &World) -> Vec<Balance> {
+        let run = self.run.as_ref().expect("prepared before the first step");
+        if !matches!(self.solver, MechanicalSolver::Explicit { .. }) {
+            return Vec::new();
+        }
+        let momentum = run.momentum(world);
+        let axes = 0..world.body(run.body).dimension;
+        axes.map(|axis| Balance {
+            quantity: format!("momentum.{}", ["x", "y", "z"][axis]),
+            unit: "N s".into(),
+            stored: momentum[axis],
+            initial: run.state.initial_momentum[axis],
+            supplied: run.state.impulse[axis],
+        })
+        .collect()
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(&self.run.as_ref().expect("prepared before a save").state)
+    }
+
+    fn load(
+        &mut self,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        self.run.as_mut().expect("prepared before a restart").state =
+            erased_serde::deserialize(state)?;
+        Ok(())
+    }
+}
+
+perimelt_core::register_physics!("mechanical", Mechanical);
