@@ -26,7 +26,7 @@ pub struct Point {
     /// When the source hops to the next vertex; default `centred`.
     #[serde(default)]
     pub dwell: Dwell,
-    /// The heated face, which bounds the cells from above; default z_max at the height of the
+    /// The heated face, which bounds the cells from above; default z+ at the height of the
     /// toolpath. Give its level to move the source inside the body.
     #[serde(default)]
     pub heated_surface: HeatedSurface,
@@ -95,7 +95,7 @@ impl Point {
             Some(level) => grid.in_cells(axis, level).round() as i64,
             None => vertex,
         };
-        if face.is_max() {
+        if face.is_upper() {
             let top = level - 1;
             [(vertex - 1).min(top), vertex.min(top)]
         } else {

@@ -11,6 +11,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::target::depth_range;
 use super::{Deposit, HeatedSurface, SourceError, Target, positive, within};
 
 /// An exponentially absorbed laser pulse on a whole face.
@@ -34,7 +35,7 @@ pub struct PulsedLaser {
     /// p, height of the pulse [-]; default 0.94.
     #[serde(default = "printed_height")]
     pub height: f64,
-    /// The heated face; default z_max, where the body ends.
+    /// The heated face; default z+, where the body ends.
     #[serde(default)]
     pub heated_surface: HeatedSurface,
 }
@@ -101,7 +102,7 @@ impl PulsedLaser {
         let level = match self.heated_surface.level {
             _ if grid.is_thickness(axis) => 1.0,
             Some(level) => grid.in_cells(axis, level),
-            None if face.is_max() => layers as f64,
+            None if face.is_upper() => layers as f64,
             None => 0.0,
         };
         let deeper = |depth: f64| (-depth.max(0.0) * width / self.absorption_depth).exp();
@@ -117,7 +118,7 @@ impl PulsedLaser {
                         continue;
                     };
                     material = true;
-                    let (near, far) = face.depth(k, level);
+                    let (near, far) = depth_range(face, k, level);
                     let part = deeper(near) - deeper(far);
                     values[point] += column * part / target.volume(point);
                     hit += part;
@@ -150,7 +151,7 @@ mod tests {
     #[test]
     fn pulse_deposits_the_fluence_of_the_film_in_any_number_of_steps() {
         // spec 02, 4.4: absorbed fluence 0.639719 J/m² of a film of 20 nm in 1 ps
-        for face in ["x_min", "x_max"] {
+        for face in ["x-", "x+"] {
             let mut film = TestLattice::plate(2e-10, 1e-9, 100);
             film.grid.dims = [100, 3, 1];
             let laser = film_laser(face);
@@ -178,7 +179,7 @@ mod tests {
     #[test]
     fn pulse_has_the_printed_density() {
         let film = TestLattice::plate(2e-10, 1e-9, 100);
-        let laser = film_laser("x_min");
+        let laser = film_laser("x-");
         let mut values = film.zeros();
         let time = 150e-15;
         laser.add(&film, (time - 1e-18, time + 1e-18), &mut values);
@@ -201,7 +202,7 @@ mod tests {
     fn mistakes_name_the_key() {
         let laser = PulsedLaser {
             reflectivity: 1.5,
-            ..film_laser("x_min")
+            ..film_laser("x-")
         };
         assert_eq!(
             laser.validate().expect_err("too bright").key(),

@@ -244,11 +244,7 @@ fn gaussian_on_a_plate_has_the_peak_of_its_effective_depth() {
 
 #[test]
 fn sources_heat_any_face_and_only_below_it() {
-    for (face, axis, level) in [
-        ("x_min", 0, -0.001),
-        ("y_max", 1, 0.002),
-        ("z_min", 2, -0.001),
-    ] {
+    for (face, axis, level) in [("x-", 0, -0.001), ("y+", 1, 0.002), ("z-", 2, -0.001)] {
         let lattice = TestLattice::full([-0.001; 3], [1e-4; 3], [30, 30, 30]);
         let toml = format!(
             "semi_ellipsoid = {{ half_length = 3e-4, half_width = 2e-4, depth = 4e-4,
@@ -268,7 +264,7 @@ fn sources_heat_any_face_and_only_below_it() {
                 .map(|point| values[point])
                 .sum()
         };
-        let [outer, inner] = if face.ends_with("max") {
+        let [outer, inner] = if face.ends_with('+') {
             [29, 0]
         } else {
             [0, 29]
@@ -283,7 +279,7 @@ fn beam_from_above_heats_the_top_edge_of_a_cross_section() {
     for shape in ["", ", order = 8"] {
         let toml = format!(
             "super_gaussian = {{ absorptivity = 1, radius = 5e-4, penetration_depth = 1e-4{shape},
-             heated_surface = {{ face = 'y_max' }} }}"
+             heated_surface = {{ face = 'y+' }} }}"
         );
         let mut values = lattice.zeros();
         let at = pose([0.0, 5e-3, 0.0], [1.0, 0.0, 0.0]);
