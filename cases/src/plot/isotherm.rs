@@ -29,7 +29,7 @@ fn in_case(case: &Table, body: &str) -> Vec<Isotherm> {
         return Vec::new();
     };
     let melting = |name: &String| {
-        let number = |key| match materials[name].get(key) {
+        let number = |key: &str| match materials[name].get(key) {
             Some(Value::Float(temperature)) => Some(*temperature),
             Some(Value::Integer(temperature)) => Some(*temperature as f64),
             _ => None,

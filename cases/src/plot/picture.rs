@@ -180,8 +180,9 @@ impl Picture {
                     if *upright {
                         font = font.transform(FontTransform::Rotate270);
                     }
+                    let colour = paint(colour);
                     let style = TextStyle::from(font)
-                        .color(&paint(colour))
+                        .color(&colour)
                         .pos(Pos::new(across, VPos::Center));
                     area.draw(&Text::new(text.as_str(), place(at), style))?;
                 }
