@@ -31,14 +31,23 @@ pub(super) fn cloud(file: &mut impl Write, cloud: &Cloud) -> io::Result<()> {
 
     let positions = cloud.positions.as_flattened();
     let mut columns = vec![(3, positions, fit_f32(positions))];
-    columns.extend(cloud.fields.iter().map(|f| (f.components, &f.values[..], fit_f32(&f.values))));
+    columns.extend(
+        cloud
+            .fields
+            .iter()
+            .map(|f| (f.components, &f.values[..], fit_f32(&f.values))),
+    );
     for point in 0..cloud.positions.len() {
         let mut separator = "";
         for &(components, values, short) in &columns {
             for value in &values[point * components..(point + 1) * components] {
                 write!(file, "{separator}")?;
                 // the shortest digits that read back as the same four or eight bytes
-                if short { write!(file, "{}", *value as f32)? } else { write!(file, "{value}")? }
+                if short {
+                    write!(file, "{}", *value as f32)?
+                } else {
+                    write!(file, "{value}")?
+                }
                 separator = ",";
             }
         }
@@ -49,7 +58,10 @@ pub(super) fn cloud(file: &mut impl Write, cloud: &Cloud) -> io::Result<()> {
 
 /// A time series, a line per time.
 pub(super) fn series(file: &mut impl Write, series: &Series) -> io::Result<()> {
-    let titles = series.columns.iter().map(|column| title(&column.name, &column.unit));
+    let titles = series
+        .columns
+        .iter()
+        .map(|column| title(&column.name, &column.unit));
     let header: Vec<String> = std::iter::once(title("time", "s")).chain(titles).collect();
     writeln!(file, "{}", header.join(","))?;
     for (row, time) in series.times.iter().enumerate() {
@@ -65,7 +77,10 @@ pub(super) fn series(file: &mut impl Write, series: &Series) -> io::Result<()> {
 /// Times of the clouds by number.
 pub(super) fn times(file: &mut impl Write, times: &[f64]) -> io::Result<()> {
     writeln!(file, "number,{}", title("time", "s"))?;
-    times.iter().enumerate().try_for_each(|(number, time)| writeln!(file, "{number:05},{time}"))
+    times
+        .iter()
+        .enumerate()
+        .try_for_each(|(number, time)| writeln!(file, "{number:05},{time}"))
 }
 
 /// How the run went on, with a column for each physics that sub-steps or iterates.
@@ -76,8 +91,16 @@ pub(super) fn progress(file: &mut impl Write, progress: &[Progress]) -> io::Resu
     let sub_steps = names(|line| line.sub_steps.keys().collect());
     let iterations = names(|line| line.iterations.keys().collect());
     let mut header: Vec<String> = vec![title("time", "s"), "step".into(), title("step_size", "s")];
-    header.extend(sub_steps.iter().map(|name| title(&format!("sub_steps.{name}"), "1")));
-    header.extend(iterations.iter().map(|name| title(&format!("iterations.{name}"), "1")));
+    header.extend(
+        sub_steps
+            .iter()
+            .map(|name| title(&format!("sub_steps.{name}"), "1")),
+    );
+    header.extend(
+        iterations
+            .iter()
+            .map(|name| title(&format!("iterations.{name}"), "1")),
+    );
     header.extend(["coupling_passes".into(), title("wall_time", "s")]);
     writeln!(file, "{}", header.join(","))?;
     for line in progress {

@@ -112,12 +112,23 @@ pub fn export(args: &ExportArgs) -> Result<Vec<PathBuf>, ExportError> {
     let log = Log::open(&args.log)?;
     let bodies = chosen_bodies(&log, &args.body)?;
     check_fields(&log, &bodies, &args.field)?;
-    let out = args.out.clone().unwrap_or_else(|| beside(&args.log, "-export"));
-    fs::create_dir_all(&out).map_err(|source| ExportError::Io { path: out.clone(), source })?;
-    let mut folder = Folder { path: out, written: Vec::new() };
+    let out = args
+        .out
+        .clone()
+        .unwrap_or_else(|| beside(&args.log, "-export"));
+    fs::create_dir_all(&out).map_err(|source| ExportError::Io {
+        path: out.clone(),
+        source,
+    })?;
+    let mut folder = Folder {
+        path: out,
+        written: Vec::new(),
+    };
 
     for (name, series) in log.probes() {
-        folder.write(&format!("probe-{name}.csv"), |file| csv::series(file, series))?;
+        folder.write(&format!("probe-{name}.csv"), |file| {
+            csv::series(file, series)
+        })?;
     }
     if !log.balance().columns.is_empty() {
         folder.write("balance.csv", |file| csv::series(file, log.balance()))?;
@@ -131,20 +142,30 @@ pub fn export(args: &ExportArgs) -> Result<Vec<PathBuf>, ExportError> {
         for index in chosen_times(times, args) {
             let mut cloud = log.cloud(&body.name, index)?;
             if !args.field.is_empty() {
-                cloud.fields.retain(|field| args.field.contains(&field.name));
+                cloud
+                    .fields
+                    .retain(|field| args.field.contains(&field.name));
             }
             let name = folder.write_cloud(&body.name, index, &cloud, args.format)?;
-            collection.push(vtu::DataSet { time: cloud.time, part, file: name });
+            collection.push(vtu::DataSet {
+                time: cloud.time,
+                part,
+                file: name,
+            });
         }
         if args.format == Format::Csv {
-            folder.write(&format!("{}-times.csv", body.name), |file| csv::times(file, times))?;
+            folder.write(&format!("{}-times.csv", body.name), |file| {
+                csv::times(file, times)
+            })?;
         }
     }
     if args.format == Format::Vtk {
         // readers want ascending times
         collection.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.part.cmp(&b.part)));
         let stem = args.log.file_stem().unwrap_or_default().to_string_lossy();
-        folder.write(&format!("{stem}.pvd"), |file| vtu::write_collection(file, &collection))?;
+        folder.write(&format!("{stem}.pvd"), |file| {
+            vtu::write_collection(file, &collection)
+        })?;
     }
     Ok(folder.written)
 }
@@ -155,10 +176,17 @@ fn chosen_bodies<'a>(log: &'a Log, asked: &[String]) -> Result<Vec<&'a BodyInfo>
         return Ok(log.run().bodies.iter().collect());
     }
     let find = |name: &String| {
-        log.run().bodies.iter().find(|body| body.name == *name).ok_or_else(|| {
-            let known = log.bodies().map(String::from).collect();
-            ExportError::UnknownBody { body: name.clone(), known }
-        })
+        log.run()
+            .bodies
+            .iter()
+            .find(|body| body.name == *name)
+            .ok_or_else(|| {
+                let known = log.bodies().map(String::from).collect();
+                ExportError::UnknownBody {
+                    body: name.clone(),
+                    known,
+                }
+            })
     };
     asked.iter().map(find).collect()
 }
@@ -166,13 +194,24 @@ fn chosen_bodies<'a>(log: &'a Log, asked: &[String]) -> Result<Vec<&'a BodyInfo>
 /// Every field asked for must be logged for at least one of the bodies.
 fn check_fields(log: &Log, bodies: &[&BodyInfo], asked: &[String]) -> Result<(), ExportError> {
     let mut known = Vec::new();
-    for body in bodies.iter().filter(|body| !log.times(&body.name).is_empty()) {
-        known.extend(log.cloud(&body.name, 0)?.fields.into_iter().map(|field| field.name));
+    for body in bodies
+        .iter()
+        .filter(|body| !log.times(&body.name).is_empty())
+    {
+        known.extend(
+            log.cloud(&body.name, 0)?
+                .fields
+                .into_iter()
+                .map(|field| field.name),
+        );
     }
     known.sort();
     known.dedup();
     match asked.iter().find(|field| !known.contains(field)) {
-        Some(field) => Err(ExportError::UnknownField { field: field.clone(), known }),
+        Some(field) => Err(ExportError::UnknownField {
+            field: field.clone(),
+            known,
+        }),
         None => Ok(()),
     }
 }
@@ -180,9 +219,15 @@ fn check_fields(log: &Log, bodies: &[&BodyInfo], asked: &[String]) -> Result<(),
 /// Numbers of the clouds to export.
 fn chosen_times(times: &[f64], args: &ExportArgs) -> Vec<usize> {
     if args.at.is_empty() {
-        return (0..times.len()).step_by(args.every.max(1) as usize).collect();
+        return (0..times.len())
+            .step_by(args.every.max(1) as usize)
+            .collect();
     }
-    let mut chosen: Vec<_> = args.at.iter().filter_map(|&time| nearest(times, time)).collect();
+    let mut chosen: Vec<_> = args
+        .at
+        .iter()
+        .filter_map(|&time| nearest(times, time))
+        .collect();
     chosen.sort_unstable();
     chosen.dedup();
     chosen
@@ -203,7 +248,10 @@ impl Folder {
     ) -> Result<String, ExportError> {
         let name = name.replace(['/', '\\'], "-");
         let path = self.path.join(&name);
-        written(&path, write).map_err(|source| ExportError::Io { path: path.clone(), source })?;
+        written(&path, write).map_err(|source| ExportError::Io {
+            path: path.clone(),
+            source,
+        })?;
         self.written.push(path);
         Ok(name)
     }
@@ -216,12 +264,12 @@ impl Folder {
         format: Format,
     ) -> Result<String, ExportError> {
         match format {
-            Format::Vtk => {
-                self.write(&format!("{body}-{index:05}.vtu"), |file| vtu::write_cloud(file, cloud))
-            }
-            Format::Csv => {
-                self.write(&format!("{body}-{index:05}.csv"), |file| csv::cloud(file, cloud))
-            }
+            Format::Vtk => self.write(&format!("{body}-{index:05}.vtu"), |file| {
+                vtu::write_cloud(file, cloud)
+            }),
+            Format::Csv => self.write(&format!("{body}-{index:05}.csv"), |file| {
+                csv::cloud(file, cloud)
+            }),
         }
     }
 }
@@ -237,5 +285,7 @@ fn written(
 
 /// Whether four bytes hold these numbers exactly, as they do if they were logged so.
 fn fit_f32(values: &[f64]) -> bool {
-    values.iter().all(|&value| value.is_nan() || f64::from(value as f32) == value)
+    values
+        .iter()
+        .all(|&value| value.is_nan() || f64::from(value as f32) == value)
 }

@@ -34,16 +34,28 @@ fn vtu_holds_the_logged_numbers_where_its_header_says() {
     let cloud = log.cloud("plate", 5).expect("the last");
     let bytes = read(&paths, "plate-00005.vtu");
     let marker = b"<AppendedData encoding=\"raw\">\n_";
-    let data = bytes.windows(marker.len()).position(|w| w == marker).expect("data") + marker.len();
+    let data = bytes
+        .windows(marker.len())
+        .position(|w| w == marker)
+        .expect("data")
+        + marker.len();
     let header = String::from_utf8(bytes[..data].to_vec()).expect("text");
     let numbers = |name: &str| -> Vec<f64> {
-        let line = header.lines().find(|l| l.contains(&format!("Name=\"{name}\""))).expect(name);
+        let line = header
+            .lines()
+            .find(|l| l.contains(&format!("Name=\"{name}\"")))
+            .expect(name);
         assert!(line.contains("Float64"), "{line}");
-        let offset = line.split("offset=\"").nth(1).and_then(|rest| rest.split('"').next());
+        let offset = line
+            .split("offset=\"")
+            .nth(1)
+            .and_then(|rest| rest.split('"').next());
         let start = data + offset.expect("offset").parse::<usize>().expect("a number");
         let word = |at: usize| <[u8; 8]>::try_from(&bytes[at..at + 8]).expect("eight");
         let length = u64::from_le_bytes(word(start)) as usize / 8;
-        (0..length).map(|i| f64::from_le_bytes(word(start + 8 + 8 * i))).collect()
+        (0..length)
+            .map(|i| f64::from_le_bytes(word(start + 8 + 8 * i)))
+            .collect()
     };
     assert_eq!(numbers("temperature"), cloud.fields[0].values);
     assert_eq!(numbers("displacement"), cloud.fields[1].values);
@@ -69,17 +81,29 @@ fn tables_have_units_and_read_back_exactly() {
     let header = "x [m],y [m],z [m],displacement.x [m],displacement.y [m],displacement.z [m]";
     assert_eq!(lines.next(), Some(header));
     for (point, line) in lines.by_ref().enumerate() {
-        let row: Vec<f64> = line.split(',').map(|x| x.parse().expect("a number")).collect();
+        let row: Vec<f64> = line
+            .split(',')
+            .map(|x| x.parse().expect("a number"))
+            .collect();
         assert_eq!(row[..3], cloud.positions[point]);
         assert_eq!(row[3..], cloud.fields[1].values[3 * point..3 * point + 3]);
     }
     assert_eq!(text.lines().count(), 37);
 
     let probe = String::from_utf8(read(&paths, "probe-thermocouples.csv")).expect("text");
-    assert!(probe.starts_with("time [s],near_weld [K],far [K],uz [m]\n0,300,300,-0\n"), "{probe}");
+    assert!(
+        probe.starts_with("time [s],near_weld [K],far [K],uz [m]\n0,300,300,-0\n"),
+        "{probe}"
+    );
     let progress = String::from_utf8(read(&paths, "progress.csv")).expect("text");
     assert!(progress.starts_with("time [s],step,step_size [s],sub_steps.heat,coupling_passes,"));
-    assert_eq!(read(&paths, "balance.csv").iter().filter(|&&byte| byte == b'\n').count(), 7);
+    assert_eq!(
+        read(&paths, "balance.csv")
+            .iter()
+            .filter(|&&byte| byte == b'\n')
+            .count(),
+        7
+    );
     assert!(!paths.iter().any(|path| path.ends_with("plate-00004.csv")));
 }
 
@@ -98,6 +122,9 @@ fn unknown_names_are_answered_with_what_there_is() {
         every: 2,
     };
     let error = export(&args).expect_err("no such field").to_string();
-    assert!(error.contains("`heat`") && error.contains("displacement, temperature"), "{error}");
+    assert!(
+        error.contains("`heat`") && error.contains("displacement, temperature"),
+        "{error}"
+    );
     assert!(!folder.path().join("spot-export").exists());
 }

@@ -19,9 +19,15 @@ struct Array<'a> {
 enum Data<'a> {
     Numbers(std::borrow::Cow<'a, [f64]>),
     /// 0, 1, 2 ... or 1, 2, 3 ...
-    Count { from: i64, length: usize },
+    Count {
+        from: i64,
+        length: usize,
+    },
     /// the same byte all over
-    Bytes { byte: u8, length: usize },
+    Bytes {
+        byte: u8,
+        length: usize,
+    },
 }
 
 impl Data<'_> {
@@ -45,12 +51,12 @@ impl Data<'_> {
     fn write(&self, file: &mut impl Write) -> io::Result<()> {
         file.write_all(&(self.byte_count() as u64).to_le_bytes())?;
         match self {
-            Self::Numbers(values) if fit_f32(values) => {
-                values.iter().try_for_each(|&x| file.write_all(&(x as f32).to_le_bytes()))
-            }
-            Self::Numbers(values) => {
-                values.iter().try_for_each(|x| file.write_all(&x.to_le_bytes()))
-            }
+            Self::Numbers(values) if fit_f32(values) => values
+                .iter()
+                .try_for_each(|&x| file.write_all(&(x as f32).to_le_bytes())),
+            Self::Numbers(values) => values
+                .iter()
+                .try_for_each(|x| file.write_all(&x.to_le_bytes())),
             Self::Count { from, length } => (0..*length as i64)
                 .try_for_each(|number| file.write_all(&(from + number).to_le_bytes())),
             Self::Bytes { byte, length } => file.write_all(&vec![*byte; *length]),
@@ -61,7 +67,11 @@ impl Data<'_> {
 /// A cloud as an unstructured grid of vertices.
 pub(super) fn write_cloud(file: &mut impl Write, cloud: &Cloud) -> io::Result<()> {
     let points = cloud.positions.len();
-    let numbers = |name, components, values| Array { name, components, data: Data::Numbers(values) };
+    let numbers = |name, components, values| Array {
+        name,
+        components,
+        data: Data::Numbers(values),
+    };
     let fields = cloud.fields.iter().map(|field| {
         let values = match field.components {
             9 => transposed(&field.values).into(),
@@ -73,12 +83,34 @@ pub(super) fn write_cloud(file: &mut impl Write, cloud: &Cloud) -> io::Result<()
     let global = [numbers("TimeValue", 1, time.as_slice().into())];
     let point_data: Vec<Array> = fields.collect();
     let positions = [numbers("Points", 3, cloud.positions.as_flattened().into())];
-    let cell = |name, data| Array { name, components: 1, data };
+    let cell = |name, data| Array {
+        name,
+        components: 1,
+        data,
+    };
     let cells = [
-        cell("connectivity", Data::Count { from: 0, length: points }),
-        cell("offsets", Data::Count { from: 1, length: points }),
+        cell(
+            "connectivity",
+            Data::Count {
+                from: 0,
+                length: points,
+            },
+        ),
+        cell(
+            "offsets",
+            Data::Count {
+                from: 1,
+                length: points,
+            },
+        ),
         // VTK_VERTEX
-        cell("types", Data::Bytes { byte: 1, length: points }),
+        cell(
+            "types",
+            Data::Bytes {
+                byte: 1,
+                length: points,
+            },
+        ),
     ];
 
     writeln!(file, r#"<?xml version="1.0"?>"#)?;
@@ -89,13 +121,21 @@ pub(super) fn write_cloud(file: &mut impl Write, cloud: &Cloud) -> io::Result<()
     writeln!(file, "<UnstructuredGrid>")?;
     let mut offset = 0;
     declare(file, "FieldData", &global, &mut offset)?;
-    writeln!(file, r#"<Piece NumberOfPoints="{points}" NumberOfCells="{points}">"#)?;
+    writeln!(
+        file,
+        r#"<Piece NumberOfPoints="{points}" NumberOfCells="{points}">"#
+    )?;
     declare(file, "PointData", &point_data, &mut offset)?;
     declare(file, "Points", &positions, &mut offset)?;
     declare(file, "Cells", &cells, &mut offset)?;
     writeln!(file, "</Piece>\n</UnstructuredGrid>")?;
     write!(file, "<AppendedData encoding=\"raw\">\n_")?;
-    for array in global.iter().chain(&point_data).chain(&positions).chain(&cells) {
+    for array in global
+        .iter()
+        .chain(&point_data)
+        .chain(&positions)
+        .chain(&cells)
+    {
         array.data.write(file)?;
     }
     writeln!(file, "\n</AppendedData>\n</VTKFile>")
@@ -112,7 +152,11 @@ fn declare(
     for array in arrays {
         let (name, kind) = (escaped(array.name), array.data.type_name());
         let components = array.components;
-        let tuples = if section == "FieldData" { r#" NumberOfTuples="1""# } else { "" };
+        let tuples = if section == "FieldData" {
+            r#" NumberOfTuples="1""#
+        } else {
+            ""
+        };
         writeln!(
             file,
             r#"<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}"{tuples} format="appended" offset="{offset}"/>"#
@@ -143,15 +187,28 @@ pub(super) struct DataSet {
 /// The files by time, as ParaView opens them.
 pub(super) fn write_collection(file: &mut impl Write, data_sets: &[DataSet]) -> io::Result<()> {
     writeln!(file, r#"<?xml version="1.0"?>"#)?;
-    writeln!(file, r#"<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">"#)?;
+    writeln!(
+        file,
+        r#"<VTKFile type="Collection" version="1.0" byte_order="LittleEndian">"#
+    )?;
     writeln!(file, "<Collection>")?;
-    for DataSet { time, part, file: name } in data_sets {
+    for DataSet {
+        time,
+        part,
+        file: name,
+    } in data_sets
+    {
         let name = escaped(name);
-        writeln!(file, r#"<DataSet timestep="{time}" group="" part="{part}" file="{name}"/>"#)?;
+        writeln!(
+            file,
+            r#"<DataSet timestep="{time}" group="" part="{part}" file="{name}"/>"#
+        )?;
     }
     writeln!(file, "</Collection>\n</VTKFile>")
 }
 
 fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('"', "&quot;")
 }

@@ -43,14 +43,20 @@ pub(crate) fn scalar(cloud: &Cloud, name: &str) -> Option<Scalar> {
         _ => return None,
     };
     let index = suffixes.iter().position(|suffix| *suffix == component)?;
-    Some(made(field, format!("{} {component}", pretty(base)), |v| v[index]))
+    Some(made(field, format!("{} {component}", pretty(base)), |v| {
+        v[index]
+    }))
 }
 
 fn made(field: &CloudField, label: String, of: impl Fn(&[f64]) -> f64) -> Scalar {
     Scalar {
         label,
         unit: field.unit.clone(),
-        values: field.values.chunks_exact(field.components).map(of).collect(),
+        values: field
+            .values
+            .chunks_exact(field.components)
+            .map(of)
+            .collect(),
     }
 }
 
@@ -81,8 +87,16 @@ mod tests {
             fields: vec![
                 field("force", 3, vec![3.0, 0.0, -4.0]),
                 // uniaxial tension of 7 with a pressure of 2 on top, and pure shear of 1
-                field("stress", 9, vec![5.0, 0.0, 0.0, 0.0, -2.0, 0.0, 0.0, 0.0, -2.0]),
-                field("shear", 9, vec![0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+                field(
+                    "stress",
+                    9,
+                    vec![5.0, 0.0, 0.0, 0.0, -2.0, 0.0, 0.0, 0.0, -2.0],
+                ),
+                field(
+                    "shear",
+                    9,
+                    vec![0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+                ),
             ],
         };
         let value = |name| scalar(&cloud, name).map(|scalar| scalar.values[0]);
