@@ -70,19 +70,35 @@ pub fn melt_pool(
     let profile = |axis| profile(&values, grid.cells, axis, dimension);
     let extent = |axis: usize| {
         let (from, to) = extent(&profile(axis), isotherm)?;
-        Some((grid.origin[axis] + from * spacing, grid.origin[axis] + to * spacing))
+        Some((
+            grid.origin[axis] + from * spacing,
+            grid.origin[axis] + to * spacing,
+        ))
     };
 
     let (rear, front) = extent(along)?;
-    let width = if dimension >= 2 { extent(across).map(|(from, to)| to - from) } else { None };
+    let width = if dimension >= 2 {
+        extent(across).map(|(from, to)| to - from)
+    } else {
+        None
+    };
     let depth = if dimension >= 3 {
         let top = grid.centre(2, grid.cells[2] - 1) + 0.5 * spacing;
         extent(2).map(|(bottom, _)| top - bottom)
     } else {
         None
     };
-    let peak = temperature.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    Some(MeltPool { rear, front, width, depth, peak })
+    let peak = temperature
+        .iter()
+        .copied()
+        .fold(f64::NEG_INFINITY, f64::max);
+    Some(MeltPool {
+        rear,
+        front,
+        width,
+        depth,
+        peak,
+    })
 }
 
 /// `max over the other axes` of the cells' values at each cell of `axis`.
@@ -119,10 +135,14 @@ fn line_maximum(count: usize, value: impl Fn(usize) -> f64) -> f64 {
             hottest = Some(index);
         }
     }
-    let Some(hottest) = hottest else { return f64::NAN };
+    let Some(hottest) = hottest else {
+        return f64::NAN;
+    };
     let middle = value(hottest);
     let neighbour = |index: Option<usize>| {
-        index.filter(|&index| index < count).map_or(f64::NAN, &value)
+        index
+            .filter(|&index| index < count)
+            .map_or(f64::NAN, &value)
     };
     // beyond a face lies the mirror image
     let mirrored = |value: f64| if value.is_nan() { middle } else { value };
@@ -143,10 +163,19 @@ fn extent(profile: &[f64], level: f64) -> Option<(f64, f64)> {
     let hottest = (0..profile.len())
         .filter(above)
         .max_by(|&a, &b| profile[a].total_cmp(&profile[b]))?;
-    let last = (hottest..profile.len()).take_while(above).last().unwrap_or(hottest);
-    let first = (0..=hottest).rev().take_while(above).last().unwrap_or(hottest);
+    let last = (hottest..profile.len())
+        .take_while(above)
+        .last()
+        .unwrap_or(hottest);
+    let first = (0..=hottest)
+        .rev()
+        .take_while(above)
+        .last()
+        .unwrap_or(hottest);
     let crossing = |inside: usize, outside: Option<f64>| match outside {
-        Some(outside) if !outside.is_nan() => (profile[inside] - level) / (profile[inside] - outside),
+        Some(outside) if !outside.is_nan() => {
+            (profile[inside] - level) / (profile[inside] - outside)
+        }
         _ => 0.5,
     };
     let before = first.checked_sub(1).map(|index| profile[index]);
@@ -185,7 +214,10 @@ mod tests {
     fn close(found: f64, expected: f64) {
         // linear interpolation on a parabola: dx^2 T'' / (8 T') = dx^2 / (8 a), a >= 5 dx here
         let tolerance = SPACING / 40.0 * 1.01;
-        assert!((found - expected).abs() < tolerance, "{found} instead of {expected}");
+        assert!(
+            (found - expected).abs() < tolerance,
+            "{found} instead of {expected}"
+        );
     }
 
     /// Half a block, cut at the plane of symmetry y = 0, its surface at z = 0.
@@ -251,6 +283,9 @@ mod tests {
     fn cold_body_has_no_pool() {
         let positions = lattice([0.0; 3], [4, 4, 4]);
         let cold = vec![300.0; positions.len()];
-        assert_eq!(melt_pool(&positions, &cold, SPACING, 3, Travel::X, 1500.0), None);
+        assert_eq!(
+            melt_pool(&positions, &cold, SPACING, 3, Travel::X, 1500.0),
+            None
+        );
     }
 }

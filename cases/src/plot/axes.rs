@@ -11,7 +11,12 @@ pub(crate) const LABEL: f64 = 20.0;
 pub(crate) const TICK: f64 = 18.0;
 
 pub(crate) fn look(size: f64, anchor: Anchor) -> TextLook {
-    TextLook { size, bold: false, anchor, colour: BLACK }
+    TextLook {
+        size,
+        bold: false,
+        anchor,
+        colour: BLACK,
+    }
 }
 
 /// An axis: numbers from `from` to `to` along it.
@@ -26,7 +31,12 @@ pub(crate) struct Axis {
 
 impl Axis {
     pub(crate) fn linear(from: f64, to: f64, label: impl Into<String>) -> Self {
-        Self { from, to, label: label.into(), logarithmic: false }
+        Self {
+            from,
+            to,
+            label: label.into(),
+            logarithmic: false,
+        }
     }
 
     /// An axis around these numbers, with some room; one number alone gets a range of its size.
@@ -52,11 +62,20 @@ impl Axis {
         } else {
             // what only differs by rounding is constant
             let size = from.abs().max(to.abs()).max(f64::MIN_POSITIVE);
-            let room = if to - from > 1e-9 * size { 0.06 * (to - from) } else { 0.1 * size };
+            let room = if to - from > 1e-9 * size {
+                0.06 * (to - from)
+            } else {
+                0.1 * size
+            };
             let touches_zero = from >= 0.0 && from < 0.3 * to;
             (from, to) = (if touches_zero { 0.0 } else { from - room }, to + room);
         }
-        Some(Self { from, to, label: label.into(), logarithmic })
+        Some(Self {
+            from,
+            to,
+            label: label.into(),
+            logarithmic,
+        })
     }
 
     /// Share of the way along the axis.
@@ -71,7 +90,10 @@ impl Axis {
     /// Round numbers on the axis, about `count`, and how they read.
     pub(crate) fn ticks(&self, count: f64) -> Vec<(f64, String)> {
         if self.logarithmic {
-            let (first, last) = (self.from.log10().ceil() as i32, self.to.log10().floor() as i32);
+            let (first, last) = (
+                self.from.log10().ceil() as i32,
+                self.to.log10().floor() as i32,
+            );
             let step = (f64::from(last - first) / count).ceil().max(1.0) as i32;
             let tick = |power: i32| (10_f64.powi(power), power_of_ten(power));
             return (first..=last).step_by(step as usize).map(tick).collect();
@@ -83,7 +105,10 @@ impl Axis {
         let rough = span / count.max(1.0);
         let size = 10_f64.powf(rough.log10().floor());
         let step = [1.0, 2.0, 5.0, 10.0].map(|step| step * size);
-        let step = step.into_iter().find(|&step| step >= rough * 0.999).unwrap_or(10.0 * size);
+        let step = step
+            .into_iter()
+            .find(|&step| step >= rough * 0.999)
+            .unwrap_or(10.0 * size);
         let decimals = (-step.log10().floor()).clamp(0.0, 12.0) as usize;
         let first = (self.from / step - 1e-6).ceil() as i64;
         let last = (self.to / step + 1e-6).floor() as i64;
@@ -114,7 +139,10 @@ fn power_of_ten(power: i32) -> String {
     match power {
         0 => "1".into(),
         1 => "10".into(),
-        _ => format!("10{}", power.to_string().chars().map(raised).collect::<String>()),
+        _ => format!(
+            "10{}",
+            power.to_string().chars().map(raised).collect::<String>()
+        ),
     }
 }
 
@@ -153,7 +181,13 @@ impl Frame {
     /// Frame, ticks and labels, to be drawn over the contents.
     pub(crate) fn draw(&self, picture: &mut Picture, with_horizontal_labels: bool) {
         let [left, top, right, bottom] = self.edges;
-        let outline = vec![[left, top], [right, top], [right, bottom], [left, bottom], [left, top]];
+        let outline = vec![
+            [left, top],
+            [right, top],
+            [right, bottom],
+            [left, bottom],
+            [left, top],
+        ];
         picture.line(outline, 1.0, GREY);
         for (tick, text) in self.horizontal.ticks(self.horizontal_count()) {
             let [x, _] = self.place(tick, self.vertical.from);
@@ -169,10 +203,18 @@ impl Frame {
         }
         if with_horizontal_labels {
             let middle = 0.5 * (left + right);
-            picture.text(&self.horizontal.label, [middle, bottom + 46.0], look(LABEL, Anchor::Middle));
+            picture.text(
+                &self.horizontal.label,
+                [middle, bottom + 46.0],
+                look(LABEL, Anchor::Middle),
+            );
         }
         let middle = 0.5 * (top + bottom);
-        picture.upright_text(&self.vertical.label, [left - 82.0, middle], look(LABEL, Anchor::Middle));
+        picture.upright_text(
+            &self.vertical.label,
+            [left - 82.0, middle],
+            look(LABEL, Anchor::Middle),
+        );
     }
 
     fn horizontal_count(&self) -> f64 {
@@ -191,11 +233,23 @@ mod tests {
     #[test]
     fn ticks_are_round_numbers_inside_the_axis() {
         let texts = |axis: Axis, count| -> Vec<String> {
-            axis.ticks(count).into_iter().map(|(_, text)| text).collect()
+            axis.ticks(count)
+                .into_iter()
+                .map(|(_, text)| text)
+                .collect()
         };
-        assert_eq!(texts(Axis::linear(-0.31, 0.62, ""), 5.0), ["−0.2", "0.0", "0.2", "0.4", "0.6"]);
-        assert_eq!(texts(Axis::linear(300.0, 2100.0, ""), 4.0), ["500", "1000", "1500", "2000"]);
+        assert_eq!(
+            texts(Axis::linear(-0.31, 0.62, ""), 5.0),
+            ["−0.2", "0.0", "0.2", "0.4", "0.6"]
+        );
+        assert_eq!(
+            texts(Axis::linear(300.0, 2100.0, ""), 4.0),
+            ["500", "1000", "1500", "2000"]
+        );
         let powers = Axis::around([3e-13, 2e-10].into_iter(), "", true).expect("positive");
-        assert_eq!(texts(powers, 5.0), ["10⁻¹³", "10⁻¹²", "10⁻¹¹", "10⁻¹⁰", "10⁻⁹"]);
+        assert_eq!(
+            texts(powers, 5.0),
+            ["10⁻¹³", "10⁻¹²", "10⁻¹¹", "10⁻¹⁰", "10⁻⁹"]
+        );
     }
 }

@@ -129,8 +129,9 @@ mod tests {
             0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b)
         };
         for map in [ColourMap::Inferno, ColourMap::Viridis] {
-            let along: Vec<f64> =
-                (0..=32).map(|i| lightness(map.colour(f64::from(i) / 32.0))).collect();
+            let along: Vec<f64> = (0..=32)
+                .map(|i| lightness(map.colour(f64::from(i) / 32.0)))
+                .collect();
             assert!(along.windows(2).all(|pair| pair[1] > pair[0]), "{map:?}");
         }
     }

@@ -37,7 +37,10 @@ pub(crate) struct Panel {
 impl Chart {
     /// The series, one panel for each unit.
     pub(crate) fn of_series(title: impl Into<String>, series: &Series, logarithmic: bool) -> Self {
-        let last = series.times.iter().fold(0.0_f64, |last, t| last.max(t.abs()));
+        let last = series
+            .times
+            .iter()
+            .fold(0.0_f64, |last, t| last.max(t.abs()));
         let time = unit::time(last);
         let mut units: Vec<&str> = Vec::new();
         for column in &series.columns {
@@ -46,9 +49,15 @@ impl Chart {
             }
         }
         let panel = |si_unit: &&str| {
-            let columns: Vec<&Column> =
-                series.columns.iter().filter(|column| column.unit == *si_unit).collect();
-            let finite = columns.iter().flat_map(|c| &c.values).filter(|x| x.is_finite());
+            let columns: Vec<&Column> = series
+                .columns
+                .iter()
+                .filter(|column| column.unit == *si_unit)
+                .collect();
+            let finite = columns
+                .iter()
+                .flat_map(|c| &c.values)
+                .filter(|x| x.is_finite());
             let largest = finite.fold(0.0_f64, |largest, x| largest.max(x.abs()));
             let (factor, shown_unit) = unit::value(si_unit, largest);
             let name = match columns[..] {
@@ -56,12 +65,22 @@ impl Chart {
                 _ => String::new(),
             };
             let values = |column: &Column| {
-                let shown = |x: &f64| if logarithmic { x.abs() * factor } else { x * factor };
+                let shown = |x: &f64| {
+                    if logarithmic {
+                        x.abs() * factor
+                    } else {
+                        x * factor
+                    }
+                };
                 column.values.iter().map(shown).collect()
             };
             let line = |column: &&Column| (unit::pretty_name(&column.name), values(column));
             Panel {
-                label: if name.is_empty() { shown_unit } else { unit::label(&name, &shown_unit) },
+                label: if name.is_empty() {
+                    shown_unit
+                } else {
+                    unit::label(&name, &shown_unit)
+                },
                 logarithmic,
                 lines: columns.iter().map(line).collect(),
             }
@@ -81,8 +100,14 @@ impl Chart {
             .panels
             .iter()
             .filter_map(|panel| {
-                let numbers = panel.lines.iter().flat_map(|(_, values)| values.iter().copied());
-                Some((panel, Axis::around(numbers, &panel.label, panel.logarithmic)?))
+                let numbers = panel
+                    .lines
+                    .iter()
+                    .flat_map(|(_, values)| values.iter().copied());
+                Some((
+                    panel,
+                    Axis::around(numbers, &panel.label, panel.logarithmic)?,
+                ))
             })
             .collect();
         if panels.is_empty() {
@@ -93,12 +118,19 @@ impl Chart {
         let total = TOP + BOTTOM + count * height + (count - 1.0) * GAP;
         let mut picture = Picture::new(width, total as u32);
         let right = f64::from(width) - RIGHT;
-        let title = TextLook { bold: true, ..look(TITLE, Anchor::Left) };
+        let title = TextLook {
+            bold: true,
+            ..look(TITLE, Anchor::Left)
+        };
         picture.text(&self.title, [LEFT, 0.45 * TOP], title);
         for (index, (panel, vertical)) in panels.into_iter().enumerate() {
             let top = TOP + index as f64 * (height + GAP);
             let edges = [LEFT, top, right, top + height];
-            let frame = Frame { edges, horizontal: horizontal.clone(), vertical };
+            let frame = Frame {
+                edges,
+                horizontal: horizontal.clone(),
+                vertical,
+            };
             frame.draw_grid(&mut picture);
             for (line, (_, values)) in panel.lines.iter().enumerate() {
                 self.draw_line(&mut picture, &frame, values, line);
@@ -113,7 +145,10 @@ impl Chart {
 
     fn horizontal_axis(&self) -> Option<Axis> {
         let finite = || self.horizontal.iter().copied().filter(|x| x.is_finite());
-        let (from, to) = (finite().fold(f64::NAN, f64::min), finite().fold(f64::NAN, f64::max));
+        let (from, to) = (
+            finite().fold(f64::NAN, f64::min),
+            finite().fold(f64::NAN, f64::max),
+        );
         if from < to {
             Some(Axis::linear(from, to, &self.horizontal_label))
         } else {
@@ -148,7 +183,11 @@ fn draw_legend(picture: &mut Picture, panel: &Panel, [mut x, y]: [f64; 2]) {
     for (line, (name, _)) in panel.lines.iter().enumerate().rev() {
         x -= text_width(name, TICK);
         picture.text(name, [x, y], look(TICK, Anchor::Left));
-        picture.line(vec![[x - 36.0, y], [x - 8.0, y]], 3.0, LINES[line % LINES.len()]);
+        picture.line(
+            vec![[x - 36.0, y], [x - 8.0, y]],
+            3.0,
+            LINES[line % LINES.len()],
+        );
         x -= 36.0 + 0.9 * LABEL;
     }
 }

@@ -35,18 +35,29 @@ impl Grid {
                 end[axis] = end[axis].max(position[axis]);
             }
         }
-        let limit = positions.len().saturating_mul(MAX_CELLS_PER_POINT).saturating_add(1 << 20);
-        let cell = |axis: usize, coordinate: f64| {
-            ((coordinate - origin[axis]) / spacing).round() as usize
-        };
+        let limit = positions
+            .len()
+            .saturating_mul(MAX_CELLS_PER_POINT)
+            .saturating_add(1 << 20);
+        let cell =
+            |axis: usize, coordinate: f64| ((coordinate - origin[axis]) / spacing).round() as usize;
         let cells = [0, 1, 2].map(|axis| cell(axis, end[axis]).saturating_add(1));
-        let total = cells.iter().fold(1_usize, |total, &n| total.saturating_mul(n));
+        let total = cells
+            .iter()
+            .fold(1_usize, |total, &n| total.saturating_mul(n));
         if total > limit {
             return None;
         }
-        let cell_of_point =
-            positions.iter().map(|p| [0, 1, 2].map(|axis| cell(axis, p[axis]))).collect();
-        Some(Self { origin, spacing, cells, cell_of_point })
+        let cell_of_point = positions
+            .iter()
+            .map(|p| [0, 1, 2].map(|axis| cell(axis, p[axis])))
+            .collect();
+        Some(Self {
+            origin,
+            spacing,
+            cells,
+            cell_of_point,
+        })
     }
 
     /// Values of the points by cell, x fastest; NaN where there is no point, and the largest where

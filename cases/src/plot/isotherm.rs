@@ -16,10 +16,15 @@ pub(crate) struct Isotherm {
 /// in the log gives them.
 pub(crate) fn isotherms(log: &Log, body: &str, asked: &[f64]) -> Vec<Isotherm> {
     if !asked.is_empty() {
-        let isotherm = |&temperature| Isotherm { name: "isotherm".into(), temperature };
+        let isotherm = |&temperature| Isotherm {
+            name: "isotherm".into(),
+            temperature,
+        };
         return asked.iter().map(isotherm).collect();
     }
-    log.case_text().parse().map_or_else(|_| Vec::new(), |case| in_case(&case, body))
+    log.case_text()
+        .parse()
+        .map_or_else(|_| Vec::new(), |case| in_case(&case, body))
 }
 
 /// Of the materials that the body's section mentions or, if it mentions none that melts, of the
@@ -29,15 +34,21 @@ fn in_case(case: &Table, body: &str) -> Vec<Isotherm> {
         return Vec::new();
     };
     let melting = |name: &String| {
-        let number = |key| match materials[name].get(key) {
+        let number = |key: &str| match materials[name].get(key) {
             Some(Value::Float(temperature)) => Some(*temperature),
             Some(Value::Integer(temperature)) => Some(*temperature as f64),
             _ => None,
         };
         let isotherm = |key: &str| {
-            number(key).map(|temperature| Isotherm { name: key.into(), temperature })
+            number(key).map(|temperature| Isotherm {
+                name: key.into(),
+                temperature,
+            })
         };
-        let mut isotherms: Vec<_> = ["solidus", "liquidus"].into_iter().filter_map(isotherm).collect();
+        let mut isotherms: Vec<_> = ["solidus", "liquidus"]
+            .into_iter()
+            .filter_map(isotherm)
+            .collect();
         // a pure substance melts at one temperature
         if isotherms.len() == 2 && isotherms[0].temperature == isotherms[1].temperature {
             isotherms.truncate(1);
@@ -45,13 +56,16 @@ fn in_case(case: &Table, body: &str) -> Vec<Isotherm> {
         }
         isotherms
     };
-    let melting: Vec<_> =
-        materials.keys().map(|name| (name, melting(name))).filter(|(_, i)| !i.is_empty()).collect();
+    let melting: Vec<_> = materials
+        .keys()
+        .map(|name| (name, melting(name)))
+        .filter(|(_, i)| !i.is_empty())
+        .collect();
     let section = match case.get("bodies") {
         Some(Value::Table(bodies)) => bodies.get(body),
-        Some(Value::Array(bodies)) => {
-            bodies.iter().find(|section| section.get("name").and_then(Value::as_str) == Some(body))
-        }
+        Some(Value::Array(bodies)) => bodies
+            .iter()
+            .find(|section| section.get("name").and_then(Value::as_str) == Some(body)),
         _ => None,
     };
     let mentioned = |name: &str| section.is_some_and(|section| mentions(section, name));
@@ -93,9 +107,15 @@ mod tests {
         "#;
         let case: Table = case.parse().expect("valid");
         let found = |body| -> Vec<(String, f64)> {
-            in_case(&case, body).into_iter().map(|i| (i.name, i.temperature)).collect()
+            in_case(&case, body)
+                .into_iter()
+                .map(|i| (i.name, i.temperature))
+                .collect()
         };
-        assert_eq!(found("plate"), [("solidus".into(), 1690.0), ("liquidus".into(), 1740.5)]);
+        assert_eq!(
+            found("plate"),
+            [("solidus".into(), 1690.0), ("liquidus".into(), 1740.5)]
+        );
         assert_eq!(found("block"), [("melting point".into(), 505.1)]);
         assert_eq!(found("other"), []);
     }

@@ -177,10 +177,21 @@ pub fn run(args: &PlotArgs) -> Result<(), PlotError> {
 pub fn plot(args: &PlotArgs) -> Result<Vec<PathBuf>, PlotError> {
     let log = Log::open(&args.log)?;
     let bodies = chosen_bodies(&log, &args.body)?;
-    let out = args.out.clone().unwrap_or_else(|| beside(&args.log, "-plots"));
-    fs::create_dir_all(&out)
-        .map_err(|source| PlotError::Io { action: "create", path: out.clone(), source })?;
-    let mut plotter = Plotter { log: &log, args, out, written: Vec::new() };
+    let out = args
+        .out
+        .clone()
+        .unwrap_or_else(|| beside(&args.log, "-plots"));
+    fs::create_dir_all(&out).map_err(|source| PlotError::Io {
+        action: "create",
+        path: out.clone(),
+        source,
+    })?;
+    let mut plotter = Plotter {
+        log: &log,
+        args,
+        out,
+        written: Vec::new(),
+    };
     plotter.check_fields(&bodies)?;
     for body in bodies {
         plotter.plot_body(body)?;
@@ -199,10 +210,17 @@ fn chosen_bodies<'a>(log: &'a Log, asked: &[String]) -> Result<Vec<&'a BodyInfo>
         return Ok(log.run().bodies.iter().collect());
     }
     let find = |name: &String| {
-        log.run().bodies.iter().find(|body| body.name == *name).ok_or_else(|| {
-            let known = log.bodies().map(String::from).collect();
-            PlotError::UnknownBody { body: name.clone(), known }
-        })
+        log.run()
+            .bodies
+            .iter()
+            .find(|body| body.name == *name)
+            .ok_or_else(|| {
+                let known = log.bodies().map(String::from).collect();
+                PlotError::UnknownBody {
+                    body: name.clone(),
+                    known,
+                }
+            })
     };
     asked.iter().map(find).collect()
 }
@@ -220,8 +238,14 @@ pub(crate) fn nearest(times: &[f64], time: f64) -> Option<usize> {
 }
 
 fn balance_chart(balance: &Series) -> Chart {
-    let errors = balance.columns.iter().filter(|column| column.name.contains("error"));
-    let errors = Series { times: balance.times.clone(), columns: errors.cloned().collect() };
+    let errors = balance
+        .columns
+        .iter()
+        .filter(|column| column.name.contains("error"));
+    let errors = Series {
+        times: balance.times.clone(),
+        columns: errors.cloned().collect(),
+    };
     Chart::of_series("Balance errors", &errors, true)
 }
 
@@ -236,17 +260,26 @@ impl Plotter<'_> {
     /// Every field asked for must be in at least one of the bodies.
     fn check_fields(&self, bodies: &[&BodyInfo]) -> Result<(), PlotError> {
         let mut clouds = Vec::new();
-        for body in bodies.iter().filter(|body| !self.log.times(&body.name).is_empty()) {
+        for body in bodies
+            .iter()
+            .filter(|body| !self.log.times(&body.name).is_empty())
+        {
             clouds.push(self.log.cloud(&body.name, 0)?);
         }
         let missing = |name: &&String| clouds.iter().all(|cloud| scalar(cloud, name).is_none());
         match self.args.field.iter().find(missing) {
             Some(field) if !clouds.is_empty() => {
-                let names = clouds.iter().flat_map(|cloud| &cloud.fields).map(|f| f.name.clone());
+                let names = clouds
+                    .iter()
+                    .flat_map(|cloud| &cloud.fields)
+                    .map(|f| f.name.clone());
                 let mut known: Vec<_> = names.collect();
                 known.sort();
                 known.dedup();
-                Err(PlotError::UnknownField { field: field.clone(), known })
+                Err(PlotError::UnknownField {
+                    field: field.clone(),
+                    known,
+                })
             }
             _ => Ok(()),
         }
@@ -263,9 +296,19 @@ impl Plotter<'_> {
         let survey = survey(self.log, body, &fields, bound, self.args.travel)?;
         for field in &fields {
             let mut wanted: Vec<usize> = if self.args.at.is_empty() {
-                survey.peak.get(field).copied().into_iter().chain([times.len() - 1]).collect()
+                survey
+                    .peak
+                    .get(field)
+                    .copied()
+                    .into_iter()
+                    .chain([times.len() - 1])
+                    .collect()
             } else {
-                self.args.at.iter().filter_map(|&time| nearest(times, time)).collect()
+                self.args
+                    .at
+                    .iter()
+                    .filter_map(|&time| nearest(times, time))
+                    .collect()
             };
             wanted.sort_unstable();
             wanted.dedup();
@@ -279,7 +322,11 @@ impl Plotter<'_> {
     fn fields(&self, cloud: &Cloud) -> Vec<String> {
         let there = |name: &&str| scalar(cloud, name).is_some();
         let asked: Vec<&str> = self.args.field.iter().map(String::as_str).collect();
-        let wanted = if asked.is_empty() { vec!["temperature", "displacement"] } else { asked };
+        let wanted = if asked.is_empty() {
+            vec!["temperature", "displacement"]
+        } else {
+            asked
+        };
         let mut chosen: Vec<String> = wanted.into_iter().filter(there).map(String::from).collect();
         if chosen.is_empty() && self.args.field.is_empty() {
             chosen.extend(cloud.fields.first().map(|field| field.name.clone()));
@@ -302,7 +349,12 @@ impl Plotter<'_> {
                 shown.push((cloud, scalar));
             }
         }
-        let values = || shown.iter().flat_map(|(_, scalar)| &scalar.values).filter(|x| x.is_finite());
+        let values = || {
+            shown
+                .iter()
+                .flat_map(|(_, scalar)| &scalar.values)
+                .filter(|x| x.is_finite())
+        };
         let (from, to) = (
             values().copied().fold(f64::INFINITY, f64::min),
             values().copied().fold(f64::NEG_INFINITY, f64::max),
@@ -311,9 +363,16 @@ impl Plotter<'_> {
         let scale = ColourScale::new(field, from, to);
         let reference = Reference::new(self.log, body)?;
         for (cloud, scalar) in &shown {
-            let name = format!("{}-{field}-{}", body.name, unit::time_text(cloud.time).replace(' ', ""));
-            let title =
-                format!("{}, t = {}", unit::pretty_name(&body.name), unit::time_text(cloud.time));
+            let name = format!(
+                "{}-{field}-{}",
+                body.name,
+                unit::time_text(cloud.time).replace(' ', "")
+            );
+            let title = format!(
+                "{}, t = {}",
+                unit::pretty_name(&body.name),
+                unit::time_text(cloud.time)
+            );
             if body.dimension == 1 {
                 self.write_chart(&name, &line_chart(title, cloud, scalar))?;
                 continue;
@@ -326,7 +385,10 @@ impl Plotter<'_> {
             let heat = scalar::scalar(cloud, "temperature");
             let heat = heat.as_ref().map_or(&scalar.values, |heat| &heat.values);
             let views = section::views(&grid, body.dimension, &scalar.values, heat);
-            let displacement = self.args.deform.and_then(|factor| deformation(cloud, factor));
+            let displacement = self
+                .args
+                .deform
+                .and_then(|factor| deformation(cloud, factor));
             let deformed = match (&displacement, self.args.deform) {
                 (Some(_), Some(factor)) => {
                     format!(", deformed {} ×", unit::number(factor, 4))
@@ -340,7 +402,11 @@ impl Plotter<'_> {
                 label: unit::label(&scalar.label, &shown_unit),
                 factor,
                 scale,
-                isotherms: if field == "temperature" { isotherms } else { &[] },
+                isotherms: if field == "temperature" {
+                    isotherms
+                } else {
+                    &[]
+                },
                 displacement: displacement.as_deref(),
             };
             self.write(&name, &snapshot.draw(self.args.width))?;
@@ -357,7 +423,9 @@ impl Plotter<'_> {
 
     fn write(&mut self, name: &str, picture: &Picture) -> Result<(), PlotError> {
         let name = name.replace(['/', '\\'], "-");
-        let path = self.out.join(format!("{name}.{}", self.args.format.extension()));
+        let path = self
+            .out
+            .join(format!("{name}.{}", self.args.format.extension()));
         picture.write(&path, self.args.format)?;
         self.written.push(path);
         Ok(())
@@ -366,8 +434,17 @@ impl Plotter<'_> {
 
 /// Displacements (m) times `factor`; `None` for a body without.
 fn deformation(cloud: &Cloud, factor: f64) -> Option<Vec<[f64; 3]>> {
-    let field = cloud.fields.iter().find(|f| f.name == "displacement" && f.components == 3)?;
-    Some(field.values.chunks_exact(3).map(|u| [u[0], u[1], u[2]].map(|x| factor * x)).collect())
+    let field = cloud
+        .fields
+        .iter()
+        .find(|f| f.name == "displacement" && f.components == 3)?;
+    Some(
+        field
+            .values
+            .chunks_exact(3)
+            .map(|u| [u[0], u[1], u[2]].map(|x| factor * x))
+            .collect(),
+    )
 }
 
 /// A scalar along a one-dimensional body.
@@ -375,16 +452,33 @@ fn line_chart(title: String, cloud: &Cloud, scalar: &Scalar) -> Chart {
     let mut order: Vec<usize> = (0..cloud.positions.len()).collect();
     let x = |point: usize| cloud.positions[point][0];
     order.sort_by(|&a, &b| x(a).total_cmp(&x(b)));
-    let lengths = unit::length(order.iter().fold(0.0_f64, |size, &point| size.max(x(point).abs())));
-    let largest = scalar.values.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
+    let lengths = unit::length(
+        order
+            .iter()
+            .fold(0.0_f64, |size, &point| size.max(x(point).abs())),
+    );
+    let largest = scalar
+        .values
+        .iter()
+        .fold(0.0_f64, |size, x| size.max(x.abs()));
     let (factor, shown_unit) = unit::value(&scalar.unit, largest);
-    let values = order.iter().map(|&point| scalar.values[point] * factor).collect();
+    let values = order
+        .iter()
+        .map(|&point| scalar.values[point] * factor)
+        .collect();
     let label = unit::label(&scalar.label, &shown_unit);
     Chart {
         title,
         horizontal_label: unit::label("x", lengths.unit),
-        horizontal: order.iter().map(|&point| x(point) * lengths.factor).collect(),
-        panels: vec![Panel { label, logarithmic: false, lines: vec![(String::new(), values)] }],
+        horizontal: order
+            .iter()
+            .map(|&point| x(point) * lengths.factor)
+            .collect(),
+        panels: vec![Panel {
+            label,
+            logarithmic: false,
+            lines: vec![(String::new(), values)],
+        }],
     }
 }
 
@@ -395,12 +489,19 @@ fn melt_pool_chart(body: &BodyInfo, survey: &Survey, isotherm: Option<&Isotherm>
         return Chart::default();
     };
     let lengths = unit::length(pools().fold(0.0, |size, pool| pool.length().max(size)));
-    let times = unit::time(survey.pools.iter().fold(0.0, |last, (time, _)| time.max(last)));
+    let times = unit::time(
+        survey
+            .pools
+            .iter()
+            .fold(0.0, |last, (time, _)| time.max(last)),
+    );
     let mut lines = Vec::new();
     let mut add = |name: &str, size: fn(&crate::melt_pool::MeltPool) -> Option<f64>| {
         if pools().any(|pool| size(&pool).is_some()) {
             let value = |(_, pool): &(f64, Option<crate::melt_pool::MeltPool>)| {
-                pool.as_ref().and_then(size).map_or(f64::NAN, |size| size * lengths.factor)
+                pool.as_ref()
+                    .and_then(size)
+                    .map_or(f64::NAN, |size| size * lengths.factor)
             };
             lines.push((name.to_owned(), survey.pools.iter().map(value).collect()));
         }
@@ -416,7 +517,11 @@ fn melt_pool_chart(body: &BodyInfo, survey: &Survey, isotherm: Option<&Isotherm>
             unit::number(isotherm.temperature, 5)
         ),
         horizontal_label: unit::label("time", times.unit),
-        horizontal: survey.pools.iter().map(|(time, _)| time * times.factor).collect(),
+        horizontal: survey
+            .pools
+            .iter()
+            .map(|(time, _)| time * times.factor)
+            .collect(),
         panels: vec![Panel {
             label: unit::label("size", lengths.unit),
             logarithmic: false,

@@ -34,10 +34,28 @@ pub(crate) enum Anchor {
 
 #[derive(Clone, Debug)]
 enum Mark {
-    Rectangle { corners: [[f64; 2]; 2], colour: Colour },
-    Line { points: Vec<[f64; 2]>, width: f64, colour: Colour },
-    Area { points: Vec<[f64; 2]>, colour: Colour },
-    Text { text: String, at: [f64; 2], size: f64, bold: bool, upright: bool, anchor: Anchor, colour: Colour },
+    Rectangle {
+        corners: [[f64; 2]; 2],
+        colour: Colour,
+    },
+    Line {
+        points: Vec<[f64; 2]>,
+        width: f64,
+        colour: Colour,
+    },
+    Area {
+        points: Vec<[f64; 2]>,
+        colour: Colour,
+    },
+    Text {
+        text: String,
+        at: [f64; 2],
+        size: f64,
+        bold: bool,
+        upright: bool,
+        anchor: Anchor,
+        colour: Colour,
+    },
 }
 
 /// A picture being made.
@@ -64,7 +82,11 @@ pub(crate) struct TextLook {
 impl Picture {
     /// A white picture of this size in pixels.
     pub(crate) fn new(width: u32, height: u32) -> Self {
-        Self { width, height, marks: Vec::new() }
+        Self {
+            width,
+            height,
+            marks: Vec::new(),
+        }
     }
 
     pub(crate) fn rectangle(&mut self, corners: [[f64; 2]; 2], colour: Colour) {
@@ -73,8 +95,16 @@ impl Picture {
 
     pub(crate) fn line(&mut self, points: Vec<[f64; 2]>, width: f64, colour: Colour) {
         if points.len() >= 2 {
-            self.marks.push(Mark::Line { points, width, colour });
+            self.marks.push(Mark::Line {
+                points,
+                width,
+                colour,
+            });
         }
+    }
+
+    pub(crate) fn area(&mut self, points: Vec<[f64; 2]>, colour: Colour) {
+        self.marks.push(Mark::Area { points, colour });
     }
 
     pub(crate) fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: Colour) {
@@ -82,20 +112,46 @@ impl Picture {
             let angle = f64::from(i) * std::f64::consts::TAU / 24.0;
             [x + radius * angle.cos(), y + radius * angle.sin()]
         };
-        self.marks.push(Mark::Area { points: (0..24).map(corner).collect(), colour });
+        self.area((0..24).map(corner).collect(), colour);
     }
 
     pub(crate) fn text(&mut self, text: impl Into<String>, at: [f64; 2], look: TextLook) {
-        let TextLook { size, bold, anchor, colour } = look;
+        let TextLook {
+            size,
+            bold,
+            anchor,
+            colour,
+        } = look;
         let text = text.into();
-        self.marks.push(Mark::Text { text, at, size, bold, upright: false, anchor, colour });
+        self.marks.push(Mark::Text {
+            text,
+            at,
+            size,
+            bold,
+            upright: false,
+            anchor,
+            colour,
+        });
     }
 
     /// A text read from below.
     pub(crate) fn upright_text(&mut self, text: impl Into<String>, at: [f64; 2], look: TextLook) {
-        let TextLook { size, bold, anchor, colour } = look;
+        let TextLook {
+            size,
+            bold,
+            anchor,
+            colour,
+        } = look;
         let text = text.into();
-        self.marks.push(Mark::Text { text, at, size, bold, upright: true, anchor, colour });
+        self.marks.push(Mark::Text {
+            text,
+            at,
+            size,
+            bold,
+            upright: true,
+            anchor,
+            colour,
+        });
     }
 
     /// Writes the picture.
@@ -104,9 +160,7 @@ impl Picture {
             path: path.into(),
             what: source.to_string(),
         };
-        for (style, font) in [(FontStyle::Normal, REGULAR), (FontStyle::Bold, MEDIUM)] {
-            register_font(FONT, style, font).map_err(|_| drawing(&"the font is damaged"))?;
-        }
+        register_fonts();
         let size = (self.width * SCALE, self.height * SCALE);
         match format {
             Format::Svg => {
@@ -116,8 +170,11 @@ impl Picture {
                 drop(area);
                 let large = format!(r#"width="{}" height="{}""#, size.0, size.1);
                 let real = format!(r#"width="{}" height="{}""#, self.width, self.height);
-                fs::write(path, text.replacen(&large, &real, 1))
-                    .map_err(|source| PlotError::Io { action: "write", path: path.into(), source })
+                fs::write(path, text.replacen(&large, &real, 1)).map_err(|source| PlotError::Io {
+                    action: "write",
+                    path: path.into(),
+                    source,
+                })
             }
             Format::Png => {
                 let mut pixels = vec![0; 3 * size.0 as usize * size.1 as usize];
@@ -130,8 +187,11 @@ impl Picture {
     }
 
     fn write_png(&self, path: &Path, pixels: &[u8]) -> Result<(), PlotError> {
-        let file = fs::File::create(path)
-            .map_err(|source| PlotError::Io { action: "create", path: path.into(), source })?;
+        let file = fs::File::create(path).map_err(|source| PlotError::Io {
+            action: "create",
+            path: path.into(),
+            source,
+        })?;
         let mut encoder = png::Encoder::new(BufWriter::new(file), self.width, self.height);
         encoder.set_color(png::ColorType::Rgb);
         let write = || -> Result<(), png::EncodingError> {
@@ -139,7 +199,10 @@ impl Picture {
             writer.write_image_data(pixels)?;
             writer.finish()
         };
-        write().map_err(|source| PlotError::Png { path: path.into(), source })
+        write().map_err(|source| PlotError::Png {
+            path: path.into(),
+            source,
+        })
     }
 
     fn draw<B: DrawingBackend>(
@@ -152,11 +215,18 @@ impl Picture {
         area.fill(&paint(&super::colour::WHITE))?;
         for mark in &self.marks {
             match mark {
-                Mark::Rectangle { corners: [a, b], colour } => {
+                Mark::Rectangle {
+                    corners: [a, b],
+                    colour,
+                } => {
                     let corners = [place(a), place(b)];
                     area.draw(&Rectangle::new(corners, paint(colour).filled()))?;
                 }
-                Mark::Line { points, width, colour } => {
+                Mark::Line {
+                    points,
+                    width,
+                    colour,
+                } => {
                     let mut points: Vec<_> = points.iter().map(place).collect();
                     points.dedup();
                     if points.len() >= 2 {
@@ -169,8 +239,20 @@ impl Picture {
                     let points: Vec<_> = points.iter().map(place).collect();
                     area.draw(&Polygon::new(points, paint(colour).filled()))?;
                 }
-                Mark::Text { text, at, size, bold, upright, anchor, colour } => {
-                    let style = if *bold { FontStyle::Bold } else { FontStyle::Normal };
+                Mark::Text {
+                    text,
+                    at,
+                    size,
+                    bold,
+                    upright,
+                    anchor,
+                    colour,
+                } => {
+                    let style = if *bold {
+                        FontStyle::Bold
+                    } else {
+                        FontStyle::Normal
+                    };
                     let mut font = (FONT, size * scale, style).into_font();
                     let across = match anchor {
                         Anchor::Left => HPos::Left,
@@ -180,8 +262,9 @@ impl Picture {
                     if *upright {
                         font = font.transform(FontTransform::Rotate270);
                     }
+                    let colour = paint(colour);
                     let style = TextStyle::from(font)
-                        .color(&paint(colour))
+                        .color(&colour)
                         .pos(Pos::new(across, VPos::Center));
                     area.draw(&Text::new(text.as_str(), place(at), style))?;
                 }
@@ -191,10 +274,25 @@ impl Picture {
     }
 }
 
+/// Makes the letters in `assets` those of all pictures.
+fn register_fonts() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| {
+        for (style, font) in [(FontStyle::Normal, REGULAR), (FontStyle::Bold, MEDIUM)] {
+            // a font that cannot be read would be our own mistake; drawing then reports it
+            let _ = register_font(FONT, style, font);
+        }
+    });
+}
+
 /// Width of a text in pixels.
 pub(crate) fn text_width(text: &str, size: f64) -> f64 {
-    // Roboto's letters are about half as wide as high; only legends need this
-    0.53 * size * text.chars().count() as f64
+    register_fonts();
+    let (width, _) = (FONT, size * f64::from(SCALE))
+        .into_font()
+        .box_size(text)
+        .unwrap_or_default();
+    f64::from(width) / f64::from(SCALE)
 }
 
 /// Means over squares of `SCALE` by `SCALE` pixels.

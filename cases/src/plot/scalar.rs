@@ -5,8 +5,6 @@ use perimelt_core::log::{Cloud, CloudField};
 /// A scalar made from a field.
 #[derive(Clone, Debug)]
 pub(crate) struct Scalar {
-    /// as asked for, such as `displacement` or `stress.xx`
-    pub name: String,
     /// what it is, for a reader
     pub label: String,
     /// SI unit
@@ -35,7 +33,7 @@ pub(crate) fn scalar(cloud: &Cloud, name: &str) -> Option<Scalar> {
             9 => von_mises,
             _ => |v| v[0],
         };
-        return Some(made(field, name, label, of_point));
+        return Some(made(field, label, of_point));
     }
     let (base, component) = name.rsplit_once('.')?;
     let field = field(base)?;
@@ -45,15 +43,20 @@ pub(crate) fn scalar(cloud: &Cloud, name: &str) -> Option<Scalar> {
         _ => return None,
     };
     let index = suffixes.iter().position(|suffix| *suffix == component)?;
-    Some(made(field, name, format!("{} {component}", pretty(base)), |v| v[index]))
+    Some(made(field, format!("{} {component}", pretty(base)), |v| {
+        v[index]
+    }))
 }
 
-fn made(field: &CloudField, name: &str, label: String, of: impl Fn(&[f64]) -> f64) -> Scalar {
+fn made(field: &CloudField, label: String, of: impl Fn(&[f64]) -> f64) -> Scalar {
     Scalar {
-        name: name.to_owned(),
         label,
         unit: field.unit.clone(),
-        values: field.values.chunks_exact(field.components).map(of).collect(),
+        values: field
+            .values
+            .chunks_exact(field.components)
+            .map(of)
+            .collect(),
     }
 }
 
@@ -84,8 +87,16 @@ mod tests {
             fields: vec![
                 field("force", 3, vec![3.0, 0.0, -4.0]),
                 // uniaxial tension of 7 with a pressure of 2 on top, and pure shear of 1
-                field("stress", 9, vec![5.0, 0.0, 0.0, 0.0, -2.0, 0.0, 0.0, 0.0, -2.0]),
-                field("shear", 9, vec![0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+                field(
+                    "stress",
+                    9,
+                    vec![5.0, 0.0, 0.0, 0.0, -2.0, 0.0, 0.0, 0.0, -2.0],
+                ),
+                field(
+                    "shear",
+                    9,
+                    vec![0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+                ),
             ],
         };
         let value = |name| scalar(&cloud, name).map(|scalar| scalar.values[0]);

@@ -44,7 +44,11 @@ pub(crate) struct View {
 pub(crate) fn views(grid: &Grid, dimension: usize, values: &[f64], heat: &[f64]) -> Vec<View> {
     if dimension < 3 {
         let everything = view(grid, [0, 1], values, |_| true);
-        return vec![View { axes: [0, 1], caption: String::new(), raster: everything }];
+        return vec![View {
+            axes: [0, 1],
+            caption: String::new(),
+            raster: everything,
+        }];
     }
     let hottest = (0..heat.len())
         .filter(|&point| !heat[point].is_nan())

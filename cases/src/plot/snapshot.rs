@@ -49,11 +49,23 @@ impl ColourScale {
     pub(crate) fn new(name: &str, from: f64, to: f64) -> Self {
         let size = from.abs().max(to.abs());
         if from < 0.0 && to > 0.0 && from.abs().min(to) > 0.02 * size {
-            return Self { map: ColourMap::BlueRed, from: -size, to: size };
+            return Self {
+                map: ColourMap::BlueRed,
+                from: -size,
+                to: size,
+            };
         }
-        let map = if name == "temperature" { ColourMap::Inferno } else { ColourMap::Viridis };
+        let map = if name == "temperature" {
+            ColourMap::Inferno
+        } else {
+            ColourMap::Viridis
+        };
         // what only differs by rounding is constant
-        let to = if to - from > 1e-9 * size { to } else { from + if size > 0.0 { size } else { 1.0 } };
+        let to = if to - from > 1e-9 * size {
+            to
+        } else {
+            from + if size > 0.0 { size } else { 1.0 }
+        };
         Self { map, from, to }
     }
 
@@ -81,7 +93,10 @@ impl Snapshot<'_> {
         let inner = heights.max(190.0);
         let height = TOP + caption + inner + BOTTOM;
         let mut picture = Picture::new(width, height.ceil() as u32);
-        let title = TextLook { bold: true, ..look(TITLE, Anchor::Left) };
+        let title = TextLook {
+            bold: true,
+            ..look(TITLE, Anchor::Left)
+        };
         picture.text(&self.title, [LEFT, 0.45 * TOP], title);
         self.draw_legend(&mut picture, [f64::from(width) - 30.0, 0.45 * TOP]);
 
@@ -112,7 +127,11 @@ impl Snapshot<'_> {
             top = bottom + GAP;
         }
         let bar_left = left + widest * pixels_per_metre + 28.0;
-        self.draw_colour_bar(&mut picture, bar_left, [TOP + caption, TOP + caption + inner]);
+        self.draw_colour_bar(
+            &mut picture,
+            bar_left,
+            [TOP + caption, TOP + caption + inner],
+        );
         picture
     }
 
@@ -123,58 +142,102 @@ impl Snapshot<'_> {
         let last = raster.centre((raster.cells[0] - 1, raster.cells[1] - 1));
         let mut bounds = [raster.origin.map(|x| x - half), last.map(|x| x + half)];
         if self.displacement.is_some() {
-            self.visit_cells(view, |centre, _| {
-                for side in 0..2 {
-                    bounds[0][side] = bounds[0][side].min(centre[side] - half);
-                    bounds[1][side] = bounds[1][side].max(centre[side] + half);
+            self.visit_cells(view, |corners, _| {
+                for corner in corners {
+                    for side in 0..2 {
+                        bounds[0][side] = bounds[0][side].min(corner[side]);
+                        bounds[1][side] = bounds[1][side].max(corner[side]);
+                    }
                 }
             });
         }
         bounds
     }
 
-    /// Centre, where it has moved to (m), and value of every cell with a point.
-    fn visit_cells(&self, view: &View, mut visit: impl FnMut([f64; 2], f64)) {
+    /// Corners (m) and value of every cell with a point. A corner moves by the mean displacement
+    /// of the points around it, so that a stretched body stays closed.
+    fn visit_cells(&self, view: &View, mut visit: impl FnMut([[f64; 2]; 4], f64)) {
         let raster = &view.raster;
-        for j in 0..raster.cells[1] {
-            for i in 0..raster.cells[0] {
-                let Some(point) = raster.points[j * raster.cells[0] + i] else { continue };
-                let mut centre = raster.centre((i, j));
-                if let Some(displacement) = self.displacement {
-                    for side in 0..2 {
-                        let moved = displacement[point][view.axes[side]];
-                        centre[side] += if moved.is_finite() { moved } else { 0.0 };
-                    }
+        let [nx, ny] = raster.cells;
+        let half = 0.5 * raster.spacing;
+        let point = |i: usize, j: usize| {
+            if i < nx && j < ny {
+                raster.points[j * nx + i]
+            } else {
+                None
+            }
+        };
+        let moved = |i: usize, j: usize| {
+            let mut sum = [0.0; 2];
+            let mut count = 0.0_f64;
+            let Some(displacement) = self.displacement else {
+                return sum;
+            };
+            for (i, j) in [
+                (i.wrapping_sub(1), j.wrapping_sub(1)),
+                (i, j.wrapping_sub(1)),
+                (i.wrapping_sub(1), j),
+                (i, j),
+            ] {
+                let Some(point) = point(i, j) else { continue };
+                let moved = view.axes.map(|axis| displacement[point][axis]);
+                if moved.iter().all(|x| x.is_finite()) {
+                    sum = [sum[0] + moved[0], sum[1] + moved[1]];
+                    count += 1.0;
                 }
-                visit(centre, raster.value(i, j));
+            }
+            sum.map(|sum| sum / count.max(1.0))
+        };
+        for j in 0..ny {
+            for i in 0..nx {
+                if point(i, j).is_none() {
+                    continue;
+                }
+                let [x, y] = raster.centre((i, j));
+                let corner = |right: usize, up: usize| {
+                    let [u, v] = moved(i + right, j + up);
+                    let side = |index: usize| (2.0 * index as f64 - 1.0) * half;
+                    [x + side(right) + u, y + side(up) + v]
+                };
+                let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+                visit(corners, raster.value(i, j));
             }
         }
     }
 
-    fn draw_points(&self, picture: &mut Picture, view: &View, place: impl Fn([f64; 2]) -> [f64; 2]) {
-        // stretched cells would let the paper shine through
-        let share = if self.displacement.is_some() { 0.56 } else { 0.5 };
-        let half = share * view.raster.spacing;
+    fn draw_points(
+        &self,
+        picture: &mut Picture,
+        view: &View,
+        place: impl Fn([f64; 2]) -> [f64; 2],
+    ) {
         // neighbours of one colour in one rectangle: a tenth of the marks
-        let mut run: Option<([f64; 2], [f64; 2], Colour)> = None;
+        let mut run: Option<([[f64; 2]; 2], Colour)> = None;
         let mut finished = Vec::new();
-        self.visit_cells(view, |centre, value| {
-            let colour = if value.is_finite() { self.scale.colour(value) } else { GREY };
+        self.visit_cells(view, |corners, value| {
+            let colour = if value.is_finite() {
+                self.scale.colour(value)
+            } else {
+                GREY
+            };
+            if self.displacement.is_some() {
+                picture.area(corners.map(&place).into(), colour);
+                return;
+            }
+            let close = |a: f64, b: f64| (a - b).abs() < 0.1 * view.raster.spacing;
             match &mut run {
-                Some((_, end, same))
+                Some(([from, to], same))
                     if *same == colour
-                        && self.displacement.is_none()
-                        && end[1] == centre[1]
-                        && centre[0] - end[0] < 1.5 * view.raster.spacing =>
+                        && close(to[0], corners[0][0])
+                        && close(from[1], corners[0][1]) =>
                 {
-                    *end = centre;
+                    *to = corners[2];
                 }
-                _ => finished.extend(run.replace((centre, centre, colour))),
+                _ => finished.extend(run.replace(([corners[0], corners[2]], colour))),
             }
         });
         finished.extend(run);
-        for (from, to, colour) in finished {
-            let corners = [[from[0] - half, from[1] - half], [to[0] + half, to[1] + half]];
+        for (corners, colour) in finished {
             picture.rectangle(corners.map(&place), colour);
         }
     }
@@ -215,12 +278,24 @@ impl Snapshot<'_> {
             let share = |step: i32| f64::from(step) / f64::from(steps);
             let height = |share: f64| bottom - share * (bottom - top);
             let colour = self.scale.map.colour(share(step) + 0.5 / f64::from(steps));
-            let corners = [[left, height(share(step + 1))], [right, height(share(step))]];
+            let corners = [
+                [left, height(share(step + 1))],
+                [right, height(share(step))],
+            ];
             picture.rectangle(corners, colour);
         }
-        let axis = Axis::linear(self.scale.from * self.factor, self.scale.to * self.factor, "");
-        let outline =
-            vec![[left, top], [right, top], [right, bottom], [left, bottom], [left, top]];
+        let axis = Axis::linear(
+            self.scale.from * self.factor,
+            self.scale.to * self.factor,
+            "",
+        );
+        let outline = vec![
+            [left, top],
+            [right, top],
+            [right, bottom],
+            [left, bottom],
+            [left, top],
+        ];
         picture.line(outline, 1.0, GREY);
         for (tick, text) in axis.ticks(((bottom - top) / 60.0).max(2.0)) {
             let y = bottom - axis.share(tick) * (bottom - top);
@@ -228,7 +303,11 @@ impl Snapshot<'_> {
             picture.text(text, [right + 10.0, y], look(TICK, Anchor::Left));
         }
         let middle = 0.5 * (top + bottom);
-        picture.upright_text(&self.label, [right + 84.0, middle], look(LABEL, Anchor::Middle));
+        picture.upright_text(
+            &self.label,
+            [right + 84.0, middle],
+            look(LABEL, Anchor::Middle),
+        );
     }
 }
 

@@ -30,8 +30,13 @@ pub(crate) fn survey(
     for index in 0..log.times(&body.name).len() {
         let cloud = log.cloud(&body.name, index)?;
         for name in fields {
-            let Some(scalar) = scalar(&cloud, name) else { continue };
-            let peak = scalar.values.iter().fold(f64::NEG_INFINITY, |peak, x| peak.max(x.abs()));
+            let Some(scalar) = scalar(&cloud, name) else {
+                continue;
+            };
+            let peak = scalar
+                .values
+                .iter()
+                .fold(f64::NEG_INFINITY, |peak, x| peak.max(x.abs()));
             let so_far = largest.entry(name).or_insert(f64::NEG_INFINITY);
             if peak > *so_far {
                 *so_far = peak;
@@ -61,8 +66,13 @@ impl Reference {
             return Ok(Self::default());
         }
         let cloud = log.cloud(&body.name, 0)?;
-        let is_solid = cloud.fields.iter().any(|field| field.name == "displacement");
-        Ok(Self { first: is_solid.then_some(cloud.positions) })
+        let is_solid = cloud
+            .fields
+            .iter()
+            .any(|field| field.name == "displacement");
+        Ok(Self {
+            first: is_solid.then_some(cloud.positions),
+        })
     }
 
     /// Reference positions (m) of the points of a cloud; of a fluid, where they are now.

@@ -26,8 +26,10 @@ fn logged() -> (tempfile::TempDir, PathBuf) {
 fn every_picture_is_a_png_of_the_asked_width_with_more_than_paper_on_it() {
     let (folder, log) = logged();
     let paths = plot(&args(log, &folder.path().join("out"))).expect("pictures");
-    let names: Vec<_> =
-        paths.iter().map(|p| p.file_name().expect("a name").to_string_lossy()).collect();
+    let names: Vec<_> = paths
+        .iter()
+        .map(|p| p.file_name().expect("a name").to_string_lossy())
+        .collect();
     for name in [
         "plate-temperature-1s.png",
         "plate-displacement-1s.png",
@@ -36,7 +38,10 @@ fn every_picture_is_a_png_of_the_asked_width_with_more_than_paper_on_it() {
         "probe-thermocouples.png",
         "balance-error.png",
     ] {
-        assert!(names.iter().any(|found| found == name), "{name} is not among {names:?}");
+        assert!(
+            names.iter().any(|found| found == name),
+            "{name} is not among {names:?}"
+        );
     }
     for path in paths {
         let file = std::io::BufReader::new(fs::File::open(&path).expect("there"));
@@ -61,8 +66,10 @@ fn deformed_pictures_come_as_svg_for_the_nearest_times() {
     args.at = vec![0.41, 0.39, 0.8];
     args.deform = Some(20.0);
     let paths = plot(&args).expect("pictures");
-    let plates: Vec<_> =
-        paths.iter().filter(|path| path.to_string_lossy().contains("displacement.z")).collect();
+    let plates: Vec<_> = paths
+        .iter()
+        .filter(|path| path.to_string_lossy().contains("displacement.z"))
+        .collect();
     assert_eq!(plates.len(), 2);
     let text = fs::read_to_string(plates[0]).expect("text");
     assert!(text.starts_with(r#"<svg width="600""#), "{}", &text[..80]);
@@ -75,7 +82,10 @@ fn mistakes_are_answered_with_what_there_is() {
     let mut wrong = args(log.clone(), folder.path());
     wrong.field = vec!["temprature".into()];
     let error = plot(&wrong).expect_err("misspelt").to_string();
-    assert!(error.contains("`temprature`") && error.contains("temperature"), "{error}");
+    assert!(
+        error.contains("`temprature`") && error.contains("temperature"),
+        "{error}"
+    );
     let mut wrong = args(log, folder.path());
     wrong.body = vec!["plaet".into()];
     let error = plot(&wrong).expect_err("misspelt").to_string();
@@ -100,4 +110,14 @@ fn show_pictures() {
     args.deform = None;
     args.format = Format::Svg;
     run(&args).expect("pictures");
+    let export = crate::export::ExportArgs {
+        log: args.log,
+        out: None,
+        format: crate::export::Format::Vtk,
+        body: Vec::new(),
+        field: Vec::new(),
+        at: Vec::new(),
+        every: 1,
+    };
+    crate::export::run(&export).expect("files");
 }

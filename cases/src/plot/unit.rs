@@ -69,13 +69,21 @@ pub(crate) fn pretty_name(name: &str) -> String {
 
 /// A label: name with its unit, if it has one.
 pub(crate) fn label(name: &str, unit: &str) -> String {
-    if unit.is_empty() { name.to_owned() } else { format!("{name} ({unit})") }
+    if unit.is_empty() {
+        name.to_owned()
+    } else {
+        format!("{name} ({unit})")
+    }
 }
 
 /// With at most `digits` significant digits and no trailing zeros.
 pub(crate) fn number(value: f64, digits: usize) -> String {
     if value == 0.0 || !value.is_finite() {
-        return if value == 0.0 { "0".into() } else { value.to_string() };
+        return if value == 0.0 {
+            "0".into()
+        } else {
+            value.to_string()
+        };
     }
     let exponent = value.abs().log10().floor() as i32;
     if !(-4..6).contains(&exponent) {
@@ -111,7 +119,10 @@ mod tests {
         assert_eq!(time_text(2.5e-3), "2.5 ms");
         assert_eq!(time_text(1.2e-14), "12 fs");
         assert_eq!(pretty_unit("W/m3"), "W/m³");
-        assert_eq!(label("share of liquid", &pretty_unit("1")), "share of liquid");
+        assert_eq!(
+            label("share of liquid", &pretty_unit("1")),
+            "share of liquid"
+        );
         assert_eq!(value("Pa", 2.3e8), (1e-6, "MPa".into()));
         assert_eq!(length(0.05).unit, "mm");
         assert_eq!(length(3e-7).unit, "nm");
