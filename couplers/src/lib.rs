@@ -1,8 +1,37 @@
-//! Couplers.
+//! Couplers: what one field does to another, and what the surroundings do to a body.
+//!
+//! Every coupler is a plugin: a struct whose fields are the keys of its `[[couplers]]` table.
+//!
+//! | `type` | plugin | reads | adds or writes |
+//! |---|---|---|---|
+//! | `thermal_expansion` | [`expansion::ThermalExpansion`] | temperature | eigenstrain |
+//! | `phase_change` | [`phase_change::PhaseChange`] | temperature, enthalpy | liquid fraction; lets the body melt |
+//! | `deformation_heat` | [`deformation_heat::DeformationHeat`] | temperature, eigenstress rate | heat source |
+//! | `goldak` | [`heat_source::Goldak`] | | heat source |
+//! | `ellipsoid` | [`heat_source::Ellipsoid`] | | heat source |
+//! | `gaussian_source` | [`heat_source::GaussianSource`] | | heat source |
+//! | `point_source` | [`heat_source::PointSource`] | | heat source |
+//! | `super_gaussian` | [`heat_source::SuperGaussian`] | | heat source |
+//! | `pulsed_laser` | [`heat_source::PulsedLaser`] | | heat source |
+//! | `prescribed_temperature` | [`boundary::PrescribedTemperature`] | | layer of temperature, or held temperature |
+//! | `insulated` | [`boundary::Insulated`] | | even layer of a field |
+//! | `heat_flux` | [`boundary::HeatFlux`] | | heat source |
+//! | `convection` | [`boundary::Convection`] | temperature | heat source |
+//! | `radiation` | [`boundary::Radiation`] | temperature | heat source |
+//! | `prescribed_displacement` | [`boundary::PrescribedDisplacement`] | | layer of displacement, or held displacement |
+//! | `clamp` | [`boundary::Clamp`] | | held displacement, until released |
+//! | `traction` | [`boundary::Traction`] | | body force |
+//! | `gravity` | [`boundary::Gravity`] | | body force |
+//! | `symmetry` | [`boundary::Symmetry`] | | layers of temperature and displacement |
+//! | `insulated_crack` | [`boundary::InsulatedCrack`] | | cuts the families of the body |
+//!
+//! Underneath lie the mathematics of [`source`]s and [`toolpath`]s, which know nothing of
+//! plugins, and [`InTime`], a number that may change in time.
 
 pub mod boundary;
 pub mod deformation_heat;
 pub mod expansion;
+pub mod heat_source;
 pub mod in_time;
 pub mod phase_change;
 pub mod source;
@@ -12,3 +41,19 @@ mod testing;
 pub mod toolpath;
 
 pub use in_time::InTime;
+
+#[cfg(test)]
+mod tests {
+    use perimelt_core::{Coupler, plugin::registered};
+
+    #[test]
+    fn the_table_of_the_crate_page_lists_every_registered_coupler() {
+        let page = include_str!("lib.rs");
+        let couplers = registered::<dyn Coupler>();
+        assert_eq!(couplers.len(), 20);
+        for coupler in couplers {
+            let row = format!("//! | `{}` |", coupler.name);
+            assert!(page.contains(&row), "{}", coupler.name);
+        }
+    }
+}

@@ -10,6 +10,7 @@
 //! one multiplication per heated cell.
 
 use super::profile::{DepthProfile, Footprint};
+use super::target::depth_range;
 use super::{Deposit, Grid, HeatedSurface, Sampling, SourceError, Target};
 use crate::toolpath::Pose;
 
@@ -25,7 +26,7 @@ const GAUSS: [(f64, f64); 4] = [
 ];
 
 /// Length of a Gauss panel over the finest length of the source; unnormalised powers are then
-/// right to 1e-6 where the density is smooth.
+/// right to 1e-5.
 const PANEL: f64 = 0.5;
 
 /// A power density with its way onto the lattice.
@@ -239,14 +240,14 @@ impl Beam {
         let width = grid.spacing[axis];
         let level = grid.in_cells(axis, level);
         let reach = self.depth.reach() / width;
-        let (low, high) = if face.is_max() {
+        let (low, high) = if face.is_upper() {
             (level - reach, level)
         } else {
             (level, level + reach)
         };
         let first = low.floor() as i64;
         parts.extend((first..high.ceil() as i64).map(|index| {
-            let (near, far) = face.depth(index, level);
+            let (near, far) = depth_range(face, index, level);
             match sampling {
                 Sampling::CellAverage => {
                     self.depth.down_to(far * width) - self.depth.down_to(near * width)

@@ -37,7 +37,7 @@ pub struct SemiEllipsoid {
     /// Whether the power is made exact; default yes.
     #[serde(default = "yes")]
     pub normalise: bool,
-    /// The heated face; default z_max at the height of the toolpath.
+    /// The heated face; default z+ at the height of the toolpath.
     #[serde(default)]
     pub heated_surface: HeatedSurface,
 }
@@ -73,7 +73,7 @@ pub struct Goldak {
     /// Whether the power is made exact; default yes.
     #[serde(default = "yes")]
     pub normalise: bool,
-    /// The heated face; default z_max at the height of the toolpath.
+    /// The heated face; default z+ at the height of the toolpath.
     #[serde(default)]
     pub heated_surface: HeatedSurface,
 }
@@ -140,5 +140,105 @@ impl Goldak {
                 "front_length"
             },
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::target::lattice::TestLattice;
+    use super::super::tests::{agree, block, depositor, pose};
+    use crate::toolpath::Pose;
+
+    #[test]
+    fn peak_of_the_semi_ellipsoid_is_the_corrected_q_m() {
+        // spec 02, 7.5.4.1: 3200 W, a = b = 1 mm, c = 0.5 mm
+        let toml = "semi_ellipsoid = { half_length = 5e-4, half_width = 1e-3, depth = 1e-3,
+            normalise = false, sampling = 'point' }";
+        let lattice = TestLattice::full([-2e-5, -2e-5, -4e-8], [4e-5, 4e-5, 4e-8], [1, 1, 1]);
+        let mut values = lattice.zeros();
+        let at = Pose {
+            power: 3200.0,
+            ..pose([0.0; 3], [1.0, 0.0, 0.0])
+        };
+        depositor(toml, &lattice).add(&lattice, &at, &mut values);
+        // printed with six digits
+        assert!((values[0] - 1.19445e13).abs() < 1e8, "{}", values[0]);
+    }
+
+    #[test]
+    fn cell_averages_tend_to_the_density() {
+        let toml = "goldak = { front_length = 5e-4, rear_length = 1e-3, half_width = 8e-4,
+            depth = 6e-4, normalise = false }";
+        let q_m = 6.0 * 3_f64.sqrt() * 1000.0 / (8e-4 * 6e-4 * std::f64::consts::PI.powf(1.5));
+        for (direction, x, y) in [
+            ([1.0, 0.0, 0.0], 3e-4, 2e-4),
+            ([0.0, -1.0, 0.0], 3e-4, 2e-4),
+            ([0.6, 0.8, 0.0], -4e-4, 3e-4),
+            ([-0.6, 0.8, 0.0], -4e-4, 3e-4),
+        ] {
+            // one cell of 10 µm, 0.2 mm deep
+            let size = 1e-5;
+            let low = [x - 0.5 * size, y - 0.5 * size, -2e-4 - 0.5 * size];
+            let lattice = TestLattice::full(low, [size; 3], [1, 1, 1]);
+            let mut values = lattice.zeros();
+            depositor(toml, &lattice).add(&lattice, &pose([0.0; 3], direction), &mut values);
+            let xi = x * direction[0] + y * direction[1];
+            let eta = y * direction[0] - x * direction[1];
+            let (c, f) = if xi > 0.0 {
+                (5e-4, 2.0 / 3.0)
+            } else {
+                (1e-3, 4.0 / 3.0)
+            };
+            let square = (xi / c).powi(2) + (eta / 8e-4).powi(2) + (2e-4_f64 / 6e-4).powi(2);
+            let expected = f * q_m / c * (-3.0 * square).exp();
+            // the curvature, up to 30/c² here, over a cell of c/50 gives 30/50²/24 = 5e-4 per axis
+            assert!((values[0] / expected - 1.0).abs() < 1e-3, "{direction:?}");
+        }
+    }
+
+    #[test]
+    fn front_and_rear_receive_their_fractions() {
+        for (given, front) in [
+            ("front_fraction = 0.6", 0.6),
+            ("rear_fraction = 0.6", 1.4),
+            ("efficiency = 1.0", 2.0 * 5.0 / 15.0),
+        ] {
+            let toml = format!(
+                "goldak = {{ front_length = 5e-4, rear_length = 1e-3, half_width = 8e-4,
+                 depth = 6e-4, {given} }}"
+            );
+            let dx = 3e-4;
+            let mut lattice = TestLattice::full([-20.0 * dx; 3], [dx; 3], [40, 40, 20]);
+            // travelling backwards, the front is on the side of low x
+            lattice.material = |[x, ..]| x < 20;
+            let at = pose([0.0; 3], [-1.0, 0.0, 0.0]);
+            let deposit = depositor(&toml, &lattice).add(&lattice, &at, &mut lattice.zeros());
+            assert!(
+                agree(deposit.deposited, 500.0 * front),
+                "{given}: {deposit:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn turned_sources_need_little_normalisation() {
+        for toml in [
+            "goldak = { front_length = 5e-4, rear_length = 1e-3, half_width = 8e-4, depth = 6e-4,
+                normalise = false }",
+            "super_gaussian = { absorptivity = 1, radius = 8e-4, order = 6, penetration_depth = 3e-5,
+                normalise = false }",
+        ] {
+            for dx in [2e-4, 7e-4, 3e-3] {
+                let lattice = block([dx; 3]);
+                let at = pose([1.3e-4, 0.7e-4, 0.0], [0.8, 0.6, 0.0]);
+                let deposit = depositor(toml, &lattice).add(&lattice, &at, &mut lattice.zeros());
+                // panels of half the finest length, across the jump of the second derivative between
+                // front and rear, leave 1e-5
+                assert!(
+                    deposit.sampling_error().abs() < 1e-2,
+                    "{toml} {dx}: {deposit:?}"
+                );
+            }
+        }
     }
 }

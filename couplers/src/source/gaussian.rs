@@ -35,7 +35,7 @@ pub struct Gaussian {
     /// Whether the power is made exact; default yes.
     #[serde(default = "yes")]
     pub normalise: bool,
-    /// The heated face; default z_max at the height of the toolpath.
+    /// The heated face; default z+ at the height of the toolpath.
     #[serde(default)]
     pub heated_surface: HeatedSurface,
 }

@@ -37,7 +37,7 @@ pub use gaussian::Gaussian;
 pub use point::{Dwell, Point};
 pub use pulsed::PulsedLaser;
 pub use super_gaussian::{Penetration, SuperGaussian};
-pub use target::{Grid, HeatedFace, HeatedSurface, Target};
+pub use target::{Grid, HeatedSurface, Target};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

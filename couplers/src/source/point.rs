@@ -26,7 +26,7 @@ pub struct Point {
     /// When the source hops to the next vertex; default `centred`.
     #[serde(default)]
     pub dwell: Dwell,
-    /// The heated face, which bounds the cells from above; default z_max at the height of the
+    /// The heated face, which bounds the cells from above; default z+ at the height of the
     /// toolpath. Give its level to move the source inside the body.
     #[serde(default)]
     pub heated_surface: HeatedSurface,
@@ -95,7 +95,7 @@ impl Point {
             Some(level) => grid.in_cells(axis, level).round() as i64,
             None => vertex,
         };
-        if face.is_max() {
+        if face.is_upper() {
             let top = level - 1;
             [(vertex - 1).min(top), vertex.min(top)]
         } else {
@@ -125,4 +125,79 @@ fn point_at(target: &(impl Target + ?Sized), cell: [i64; 3]) -> Option<usize> {
             .filter(|&index| index < target.grid().dims[axis])?;
     }
     target.point(inside)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::target::lattice::TestLattice;
+    use super::super::tests::{agree, block, depositor, pose};
+
+    #[test]
+    fn point_source_hops_half_way_between_vertices() {
+        // spec 02, 7.5.3: dx = 0.4 mm, 5 mm/s, so 0.08 s per vertex
+        let lattice = TestLattice::plate(4e-4, 0.01, 250);
+        let columns = |dwell: &str, time: f64, direction: f64| {
+            let mut depositor = depositor(&format!("point = {{ dwell = '{dwell}' }}"), &lattice);
+            let mut values = lattice.zeros();
+            let at = pose([direction * 0.005 * time, 0.0, 0.0], [direction, 0.0, 0.0]);
+            depositor.add(&lattice, &at, &mut values);
+            // h = Q / (4 dx² H)
+            let density = 1000.0 / (4.0 * 1.6e-7 * 0.01);
+            let hot: Vec<usize> = (0..values.len())
+                .filter(|&point| values[point] != 0.0)
+                .collect();
+            assert!(hot.iter().all(|&point| agree(values[point], density)));
+            assert_eq!(
+                hot.iter().map(|point| point / 250).collect::<Vec<_>>(),
+                [124, 124, 125, 125]
+            );
+            [hot[0] % 250, hot[1] % 250]
+        };
+        for (time, vertex) in [(0.0, 0), (0.0399, 0), (0.0401, 1), (0.08, 1), (4.0, 50)] {
+            assert_eq!(
+                columns("centred", time, 1.0),
+                [124 + vertex, 125 + vertex],
+                "at {time} s"
+            );
+            assert_eq!(
+                columns("centred", time, -1.0),
+                [124 - vertex, 125 - vertex],
+                "at {time} s"
+            );
+        }
+        for (time, vertex) in [(0.0, 0), (0.0401, 0), (0.0799, 0), (0.08, 1), (4.0, 50)] {
+            assert_eq!(
+                columns("on_arrival", time, 1.0),
+                [124 + vertex, 125 + vertex],
+                "at {time} s"
+            );
+            assert_eq!(
+                columns("on_arrival", time, -1.0),
+                [124 - vertex, 125 - vertex],
+                "at {time} s"
+            );
+        }
+    }
+
+    #[test]
+    fn point_source_fills_four_cells_on_the_face_and_eight_inside() {
+        let lattice = block([4e-4; 3]);
+        for (surface, z, cells) in [
+            ("", 0.0, 4),
+            (", heated_surface = { level = 0.0 }", 0.0, 4),
+            (", heated_surface = { level = 0.0 }", 1.0, 4),
+            (", heated_surface = { level = 0.0 }", -4e-4, 8),
+        ] {
+            let mut values = lattice.zeros();
+            let at = pose([0.0, 0.0, z], [1.0, 0.0, 0.0]);
+            let toml = format!("point = {{ power = 1{surface} }}");
+            let deposit = depositor(&toml, &lattice).add(&lattice, &at, &mut values);
+            assert_eq!(
+                values.iter().filter(|&&value| value > 0.0).count(),
+                cells,
+                "{surface} {z}"
+            );
+            assert!(agree(lattice.power(&values), 1000.0) && deposit.lost == 0.0);
+        }
+    }
 }

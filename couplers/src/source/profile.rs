@@ -97,18 +97,37 @@ impl Footprint {
         }
     }
 
-    /// Power per area at a place [1/m²].
+    /// Power per area at a place [1/m²]; zero where the cut-off leaves nothing.
     pub fn density(&self, xi: f64, eta: f64) -> f64 {
-        match *self {
-            Self::Ellipse { .. } => self.along(xi) * self.across(eta),
+        let (peak, exponent) = match *self {
+            Self::Ellipse {
+                front,
+                rear,
+                half_width,
+                front_share,
+            } => {
+                let (length, share) = if xi >= 0.0 {
+                    (front, front_share)
+                } else {
+                    (rear, 1.0 - front_share)
+                };
+                let square = (xi / length).powi(2) + (eta / half_width).powi(2);
+                (6.0 / PI * share / (length * half_width), 3.0 * square)
+            }
             Self::SuperGaussian {
                 radius,
                 order,
                 peak,
             } => {
                 let square = (xi * xi + eta * eta) / (radius * radius);
-                peak * (-2.0 * square.powf(0.5 * order)).exp()
+                (peak, 2.0 * square.powf(0.5 * order))
             }
+        };
+        // this is the inner loop of a turned source: half of its box lies outside
+        if exponent > CUT {
+            0.0
+        } else {
+            peak * (-exponent).exp()
         }
     }
 

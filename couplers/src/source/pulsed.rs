@@ -11,6 +11,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::target::depth_range;
 use super::{Deposit, HeatedSurface, SourceError, Target, positive, within};
 
 /// An exponentially absorbed laser pulse on a whole face.
@@ -34,7 +35,7 @@ pub struct PulsedLaser {
     /// p, height of the pulse [-]; default 0.94.
     #[serde(default = "printed_height")]
     pub height: f64,
-    /// The heated face; default z_max, where the body ends.
+    /// The heated face; default z+, where the body ends.
     #[serde(default)]
     pub heated_surface: HeatedSurface,
 }
@@ -101,7 +102,7 @@ impl PulsedLaser {
         let level = match self.heated_surface.level {
             _ if grid.is_thickness(axis) => 1.0,
             Some(level) => grid.in_cells(axis, level),
-            None if face.is_max() => layers as f64,
+            None if face.is_upper() => layers as f64,
             None => 0.0,
         };
         let deeper = |depth: f64| (-depth.max(0.0) * width / self.absorption_depth).exp();
@@ -117,7 +118,7 @@ impl PulsedLaser {
                         continue;
                     };
                     material = true;
-                    let (near, far) = face.depth(k, level);
+                    let (near, far) = depth_range(face, k, level);
                     let part = deeper(near) - deeper(far);
                     values[point] += column * part / target.volume(point);
                     hit += part;
@@ -130,5 +131,82 @@ impl PulsedLaser {
             }
         }
         deposit
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::target::lattice::TestLattice;
+    use super::super::tests::agree;
+    use super::*;
+
+    fn film_laser(face: &str) -> PulsedLaser {
+        toml::from_str(&format!(
+            "fluence = 13.4\nreflectivity = 0.93\nabsorption_depth = 15.3e-9\n\
+             pulse_duration = 100e-15\nheated_surface = {{ face = '{face}' }}"
+        ))
+        .expect("a valid laser")
+    }
+
+    #[test]
+    fn pulse_deposits_the_fluence_of_the_film_in_any_number_of_steps() {
+        // spec 02, 4.4: absorbed fluence 0.639719 J/m² of a film of 20 nm in 1 ps
+        for face in ["x-", "x+"] {
+            let mut film = TestLattice::plate(2e-10, 1e-9, 100);
+            film.grid.dims = [100, 3, 1];
+            let laser = film_laser(face);
+            for steps in [1, 7, 1000] {
+                let step = 1e-12 / f64::from(steps);
+                let mut energy = 0.0;
+                for n in 0..steps {
+                    let mut values = film.zeros();
+                    let times = (step * f64::from(n), step * f64::from(n + 1));
+                    let deposit = laser.add(&film, times, &mut values);
+                    assert!(agree(film.power(&values), deposit.deposited));
+                    assert!(agree(deposit.deposited + deposit.lost, deposit.asked));
+                    energy += deposit.deposited * step;
+                }
+                let fluence = energy / (3.0 * 2e-10 * 1e-9);
+                // printed with six digits
+                assert!(
+                    (fluence - 0.639719).abs() < 1e-6,
+                    "{face} {steps}: {fluence}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn pulse_has_the_printed_density() {
+        let film = TestLattice::plate(2e-10, 1e-9, 100);
+        let laser = film_laser("x-");
+        let mut values = film.zeros();
+        let time = 150e-15;
+        laser.add(&film, (time - 1e-18, time + 1e-18), &mut values);
+        // s at the centre of the sixth cell, 1.1 nm deep
+        let expected = 0.94 * 13.4 * 0.07 / (100e-15 * 15.3e-9)
+            * (-1.1 / 15.3 - 1.992 * (50.0 / 100.0_f64)).exp();
+        // cell average of an exponential: (dx/l)²/24 = 7e-6
+        assert!(
+            (values[5] / expected - 1.0).abs() < 1e-5,
+            "{}",
+            values[5] / expected
+        );
+        assert_eq!(
+            (laser.next_event(0.0), laser.next_event(3e-13)),
+            (Some(2e-13), None)
+        );
+    }
+
+    #[test]
+    fn mistakes_name_the_key() {
+        let laser = PulsedLaser {
+            reflectivity: 1.5,
+            ..film_laser("x-")
+        };
+        assert_eq!(
+            laser.validate().expect_err("too bright").key(),
+            "reflectivity"
+        );
     }
 }

@@ -1,6 +1,7 @@
 //! What a source heats: a lattice of cells, some of which hold a material point.
 
 use nalgebra::Vector3;
+use perimelt_core::Face;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -47,62 +48,40 @@ pub trait Target {
     fn volume(&self, point: usize) -> f64;
 }
 
-/// The face of a body that the source heats; depth counts from it into the body.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum HeatedFace {
-    /// The face towards -x.
-    XMin,
-    /// The face towards +x.
-    XMax,
-    /// The face towards -y.
-    YMin,
-    /// The face towards +y.
-    YMax,
-    /// The face towards -z.
-    ZMin,
-    /// The face towards +z.
-    #[default]
-    ZMax,
-}
-
-impl HeatedFace {
-    /// Axis of the depth.
-    pub(super) fn axis(self) -> usize {
-        match self {
-            Self::XMin | Self::XMax => 0,
-            Self::YMin | Self::YMax => 1,
-            Self::ZMin | Self::ZMax => 2,
-        }
-    }
-
-    /// Whether depth grows towards lower coordinates.
-    pub(super) fn is_max(self) -> bool {
-        matches!(self, Self::XMax | Self::YMax | Self::ZMax)
-    }
-
-    /// Depth range of cell `index`, in spacings, below a face at `level`, in spacings.
-    pub(super) fn depth(self, index: i64, level: f64) -> (f64, f64) {
-        let (low, high) = (index as f64, (index + 1) as f64);
-        if self.is_max() {
-            (level - high, level - low)
-        } else {
-            (low - level, high - level)
-        }
+/// Depth range of cell `index`, in spacings, below a face at `level`, in spacings.
+pub(super) fn depth_range(face: Face, index: i64, level: f64) -> (f64, f64) {
+    let (low, high) = (index as f64, (index + 1) as f64);
+    if face.is_upper() {
+        (level - high, level - low)
+    } else {
+        (low - level, high - level)
     }
 }
 
 /// Which face is heated and where it is.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeatedSurface {
-    /// The face; default `z_max`.
-    #[serde(default)]
-    pub face: HeatedFace,
+    /// The face, from which depth counts into the body; default `"z+"`.
+    #[serde(default = "top")]
+    pub face: Face,
     /// Its coordinate along the depth axis [m]. Default: that of the toolpath, or of the face of
     /// the body for a source without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub level: Option<f64>,
+}
+
+fn top() -> Face {
+    Face::ZMax
+}
+
+impl Default for HeatedSurface {
+    fn default() -> Self {
+        HeatedSurface {
+            face: top(),
+            level: None,
+        }
+    }
 }
 
 #[cfg(test)]

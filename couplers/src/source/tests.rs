@@ -42,11 +42,11 @@ fn source(toml: &str) -> Source {
     toml::from_str(toml).expect("the source of the test is well formed")
 }
 
-fn depositor(toml: &str, lattice: &TestLattice) -> Depositor {
+pub(super) fn depositor(toml: &str, lattice: &TestLattice) -> Depositor {
     Depositor::new(&source(toml), &lattice.grid).expect("the source of the test is valid")
 }
 
-fn pose(position: [f64; 3], direction: [f64; 3]) -> Pose {
+pub(super) fn pose(position: [f64; 3], direction: [f64; 3]) -> Pose {
     Pose {
         position: position.into(),
         direction: Vector3::from(direction).normalize(),
@@ -57,8 +57,8 @@ fn pose(position: [f64; 3], direction: [f64; 3]) -> Pose {
 
 /// A body under z = 0 that holds all of the sources on all of the toolpaths. Exponential depths
 /// reach 32 lengths (1 mm), ellipsoids 3.3 times their size.
-fn block(spacing: [f64; 3]) -> TestLattice {
-    let dims = [0.024, 0.024, 0.006]
+pub(super) fn block(spacing: [f64; 3]) -> TestLattice {
+    let dims = [0.015, 0.015, 0.005]
         .iter()
         .zip(spacing)
         .map(|(length, dx)| (length / dx).ceil() as usize + 4)
@@ -72,7 +72,7 @@ fn block(spacing: [f64; 3]) -> TestLattice {
     )
 }
 
-fn agree(found: f64, expected: f64) -> bool {
+pub(super) fn agree(found: f64, expected: f64) -> bool {
     (found - expected).abs() <= POWER * expected.abs()
 }
 
@@ -87,6 +87,7 @@ proptest! {
         let dx = 1e-3 * 10_f64.powf(dx);
         let mut lattice = block([dx, dx * aspect.0, dx.max(1.5e-4) * aspect.1]);
         lattice.grid.origin.x += shift * dx;
+        let mut values = lattice.zeros();
         for toml in SOURCES {
             let source = source(toml);
             let mut depositor = depositor(toml, &lattice);
@@ -94,7 +95,7 @@ proptest! {
                 let path: Toolpath = toml::from_str(path).expect("a path");
                 let track = path.track(source.power().or(Some(500.0)), Path::new("")).expect("a track");
                 let pose = track.pose(time * track.end().expect("an end"));
-                let mut values = lattice.zeros();
+                values.fill(0.0);
                 let deposit = depositor.add(&lattice, &pose, &mut values);
                 let asked = pose.power * source.efficiency();
                 prop_assert!(agree(deposit.asked, asked), "{toml}");
@@ -168,78 +169,6 @@ fn half_of_a_source_over_an_edge_is_lost() {
 }
 
 #[test]
-fn peak_of_the_semi_ellipsoid_is_the_corrected_q_m() {
-    // spec 02, 7.5.4.1: 3200 W, a = b = 1 mm, c = 0.5 mm
-    let toml = "semi_ellipsoid = { half_length = 5e-4, half_width = 1e-3, depth = 1e-3,
-        normalise = false, sampling = 'point' }";
-    let lattice = TestLattice::full([-2e-5, -2e-5, -4e-8], [4e-5, 4e-5, 4e-8], [1, 1, 1]);
-    let mut values = lattice.zeros();
-    let at = Pose {
-        power: 3200.0,
-        ..pose([0.0; 3], [1.0, 0.0, 0.0])
-    };
-    depositor(toml, &lattice).add(&lattice, &at, &mut values);
-    // printed with six digits
-    assert!((values[0] - 1.19445e13).abs() < 1e8, "{}", values[0]);
-}
-
-#[test]
-fn cell_averages_tend_to_the_density() {
-    let toml = "goldak = { front_length = 5e-4, rear_length = 1e-3, half_width = 8e-4,
-        depth = 6e-4, normalise = false }";
-    let q_m = 6.0 * 3_f64.sqrt() * 1000.0 / (8e-4 * 6e-4 * std::f64::consts::PI.powf(1.5));
-    for (direction, x, y) in [
-        ([1.0, 0.0, 0.0], 3e-4, 2e-4),
-        ([0.0, -1.0, 0.0], 3e-4, 2e-4),
-        ([0.6, 0.8, 0.0], -4e-4, 3e-4),
-        ([-0.6, 0.8, 0.0], -4e-4, 3e-4),
-    ] {
-        // one cell of 1 µm, 0.2 mm deep
-        let size = 1e-6;
-        let low = [x - 0.5 * size, y - 0.5 * size, -2e-4 - 0.5 * size];
-        let lattice = TestLattice::full(low, [size; 3], [1, 1, 1]);
-        let mut values = lattice.zeros();
-        depositor(toml, &lattice).add(&lattice, &pose([0.0; 3], direction), &mut values);
-        let xi = x * direction[0] + y * direction[1];
-        let eta = y * direction[0] - x * direction[1];
-        let (c, f) = if xi > 0.0 {
-            (5e-4, 2.0 / 3.0)
-        } else {
-            (1e-3, 4.0 / 3.0)
-        };
-        let square = (xi / c).powi(2) + (eta / 8e-4).powi(2) + (2e-4_f64 / 6e-4).powi(2);
-        let expected = f * q_m / c * (-3.0 * square).exp();
-        // the curvature over a cell of 1/500 of the source gives 1e-5
-        assert!((values[0] / expected - 1.0).abs() < 1e-5, "{direction:?}");
-    }
-}
-
-#[test]
-fn front_and_rear_receive_their_fractions() {
-    for (given, front) in [
-        ("front_fraction = 0.6", 0.6),
-        ("rear_fraction = 0.6", 1.4),
-        ("efficiency = 1.0", 2.0 * 5.0 / 15.0),
-    ] {
-        let toml = format!(
-            "goldak = {{ front_length = 5e-4, rear_length = 1e-3, half_width = 8e-4,
-             depth = 6e-4, {given} }}"
-        );
-        let mut lattice = block([3e-4; 3]);
-        let at = pose([0.0; 3], [-1.0, 0.0, 0.0]);
-        // the lattice has a plane between cells at x = 0
-        assert_eq!(lattice.grid.dims[0] % 2, 0);
-        lattice.material = |[x, ..]| x < 42;
-        assert_eq!(lattice.grid.dims[0], 84);
-        let deposit = depositor(&toml, &lattice).add(&lattice, &at, &mut lattice.zeros());
-        assert!(
-            agree(deposit.deposited, 500.0 * front),
-            "{given}: {deposit:?}"
-        );
-    }
-}
-
-#[test]
 fn aligned_cell_averages_need_no_normalisation_but_point_values_do() {
     // spec 02, section 1.7: c = 1.25 dx oscillates by 1.2 % in x
     let lattice = block([4e-4; 3]);
@@ -260,27 +189,6 @@ fn aligned_cell_averages_need_no_normalisation_but_point_values_do() {
     let [on_plane, on_centre] = [0.0, 2e-4].map(|x| with("point", x));
     assert!((on_plane + 0.012).abs() < 1e-3, "{on_plane}");
     assert!((on_centre - 0.012).abs() < 1e-3, "{on_centre}");
-}
-
-#[test]
-fn turned_sources_are_integrated_to_a_millionth() {
-    for toml in [
-        "goldak = { front_length = 5e-4, rear_length = 1e-3, half_width = 8e-4, depth = 6e-4,
-            normalise = false }",
-        "super_gaussian = { absorptivity = 1, radius = 8e-4, order = 6, penetration_depth = 3e-5,
-            normalise = false }",
-    ] {
-        for dx in [2e-4, 7e-4, 3e-3] {
-            let lattice = block([dx; 3]);
-            let at = pose([1.3e-4, 0.7e-4, 0.0], [0.8, 0.6, 0.0]);
-            let deposit = depositor(toml, &lattice).add(&lattice, &at, &mut lattice.zeros());
-            // the second derivative jumps between front and rear
-            assert!(
-                deposit.sampling_error().abs() < 1e-3,
-                "{toml} {dx}: {deposit:?}"
-            );
-        }
-    }
 }
 
 #[test]
@@ -316,75 +224,6 @@ fn crossing_a_cell_is_smooth() {
 }
 
 #[test]
-fn point_source_hops_half_way_between_vertices() {
-    // spec 02, 7.5.3: dx = 0.4 mm, 5 mm/s, so 0.08 s per vertex
-    let lattice = TestLattice::plate(4e-4, 0.01, 250);
-    let columns = |dwell: &str, time: f64, direction: f64| {
-        let mut depositor = depositor(&format!("point = {{ dwell = '{dwell}' }}"), &lattice);
-        let mut values = lattice.zeros();
-        let at = pose([direction * 0.005 * time, 0.0, 0.0], [direction, 0.0, 0.0]);
-        depositor.add(&lattice, &at, &mut values);
-        // h = Q / (4 dx² H)
-        let density = 1000.0 / (4.0 * 1.6e-7 * 0.01);
-        let hot: Vec<usize> = (0..values.len())
-            .filter(|&point| values[point] != 0.0)
-            .collect();
-        assert!(hot.iter().all(|&point| agree(values[point], density)));
-        assert_eq!(
-            hot.iter().map(|point| point / 250).collect::<Vec<_>>(),
-            [124, 124, 125, 125]
-        );
-        [hot[0] % 250, hot[1] % 250]
-    };
-    for (time, vertex) in [(0.0, 0), (0.0399, 0), (0.0401, 1), (0.08, 1), (4.0, 50)] {
-        assert_eq!(
-            columns("centred", time, 1.0),
-            [124 + vertex, 125 + vertex],
-            "at {time} s"
-        );
-        assert_eq!(
-            columns("centred", time, -1.0),
-            [124 - vertex, 125 - vertex],
-            "at {time} s"
-        );
-    }
-    for (time, vertex) in [(0.0, 0), (0.0401, 0), (0.0799, 0), (0.08, 1), (4.0, 50)] {
-        assert_eq!(
-            columns("on_arrival", time, 1.0),
-            [124 + vertex, 125 + vertex],
-            "at {time} s"
-        );
-        assert_eq!(
-            columns("on_arrival", time, -1.0),
-            [124 - vertex, 125 - vertex],
-            "at {time} s"
-        );
-    }
-}
-
-#[test]
-fn point_source_fills_four_cells_on_the_face_and_eight_inside() {
-    let lattice = block([4e-4; 3]);
-    for (surface, z, cells) in [
-        ("", 0.0, 4),
-        (", heated_surface = { level = 0.0 }", 0.0, 4),
-        (", heated_surface = { level = 0.0 }", 1.0, 4),
-        (", heated_surface = { level = 0.0 }", -4e-4, 8),
-    ] {
-        let mut values = lattice.zeros();
-        let at = pose([0.0, 0.0, z], [1.0, 0.0, 0.0]);
-        let toml = format!("point = {{ power = 1{surface} }}");
-        let deposit = depositor(&toml, &lattice).add(&lattice, &at, &mut values);
-        assert_eq!(
-            values.iter().filter(|&&value| value > 0.0).count(),
-            cells,
-            "{surface} {z}"
-        );
-        assert!(agree(lattice.power(&values), 1000.0) && deposit.lost == 0.0);
-    }
-}
-
-#[test]
 fn gaussian_on_a_plate_has_the_peak_of_its_effective_depth() {
     // spec 02, 7.5.5.1: q_m = 1.03938e9 W/m² for 3200 W and sigma = 0.7 mm
     let lattice = TestLattice::plate(4e-5, 0.01, 301);
@@ -397,19 +236,15 @@ fn gaussian_on_a_plate_has_the_peak_of_its_effective_depth() {
         let toml = format!("gaussian = {{ sigma = 7e-4{depth} }}");
         let deposit = depositor(&toml, &lattice).add(&lattice, &at, &mut values);
         let peak = values.iter().copied().fold(0.0, f64::max) * h_eff;
-        // averaged over a cell of sigma/17: (dx/sigma)²/24 = 1.4e-4
-        assert!((peak / 1.03938e9 - 1.0).abs() < 2e-4, "{peak}");
+        // averaged over a cell of sigma/17: (dx/sigma)²/24 = 1.4e-4 along each axis
+        assert!((peak / 1.03938e9 - 1.0).abs() < 3e-4, "{peak}");
         assert!(agree(deposit.asked, 3200.0 * 0.01 / h_eff));
     }
 }
 
 #[test]
 fn sources_heat_any_face_and_only_below_it() {
-    for (face, axis, level) in [
-        ("x_min", 0, -0.001),
-        ("y_max", 1, 0.002),
-        ("z_min", 2, -0.001),
-    ] {
+    for (face, axis, level) in [("x-", 0, -0.001), ("y+", 1, 0.002), ("z-", 2, -0.001)] {
         let lattice = TestLattice::full([-0.001; 3], [1e-4; 3], [30, 30, 30]);
         let toml = format!(
             "semi_ellipsoid = {{ half_length = 3e-4, half_width = 2e-4, depth = 4e-4,
@@ -429,7 +264,7 @@ fn sources_heat_any_face_and_only_below_it() {
                 .map(|point| values[point])
                 .sum()
         };
-        let [outer, inner] = if face.ends_with("max") {
+        let [outer, inner] = if face.ends_with('+') {
             [29, 0]
         } else {
             [0, 29]
@@ -444,7 +279,7 @@ fn beam_from_above_heats_the_top_edge_of_a_cross_section() {
     for shape in ["", ", order = 8"] {
         let toml = format!(
             "super_gaussian = {{ absorptivity = 1, radius = 5e-4, penetration_depth = 1e-4{shape},
-             heated_surface = {{ face = 'y_max' }} }}"
+             heated_surface = {{ face = 'y+' }} }}"
         );
         let mut values = lattice.zeros();
         let at = pose([0.0, 5e-3, 0.0], [1.0, 0.0, 0.0]);
@@ -471,64 +306,6 @@ fn point_sampling_of_a_source_between_the_centres_loses_no_power() {
         &mut values,
     );
     assert!(agree(lattice.power(&values), 1000.0));
-}
-
-fn film_laser(face: &str) -> PulsedLaser {
-    toml::from_str(&format!(
-        "fluence = 13.4\nreflectivity = 0.93\nabsorption_depth = 15.3e-9\n\
-         pulse_duration = 100e-15\nheated_surface = {{ face = '{face}' }}"
-    ))
-    .expect("a valid laser")
-}
-
-#[test]
-fn pulse_deposits_the_fluence_of_the_film_in_any_number_of_steps() {
-    // spec 02, 4.4: absorbed fluence 0.639719 J/m² of a film of 20 nm in 1 ps
-    for face in ["x_min", "x_max"] {
-        let mut film = TestLattice::plate(2e-10, 1e-9, 100);
-        film.grid.dims = [100, 3, 1];
-        let laser = film_laser(face);
-        for steps in [1, 7, 1000] {
-            let step = 1e-12 / f64::from(steps);
-            let mut energy = 0.0;
-            for n in 0..steps {
-                let mut values = film.zeros();
-                let times = (step * f64::from(n), step * f64::from(n + 1));
-                let deposit = laser.add(&film, times, &mut values);
-                assert!(agree(film.power(&values), deposit.deposited));
-                assert!(agree(deposit.deposited + deposit.lost, deposit.asked));
-                energy += deposit.deposited * step;
-            }
-            let fluence = energy / (3.0 * 2e-10 * 1e-9);
-            // printed with six digits
-            assert!(
-                (fluence - 0.639719).abs() < 1e-6,
-                "{face} {steps}: {fluence}"
-            );
-        }
-    }
-}
-
-#[test]
-fn pulse_has_the_printed_density() {
-    let film = TestLattice::plate(2e-10, 1e-9, 100);
-    let laser = film_laser("x_min");
-    let mut values = film.zeros();
-    let time = 150e-15;
-    laser.add(&film, (time - 1e-18, time + 1e-18), &mut values);
-    // s at the centre of the sixth cell, 1.1 nm deep
-    let expected =
-        0.94 * 13.4 * 0.07 / (100e-15 * 15.3e-9) * (-1.1 / 15.3 - 1.992 * (50.0 / 100.0_f64)).exp();
-    // cell average of an exponential: (dx/l)²/24 = 7e-6
-    assert!(
-        (values[5] / expected - 1.0).abs() < 1e-5,
-        "{}",
-        values[5] / expected
-    );
-    assert_eq!(
-        (laser.next_event(0.0), laser.next_event(3e-13)),
-        (Some(2e-13), None)
-    );
 }
 
 #[test]
@@ -585,12 +362,4 @@ fn mistakes_name_the_key() {
         assert_eq!(error.key(), key, "{error}");
     }
     assert!(toml::from_str::<Source>("gaussian = { sigma = 1, sgima = 2 }").is_err());
-    let laser = PulsedLaser {
-        reflectivity: 1.5,
-        ..film_laser("x_min")
-    };
-    assert_eq!(
-        laser.validate().expect_err("too bright").key(),
-        "reflectivity"
-    );
 }

@@ -1,0 +1,43 @@
+//! What a heat source was asked for, what arrived and what missed the body.
+
+use perimelt_core::Report;
+use serde::{Deserialize, Serialize};
+
+use crate::source::Deposit;
+
+/// Powers of the last step and energies since the start; saved, so that they go on after a resume.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(super) struct Account {
+    /// W: asked for, deposited, lost.
+    power: [f64; 3],
+    /// J: asked for, deposited, lost.
+    energy: [f64; 3],
+    /// Whether the source is on now or until the next event.
+    pub is_on: bool,
+}
+
+impl Account {
+    /// Books a deposit that lasts `duration` (s).
+    pub fn book(&mut self, deposit: &Deposit, duration: f64) {
+        self.power = [deposit.asked, deposit.deposited, deposit.lost];
+        for (energy, power) in self.energy.iter_mut().zip(self.power) {
+            *energy += power * duration;
+        }
+    }
+
+    pub fn report(&self) -> Vec<Report> {
+        let named = |what: &'static str, unit: &'static str, values: [f64; 3]| {
+            let names = ["asked", "deposited", "lost"];
+            names
+                .into_iter()
+                .zip(values)
+                .map(move |(name, value)| Report {
+                    name: format!("{what}.{name}"),
+                    unit: unit.into(),
+                    value,
+                })
+        };
+        let powers = named("power", "W", self.power);
+        powers.chain(named("energy", "J", self.energy)).collect()
+    }
+}

@@ -1,0 +1,82 @@
+//! A body as the lattice that heat sources deposit on.
+
+use nalgebra::Vector3;
+use perimelt_core::Body;
+
+use crate::source::{Grid, Target};
+
+/// A body and its lattice as sources see it.
+pub(super) struct BodyTarget<'a> {
+    pub body: &'a Body,
+    pub grid: Grid,
+}
+
+/// The lattice of a body. Missing axes have one cell with the extent of the body: its thickness
+/// along z in 2D, a square of its cross-section in 1D.
+pub(super) fn grid(body: &Body) -> Grid {
+    let lattice = &body.lattice;
+    let across = match body.dimension {
+        1 => body.thickness.sqrt(),
+        _ => body.thickness,
+    };
+    let missing = |axis: usize| axis >= body.dimension;
+    let spacing = |axis| {
+        if missing(axis) {
+            across
+        } else {
+            lattice.spacing
+        }
+    };
+    let origin = |axis: usize| {
+        if missing(axis) {
+            lattice.origin[axis] + 0.5 * (lattice.spacing - across)
+        } else {
+            lattice.origin[axis]
+        }
+    };
+    Grid {
+        origin: Vector3::from_fn(|axis, _| origin(axis)),
+        spacing: Vector3::from_fn(|axis, _| spacing(axis)),
+        dims: lattice.cells,
+        plate: missing(2),
+    }
+}
+
+impl Target for BodyTarget<'_> {
+    fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    fn point(&self, cell: [usize; 3]) -> Option<usize> {
+        self.body.lattice.point(cell.map(|c| c as i64))
+    }
+
+    fn volume(&self, point: usize) -> f64 {
+        self.body.points.volume[point]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::block;
+
+    #[test]
+    fn a_cell_of_the_grid_has_the_volume_of_a_point_and_its_position_as_centre() {
+        for dimension in 1..=3 {
+            let mut body = block([3, 1, 1], dimension, "");
+            if dimension < 3 {
+                body.thickness = 0.25;
+                body.points.volume.fill(0.25);
+            }
+            let target = BodyTarget {
+                body: &body,
+                grid: grid(&body),
+            };
+            let volume = target.volume(target.point([1, 0, 0]).expect("a full block"));
+            assert!((target.grid.spacing.product() - volume).abs() < 1e-15);
+            let centre = target.grid.origin + 0.5 * target.grid.spacing;
+            assert!((centre - body.points.position[0]).norm() < 1e-15);
+        }
+    }
+}

@@ -1,0 +1,50 @@
+//! Heat sources as couplers: they add W/m³ to the points of a body and keep account.
+//!
+//! | `type` | shape |
+//! |---|---|
+//! | `goldak` | [`source::Goldak`] |
+//! | `ellipsoid` | [`source::SemiEllipsoid`] |
+//! | `gaussian_source` | [`source::Gaussian`] |
+//! | `point_source` | [`source::Point`] |
+//! | `super_gaussian` | [`source::SuperGaussian`] |
+//! | `pulsed_laser` | [`source::PulsedLaser`], without a toolpath |
+//!
+//! The keys of the shape stand beside `toolpath` and `body`:
+//!
+//! ```toml
+//! [[couplers]]
+//! type = "goldak"
+//! power = 3200                  # W
+//! front_length = 0.5e-3         # m
+//! rear_length = 1e-3
+//! half_width = 1e-3
+//! depth = 1e-3
+//! toolpath.line = { start = [0, 0, 0.005], direction = [1, 0, 0], speed = 0.005 }
+//! ```
+//!
+//! Sources are sampled at the middle of a step, and steps end at the events of the toolpath, so
+//! that the energy is exact. While the source is on, automatic steps are at most the time in
+//! which it moves a quarter of its shortest lateral length, or of a cell where that is longer,
+//! so that a pass heats a line and not a row of spots.
+
+mod account;
+mod keys;
+mod lattice;
+mod moving;
+mod pulsed;
+
+pub use moving::{MovingSource, Shape};
+pub use pulsed::PulsedLaser;
+
+use crate::source;
+
+/// Goldak's double ellipsoid.
+pub type Goldak = MovingSource<source::Goldak>;
+/// Semi-ellipsoid.
+pub type Ellipsoid = MovingSource<source::SemiEllipsoid>;
+/// Surface Gaussian with an effective depth.
+pub type GaussianSource = MovingSource<source::Gaussian>;
+/// All power in the cells around one lattice vertex.
+pub type PointSource = MovingSource<source::Point>;
+/// Super-Gaussian beam.
+pub type SuperGaussian = MovingSource<source::SuperGaussian>;

@@ -1,0 +1,178 @@
+use super::*;
+use crate::heat_source::{Ellipsoid, PointSource};
+use crate::testing::{STEEL, apply, block, prepare, refusal, total};
+
+const SHAPE: &str = "power = 100\nhalf_length = 0.5\nhalf_width = 2\ndepth = 1";
+
+fn ellipsoid(toolpath: &str) -> Ellipsoid {
+    toml::from_str(&format!("{SHAPE}\ntoolpath.line = {toolpath}")).expect("valid")
+}
+
+fn value(source: &dyn Coupler, name: &str) -> f64 {
+    let reports = source.report();
+    reports
+        .iter()
+        .find(|r| r.name == name)
+        .expect("reported")
+        .value
+}
+
+fn ready(source: &mut dyn Coupler) -> World {
+    let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
+    prepare(&mut world, source, |setup| {
+        setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+    })
+    .expect("valid");
+    world
+}
+
+#[test]
+fn the_power_arrives_and_is_booked() {
+    let mut source = ellipsoid("{ start = [5, 10, 8], end = [15, 10, 8], speed = 2 }");
+    let world = ready(&mut source);
+    apply(&world, &mut source, 0.0);
+    apply(&world, &mut source, 1.0);
+    // two additions to the sink, of exact power; less is an error of a sum over 1e3 cells
+    assert!((total(&world, &keys::HEAT_SOURCE) - 200.0).abs() < 1e-9);
+    assert!((value(&source, "energy.deposited") - 200.0).abs() < 1e-9);
+    assert_eq!(value(&source, "power.asked"), 100.0);
+    assert_eq!(
+        value(&source, "position.x"),
+        9.0,
+        "at the end of the second step"
+    );
+    assert_eq!(source.next_event(0.5), Some(5.0));
+}
+
+#[test]
+fn power_beside_the_body_is_lost() {
+    let mut source = ellipsoid("{ start = [-1, 10, 8], direction = [1, 0, 0], speed = 2 }");
+    let world = ready(&mut source);
+    // half of the source is over the edge in the middle of the first second
+    apply(&world, &mut source, 0.0);
+    assert!((value(&source, "power.lost") - 50.0).abs() < 1e-9);
+    assert!(
+        (value(&source, "energy.lost") + total(&world, &keys::HEAT_SOURCE) - 100.0).abs() < 1e-9
+    );
+}
+
+#[test]
+fn steps_are_short_while_the_source_is_on_only() {
+    let mut source =
+        ellipsoid("{ start = [5, 10, 8], end = [15, 10, 8], speed = 2, start_time = 3 }");
+    let world = ready(&mut source);
+    apply(&world, &mut source, 0.0);
+    assert_eq!(source.step_limit(), None);
+    apply(&world, &mut source, 2.0);
+    // a cell is longer than the source: a quarter of 1 m at 2 m/s
+    assert_eq!(source.step_limit(), Some(0.125));
+    apply(&world, &mut source, 7.0);
+    assert_eq!(source.step_limit(), None);
+}
+
+#[test]
+fn energies_survive_a_save() {
+    let mut source = ellipsoid("{ start = [5, 10, 8], end = [15, 10, 8], speed = 2 }");
+    let world = ready(&mut source);
+    apply(&world, &mut source, 0.0);
+    let saved = serde_json::to_string(&source.save()).expect("serialises");
+    let mut resumed = ellipsoid("{ start = [5, 10, 8], end = [15, 10, 8], speed = 2 }");
+    let mut json = serde_json::Deserializer::from_str(&saved);
+    resumed
+        .load(&mut <dyn erased_serde::Deserializer<'_>>::erase(&mut json))
+        .expect("reads");
+    assert_eq!(resumed.account, source.account);
+    assert!(resumed.account.is_on);
+}
+
+#[test]
+fn a_source_off_the_body_or_never_on_is_refused() {
+    let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
+    for (toolpath, message) in [
+        (
+            "{ start = [-9, 10, 8], direction = [-1, 0, 0], speed = 2 }",
+            "it is switched on at [-9.0, 10.0, 8.0] m, but body `block` spans [0.0, 0.0, 0.0]",
+        ),
+        (
+            "{ start = [5, 10, 80], end = [15, 10, 80], speed = 2 }",
+            "never on the body",
+        ),
+        (
+            "{ start = [5, 10, 8], end = [15, 10, 8], speed = 2, power = 0 }",
+            "never on;",
+        ),
+    ] {
+        let refused = refusal(&mut world, &mut ellipsoid(toolpath));
+        assert!(
+            refused.starts_with("toolpath: ") && refused.contains(message),
+            "{refused}"
+        );
+    }
+    let refused = refusal(
+        &mut world,
+        &mut ellipsoid("{ start = [5, 10, 8], end = [9, 9, 8], speed = -2 }"),
+    );
+    assert!(refused.starts_with("toolpath.line.speed: "), "{refused}");
+    // an approach from outside is fine
+    let mut approach = ellipsoid("{ start = [-90, 10, 8], direction = [1, 0, 0], speed = 2 }");
+    ready(&mut approach);
+}
+
+#[test]
+fn keys_stand_side_by_side_and_mistakes_point_at_their_place() {
+    let line = "toolpath.line = { start = [0, 0, 0], end = [1, 0, 0], speed = 1 }";
+    let cases = [
+        (
+            format!("power = 1\nefficency = 1\n{line}"),
+            "efficency",
+            "unknown field",
+        ),
+        (format!("power = 'big'\n{line}"), "'big'", "invalid type"),
+        (
+            line.replace("speed = 1", "speed = true"),
+            "true",
+            "invalid type",
+        ),
+        (
+            line.replace("speed", "sped"),
+            "sped",
+            "unknown field `sped`",
+        ),
+    ];
+    for (text, place, message) in cases {
+        let error = toml::from_str::<PointSource>(&text).err().expect(place);
+        assert!(error.message().contains(message), "{error}");
+        assert_eq!(&text[error.span().expect("has a place")], place, "{error}");
+    }
+    let error = toml::from_str::<PointSource>("power = 1")
+        .err()
+        .expect("no path");
+    assert!(error.message().contains("missing field `toolpath`"));
+}
+
+#[test]
+fn writing_and_reading_gives_the_same() {
+    let source = ellipsoid("{ start = [5, 10, 8], end = [15, 10, 8], speed = 2 }");
+    let boxed: Box<dyn Coupler> = Box::new(source);
+    let json = serde_json::to_value(&boxed).expect("serialises");
+    assert_eq!(json["type"], "ellipsoid");
+    assert_eq!(
+        (&json["power"], &json["toolpath"]["line"]["speed"]),
+        (&100.0.into(), &2.0.into())
+    );
+    let again: Box<dyn Coupler> = serde_json::from_value(json.clone()).expect("reads");
+    assert_eq!(serde_json::to_value(&again).expect("serialises"), json);
+}
+
+#[test]
+fn the_schema_has_the_keys_of_the_shape_and_of_the_place() {
+    let schema = schemars::schema_for!(Ellipsoid).to_value();
+    for key in ["body", "toolpath", "half_length", "power"] {
+        assert!(
+            schema["properties"][key]["description"].is_string(),
+            "{key}"
+        );
+    }
+    let required = schema["required"].as_array().expect("a list");
+    assert!(required.contains(&"toolpath".into()) && !required.contains(&"body".into()));
+}

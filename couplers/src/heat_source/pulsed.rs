@@ -1,0 +1,172 @@
+//! A laser pulse on a whole face of a body, as a coupler.
+//!
+//! The mean over every step is exact, however long it is. Automatic steps take at most a quarter
+//! of the pulse duration until the pulse is over.
+
+use std::borrow::Cow;
+
+use perimelt_core::{Coupler, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::account::Account;
+use super::keys::{Keys, read, schema};
+use super::lattice::{BodyTarget, grid};
+use crate::source;
+
+/// Share of the pulse duration that a step may take.
+const STEP_SHARE: f64 = 0.25;
+
+/// Pulse durations after the peak until the pulse is over: exp(-40) is below rounding.
+const TAIL: f64 = 40.0;
+
+/// A laser pulse on a whole face.
+pub struct PulsedLaser {
+    /// Body; may be left out when there is one only.
+    pub body: Option<String>,
+    /// Pulse and absorption.
+    pub shape: source::PulsedLaser,
+    prepared: Option<(usize, Write<f64>)>,
+    account: Account,
+}
+
+impl PulsedLaser {
+    fn end(&self) -> f64 {
+        self.shape.peak_time() + TAIL / self.shape.decay * self.shape.pulse_duration
+    }
+}
+
+#[typetag::serde(name = "pulsed_laser")]
+impl Coupler for PulsedLaser {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        let fault = |e: source::SourceError| SetupError::other(e.key(), e);
+        self.shape.validate().map_err(fault)?;
+        self.prepared = Some((body, setup.add(body, &keys::HEAT_SOURCE)?));
+        self.account.is_on = true;
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let (body, heat_source) = self.prepared.expect("prepared before the run");
+        if step.size > 0.0 {
+            let body = world.body(body);
+            let target = BodyTarget {
+                body,
+                grid: grid(body),
+            };
+            let mut heat_source = world.write(heat_source);
+            let span = (step.start, step.end());
+            let deposit = self.shape.add(&target, span, &mut heat_source);
+            self.account.book(&deposit, step.size);
+        }
+        self.account.is_on = step.end() < self.end();
+        Ok(())
+    }
+
+    fn next_event(&self, after: f64) -> Option<f64> {
+        self.shape.next_event(after)
+    }
+
+    fn step_limit(&self) -> Option<f64> {
+        let limit = STEP_SHARE * self.shape.pulse_duration;
+        self.account.is_on.then_some(limit)
+    }
+
+    fn report(&self) -> Vec<Report> {
+        self.account.report()
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(self.account)
+    }
+
+    fn load(
+        &mut self,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        self.account = Account::deserialize(state)?;
+        Ok(())
+    }
+}
+
+perimelt_core::register_coupler!("pulsed_laser", PulsedLaser);
+
+impl Serialize for PulsedLaser {
+    fn serialize<T: Serializer>(&self, serializer: T) -> Result<T::Ok, T::Error> {
+        let keys = Keys {
+            body: self.body.clone(),
+            toolpath: None,
+            shape: self.shape.clone(),
+        };
+        keys.serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for PulsedLaser {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let keys = read(deserializer, false)?;
+        Ok(PulsedLaser {
+            body: keys.body,
+            shape: keys.shape,
+            prepared: None,
+            account: Account::default(),
+        })
+    }
+}
+
+impl JsonSchema for PulsedLaser {
+    fn schema_name() -> Cow<'static, str> {
+        source::PulsedLaser::schema_name()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        schema::<source::PulsedLaser>(generator, false)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, block, prepare, read as from_toml, refusal};
+
+    const PULSE: &str = "fluence = 10\nreflectivity = 0.5\npulse_duration = 1\nabsorption_depth = 0.1\nheated_surface.face = 'x-'";
+
+    #[test]
+    fn the_whole_fluence_arrives_in_steps_of_any_length() {
+        for steps in [1, 7, 200] {
+            let mut world = World::new(vec![block([30, 1, 1], 1, STEEL)]);
+            let mut laser: PulsedLaser = from_toml(PULSE);
+            prepare(&mut world, &mut laser, |setup| {
+                setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+            })
+            .expect("valid");
+            assert_eq!(laser.step_limit(), Some(0.25));
+            let size = 40.0 / f64::from(steps);
+            for s in 0..steps {
+                let start = f64::from(s) * size;
+                laser.apply(&world, Step { start, size }).expect("applies");
+            }
+            // 2 p/a J (1 - R) less exp(-4) of one half before time 0
+            let expected = 0.94 / 1.992 * 5.0 * (2.0 - (-2.0 * 1.992_f64).exp());
+            let reports = laser.report();
+            let energy = reports.iter().find(|r| r.name == "energy.deposited");
+            let energy = energy.expect("reported").value;
+            // rounding of 200 differences of numbers of order 1
+            assert!((energy - expected).abs() < 1e-11, "{steps} steps: {energy}");
+            assert_eq!(laser.step_limit(), None, "the pulse is over");
+        }
+    }
+
+    #[test]
+    fn a_pulse_has_no_toolpath() {
+        let text = format!("{PULSE}\ntoolpath.line.speed = 1");
+        let error = toml::from_str::<PulsedLaser>(&text)
+            .err()
+            .expect("no such key");
+        assert!(error.message().contains("unknown field `toolpath`"));
+        let mut world = World::new(vec![block([30, 1, 1], 1, STEEL)]);
+        let mut wrong: PulsedLaser = from_toml(&PULSE.replace("0.5", "1.5"));
+        assert!(refusal(&mut world, &mut wrong).starts_with("reflectivity: "));
+    }
+}
