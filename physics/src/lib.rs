@@ -6,4 +6,6 @@
 //! | `mechanical` | `displacement`, `velocity`, `eigenstress` | `eigenstrain`, `body_force` |
 
 pub mod mechanical;
+#[cfg(test)]
+mod testing;
 pub mod thermal;

@@ -18,6 +18,8 @@ pub mod bond;
 pub mod elastic;
 mod equilibrium;
 mod motion;
+#[cfg(test)]
+mod tests;
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::solver::reduce::{sum_of, weighted_sum};

@@ -1,0 +1,94 @@
+//! Small worlds for the tests of physics.
+
+use std::path::Path;
+
+use perimelt_core::body::{Body, Store};
+use perimelt_core::material::{Material, MaterialSection};
+use perimelt_core::shape::{BoxShape, Shape};
+use perimelt_core::simulation::{Named, Simulation, TimeOptions};
+use perimelt_core::{Coupler, Physics, StepSize, World};
+
+/// A block of `cells` cubic cells of edge `spacing` (m), of a material given in TOML.
+pub fn block(
+    cells: [usize; 3],
+    dimension: usize,
+    spacing: f64,
+    store: Store,
+    material: &str,
+) -> Body {
+    let max = cells.map(|c| c as f64 * spacing);
+    let shape = Shape::Box(BoxShape { min: [0.0; 3], max });
+    let mut body = Body::fill("block", &shape, dimension, spacing, 0.1).expect("a valid block");
+    let section: MaterialSection = toml::from_str(material).expect("a valid material");
+    body.materials = vec![Material::new("test", section, None).expect("a valid material")];
+    body.store = store;
+    body
+}
+
+/// A plugin read from TOML, as a case file would give it.
+pub fn read<P: serde::de::DeserializeOwned>(keys: &str) -> P {
+    toml::from_str(keys).expect("valid keys")
+}
+
+/// One physics with couplers on one body, prepared but not started.
+pub fn simulation(
+    body: Body,
+    physics: Vec<Box<dyn Physics>>,
+    couplers: Vec<Box<dyn Coupler>>,
+    end: f64,
+) -> Simulation {
+    let physics = physics
+        .into_iter()
+        .map(|plugin| Named {
+            label: plugin.typetag_name().into(),
+            plugin,
+        })
+        .collect();
+    let couplers = couplers
+        .into_iter()
+        .map(|plugin| Named {
+            label: plugin.typetag_name().into(),
+            plugin,
+        })
+        .collect();
+    let options = TimeOptions {
+        end,
+        step: StepSize::Auto,
+        safety: 0.9,
+        log_interval: end,
+        iteration: None,
+    };
+    Simulation::prepare(
+        World::new(vec![body]),
+        couplers,
+        physics,
+        options,
+        Path::new("."),
+    )
+    .map_err(|(_, e)| e)
+    .expect("a valid composition")
+}
+
+/// Sets a field from the positions of the points.
+pub fn set<const N: usize>(s: &mut Simulation, field: &str, value: impl Fn([f64; 3]) -> [f64; N]) {
+    let positions = s.world().body(0).points.position.clone();
+    for (i, x) in positions.into_iter().enumerate() {
+        s.set_initial(0, field, std::iter::once(i), &value(x.into()))
+            .expect("the field exists");
+    }
+}
+
+/// All components of a field.
+pub fn values(s: &Simulation, field: &str) -> Vec<f64> {
+    let fields = s.world().fields();
+    let index = fields.find(0, field).expect("the field exists");
+    fields.field(index).data().flat().to_vec()
+}
+
+/// Runs to the end.
+pub fn run(s: &mut Simulation) {
+    s.start().expect("starts");
+    while !s.is_finished() {
+        s.step().expect("steps");
+    }
+}
