@@ -1,1 +1,31 @@
-//! Case files, command line and material library.
+//! Case files, command line and material library of Perimelt.
+//!
+//! - [`case`]: TOML text -> a composed [`core::Simulation`], mistakes shown where they are;
+//! - [`run`]: steps a case, logs it, resumes it;
+//! - [`probe`]: numbers taken from the fields with every logged state;
+//! - [`library`]: the materials that come with the program;
+//! - [`commands`]: the command line; [`plot`], [`export`] and [`verify`] behind it.
+//!
+//! A binary with plugins of its own links their crate and calls [`main`]:
+//!
+//! ```no_run
+//! // use my_plugins as _;
+//! fn main() -> std::process::ExitCode {
+//!     perimelt::main()
+//! }
+//! ```
+
+pub mod case;
+pub mod commands;
+pub mod export;
+pub mod library;
+pub mod melt_pool;
+pub mod plot;
+pub mod probe;
+pub mod run;
+pub mod verify;
+
+pub use commands::main;
+pub use perimelt_core as core;
+// linking these crates registers their plugins
+pub use {perimelt_couplers as couplers, perimelt_physics as physics};

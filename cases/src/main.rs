@@ -1,2 +1,4 @@
 //! The `perimelt` binary.
-fn main() {}
+fn main() -> std::process::ExitCode {
+    perimelt::main()
+}

@@ -65,61 +65,50 @@ pub mod keys {
     use super::Key;
     use nalgebra::Vector3;
 
-    /// Temperature, K.
-    pub const TEMPERATURE: Key<f64> = Key::new("temperature", "K", "temperature");
-    /// Enthalpy per reference volume, J/m³.
-    pub const ENTHALPY: Key<f64> = Key::new("enthalpy", "J/m3", "enthalpy per reference volume");
-    /// Heat added per volume and time, W/m³ (sink field of the thermal physics).
-    pub const HEAT_SOURCE: Key<f64> =
-        Key::new("heat_source", "W/m3", "heat added per volume and time");
-    /// How often a point's temperature is held: 0 where it is free, one for each boundary that
-    /// holds it (sink field of the thermal physics; the value is in [`HELD_TEMPERATURE`]).
-    pub const TEMPERATURE_CONSTRAINT: Key<f64> = Key::new(
-        "temperature_constraint",
-        "1",
-        "number of boundaries that hold the temperature of the point",
-    );
-    /// Sum of the temperatures at which boundaries hold a point, K; divided by
-    /// [`TEMPERATURE_CONSTRAINT`] it is the value to take (sink field of the thermal physics).
-    pub const HELD_TEMPERATURE: Key<f64> = Key::new(
-        "held_temperature",
-        "K",
-        "sum of the temperatures at which boundaries hold the point",
-    );
-    /// Share of liquid, 0 to 1.
-    pub const LIQUID_FRACTION: Key<f64> = Key::new("liquid_fraction", "1", "share of liquid");
-    /// Displacement from the reference position, m.
-    pub const DISPLACEMENT: Key<Vector3<f64>> = Key::new(
-        "displacement",
-        "m",
-        "displacement from the reference position",
-    );
-    /// How often a component of the displacement is held: 0 where it is free, one for each
-    /// boundary that holds it (sink field of the mechanical physics; the value is in
-    /// [`HELD_DISPLACEMENT`]).
-    pub const CONSTRAINT: Key<Vector3<f64>> = Key::new(
-        "constraint",
-        "1",
-        "number of boundaries that hold each component of the displacement",
-    );
-    /// Sum of the displacements at which boundaries hold a point, m; divided by
-    /// [`CONSTRAINT`], component by component, it is the value to take (sink field of the
-    /// mechanical physics).
-    pub const HELD_DISPLACEMENT: Key<Vector3<f64>> = Key::new(
-        "held_displacement",
-        "m",
-        "sum of the displacements at which boundaries hold the point",
-    );
-    /// Velocity, m/s.
-    pub const VELOCITY: Key<Vector3<f64>> = Key::new("velocity", "m/s", "velocity");
-    /// Force per volume, N/m³ (sink field of the mechanical physics).
-    pub const BODY_FORCE: Key<Vector3<f64>> = Key::new("body_force", "N/m3", "force per volume");
-    /// Isotropic stress-free strain, for example alpha (T - T_ref) (sink field of the mechanical physics).
-    pub const EIGENSTRAIN: Key<f64> = Key::new("eigenstrain", "1", "isotropic stress-free strain");
-    /// Stress conjugate to the eigenstrain, `dW/d(strain)` summed over the bonds, Pa. Heat from
-    /// deformation is `-alpha T` times its change.
-    pub const EIGENSTRESS: Key<f64> =
-        Key::new("eigenstress", "Pa", "stress conjugate to the eigenstrain");
+    macro_rules! vocabulary {
+        ($($(#[$doc:meta])* $key:ident: $value:ty = $name:literal, $unit:literal, $meaning:literal;)*) => {
+            $($(#[$doc])* pub const $key: Key<$value> = Key::new($name, $unit, $meaning);)*
+
+            /// Name, unit and meaning of every key of the vocabulary.
+            pub const ALL: &[(&str, &str, &str)] = &[$(($name, $unit, $meaning)),*];
+        };
+    }
+
+    vocabulary! {
+        /// Temperature, K.
+        TEMPERATURE: f64 = "temperature", "K", "temperature";
+        /// Enthalpy per reference volume, J/m³.
+        ENTHALPY: f64 = "enthalpy", "J/m3", "enthalpy per reference volume";
+        /// Heat added per volume and time, W/m³ (sink field of the thermal physics).
+        HEAT_SOURCE: f64 = "heat_source", "W/m3", "heat added per volume and time";
+        /// How often a point's temperature is held: 0 where it is free, one for each boundary that
+        /// holds it (sink field of the thermal physics; the value is in [`HELD_TEMPERATURE`]).
+        TEMPERATURE_CONSTRAINT: f64 = "temperature_constraint", "1", "number of boundaries that hold the temperature of the point";
+        /// Sum of the temperatures at which boundaries hold a point, K; divided by
+        /// [`TEMPERATURE_CONSTRAINT`] it is the value to take (sink field of the thermal physics).
+        HELD_TEMPERATURE: f64 = "held_temperature", "K", "sum of the temperatures at which boundaries hold the point";
+        /// Share of liquid, 0 to 1.
+        LIQUID_FRACTION: f64 = "liquid_fraction", "1", "share of liquid";
+        /// Displacement from the reference position, m.
+        DISPLACEMENT: Vector3<f64> = "displacement", "m", "displacement from the reference position";
+        /// How often a component of the displacement is held: 0 where it is free, one for each
+        /// boundary that holds it (sink field of the mechanical physics; the value is in
+        /// [`HELD_DISPLACEMENT`]).
+        CONSTRAINT: Vector3<f64> = "constraint", "1", "number of boundaries that hold each component of the displacement";
+        /// Sum of the displacements at which boundaries hold a point, m; divided by
+        /// [`CONSTRAINT`], component by component, it is the value to take (sink field of the
+        /// mechanical physics).
+        HELD_DISPLACEMENT: Vector3<f64> = "held_displacement", "m", "sum of the displacements at which boundaries hold the point";
+        /// Velocity, m/s.
+        VELOCITY: Vector3<f64> = "velocity", "m/s", "velocity";
+        /// Force per volume, N/m³ (sink field of the mechanical physics).
+        BODY_FORCE: Vector3<f64> = "body_force", "N/m3", "force per volume";
+        /// Isotropic stress-free strain, for example alpha (T - T_ref) (sink field of the mechanical physics).
+        EIGENSTRAIN: f64 = "eigenstrain", "1", "isotropic stress-free strain";
+        /// Stress conjugate to the eigenstrain, `dW/d(strain)` summed over the bonds, Pa. Heat from
+        /// deformation is `-alpha T` times its change.
+        EIGENSTRESS: f64 = "eigenstress", "Pa", "stress conjugate to the eigenstrain";
+    }
 }
 
 /// Index of a field in a [`Fields`] store.

@@ -98,8 +98,8 @@ impl Case {
     fn material(&self, path: &[&str], material: &str) -> Result<Material> {
         let Some(section) = self.materials.get(material) else {
             return library::find(material).ok_or_else(|| {
-                let sections = self.materials.keys().map(String::as_str);
-                let known: Vec<&str> = sections.chain(library::names()).collect();
+                let sections: Vec<&str> = self.materials.keys().map(String::as_str).collect();
+                let known = [sections, library::names().collect()].concat();
                 let message = format!("no material is called `{material}`");
                 let error = self.body_error(path, message, "no such material");
                 suggest(error, material, &known)

@@ -9,6 +9,7 @@ use toml::de::ValueDeserializer;
 use super::bodies::suggest;
 use super::error::CaseError;
 use super::locate::{self, Value};
+use super::sections::ProbeSection;
 use super::reword::{Section, split_help};
 use super::{Case, Reader, Result, without_type};
 use crate::probe::Probe;
@@ -27,8 +28,8 @@ pub enum StartError {
 /// A `[[physics]]` or `[[couplers]]` table.
 struct PluginTable<'a> {
     section: &'static str,
-    kind: &'a str,
-    value: &'a Value,
+    kind: String,
+    value: Value<'a>,
 }
 
 impl Case {
@@ -88,7 +89,7 @@ impl Case {
     /// # Errors
     /// The first mistake in a `[[probes]]` table.
     pub fn build_probes(&self, simulation: &Simulation) -> Result<Vec<Probe>> {
-        let build = |(i, section)| {
+        let build = |(i, section): (usize, &ProbeSection)| {
             Probe::new(section, simulation).map_err(|e| {
                 let number = i.to_string();
                 let mut path = vec!["probes", number.as_str()];
@@ -104,8 +105,9 @@ impl Case {
     }
 
     fn plugin_tables(&self, section: &'static str) -> Result<Vec<PluginTable<'_>>> {
-        let reader = Reader { file: &self.file, table: &self.table };
-        let read = |value: &'_ Value| -> Result<()> {
+        let whole = self.table();
+        let reader = Reader { file: &self.file, table: &whole };
+        let check = |value: &Value<'_>| -> Result<()> {
             let table = value.get_ref().as_table();
             match table.and_then(|t| t.get("type")) {
                 None => Err(CaseError::new(&self.file, format!("key `type` is missing in [[{section}]]"), value.span())
@@ -119,10 +121,10 @@ impl Case {
         };
         let mut tables = Vec::new();
         for value in reader.list(section)? {
-            read(value)?;
+            check(value)?;
             let table = value.get_ref().as_table();
             let kind = table.and_then(|t| t.get("type")?.get_ref().as_str()).unwrap_or("");
-            tables.push(PluginTable { section, kind, value });
+            tables.push(PluginTable { section, kind: kind.to_string(), value: value.clone() });
         }
         Ok(tables)
     }
@@ -143,7 +145,7 @@ impl Case {
             let body = keys.and_then(|t| t.get("body")?.get_ref().as_str());
             let base = match body {
                 Some(body) => format!("{} on {body}", table.kind),
-                None => table.kind.to_string(),
+                None => table.kind.clone(),
             };
             let mut label = base.clone();
             let mut number = 2;
@@ -157,7 +159,7 @@ impl Case {
     }
 
     fn construct<P: ?Sized>(&self, table: &PluginTable<'_>, from_toml: FromToml<P>, schema: fn() -> Schema) -> Result<Box<P>> {
-        from_toml(ValueDeserializer::from(without_type(table.value))).map_err(|e| {
+        from_toml(ValueDeserializer::from(without_type(&table.value))).map_err(|e| {
             let empty = locate::Table::new();
             let section = Section {
                 file: &self.file,
@@ -178,10 +180,10 @@ impl Case {
         let span = table.at("type");
         let message = format!("no {kind} is called `{}`", table.kind);
         let error = CaseError::new(&self.file, message, span).expected("no such type");
-        if names(other).contains(&table.kind) {
+        if names(other).contains(&table.kind.as_str()) {
             return error.help(format!("`{}` belongs into a section headed `[[{other}]]`", table.kind));
         }
-        suggest(error, table.kind, &names(table.section))
+        suggest(error, &table.kind, &names(table.section))
     }
 
     /// A mistake that a plugin found, at its key.

@@ -6,9 +6,9 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// A parsed value with its place.
-pub type Value = Spanned<DeValue<'static>>;
+pub type Value<'i> = Spanned<DeValue<'i>>;
 /// A parsed table.
-pub type Table = DeTable<'static>;
+pub type Table<'i> = DeTable<'i>;
 
 /// Place of a key and of its value.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,7 +22,7 @@ pub struct Place {
 }
 
 /// The deepest part of `path` (names, or positions in lists) that `table` holds.
-pub fn find(table: &Table, path: &[&str]) -> Option<Place> {
+pub fn find(table: &Table<'_>, path: &[&str]) -> Option<Place> {
     let (name, rest) = path.split_first()?;
     let (key, value) = table.get_key_value(*name)?;
     let here = Place {
@@ -33,7 +33,7 @@ pub fn find(table: &Table, path: &[&str]) -> Option<Place> {
     Some(find_in(value, rest, here))
 }
 
-fn find_in(value: &Value, path: &[&str], here: Place) -> Place {
+fn find_in(value: &Value<'_>, path: &[&str], here: Place) -> Place {
     let Some((name, rest)) = path.split_first() else {
         return here;
     };
@@ -66,13 +66,13 @@ fn find_in(value: &Value, path: &[&str], here: Place) -> Place {
 }
 
 /// Names that lead from `table` to the innermost key or value at `span`.
-pub fn path_to(table: &Table, span: &Range<usize>) -> Vec<String> {
+pub fn path_to(table: &Table<'_>, span: &Range<usize>) -> Vec<String> {
     let mut path = Vec::new();
     descend(table, span, &mut path);
     path
 }
 
-fn descend(table: &Table, span: &Range<usize>, path: &mut Vec<String>) -> bool {
+fn descend(table: &Table<'_>, span: &Range<usize>, path: &mut Vec<String>) -> bool {
     for (key, value) in table {
         path.push(key.get_ref().to_string());
         if covers(&key.span(), span) || descend_value(value, span, path) {
@@ -83,7 +83,7 @@ fn descend(table: &Table, span: &Range<usize>, path: &mut Vec<String>) -> bool {
     false
 }
 
-fn descend_value(value: &Value, span: &Range<usize>, path: &mut Vec<String>) -> bool {
+fn descend_value(value: &Value<'_>, span: &Range<usize>, path: &mut Vec<String>) -> bool {
     let inner = match value.get_ref() {
         DeValue::Table(table) => descend(table, span, path),
         DeValue::Array(list) => list.iter().enumerate().any(|(i, item)| {
@@ -109,10 +109,8 @@ mod tests {
 
     const TEXT: &str = "power = 5\n[toolpath]\npoints = [[0, 0], [1, 2]]\nline = { speed = 3 }\n";
 
-    fn parsed() -> Table {
-        let mut table = DeTable::parse(TEXT).expect("valid").into_inner();
-        table.make_owned();
-        table
+    fn parsed() -> Table<'static> {
+        DeTable::parse(TEXT).expect("valid").into_inner()
     }
 
     #[test]

@@ -56,7 +56,6 @@ pub struct Case {
     pub probes: Vec<ProbeSection>,
     /// `[log]`.
     pub log: LogSection,
-    table: Table,
 }
 
 /// The sections of a case file, in the order in which they are written.
@@ -92,14 +91,7 @@ impl Case {
     pub fn parse(name: &str, text: String, folder: &Path) -> Result<Case> {
         let name = name.to_string();
         let file = Arc::new(CaseFile { name, text });
-        let mut table = DeTable::parse(&file.text)
-            .map_err(|e| {
-                let span = e.span().unwrap_or(0..0);
-                CaseError::new(&file, format!("this is not valid TOML: {}", e.message()), span)
-            })?
-            .into_inner();
-        table.make_owned();
-        let table: Table = table;
+        let table = parse(&file)?;
 
         if let Some(key) = table.keys().find(|k| !SECTIONS.contains(&&**k.get_ref())) {
             let error = CaseError::new(&file, format!("unknown section `{}`", key.get_ref()), key.span());
@@ -142,7 +134,6 @@ impl Case {
             bodies: named,
             materials,
             probes,
-            table,
         };
         case.check_times()?;
         Ok(case)
@@ -163,7 +154,8 @@ impl Case {
     /// # Errors
     /// The first mistake in them.
     pub fn verify_entries<T: DeserializeOwned + JsonSchema>(&self) -> Result<Vec<T>> {
-        let reader = Reader { file: &self.file, table: &self.table };
+        let table = self.table();
+        let reader = Reader { file: &self.file, table: &table };
         let entries = reader.list("verify")?;
         entries.into_iter().map(|v| reader.section("[[verify]]", v)).collect()
     }
@@ -196,19 +188,32 @@ impl Case {
 
     /// Place of the value at `path`, or of the deepest part that is there.
     fn place(&self, path: &[&str]) -> Option<Range<usize>> {
-        locate::find(&self.table, path).map(|place| place.value)
+        locate::find(&self.table(), path).map(|place| place.value)
+    }
+
+    /// The parsed text: parsed anew, because it borrows from the text.
+    fn table(&self) -> Table<'_> {
+        parse(&self.file).unwrap_or_default()
     }
 }
 
-/// Reads sections out of a parsed file.
-struct Reader<'a> {
-    file: &'a Arc<CaseFile>,
-    table: &'a Table,
+fn parse(file: &Arc<CaseFile>) -> Result<Table<'_>> {
+    let parsed = DeTable::parse(&file.text).map_err(|e| {
+        let message = format!("this is not valid TOML: {}", e.message());
+        CaseError::new(file, message, e.span().unwrap_or(0..0))
+    })?;
+    Ok(parsed.into_inner())
 }
 
-impl Reader<'_> {
+/// Reads sections out of a parsed file.
+struct Reader<'a, 'i> {
+    file: &'a Arc<CaseFile>,
+    table: &'a Table<'i>,
+}
+
+impl<'a, 'i> Reader<'a, 'i> {
     /// Reads one section as `T`.
-    fn section<T: DeserializeOwned + JsonSchema>(&self, name: &str, value: &Value) -> Result<T> {
+    fn section<T: DeserializeOwned + JsonSchema>(&self, name: &str, value: &Value<'i>) -> Result<T> {
         let Some(table) = value.get_ref().as_table() else {
             let message = format!("`{name}` is not a table");
             return Err(CaseError::new(self.file, message, value.span())
@@ -232,7 +237,7 @@ impl Reader<'_> {
     }
 
     /// The tables `[key.<name>]`, in file order.
-    fn named(&self, key: &str) -> Result<Vec<(String, &Value)>> {
+    fn named(&self, key: &str) -> Result<Vec<(String, &'a Value<'i>)>> {
         let Some(value) = self.table.get(key) else {
             return Ok(Vec::new());
         };
@@ -246,7 +251,7 @@ impl Reader<'_> {
     }
 
     /// The tables `[[key]]`.
-    fn list(&self, key: &str) -> Result<Vec<&Value>> {
+    fn list(&self, key: &str) -> Result<Vec<&'a Value<'i>>> {
         let Some(value) = self.table.get(key) else {
             return Ok(Vec::new());
         };
@@ -260,7 +265,7 @@ impl Reader<'_> {
 }
 
 /// The table of a plugin without its `type`, for its constructor.
-fn without_type(value: &Value) -> Value {
+fn without_type<'i>(value: &Value<'i>) -> Value<'i> {
     let mut table = value.get_ref().as_table().cloned().unwrap_or_default();
     table.remove("type");
     Spanned::new(value.span(), DeValue::Table(table))

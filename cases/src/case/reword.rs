@@ -18,7 +18,7 @@ pub struct Section<'a> {
     /// The header.
     pub header: std::ops::Range<usize>,
     /// Its keys.
-    pub table: &'a Table,
+    pub table: &'a Table<'a>,
     /// Schema of its keys.
     pub schema: Json,
 }

@@ -1,0 +1,106 @@
+//! The command line.
+
+mod check;
+mod explain;
+mod info;
+mod list;
+mod replay;
+mod run;
+
+use std::error::Error;
+use std::io::IsTerminal;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::case::{self, CaseError};
+use crate::run::Failure;
+use crate::{export, plot, verify};
+
+/// Simulates welding and additive manufacturing with peridynamics.
+#[derive(Parser, Debug)]
+#[command(name = "perimelt", version, about)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+enum Command {
+    /// Run a case and write its log
+    Run(run::RunArgs),
+    /// Check a case without running it: points, bonds, memory, steps, duration
+    Check(check::CheckArgs),
+    /// List physics, couplers, fields, material properties and library materials
+    List,
+    /// Explain the keys of a plugin or of a section of the case file
+    Explain(explain::ExplainArgs),
+    /// Print the JSON schema of case files, for editors
+    Schema,
+    /// Show what a log holds
+    Info(info::InfoArgs),
+    /// Step through a log: time, probes, balance
+    Replay(replay::ReplayArgs),
+    /// Go on from the last checkpoint of a log
+    Resume(run::ResumeArgs),
+    /// Export a log to ParaView or CSV
+    Export(export::ExportArgs),
+    /// Draw pictures of a log
+    Plot(plot::PlotArgs),
+    /// Run benchmark cases and compare them with their references
+    Verify(verify::VerifyArgs),
+}
+
+type Done = Result<(), Box<dyn Error>>;
+
+/// The program: reads its arguments, does what they say, and reports what went wrong.
+pub fn main() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Run(args) => run::run(&args),
+        Command::Check(args) => check::run(&args),
+        Command::List => list::run(),
+        Command::Explain(args) => explain::run(&args),
+        Command::Schema => print_schema(),
+        Command::Info(args) => info::run(&args),
+        Command::Replay(args) => replay::run(&args),
+        Command::Resume(args) => run::resume(&args),
+        Command::Export(args) => export::run(&args).map_err(Into::into),
+        Command::Plot(args) => plot::run(&args).map_err(Into::into),
+        Command::Verify(args) => verify::run(&args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) if is_closed_pipe(&*error) => ExitCode::SUCCESS,
+        Err(error) => {
+            report(&*error);
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Shows an error; mistakes in a case file with their line.
+fn report(error: &(dyn Error + 'static)) {
+    let failure = error.downcast_ref::<Failure>();
+    let in_case = match failure {
+        Some(Failure::Case(e)) => Some(&**e),
+        _ => error
+            .downcast_ref::<CaseError>()
+            .or_else(|| error.downcast_ref::<Box<CaseError>>().map(|e| &**e)),
+    };
+    match in_case {
+        Some(mistake) => eprintln!("{}", mistake.render(std::io::stderr().is_terminal())),
+        None => eprintln!("error: {error}"),
+    }
+}
+
+/// Whether the reader of our output has gone, as `head` does.
+fn is_closed_pipe(error: &(dyn Error + 'static)) -> bool {
+    let io = error.downcast_ref::<std::io::Error>();
+    io.is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
+}
+
+fn print_schema() -> Done {
+    use std::io::Write;
+    let text = serde_json::to_string_pretty(&case::whole_schema())?;
+    Ok(writeln!(std::io::stdout(), "{text}")?)
+}

@@ -1,0 +1,90 @@
+//! `perimelt replay`: steps through the logged states.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use perimelt_core::log::{Log, Series};
+
+use super::Done;
+
+#[derive(clap::Args, Debug)]
+pub struct ReplayArgs {
+    /// The log
+    log: PathBuf,
+    /// Show only the state nearest to this time, s
+    #[arg(long, value_name = "T")]
+    at: Option<f64>,
+    /// Wait between states: simulated seconds in a second of real time
+    #[arg(long, value_name = "R")]
+    rate: Option<f64>,
+}
+
+/// Nothing to replay, or not so.
+#[derive(Debug, thiserror::Error)]
+enum ReplayError {
+    #[error("{path} holds no state", path = .0.display())]
+    Empty(PathBuf),
+    #[error("`--rate` must be above 0, but is {0}")]
+    Rate(f64),
+}
+
+pub fn run(args: &ReplayArgs) -> Done {
+    if let Some(rate) = args.rate.filter(|r| !(r.is_finite() && *r > 0.0)) {
+        return Err(ReplayError::Rate(rate).into());
+    }
+    let log = Log::open(&args.log)?;
+    let first_body = log.bodies().next().unwrap_or_default().to_string();
+    let times = log.times(&first_body).to_vec();
+    if times.is_empty() {
+        return Err(ReplayError::Empty(args.log.clone()).into());
+    }
+    let out = &mut std::io::stdout().lock();
+    if let Some(at) = args.at {
+        let distance = |i: &usize| (times[*i] - at).abs();
+        let nearest = (0..times.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        return show(out, &log, nearest.unwrap_or(0), times[nearest.unwrap_or(0)]);
+    }
+    let started = Instant::now();
+    for (index, &time) in times.iter().enumerate() {
+        if let Some(rate) = args.rate {
+            let due = Duration::try_from_secs_f64((time - times[0]) / rate).unwrap_or(Duration::MAX);
+            std::thread::sleep(due.saturating_sub(started.elapsed()));
+        }
+        show(out, &log, index, time)?;
+        out.flush()?;
+    }
+    Ok(())
+}
+
+fn show(out: &mut impl Write, log: &Log, index: usize, time: f64) -> Done {
+    writeln!(out, "t = {time:.6e} s")?;
+    for body in log.bodies() {
+        if index >= log.times(body).len() {
+            continue;
+        }
+        for field in &log.cloud(body, index)?.fields {
+            // of vectors and tensors the magnitude
+            let size = |v: &[f64]| if v.len() == 1 { v[0] } else { v.iter().map(|x| x * x).sum::<f64>().sqrt() };
+            let values = field.values.chunks_exact(field.components).map(size);
+            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+            writeln!(out, "  {body} {:<20} {low:>13.6e} to {high:>13.6e} {}", field.name, field.unit)?;
+        }
+    }
+    for (name, series) in log.probes() {
+        row(out, &format!("probe {name}"), series, time)?;
+    }
+    row(out, "balance", log.balance(), time)
+}
+
+fn row(out: &mut impl Write, title: &str, series: &Series, time: f64) -> Done {
+    let Some(at) = series.times.iter().position(|t| *t == time) else {
+        return Ok(());
+    };
+    // a line of a hundred positions is for plots
+    const MOST: usize = 16;
+    for column in series.columns.iter().take(MOST) {
+        writeln!(out, "  {title}: {:<24} {:>13.6e} {}", column.name, column.values[at], column.unit)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,86 @@
+//! Progress for the person who waits: a bar in a terminal, a line every few seconds elsewhere.
+
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use perimelt_core::Simulation;
+
+/// Shows how far a run has come.
+pub struct Display {
+    bar: Option<ProgressBar>,
+    quiet: bool,
+    start: f64,
+    end: f64,
+    started: Instant,
+    shown: Instant,
+}
+
+/// The bar counts in these parts of the simulated time.
+const PARTS: f64 = 1000.0;
+
+impl Display {
+    /// A display for a run that goes on from where `simulation` is.
+    pub fn new(simulation: &Simulation, until: f64, quiet: bool) -> Display {
+        let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
+            let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {msg}");
+            let bar = ProgressBar::new(PARTS as u64);
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar
+        });
+        let now = Instant::now();
+        Display {
+            bar,
+            quiet,
+            start: simulation.time(),
+            end: simulation.options().end.min(until),
+            started: now,
+            shown: now,
+        }
+    }
+
+    /// Shows the state after a step, if the last time is long enough ago.
+    pub fn update(&mut self, simulation: &Simulation) {
+        let pause = if self.bar.is_some() { Duration::from_millis(100) } else { Duration::from_secs(5) };
+        if self.quiet || self.shown.elapsed() < pause {
+            return;
+        }
+        self.shown = Instant::now();
+        let time = simulation.time();
+        let elapsed = self.started.elapsed().as_secs_f64();
+        let left = elapsed * ((self.end - time) / (time - self.start)).max(0.0);
+        let step = simulation.progress().last_step;
+        let peak = peak_temperature(simulation).map_or(String::new(), |t| format!("peak {t:.0} K, "));
+        let message = format!("t = {time:.4e} of {:.4e} s, step {step:.2e} s, {peak}{} left", self.end, duration(left));
+        match &self.bar {
+            Some(bar) => {
+                bar.set_position((PARTS * time / self.end) as u64);
+                bar.set_message(message);
+            }
+            None => eprintln!("{:5.1} %  {message}", 100.0 * time / self.end),
+        }
+    }
+
+    /// Removes the bar.
+    pub fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+fn peak_temperature(simulation: &Simulation) -> Option<f64> {
+    let fields = simulation.world().fields().iter().filter(|f| f.name == "temperature");
+    let peak = fields.flat_map(|f| f.data().flat().iter().copied().reduce(f64::max));
+    peak.reduce(f64::max)
+}
+
+/// A wall time in the largest units that matter.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 10.0 => format!("{s:.1} s"),
+        s if s < 90.0 => format!("{s:.0} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}

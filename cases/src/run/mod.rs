@@ -1,0 +1,201 @@
+//! Running a case: steps, log, progress, and going on from a checkpoint.
+//!
+//! A log appears under its name only once it holds the initial state and a checkpoint, so
+//! whatever log there is can be replayed and resumed, however the run was killed.
+
+pub mod display;
+pub mod record;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use perimelt_core::log::{Log, LogError, Writer};
+use perimelt_core::{RunError, Simulation};
+
+use crate::case::{Case, CaseError, StartError};
+use display::Display;
+use record::Recorder;
+
+/// How to run.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// The log.
+    pub out: PathBuf,
+    /// Stop at the first logged state at or after this time, s.
+    pub until: Option<f64>,
+    /// Show no progress.
+    pub quiet: bool,
+    /// Set by somebody else to end the run early.
+    pub stop: Arc<AtomicBool>,
+}
+
+/// Why a run ended without a failure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// At the end time of the case.
+    Finished,
+    /// At the time asked for.
+    Until,
+    /// It was told to stop.
+    Stopped,
+}
+
+/// What a run came to.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// Why it ended.
+    pub end: End,
+    /// Simulated time, s.
+    pub time: f64,
+    /// Macro steps.
+    pub steps: u64,
+    /// Wall time of this part of the run, s.
+    pub wall_seconds: f64,
+    /// The log.
+    pub log: PathBuf,
+}
+
+/// Why a run failed.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// A mistake in the case file.
+    #[error(transparent)]
+    Case(#[from] Box<CaseError>),
+    /// A step failed; the log holds everything up to there.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// The log could not be written or read.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// The finished beginning of a log could not be put in its place.
+    #[error("could not create the log {path}: {source}", path = path.display())]
+    Place {
+        /// The log.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Nothing left to do.
+    #[error("the run in {path} has reached its end at t = {time} s; there is nothing to resume", path = path.display())]
+    AlreadyFinished {
+        /// The log.
+        path: PathBuf,
+        /// End, s.
+        time: f64,
+    },
+}
+
+impl From<StartError> for Failure {
+    fn from(error: StartError) -> Self {
+        match error {
+            StartError::Case(e) => Failure::Case(e),
+            StartError::Run(e) => Failure::Run(e),
+        }
+    }
+}
+
+/// Runs a case from its start.
+///
+/// # Errors
+/// A mistake in the case (nothing is written then), a step that fails, a log that cannot be written.
+pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
+    let mut simulation = case.compose()?;
+    case.start(&mut simulation)?;
+    let part = part_of(&options.out);
+    let info = record::run_info(case, &simulation);
+    let name = Path::new(&case.file.name).file_name().unwrap_or_default();
+    let writer = Writer::create(&part, &info, &name.to_string_lossy(), &case.file.text)?;
+    let mut recorder = Recorder::new(case, &simulation, writer, 0.0)?;
+    recorder.record(&simulation)?;
+    recorder.checkpoint(&simulation)?;
+    put_in_place(&part, &options.out)?;
+    go_on(simulation, recorder, options)
+}
+
+/// Goes on from the last checkpoint of the log at `path`; the new log takes its place, or
+/// that of `options.out`.
+///
+/// # Errors
+/// As [`run`], or the log has no checkpoint or has reached its end.
+pub fn resume(path: &Path, options: &Options) -> Result<Summary, Failure> {
+    let log = Log::open(path)?;
+    let case = case_of(&log)?;
+    let last = log.last_checkpoint()?;
+    let time = log.checkpoints()[last].time;
+    if time >= case.time.end {
+        return Err(Failure::AlreadyFinished { path: path.into(), time });
+    }
+    let mut simulation = case.compose()?;
+    simulation.load(&log.checkpoint(last)?)?;
+    let wall = log.progress().iter().rev().find(|p| p.time <= time).map_or(0.0, |p| p.wall_seconds);
+    let part = part_of(&options.out);
+    let writer = Writer::continue_from(&log, &part, last)?;
+    let recorder = Recorder::new(&case, &simulation, writer, wall)?;
+    drop(log);
+    put_in_place(&part, &options.out)?;
+    go_on(simulation, recorder, options)
+}
+
+/// The case of a log, as it was run.
+///
+/// # Errors
+/// A mistake in it, for example because a plugin is missing in this program.
+pub fn case_of(log: &Log) -> Result<Case, Box<CaseError>> {
+    let folder = Path::new(&log.run().case_folder);
+    Case::parse(log.case_name(), log.case_text().to_string(), folder)
+}
+
+fn go_on(mut simulation: Simulation, mut recorder: Recorder, options: &Options) -> Result<Summary, Failure> {
+    let started = Instant::now();
+    let until = options.until.unwrap_or(f64::INFINITY);
+    let mut display = Display::new(&simulation, until, options.quiet);
+    let end = loop {
+        if simulation.is_finished() {
+            break End::Finished;
+        }
+        if options.stop.load(Ordering::Relaxed) {
+            break End::Stopped;
+        }
+        let logging = match simulation.step() {
+            Ok(logging) => logging,
+            Err(failure) => {
+                display.finish();
+                recorder.finish()?;
+                return Err(failure.into());
+            }
+        };
+        if logging {
+            recorder.record(&simulation)?;
+            if simulation.time() >= until && !simulation.is_finished() {
+                break End::Until;
+            }
+            if recorder.is_checkpoint_due(&simulation) && !simulation.is_finished() {
+                recorder.checkpoint(&simulation)?;
+            }
+        }
+        display.update(&simulation);
+    };
+    recorder.checkpoint(&simulation)?;
+    recorder.finish()?;
+    display.finish();
+    Ok(Summary {
+        end,
+        time: simulation.time(),
+        steps: simulation.progress().macro_steps,
+        wall_seconds: started.elapsed().as_secs_f64(),
+        log: options.out.clone(),
+    })
+}
+
+/// Name of a log while it has no checkpoint yet.
+fn part_of(out: &Path) -> PathBuf {
+    let mut name = out.as_os_str().to_owned();
+    name.push(".part");
+    name.into()
+}
+
+fn put_in_place(part: &Path, out: &Path) -> Result<(), Failure> {
+    std::fs::rename(part, out).map_err(|source| Failure::Place { path: out.into(), source })
+}

@@ -1,0 +1,204 @@
+//! What a run writes into its log, and when.
+
+use std::collections::BTreeMap;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+use perimelt_core::Simulation;
+use perimelt_core::field::FieldIndex;
+use perimelt_core::log::{BodyInfo, CloudView, FieldInfo, FieldView, Precision, Progress, RunInfo, Writer};
+use perimelt_core::simulation::Progress as Counters;
+
+use super::Failure;
+use crate::case::Case;
+use crate::probe::Probe;
+
+/// Name of the time series of what couplers report, such as the power of a source.
+pub const REPORTS: &str = "reports";
+
+/// Fields that are left out of point clouds unless asked for: they say the same as others.
+const NOT_BY_DEFAULT: [&str; 1] = ["enthalpy"];
+
+/// Writes states, probes, balances, progress and checkpoints.
+pub struct Recorder {
+    writer: Writer,
+    precision: Precision,
+    /// Fields in the point cloud of each body.
+    fields: Vec<Vec<FieldIndex>>,
+    probes: Vec<Probe>,
+    /// Counters at the last progress message.
+    counted: Counters,
+    checkpoint_interval: f64,
+    next_checkpoint: f64,
+    started: Instant,
+    wall_before: f64,
+}
+
+impl Recorder {
+    /// A recorder for `simulation`; `wall_before` is the wall time that the run took already, s.
+    pub fn new(case: &Case, simulation: &Simulation, writer: Writer, wall_before: f64) -> Result<Recorder, Failure> {
+        let chosen = |body: usize| {
+            let wanted = |name: &str| match &case.log.fields {
+                Some(fields) => fields.iter().any(|f| f == name),
+                None => !NOT_BY_DEFAULT.contains(&name),
+            };
+            let fields = simulation.lasting().filter(|f| f.body == body && wanted(&f.name));
+            let index = |f: &perimelt_core::field::Field| simulation.world().fields().find(body, &f.name);
+            fields.filter_map(index).collect()
+        };
+        let mut recorder = Recorder {
+            writer,
+            precision: case.log.precision,
+            fields: (0..simulation.world().bodies().len()).map(chosen).collect(),
+            probes: case.build_probes(simulation)?,
+            counted: simulation.progress().clone(),
+            checkpoint_interval: case.checkpoint_interval(),
+            next_checkpoint: 0.0,
+            started: Instant::now(),
+            wall_before,
+        };
+        recorder.plan_checkpoint(simulation.time());
+        Ok(recorder)
+    }
+
+    /// Logs the state, probes, balances and progress, and makes sure that they survive.
+    pub fn record(&mut self, simulation: &Simulation) -> Result<(), Failure> {
+        let time = simulation.time();
+        for body in 0..self.fields.len() {
+            self.record_points(simulation, body)?;
+        }
+        for probe in &self.probes {
+            let values = probe.measure(simulation.world());
+            let columns = probe.columns.iter().zip(values);
+            let row: Vec<_> = columns.map(|((name, unit), v)| (name.as_str(), unit.as_str(), v)).collect();
+            self.writer.probe(&probe.name, time, &row)?;
+        }
+        self.record_reports(simulation)?;
+        self.record_balance(simulation)?;
+        self.record_progress(simulation)?;
+        self.writer.flush()?;
+        Ok(())
+    }
+
+    fn record_points(&mut self, simulation: &Simulation, body: usize) -> Result<(), Failure> {
+        let world = simulation.world();
+        let points = world.body(body);
+        let mut positions: Vec<[f64; 3]> = points.points.position.iter().map(|p| (*p).into()).collect();
+        if let Some(index) = world.fields().find(body, "displacement") {
+            let data = world.fields().field(index).data();
+            for (position, moved) in positions.iter_mut().zip(data.flat().chunks_exact(3)) {
+                position.iter_mut().zip(moved).for_each(|(x, u)| *x += u);
+            }
+        }
+        let data: Vec<_> = self.fields[body]
+            .iter()
+            .map(|&f| (world.fields().field(f).name.as_str(), world.fields().field(f).data()))
+            .collect();
+        let fields: Vec<FieldView> = data
+            .iter()
+            .map(|(name, data)| FieldView { name, components: data.components(), values: data.flat() })
+            .collect();
+        let cloud = CloudView { time: simulation.time(), positions: &positions, fields: &fields };
+        Ok(self.writer.points(&points.name, self.precision, &cloud)?)
+    }
+
+    fn record_reports(&mut self, simulation: &Simulation) -> Result<(), Failure> {
+        let mut columns = Vec::new();
+        for (label, reports) in simulation.reports() {
+            columns.extend(reports.into_iter().map(|r| (format!("{label}.{}", r.name), r.unit, r.value)));
+        }
+        if columns.is_empty() {
+            return Ok(());
+        }
+        let row: Vec<_> = columns.iter().map(|(n, u, v)| (n.as_str(), u.as_str(), *v)).collect();
+        Ok(self.writer.probe(REPORTS, simulation.time(), &row)?)
+    }
+
+    fn record_balance(&mut self, simulation: &Simulation) -> Result<(), Failure> {
+        let mut columns = Vec::new();
+        for (label, balances) in simulation.balances() {
+            for b in balances {
+                let error = b.error();
+                let parts = [("stored", b.stored), ("initial", b.initial), ("supplied", b.supplied), ("error", error)];
+                for (part, value) in parts {
+                    columns.push((format!("{label}.{}.{part}", b.quantity), b.unit.clone(), value));
+                }
+            }
+        }
+        if columns.is_empty() {
+            return Ok(());
+        }
+        let row: Vec<_> = columns.iter().map(|(n, u, v)| (n.as_str(), u.as_str(), *v)).collect();
+        Ok(self.writer.balance(simulation.time(), &row)?)
+    }
+
+    fn record_progress(&mut self, simulation: &Simulation) -> Result<(), Failure> {
+        let now = simulation.progress();
+        let by_label = |new: &[u64], old: &[u64]| -> BTreeMap<String, u64> {
+            let labels = simulation.physics_labels();
+            labels.zip(new.iter().zip(old)).map(|(l, (n, o))| (l.to_string(), n - o)).collect()
+        };
+        let progress = Progress {
+            time: simulation.time(),
+            step: now.macro_steps,
+            step_size: now.last_step,
+            sub_steps: by_label(&now.sub_steps, &self.counted.sub_steps),
+            iterations: by_label(&now.iterations, &self.counted.iterations),
+            coupling_passes: now.passes - self.counted.passes,
+            wall_seconds: self.wall_before + self.started.elapsed().as_secs_f64(),
+        };
+        self.counted = now.clone();
+        Ok(self.writer.progress(&progress)?)
+    }
+
+    /// Whether the cadence asks for a checkpoint.
+    pub fn is_checkpoint_due(&self, simulation: &Simulation) -> bool {
+        simulation.time() >= self.next_checkpoint
+    }
+
+    /// Logs everything needed to go on.
+    pub fn checkpoint(&mut self, simulation: &Simulation) -> Result<(), Failure> {
+        let state = simulation.save()?;
+        let step = simulation.progress().macro_steps;
+        self.writer.checkpoint(simulation.time(), step, &state)?;
+        self.writer.flush()?;
+        self.plan_checkpoint(simulation.time());
+        Ok(())
+    }
+
+    fn plan_checkpoint(&mut self, time: f64) {
+        // a thousandth covers rounding of log times that should coincide with the cadence
+        let done = (time / self.checkpoint_interval + 1e-3).floor();
+        self.next_checkpoint = (done + 1.0 - 1e-3) * self.checkpoint_interval;
+    }
+
+    /// Closes the log.
+    pub fn finish(self) -> Result<(), Failure> {
+        Ok(self.writer.finish()?)
+    }
+}
+
+/// What does not change during a run.
+pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
+    let body = |(index, body): (usize, &perimelt_core::Body)| BodyInfo {
+        name: body.name.clone(),
+        dimension: body.dimension,
+        spacing: body.lattice.spacing,
+        thickness: body.thickness,
+        points: body.points.len(),
+        fields: simulation
+            .lasting()
+            .filter(|f| f.body == index)
+            .map(|f| FieldInfo { name: f.name.clone(), unit: f.unit.clone(), components: f.data().components() })
+            .collect(),
+    };
+    let folder = case.folder.as_path();
+    let here = if folder.as_os_str().is_empty() { std::path::Path::new(".") } else { folder };
+    RunInfo {
+        version: env!("CARGO_PKG_VERSION").into(),
+        threads: rayon::current_num_threads(),
+        started: SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
+        case_folder: std::path::absolute(here).unwrap_or_else(|_| here.into()).display().to_string(),
+        bodies: simulation.world().bodies().iter().enumerate().map(body).collect(),
+        plugins: simulation.composition(),
+    }
+}

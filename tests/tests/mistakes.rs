@@ -1,0 +1,63 @@
+//! Ten mistakes that a user makes in a case file, and what the user is told.
+//!
+//! Each test changes one thing in a case that runs; the messages are in `snapshots/`.
+
+use std::path::Path;
+
+use perimelt::case::Case;
+use perimelt::run::Failure;
+
+const WELD: &str = include_str!("cases/weld.toml");
+
+/// What is said about the case with `right` replaced by `wrong`.
+fn message(right: &str, wrong: &str) -> String {
+    assert_eq!(WELD.matches(right).count(), 1, "`{right}` is there once");
+    let text = WELD.replace(right, wrong);
+    match check(text) {
+        Err(Failure::Case(mistake)) => mistake.render(false),
+        Err(other) => panic!("not a mistake in the case file: {other}"),
+        Ok(()) => panic!("`{wrong}` is accepted"),
+    }
+}
+
+fn check(text: String) -> Result<(), Failure> {
+    let case = Case::parse("weld.toml", text, Path::new(""))?;
+    let mut simulation = case.compose()?;
+    Ok(case.start(&mut simulation)?)
+}
+
+#[test]
+fn the_case_itself_is_right() {
+    check(WELD.to_string()).expect("the unchanged case is valid");
+}
+
+macro_rules! mistakes {
+    ($($name:ident: $right:literal => $wrong:literal;)*) => {
+        $(#[test]
+        fn $name() {
+            insta::assert_snapshot!(message($right, $wrong));
+        })*
+    };
+}
+
+mistakes! {
+    unknown_key: "half_width = 0.002" => "half_with = 0.002";
+    missing_key: "rear_length = 0.004\n" => "";
+    wrong_type: "speed = 0.01" => "speed = \"fast\"";
+    unknown_plugin: "type = \"goldak\"" => "type = \"goldack\"";
+    unknown_material_property: "conductivity = {" => "conductivty = {";
+    region_without_points: "max = [0.02, 0.01, 0.001]" => "max = [0.02, 0.01, 0.0001]";
+    source_off_the_body: "start = [0.004, 0.005, 0.004], end = [0.016, 0.005, 0.004]" => "start = [4, 5, 4], end = [16, 5, 4]";
+    field_nobody_provides: "type = \"phase_change\"" => "type = \"thermal_expansion\"\nreference_temperature = 300";
+    fixed_step_above_the_stable_one: "horizon = 2\n" => "horizon = 2\nstep = 1.0\n";
+    table_not_increasing: "temperature = [300, 1000]" => "temperature = [1000, 300]";
+    // and some more
+    unknown_section: "[time]" => "[tme]";
+    physics_as_coupler: "type = \"goldak\"" => "type = \"mechanical\"";
+    unknown_region: "region = \"base\"" => "region = \"bas\"";
+    unknown_material: "material = \"steel\"" => "material = \"steal\"";
+    missing_property: "specific_heat = 500\n" => "";
+    probe_off_the_body: "kind.region = { name = \"base\", statistic = \"mean\" }" => "kind.point = [1, 2, 3]";
+    initial_field_nobody_provides: "initial.temperature = 300" => "initial.temperatur = 300";
+    not_toml: "end = 1.5" => "end = 1.5.2";
+}
