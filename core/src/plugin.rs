@@ -154,6 +154,17 @@ pub struct Balance {
 }
 
 impl Balance {
+    /// What is `stored` now and was at the start, and what came in since.
+    pub fn new(quantity: &str, unit: &str, stored: f64, initial: f64, supplied: f64) -> Self {
+        Balance {
+            quantity: quantity.into(),
+            unit: unit.into(),
+            stored,
+            initial,
+            supplied,
+        }
+    }
+
     /// `stored - initial - supplied`, in the unit of the quantity.
     pub fn error(&self) -> f64 {
         self.stored - self.initial - self.supplied
@@ -329,6 +340,22 @@ macro_rules! register_physics {
 macro_rules! register_coupler {
     ($name:literal, $coupler:ty) => {
         $crate::register!(dyn $crate::Coupler, $name, $coupler);
+    };
+}
+
+/// Makes a material property known: its name, SI unit, meaning, and
+/// [`ValueRange`](crate::material::ValueRange).
+#[macro_export]
+macro_rules! register_property {
+    ($name:literal, $unit:literal, $meaning:literal, $range:expr) => {
+        $crate::inventory::submit! {
+            $crate::material::PropertyKey {
+                name: $name,
+                unit: $unit,
+                meaning: $meaning,
+                range: $range,
+            }
+        }
     };
 }
 

@@ -205,6 +205,16 @@ impl<'w> Setup<'w> {
             .collect()
     }
 
+    /// As [`Setup::constant_property`], for each point of the body.
+    ///
+    /// # Errors
+    /// As [`Setup::constant_property`].
+    pub fn constant_at_points(&self, body: BodyIndex, name: &str) -> Result<Vec<f64>, SetupError> {
+        let by_material = self.constant_property(body, name)?;
+        let materials = self.body(body).material_of_point.iter();
+        Ok(materials.map(|&m| by_material[m as usize]).collect())
+    }
+
     /// Cuts a body: no family obtained from now on has bonds across `cut`. Called by crack
     /// couplers, which are prepared before all physics.
     pub fn cut(&mut self, body: BodyIndex, cut: Cut) {

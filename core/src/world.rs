@@ -6,6 +6,7 @@ use crate::body::{Body, Face};
 use crate::family::LayerRule;
 use crate::field::{Fields, Read, ReadIfProvided, Value, Write};
 use crate::material::{LatentHeatForm, MushyCapacity};
+use crate::solver::reduce::weighted_sum;
 
 /// Index of a body.
 pub type BodyIndex = usize;
@@ -77,6 +78,11 @@ impl World {
     /// Values of a field.
     pub fn read<T: Value>(&self, handle: Read<T>) -> Ref<'_, [T]> {
         self.fields.field(handle.field).read()
+    }
+
+    /// Integral of a scalar field over the reference volume of a body.
+    pub fn integral(&self, body: BodyIndex, handle: Read<f64>) -> f64 {
+        weighted_sum(&self.read(handle), &self.bodies[body].points.volume)
     }
 
     /// Values of a field, if anybody provides it.

@@ -14,16 +14,18 @@
 mod build;
 mod cut;
 mod kernel;
+mod operator;
 
 pub use cut::Cut;
 pub use kernel::{Bond, BondKernel};
+pub use operator::Operator;
 
 use std::ops::Range;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::body::Face;
+use crate::body::{Body, Face};
 
 /// Partial volume of members near the edge of the horizon (spec 02, 1.3; Wang (2025), eq. 4.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -99,6 +101,28 @@ pub struct FamilySpec {
     pub layers: Vec<Face>,
     /// Those of `layers` whose exchange with the body is wanted ([`Family::sum_from_layers`]).
     pub audited: Vec<Face>,
+}
+
+impl FamilySpec {
+    /// The usual family: a horizon in spacings of the body, default partial volumes and
+    /// correction, and, where the body fills its box, mirrored layers behind all faces.
+    pub fn mirrored(body: &Body, horizon: f64, moment: Moment) -> Self {
+        let is_mirrored = |face: &Face| body.lattice.is_full() && face.axis() < body.dimension;
+        FamilySpec {
+            horizon: horizon * body.lattice.spacing,
+            partial_volume: PartialVolume::default(),
+            correction: Correction::default(),
+            moment,
+            layers: Face::ALL.into_iter().filter(is_mirrored).collect(),
+            audited: Vec::new(),
+        }
+    }
+
+    /// The moment of a full horizon on `body`: what constants of bonds are divided by.
+    pub fn continuum(&self, body: &Body) -> f64 {
+        self.moment
+            .continuum(body.dimension, self.horizon, body.thickness)
+    }
 }
 
 /// Mistakes in a family's description.
