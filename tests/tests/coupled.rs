@@ -25,7 +25,8 @@ fn compose(body: &str, rest: &str) -> Simulation {
         {rest}"
     );
     let case = Case::parse("coupled.toml", text, Path::new("")).expect("a valid case");
-    case.compose().unwrap_or_else(|e| panic!("{}", e.render(false)))
+    case.compose()
+        .unwrap_or_else(|e| panic!("{}", e.render(false)))
 }
 
 fn finish(simulation: &mut Simulation) {
@@ -36,7 +37,9 @@ fn finish(simulation: &mut Simulation) {
 
 fn values(simulation: &Simulation, field: &str) -> Vec<f64> {
     let fields = simulation.world().fields();
-    let index = fields.find(0, field).unwrap_or_else(|| panic!("there is `{field}`"));
+    let index = fields
+        .find(0, field)
+        .unwrap_or_else(|| panic!("there is `{field}`"));
     fields.field(index).data().flat().to_vec()
 }
 
@@ -93,15 +96,25 @@ fn quick_uniform_compression_heats_an_insulated_block_by_the_thermoelastic_value
             let classical = YOUNG * over * dimension as f64 * strain;
             let rise = |p: f64| {
                 let exponent = -ALPHA * p / (DENSITY * HEAT_CAPACITY);
-                if linear { T0 * exponent } else { T0 * exponent.exp_m1() }
+                if linear {
+                    T0 * exponent
+                } else {
+                    T0 * exponent.exp_m1()
+                }
             };
             let worst = |expected: &dyn Fn(usize) -> f64| {
                 let of_point = |(i, t): (usize, &f64)| ((t - T0) / expected(i) - 1.0).abs();
-                temperature.iter().enumerate().map(of_point).fold(0.0, f64::max)
+                temperature
+                    .iter()
+                    .enumerate()
+                    .map(of_point)
+                    .fold(0.0, f64::max)
             };
             let by_stress = worst(&|i| rise(eigenstress[i]));
             let by_theory = worst(&|_| rise(classical));
-            println!("{dimension}D, linear {linear}: {by_stress:.1e} by the stress of the points, {by_theory:.1e} by the classical one");
+            println!(
+                "{dimension}D, linear {linear}: {by_stress:.1e} by the stress of the points, {by_theory:.1e} by the classical one"
+            );
             // 100 steps of first order in an exponent of 1e-5 to 1e-4: half of it over 100
             assert!(by_stress < 1e-6, "{dimension}D: {by_stress:e}");
             // uniaxial strain is calibrated; the sums of the other directions differ from the
@@ -139,14 +152,24 @@ fn vibrating(steps_per_period: f64, periods: f64, coupled: bool, iteration: &str
         [time]\nend = {end}\nstep = {step}\n{iteration}\n[log]\ninterval = {end}"
     );
     let mut simulation = compose(&body, &rest);
-    let displacement = simulation.world().body(0).points.position.iter().flat_map(|x| {
-        let along = -1e-6 * (std::f64::consts::PI * x.x / length).cos();
-        [along, 0.0, 0.0]
-    });
+    let displacement = simulation
+        .world()
+        .body(0)
+        .points
+        .position
+        .iter()
+        .flat_map(|x| {
+            let along = -1e-6 * (std::f64::consts::PI * x.x / length).cos();
+            [along, 0.0, 0.0]
+        });
     let displacement: Vec<f64> = displacement.collect();
     let fields = simulation.world().fields();
     let index = fields.find(0, "displacement").expect("it is owned");
-    fields.field(index).data_mut().flat_mut().copy_from_slice(&displacement);
+    fields
+        .field(index)
+        .data_mut()
+        .flat_mut()
+        .copy_from_slice(&displacement);
     simulation.start().expect("it starts");
     simulation
 }
@@ -182,7 +205,9 @@ fn energy_over_twenty_periods(steps: f64, coupled: bool, iteration: &str) -> [f6
         layers: Vec::new(),
         audited: Vec::new(),
     };
-    let family = Family::build(body, &spec).expect("it has neighbours").into();
+    let family = Family::build(body, &spec)
+        .expect("it has neighbours")
+        .into();
     let modulus = body.materials[0].get("youngs_modulus").cloned();
     let modulus = vec![modulus.expect("given above")];
     let mut elastic = Elastic::new(body, family, modulus, false);
@@ -203,7 +228,9 @@ fn energy_is_kept_over_a_free_vibration() {
     let strong = "iteration = { tolerance = 1e-12, passes = 20 }";
     let measure = |what: &str, steps: f64, coupled: bool, iteration: &str| {
         let [worst, thermal, end] = energy_over_twenty_periods(steps, coupled, iteration);
-        println!("{what}, {steps} steps a period: {worst:.2e} at most, {end:.2e} at the end, thermal {thermal:.2e}");
+        println!(
+            "{what}, {steps} steps a period: {worst:.2e} at most, {end:.2e} at the end, thermal {thermal:.2e}"
+        );
         [worst, thermal]
     };
     let [alone, none] = measure("alone", 200.0, false, "");
@@ -211,14 +238,21 @@ fn energy_is_kept_over_a_free_vibration() {
     let [fine, _] = measure("strong", 400.0, true, strong);
     let [weak, _] = measure("weak", 200.0, true, "");
     let [weak_fine, _] = measure("weak", 400.0, true, "");
-    // nothing heats without the coupler; with it, alpha² E T0 / (rho c) = 0.038 of the elastic energy
-    assert!(none < 1e-20 && thermal > 0.01, "thermal energy {none:e}, {thermal:e}");
+    // nothing heats without the coupler; with it, alpha² T0 p² / (2 rho c) of
+    // each change of p: some 0.08 of the elastic energy for the first quarter, four times that for half a period
+    assert!(
+        none < 1e-20 && thermal > 0.01,
+        "thermal energy {none:e}, {thermal:e}"
+    );
     // velocity Verlet keeps a nearby energy: the error is of second order and does not grow
     assert!(alone < 1e-3, "{alone:e}");
     assert!(coarse < 1e-3, "{coarse:e}");
     assert!(fine < 0.3 * coarse, "{fine:e} after {coarse:e}");
     // in one pass heat lags a step behind, which feeds the vibration in proportion to the step
-    assert!(weak > coarse && weak_fine < 0.6 * weak, "{weak:e}, {weak_fine:e}");
+    assert!(
+        weak > coarse && weak_fine < 0.6 * weak,
+        "{weak:e}, {weak_fine:e}"
+    );
 }
 
 /// A plate pulled along x whose heat makes it contract across: the state at the end of the pull.
@@ -239,13 +273,15 @@ fn pulled(steps: u32, iteration: &str) -> Vec<f64> {
         [[couplers]]\ntype = \"thermal_expansion\"\nreference_temperature = {T0}
         [[couplers]]\ntype = \"prescribed_displacement\"\nface = \"x-\"\nx = 0\ny = 0
         [[couplers]]\ntype = \"prescribed_displacement\"\nface = \"x+\"\nx = {{ time = [0, 1e-3], value = [0, 1e-6] }}
-        [time]\nend = 1e-3\nstep = {step}\n{iteration}"
+        [time]\nend = 1e-3\nstep = {step}\n{iteration}\n[log]\ninterval = 1e-3"
     );
     let mut simulation = compose(&body, &rest);
     simulation.start().expect("it starts");
     finish(&mut simulation);
     let mut state = values(&simulation, "displacement");
-    let rise = values(&simulation, "temperature").into_iter().map(|t| t - T0);
+    let rise = values(&simulation, "temperature")
+        .into_iter()
+        .map(|t| t - T0);
     // in units of what each field reaches, about 1e-6 m and 0.1 K
     state.iter_mut().for_each(|u| *u *= 1e6);
     state.extend(rise.map(|t| 10.0 * t));
@@ -260,10 +296,15 @@ fn strong_coupling_finds_the_state_that_small_weak_steps_approach() {
         .map(|steps| distance(&pulled(steps, ""), &sixteen))
         .to_vec();
     let apart = distance(&four, &sixteen);
-    println!("weak in 50, 100, 200 steps: {weak:.2?} from strong; strong in 4 and 16: {apart:.2e} apart");
+    println!(
+        "weak in 50, 100, 200 steps: {weak:.2?} from strong; strong in 4 and 16: {apart:.2e} apart"
+    );
     // the temperature changes by 1e-4 of itself, which heat follows in first order
     assert!(apart < 1e-4, "{apart:e}");
-    // the lag of one step in N is a share of the coupling, 0.04 / N
+    // the heat of the last step of N is not yet in the expansion: 0.04 / N of the displacement
     assert!(weak[2] < 3e-4, "{weak:?}");
-    assert!(weak[1] < 0.6 * weak[0] && weak[2] < 0.65 * weak[1], "{weak:?}");
+    assert!(
+        weak[1] < 0.6 * weak[0] && weak[2] < 0.65 * weak[1],
+        "{weak:?}"
+    );
 }

@@ -1,0 +1,222 @@
+//! Every case file, coarse and short, in several modes that must agree: straight; stopped half
+//! way and resumed; on one and two threads; with both stores; logged and replayed.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use perimelt::case::Case;
+use perimelt::run::{self, End, Options};
+use perimelt_core::Simulation;
+use perimelt_core::log::Log;
+use toml::{Table, Value};
+
+/// Bodies of more points than this, at the coarsest spacing that a case can have, are left out.
+const POINTS: usize = 60_000;
+/// Macro steps of a short run; a state is logged after every second one.
+const STEPS: f64 = 8.0;
+
+fn case_files() -> Vec<PathBuf> {
+    let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases");
+    let cases = cases.canonicalize().expect("the cases are there");
+    let mut found = Vec::new();
+    for folder in std::fs::read_dir(&cases).expect("readable") {
+        let folder = folder.expect("readable").path();
+        if !folder.is_dir() || folder.ends_with("materials") || folder.ends_with("src") {
+            continue;
+        }
+        let files = std::fs::read_dir(folder).expect("readable");
+        let files = files.map(|f| f.expect("readable").path());
+        found.extend(files.filter(|f| f.extension().is_some_and(|e| e == "toml")));
+    }
+    found.sort();
+    found
+}
+
+fn table<'a>(table: &'a mut Table, key: &str) -> &'a mut Table {
+    let entry = table.entry(key).or_insert_with(|| Table::new().into());
+    entry.as_table_mut().expect("a table")
+}
+
+fn number(value: &Value) -> f64 {
+    value
+        .as_float()
+        .or(value.as_integer().map(|i| i as f64))
+        .expect("a number")
+}
+
+fn parse(file: &Path, table: &Table) -> Case {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let folder = file.parent().expect("a file in a folder");
+    let text = toml::to_string(table).expect("it was TOML before");
+    Case::parse(&name, text, folder).unwrap_or_else(|e| panic!("{}", e.render(false)))
+}
+
+/// The case with `factor` times its spacing, `STEPS` macro steps long.
+fn short(file: &Path, factor: f64) -> Result<Table, String> {
+    let text = std::fs::read_to_string(file).expect("readable");
+    let mut whole: Table = text.parse().map_err(|e| format!("{e}"))?;
+    whole.remove("verify");
+    for (_, body) in table(&mut whole, "bodies").iter_mut() {
+        let body = body.as_table_mut().expect("a table");
+        let spacing = factor * number(&body["spacing"]);
+        body.insert("spacing".into(), spacing.into());
+    }
+    let mut simulation = parse(file, &whole).compose().map_err(|e| e.render(false))?;
+    let points: usize = simulation
+        .world()
+        .bodies()
+        .iter()
+        .map(|b| b.points.len())
+        .sum();
+    if points > POINTS {
+        return Err(format!("{points} points are too many"));
+    }
+    simulation.start().map_err(|e| e.to_string())?;
+    let end = simulation
+        .options()
+        .end
+        .min(STEPS * simulation.macro_step());
+    table(&mut whole, "time").insert("end".into(), end.into());
+    let log = table(&mut whole, "log");
+    log.insert("interval".into(), (end / 4.0).into());
+    log.insert("checkpoint".into(), (end / 2.0).into());
+    Ok(whole)
+}
+
+fn options(out: &Path, until: Option<f64>) -> Options {
+    Options {
+        out: out.into(),
+        until,
+        quiet: true,
+        ..Options::default()
+    }
+}
+
+fn last_checkpoint(log: &Path) -> Vec<u8> {
+    let log = Log::open(log).expect("the log opens");
+    let last = log.last_checkpoint().expect("it has a checkpoint");
+    log.checkpoint(last).expect("it reads")
+}
+
+fn on_threads(count: usize, case: &Case, out: &Path) -> Vec<u8> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build();
+    let run = || {
+        run::run(case, &options(out, None))
+            .map(drop)
+            .expect("it runs")
+    };
+    pool.expect("threads").install(run);
+    last_checkpoint(out)
+}
+
+/// The lasting fields at the end of a run.
+fn final_fields(case: &Case) -> Vec<(String, Vec<f64>)> {
+    let mut simulation: Simulation = case.compose().expect("it composed before");
+    case.start(&mut simulation).expect("it started before");
+    while !simulation.is_finished() {
+        simulation.step().expect("a step");
+    }
+    let fields = simulation.lasting();
+    fields
+        .map(|f| (f.name.clone(), f.data().flat().to_vec()))
+        .collect()
+}
+
+fn check(file: &Path, case_table: &mut Table, folder: &Path) {
+    let name = file.display();
+    let case = parse(file, case_table);
+    let at = |log: &str| folder.join(log);
+
+    let straight = on_threads(2, &case, &at("straight.mcap"));
+    assert!(
+        on_threads(1, &case, &at("one.mcap")) == straight,
+        "{name}: 1 and 2 threads differ"
+    );
+
+    let half = options(&at("half.mcap"), Some(0.5 * case.time.end));
+    let stopped = run::run(&case, &half).expect("it runs");
+    assert_eq!(stopped.end, End::Until, "{name}");
+    run::resume(&at("half.mcap"), &options(&at("half.mcap"), None)).expect("it resumes");
+    assert!(
+        last_checkpoint(&at("half.mcap")) == straight,
+        "{name}: resumed, it ends elsewhere"
+    );
+
+    let log = Log::open(at("straight.mcap")).expect("the log opens");
+    for body in log.bodies() {
+        assert_eq!(
+            log.times(body).len(),
+            5,
+            "{name}: the start and four intervals"
+        );
+    }
+    for command in ["info", "replay"] {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_perimelt-tests"));
+        let output = program
+            .arg(command)
+            .arg(at("straight.mcap"))
+            .output()
+            .expect("it starts");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            output.status.success() && !output.stdout.is_empty(),
+            "{name}: {command}: {errors}"
+        );
+    }
+
+    let lattice = final_fields(&case);
+    for (_, body) in table(case_table, "bodies").iter_mut() {
+        body.as_table_mut()
+            .expect("a table")
+            .insert("store".into(), "list".into());
+    }
+    let list = final_fields(&parse(file, case_table));
+    for ((field, lattice), (_, list)) in lattice.iter().zip(&list) {
+        let largest = lattice.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        let apart = lattice
+            .iter()
+            .zip(list)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        // sums in one order differ by rounding; equilibrium is found to 1e-8 of the loads only
+        let limit = match field.as_str() {
+            "displacement" | "velocity" | "eigenstress" => 1e-6,
+            _ => 1e-12,
+        };
+        assert!(
+            apart <= limit * largest,
+            "{name}: {field} by {:e} in the stores",
+            apart / largest
+        );
+    }
+}
+
+#[test]
+fn every_case_ends_in_the_same_state_in_all_modes() {
+    let files = case_files();
+    assert!(!files.is_empty(), "there are cases");
+    for file in files {
+        let started = std::time::Instant::now();
+        // the coarsest that the case's regions, sources and probes allow
+        let mut reasons = Vec::new();
+        let shortened = [8.0, 4.0, 2.0, 1.0].into_iter().find_map(|factor| {
+            short(&file, factor)
+                .map(|t| (factor, t))
+                .map_err(|e| reasons.push(e))
+                .ok()
+        });
+        let Some((factor, mut case)) = shortened else {
+            let too_large = reasons.iter().any(|r| r.contains("too many"));
+            assert!(too_large, "{}: {}", file.display(), reasons.join("\n"));
+            println!("{}: left out, {}", file.display(), reasons.join("; "));
+            continue;
+        };
+        let folder = tempfile::tempdir().expect("a folder for logs");
+        check(&file, &mut case, folder.path());
+        println!(
+            "{}: spacing x {factor}, {:.1?}",
+            file.display(),
+            started.elapsed()
+        );
+    }
+}
