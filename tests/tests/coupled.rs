@@ -297,7 +297,7 @@ fn strong_coupling_finds_the_state_that_small_weak_steps_approach() {
         .to_vec();
     let apart = distance(&four, &sixteen);
     println!(
-        "weak in 50, 100, 200 steps: {weak:.2?} from strong; strong in 4 and 16: {apart:.2e} apart"
+        "weak in 50, 100, 200 steps: {weak:?} from strong; strong in 4 and 16: {apart:.2e} apart"
     );
     // the temperature changes by 1e-4 of itself, which heat follows in first order
     assert!(apart < 1e-4, "{apart:e}");
