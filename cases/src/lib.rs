@@ -19,6 +19,7 @@ pub mod case;
 pub mod commands;
 pub mod export;
 pub mod library;
+pub mod melt_pool;
 pub mod plot;
 pub mod probe;
 pub mod run;

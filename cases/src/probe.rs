@@ -31,7 +31,7 @@ type Weights = Vec<(usize, f64)>;
 
 /// Which number of a field.
 #[derive(Clone, Copy, Debug)]
-struct Component {
+pub(crate) struct Component {
     field: FieldIndex,
     /// `None`: the magnitude, or the value of a scalar.
     index: Option<usize>,
@@ -159,7 +159,7 @@ impl Probe {
     }
 }
 
-fn find_body(world: &World, name: Option<&str>) -> Result<usize, SetupError> {
+pub(crate) fn find_body(world: &World, name: Option<&str>) -> Result<usize, SetupError> {
     let known: Vec<String> = world.bodies().iter().map(|b| b.name.clone()).collect();
     match name {
         Some(name) => known.iter().position(|b| b == name).ok_or_else(|| {
@@ -178,7 +178,7 @@ fn find_body(world: &World, name: Option<&str>) -> Result<usize, SetupError> {
     }
 }
 
-fn find_field(
+pub(crate) fn find_field(
     simulation: &Simulation,
     body: usize,
     name: &str,
@@ -202,7 +202,7 @@ fn find_field(
 }
 
 impl Component {
-    fn new(world: &World, field: FieldIndex, name: Option<&str>) -> Result<Component, SetupError> {
+    pub(crate) fn new(world: &World, field: FieldIndex, name: Option<&str>) -> Result<Component, SetupError> {
         let names: &[&str] = match world.fields().field(field).data().components() {
             1 => &[],
             3 => &VECTOR,
@@ -232,7 +232,7 @@ impl Component {
         Ok(Component { field, index })
     }
 
-    fn at(self, world: &World, point: usize) -> f64 {
+    pub(crate) fn at(self, world: &World, point: usize) -> f64 {
         let data = world.fields().field(self.field).data();
         let components = data.components();
         let values = &data.flat()[point * components..][..components];

@@ -64,8 +64,8 @@ pub fn main() -> ExitCode {
         Command::Info(args) => info::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Resume(args) => run::resume(&args),
-        Command::Export(args) => export::run(&args),
-        Command::Plot(args) => plot::run(&args),
+        Command::Export(args) => export::run(&args).map_err(Into::into),
+        Command::Plot(args) => plot::run(&args).map_err(Into::into),
         Command::Verify(args) => verify::run(&args),
     };
     match result {

@@ -1,16 +1,291 @@
-//! (to be written)
+//! A logged run for other tools: a time series for ParaView, or tables.
+//!
+//! [`run`] writes into a folder
+//!
+//! - `vtk`: `<body>-<number>.vtu` for every time and `<log>.pvd`, which ParaView opens as one
+//!   time series of all bodies
+//! - `csv`: `<body>-<number>.csv` for every time (positions and fields of the points), and
+//!   `<body>-times.csv`, the times by number
+//! - always: `probe-<name>.csv`, `balance.csv`, `progress.csv`
+//!
+//! Positions are as logged, see `displacement` before warping by it in ParaView.
 
-/// Arguments of `perimelt export`.
-#[derive(clap::Args, Debug)]
+mod csv;
+#[cfg(test)]
+mod tests;
+mod vtu;
+
+use std::{
+    fs::{self, File},
+    io::{self, BufWriter, Write},
+    path::{Path, PathBuf},
+};
+
+use perimelt_core::log::{BodyInfo, Cloud, Log, LogError};
+
+use crate::plot::{beside, nearest};
+
+/// What to export.
+#[derive(Clone, Debug, clap::Args)]
 pub struct ExportArgs {
-    /// The log.
-    log: std::path::PathBuf,
+    /// log of the run
+    pub log: PathBuf,
+    /// folder for the files [default: the log's name with `-export`]
+    #[arg(long, short)]
+    pub out: Option<PathBuf>,
+    /// what to write
+    #[arg(long, value_enum, default_value_t)]
+    pub format: Format,
+    /// bodies [default: all]
+    #[arg(long)]
+    pub body: Vec<String>,
+    /// fields [default: all]
+    #[arg(long)]
+    pub field: Vec<String>,
+    /// logged times nearest to these, s [default: all]
+    #[arg(long, value_delimiter = ',', conflicts_with = "every")]
+    pub at: Vec<f64>,
+    /// only every so many logged times
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub every: u32,
 }
 
-/// Runs `perimelt export`.
+/// File format of an export.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// for ParaView
+    #[default]
+    Vtk,
+    /// comma-separated values
+    Csv,
+}
+
+/// Why a run could not be exported.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// The log cannot be read.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// No such body.
+    #[error("the run has no body `{body}`; its bodies are: {}", known.join(", "))]
+    UnknownBody {
+        /// what was asked for
+        body: String,
+        /// what there is
+        known: Vec<String>,
+    },
+    /// No such field in any of the bodies.
+    #[error("the log has no field `{field}`; it has: {}", known.join(", "))]
+    UnknownField {
+        /// what was asked for
+        field: String,
+        /// what there is
+        known: Vec<String>,
+    },
+    /// A file or folder cannot be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Io {
+        /// where
+        path: PathBuf,
+        /// why not
+        source: io::Error,
+    },
+}
+
+/// Writes the files and prints how many, and which one to open.
 ///
 /// # Errors
-/// Always: this is yet to be written.
-pub fn run(args: &ExportArgs) -> Result<(), Box<dyn std::error::Error>> {
-    Err(format!("{} cannot be used yet", args.log.display()).into())
+/// The log cannot be read, has no such body or field, or a file cannot be written.
+pub fn run(args: &ExportArgs) -> Result<(), ExportError> {
+    let written = export(args)?;
+    if let Some(last) = written.last() {
+        println!("{} files, the last is {}", written.len(), last.display());
+    }
+    Ok(())
+}
+
+/// Writes the files; their paths, that of the ParaView collection last.
+///
+/// # Errors
+/// As [`run`].
+pub fn export(args: &ExportArgs) -> Result<Vec<PathBuf>, ExportError> {
+    let log = Log::open(&args.log)?;
+    let bodies = chosen_bodies(&log, &args.body)?;
+    check_fields(&log, &bodies, &args.field)?;
+    let out = args
+        .out
+        .clone()
+        .unwrap_or_else(|| beside(&args.log, "-export"));
+    fs::create_dir_all(&out).map_err(|source| ExportError::Io {
+        path: out.clone(),
+        source,
+    })?;
+    let mut folder = Folder {
+        path: out,
+        written: Vec::new(),
+    };
+
+    for (name, series) in log.probes() {
+        folder.write(&format!("probe-{name}.csv"), |file| {
+            csv::series(file, series)
+        })?;
+    }
+    if !log.balance().columns.is_empty() {
+        folder.write("balance.csv", |file| csv::series(file, log.balance()))?;
+    }
+    if !log.progress().is_empty() {
+        folder.write("progress.csv", |file| csv::progress(file, log.progress()))?;
+    }
+    let mut collection = Vec::new();
+    for (part, body) in bodies.into_iter().enumerate() {
+        let times = log.times(&body.name);
+        for index in chosen_times(times, args) {
+            let mut cloud = log.cloud(&body.name, index)?;
+            if !args.field.is_empty() {
+                cloud
+                    .fields
+                    .retain(|field| args.field.contains(&field.name));
+            }
+            let name = folder.write_cloud(&body.name, index, &cloud, args.format)?;
+            collection.push(vtu::DataSet {
+                time: cloud.time,
+                part,
+                file: name,
+            });
+        }
+        if args.format == Format::Csv {
+            folder.write(&format!("{}-times.csv", body.name), |file| {
+                csv::times(file, times)
+            })?;
+        }
+    }
+    if args.format == Format::Vtk {
+        // readers want ascending times
+        collection.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.part.cmp(&b.part)));
+        let stem = args.log.file_stem().unwrap_or_default().to_string_lossy();
+        folder.write(&format!("{stem}.pvd"), |file| {
+            vtu::write_collection(file, &collection)
+        })?;
+    }
+    Ok(folder.written)
+}
+
+/// The bodies asked for, or all.
+fn chosen_bodies<'a>(log: &'a Log, asked: &[String]) -> Result<Vec<&'a BodyInfo>, ExportError> {
+    if asked.is_empty() {
+        return Ok(log.run().bodies.iter().collect());
+    }
+    let find = |name: &String| {
+        log.run()
+            .bodies
+            .iter()
+            .find(|body| body.name == *name)
+            .ok_or_else(|| {
+                let known = log.bodies().map(String::from).collect();
+                ExportError::UnknownBody {
+                    body: name.clone(),
+                    known,
+                }
+            })
+    };
+    asked.iter().map(find).collect()
+}
+
+/// Every field asked for must be logged for at least one of the bodies.
+fn check_fields(log: &Log, bodies: &[&BodyInfo], asked: &[String]) -> Result<(), ExportError> {
+    let mut known = Vec::new();
+    for body in bodies
+        .iter()
+        .filter(|body| !log.times(&body.name).is_empty())
+    {
+        known.extend(
+            log.cloud(&body.name, 0)?
+                .fields
+                .into_iter()
+                .map(|field| field.name),
+        );
+    }
+    known.sort();
+    known.dedup();
+    match asked.iter().find(|field| !known.contains(field)) {
+        Some(field) => Err(ExportError::UnknownField {
+            field: field.clone(),
+            known,
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Numbers of the clouds to export.
+fn chosen_times(times: &[f64], args: &ExportArgs) -> Vec<usize> {
+    if args.at.is_empty() {
+        return (0..times.len())
+            .step_by(args.every.max(1) as usize)
+            .collect();
+    }
+    let mut chosen: Vec<_> = args
+        .at
+        .iter()
+        .filter_map(|&time| nearest(times, time))
+        .collect();
+    chosen.sort_unstable();
+    chosen.dedup();
+    chosen
+}
+
+/// Where the files go.
+struct Folder {
+    path: PathBuf,
+    written: Vec<PathBuf>,
+}
+
+impl Folder {
+    /// Writes a file; the name that it gets.
+    fn write(
+        &mut self,
+        name: &str,
+        write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+    ) -> Result<String, ExportError> {
+        let name = name.replace(['/', '\\'], "-");
+        let path = self.path.join(&name);
+        written(&path, write).map_err(|source| ExportError::Io {
+            path: path.clone(),
+            source,
+        })?;
+        self.written.push(path);
+        Ok(name)
+    }
+
+    fn write_cloud(
+        &mut self,
+        body: &str,
+        index: usize,
+        cloud: &Cloud,
+        format: Format,
+    ) -> Result<String, ExportError> {
+        match format {
+            Format::Vtk => self.write(&format!("{body}-{index:05}.vtu"), |file| {
+                vtu::write_cloud(file, cloud)
+            }),
+            Format::Csv => self.write(&format!("{body}-{index:05}.csv"), |file| {
+                csv::cloud(file, cloud)
+            }),
+        }
+    }
+}
+
+fn written(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut file = BufWriter::new(File::create(path)?);
+    write(&mut file)?;
+    file.flush()
+}
+
+/// Whether four bytes hold these numbers exactly, as they do if they were logged so.
+fn fit_f32(values: &[f64]) -> bool {
+    values
+        .iter()
+        .all(|&value| value.is_nan() || f64::from(value as f32) == value)
 }

@@ -1,0 +1,291 @@
+//! Size of the melt pool: how far an isotherm reaches along each axis.
+//!
+//! The extent of the region `T >= isotherm` along an axis is that of the profile
+//! `P(s) = max over the other axes of T`, which needs no contour. The maximum between lattice
+//! points is that of the parabola through the hottest point and its two neighbours. Where the
+//! hottest point is the last one before a face, the parabola is mirrored at the face (insulated
+//! surface or plane of symmetry, zero gradient), which gives the surface value
+//! `(9 T1 - T2) / 8` from the two outermost points (spec 02, `ref/goldak_pd.py`). The profile
+//! crosses the isotherm by linear interpolation, with an error of `dx^2 T'' / (8 T')`.
+//!
+//! Not for several pools at a time: the pool is the one around the hottest point, but a pool
+//! beside it hides in the same profile where the two overlap.
+
+use crate::plot::grid::Grid;
+
+/// Direction in which the heat source travels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Travel {
+    /// along x
+    #[default]
+    X,
+    /// along y
+    Y,
+}
+
+/// The region above an isotherm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeltPool {
+    /// smallest coordinate along the travel axis, m
+    pub rear: f64,
+    /// largest coordinate along the travel axis, m
+    pub front: f64,
+    /// extent across the travel axis, m (in a body cut at a plane of symmetry this is half of the
+    /// pool); `None` in one dimension
+    pub width: Option<f64>,
+    /// extent below the topmost surface of the body, m; `None` in one and two dimensions
+    pub depth: Option<f64>,
+    /// highest temperature, K
+    pub peak: f64,
+}
+
+impl MeltPool {
+    /// `front - rear`, m.
+    #[must_use]
+    pub fn length(&self) -> f64 {
+        self.front - self.rear
+    }
+}
+
+/// Melt pool in a body of lattice points, see the [module](self).
+///
+/// `positions` (m) are reference positions `spacing` (m) apart, `temperature` (K) has one value
+/// per point, `dimension` is that of the body. A pool that reaches a face of the body ends there.
+/// `None` if no point reaches the isotherm (K), or if the points are not on a lattice.
+#[must_use]
+pub fn melt_pool(
+    positions: &[[f64; 3]],
+    temperature: &[f64],
+    spacing: f64,
+    dimension: usize,
+    travel: Travel,
+    isotherm: f64,
+) -> Option<MeltPool> {
+    let grid = Grid::new(positions, spacing)?;
+    let values = grid.by_cell(temperature);
+    let (along, across) = match travel {
+        Travel::X => (0, 1),
+        Travel::Y => (1, 0),
+    };
+    let profile = |axis| profile(&values, grid.cells, axis, dimension);
+    let extent = |axis: usize| {
+        let (from, to) = extent(&profile(axis), isotherm)?;
+        Some((
+            grid.origin[axis] + from * spacing,
+            grid.origin[axis] + to * spacing,
+        ))
+    };
+
+    let (rear, front) = extent(along)?;
+    let width = if dimension >= 2 {
+        extent(across).map(|(from, to)| to - from)
+    } else {
+        None
+    };
+    let depth = if dimension >= 3 {
+        let top = grid.centre(2, grid.cells[2] - 1) + 0.5 * spacing;
+        extent(2).map(|(bottom, _)| top - bottom)
+    } else {
+        None
+    };
+    let peak = temperature
+        .iter()
+        .copied()
+        .fold(f64::NEG_INFINITY, f64::max);
+    Some(MeltPool {
+        rear,
+        front,
+        width,
+        depth,
+        peak,
+    })
+}
+
+/// `max over the other axes` of the cells' values at each cell of `axis`.
+fn profile(values: &[f64], cells: [usize; 3], axis: usize, dimension: usize) -> Vec<f64> {
+    let mut values = values.to_vec();
+    let mut cells = cells;
+    for other in (0..dimension.min(3)).filter(|&other| other != axis) {
+        values = project(&values, cells, other);
+        cells[other] = 1;
+    }
+    // axes that the dimension leaves out have one cell
+    values.truncate(cells[axis]);
+    values
+}
+
+/// Maximum along one axis: the cells along it become one.
+fn project(values: &[f64], cells: [usize; 3], axis: usize) -> Vec<f64> {
+    let stride: usize = cells[..axis].iter().product();
+    let count = cells[axis];
+    let mut projected = Vec::with_capacity(values.len() / count);
+    for block in values.chunks_exact(stride * count) {
+        for first in 0..stride {
+            projected.push(line_maximum(count, |index| block[index * stride + first]));
+        }
+    }
+    projected
+}
+
+/// Maximum of a line of values by the parabola around the largest; NaN if there is none.
+fn line_maximum(count: usize, value: impl Fn(usize) -> f64) -> f64 {
+    let mut hottest: Option<usize> = None;
+    for index in 0..count {
+        if !value(index).is_nan() && hottest.is_none_or(|best| value(index) > value(best)) {
+            hottest = Some(index);
+        }
+    }
+    let Some(hottest) = hottest else {
+        return f64::NAN;
+    };
+    let middle = value(hottest);
+    let neighbour = |index: Option<usize>| {
+        index
+            .filter(|&index| index < count)
+            .map_or(f64::NAN, &value)
+    };
+    // beyond a face lies the mirror image
+    let mirrored = |value: f64| if value.is_nan() { middle } else { value };
+    let before = mirrored(neighbour(hottest.checked_sub(1)));
+    let after = mirrored(neighbour(Some(hottest + 1)));
+    let curvature = before - 2.0 * middle + after;
+    if curvature < 0.0 {
+        middle - (after - before).powi(2) / (8.0 * curvature)
+    } else {
+        middle
+    }
+}
+
+/// Where the interval around the maximum of a profile lies above a level, in cells from the first
+/// centre; it ends half a cell beyond the last centre at most.
+fn extent(profile: &[f64], level: f64) -> Option<(f64, f64)> {
+    let above = |index: &usize| profile[*index] >= level;
+    let hottest = (0..profile.len())
+        .filter(above)
+        .max_by(|&a, &b| profile[a].total_cmp(&profile[b]))?;
+    let last = (hottest..profile.len())
+        .take_while(above)
+        .last()
+        .unwrap_or(hottest);
+    let first = (0..=hottest)
+        .rev()
+        .take_while(above)
+        .last()
+        .unwrap_or(hottest);
+    let crossing = |inside: usize, outside: Option<f64>| match outside {
+        Some(outside) if !outside.is_nan() => {
+            (profile[inside] - level) / (profile[inside] - outside)
+        }
+        _ => 0.5,
+    };
+    let before = first.checked_sub(1).map(|index| profile[index]);
+    let from = first as f64 - crossing(first, before);
+    let to = last as f64 + crossing(last, profile.get(last + 1).copied());
+    Some((from, to))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SPACING: f64 = 1e-4;
+
+    /// Cell centres of a box whose corner is at `from`, in cells.
+    fn lattice(from: [f64; 3], cells: [usize; 3]) -> Vec<[f64; 3]> {
+        let mut positions = Vec::new();
+        for k in 0..cells[2] {
+            for j in 0..cells[1] {
+                for i in 0..cells[0] {
+                    let cell = [i, j, k];
+                    positions.push([0, 1, 2].map(|a| (from[a] + cell[a] as f64 + 0.5) * SPACING));
+                }
+            }
+        }
+        positions
+    }
+
+    /// `T = 2000 - 500 r^2`, r = 1 on the ellipsoid with these half axes (m).
+    fn ellipsoid(positions: &[[f64; 3]], centre: [f64; 3], half_axes: [f64; 3]) -> Vec<f64> {
+        let term = |p: &[f64; 3], a: usize| ((p[a] - centre[a]) / half_axes[a]).powi(2);
+        let temperature = |p| 2000.0 - 500.0 * (term(p, 0) + term(p, 1) + term(p, 2));
+        positions.iter().map(temperature).collect()
+    }
+
+    fn close(found: f64, expected: f64) {
+        // linear interpolation on a parabola: dx^2 T'' / (8 T') = dx^2 / (8 a), a >= 5 dx here
+        let tolerance = SPACING / 40.0 * 1.01;
+        assert!(
+            (found - expected).abs() < tolerance,
+            "{found} instead of {expected}"
+        );
+    }
+
+    /// Half a block, cut at the plane of symmetry y = 0, its surface at z = 0.
+    #[test]
+    fn isotherm_of_a_half_ellipsoid_is_found_within_a_fortieth_of_the_spacing() {
+        let positions = lattice([-30.0, 0.0, -10.0], [60, 12, 10]);
+        let (centre, half) = (3.3e-4, [17.2e-4, 8.1e-4, 5.4e-4]);
+        let temperature = ellipsoid(&positions, [centre, 0.0, 0.0], half);
+        let pool = melt_pool(&positions, &temperature, SPACING, 3, Travel::X, 1500.0);
+        let pool = pool.expect("a pool");
+        close(pool.front, centre + half[0]);
+        close(pool.rear, centre - half[0]);
+        close(pool.width.expect("3D"), half[1]);
+        close(pool.depth.expect("3D"), half[2]);
+        close(pool.length() / 2.0, half[0]);
+    }
+
+    /// The centre line lies between the points, as it does in every block of even width.
+    #[test]
+    fn pool_between_lattice_lines_along_y_has_its_whole_width() {
+        let positions = lattice([-10.3, -20.0, -8.0], [21, 40, 8]);
+        let half = [7.2e-4, 13.7e-4, 5.1e-4];
+        let temperature = ellipsoid(&positions, [0.0; 3], half);
+        let pool = melt_pool(&positions, &temperature, SPACING, 3, Travel::Y, 1500.0);
+        let pool = pool.expect("a pool");
+        close(pool.front, half[1]);
+        close(pool.rear, -half[1]);
+        close(pool.width.expect("3D") / 2.0, half[0]);
+        close(pool.depth.expect("3D"), half[2]);
+    }
+
+    #[test]
+    fn plane_body_has_no_depth_and_a_bar_no_width() {
+        let positions = lattice([-20.0, -10.0, -0.5], [40, 20, 1]);
+        let temperature = ellipsoid(&positions, [0.0; 3], [12e-4, 6.3e-4, 1.0]);
+        let pool = melt_pool(&positions, &temperature, SPACING, 2, Travel::X, 1500.0);
+        let pool = pool.expect("a pool");
+        close(pool.width.expect("2D") / 2.0, 6.3e-4);
+        assert_eq!(pool.depth, None);
+
+        let positions = lattice([-20.0, -0.5, -0.5], [40, 1, 1]);
+        let temperature = ellipsoid(&positions, [0.0; 3], [12e-4, 1.0, 1.0]);
+        let pool = melt_pool(&positions, &temperature, SPACING, 1, Travel::X, 1500.0);
+        let pool = pool.expect("a pool");
+        close(pool.front, 12e-4);
+        assert_eq!((pool.width, pool.depth), (None, None));
+    }
+
+    #[test]
+    fn pool_ends_at_the_faces_of_the_body() {
+        let positions = lattice([0.0, 0.0, -4.0], [10, 6, 4]);
+        let temperature = vec![1800.0; positions.len()];
+        let pool = melt_pool(&positions, &temperature, SPACING, 3, Travel::X, 1500.0);
+        let pool = pool.expect("a pool");
+        // rounding only
+        assert!((pool.length() - 10.0 * SPACING).abs() < 1e-15);
+        assert!((pool.width.expect("3D") - 6.0 * SPACING).abs() < 1e-15);
+        assert!((pool.depth.expect("3D") - 4.0 * SPACING).abs() < 1e-15);
+        assert_eq!(pool.peak, 1800.0);
+    }
+
+    #[test]
+    fn cold_body_has_no_pool() {
+        let positions = lattice([0.0; 3], [4, 4, 4]);
+        let cold = vec![300.0; positions.len()];
+        assert_eq!(
+            melt_pool(&positions, &cold, SPACING, 3, Travel::X, 1500.0),
+            None
+        );
+    }
+}

@@ -1,0 +1,130 @@
+//! A log to look at: a hot spot that moves over a lattice.
+
+use std::path::Path;
+
+use perimelt_core::log::{
+    BodyInfo, CloudView, FieldInfo, FieldView, Precision, Progress, RunInfo, Writer,
+};
+
+pub(crate) const SPACING: f64 = 2.5e-4;
+pub(crate) const TIMES: usize = 6;
+
+/// Half a plate (3D, cut at y = 0, `cells` of 0.25 mm, its surface at z = 0) and a plane sheet,
+/// with temperature and displacement at six times 0, 0.2 s, ... 1 s.
+pub(crate) fn write_log(path: &Path, cells: [usize; 3]) {
+    let mut run = RunInfo {
+        version: "test".into(),
+        threads: 1,
+        ..RunInfo::default()
+    };
+    let sheet_cells = [cells[0], 2 * cells[1], 1];
+    for (name, cells) in [("plate", cells), ("sheet", sheet_cells)] {
+        let field = |name: &str, unit: &str, components| FieldInfo {
+            name: name.into(),
+            unit: unit.into(),
+            components,
+        };
+        run.bodies.push(BodyInfo {
+            name: name.into(),
+            dimension: if cells[2] > 1 { 3 } else { 2 },
+            spacing: SPACING,
+            thickness: 1e-3,
+            points: cells.iter().product(),
+            fields: vec![field("temperature", "K", 1), field("displacement", "m", 3)],
+        });
+    }
+    let case = "[bodies.plate]\nmaterial = \"steel\"\n[bodies.sheet]\nmaterial = \"steel\"\n\
+                [materials.steel]\nsolidus = 1658.15\nliquidus = 1723.15\n";
+    let mut writer = Writer::create(path, &run, "spot.toml", case).expect("a new file");
+    for step in 0..TIMES {
+        let time = 0.2 * step as f64;
+        for body in &run.bodies {
+            let cells = if body.dimension == 3 {
+                cells
+            } else {
+                sheet_cells
+            };
+            let (positions, temperature, displacement) = state(cells, body.dimension, time);
+            let fields = [
+                FieldView {
+                    name: "temperature",
+                    components: 1,
+                    values: &temperature,
+                },
+                FieldView {
+                    name: "displacement",
+                    components: 3,
+                    values: &displacement,
+                },
+            ];
+            let cloud = CloudView {
+                time,
+                positions: &positions,
+                fields: &fields,
+            };
+            writer
+                .points(&body.name, Precision::F64, &cloud)
+                .expect("written");
+        }
+        let (hot, cold) = (300.0 + 900.0 * time.sqrt(), 300.0 + 200.0 * time);
+        let probe = [
+            ("near_weld", "K", hot),
+            ("far", "K", cold),
+            ("uz", "m", -2e-5 * time),
+        ];
+        writer
+            .probe("thermocouples", time, &probe)
+            .expect("written");
+        let error = 1e-13 * (1.0 + time * 30.0);
+        let balance = [
+            ("stored", "J", 500.0 * time),
+            ("error", "J", -error),
+            ("relative_error", "1", error / 500.0),
+        ];
+        writer.balance(time, &balance).expect("written");
+        let mut progress = Progress {
+            time,
+            step: step as u64,
+            ..Progress::default()
+        };
+        progress.sub_steps.insert("heat".into(), 20);
+        writer.progress(&progress).expect("written");
+    }
+    writer.finish().expect("written");
+}
+
+/// Positions, temperature and displacement, the hot spot at 30 % to 70 % of the length.
+fn state(cells: [usize; 3], dimension: usize, time: f64) -> (Vec<[f64; 3]>, Vec<f64>, Vec<f64>) {
+    let [nx, ny, nz] = cells;
+    let spot = (0.3 + 0.4 * time) * nx as f64 * SPACING;
+    let (mut positions, mut temperature, mut displacement) = (Vec::new(), Vec::new(), Vec::new());
+    let y_start = if dimension == 3 {
+        0.0
+    } else {
+        -0.5 * ny as f64
+    };
+    let z_start = if dimension == 3 { -(nz as f64) } else { -0.5 };
+    for k in 0..nz {
+        for j in 0..ny {
+            for i in 0..nx {
+                let x = (i as f64 + 0.5) * SPACING;
+                let y = (y_start + j as f64 + 0.5) * SPACING;
+                let z = (z_start + k as f64 + 0.5) * SPACING;
+                let behind = (x - spot).min(0.0).abs();
+                let ahead = (x - spot).max(0.0);
+                let along = behind / 8e-3 + ahead / 2e-3;
+                let r2 = along * along + (y / 2.6e-3).powi(2) + (z / 2e-3).powi(2);
+                let heat = (-0.9 * r2.sqrt().powf(1.5)).exp() * (time / 0.2).min(1.0);
+                temperature.push(300.0 + 2100.0 * heat);
+                let stretch = 6e-5 * time;
+                displacement.extend([
+                    stretch * (x * 150.0).sin(),
+                    -2e-2 * stretch,
+                    2.0 * stretch * heat,
+                ]);
+                positions.push([x, y, z]);
+            }
+        }
+    }
+    (positions, temperature, displacement)
+}

@@ -1,0 +1,317 @@
+//! A picture as a list of marks, written as PNG or SVG.
+//!
+//! Coordinates are pixels of the finished picture from its upper left corner, with fractions. The
+//! backends of `plotters` only take whole pixels and smooth few edges, so marks are drawn `SCALE`
+//! times as large; PNG is averaged down, SVG scaled by its header.
+
+use std::{fs, io::BufWriter, path::Path};
+
+use plotters::prelude::{
+    BitMapBackend, DrawingArea, DrawingBackend, FontStyle, FontTransform, IntoDrawingArea,
+    IntoFont, PathElement, Polygon, RGBColor, Rectangle, SVGBackend, Text,
+};
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{Color, TextStyle, register_font};
+use plotters::{coord::Shift, drawing::DrawingAreaErrorKind};
+
+use super::{Format, PlotError, colour::Colour};
+
+const SCALE: u32 = 3;
+const FONT: &str = "sans-serif";
+const REGULAR: &[u8] = include_bytes!("../../assets/fonts/Roboto-Regular-subset.ttf");
+const MEDIUM: &[u8] = include_bytes!("../../assets/fonts/Roboto-Medium-subset.ttf");
+
+/// Where a text is relative to its point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Anchor {
+    /// to the right, middle height
+    Left,
+    /// around it
+    Middle,
+    /// to the left, middle height
+    Right,
+}
+
+#[derive(Clone, Debug)]
+enum Mark {
+    Rectangle {
+        corners: [[f64; 2]; 2],
+        colour: Colour,
+    },
+    Line {
+        points: Vec<[f64; 2]>,
+        width: f64,
+        colour: Colour,
+    },
+    Area {
+        points: Vec<[f64; 2]>,
+        colour: Colour,
+    },
+    Text {
+        text: String,
+        at: [f64; 2],
+        size: f64,
+        bold: bool,
+        upright: bool,
+        anchor: Anchor,
+        colour: Colour,
+    },
+}
+
+/// A picture being made.
+#[derive(Clone, Debug)]
+pub(crate) struct Picture {
+    width: u32,
+    height: u32,
+    marks: Vec<Mark>,
+}
+
+/// How a text looks.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TextLook {
+    /// height of the letters, pixels
+    pub size: f64,
+    /// heavier letters
+    pub bold: bool,
+    /// where the text is
+    pub anchor: Anchor,
+    /// colour of the letters
+    pub colour: Colour,
+}
+
+impl Picture {
+    /// A white picture of this size in pixels.
+    pub(crate) fn new(width: u32, height: u32) -> Self {
+        Self {
+            width,
+            height,
+            marks: Vec::new(),
+        }
+    }
+
+    pub(crate) fn rectangle(&mut self, corners: [[f64; 2]; 2], colour: Colour) {
+        self.marks.push(Mark::Rectangle { corners, colour });
+    }
+
+    pub(crate) fn line(&mut self, points: Vec<[f64; 2]>, width: f64, colour: Colour) {
+        if points.len() >= 2 {
+            self.marks.push(Mark::Line {
+                points,
+                width,
+                colour,
+            });
+        }
+    }
+
+    pub(crate) fn area(&mut self, points: Vec<[f64; 2]>, colour: Colour) {
+        self.marks.push(Mark::Area { points, colour });
+    }
+
+    pub(crate) fn dot(&mut self, [x, y]: [f64; 2], radius: f64, colour: Colour) {
+        let corner = |i: u32| {
+            let angle = f64::from(i) * std::f64::consts::TAU / 24.0;
+            [x + radius * angle.cos(), y + radius * angle.sin()]
+        };
+        self.area((0..24).map(corner).collect(), colour);
+    }
+
+    pub(crate) fn text(&mut self, text: impl Into<String>, at: [f64; 2], look: TextLook) {
+        let TextLook {
+            size,
+            bold,
+            anchor,
+            colour,
+        } = look;
+        let text = text.into();
+        self.marks.push(Mark::Text {
+            text,
+            at,
+            size,
+            bold,
+            upright: false,
+            anchor,
+            colour,
+        });
+    }
+
+    /// A text read from below.
+    pub(crate) fn upright_text(&mut self, text: impl Into<String>, at: [f64; 2], look: TextLook) {
+        let TextLook {
+            size,
+            bold,
+            anchor,
+            colour,
+        } = look;
+        let text = text.into();
+        self.marks.push(Mark::Text {
+            text,
+            at,
+            size,
+            bold,
+            upright: true,
+            anchor,
+            colour,
+        });
+    }
+
+    /// Writes the picture.
+    pub(crate) fn write(&self, path: &Path, format: Format) -> Result<(), PlotError> {
+        let drawing = |source: &dyn std::fmt::Display| PlotError::Drawing {
+            path: path.into(),
+            what: source.to_string(),
+        };
+        register_fonts();
+        let size = (self.width * SCALE, self.height * SCALE);
+        match format {
+            Format::Svg => {
+                let mut text = String::new();
+                let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
+                self.draw(&area).map_err(|error| drawing(&error))?;
+                drop(area);
+                let large = format!(r#"width="{}" height="{}""#, size.0, size.1);
+                let real = format!(r#"width="{}" height="{}""#, self.width, self.height);
+                fs::write(path, text.replacen(&large, &real, 1)).map_err(|source| PlotError::Io {
+                    action: "write",
+                    path: path.into(),
+                    source,
+                })
+            }
+            Format::Png => {
+                let mut pixels = vec![0; 3 * size.0 as usize * size.1 as usize];
+                let area = BitMapBackend::with_buffer(&mut pixels, size).into_drawing_area();
+                self.draw(&area).map_err(|error| drawing(&error))?;
+                drop(area);
+                self.write_png(path, &averaged(&pixels, size.0 as usize))
+            }
+        }
+    }
+
+    fn write_png(&self, path: &Path, pixels: &[u8]) -> Result<(), PlotError> {
+        let file = fs::File::create(path).map_err(|source| PlotError::Io {
+            action: "create",
+            path: path.into(),
+            source,
+        })?;
+        let mut encoder = png::Encoder::new(BufWriter::new(file), self.width, self.height);
+        encoder.set_color(png::ColorType::Rgb);
+        let write = || -> Result<(), png::EncodingError> {
+            let mut writer = encoder.write_header()?;
+            writer.write_image_data(pixels)?;
+            writer.finish()
+        };
+        write().map_err(|source| PlotError::Png {
+            path: path.into(),
+            source,
+        })
+    }
+
+    fn draw<B: DrawingBackend>(
+        &self,
+        area: &DrawingArea<B, Shift>,
+    ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
+        let scale = f64::from(SCALE);
+        let place = |p: &[f64; 2]| ((p[0] * scale).round() as i32, (p[1] * scale).round() as i32);
+        let paint = |colour: &Colour| RGBColor(colour.0, colour.1, colour.2);
+        area.fill(&paint(&super::colour::WHITE))?;
+        for mark in &self.marks {
+            match mark {
+                Mark::Rectangle {
+                    corners: [a, b],
+                    colour,
+                } => {
+                    let corners = [place(a), place(b)];
+                    area.draw(&Rectangle::new(corners, paint(colour).filled()))?;
+                }
+                Mark::Line {
+                    points,
+                    width,
+                    colour,
+                } => {
+                    let mut points: Vec<_> = points.iter().map(place).collect();
+                    points.dedup();
+                    if points.len() >= 2 {
+                        let width = (width * scale).round().max(1.0) as u32;
+                        let style = paint(colour).stroke_width(width);
+                        area.draw(&PathElement::new(points, style))?;
+                    }
+                }
+                Mark::Area { points, colour } => {
+                    let points: Vec<_> = points.iter().map(place).collect();
+                    area.draw(&Polygon::new(points, paint(colour).filled()))?;
+                }
+                Mark::Text {
+                    text,
+                    at,
+                    size,
+                    bold,
+                    upright,
+                    anchor,
+                    colour,
+                } => {
+                    let style = if *bold {
+                        FontStyle::Bold
+                    } else {
+                        FontStyle::Normal
+                    };
+                    let mut font = (FONT, size * scale, style).into_font();
+                    let across = match anchor {
+                        Anchor::Left => HPos::Left,
+                        Anchor::Middle => HPos::Center,
+                        Anchor::Right => HPos::Right,
+                    };
+                    if *upright {
+                        font = font.transform(FontTransform::Rotate270);
+                    }
+                    let colour = paint(colour);
+                    let style = TextStyle::from(font)
+                        .color(&colour)
+                        .pos(Pos::new(across, VPos::Center));
+                    area.draw(&Text::new(text.as_str(), place(at), style))?;
+                }
+            }
+        }
+        area.present()
+    }
+}
+
+/// Makes the letters in `assets` those of all pictures.
+fn register_fonts() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| {
+        for (style, font) in [(FontStyle::Normal, REGULAR), (FontStyle::Bold, MEDIUM)] {
+            // a font that cannot be read would be our own mistake; drawing then reports it
+            let _ = register_font(FONT, style, font);
+        }
+    });
+}
+
+/// Width of a text in pixels.
+pub(crate) fn text_width(text: &str, size: f64) -> f64 {
+    register_fonts();
+    let (width, _) = (FONT, size * f64::from(SCALE))
+        .into_font()
+        .box_size(text)
+        .unwrap_or_default();
+    f64::from(width) / f64::from(SCALE)
+}
+
+/// Means over squares of `SCALE` by `SCALE` pixels.
+fn averaged(pixels: &[u8], width: usize) -> Vec<u8> {
+    let scale = SCALE as usize;
+    let row = width * 3;
+    let mut small = Vec::with_capacity(pixels.len() / (scale * scale));
+    for rows in pixels.chunks_exact(row * scale) {
+        for x in 0..width / scale {
+            for channel in 0..3 {
+                let mut sum = 0_u32;
+                for dy in 0..scale {
+                    for dx in 0..scale {
+                        sum += u32::from(rows[dy * row + (x * scale + dx) * 3 + channel]);
+                    }
+                }
+                small.push((sum / (SCALE * SCALE)) as u8);
+            }
+        }
+    }
+    small
+}

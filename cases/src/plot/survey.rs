@@ -1,0 +1,85 @@
+//! One pass over the clouds of a body: when its fields peak, and how its melt pool grows.
+
+use std::collections::BTreeMap;
+
+use perimelt_core::log::{BodyInfo, Cloud, Log, LogError};
+
+use super::scalar::scalar;
+use crate::melt_pool::{MeltPool, Travel, melt_pool};
+
+/// What the pass finds.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Survey {
+    /// number of the cloud in which the field reaches its largest value
+    pub peak: BTreeMap<String, usize>,
+    /// times (s) and melt pools, `None` while nothing is molten
+    pub pools: Vec<(f64, Option<MeltPool>)>,
+}
+
+/// Surveys `fields`; melt pools if there is an isotherm (K) to bound them.
+pub(crate) fn survey(
+    log: &Log,
+    body: &BodyInfo,
+    fields: &[String],
+    isotherm: Option<f64>,
+    travel: Travel,
+) -> Result<Survey, LogError> {
+    let mut survey = Survey::default();
+    let mut largest: BTreeMap<&str, f64> = BTreeMap::new();
+    let reference = Reference::new(log, body)?;
+    for index in 0..log.times(&body.name).len() {
+        let cloud = log.cloud(&body.name, index)?;
+        for name in fields {
+            let Some(scalar) = scalar(&cloud, name) else {
+                continue;
+            };
+            let peak = scalar
+                .values
+                .iter()
+                .fold(f64::NEG_INFINITY, |peak, x| peak.max(x.abs()));
+            let so_far = largest.entry(name).or_insert(f64::NEG_INFINITY);
+            if peak > *so_far {
+                *so_far = peak;
+                survey.peak.insert(name.clone(), index);
+            }
+        }
+        if let (Some(isotherm), Some(temperature)) = (isotherm, scalar(&cloud, "temperature")) {
+            let positions = reference.positions(&cloud);
+            let (spacing, values) = (body.spacing, &temperature.values);
+            let pool = melt_pool(positions, values, spacing, body.dimension, travel, isotherm);
+            survey.pools.push((cloud.time, pool));
+        }
+    }
+    Ok(survey)
+}
+
+/// Where the points of a body were at the start: a deformed body is no lattice any more.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Reference {
+    first: Option<Vec<[f64; 3]>>,
+}
+
+impl Reference {
+    /// From the first cloud of a body that is a solid, that is one with displacements.
+    pub(crate) fn new(log: &Log, body: &BodyInfo) -> Result<Self, LogError> {
+        if log.times(&body.name).is_empty() {
+            return Ok(Self::default());
+        }
+        let cloud = log.cloud(&body.name, 0)?;
+        let is_solid = cloud
+            .fields
+            .iter()
+            .any(|field| field.name == "displacement");
+        Ok(Self {
+            first: is_solid.then_some(cloud.positions),
+        })
+    }
+
+    /// Reference positions (m) of the points of a cloud; of a fluid, where they are now.
+    pub(crate) fn positions<'a>(&'a self, cloud: &'a Cloud) -> &'a [[f64; 3]] {
+        match &self.first {
+            Some(first) if first.len() == cloud.positions.len() => first,
+            _ => &cloud.positions,
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! The benchmark cases: `cases/verification/*.toml`, built into the program.
+
+use std::path::Path;
+
+use super::VerifyError;
+use crate::case::Case;
+
+macro_rules! benchmarks {
+    ($($name:literal),* $(,)?) => {
+        /// Names and texts of the benchmark cases.
+        pub const BENCHMARKS: &[(&str, &str)] = &[
+            $(($name, include_str!(concat!("../../verification/", $name, ".toml")))),*
+        ];
+    };
+}
+
+benchmarks!(
+    "wang-7.5.1-stefan",
+    "wang-7.5.1-stefan-plate",
+    "wang-7.5.1-stefan-no-latent",
+    "wang-7.5.2-neumann",
+    "wang-7.5.2-neumann-plate",
+    "wang-7.5.3-point",
+    "wang-7.5.4.1-goldak",
+    "wang-7.5.4.1-goldak-window",
+    "wang-7.5.4.2-goldak-phase",
+    "wang-7.5.4.2-goldak-phase-window",
+    "wang-7.5.4.2-goldak-phase-apparent",
+    "wang-7.5.5.1-gauss-A",
+    "wang-7.5.5.1-gauss-B",
+    "wang-7.5.5.2-gauss-phase-C",
+    "wang-7.5.5.2-gauss-phase-D",
+    "wang-7.5.5.2-gauss-phase-D-constant-modulus",
+    "wang-7.5.5.2-gauss-phase-D-no-latent",
+);
+
+/// The benchmark cases of the program, or those of a folder, with their names.
+///
+/// # Errors
+/// The folder cannot be read, or the first mistake in a case.
+pub fn load(folder: Option<&Path>) -> Result<Vec<(String, Case)>, VerifyError> {
+    let Some(folder) = folder else {
+        let parse = |(name, text): &(&str, &str)| {
+            let file = format!("cases/verification/{name}.toml");
+            Ok((name.to_string(), Case::parse(&file, text.to_string(), Path::new(""))?))
+        };
+        return BENCHMARKS.iter().map(parse).collect();
+    };
+    let unreadable = |source| VerifyError::Folder { folder: folder.into(), source };
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+        paths.push(entry.map_err(unreadable)?.path());
+    }
+    paths.retain(|path| path.extension().is_some_and(|e| e == "toml"));
+    paths.sort();
+    let read = |path: std::path::PathBuf| {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok((name, Case::read(&path)?))
+    };
+    paths.into_iter().map(read).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_benchmark_file_is_built_in() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/verification");
+        let files: BTreeSet<String> = std::fs::read_dir(folder)
+            .expect("the folder of the benchmarks")
+            .map(|entry| entry.expect("readable").path())
+            .filter(|path| path.extension().is_some_and(|e| e == "toml"))
+            .filter_map(|path| Some(path.file_stem()?.to_str()?.to_string()))
+            .collect();
+        assert_eq!(files, BENCHMARKS.iter().map(|(name, _)| name.to_string()).collect());
+    }
+}

@@ -1,0 +1,245 @@
+//! `[[verify]]`: a number of a run with its reference, as a case file writes it.
+//!
+//! ```toml
+//! [[verify]]
+//! quantity = "temperature on the axis at 300 s, °C"
+//! measure.field = { field = "temperature", at = [[0, 0, 0]], time = 300, offset = -273.15 }
+//! reference = -1.0056
+//! limit.absolute = 0.02
+//! source = "spec 02, 4.6"
+//! ```
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::case::sections::{Components, Statistic};
+
+/// A measurement, its reference and how far they may be apart.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Check {
+    /// What is compared, with its unit, one line.
+    pub quantity: String,
+    /// What is measured.
+    pub measure: Measure,
+    /// Another case, whose same measurement divides this one.
+    #[serde(default)]
+    pub of: Option<String>,
+    /// The reference: one number for all that is measured, or one for each.
+    pub reference: Components,
+    /// How far ours may be from the reference.
+    pub limit: Limit,
+    /// Where the reference comes from.
+    pub source: String,
+    /// When it is checked.
+    #[serde(default)]
+    pub level: Level,
+}
+
+/// What is measured, read from the running simulation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Measure {
+    /// A field at positions.
+    Field(FieldMeasure),
+    /// The time at which a field first crosses a value, s.
+    Crossing(CrossingMeasure),
+    /// One number for all points of a region.
+    Statistic(StatisticMeasure),
+    /// How far an isotherm reaches, m.
+    MeltPool(MeltPoolMeasure),
+    /// The largest relative error of a balance over all logged states.
+    Balance(BalanceMeasure),
+    /// A number that couplers report, summed over them, at the end.
+    Report(ReportMeasure),
+}
+
+/// A field at positions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FieldMeasure {
+    /// Body; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Field, such as "temperature".
+    pub field: String,
+    /// "x", "y", "z" or "magnitude" of a vector field, "xx", "yx", ... of a tensor field.
+    #[serde(default)]
+    pub component: Option<String>,
+    /// Reference positions, m.
+    pub at: Vec<[f64; 3]>,
+    /// When, s: a multiple of the log interval; the end when left out.
+    #[serde(default)]
+    pub time: Option<f64>,
+    /// Added to the value: -273.15 turns kelvin into degrees celsius.
+    #[serde(default)]
+    pub offset: f64,
+    /// Between the points.
+    #[serde(default)]
+    pub interpolation: Interpolation,
+}
+
+/// How a field is read between points. Beyond the outermost points, up to the face, it goes on
+/// as its mirror image, as it does at an insulated face or a plane of symmetry.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Interpolation {
+    /// Through four points along each axis.
+    #[default]
+    Cubic,
+    /// Through two.
+    Linear,
+}
+
+/// The time at which a field first crosses a value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CrossingMeasure {
+    /// Body; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Scalar field, such as "temperature".
+    pub field: String,
+    /// Reference position, m.
+    pub at: [f64; 3],
+    /// The value.
+    pub value: f64,
+}
+
+/// One number for all points of a region.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StatisticMeasure {
+    /// Body; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Field, such as "temperature".
+    pub field: String,
+    /// "x", "y", "z" or "magnitude" of a vector field, "xx", "yx", ... of a tensor field.
+    #[serde(default)]
+    pub component: Option<String>,
+    /// Region; the whole body when left out.
+    #[serde(default)]
+    pub region: Option<String>,
+    /// Which number.
+    pub statistic: Statistic,
+    /// When, s: a multiple of the log interval; the end when left out.
+    #[serde(default)]
+    pub time: Option<f64>,
+    /// Added to the number.
+    #[serde(default)]
+    pub offset: f64,
+}
+
+/// How far an isotherm reaches.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeltPoolMeasure {
+    /// Body; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Isotherm, K.
+    pub isotherm: f64,
+    /// Which of its extents, for a source that travels along x.
+    pub extent: Extent,
+    /// When, s: a multiple of the log interval; the end when left out.
+    #[serde(default)]
+    pub time: Option<f64>,
+}
+
+/// An extent of a melt pool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Extent {
+    /// Smallest x.
+    Rear,
+    /// Largest x.
+    Front,
+    /// Along y; half of the pool in a body cut at its plane of symmetry.
+    Width,
+    /// Down from the topmost surface.
+    Depth,
+}
+
+/// The largest relative error of a balance.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BalanceMeasure {
+    /// Its quantity, such as "heat".
+    pub quantity: String,
+}
+
+/// A number that couplers report.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReportMeasure {
+    /// Its name, such as "energy.deposited".
+    pub name: String,
+}
+
+/// How far ours may be from the reference.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Limit {
+    /// `|ours - reference|`, in the unit of the quantity.
+    Absolute(f64),
+    /// `|ours - reference| / |reference|`, number by number.
+    Relative(f64),
+    /// `|ours - reference|` over the largest absolute reference.
+    ShareOfPeak(f64),
+    /// Ours lies between these, whatever the reference.
+    Between([f64; 2]),
+}
+
+/// When a check is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Level {
+    /// Always.
+    #[default]
+    Everyday,
+    /// With `--full` only.
+    Full,
+}
+
+impl Limit {
+    /// Error of `ours` and the most it may be. `peak`: the largest absolute reference.
+    pub fn judge(self, ours: f64, reference: f64, peak: f64) -> (f64, f64) {
+        let difference = (ours - reference).abs();
+        match self {
+            Limit::Absolute(limit) => (difference, limit),
+            Limit::Relative(limit) => (difference / reference.abs(), limit),
+            Limit::ShareOfPeak(limit) => (difference / peak, limit),
+            // the distance from the middle, so that errors compare
+            Limit::Between([low, high]) => ((ours - 0.5 * (low + high)).abs(), 0.5 * (high - low)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_measure_what_they_say() {
+        let cases = [
+            (Limit::Absolute(0.5), (3.0, 0.5)),
+            (Limit::Relative(0.1), (0.3, 0.1)),
+            (Limit::ShareOfPeak(0.1), (0.03, 0.1)),
+            (Limit::Between([10.0, 20.0]), (2.0, 5.0)),
+        ];
+        for (limit, (error, most)) in cases {
+            let judged = limit.judge(13.0, 10.0, 100.0);
+            // rounding of one division
+            assert!((judged.0 - error).abs() < 1e-15 && judged.1 == most, "{limit:?}: {judged:?}");
+        }
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused() {
+        let text = "quantity = 'q'\nmeasure.balance = { quantity = 'heat', tolerance = 1 }\n\
+            reference = 0\nlimit.absolute = 1\nsource = ''";
+        let error = toml::from_str::<Check>(text).expect_err("`tolerance` is no key");
+        assert!(error.message().contains("tolerance"), "{error}");
+    }
+}

@@ -1,0 +1,166 @@
+//! Outcomes of checks, and the table that shows them.
+
+use std::fmt;
+
+use super::check::{Check, Limit};
+
+/// A check with what came out.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Name of the case.
+    pub case: String,
+    /// What was compared.
+    pub quantity: String,
+    /// Ours, where it is furthest from the reference.
+    pub ours: f64,
+    /// The reference there.
+    pub reference: f64,
+    /// How far they are apart, as the limit counts it; NaN when the run did not come to it.
+    pub error: f64,
+    /// How far they may be apart.
+    pub limit: Limit,
+    /// Number of values compared.
+    pub values: usize,
+    /// Whether all of them are within the limit.
+    pub passed: bool,
+}
+
+impl Outcome {
+    /// Judges the values measured for a check.
+    pub fn new(case: &str, check: &Check, values: Option<&[f64]>) -> Outcome {
+        let references = check.reference.as_slice();
+        let peak = references.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
+        let mut outcome = Outcome {
+            case: case.into(),
+            quantity: check.quantity.clone(),
+            ours: f64::NAN,
+            reference: references[0],
+            error: f64::NAN,
+            limit: check.limit,
+            values: values.map_or(0, <[f64]>::len),
+            passed: values.is_some(),
+        };
+        let mut worst = -1.0;
+        for (i, &ours) in values.unwrap_or_default().iter().enumerate() {
+            let reference = references[if references.len() == 1 { 0 } else { i }];
+            let (error, most) = check.limit.judge(ours, reference, peak);
+            outcome.passed &= error <= most;
+            // the first value that is no number stays the worst
+            if !(error <= worst) && !(worst == f64::INFINITY) {
+                worst = if error.is_nan() { f64::INFINITY } else { error };
+                (outcome.ours, outcome.reference, outcome.error) = (ours, reference, error);
+            }
+        }
+        outcome
+    }
+
+    fn cells(&self) -> [String; 7] {
+        let share = |value: f64| format!("{} %", number(100.0 * value));
+        let of_peak = |value: f64| format!("{} % of peak", number(100.0 * value));
+        let (reference, error, limit) = match self.limit {
+            Limit::Absolute(limit) => (number(self.reference), number(self.error), number(limit)),
+            Limit::Relative(limit) => (number(self.reference), share(self.error), share(limit)),
+            Limit::ShareOfPeak(limit) => (number(self.reference), of_peak(self.error), share(limit)),
+            Limit::Between([low, high]) => {
+                (number(self.reference), String::new(), format!("{} to {}", number(low), number(high)))
+            }
+        };
+        let quantity = match self.values {
+            0 | 1 => self.quantity.clone(),
+            count => format!("{} (worst of {count})", self.quantity),
+        };
+        let verdict = if self.passed { "pass" } else { "FAIL" };
+        [self.case.clone(), quantity, number(self.ours), reference, error, limit, verdict.into()]
+    }
+}
+
+const HEADINGS: [&str; 7] = ["case", "quantity", "ours", "reference", "error", "limit", ""];
+
+/// The outcomes as a table for a terminal.
+pub struct Table<'a>(pub &'a [Outcome]);
+
+impl fmt::Display for Table<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let rows: Vec<[String; 7]> = self.0.iter().map(Outcome::cells).collect();
+        let width = |column: usize| {
+            let cells = rows.iter().map(|row| row[column].chars().count());
+            cells.max().unwrap_or(0).max(HEADINGS[column].len())
+        };
+        let widths: [usize; 7] = std::array::from_fn(width);
+        let mut line = |cells: [&str; 7]| {
+            let mut text = String::new();
+            for (column, (cell, width)) in cells.into_iter().zip(widths).enumerate() {
+                match column {
+                    2..=5 => text += &format!("{cell:>width$}  "),
+                    _ => text += &format!("{cell:<width$}  "),
+                }
+            }
+            writeln!(f, "{}", text.trim_end())
+        };
+        line(HEADINGS)?;
+        let mut last = "";
+        for row in &rows {
+            let mut cells: [&str; 7] = std::array::from_fn(|column| row[column].as_str());
+            if cells[0] == last {
+                cells[0] = "";
+            } else {
+                last = cells[0];
+            }
+            line(cells)?;
+        }
+        Ok(())
+    }
+}
+
+/// Six significant digits, in plain notation where that is short.
+fn number(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 {
+        return "0".into();
+    }
+    if !(1e-3..1e6).contains(&size) {
+        return format!("{value:.3e}");
+    }
+    let digits = (5 - size.log10().floor() as i32).max(0) as usize;
+    let text = format!("{value:.digits$}");
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').into(),
+        false => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(limit: &str) -> Check {
+        let text = format!(
+            "quantity = 'q'\nmeasure.balance = {{ quantity = 'heat' }}\nreference = [1.0, -10.0, 4.0]\n\
+            limit.{limit}\nsource = ''"
+        );
+        toml::from_str(&text).expect("a valid check")
+    }
+
+    #[test]
+    fn the_worst_value_is_shown() {
+        let values = [1.1, -10.3, 4.0];
+        let absolute = Outcome::new("case", &check("absolute = 0.2"), Some(&values));
+        assert_eq!((absolute.ours, absolute.passed), (-10.3, false));
+        let relative = Outcome::new("case", &check("relative = 0.11"), Some(&values));
+        assert_eq!((relative.ours, relative.passed), (1.1, true));
+        let peak = Outcome::new("case", &check("share_of_peak = 0.029"), Some(&values));
+        assert_eq!((peak.ours, peak.passed), (-10.3, false));
+    }
+
+    #[test]
+    fn what_is_no_number_or_was_never_measured_fails() {
+        assert!(!Outcome::new("case", &check("absolute = 9"), Some(&[1.0, f64::NAN, 4.0])).passed);
+        assert!(!Outcome::new("case", &check("absolute = 9"), None).passed);
+    }
+
+    #[test]
+    fn numbers_have_six_digits() {
+        let texts = [12345.678, 0.0123456789, -3.0, 1.5e-7, 1234567.0].map(number);
+        assert_eq!(texts, ["12345.7", "0.0123457", "-3", "1.500e-7", "1.235e6"]);
+    }
+}
