@@ -202,7 +202,11 @@ pub(crate) fn find_field(
 }
 
 impl Component {
-    pub(crate) fn new(world: &World, field: FieldIndex, name: Option<&str>) -> Result<Component, SetupError> {
+    pub(crate) fn new(
+        world: &World,
+        field: FieldIndex,
+        name: Option<&str>,
+    ) -> Result<Component, SetupError> {
         let names: &[&str] = match world.fields().field(field).data().components() {
             1 => &[],
             3 => &VECTOR,
