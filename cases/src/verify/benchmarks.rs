@@ -28,6 +28,7 @@ benchmarks!(
     "wang-7.5.4.2-goldak-phase-apparent",
     "wang-7.5.5.1-gauss-A",
     "wang-7.5.5.1-gauss-B",
+    "wang-7.5.5.1-gauss-B-horizon-3",
     "wang-7.5.5.2-gauss-phase-C",
     "wang-7.5.5.2-gauss-phase-D",
     "wang-7.5.5.2-gauss-phase-D-constant-modulus",
@@ -42,11 +43,17 @@ pub fn load(folder: Option<&Path>) -> Result<Vec<(String, Case)>, VerifyError> {
     let Some(folder) = folder else {
         let parse = |(name, text): &(&str, &str)| {
             let file = format!("cases/verification/{name}.toml");
-            Ok((name.to_string(), Case::parse(&file, text.to_string(), Path::new(""))?))
+            Ok((
+                name.to_string(),
+                Case::parse(&file, text.to_string(), Path::new(""))?,
+            ))
         };
         return BENCHMARKS.iter().map(parse).collect();
     };
-    let unreadable = |source| VerifyError::Folder { folder: folder.into(), source };
+    let unreadable = |source| VerifyError::Folder {
+        folder: folder.into(),
+        source,
+    };
     let mut paths = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
         paths.push(entry.map_err(unreadable)?.path());
@@ -54,7 +61,11 @@ pub fn load(folder: Option<&Path>) -> Result<Vec<(String, Case)>, VerifyError> {
     paths.retain(|path| path.extension().is_some_and(|e| e == "toml"));
     paths.sort();
     let read = |path: std::path::PathBuf| {
-        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name = path
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
         Ok((name, Case::read(&path)?))
     };
     paths.into_iter().map(read).collect()
@@ -74,6 +85,12 @@ mod tests {
             .filter(|path| path.extension().is_some_and(|e| e == "toml"))
             .filter_map(|path| Some(path.file_stem()?.to_str()?.to_string()))
             .collect();
-        assert_eq!(files, BENCHMARKS.iter().map(|(name, _)| name.to_string()).collect());
+        assert_eq!(
+            files,
+            BENCHMARKS
+                .iter()
+                .map(|(name, _)| name.to_string())
+                .collect()
+        );
     }
 }

@@ -192,7 +192,9 @@ pub enum Limit {
 }
 
 /// When a check is made.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Level {
     /// Always.
@@ -231,7 +233,10 @@ mod tests {
         for (limit, (error, most)) in cases {
             let judged = limit.judge(13.0, 10.0, 100.0);
             // rounding of one division
-            assert!((judged.0 - error).abs() < 1e-15 && judged.1 == most, "{limit:?}: {judged:?}");
+            assert!(
+                (judged.0 - error).abs() < 1e-15 && judged.1 == most,
+                "{limit:?}: {judged:?}"
+            );
         }
     }
 

@@ -56,7 +56,9 @@ pub enum VerifyError {
         cause: SetupError,
     },
     /// A list of references that does not fit what is measured.
-    #[error("`{quantity}` of case `{case}` has {references} references for {measured} measured values; give one for all, or one for each")]
+    #[error(
+        "`{quantity}` of case `{case}` has {references} references for {measured} measured values; give one for all, or one for each"
+    )]
     References {
         /// The case.
         case: String,
@@ -115,7 +117,9 @@ struct Planned {
 /// A mistake in a case, or a check that fails.
 pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
     if let Some(threads) = args.threads {
-        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build_global()?;
     }
     let outcomes = verify(args)?;
     let mut out = std::io::stdout().lock();
@@ -135,16 +139,28 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
 pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
     let cases = benchmarks::load(args.cases.as_deref())?;
     let filter = args.filter.as_deref().unwrap_or("");
-    let level = if args.full { Level::Full } else { Level::Everyday };
+    let level = if args.full {
+        Level::Full
+    } else {
+        Level::Everyday
+    };
     let mut planned = Vec::new();
     for (name, case) in &cases {
         let checks: Vec<Check> = case.verify_entries()?;
-        let wanted = checks.into_iter().filter(|c| c.level <= level && name.contains(filter));
-        planned.extend(wanted.map(|check| Planned { case: name.clone(), check }));
+        let wanted = checks
+            .into_iter()
+            .filter(|c| c.level <= level && name.contains(filter));
+        planned.extend(wanted.map(|check| Planned {
+            case: name.clone(),
+            check,
+        }));
     }
     if planned.is_empty() {
         let known = cases.into_iter().map(|(name, _)| name).collect();
-        return Err(VerifyError::Nothing { filter: filter.into(), known });
+        return Err(VerifyError::Nothing {
+            filter: filter.into(),
+            known,
+        });
     }
     let unknown = planned.iter().find_map(|p| {
         let of = p.check.of.as_ref()?;
@@ -168,13 +184,20 @@ pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
         let own = of_run(&p.case);
         let values = match p.check.of.as_deref() {
             None => own.map(<[f64]>::to_vec),
-            Some(other) => own.zip(of_run(other)).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a / b).collect()),
+            Some(other) => own
+                .zip(of_run(other))
+                .map(|(a, b)| a.iter().zip(b).map(|(a, b)| a / b).collect()),
         };
         let references = p.check.reference.as_slice().len();
         let measured = values.as_ref().map_or(references, Vec::len);
         if references != 1 && references != measured {
             let (case, quantity) = (p.case.clone(), p.check.quantity.clone());
-            return Err(VerifyError::References { case, quantity, references, measured });
+            return Err(VerifyError::References {
+                case,
+                quantity,
+                references,
+                measured,
+            });
         }
         Ok(Outcome::new(&p.case, &p.check, values.as_deref()))
     };
@@ -192,13 +215,23 @@ fn measure(
     let mut simulation = case.compose()?;
     let mut recorders = Vec::new();
     for p in planned {
-        let recorder = concerns(p).then(|| Recorder::new(&p.check.measure, &simulation)).transpose();
+        let recorder = concerns(p)
+            .then(|| Recorder::new(&p.check.measure, &simulation))
+            .transpose();
         recorders.push(recorder.map_err(|cause| {
             let (case, quantity) = (name.to_string(), p.check.quantity.clone());
-            VerifyError::Check { case, quantity, cause }
+            VerifyError::Check {
+                case,
+                quantity,
+                cause,
+            }
         })?);
     }
-    let result = advance(case, &mut simulation, recorders.iter_mut().flatten().collect());
+    let result = advance(
+        case,
+        &mut simulation,
+        recorders.iter_mut().flatten().collect(),
+    );
     let steps = simulation.progress().macro_steps;
     let wall = duration(started.elapsed().as_secs_f64());
     match result {
@@ -206,11 +239,18 @@ fn measure(
         Err(Failure::Case(mistake)) => return Err(VerifyError::Case(mistake)),
         Err(failure) => eprintln!("{name}: stopped after {steps} steps and {wall}: {failure}"),
     }
-    Ok(recorders.into_iter().map(|r| Some(r?.values()?.to_vec())).collect())
+    Ok(recorders
+        .into_iter()
+        .map(|r| Some(r?.values()?.to_vec()))
+        .collect())
 }
 
 /// Steps to the end of the case.
-fn advance(case: &Case, simulation: &mut perimelt_core::Simulation, mut recorders: Vec<&mut Recorder>) -> Result<(), Failure> {
+fn advance(
+    case: &Case,
+    simulation: &mut perimelt_core::Simulation,
+    mut recorders: Vec<&mut Recorder>,
+) -> Result<(), Failure> {
     case.start(simulation)?;
     let mut display = Display::new(simulation, f64::INFINITY, !std::io::stderr().is_terminal());
     let result = loop {
@@ -218,7 +258,9 @@ fn advance(case: &Case, simulation: &mut perimelt_core::Simulation, mut recorder
             break Ok(());
         }
         match simulation.step() {
-            Ok(logging) => recorders.iter_mut().for_each(|r| r.see(simulation, logging)),
+            Ok(logging) => recorders
+                .iter_mut()
+                .for_each(|r| r.see(simulation, logging)),
             Err(failure) => break Err::<(), RunError>(failure),
         }
         display.update(simulation);

@@ -18,12 +18,33 @@ pub struct Recorder {
 }
 
 enum Taker {
-    Field { component: Component, weights: Vec<Vec<(usize, f64)>>, offset: f64 },
-    Crossing { component: Component, weights: Vec<(usize, f64)>, level: f64, last: (f64, f64) },
-    Statistic { probe: Probe, offset: f64 },
-    MeltPool { body: usize, temperature: FieldIndex, section: MeltPoolMeasure },
-    Balance { section: BalanceMeasure, largest: f64 },
-    Report { name: String },
+    Field {
+        component: Component,
+        weights: Vec<Vec<(usize, f64)>>,
+        offset: f64,
+    },
+    Crossing {
+        component: Component,
+        weights: Vec<(usize, f64)>,
+        level: f64,
+        last: (f64, f64),
+    },
+    Statistic {
+        probe: Probe,
+        offset: f64,
+    },
+    MeltPool {
+        body: usize,
+        temperature: FieldIndex,
+        section: MeltPoolMeasure,
+    },
+    Balance {
+        section: BalanceMeasure,
+        largest: f64,
+    },
+    Report {
+        name: String,
+    },
 }
 
 impl Recorder {
@@ -39,19 +60,33 @@ impl Recorder {
                 let body = find_body(world, m.body.as_deref())?;
                 let field = find_field(simulation, body, &m.field, "measure.field.field")?;
                 let component = Component::new(world, field, m.component.as_deref())?;
-                let weights = m.at.iter().map(|&at| weights(world.body(body), at, m.interpolation));
+                let weights =
+                    m.at.iter()
+                        .map(|&at| weights(world.body(body), at, m.interpolation));
                 when = m.time;
-                Taker::Field { component, weights: weights.collect::<Result<_, _>>()?, offset: m.offset }
+                Taker::Field {
+                    component,
+                    weights: weights.collect::<Result<_, _>>()?,
+                    offset: m.offset,
+                }
             }
             Measure::Crossing(m) => {
                 let body = find_body(world, m.body.as_deref())?;
                 let field = find_field(simulation, body, &m.field, "measure.crossing.field")?;
                 let component = Component::new(world, field, None)?;
                 let weights = weights(world.body(body), m.at, Default::default())?;
-                Taker::Crossing { component, weights, level: m.value, last: (f64::NAN, f64::NAN) }
+                Taker::Crossing {
+                    component,
+                    weights,
+                    level: m.value,
+                    last: (f64::NAN, f64::NAN),
+                }
             }
             Measure::Statistic(m) => {
-                let region = RegionProbe { name: m.region.clone(), statistic: m.statistic };
+                let region = RegionProbe {
+                    name: m.region.clone(),
+                    statistic: m.statistic,
+                };
                 let section = ProbeSection {
                     name: String::new(),
                     body: m.body.clone(),
@@ -60,35 +95,64 @@ impl Recorder {
                     kind: ProbeKind::Region(region),
                 };
                 when = m.time;
-                Taker::Statistic { probe: Probe::new(&section, simulation)?, offset: m.offset }
+                Taker::Statistic {
+                    probe: Probe::new(&section, simulation)?,
+                    offset: m.offset,
+                }
             }
             Measure::MeltPool(m) => {
                 let body = find_body(world, m.body.as_deref())?;
                 let temperature = find_field(simulation, body, "temperature", "measure.melt_pool")?;
                 when = m.time;
-                Taker::MeltPool { body, temperature, section: m.clone() }
+                Taker::MeltPool {
+                    body,
+                    temperature,
+                    section: m.clone(),
+                }
             }
             Measure::Balance(m) => {
-                let known: Vec<String> =
-                    simulation.balances().into_iter().flat_map(|(_, b)| b).map(|b| b.quantity).collect();
+                let known: Vec<String> = simulation
+                    .balances()
+                    .into_iter()
+                    .flat_map(|(_, b)| b)
+                    .map(|b| b.quantity)
+                    .collect();
                 is_one_of("balance", "measure.balance.quantity", &m.quantity, known)?;
-                Taker::Balance { section: m.clone(), largest: 0.0 }
+                Taker::Balance {
+                    section: m.clone(),
+                    largest: 0.0,
+                }
             }
             Measure::Report(m) => {
-                let known: Vec<String> =
-                    simulation.reports().into_iter().flat_map(|(_, r)| r).map(|r| r.name).collect();
+                let known: Vec<String> = simulation
+                    .reports()
+                    .into_iter()
+                    .flat_map(|(_, r)| r)
+                    .map(|r| r.name)
+                    .collect();
                 is_one_of("report of a coupler", "measure.report.name", &m.name, known)?;
-                Taker::Report { name: m.name.clone() }
+                Taker::Report {
+                    name: m.name.clone(),
+                }
             }
         };
-        Ok(Recorder { taker, time: when, values: None })
+        Ok(Recorder {
+            taker,
+            time: when,
+            values: None,
+        })
     }
 
     /// Looks at the state after a step; `logging`: it is a logged one.
     pub fn see(&mut self, simulation: &Simulation, logging: bool) {
         let (world, now) = (simulation.world(), simulation.time());
         match &mut self.taker {
-            Taker::Crossing { component, weights, level, last } => {
+            Taker::Crossing {
+                component,
+                weights,
+                level,
+                last,
+            } => {
                 if self.values.is_some() {
                     return;
                 }
@@ -103,7 +167,9 @@ impl Recorder {
             Taker::Balance { section, largest } if logging => {
                 let balances = simulation.balances();
                 let all = balances.iter().flat_map(|(_, b)| b);
-                let errors = all.filter(|b| b.quantity == section.quantity).map(|b| b.relative_error());
+                let errors = all
+                    .filter(|b| b.quantity == section.quantity)
+                    .map(|b| b.relative_error());
                 *largest = errors.fold(*largest, |a, b| if b.is_nan() { b } else { a.max(b) });
                 self.values = Some(vec![*largest]);
             }
@@ -128,13 +194,25 @@ impl Taker {
     fn take(&self, simulation: &Simulation) -> Vec<f64> {
         let world = simulation.world();
         match self {
-            Taker::Field { component, weights, offset } => {
-                weights.iter().map(|w| sum(*component, w, world) + offset).collect()
+            Taker::Field {
+                component,
+                weights,
+                offset,
+            } => weights
+                .iter()
+                .map(|w| sum(*component, w, world) + offset)
+                .collect(),
+            Taker::Statistic { probe, offset } => {
+                probe.measure(world).iter().map(|v| v + offset).collect()
             }
-            Taker::Statistic { probe, offset } => probe.measure(world).iter().map(|v| v + offset).collect(),
-            Taker::MeltPool { body, temperature, section } => {
+            Taker::MeltPool {
+                body,
+                temperature,
+                section,
+            } => {
                 let body = world.body(*body);
-                let positions: Vec<[f64; 3]> = body.points.position.iter().map(|&p| p.into()).collect();
+                let positions: Vec<[f64; 3]> =
+                    body.points.position.iter().map(|&p| p.into()).collect();
                 let temperature = world.fields().field(*temperature).data();
                 let pool = melt_pool(
                     &positions,
@@ -163,14 +241,29 @@ impl Taker {
 }
 
 fn sum(component: Component, weights: &[(usize, f64)], world: &World) -> f64 {
-    weights.iter().map(|&(point, weight)| weight * component.at(world, point)).sum()
+    weights
+        .iter()
+        .map(|&(point, weight)| weight * component.at(world, point))
+        .sum()
 }
 
-fn is_one_of(what: &'static str, key: &str, name: &str, mut known: Vec<String>) -> Result<(), SetupError> {
+fn is_one_of(
+    what: &'static str,
+    key: &str,
+    name: &str,
+    mut known: Vec<String>,
+) -> Result<(), SetupError> {
     if known.iter().any(|k| k == name) {
         return Ok(());
     }
     known.sort();
     known.dedup();
-    Err(SetupError::new(key, Problem::UnknownName { what, name: name.into(), known }))
+    Err(SetupError::new(
+        key,
+        Problem::UnknownName {
+            what,
+            name: name.into(),
+            known,
+        },
+    ))
 }

@@ -12,7 +12,11 @@ use super::check::Interpolation;
 ///
 /// # Errors
 /// The position lies off the body, or next to cells without a point.
-pub fn weights(body: &Body, position: [f64; 3], interpolation: Interpolation) -> Result<Vec<(usize, f64)>, SetupError> {
+pub fn weights(
+    body: &Body,
+    position: [f64; 3],
+    interpolation: Interpolation,
+) -> Result<Vec<(usize, f64)>, SetupError> {
     let lattice = &body.lattice;
     let relative = (Vector3::from(position) - lattice.origin) / lattice.spacing;
     let mut axes: [Vec<(i64, f64)>; 3] = std::array::from_fn(|_| vec![(0, 1.0)]);
@@ -25,7 +29,9 @@ pub fn weights(body: &Body, position: [f64; 3], interpolation: Interpolation) ->
     for (z, wz) in zs {
         for (y, wy) in ys {
             for (x, wx) in xs {
-                let point = lattice.point([*x, *y, *z]).ok_or_else(|| off_body(body, position))?;
+                let point = lattice
+                    .point([*x, *y, *z])
+                    .ok_or_else(|| off_body(body, position))?;
                 weights.push((point, wx * wy * wz));
             }
         }
@@ -59,13 +65,22 @@ fn along(at: f64, cells: usize, interpolation: Interpolation) -> Option<Vec<(i64
         let folded = cell.rem_euclid(period);
         folded.min(period - 1 - folded)
     };
-    Some(nodes.into_iter().map(|(step, weight)| (mirrored(low as i64 + step), weight)).collect())
+    Some(
+        nodes
+            .into_iter()
+            .map(|(step, weight)| (mirrored(low as i64 + step), weight))
+            .collect(),
+    )
 }
 
 fn off_body(body: &Body, [x, y, z]: [f64; 3]) -> SetupError {
     let (min, max) = body.bounds();
     let message = format!("body `{}` has no points around [{x}, {y}, {z}]", body.name);
-    let expected = format!("a position on the body, within {:?} and {:?} m", min.as_slice(), max.as_slice());
+    let expected = format!(
+        "a position on the body, within {:?} and {:?} m",
+        min.as_slice(),
+        max.as_slice()
+    );
     SetupError::value("measure.field.at", message, expected)
 }
 
@@ -75,13 +90,24 @@ mod tests {
     use perimelt_core::shape::{BoxShape, Shape};
 
     fn block() -> Body {
-        let shape = Shape::Box(BoxShape { min: [0.0; 3], max: [4.0, 3.0, 2.0] });
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [4.0, 3.0, 2.0],
+        });
         Body::fill("block", &shape, 3, 0.25, 1.0).expect("a valid block")
     }
 
-    fn value(body: &Body, position: [f64; 3], kind: Interpolation, field: impl Fn(&Vector3<f64>) -> f64) -> f64 {
+    fn value(
+        body: &Body,
+        position: [f64; 3],
+        kind: Interpolation,
+        field: impl Fn(&Vector3<f64>) -> f64,
+    ) -> f64 {
         let weights = weights(body, position, kind).expect("on the body");
-        weights.iter().map(|&(p, w)| w * field(&body.points.position[p])).sum()
+        weights
+            .iter()
+            .map(|&(p, w)| w * field(&body.points.position[p]))
+            .sum()
     }
 
     #[test]
@@ -100,7 +126,10 @@ mod tests {
         let body = block();
         let field = |p: &Vector3<f64>| 1.0 + p.x * p.x;
         let on_face = value(&body, [0.0, 1.125, 1.125], Interpolation::Cubic, field);
-        assert!((on_face - 1.0).abs() < 1e-14, "parabola with its top on the face: {on_face}");
+        assert!(
+            (on_face - 1.0).abs() < 1e-14,
+            "parabola with its top on the face: {on_face}"
+        );
         let linear = value(&body, [0.0, 1.125, 1.125], Interpolation::Linear, field);
         assert_eq!(linear, 1.0 + 0.125 * 0.125, "the outermost point");
     }
@@ -108,13 +137,17 @@ mod tests {
     #[test]
     fn a_cell_centre_is_that_point_and_a_position_outside_is_refused() {
         let body = block();
-        let centre = weights(&body, [0.125, 0.125, 0.125], Interpolation::Cubic).expect("on the body");
+        let centre =
+            weights(&body, [0.125, 0.125, 0.125], Interpolation::Cubic).expect("on the body");
         assert_eq!(centre, [(0, 1.0)]);
         assert!(weights(&body, [-0.01, 1.0, 1.0], Interpolation::Cubic).is_err());
     }
 
     #[test]
     fn a_single_row_of_cells_is_its_own_mirror_image() {
-        assert_eq!(along(0.3, 1, Interpolation::Linear), Some(vec![(0, 0.7), (0, 0.3)]));
+        assert_eq!(
+            along(0.3, 1, Interpolation::Linear),
+            Some(vec![(0, 0.7), (0, 0.3)])
+        );
     }
 }

@@ -60,21 +60,41 @@ impl Outcome {
         let (reference, error, limit) = match self.limit {
             Limit::Absolute(limit) => (number(self.reference), number(self.error), number(limit)),
             Limit::Relative(limit) => (number(self.reference), share(self.error), share(limit)),
-            Limit::ShareOfPeak(limit) => (number(self.reference), of_peak(self.error), share(limit)),
-            Limit::Between([low, high]) => {
-                (number(self.reference), String::new(), format!("{} to {}", number(low), number(high)))
+            Limit::ShareOfPeak(limit) => {
+                (number(self.reference), of_peak(self.error), share(limit))
             }
+            Limit::Between([low, high]) => (
+                number(self.reference),
+                String::new(),
+                format!("{} to {}", number(low), number(high)),
+            ),
         };
         let quantity = match self.values {
             0 | 1 => self.quantity.clone(),
             count => format!("{} (worst of {count})", self.quantity),
         };
         let verdict = if self.passed { "pass" } else { "FAIL" };
-        [self.case.clone(), quantity, number(self.ours), reference, error, limit, verdict.into()]
+        [
+            self.case.clone(),
+            quantity,
+            number(self.ours),
+            reference,
+            error,
+            limit,
+            verdict.into(),
+        ]
     }
 }
 
-const HEADINGS: [&str; 7] = ["case", "quantity", "ours", "reference", "error", "limit", ""];
+const HEADINGS: [&str; 7] = [
+    "case",
+    "quantity",
+    "ours",
+    "reference",
+    "error",
+    "limit",
+    "",
+];
 
 /// The outcomes as a table for a terminal.
 pub struct Table<'a>(pub &'a [Outcome]);
