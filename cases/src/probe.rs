@@ -61,11 +61,23 @@ impl Probe {
             let field = find_field(simulation, body, "temperature", "kind")?;
             let pool = MeltPool::new(pool, points)?;
             let metres = ["length", "width", "depth"].map(|n| (n.to_string(), "m".to_string()));
-            let columns = metres.into_iter().chain([("volume".into(), "m3".into())]).collect();
-            return Ok(Probe { name, columns, body, measure: Measure::MeltPool(field, pool) });
+            let columns = metres
+                .into_iter()
+                .chain([("volume".into(), "m3".into())])
+                .collect();
+            return Ok(Probe {
+                name,
+                columns,
+                body,
+                measure: Measure::MeltPool(field, pool),
+            });
         }
         let Some(field_name) = &section.field else {
-            return Err(SetupError::value("", "the probe names no field", "`field = \"...\"`"));
+            return Err(SetupError::value(
+                "",
+                "the probe names no field",
+                "`field = \"...\"`",
+            ));
         };
         let field = find_field(simulation, body, field_name, "field")?;
         let component = Component::new(world, field, section.component.as_deref())?;
@@ -77,7 +89,10 @@ impl Probe {
         let (columns, measure) = match &section.kind {
             ProbeKind::Point(position) => {
                 let weights = interpolation(points, &Vector3::from(*position), "kind.point")?;
-                (vec![(column, unit)], Measure::Positions(component, vec![weights]))
+                (
+                    vec![(column, unit)],
+                    Measure::Positions(component, vec![weights]),
+                )
             }
             ProbeKind::Line(line) => {
                 let (names, weights) = along(points, line)?;
@@ -90,7 +105,11 @@ impl Probe {
                     Some(name) => {
                         let found = points.regions.get(name).ok_or_else(|| {
                             let known = points.regions.keys().cloned().collect();
-                            let problem = Problem::UnknownName { what: "region", name: name.clone(), known };
+                            let problem = Problem::UnknownName {
+                                what: "region",
+                                name: name.clone(),
+                                known,
+                            };
                             SetupError::new("kind.region.name", problem)
                         })?;
                         found.points.clone()
@@ -100,11 +119,19 @@ impl Probe {
                     (Statistic::Integral, _) => format!("{unit} m3"),
                     _ => unit,
                 };
-                (vec![(column, unit)], Measure::Region(component, selected, region.statistic))
+                (
+                    vec![(column, unit)],
+                    Measure::Region(component, selected, region.statistic),
+                )
             }
             ProbeKind::MeltPool(_) => unreachable!("handled above"),
         };
-        Ok(Probe { name, columns, body, measure })
+        Ok(Probe {
+            name,
+            columns,
+            body,
+            measure,
+        })
     }
 
     /// The numbers now, in the order of the columns.
@@ -116,7 +143,12 @@ impl Probe {
                 positions.iter().map(value).collect()
             }
             Measure::Region(component, points, statistic) => {
-                let values = points.iter().map(|&p| (component.at(world, p as usize), body.points.volume[p as usize]));
+                let values = points.iter().map(|&p| {
+                    (
+                        component.at(world, p as usize),
+                        body.points.volume[p as usize],
+                    )
+                });
                 vec![reduce(values, *statistic)]
             }
             Measure::MeltPool(field, pool) => {
@@ -132,14 +164,26 @@ pub(crate) fn find_body(world: &World, name: Option<&str>) -> Result<usize, Setu
     match name {
         Some(name) => known.iter().position(|b| b == name).ok_or_else(|| {
             let name = name.to_string();
-            SetupError::new("body", Problem::UnknownName { what: "body", name, known })
+            SetupError::new(
+                "body",
+                Problem::UnknownName {
+                    what: "body",
+                    name,
+                    known,
+                },
+            )
         }),
         None if known.len() == 1 => Ok(0),
         None => Err(SetupError::new("", Problem::WhichBody(known))),
     }
 }
 
-pub(crate) fn find_field(simulation: &Simulation, body: usize, name: &str, key: &str) -> Result<FieldIndex, SetupError> {
+pub(crate) fn find_field(
+    simulation: &Simulation,
+    body: usize,
+    name: &str,
+    key: &str,
+) -> Result<FieldIndex, SetupError> {
     let of_body = || simulation.lasting().filter(|f| f.body == body);
     if of_body().any(|f| f.name == name)
         && let Some(index) = simulation.world().fields().find(body, name)
@@ -147,11 +191,22 @@ pub(crate) fn find_field(simulation: &Simulation, body: usize, name: &str, key: 
         return Ok(index);
     }
     let known = of_body().map(|f| f.name.clone()).collect();
-    Err(SetupError::new(key, Problem::UnknownName { what: "field", name: name.into(), known }))
+    Err(SetupError::new(
+        key,
+        Problem::UnknownName {
+            what: "field",
+            name: name.into(),
+            known,
+        },
+    ))
 }
 
 impl Component {
-    pub(crate) fn new(world: &World, field: FieldIndex, name: Option<&str>) -> Result<Component, SetupError> {
+    pub(crate) fn new(
+        world: &World,
+        field: FieldIndex,
+        name: Option<&str>,
+    ) -> Result<Component, SetupError> {
         let names: &[&str] = match world.fields().field(field).data().components() {
             1 => &[],
             3 => &VECTOR,
@@ -160,13 +215,21 @@ impl Component {
         let index = match name {
             None if names.len() == 9 => {
                 let expected = format!("`component` as one of {}", names.join(", "));
-                return Err(SetupError::value("field", "this is a tensor field", expected));
+                return Err(SetupError::value(
+                    "field",
+                    "this is a tensor field",
+                    expected,
+                ));
             }
             None => None,
             Some("magnitude") if names.len() == 3 => None,
             Some(name) => Some(names.iter().position(|n| *n == name).ok_or_else(|| {
                 let known = names.iter().map(|n| (*n).to_string()).collect();
-                let problem = Problem::UnknownName { what: "component of this field", name: name.into(), known };
+                let problem = Problem::UnknownName {
+                    what: "component of this field",
+                    name: name.into(),
+                    known,
+                };
                 SetupError::new("component", problem)
             })?),
         };
@@ -211,7 +274,11 @@ fn interpolation(body: &Body, position: &Vector3<f64>, key: &str) -> Result<Weig
             "no point of body `{}` is near [{}, {}, {}]",
             body.name, position.x, position.y, position.z
         );
-        let expected = format!("a position on the body, within {:?} and {:?} m", min.as_slice(), max.as_slice());
+        let expected = format!(
+            "a position on the body, within {:?} and {:?} m",
+            min.as_slice(),
+            max.as_slice()
+        );
         SetupError::value(key, message, expected)
     };
     if outside {
@@ -220,7 +287,11 @@ fn interpolation(body: &Body, position: &Vector3<f64>, key: &str) -> Result<Weig
     // a position on a cell centre, but for rounding, is that point alone
     let snap = |share: f64| {
         let nearest = share.round();
-        if (share - nearest).abs() < 1e-6 { nearest } else { share }
+        if (share - nearest).abs() < 1e-6 {
+            nearest
+        } else {
+            share
+        }
     };
     let relative = (position - lattice.origin) / lattice.spacing;
     let mut low = [0i64; 3];
@@ -234,7 +305,13 @@ fn interpolation(body: &Body, position: &Vector3<f64>, key: &str) -> Result<Weig
     for corner in 0..1 << body.dimension {
         let bit = |a: usize| (corner >> a) & 1;
         let cell = std::array::from_fn(|a| low[a] + bit(a) as i64);
-        let factor = |a: usize| if bit(a) == 1 { share[a] } else { 1.0 - share[a] };
+        let factor = |a: usize| {
+            if bit(a) == 1 {
+                share[a]
+            } else {
+                1.0 - share[a]
+            }
+        };
         let weight: f64 = (0..body.dimension).map(factor).product();
         if let Some(point) = lattice.point(cell)
             && weight > 0.0
@@ -273,7 +350,10 @@ impl MeltPool {
         let isotherm = match section.isotherm {
             Some(isotherm) => isotherm,
             None => body.materials[0].constant("solidus").map_err(|e| {
-                let problem = Problem::Value { message: e.to_string(), expected: "`isotherm`, K, or a solidus".into() };
+                let problem = Problem::Value {
+                    message: e.to_string(),
+                    expected: "`isotherm`, K, or a solidus".into(),
+                };
                 SetupError::new("kind.melt_pool", problem)
             })?,
         };
@@ -281,9 +361,16 @@ impl MeltPool {
         let (length, depth) = (axis(section.along), axis(section.down));
         if length == depth {
             let message = "length and depth lie along the same axis";
-            return Err(SetupError::value("kind.melt_pool", message, "two different axes as `along` and `down`"));
+            return Err(SetupError::value(
+                "kind.melt_pool",
+                message,
+                "two different axes as `along` and `down`",
+            ));
         }
-        Ok(MeltPool { isotherm, axes: [length, 3 - length - depth, depth] })
+        Ok(MeltPool {
+            isotherm,
+            axes: [length, 3 - length - depth, depth],
+        })
     }
 
     /// Length, width, depth (m) and volume (m³) of the points at or above the isotherm. Between
@@ -328,7 +415,10 @@ mod tests {
     use perimelt_core::shape::{BoxShape, Shape};
 
     fn block() -> Body {
-        let shape = Shape::Box(BoxShape { min: [0.0; 3], max: [4.0, 3.0, 2.0] });
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [4.0, 3.0, 2.0],
+        });
         Body::fill("block", &shape, 3, 0.5, 1.0).expect("a valid block")
     }
 
@@ -339,11 +429,15 @@ mod tests {
         for position in [[1.1, 1.3, 0.9], [0.25, 0.25, 0.25], [2.0, 1.0, 1.0]] {
             let position = Vector3::from(position);
             let weights = interpolation(&body, &position, "kind.point").expect("on the body");
-            let value: f64 = weights.iter().map(|&(p, w)| w * field(&body.points.position[p])).sum();
+            let value: f64 = weights
+                .iter()
+                .map(|&(p, w)| w * field(&body.points.position[p]))
+                .sum();
             // rounding of a sum of eight terms
             assert!((value - field(&position)).abs() < 1e-13, "{position}");
         }
-        let centre = interpolation(&body, &Vector3::new(0.25, 0.25, 0.25), "").expect("on the body");
+        let centre =
+            interpolation(&body, &Vector3::new(0.25, 0.25, 0.25), "").expect("on the body");
         assert_eq!(centre, [(0, 1.0)], "a cell centre is that point alone");
     }
 
@@ -356,10 +450,17 @@ mod tests {
     #[test]
     fn a_melt_pool_is_as_long_as_its_isotherm() {
         let body = block();
-        let pool = MeltPool { isotherm: 1000.0, axes: [0, 1, 2] };
+        let pool = MeltPool {
+            isotherm: 1000.0,
+            axes: [0, 1, 2],
+        };
         // falls by 100 K per metre from x = 2, whatever y and z: 1000 K at 2 - 1.3 and 2 + 1.3
-        let temperature: Vec<f64> =
-            body.points.position.iter().map(|p| 1130.0 - 100.0 * (p.x - 2.0).abs()).collect();
+        let temperature: Vec<f64> = body
+            .points
+            .position
+            .iter()
+            .map(|p| 1130.0 - 100.0 * (p.x - 2.0).abs())
+            .collect();
         let values = pool.measure(&body, &temperature);
         for (value, exact) in values.iter().zip([2.6, 3.0, 2.0]) {
             // interpolation is exact away from the kink at x = 2

@@ -15,7 +15,7 @@ pub struct Plan {
     pub before: Vec<Vec<usize>>,
     /// Couplers to apply at the end of the macro step, in order.
     pub after: Vec<usize>,
-    /// For each physics, the sinks to zero before each round of additions.
+    /// For each physics, the sinks to zero before each round of additions: those that somebody adds to.
     pub sinks: Vec<Vec<FieldIndex>>,
     /// For each physics, the fields that it owns.
     pub owned: Vec<Vec<FieldIndex>>,
@@ -67,7 +67,9 @@ impl Plan {
             plan.before
                 .push(order.iter().copied().filter(|&c| needed[c]).collect());
             needed.iter().zip(&mut used).for_each(|(f, u)| *u |= f);
-            plan.sinks.push(fields(p, |a| a == Access::Consume));
+            let mut sinks = fields(p, |a| a == Access::Consume);
+            sinks.retain(|f| writes.iter().any(|w| w.contains(f)));
+            plan.sinks.push(sinks);
             plan.owned.push(owned);
         }
         plan.after = order.into_iter().filter(|&c| !used[c]).collect();

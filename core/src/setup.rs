@@ -333,6 +333,25 @@ impl<'w> Setup<'w> {
         self.declare(body, key, Access::Consume).map(Read::new)
     }
 
+    /// As [`Setup::consume`], but only where a coupler adds into the sink: what nobody adds
+    /// to need not be zeroed and read in every step.
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    pub fn consume_if_added<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<Option<Read<T>>, SetupError> {
+        let field = self.world.fields.find(body, &key.name);
+        let added = |d: &Declaration| Some(d.field) == field && d.access == Access::Add;
+        if self.declarations.iter().any(added) {
+            self.consume(body, key).map(Some)
+        } else {
+            Ok(None)
+        }
+    }
+
     /// A derived field that the calling plugin computes.
     ///
     /// # Errors

@@ -17,9 +17,19 @@ fn perimelt() -> &'static Path {
     static BINARY: OnceLock<PathBuf> = OnceLock::new();
     BINARY.get_or_init(|| {
         let test = std::env::current_exe().expect("a test is a program");
-        let folder = test.ancestors().nth(2).expect("target/<profile>/deps/<test>");
+        let folder = test
+            .ancestors()
+            .nth(2)
+            .expect("target/<profile>/deps/<test>");
         let mut build = Command::new(env!("CARGO"));
-        build.args(["build", "--quiet", "--package", "perimelt", "--bin", "perimelt"]);
+        build.args([
+            "build",
+            "--quiet",
+            "--package",
+            "perimelt",
+            "--bin",
+            "perimelt",
+        ]);
         let target = folder.parent().expect("target/<profile>");
         build.arg("--target-dir").arg(target);
         if folder.file_name().is_some_and(|f| f == "release") {
@@ -32,7 +42,11 @@ fn perimelt() -> &'static Path {
 
 fn command(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(perimelt());
-    command.current_dir(folder).args(arguments).stdout(Stdio::null()).stderr(Stdio::null());
+    command
+        .current_dir(folder)
+        .args(arguments)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
     command
 }
 
@@ -40,7 +54,10 @@ fn command(folder: &Path, arguments: &[&str]) -> Command {
 fn final_state(log: &Path) -> (f64, Vec<u8>) {
     let log = Log::open(log).expect("the log opens");
     let last = log.last_checkpoint().expect("it has a checkpoint");
-    (log.checkpoints()[last].time, log.checkpoint(last).expect("it reads"))
+    (
+        log.checkpoints()[last].time,
+        log.checkpoint(last).expect("it reads"),
+    )
 }
 
 #[test]
@@ -50,23 +67,32 @@ fn twenty_killed_runs_replay_and_resume_to_the_same_bits() {
     // finer than the case of the mistakes, so that a run is long enough to be killed
     let case = WELD.replace("spacing = 0.001", "spacing = 0.0005");
     std::fs::write(at("weld.toml"), case).expect("writable");
+    perimelt();
     let started = Instant::now();
     let run = command(folder.path(), &["run", "weld.toml", "--quiet"]).status();
     assert!(run.expect("it starts").success());
     let whole = started.elapsed();
     let (end, expected) = final_state(&at("weld.mcap"));
-    let states = Log::open(at("weld.mcap")).expect("the log opens").times("plate").len();
+    let states = Log::open(at("weld.mcap"))
+        .expect("the log opens")
+        .times("plate")
+        .len();
 
     // a small generator: kill times need to differ, not to be random
     let mut seed: u64 = 0x9e37_79b9_7f4a_7c15;
     let mut killed_midway = 0;
     for kill in 0..KILLS {
-        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        seed = seed
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         let share = (seed >> 40) as f64 / (1u64 << 24) as f64;
         let log = at("killed.mcap");
-        let mut run = command(folder.path(), &["run", "weld.toml", "--quiet", "--out", "killed.mcap"])
-            .spawn()
-            .expect("it starts");
+        let mut run = command(
+            folder.path(),
+            &["run", "weld.toml", "--quiet", "--out", "killed.mcap"],
+        )
+        .spawn()
+        .expect("it starts");
         std::thread::sleep(Duration::from_secs_f64(share * whole.as_secs_f64()));
         run.kill().expect("it can be killed");
         run.wait().expect("it ends");
@@ -76,11 +102,16 @@ fn twenty_killed_runs_replay_and_resume_to_the_same_bits() {
         let opened = Log::open(&log).unwrap_or_else(|e| panic!("kill {kill}: {e}"));
         let times = opened.times("plate").to_vec();
         for index in 0..times.len() {
-            opened.cloud("plate", index).unwrap_or_else(|e| panic!("kill {kill}: {e}"));
+            opened
+                .cloud("plate", index)
+                .unwrap_or_else(|e| panic!("kill {kill}: {e}"));
         }
         // every interval up to the last is there
         for (index, time) in times.iter().enumerate() {
-            assert!((time - 0.02 * index as f64).abs() < 1e-9, "kill {kill}: state {index} at {time} s");
+            assert!(
+                (time - 0.02 * index as f64).abs() < 1e-9,
+                "kill {kill}: state {index} at {time} s"
+            );
         }
         let finished = opened.finished();
         drop(opened);
@@ -90,14 +121,23 @@ fn twenty_killed_runs_replay_and_resume_to_the_same_bits() {
             killed_midway += 1;
             let resume = command(folder.path(), &["resume", "killed.mcap", "--quiet"]).status();
             let already = final_state(&log).0 >= end;
-            assert!(already || resume.expect("it starts").success(), "kill {kill}: resume");
+            assert!(
+                already || resume.expect("it starts").success(),
+                "kill {kill}: resume"
+            );
         }
         let (time, state) = final_state(&log);
         assert_eq!(time, end, "kill {kill}");
-        assert!(state == expected, "kill {kill}: the resumed run ends in another state");
+        assert!(
+            state == expected,
+            "kill {kill}: the resumed run ends in another state"
+        );
         let resumed = Log::open(&log).expect("the log opens");
         assert_eq!(resumed.times("plate").len(), states, "kill {kill}: states");
         std::fs::remove_file(&log).expect("removable");
     }
-    assert!(killed_midway >= KILLS / 4, "only {killed_midway} runs were killed while running");
+    assert!(
+        killed_midway >= KILLS / 4,
+        "only {killed_midway} runs were killed while running"
+    );
 }

@@ -48,7 +48,7 @@ mistakes! {
     unknown_material_property: "conductivity = {" => "conductivty = {";
     region_without_points: "max = [0.02, 0.01, 0.001]" => "max = [0.02, 0.01, 0.0001]";
     source_off_the_body: "start = [0.004, 0.005, 0.004], end = [0.016, 0.005, 0.004]" => "start = [4, 5, 4], end = [16, 5, 4]";
-    field_nobody_provides: "type = \"phase_change\"" => "type = \"thermal_expansion\"\nreference_temperature = 300";
+    field_nobody_provides: "type = \"phase_change\"" => "type = \"deformation_heat\"";
     fixed_step_above_the_stable_one: "horizon = 2\n" => "horizon = 2\nstep = 1.0\n";
     table_not_increasing: "temperature = [300, 1000]" => "temperature = [1000, 300]";
     // and some more

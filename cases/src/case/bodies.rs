@@ -6,6 +6,7 @@ use perimelt_core::material::Material;
 use perimelt_core::{Body, Problem};
 
 use super::error::CaseError;
+use super::locate;
 use super::reword::split_help;
 use super::sections::BodySection;
 use super::{Case, Result};
@@ -14,7 +15,10 @@ use crate::library;
 impl Case {
     /// Fills all bodies with points, their regions and materials.
     pub(super) fn fill_bodies(&self) -> Result<Vec<Body>> {
-        self.bodies.iter().map(|(name, section)| self.fill(name, section)).collect()
+        self.bodies
+            .iter()
+            .map(|(name, section)| self.fill(name, section))
+            .collect()
     }
 
     fn fill(&self, name: &str, section: &BodySection) -> Result<Body> {
@@ -29,10 +33,18 @@ impl Case {
             1 => section.cross_section,
             _ => section.thickness,
         };
-        let filled = Body::fill(name, &section.shape, section.dimension, section.spacing, thickness);
+        let filled = Body::fill(
+            name,
+            &section.shape,
+            section.dimension,
+            section.spacing,
+            thickness,
+        );
         let mut body = filled.map_err(|e| {
             let key = match &e {
-                BodyError::NotPositive { key: "thickness", .. } if section.dimension == 1 => "cross_section",
+                BodyError::NotPositive {
+                    key: "thickness", ..
+                } if section.dimension == 1 => "cross_section",
                 BodyError::NotPositive { key, .. } => key,
                 BodyError::Dimension(_) => "dimension",
                 BodyError::NoPoints { .. } | BodyError::TooManyPoints(_) => "spacing",
@@ -56,7 +68,11 @@ impl Case {
                     to: to.into(),
                     spacing: body.lattice.spacing,
                 };
-                return Err(self.body_error(&[name, "regions", region], problem.to_string(), "holds no point"));
+                return Err(self.body_error(
+                    &[name, "regions", region],
+                    problem.to_string(),
+                    "holds no point",
+                ));
             }
             body.regions.insert(region.clone(), points);
         }
@@ -65,7 +81,8 @@ impl Case {
     }
 
     fn assign_materials(&self, name: &str, section: &BodySection, body: &mut Body) -> Result<()> {
-        body.materials.push(self.material(&[name, "material"], &section.material)?);
+        body.materials
+            .push(self.material(&[name, "material"], &section.material)?);
         for (region, material) in &section.materials {
             let key = [name, "materials", region];
             let Some(points) = body.regions.get(region) else {
@@ -86,7 +103,11 @@ impl Case {
                     let message = format!(
                         "region `{region}` shares points with another region, whose material is `{other}`"
                     );
-                    return Err(self.body_error(&key, message, "expected regions that do not overlap"));
+                    return Err(self.body_error(
+                        &key,
+                        message,
+                        "expected regions that do not overlap",
+                    ));
                 }
                 *of_point = index;
             }
@@ -109,7 +130,9 @@ impl Case {
         let base = match &section.library {
             None => None,
             Some(entry) => Some(library::find(entry).ok_or_else(|| {
-                let span = self.place(&["materials", material, "library"]).unwrap_or(0..0);
+                let span = self
+                    .place(&["materials", material, "library"])
+                    .unwrap_or(0..0);
                 let message = format!("the library has no material `{entry}`");
                 let error = CaseError::new(&self.file, message, span)
                     .expected("no such entry")
@@ -117,12 +140,21 @@ impl Case {
                 suggest(error, entry, &library::names().collect::<Vec<_>>())
             })?),
         };
-        Material::new(material, section.clone(), base.as_ref())
-            .map_err(|e| split_help(CaseError::new(&self.file, e.to_string(), header), &e.to_string()))
+        Material::new(material, section.clone(), base.as_ref()).map_err(|e| {
+            split_help(
+                CaseError::new(&self.file, e.to_string(), header),
+                &e.to_string(),
+            )
+        })
     }
 
     /// A mistake at a key below `bodies`.
-    pub(super) fn body_error(&self, path: &[&str], message: impl Into<String>, expected: &str) -> Box<CaseError> {
+    pub(super) fn body_error(
+        &self,
+        path: &[&str],
+        message: impl Into<String>,
+        expected: &str,
+    ) -> Box<CaseError> {
         let mut whole = vec!["bodies"];
         whole.extend(path);
         let header = self.place(&whole[..2]).unwrap_or(0..0);
@@ -131,9 +163,33 @@ impl Case {
         error.within(header, format!("in [bodies.{}]", path[0]))
     }
 
-    pub(super) fn unknown_region(&self, path: &[&str], region: &str, section: &BodySection) -> Box<CaseError> {
+    /// A mistake in the name of a key below `bodies`.
+    pub(super) fn body_key_error(
+        &self,
+        path: &[&str],
+        message: impl Into<String>,
+        expected: &str,
+    ) -> Box<CaseError> {
+        let mut error = self.body_error(path, message, expected);
+        let whole = [&["bodies"], path].concat();
+        if let Some(place) = locate::find(&self.table(), &whole) {
+            error.span = Some(place.key);
+        }
+        error
+    }
+
+    pub(super) fn unknown_region(
+        &self,
+        path: &[&str],
+        region: &str,
+        section: &BodySection,
+    ) -> Box<CaseError> {
         let known: Vec<&str> = section.regions.keys().map(String::as_str).collect();
-        let error = self.body_error(path, format!("no region is called `{region}`"), "no such region");
+        let error = self.body_key_error(
+            path,
+            format!("no region is called `{region}`"),
+            "no such region",
+        );
         suggest(error, region, &known)
     }
 }

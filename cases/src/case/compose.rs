@@ -1,5 +1,6 @@
 //! From a case that was read to a simulation that can run.
 
+use perimelt_core::material::MaterialError;
 use perimelt_core::plugin::{FromToml, Registration, registered};
 use perimelt_core::simulation::{Culprit, Named, TimeOptions};
 use perimelt_core::{Coupler, Physics, Problem, RunError, SetupError, Simulation, World};
@@ -9,8 +10,8 @@ use toml::de::ValueDeserializer;
 use super::bodies::suggest;
 use super::error::CaseError;
 use super::locate::{self, Value};
-use super::sections::ProbeSection;
 use super::reword::{Section, split_help};
+use super::sections::ProbeSection;
 use super::{Case, Reader, Result, without_type};
 use crate::probe::Probe;
 
@@ -43,7 +44,9 @@ impl Case {
         let physics = self.plugin_tables("physics")?;
         if physics.is_empty() {
             let error = CaseError::of_file(&self.file, "the case has no physics");
-            return Err(error.help("add a section `[[physics]]` with a `type`, see `perimelt list`"));
+            return Err(
+                error.help("add a section `[[physics]]` with a `type`, see `perimelt list`")
+            );
         }
         let built_couplers = self.build::<dyn Coupler>(&couplers)?;
         let built_physics = self.build::<dyn Physics>(&physics)?;
@@ -55,7 +58,8 @@ impl Case {
             iteration: self.time.iteration,
         };
         let world = World::new(self.fill_bodies()?);
-        let prepared = Simulation::prepare(world, built_couplers, built_physics, options, &self.folder);
+        let prepared =
+            Simulation::prepare(world, built_couplers, built_physics, options, &self.folder);
         let mut simulation = prepared.map_err(|(culprit, e)| {
             let table = match culprit {
                 Culprit::Physics(i) => &physics[i],
@@ -106,15 +110,25 @@ impl Case {
 
     fn plugin_tables(&self, section: &'static str) -> Result<Vec<PluginTable<'_>>> {
         let whole = self.table();
-        let reader = Reader { file: &self.file, table: &whole };
+        let reader = Reader {
+            file: &self.file,
+            table: &whole,
+        };
         let check = |value: &Value<'_>| -> Result<()> {
             let table = value.get_ref().as_table();
             match table.and_then(|t| t.get("type")) {
-                None => Err(CaseError::new(&self.file, format!("key `type` is missing in [[{section}]]"), value.span())
-                    .expected("needs `type = \"...\"`")
-                    .help(format!("known here: {}", names(section).join(", ")))),
+                None => Err(CaseError::new(
+                    &self.file,
+                    format!("key `type` is missing in [[{section}]]"),
+                    value.span(),
+                )
+                .expected("needs `type = \"...\"`")
+                .help(format!("known here: {}", names(section).join(", ")))),
                 Some(kind) if !kind.get_ref().is_str() => {
-                    Err(CaseError::new(&self.file, "`type` is not text", kind.span()).expected("expected a name in quotes"))
+                    Err(
+                        CaseError::new(&self.file, "`type` is not text", kind.span())
+                            .expected("expected a name in quotes"),
+                    )
                 }
                 Some(_) => Ok(()),
             }
@@ -123,8 +137,14 @@ impl Case {
         for value in reader.list(section)? {
             check(value)?;
             let table = value.get_ref().as_table();
-            let kind = table.and_then(|t| t.get("type")?.get_ref().as_str()).unwrap_or("");
-            tables.push(PluginTable { section, kind: kind.to_string(), value: value.clone() });
+            let kind = table
+                .and_then(|t| t.get("type")?.get_ref().as_str())
+                .unwrap_or("");
+            tables.push(PluginTable {
+                section,
+                kind: kind.to_string(),
+                value: value.clone(),
+            });
         }
         Ok(tables)
     }
@@ -158,7 +178,12 @@ impl Case {
         Ok(plugins)
     }
 
-    fn construct<P: ?Sized>(&self, table: &PluginTable<'_>, from_toml: FromToml<P>, schema: fn() -> Schema) -> Result<Box<P>> {
+    fn construct<P: ?Sized>(
+        &self,
+        table: &PluginTable<'_>,
+        from_toml: FromToml<P>,
+        schema: fn() -> Schema,
+    ) -> Result<Box<P>> {
         from_toml(ValueDeserializer::from(without_type(&table.value))).map_err(|e| {
             let empty = locate::Table::new();
             let section = Section {
@@ -181,7 +206,10 @@ impl Case {
         let message = format!("no {kind} is called `{}`", table.kind);
         let error = CaseError::new(&self.file, message, span).expected("no such type");
         if names(other).contains(&table.kind.as_str()) {
-            return error.help(format!("`{}` belongs into a section headed `[[{other}]]`", table.kind));
+            return error.help(format!(
+                "`{}` belongs into a section headed `[[{other}]]`",
+                table.kind
+            ));
         }
         suggest(error, &table.kind, &names(table.section))
     }
@@ -189,14 +217,18 @@ impl Case {
     /// A mistake that a plugin found, at its key.
     fn setup_error(&self, table: &PluginTable<'_>, e: &SetupError) -> Box<CaseError> {
         let message = e.to_string();
-        if let Problem::MissingProperty { material, property, .. } = &e.problem
+        if let Some((material, property)) = missing_property(&e.problem)
             && let Some(section) = self.place(&["materials", material])
         {
             let error = CaseError::new(&self.file, message.as_str(), section);
             let error = split_help(error, &message).expected(format!("needs `{property}`"));
             return error.within(table.value.span(), format!("because of {}", table.title()));
         }
-        let span = if e.key.is_empty() { table.value.span() } else { table.at(&e.key) };
+        let span = if e.key.is_empty() {
+            table.value.span()
+        } else {
+            table.at(&e.key)
+        };
         split_help(CaseError::new(&self.file, message.as_str(), span), &message)
             .within(table.value.span(), format!("in {}", table.title()))
     }
@@ -204,12 +236,25 @@ impl Case {
     fn set_initial(&self, simulation: &mut Simulation) -> Result<()> {
         for (b, (name, section)) in self.bodies.iter().enumerate() {
             for (field, initial) in &section.initial {
-                let known: Vec<String> =
-                    simulation.lasting().filter(|f| f.body == b).map(|f| f.name.clone()).collect();
+                let known: Vec<String> = simulation
+                    .lasting()
+                    .filter(|f| f.body == b)
+                    .map(|f| f.name.clone())
+                    .collect();
                 if !known.contains(field) {
-                    let message = format!("body `{name}` has no field `{field}` that could start with a value");
-                    let error = self.body_error(&[name, "initial", field], message, "nobody provides it");
-                    return Err(suggest(error, field, &known.iter().map(String::as_str).collect::<Vec<_>>()));
+                    let message = format!(
+                        "body `{name}` has no field `{field}` that could start with a value"
+                    );
+                    let error = self.body_key_error(
+                        &[name, "initial", field],
+                        message,
+                        "nobody provides it",
+                    );
+                    return Err(suggest(
+                        error,
+                        field,
+                        &known.iter().map(String::as_str).collect::<Vec<_>>(),
+                    ));
                 }
                 let place = |e: Problem, path: &[&str]| {
                     let message = e.to_string();
@@ -221,11 +266,14 @@ impl Case {
                     .map_err(|e| place(e, &[name, "initial", field]))?;
                 for (region, value) in initial.regions() {
                     let path = [name.as_str(), "initial", field, "regions", region];
-                    let Some(points) = simulation.world().body(b).regions.get(region).cloned() else {
+                    let Some(points) = simulation.world().body(b).regions.get(region).cloned()
+                    else {
                         return Err(self.unknown_region(&path, region, section));
                     };
                     let points = points.points.iter().map(|&p| p as usize);
-                    simulation.set_initial(b, field, points, value.as_slice()).map_err(|e| place(e, &path))?;
+                    simulation
+                        .set_initial(b, field, points, value.as_slice())
+                        .map_err(|e| place(e, &path))?;
                 }
             }
         }
@@ -261,6 +309,20 @@ impl PluginTable<'_> {
         let table = self.value.get_ref().as_table();
         let place = table.and_then(|t| locate::find(t, &path));
         place.map_or(self.value.span(), |p| p.value)
+    }
+}
+
+/// Material and property of a mistake that belongs into a `[materials]` section.
+fn missing_property(problem: &Problem) -> Option<(&str, &str)> {
+    match problem {
+        Problem::MissingProperty {
+            material, property, ..
+        } => Some((material, property)),
+        Problem::Other(cause) => match cause.downcast_ref() {
+            Some(MaterialError::Missing { material, property }) => Some((material, property)),
+            _ => None,
+        },
+        _ => None,
     }
 }
 

@@ -60,7 +60,15 @@ pub struct Case {
 
 /// The sections of a case file, in the order in which they are written.
 pub const SECTIONS: [&str; 9] = [
-    "case", "bodies", "materials", "physics", "couplers", "time", "probes", "log", "verify",
+    "case",
+    "bodies",
+    "materials",
+    "physics",
+    "couplers",
+    "time",
+    "probes",
+    "log",
+    "verify",
 ];
 
 type Result<T> = std::result::Result<T, Box<CaseError>>;
@@ -75,7 +83,10 @@ impl Case {
         let text = match std::fs::read_to_string(path) {
             Ok(text) => text,
             Err(source) => {
-                let file = Arc::new(CaseFile { name, text: String::new() });
+                let file = Arc::new(CaseFile {
+                    name,
+                    text: String::new(),
+                });
                 let message = format!("the case file cannot be read: {source}");
                 return Err(CaseError::of_file(&file, message));
             }
@@ -94,14 +105,24 @@ impl Case {
         let table = parse(&file)?;
 
         if let Some(key) = table.keys().find(|k| !SECTIONS.contains(&&**k.get_ref())) {
-            let error = CaseError::new(&file, format!("unknown section `{}`", key.get_ref()), key.span());
+            let error = CaseError::new(
+                &file,
+                format!("unknown section `{}`", key.get_ref()),
+                key.span(),
+            );
             let error = match nearest(key.get_ref(), SECTIONS) {
                 Some(close) => error.expected(format!("did you mean `{close}`?")),
                 None => error.expected("no such section"),
             };
-            return Err(error.help(format!("sections are, in this order: {}", SECTIONS.join(", "))));
+            return Err(error.help(format!(
+                "sections are, in this order: {}",
+                SECTIONS.join(", ")
+            )));
         }
-        let reader = Reader { file: &file, table: &table };
+        let reader = Reader {
+            file: &file,
+            table: &table,
+        };
         let mut named = Vec::new();
         for (key, value) in reader.named("bodies")? {
             let body: BodySection = reader.section(&format!("[bodies.{key}]"), value)?;
@@ -109,7 +130,8 @@ impl Case {
         }
         if named.is_empty() {
             let error = CaseError::of_file(&file, "the case has no body");
-            return Err(error.help("add a section `[bodies.<name>]` with `shape`, `spacing` and `material`"));
+            return Err(error
+                .help("add a section `[bodies.<name>]` with `shape`, `spacing` and `material`"));
         }
         let mut materials = BTreeMap::new();
         for (key, value) in reader.named("materials")? {
@@ -155,9 +177,15 @@ impl Case {
     /// The first mistake in them.
     pub fn verify_entries<T: DeserializeOwned + JsonSchema>(&self) -> Result<Vec<T>> {
         let table = self.table();
-        let reader = Reader { file: &self.file, table: &table };
+        let reader = Reader {
+            file: &self.file,
+            table: &table,
+        };
         let entries = reader.list("verify")?;
-        entries.into_iter().map(|v| reader.section("[[verify]]", v)).collect()
+        entries
+            .into_iter()
+            .map(|v| reader.section("[[verify]]", v))
+            .collect()
     }
 
     fn check_times(&self) -> Result<()> {
@@ -168,13 +196,21 @@ impl Case {
         ];
         for (key, value) in positive {
             if let Some(value) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
-                return Err(self.error_at(key, format!("`{key}` cannot be {value}"), "expected a time above 0 s"));
+                return Err(self.error_at(
+                    key,
+                    format!("`{key}` cannot be {value}"),
+                    "expected a time above 0 s",
+                ));
             }
         }
         let safety = self.time.safety;
         if !(safety > 0.0 && safety <= 1.0) {
             let message = format!("`time.safety` cannot be {safety}");
-            return Err(self.error_at("time.safety", message, "expected a number above 0 and up to 1"));
+            return Err(self.error_at(
+                "time.safety",
+                message,
+                "expected a number above 0 and up to 1",
+            ));
         }
         Ok(())
     }
@@ -213,7 +249,11 @@ struct Reader<'a, 'i> {
 
 impl<'a, 'i> Reader<'a, 'i> {
     /// Reads one section as `T`.
-    fn section<T: DeserializeOwned + JsonSchema>(&self, name: &str, value: &Value<'i>) -> Result<T> {
+    fn section<T: DeserializeOwned + JsonSchema>(
+        &self,
+        name: &str,
+        value: &Value<'i>,
+    ) -> Result<T> {
         let Some(table) = value.get_ref().as_table() else {
             let message = format!("`{name}` is not a table");
             return Err(CaseError::new(self.file, message, value.span())
@@ -233,7 +273,9 @@ impl<'a, 'i> Reader<'a, 'i> {
 
     fn optional<T: DeserializeOwned + JsonSchema>(&self, key: &str) -> Result<Option<T>> {
         let value = self.table.get(key);
-        value.map(|v| self.section(&format!("[{key}]"), v)).transpose()
+        value
+            .map(|v| self.section(&format!("[{key}]"), v))
+            .transpose()
     }
 
     /// The tables `[key.<name>]`, in file order.
@@ -242,12 +284,17 @@ impl<'a, 'i> Reader<'a, 'i> {
             return Ok(Vec::new());
         };
         let Some(table) = value.get_ref().as_table() else {
-            return Err(CaseError::new(self.file, format!("`{key}` is not a table"), value.span())
-                .expected(format!("expected sections headed `[{key}.<name>]`")));
+            return Err(
+                CaseError::new(self.file, format!("`{key}` is not a table"), value.span())
+                    .expected(format!("expected sections headed `[{key}.<name>]`")),
+            );
         };
         let mut all: Vec<_> = table.iter().collect();
         all.sort_by_key(|(name, _)| name.span().start);
-        Ok(all.into_iter().map(|(name, v)| (name.get_ref().to_string(), v)).collect())
+        Ok(all
+            .into_iter()
+            .map(|(name, v)| (name.get_ref().to_string(), v))
+            .collect())
     }
 
     /// The tables `[[key]]`.
@@ -255,11 +302,20 @@ impl<'a, 'i> Reader<'a, 'i> {
         let Some(value) = self.table.get(key) else {
             return Ok(Vec::new());
         };
-        let tables = value.get_ref().as_array().map(|a| a.iter().collect::<Vec<_>>());
+        let tables = value
+            .get_ref()
+            .as_array()
+            .map(|a| a.iter().collect::<Vec<_>>());
         match tables {
             Some(tables) if tables.iter().all(|v| v.get_ref().is_table()) => Ok(tables),
-            _ => Err(CaseError::new(self.file, format!("`{key}` is not a list of tables"), value.span())
-                .expected(format!("expected sections headed `[[{key}]]`, in double brackets"))),
+            _ => Err(CaseError::new(
+                self.file,
+                format!("`{key}` is not a list of tables"),
+                value.span(),
+            )
+            .expected(format!(
+                "expected sections headed `[[{key}]]`, in double brackets"
+            ))),
         }
     }
 }

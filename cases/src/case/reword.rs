@@ -41,10 +41,13 @@ impl Section<'_> {
             } else {
                 "key"
             };
-            let mut known = known;
-            if path.len() <= 1 && self.schema["properties"].get("type").is_none() {
-                known.retain(|k| *k != "type");
-            }
+            // a plugin that hands its keys to several structs knows all of them in its schema only
+            let known = match self.schema["properties"].as_object() {
+                Some(keys) if path.len() == 1 && what == "key" => {
+                    keys.keys().map(String::as_str).collect()
+                }
+                _ => known,
+            };
             let reworded = at(format!("unknown {what} `{name}` in {}", self.name));
             match nearest(name, known.iter().copied()) {
                 Some(close) => {
@@ -100,9 +103,11 @@ impl Section<'_> {
 
 /// Moves what follows the first `; ` or `, did you mean` of a message into its help.
 pub fn split_help(mut error: Box<CaseError>, message: &str) -> Box<CaseError> {
-    let split = message
-        .split_once("; ")
-        .or_else(|| message.split_once(", did you").map(|(m, _)| (m, &message[m.len() + 2..])));
+    let split = message.split_once("; ").or_else(|| {
+        message
+            .split_once(", did you")
+            .map(|(m, _)| (m, &message[m.len() + 2..]))
+    });
     let Some((message, rest)) = split else {
         return error;
     };
@@ -121,8 +126,11 @@ fn quoted<'m>(message: &'m str, before: &str) -> Option<&'m str> {
 
 /// The unknown name and the known ones.
 fn unknown(message: &str) -> Option<(&str, Vec<&str>)> {
-    let name = quoted(message, "unknown field `").or_else(|| quoted(message, "unknown variant `"))?;
-    let known = message.split_once("expected").map_or("", |(_, known)| known);
+    let name =
+        quoted(message, "unknown field `").or_else(|| quoted(message, "unknown variant `"))?;
+    let known = message
+        .split_once("expected")
+        .map_or("", |(_, known)| known);
     Some((name, known.split('`').skip(1).step_by(2).collect()))
 }
 
@@ -153,7 +161,9 @@ fn wrong_type(message: &str) -> Option<(String, String)> {
         "a boolean" => "true or false".into(),
         "a string" => "text in quotes".into(),
         "a sequence" => "a list in [ ]".into(),
-        "newtype variant" | "struct variant" => "`name = { ... }` with the keys of that choice".into(),
+        "newtype variant" | "struct variant" => {
+            "`name = { ... }` with the keys of that choice".into()
+        }
         "an array of length 3" => "three numbers, [x, y, z]".into(),
         e if e.starts_with("struct ") || e == "a map" => "a table".into(),
         other => other.into(),

@@ -73,14 +73,20 @@ pub fn type_name(root: &Value, schema: &Value) -> String {
 fn single_type(root: &Value, schema: &Value) -> String {
     let quoted = |v: &Value| v.as_str().map(|s| format!("\"{s}\""));
     if let Some(values) = schema["enum"].as_array() {
-        return values.iter().filter_map(quoted).collect::<Vec<_>>().join(" | ");
+        return values
+            .iter()
+            .filter_map(quoted)
+            .collect::<Vec<_>>()
+            .join(" | ");
     }
     if let Some(value) = quoted(&schema["const"]) {
         return value;
     }
     // `["number", "null"]` is an optional number
     let kind = match &schema["type"] {
-        Value::Array(kinds) => kinds.iter().find_map(|k| k.as_str().filter(|k| *k != "null")),
+        Value::Array(kinds) => kinds
+            .iter()
+            .find_map(|k| k.as_str().filter(|k| *k != "null")),
         kind => kind.as_str(),
     };
     match kind {

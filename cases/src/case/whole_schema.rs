@@ -13,7 +13,8 @@ use super::sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSe
 /// The schema that `perimelt schema` prints: every section, with every registered plugin.
 pub fn whole_schema() -> Value {
     let mut generator = SchemaGenerator::default();
-    let mut of = |schema: fn(&mut SchemaGenerator) -> schemars::Schema| schema(&mut generator).to_value();
+    let mut of =
+        |schema: fn(&mut SchemaGenerator) -> schemars::Schema| schema(&mut generator).to_value();
     let case = of(subschema::<CaseSection>);
     let bodies = of(subschema::<BTreeMap<String, BodySection>>);
     let materials = of(subschema::<BTreeMap<String, MaterialSection>>);

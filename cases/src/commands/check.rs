@@ -38,7 +38,13 @@ fn sizes(simulation: &Simulation, out: &mut impl Write) -> Done {
         writeln!(
             out,
             "body {}: {} points in {} x {} x {} cells of {:.4e} m, {}D",
-            body.name, body.points.len(), cells[0], cells[1], cells[2], body.lattice.spacing, body.dimension
+            body.name,
+            body.points.len(),
+            cells[0],
+            cells[1],
+            cells[2],
+            body.lattice.spacing,
+            body.dimension
         )?;
         for material in &body.materials {
             writeln!(out, "    material {}", material.name())?;
@@ -51,30 +57,55 @@ fn sizes(simulation: &Simulation, out: &mut impl Write) -> Done {
             writeln!(
                 out,
                 "    family of horizon {:.4e} m ({share:.4} spacings): {} bonds, {}",
-                family.horizon, family.bonds, bytes(family.memory)
+                family.horizon,
+                family.bonds,
+                bytes(family.memory)
             )?;
             total += family.memory;
         }
         // position and volume
         total += 32 * body.points.len();
     }
-    total += world.fields().iter().map(|f| 8 * f.data().flat().len()).sum::<usize>();
-    writeln!(out, "memory of points, fields and families: {}\n", bytes(total))?;
+    total += world
+        .fields()
+        .iter()
+        .map(|f| 8 * f.data().flat().len())
+        .sum::<usize>();
+    writeln!(
+        out,
+        "memory of points, fields and families: {}\n",
+        bytes(total)
+    )?;
     Ok(())
 }
 
 fn steps(simulation: &Simulation, out: &mut impl Write) -> Done {
     let sub_steps = simulation.sub_steps().iter().zip(simulation.stable_steps());
     for (label, (&step, stable)) in simulation.physics_labels().zip(sub_steps) {
-        let stable = stable.map_or("stable at any step".into(), |s| format!("largest stable step {s:.4e} s"));
-        let step = if step.is_finite() { format!("{step:.4e} s") } else { "the macro step".into() };
+        let stable = stable.map_or("stable at any step".into(), |s| {
+            format!("largest stable step {s:.4e} s")
+        });
+        let step = if step.is_finite() {
+            format!("{step:.4e} s")
+        } else {
+            "the macro step".into()
+        };
         writeln!(out, "physics {label}: {stable}, takes {step}")?;
     }
     let (macro_step, end) = (simulation.macro_step(), simulation.options().end);
     let log = simulation.options().log_interval;
     let per_log = (log / macro_step).ceil().max(1.0);
-    writeln!(out, "macro steps: up to {:.4e} s, about {:.0} until {end:.4e} s", macro_step.min(log), (end / log * per_log).ceil())?;
-    writeln!(out, "logged states: {:.0}\n", (end / log - 1e-9).ceil() + 1.0)?;
+    writeln!(
+        out,
+        "macro steps: up to {:.4e} s, about {:.0} until {end:.4e} s",
+        macro_step.min(log),
+        (end / log * per_log).ceil()
+    )?;
+    writeln!(
+        out,
+        "logged states: {:.0}\n",
+        (end / log - 1e-9).ceil() + 1.0
+    )?;
     Ok(())
 }
 

@@ -32,10 +32,18 @@ pub fn run(args: &ExplainArgs) -> Done {
     let found = known.iter().find(|(name, ..)| *name == args.name);
     let Some((name, header, schema)) = found else {
         let close = nearest(&args.name, known.iter().map(|(name, ..)| name.as_str()));
-        return Err(Unknown { name: args.name.clone(), close: close.map(String::from) }.into());
+        return Err(Unknown {
+            name: args.name.clone(),
+            close: close.map(String::from),
+        }
+        .into());
     };
     let out = &mut std::io::stdout().lock();
-    writeln!(out, "{header}\n{}\n", schema["description"].as_str().unwrap_or(""))?;
+    writeln!(
+        out,
+        "{header}\n{}\n",
+        schema["description"].as_str().unwrap_or("")
+    )?;
     if header.starts_with("[[physics") || header.starts_with("[[couplers") {
         writeln!(out, "  type = \"{name}\"")?;
     }
@@ -44,13 +52,31 @@ pub fn run(args: &ExplainArgs) -> Done {
 
 /// Everything that can be explained: name, header, schema.
 fn known() -> Vec<(String, String, Value)> {
-    let section = |name: &str, header: &str, schema: schemars::Schema| (name.into(), header.into(), schema.to_value());
+    let section = |name: &str, header: &str, schema: schemars::Schema| {
+        (name.into(), header.into(), schema.to_value())
+    };
     let mut all: Vec<(String, String, Value)> = Vec::new();
-    all.extend(registered::<dyn Physics>().iter().map(|r| section(r.name, "[[physics]]", (r.schema)())));
-    all.extend(registered::<dyn Coupler>().iter().map(|r| section(r.name, "[[couplers]]", (r.schema)())));
+    all.extend(
+        registered::<dyn Physics>()
+            .iter()
+            .map(|r| section(r.name, "[[physics]]", (r.schema)())),
+    );
+    all.extend(
+        registered::<dyn Coupler>()
+            .iter()
+            .map(|r| section(r.name, "[[couplers]]", (r.schema)())),
+    );
     all.push(section("case", "[case]", schema_for!(CaseSection)));
-    all.push(section("bodies", "[bodies.<name>]", schema_for!(BodySection)));
-    all.push(section("materials", "[materials.<name>]", schema_for!(MaterialSection)));
+    all.push(section(
+        "bodies",
+        "[bodies.<name>]",
+        schema_for!(BodySection),
+    ));
+    all.push(section(
+        "materials",
+        "[materials.<name>]",
+        schema_for!(MaterialSection),
+    ));
     all.push(section("time", "[time]", schema_for!(TimeSection)));
     all.push(section("probes", "[[probes]]", schema_for!(ProbeSection)));
     all.push(section("log", "[log]", schema_for!(LogSection)));
@@ -78,7 +104,11 @@ fn keys(out: &mut impl Write, root: &Value, schema: &Value, indent: &str) -> Don
             writeln!(out, "{indent}  {name} = <{kind}>{default}")?;
             let text = schema::one_line(root, key);
             // a variant of a choice is explained at the variant
-            let text = if text.is_empty() { schema::one_line(root, a) } else { text };
+            let text = if text.is_empty() {
+                schema::one_line(root, a)
+            } else {
+                text
+            };
             if !text.is_empty() {
                 writeln!(out, "{indent}      {text}")?;
             }

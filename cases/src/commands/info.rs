@@ -18,7 +18,13 @@ pub fn run(args: &InfoArgs) -> Done {
     let log = Log::open(&args.log)?;
     let run = log.run();
     let out = &mut std::io::stdout().lock();
-    writeln!(out, "case {}, perimelt {}, {} threads", log.case_name(), run.version, run.threads)?;
+    writeln!(
+        out,
+        "case {}, perimelt {}, {} threads",
+        log.case_name(),
+        run.version,
+        run.threads
+    )?;
     match log.ending() {
         Ending::Finished => writeln!(out, "the log is complete")?,
         Ending::Unfinished { at } => writeln!(out, "the log is unfinished: it ends at byte {at}")?,
@@ -26,32 +32,64 @@ pub fn run(args: &InfoArgs) -> Done {
     }
     if let Some(last) = log.progress().last() {
         let wall = duration(last.wall_seconds);
-        writeln!(out, "t = {:.6e} s after {} steps and {wall}", last.time, last.step)?;
+        writeln!(
+            out,
+            "t = {:.6e} s after {} steps and {wall}",
+            last.time, last.step
+        )?;
     }
     for body in &run.bodies {
         let times = log.times(&body.name);
         let span = match (times.first(), times.last()) {
-            (Some(first), Some(last)) => format!("{} states from {first:.4e} to {last:.4e} s", times.len()),
+            (Some(first), Some(last)) => {
+                format!("{} states from {first:.4e} to {last:.4e} s", times.len())
+            }
             _ => "no state".into(),
         };
-        writeln!(out, "\nbody {}: {} points, {}D, spacing {:.4e} m, {span}", body.name, body.points, body.dimension, body.spacing)?;
+        writeln!(
+            out,
+            "\nbody {}: {} points, {}D, spacing {:.4e} m, {span}",
+            body.name, body.points, body.dimension, body.spacing
+        )?;
         for field in &body.fields {
             writeln!(out, "    {} [{}]", field.name, field.unit)?;
         }
     }
     for (name, series) in log.probes() {
-        let columns = series.columns.iter().map(|c| format!("{} [{}]", c.name, c.unit));
+        let columns = series
+            .columns
+            .iter()
+            .map(|c| format!("{} [{}]", c.name, c.unit));
         let shown: Vec<String> = columns.clone().take(4).collect();
         let more = series.columns.len().saturating_sub(shown.len());
-        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        writeln!(out, "\nprobe {name}: {}{more}, {} rows", shown.join(", "), series.times.len())?;
+        let more = if more > 0 {
+            format!(" and {more} more")
+        } else {
+            String::new()
+        };
+        writeln!(
+            out,
+            "\nprobe {name}: {}{more}, {} rows",
+            shown.join(", "),
+            series.times.len()
+        )?;
     }
     let plugins = |kind: &str| -> Vec<String> {
         let list = run.plugins[kind].as_array().into_iter().flatten();
-        list.filter_map(|p| p["type"].as_str().map(String::from)).collect()
+        list.filter_map(|p| p["type"].as_str().map(String::from))
+            .collect()
     };
-    writeln!(out, "\nphysics: {}\ncouplers: {}", plugins("physics").join(", "), plugins("couplers").join(", "))?;
-    let times: Vec<String> = log.checkpoints().iter().map(|c| format!("{:.4e}", c.time)).collect();
+    writeln!(
+        out,
+        "\nphysics: {}\ncouplers: {}",
+        plugins("physics").join(", "),
+        plugins("couplers").join(", ")
+    )?;
+    let times: Vec<String> = log
+        .checkpoints()
+        .iter()
+        .map(|c| format!("{:.4e}", c.time))
+        .collect();
     writeln!(out, "checkpoints at t = {} s", times.join(", "))?;
     Ok(())
 }

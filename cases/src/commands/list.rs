@@ -12,7 +12,10 @@ use crate::{case::schema, library};
 
 pub fn run() -> Done {
     let out = &mut std::io::stdout().lock();
-    writeln!(out, "Physics ([[physics]], type = ...; more by `perimelt explain <type>`)")?;
+    writeln!(
+        out,
+        "Physics ([[physics]], type = ...; more by `perimelt explain <type>`)"
+    )?;
     plugins::<dyn Physics>(out)?;
     writeln!(out, "\nCouplers ([[couplers]], type = ...)")?;
     plugins::<dyn Coupler>(out)?;
@@ -24,10 +27,20 @@ pub fn run() -> Done {
     for key in known_properties() {
         row(out, key.name, &format!("[{}] {}", key.unit, key.meaning))?;
     }
-    writeln!(out, "\nMaterials of the library (material = ..., or library = ... in [materials.<name>])")?;
+    writeln!(
+        out,
+        "\nMaterials of the library (material = ..., or library = ... in [materials.<name>])"
+    )?;
     for name in library::names() {
         let material = library::find(name);
-        row(out, name, material.as_ref().and_then(|m| m.description()).unwrap_or(""))?;
+        row(
+            out,
+            name,
+            material
+                .as_ref()
+                .and_then(|m| m.description())
+                .unwrap_or(""),
+        )?;
     }
     Ok(())
 }

@@ -48,7 +48,8 @@ pub fn run(args: &ReplayArgs) -> Done {
     let started = Instant::now();
     for (index, &time) in times.iter().enumerate() {
         if let Some(rate) = args.rate {
-            let due = Duration::try_from_secs_f64((time - times[0]) / rate).unwrap_or(Duration::MAX);
+            let due =
+                Duration::try_from_secs_f64((time - times[0]) / rate).unwrap_or(Duration::MAX);
             std::thread::sleep(due.saturating_sub(started.elapsed()));
         }
         show(out, &log, index, time)?;
@@ -65,10 +66,22 @@ fn show(out: &mut impl Write, log: &Log, index: usize, time: f64) -> Done {
         }
         for field in &log.cloud(body, index)?.fields {
             // of vectors and tensors the magnitude
-            let size = |v: &[f64]| if v.len() == 1 { v[0] } else { v.iter().map(|x| x * x).sum::<f64>().sqrt() };
+            let size = |v: &[f64]| {
+                if v.len() == 1 {
+                    v[0]
+                } else {
+                    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+                }
+            };
             let values = field.values.chunks_exact(field.components).map(size);
-            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-            writeln!(out, "  {body} {:<20} {low:>13.6e} to {high:>13.6e} {}", field.name, field.unit)?;
+            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+                (l.min(v), h.max(v))
+            });
+            writeln!(
+                out,
+                "  {body} {:<20} {low:>13.6e} to {high:>13.6e} {}",
+                field.name, field.unit
+            )?;
         }
     }
     for (name, series) in log.probes() {
@@ -84,7 +97,11 @@ fn row(out: &mut impl Write, title: &str, series: &Series, time: f64) -> Done {
     // a line of a hundred positions is for plots
     const MOST: usize = 16;
     for column in series.columns.iter().take(MOST) {
-        writeln!(out, "  {title}: {:<24} {:>13.6e} {}", column.name, column.values[at], column.unit)?;
+        writeln!(
+            out,
+            "  {title}: {:<24} {:>13.6e} {}",
+            column.name, column.values[at], column.unit
+        )?;
     }
     Ok(())
 }

@@ -62,7 +62,10 @@ pub fn run(args: &RunArgs) -> Done {
     set_threads(args.common.threads)?;
     let case = Case::read(&args.case)?;
     let stem = args.case.file_stem().unwrap_or_default();
-    let out = args.out.clone().unwrap_or_else(|| Path::new(stem).with_extension("mcap"));
+    let out = args
+        .out
+        .clone()
+        .unwrap_or_else(|| Path::new(stem).with_extension("mcap"));
     if let (Ok(a), Ok(b)) = (out.canonicalize(), args.case.canonicalize())
         && a == b
     {
@@ -95,7 +98,12 @@ impl Common {
         if let Err(error) = ctrlc::set_handler(handler) {
             eprintln!("warning: Ctrl-C will end the run at once: {error}");
         }
-        Options { out, until: self.until, quiet: self.quiet, stop }
+        Options {
+            out,
+            until: self.until,
+            quiet: self.quiet,
+            stop,
+        }
     }
 
     fn tell(&self, summary: &Summary) {
@@ -124,6 +132,8 @@ fn set_threads(threads: Option<usize>) -> Done {
     match threads {
         None => Ok(()),
         Some(0) => Err(ArgumentError::NoThreads.into()),
-        Some(count) => Ok(rayon::ThreadPoolBuilder::new().num_threads(count).build_global()?),
+        Some(count) => Ok(rayon::ThreadPoolBuilder::new()
+            .num_threads(count)
+            .build_global()?),
     }
 }

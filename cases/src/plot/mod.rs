@@ -10,9 +10,11 @@
 //! - `balance-error`: errors of the balances over time, logarithmic
 
 mod axes;
+mod charts;
 mod colour;
 mod contour;
 mod curves;
+mod error;
 #[cfg(test)]
 pub(crate) mod fixture;
 pub(crate) mod grid;
@@ -29,16 +31,18 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use perimelt_core::log::{BodyInfo, Cloud, Log, LogError, Series};
+use perimelt_core::log::{BodyInfo, Cloud, Log};
 
 use crate::melt_pool::Travel;
-use curves::{Chart, Panel};
+use charts::{balance_chart, line_chart, melt_pool_chart};
+use curves::Chart;
+pub use error::PlotError;
 use grid::Grid;
 use isotherm::Isotherm;
 use picture::Picture;
 use scalar::{Scalar, scalar};
 use snapshot::{ColourScale, Snapshot};
-use survey::{Reference, Survey, survey};
+use survey::{Reference, survey};
 
 /// What to plot.
 #[derive(Clone, Debug, clap::Args)]
@@ -92,71 +96,6 @@ impl Format {
             Self::Svg => "svg",
         }
     }
-}
-
-/// Why pictures could not be made.
-#[derive(Debug, thiserror::Error)]
-pub enum PlotError {
-    /// The log cannot be read.
-    #[error(transparent)]
-    Log(#[from] LogError),
-    /// No such body.
-    #[error("the run has no body `{body}`; its bodies are: {}", known.join(", "))]
-    UnknownBody {
-        /// what was asked for
-        body: String,
-        /// what there is
-        known: Vec<String>,
-    },
-    /// No such field in any of the bodies.
-    #[error(
-        "the log has no field `{field}`; it has: {} (of vectors and tensors also components, such \
-         as `displacement.x`)",
-        known.join(", ")
-    )]
-    UnknownField {
-        /// what was asked for
-        field: String,
-        /// what there is
-        known: Vec<String>,
-    },
-    /// The points are too scattered for a picture.
-    #[error(
-        "body `{body}` cannot be drawn at {time} s: its points are not finite, or scattered much \
-         wider than their spacing"
-    )]
-    Scattered {
-        /// the body
-        body: String,
-        /// simulated time, s
-        time: f64,
-    },
-    /// A file or folder cannot be written.
-    #[error("cannot {action} {}: {source}", path.display())]
-    Io {
-        /// what was tried
-        action: &'static str,
-        /// where
-        path: PathBuf,
-        /// why not
-        source: std::io::Error,
-    },
-    /// A picture cannot be encoded.
-    #[error("cannot write {}: {source}", path.display())]
-    Png {
-        /// where
-        path: PathBuf,
-        /// why not
-        source: png::EncodingError,
-    },
-    /// A picture cannot be drawn.
-    #[error("cannot draw {}: {what}", path.display())]
-    Drawing {
-        /// where
-        path: PathBuf,
-        /// why not
-        what: String,
-    },
 }
 
 /// Writes the pictures and prints their paths.
@@ -235,18 +174,6 @@ pub(crate) fn beside(log: &Path, suffix: &str) -> PathBuf {
 pub(crate) fn nearest(times: &[f64], time: f64) -> Option<usize> {
     let distance = |index: &usize| (times[*index] - time).abs();
     (0..times.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
-}
-
-fn balance_chart(balance: &Series) -> Chart {
-    let errors = balance
-        .columns
-        .iter()
-        .filter(|column| column.name.contains("error"));
-    let errors = Series {
-        times: balance.times.clone(),
-        columns: errors.cloned().collect(),
-    };
-    Chart::of_series("Balance errors", &errors, true)
 }
 
 struct Plotter<'a> {
@@ -445,89 +372,6 @@ fn deformation(cloud: &Cloud, factor: f64) -> Option<Vec<[f64; 3]>> {
             .map(|u| [u[0], u[1], u[2]].map(|x| factor * x))
             .collect(),
     )
-}
-
-/// A scalar along a one-dimensional body.
-fn line_chart(title: String, cloud: &Cloud, scalar: &Scalar) -> Chart {
-    let mut order: Vec<usize> = (0..cloud.positions.len()).collect();
-    let x = |point: usize| cloud.positions[point][0];
-    order.sort_by(|&a, &b| x(a).total_cmp(&x(b)));
-    let lengths = unit::length(
-        order
-            .iter()
-            .fold(0.0_f64, |size, &point| size.max(x(point).abs())),
-    );
-    let largest = scalar
-        .values
-        .iter()
-        .fold(0.0_f64, |size, x| size.max(x.abs()));
-    let (factor, shown_unit) = unit::value(&scalar.unit, largest);
-    let values = order
-        .iter()
-        .map(|&point| scalar.values[point] * factor)
-        .collect();
-    let label = unit::label(&scalar.label, &shown_unit);
-    Chart {
-        title,
-        horizontal_label: unit::label("x", lengths.unit),
-        horizontal: order
-            .iter()
-            .map(|&point| x(point) * lengths.factor)
-            .collect(),
-        panels: vec![Panel {
-            label,
-            logarithmic: false,
-            lines: vec![(String::new(), values)],
-        }],
-    }
-}
-
-/// Length, width and depth over time; empty if nothing ever melts.
-fn melt_pool_chart(body: &BodyInfo, survey: &Survey, isotherm: Option<&Isotherm>) -> Chart {
-    let pools = || survey.pools.iter().filter_map(|(_, pool)| *pool);
-    let Some(isotherm) = isotherm.filter(|_| pools().next().is_some()) else {
-        return Chart::default();
-    };
-    let lengths = unit::length(pools().fold(0.0, |size, pool| pool.length().max(size)));
-    let times = unit::time(
-        survey
-            .pools
-            .iter()
-            .fold(0.0, |last, (time, _)| time.max(last)),
-    );
-    let mut lines = Vec::new();
-    let mut add = |name: &str, size: fn(&crate::melt_pool::MeltPool) -> Option<f64>| {
-        if pools().any(|pool| size(&pool).is_some()) {
-            let value = |(_, pool): &(f64, Option<crate::melt_pool::MeltPool>)| {
-                pool.as_ref()
-                    .and_then(size)
-                    .map_or(f64::NAN, |size| size * lengths.factor)
-            };
-            lines.push((name.to_owned(), survey.pools.iter().map(value).collect()));
-        }
-    };
-    add("length", |pool| Some(pool.length()));
-    add("width", |pool| pool.width);
-    add("depth", |pool| pool.depth);
-    Chart {
-        title: format!(
-            "Melt pool of {} ({} {} K)",
-            unit::pretty_name(&body.name),
-            isotherm.name,
-            unit::number(isotherm.temperature, 5)
-        ),
-        horizontal_label: unit::label("time", times.unit),
-        horizontal: survey
-            .pools
-            .iter()
-            .map(|(time, _)| time * times.factor)
-            .collect(),
-        panels: vec![Panel {
-            label: unit::label("size", lengths.unit),
-            logarithmic: false,
-            lines,
-        }],
-    }
 }
 
 #[cfg(test)]

@@ -41,7 +41,11 @@ impl Display {
 
     /// Shows the state after a step, if the last time is long enough ago.
     pub fn update(&mut self, simulation: &Simulation) {
-        let pause = if self.bar.is_some() { Duration::from_millis(100) } else { Duration::from_secs(5) };
+        let pause = if self.bar.is_some() {
+            Duration::from_millis(100)
+        } else {
+            Duration::from_secs(5)
+        };
         if self.quiet || self.shown.elapsed() < pause {
             return;
         }
@@ -50,8 +54,13 @@ impl Display {
         let elapsed = self.started.elapsed().as_secs_f64();
         let left = elapsed * ((self.end - time) / (time - self.start)).max(0.0);
         let step = simulation.progress().last_step;
-        let peak = peak_temperature(simulation).map_or(String::new(), |t| format!("peak {t:.0} K, "));
-        let message = format!("t = {time:.4e} of {:.4e} s, step {step:.2e} s, {peak}{} left", self.end, duration(left));
+        let peak =
+            peak_temperature(simulation).map_or(String::new(), |t| format!("peak {t:.0} K, "));
+        let message = format!(
+            "t = {time:.4e} of {:.4e} s, step {step:.2e} s, {peak}{} left",
+            self.end,
+            duration(left)
+        );
         match &self.bar {
             Some(bar) => {
                 bar.set_position((PARTS * time / self.end) as u64);
@@ -70,7 +79,11 @@ impl Display {
 }
 
 fn peak_temperature(simulation: &Simulation) -> Option<f64> {
-    let fields = simulation.world().fields().iter().filter(|f| f.name == "temperature");
+    let fields = simulation
+        .world()
+        .fields()
+        .iter()
+        .filter(|f| f.name == "temperature");
     let peak = fields.flat_map(|f| f.data().flat().iter().copied().reduce(f64::max));
     peak.reduce(f64::max)
 }

@@ -125,11 +125,19 @@ pub fn resume(path: &Path, options: &Options) -> Result<Summary, Failure> {
     let last = log.last_checkpoint()?;
     let time = log.checkpoints()[last].time;
     if time >= case.time.end {
-        return Err(Failure::AlreadyFinished { path: path.into(), time });
+        return Err(Failure::AlreadyFinished {
+            path: path.into(),
+            time,
+        });
     }
     let mut simulation = case.compose()?;
     simulation.load(&log.checkpoint(last)?)?;
-    let wall = log.progress().iter().rev().find(|p| p.time <= time).map_or(0.0, |p| p.wall_seconds);
+    let wall = log
+        .progress()
+        .iter()
+        .rev()
+        .find(|p| p.time <= time)
+        .map_or(0.0, |p| p.wall_seconds);
     let part = part_of(&options.out);
     let writer = Writer::continue_from(&log, &part, last)?;
     let recorder = Recorder::new(&case, &simulation, writer, wall)?;
@@ -147,7 +155,11 @@ pub fn case_of(log: &Log) -> Result<Case, Box<CaseError>> {
     Case::parse(log.case_name(), log.case_text().to_string(), folder)
 }
 
-fn go_on(mut simulation: Simulation, mut recorder: Recorder, options: &Options) -> Result<Summary, Failure> {
+fn go_on(
+    mut simulation: Simulation,
+    mut recorder: Recorder,
+    options: &Options,
+) -> Result<Summary, Failure> {
     let started = Instant::now();
     let until = options.until.unwrap_or(f64::INFINITY);
     let mut display = Display::new(&simulation, until, options.quiet);
@@ -197,5 +209,8 @@ fn part_of(out: &Path) -> PathBuf {
 }
 
 fn put_in_place(part: &Path, out: &Path) -> Result<(), Failure> {
-    std::fs::rename(part, out).map_err(|source| Failure::Place { path: out.into(), source })
+    std::fs::rename(part, out).map_err(|source| Failure::Place {
+        path: out.into(),
+        source,
+    })
 }

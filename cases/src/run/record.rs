@@ -5,7 +5,9 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use perimelt_core::Simulation;
 use perimelt_core::field::FieldIndex;
-use perimelt_core::log::{BodyInfo, CloudView, FieldInfo, FieldView, Precision, Progress, RunInfo, Writer};
+use perimelt_core::log::{
+    BodyInfo, CloudView, FieldInfo, FieldView, Precision, Progress, RunInfo, Writer,
+};
 use perimelt_core::simulation::Progress as Counters;
 
 use super::Failure;
@@ -35,14 +37,22 @@ pub struct Recorder {
 
 impl Recorder {
     /// A recorder for `simulation`; `wall_before` is the wall time that the run took already, s.
-    pub fn new(case: &Case, simulation: &Simulation, writer: Writer, wall_before: f64) -> Result<Recorder, Failure> {
+    pub fn new(
+        case: &Case,
+        simulation: &Simulation,
+        writer: Writer,
+        wall_before: f64,
+    ) -> Result<Recorder, Failure> {
         let chosen = |body: usize| {
             let wanted = |name: &str| match &case.log.fields {
                 Some(fields) => fields.iter().any(|f| f == name),
                 None => !NOT_BY_DEFAULT.contains(&name),
             };
-            let fields = simulation.lasting().filter(|f| f.body == body && wanted(&f.name));
-            let index = |f: &perimelt_core::field::Field| simulation.world().fields().find(body, &f.name);
+            let fields = simulation
+                .lasting()
+                .filter(|f| f.body == body && wanted(&f.name));
+            let index =
+                |f: &perimelt_core::field::Field| simulation.world().fields().find(body, &f.name);
             fields.filter_map(index).collect()
         };
         let mut recorder = Recorder {
@@ -69,7 +79,9 @@ impl Recorder {
         for probe in &self.probes {
             let values = probe.measure(simulation.world());
             let columns = probe.columns.iter().zip(values);
-            let row: Vec<_> = columns.map(|((name, unit), v)| (name.as_str(), unit.as_str(), v)).collect();
+            let row: Vec<_> = columns
+                .map(|((name, unit), v)| (name.as_str(), unit.as_str(), v))
+                .collect();
             self.writer.probe(&probe.name, time, &row)?;
         }
         self.record_reports(simulation)?;
@@ -82,7 +94,8 @@ impl Recorder {
     fn record_points(&mut self, simulation: &Simulation, body: usize) -> Result<(), Failure> {
         let world = simulation.world();
         let points = world.body(body);
-        let mut positions: Vec<[f64; 3]> = points.points.position.iter().map(|p| (*p).into()).collect();
+        let mut positions: Vec<[f64; 3]> =
+            points.points.position.iter().map(|p| (*p).into()).collect();
         if let Some(index) = world.fields().find(body, "displacement") {
             let data = world.fields().field(index).data();
             for (position, moved) in positions.iter_mut().zip(data.flat().chunks_exact(3)) {
@@ -91,25 +104,45 @@ impl Recorder {
         }
         let data: Vec<_> = self.fields[body]
             .iter()
-            .map(|&f| (world.fields().field(f).name.as_str(), world.fields().field(f).data()))
+            .map(|&f| {
+                (
+                    world.fields().field(f).name.as_str(),
+                    world.fields().field(f).data(),
+                )
+            })
             .collect();
         let fields: Vec<FieldView> = data
             .iter()
-            .map(|(name, data)| FieldView { name, components: data.components(), values: data.flat() })
+            .map(|(name, data)| FieldView {
+                name,
+                components: data.components(),
+                values: data.flat(),
+            })
             .collect();
-        let cloud = CloudView { time: simulation.time(), positions: &positions, fields: &fields };
+        let cloud = CloudView {
+            time: simulation.time(),
+            positions: &positions,
+            fields: &fields,
+        };
         Ok(self.writer.points(&points.name, self.precision, &cloud)?)
     }
 
     fn record_reports(&mut self, simulation: &Simulation) -> Result<(), Failure> {
         let mut columns = Vec::new();
         for (label, reports) in simulation.reports() {
-            columns.extend(reports.into_iter().map(|r| (format!("{label}.{}", r.name), r.unit, r.value)));
+            columns.extend(
+                reports
+                    .into_iter()
+                    .map(|r| (format!("{label}.{}", r.name), r.unit, r.value)),
+            );
         }
         if columns.is_empty() {
             return Ok(());
         }
-        let row: Vec<_> = columns.iter().map(|(n, u, v)| (n.as_str(), u.as_str(), *v)).collect();
+        let row: Vec<_> = columns
+            .iter()
+            .map(|(n, u, v)| (n.as_str(), u.as_str(), *v))
+            .collect();
         Ok(self.writer.probe(REPORTS, simulation.time(), &row)?)
     }
 
@@ -118,16 +151,28 @@ impl Recorder {
         for (label, balances) in simulation.balances() {
             for b in balances {
                 let error = b.error();
-                let parts = [("stored", b.stored), ("initial", b.initial), ("supplied", b.supplied), ("error", error)];
+                let parts = [
+                    ("stored", b.stored),
+                    ("initial", b.initial),
+                    ("supplied", b.supplied),
+                    ("error", error),
+                ];
                 for (part, value) in parts {
-                    columns.push((format!("{label}.{}.{part}", b.quantity), b.unit.clone(), value));
+                    columns.push((
+                        format!("{label}.{}.{part}", b.quantity),
+                        b.unit.clone(),
+                        value,
+                    ));
                 }
             }
         }
         if columns.is_empty() {
             return Ok(());
         }
-        let row: Vec<_> = columns.iter().map(|(n, u, v)| (n.as_str(), u.as_str(), *v)).collect();
+        let row: Vec<_> = columns
+            .iter()
+            .map(|(n, u, v)| (n.as_str(), u.as_str(), *v))
+            .collect();
         Ok(self.writer.balance(simulation.time(), &row)?)
     }
 
@@ -135,7 +180,10 @@ impl Recorder {
         let now = simulation.progress();
         let by_label = |new: &[u64], old: &[u64]| -> BTreeMap<String, u64> {
             let labels = simulation.physics_labels();
-            labels.zip(new.iter().zip(old)).map(|(l, (n, o))| (l.to_string(), n - o)).collect()
+            labels
+                .zip(new.iter().zip(old))
+                .map(|(l, (n, o))| (l.to_string(), n - o))
+                .collect()
         };
         let progress = Progress {
             time: simulation.time(),
@@ -188,17 +236,36 @@ pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
         fields: simulation
             .lasting()
             .filter(|f| f.body == index)
-            .map(|f| FieldInfo { name: f.name.clone(), unit: f.unit.clone(), components: f.data().components() })
+            .map(|f| FieldInfo {
+                name: f.name.clone(),
+                unit: f.unit.clone(),
+                components: f.data().components(),
+            })
             .collect(),
     };
     let folder = case.folder.as_path();
-    let here = if folder.as_os_str().is_empty() { std::path::Path::new(".") } else { folder };
+    let here = if folder.as_os_str().is_empty() {
+        std::path::Path::new(".")
+    } else {
+        folder
+    };
     RunInfo {
         version: env!("CARGO_PKG_VERSION").into(),
         threads: rayon::current_num_threads(),
-        started: SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs()),
-        case_folder: std::path::absolute(here).unwrap_or_else(|_| here.into()).display().to_string(),
-        bodies: simulation.world().bodies().iter().enumerate().map(body).collect(),
+        started: SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |d| d.as_secs()),
+        case_folder: std::path::absolute(here)
+            .unwrap_or_else(|_| here.into())
+            .display()
+            .to_string(),
+        bodies: simulation
+            .world()
+            .bodies()
+            .iter()
+            .enumerate()
+            .map(body)
+            .collect(),
         plugins: simulation.composition(),
     }
 }

@@ -1,0 +1,274 @@
+//! Steps of the heat equation in time.
+//!
+//! All solvers but forward Euler and the steady one advance the enthalpies together with one
+//! more component: the heat supplied so far (J), whose rate is the power of sources and
+//! boundaries. The scheme that integrates the state thereby integrates its account, and the
+//! balance holds to rounding.
+
+use perimelt_core::family::LayerRule;
+use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::solver::reduce::{norm, sum_of};
+use perimelt_core::solver::{
+    At, Implicit, KrylovMethod, Newton, NewtonOptions, Rhs, Rkl2, SolverError, steady_state,
+};
+use perimelt_core::{Family, Step, World};
+use rayon::prelude::*;
+
+use super::conduction::Conduction;
+use super::{Run, ThermalSolver};
+
+/// A solver with its work vectors.
+#[derive(Debug)]
+pub(super) struct Integrator {
+    method: Method,
+    stable_step: f64,
+    row_sums: Vec<[f64; 1]>,
+    state: Vec<f64>,
+    temperature: Vec<f64>,
+}
+
+#[derive(Debug)]
+enum Method {
+    Explicit,
+    Rkl2(Rkl2),
+    Implicit(Implicit),
+    Steady(Newton, f64),
+}
+
+impl Integrator {
+    pub(super) fn new(solver: ThermalSolver, tolerance: f64) -> Self {
+        let options = NewtonOptions {
+            relative_tolerance: tolerance,
+            ..NewtonOptions::default()
+        };
+        let method = match solver {
+            ThermalSolver::Explicit => Method::Explicit,
+            ThermalSolver::Rkl2 => Method::Rkl2(Rkl2::default()),
+            ThermalSolver::Implicit => Method::Implicit(Implicit::euler(options)),
+            ThermalSolver::CrankNicolson => Method::Implicit(Implicit::crank_nicolson(options)),
+            ThermalSolver::Steady => {
+                let krylov = KrylovMethod::ConjugateGradient;
+                let options = NewtonOptions {
+                    relative_tolerance: 0.0,
+                    krylov,
+                    ..options
+                };
+                Method::Steady(Newton::new(options), tolerance)
+            }
+        };
+        Integrator {
+            method,
+            stable_step: f64::INFINITY,
+            row_sums: Vec::new(),
+            state: Vec::new(),
+            temperature: Vec::new(),
+        }
+    }
+
+    /// Takes the explicit limit (s) and the largest row sums of the conduction, W/(m³ K).
+    pub(super) fn set_limits(&mut self, stable_step: f64, row_sums: Vec<[f64; 1]>) {
+        (self.stable_step, self.row_sums) = (stable_step, row_sums);
+    }
+}
+
+/// What the flow of heat depends on during a step.
+struct Flow<'a> {
+    conduction: &'a mut Conduction,
+    family: &'a Family,
+    rules: &'a [LayerRule],
+    curves: &'a [EnthalpyCurve],
+    material: &'a [u16],
+    volume: &'a [f64],
+    source: Option<&'a [f64]>,
+    /// Positive where the temperature is held.
+    constraint: Option<&'a [f64]>,
+    row_sums: &'a [[f64; 1]],
+    temperature: &'a mut Vec<f64>,
+}
+
+impl Flow<'_> {
+    /// Leaves `flow + source` in `conduction.rate`, zero at held points; returns the power
+    /// that comes in through sources and boundaries, W.
+    fn evaluate(&mut self, temperature: &[f64]) -> f64 {
+        self.conduction.load(
+            self.family,
+            self.rules,
+            temperature,
+            self.material,
+            self.curves,
+        );
+        self.conduction.flow(self.family);
+        let mut power = self.conduction.inflow(self.family, self.volume);
+        let rate = &mut self.conduction.rate;
+        if let Some(source) = self.source {
+            power += sum_of([source, self.volume], |[q, v]| q * v);
+            rate.par_iter_mut()
+                .zip(source)
+                .with_min_len(4096)
+                .for_each(|([r], q)| *r += q);
+        }
+        if let Some(constraint) = self.constraint {
+            for (([r], c), v) in rate.iter_mut().zip(constraint).zip(self.volume) {
+                if *c > 0.0 {
+                    power -= *r * v;
+                    *r = 0.0;
+                }
+            }
+        }
+        power
+    }
+}
+
+/// Enthalpies of all points, then the heat supplied; nonlinear in the enthalpy.
+struct EnthalpyRate<'a>(Flow<'a>);
+
+impl Rhs for EnthalpyRate<'_> {
+    fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+        let flow = &mut self.0;
+        let points = flow.volume.len();
+        let mut temperature = std::mem::take(flow.temperature);
+        temperature.resize(points, 0.0);
+        let curves = flow.curves;
+        temperature
+            .par_iter_mut()
+            .zip(state)
+            .zip(flow.material)
+            .with_min_len(4096)
+            .for_each(|((t, h), &m)| *t = curves[m as usize].temperature(*h));
+        rate[points] = flow.evaluate(&temperature);
+        *flow.temperature = temperature;
+        rate[..points].copy_from_slice(bytemuck::cast_slice(&flow.conduction.rate));
+        Ok(())
+    }
+
+    fn tangent_diagonal(&mut self, at: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
+        let flow = &self.0;
+        for (i, (out, h)) in out.iter_mut().zip(at.state).enumerate() {
+            *out = match flow.row_sums.get(i) {
+                Some([sum]) => {
+                    let curve = &flow.curves[flow.material[i] as usize];
+                    -sum / curve.capacity(curve.temperature(*h))
+                }
+                None => 0.0,
+            };
+        }
+        Ok(true)
+    }
+}
+
+/// Temperatures of all points; the steady state is where their rate vanishes.
+struct TemperatureRate<'a>(Flow<'a>);
+
+impl Rhs for TemperatureRate<'_> {
+    fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+        self.0.evaluate(state);
+        rate.copy_from_slice(bytemuck::cast_slice(&self.0.conduction.rate));
+        Ok(())
+    }
+
+    fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
+        out.iter_mut()
+            .zip(self.0.row_sums)
+            .for_each(|(out, [sum])| *out = -sum);
+        Ok(true)
+    }
+}
+
+impl Run {
+    /// Advances temperature and enthalpy over `step`; returns stages or iterations.
+    pub(super) fn advance(&mut self, world: &World, step: Step) -> Result<usize, SolverError> {
+        let body = world.body(self.body);
+        let (volume, material) = (&body.points.volume[..], &body.material_of_point[..]);
+        let source = self.heat_source.map(|s| world.read(s));
+        let constraint = self.constraint.map(|c| world.read(c));
+        let mut temperature = world.write(self.temperature);
+        let mut enthalpy = world.write(self.enthalpy);
+        let rules = world.layer_rules(self.layers);
+        let curves = &self.curves[..];
+
+        if let (Some(constraint), Some(held)) = (&constraint, self.held) {
+            let held = world.read(held);
+            for (i, c) in constraint.iter().enumerate().filter(|(_, c)| **c > 0.0) {
+                temperature[i] = held[i] / c;
+                let new = curves[material[i] as usize].enthalpy(temperature[i]);
+                self.heat.supplied += volume[i] * (new - enthalpy[i]);
+                enthalpy[i] = new;
+            }
+        }
+        let Integrator {
+            method,
+            stable_step,
+            row_sums,
+            state,
+            temperature: work,
+        } = &mut self.integrator;
+        let mut flow = Flow {
+            conduction: &mut self.conduction,
+            family: &self.family,
+            rules: &rules,
+            curves,
+            material,
+            volume,
+            source: source.as_deref(),
+            constraint: constraint.as_deref(),
+            row_sums,
+            temperature: work,
+        };
+        if let Method::Explicit = method {
+            self.heat.supplied += step.size * flow.evaluate(&temperature);
+            let points = temperature
+                .par_iter_mut()
+                .zip(&mut *enthalpy)
+                .zip(&flow.conduction.rate)
+                .zip(material);
+            points
+                .with_min_len(4096)
+                .for_each(|(((t, h), [rate]), &m)| {
+                    (*t, *h) = curves[m as usize].advance(*t, *h, step.size * rate);
+                });
+            return Ok(1);
+        }
+        if let Method::Steady(newton, tolerance) = method {
+            newton.options.linear = flow.conduction.is_linear();
+            flow.evaluate(&vec![0.0; temperature.len()]);
+            let loads: &[f64] = bytemuck::cast_slice(&flow.conduction.rate);
+            newton.options.absolute_tolerance = *tolerance * norm(loads);
+            let floating = self.floating;
+            let mut rate = TemperatureRate(flow);
+            let report = steady_state(newton, &mut rate, step.end(), &mut temperature, floating)?;
+            for (((h, t), &m), v) in enthalpy
+                .iter_mut()
+                .zip(&*temperature)
+                .zip(material)
+                .zip(volume)
+            {
+                let new = curves[m as usize].enthalpy(*t);
+                self.heat.supplied += v * (new - *h);
+                *h = new;
+            }
+            return Ok(report.krylov_iterations);
+        }
+        state.clear();
+        state.extend_from_slice(&enthalpy);
+        state.push(0.0);
+        let mut rate = EnthalpyRate(flow);
+        let iterations = match method {
+            Method::Rkl2(rkl2) => {
+                let stages = Rkl2::stages(step.size, *stable_step)?;
+                rkl2.step(&mut rate, step.start, step.size, stages, state)?;
+                stages
+            }
+            Method::Implicit(implicit) => {
+                implicit
+                    .step(&mut rate, step.start, step.size, state)?
+                    .krylov_iterations
+            }
+            Method::Explicit | Method::Steady(..) => unreachable!("returned above"),
+        };
+        self.heat.supplied += state[enthalpy.len()];
+        enthalpy.copy_from_slice(&state[..volume.len()]);
+        let points = temperature.par_iter_mut().zip(&*enthalpy).zip(material);
+        points.for_each(|((t, h), &m)| *t = curves[m as usize].temperature(*h));
+        Ok(iterations)
+    }
+}
