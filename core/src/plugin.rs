@@ -209,6 +209,11 @@ pub trait Physics {
         None
     }
 
+    /// The next time after `after` (s) that a macro step must end on.
+    fn next_event(&self, _after: f64) -> Option<f64> {
+        None
+    }
+
     /// Magnitudes of owned fields (by name) beyond which the run has blown up.
     fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {
         Vec::new()

@@ -406,11 +406,10 @@ impl Simulation {
         let limit = self.macro_step();
         // an event within rounding of now, or of the log, is as good as reached
         let tolerance = 1e-9 * limit.min(log - time);
-        let event = self
-            .couplers
-            .iter()
-            .filter_map(|c| c.plugin.next_event(time + tolerance))
-            .fold(log, f64::min);
+        let after = time + tolerance;
+        let couplers = self.couplers.iter().filter_map(|c| c.plugin.next_event(after));
+        let physics = self.physics.iter().filter_map(|p| p.plugin.next_event(after));
+        let event = couplers.chain(physics).fold(log, f64::min);
         let target = if log - event <= tolerance { log } else { event };
         let steps = ((target - time) / limit * (1.0 - 1e-9)).ceil().max(1.0);
         let end = if steps == 1.0 {
