@@ -116,6 +116,9 @@ pub enum Culprit {
     Coupler(usize),
 }
 
+/// Values of the owned fields of a physics, and its packed internal state.
+type SavedPhysics = (Vec<Vec<f64>>, Vec<u8>);
+
 #[derive(Serialize, Deserialize)]
 struct SavedField {
     body: usize,
@@ -407,8 +410,14 @@ impl Simulation {
         // an event within rounding of now, or of the log, is as good as reached
         let tolerance = 1e-9 * limit.min(log - time);
         let after = time + tolerance;
-        let couplers = self.couplers.iter().filter_map(|c| c.plugin.next_event(after));
-        let physics = self.physics.iter().filter_map(|p| p.plugin.next_event(after));
+        let couplers = self
+            .couplers
+            .iter()
+            .filter_map(|c| c.plugin.next_event(after));
+        let physics = self
+            .physics
+            .iter()
+            .filter_map(|p| p.plugin.next_event(after));
         let event = couplers.chain(physics).fold(log, f64::min);
         let target = if log - event <= tolerance { log } else { event };
         let steps = ((target - time) / limit * (1.0 - 1e-9)).ceil().max(1.0);
@@ -649,7 +658,7 @@ impl Simulation {
         Ok(())
     }
 
-    fn save_physics(&self) -> Result<Vec<(Vec<Vec<f64>>, Vec<u8>)>, RunError> {
+    fn save_physics(&self) -> Result<Vec<SavedPhysics>, RunError> {
         let save = |(p, owned): (&Named<dyn Physics>, &Vec<FieldIndex>)| {
             let fields = owned
                 .iter()
@@ -664,11 +673,7 @@ impl Simulation {
             .collect()
     }
 
-    fn restore_physics(
-        &mut self,
-        p: usize,
-        saved: &(Vec<Vec<f64>>, Vec<u8>),
-    ) -> Result<(), RunError> {
+    fn restore_physics(&mut self, p: usize, saved: &SavedPhysics) -> Result<(), RunError> {
         for (&f, values) in self.plan.owned[p].iter().zip(&saved.0) {
             self.world
                 .fields

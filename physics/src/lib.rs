@@ -7,7 +7,7 @@
 //! | `mechanical` | `displacement`, `velocity`, `eigenstress` | `eigenstrain`, `body_force` |
 
 pub mod mechanical;
+pub mod replay;
 #[cfg(test)]
 mod testing;
-pub mod replay;
 pub mod thermal;

@@ -11,9 +11,7 @@ use std::path::PathBuf;
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::log::{Cloud, CloudField, Log, LogError};
-use perimelt_core::{
-    Key, Physics, Problem, RunError, Setup, SetupError, Step, Work, World, Write,
-};
+use perimelt_core::{Key, Physics, Problem, RunError, Setup, SetupError, Step, Work, World, Write};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -46,7 +44,9 @@ struct Run {
 
 impl std::fmt::Debug for Run {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Run").field("log", &self.log.path()).finish_non_exhaustive()
+        f.debug_struct("Run")
+            .field("log", &self.log.path())
+            .finish_non_exhaustive()
     }
 }
 
@@ -68,19 +68,33 @@ impl Target {
 enum Misfit {
     #[error("body `{body}` of the log holds no state")]
     Empty { body: String },
-    #[error("the logged body has {logged} points, this one {here}: use the shape and spacing of the logged run")]
+    #[error(
+        "the logged body has {logged} points, this one {here}: use the shape and spacing of the logged run"
+    )]
     Points { logged: usize, here: usize },
-    #[error("point {point} lies at {logged:?} m in the log and at {here:?} m here: use the shape and spacing of the logged run")]
-    Position { point: usize, logged: [f64; 3], here: [f64; 3] },
+    #[error(
+        "point {point} lies at {logged:?} m in the log and at {here:?} m here: use the shape and spacing of the logged run"
+    )]
+    Position {
+        point: usize,
+        logged: [f64; 3],
+        here: [f64; 3],
+    },
 }
 
 impl Run {
     /// Brings the states around `time` into the window.
     fn load(&mut self, time: f64) -> Result<(), LogError> {
         let times = self.log.times(&self.body);
-        let after = times.partition_point(|t| *t < time).clamp(1, times.len().max(2) - 1);
+        let after = times
+            .partition_point(|t| *t < time)
+            .clamp(1, times.len().max(2) - 1);
         let (first, second) = (after - 1, after.min(times.len() - 1));
-        if self.window.as_ref().is_none_or(|(index, ..)| *index != first) {
+        if self
+            .window
+            .as_ref()
+            .is_none_or(|(index, ..)| *index != first)
+        {
             let older = match self.window.take() {
                 Some((index, _, newer)) if index + 1 == first => newer,
                 _ => self.log.cloud(&self.body, first)?,
@@ -94,14 +108,22 @@ impl Run {
         self.load(time)?;
         let (_, older, newer) = self.window.as_ref().expect("loaded above");
         let span = newer.time - older.time;
-        let share = if span > 0.0 { ((time - older.time) / span).clamp(0.0, 1.0) } else { 0.0 };
+        let share = if span > 0.0 {
+            ((time - older.time) / span).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
         for target in &self.targets {
             let name = target.name();
             let (a, b) = (values(older, name), values(newer, name));
             let mix = |out: &mut [f64]| {
                 for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
                     // the ends come out exactly
-                    *out = if share == 1.0 { *b } else { a + share * (b - a) };
+                    *out = if share == 1.0 {
+                        *b
+                    } else {
+                        a + share * (b - a)
+                    };
                 }
             };
             match target {
@@ -129,26 +151,49 @@ impl Physics for Replay {
         let path = setup.path(&self.log.to_string_lossy());
         let log = Log::open(path).map_err(|e| SetupError::other("log", e))?;
         let here = setup.body(body);
-        let name = self.logged_body.clone().unwrap_or_else(|| here.name.clone());
+        let name = self
+            .logged_body
+            .clone()
+            .unwrap_or_else(|| here.name.clone());
         if !log.bodies().any(|b| b == name) {
             let known = log.bodies().map(str::to_string).collect();
-            let key = if self.logged_body.is_some() { "logged_body" } else { "log" };
-            return Err(SetupError::new(key, Problem::UnknownName { what: "logged body", name, known }));
+            let key = if self.logged_body.is_some() {
+                "logged_body"
+            } else {
+                "log"
+            };
+            return Err(SetupError::new(
+                key,
+                Problem::UnknownName {
+                    what: "logged body",
+                    name,
+                    known,
+                },
+            ));
         }
         if log.times(&name).is_empty() {
             return Err(SetupError::other("log", Misfit::Empty { body: name }));
         }
-        let first = log.cloud(&name, 0).map_err(|e| SetupError::other("log", e))?;
+        let first = log
+            .cloud(&name, 0)
+            .map_err(|e| SetupError::other("log", e))?;
         let positions = &here.points.position;
         if first.positions.len() != positions.len() {
-            let misfit = Misfit::Points { logged: first.positions.len(), here: positions.len() };
+            let misfit = Misfit::Points {
+                logged: first.positions.len(),
+                here: positions.len(),
+            };
             return Err(SetupError::other("log", misfit));
         }
         // single precision and a first displacement move points by far less than a quarter cell
         let tolerance = 0.25 * here.lattice.spacing;
         for (point, (logged, here)) in first.positions.iter().zip(positions).enumerate() {
             if (Vector3::from(*logged) - here).norm() > tolerance {
-                let misfit = Misfit::Position { point, logged: *logged, here: (*here).into() };
+                let misfit = Misfit::Position {
+                    point,
+                    logged: *logged,
+                    here: (*here).into(),
+                };
                 return Err(SetupError::other("log", misfit));
             }
         }
@@ -156,7 +201,11 @@ impl Physics for Replay {
         for field in &self.fields {
             let Some(logged) = find(&first, field) else {
                 let known = first.fields.iter().map(|f| f.name.clone()).collect();
-                let problem = Problem::UnknownName { what: "logged field", name: field.clone(), known };
+                let problem = Problem::UnknownName {
+                    what: "logged field",
+                    name: field.clone(),
+                    known,
+                };
                 return Err(SetupError::new("fields", problem));
             };
             let (name, unit) = (field.clone(), logged.unit.clone());
@@ -166,7 +215,12 @@ impl Physics for Replay {
                 _ => Target::Tensor(name.clone(), setup.own(body, &Key::named(name, unit))?),
             });
         }
-        self.run = Some(Run { log, body: name, targets, window: None });
+        self.run = Some(Run {
+            log,
+            body: name,
+            targets,
+            window: None,
+        });
         Ok(())
     }
 
@@ -176,7 +230,11 @@ impl Physics for Replay {
 
     fn next_event(&self, after: f64) -> Option<f64> {
         let run = self.run.as_ref()?;
-        run.log.times(&run.body).iter().copied().find(|t| *t > after)
+        run.log
+            .times(&run.body)
+            .iter()
+            .copied()
+            .find(|t| *t > after)
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
@@ -203,7 +261,9 @@ mod tests {
     use super::*;
     use crate::testing::{block, simulation, values};
     use perimelt_core::body::Store;
-    use perimelt_core::log::{BodyInfo, CloudView, FieldInfo, FieldView, Precision, RunInfo, Writer};
+    use perimelt_core::log::{
+        BodyInfo, CloudView, FieldInfo, FieldView, Precision, RunInfo, Writer,
+    };
 
     #[test]
     fn a_logged_field_is_interpolated_in_time_and_kept_after_the_end() {
@@ -211,7 +271,11 @@ mod tests {
         let path = folder.path().join("first.mcap");
         let body = block([3, 2, 1], 2, 1.0, Store::Lattice, "density = 1");
         let positions: Vec<[f64; 3]> = body.points.position.iter().map(|x| (*x).into()).collect();
-        let field = FieldInfo { name: "temperature".into(), unit: "K".into(), components: 1 };
+        let field = FieldInfo {
+            name: "temperature".into(),
+            unit: "K".into(),
+            components: 1,
+        };
         let info = BodyInfo {
             name: "block".into(),
             dimension: 2,
@@ -231,9 +295,19 @@ mod tests {
         let mut writer = Writer::create(&path, &run, "case.toml", "").expect("writes");
         for (time, base) in [(0.0, 300.0), (0.5, 400.0), (1.0, 900.0)] {
             let temperature: Vec<f64> = (0..6).map(|i| base + f64::from(i)).collect();
-            let fields = [FieldView { name: "temperature", components: 1, values: &temperature }];
-            let cloud = CloudView { time, positions: &positions, fields: &fields };
-            writer.points("block", Precision::F64, &cloud).expect("writes");
+            let fields = [FieldView {
+                name: "temperature",
+                components: 1,
+                values: &temperature,
+            }];
+            let cloud = CloudView {
+                time,
+                positions: &positions,
+                fields: &fields,
+            };
+            writer
+                .points("block", Precision::F64, &cloud)
+                .expect("writes");
         }
         writer.finish().expect("writes");
 
