@@ -27,7 +27,7 @@ pub struct PrescribedDisplacement {
     /// Region whose points are held; or give `face`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
-    /// Displacement along x [m]: a number, or `{ time = [...], value = [...] }`, times in s.
+    /// Displacement along x (m): a number, or `{ time = [...], value = [...] }`, times in s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub x: Option<InTime>,
     /// Displacement along y (m).

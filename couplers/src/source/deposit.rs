@@ -16,7 +16,7 @@ pub struct Deposit {
 }
 
 impl Deposit {
-    /// What is neither deposited nor lost [W]: the error of a density that is not normalised.
+    /// What is neither deposited nor lost (W): the error of a density that is not normalised.
     pub fn sampling_error(&self) -> f64 {
         self.asked - self.deposited - self.lost
     }

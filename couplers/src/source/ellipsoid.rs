@@ -25,7 +25,7 @@ pub struct SemiEllipsoid {
     /// Part of the power that enters the body, 0 to 1; default 1.
     #[serde(default = "whole")]
     pub efficiency: f64,
-    /// c, half length along the travel direction [m]: exp(-3) of the peak there.
+    /// c, half length along the travel direction (m): exp(-3) of the peak there.
     pub half_length: f64,
     /// a, half width (m).
     pub half_width: f64,
@@ -52,7 +52,7 @@ pub struct Goldak {
     /// Part of the power that enters the body, 0 to 1; default 1.
     #[serde(default = "whole")]
     pub efficiency: f64,
-    /// c_f, length of the front [m]: exp(-3) of the peak there.
+    /// c_f, length of the front (m): exp(-3) of the peak there.
     pub front_length: f64,
     /// c_r, length of the rear (m).
     pub rear_length: f64,

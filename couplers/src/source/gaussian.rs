@@ -23,7 +23,7 @@ pub struct Gaussian {
     /// Part of the power that enters the body, 0 to 1; default 1.
     #[serde(default = "whole")]
     pub efficiency: f64,
-    /// Standard deviation [m]: the flux falls to exp(-1/2) of its peak there.
+    /// Standard deviation (m): the flux falls to exp(-1/2) of its peak there.
     pub sigma: f64,
     /// Depth over which the flux is spread (m); a 2D plate may leave it out and takes its
     /// thickness, the only depth that conserves the power there.

@@ -178,7 +178,7 @@ impl Track {
         self.pose(time).power
     }
 
-    /// Energy released between two times [J]: the integral of the power, in closed form.
+    /// Energy released between two times (J): the integral of the power, in closed form.
     pub fn energy(&self, from: f64, to: f64) -> f64 {
         let first = self.moves.partition_point(|m| m.end <= from);
         self.moves[first..]
