@@ -116,6 +116,9 @@ pub enum Culprit {
     Coupler(usize),
 }
 
+/// Values of the owned fields of a physics, and its packed internal state.
+type SavedPhysics = (Vec<Vec<f64>>, Vec<u8>);
+
 #[derive(Serialize, Deserialize)]
 struct SavedField {
     body: usize,
@@ -655,7 +658,7 @@ impl Simulation {
         Ok(())
     }
 
-    fn save_physics(&self) -> Result<Vec<(Vec<Vec<f64>>, Vec<u8>)>, RunError> {
+    fn save_physics(&self) -> Result<Vec<SavedPhysics>, RunError> {
         let save = |(p, owned): (&Named<dyn Physics>, &Vec<FieldIndex>)| {
             let fields = owned
                 .iter()
@@ -670,11 +673,7 @@ impl Simulation {
             .collect()
     }
 
-    fn restore_physics(
-        &mut self,
-        p: usize,
-        saved: &(Vec<Vec<f64>>, Vec<u8>),
-    ) -> Result<(), RunError> {
+    fn restore_physics(&mut self, p: usize, saved: &SavedPhysics) -> Result<(), RunError> {
         for (&f, values) in self.plan.owned[p].iter().zip(&saved.0) {
             self.world
                 .fields

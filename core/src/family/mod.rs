@@ -8,7 +8,7 @@
 //!
 //! Two stores hide behind this: points whose family is complete share one stencil and are
 //! swept in contiguous runs with SIMD; all others (at bare surfaces, next to them when bonds
-//! are corrected, or everywhere with [`Store::List`]) have rows of their own. Both add the
+//! are corrected, or everywhere with [`Store::List`](crate::body::Store::List)) have rows of their own. Both add the
 //! bonds of a point in the same order, so they agree to rounding.
 
 mod build;

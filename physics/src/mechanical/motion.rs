@@ -35,8 +35,8 @@ impl Run {
         }
         let impulse = body_force.chunks_exact(3).zip(volume);
         for (b, volume) in impulse {
-            for axis in 0..3 {
-                self.state.impulse[axis] += b[axis] * volume * step.size;
+            for (impulse, b) in self.state.impulse.iter_mut().zip(b) {
+                *impulse += b * volume * step.size;
             }
         }
         let elastic = &mut self.elastic;
