@@ -317,10 +317,7 @@ impl Simulation {
             p.plugin.start(&self.world)?;
         }
         self.find_steps();
-        let now = Step {
-            start: 0.0,
-            size: 0.0,
-        };
+        let now = Step::new(0.0, 0.0);
         for p in 0..self.physics.len() {
             self.apply(p, now)?;
         }
@@ -442,10 +439,7 @@ impl Simulation {
             None => self.pass(end, logging)?,
             Some(iteration) => self.iterate(end, logging, iteration)?,
         }
-        self.apply_rest(Step {
-            start: time,
-            size: end - time,
-        })?;
+        self.apply_rest(Step::new(time, end - time))?;
         self.clock.time = end;
         self.clock.progress.macro_steps += 1;
         self.clock.progress.last_step = end - time;
@@ -493,12 +487,17 @@ impl Simulation {
         let count = count as u64;
         /// Between checks for blow-up: rare enough to cost nothing, often enough to name the time.
         const CHECK: u64 = 64;
+        let steady = |&c: &usize| self.couplers[c].plugin.is_steady();
+        let repeatable = self.plan.one_way[p] && self.plan.before[p].iter().all(steady);
         for s in 0..count {
             let step = Step {
                 start: start + s as f64 * size,
                 size,
+                repeated: s > 0 && repeatable,
             };
-            self.apply(p, step)?;
+            if !step.repeated {
+                self.apply(p, step)?;
+            }
             let work = self.physics[p].plugin.advance(&self.world, step)?;
             self.clock.progress.sub_steps[p] += 1;
             self.clock.progress.iterations[p] += work.iterations as u64;
