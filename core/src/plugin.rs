@@ -27,9 +27,21 @@ pub struct Step {
     pub start: f64,
     /// Size, s; zero when couplers are applied for the initial state.
     pub size: f64,
+    /// Nothing that couplers write has changed since the sub-step before: its couplers were
+    /// not applied again, and sinks are as they were.
+    pub repeated: bool,
 }
 
 impl Step {
+    /// A step from `start` (s) of `size` (s).
+    pub fn new(start: f64, size: f64) -> Step {
+        Step {
+            start,
+            size,
+            repeated: false,
+        }
+    }
+
     /// Middle of the step, s: where sources are evaluated, so that power which is linear in
     /// time is deposited exactly.
     pub fn middle(&self) -> f64 {
@@ -220,6 +232,11 @@ pub trait Physics {
         None
     }
 
+    /// The next time after `after` (s) that a macro step must end on.
+    fn next_event(&self, _after: f64) -> Option<f64> {
+        None
+    }
+
     /// Magnitudes of owned fields (by name) beyond which the run has blown up.
     fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {
         Vec::new()
@@ -271,6 +288,12 @@ pub trait Coupler {
     /// The next time after `after` (s) at which its action has a kink or a jump; steps land on it.
     fn next_event(&self, _after: f64) -> Option<f64> {
         None
+    }
+
+    /// Whether its action depends on nothing but the fields that it reads: then it need not be
+    /// applied again while they stay as they are.
+    fn is_steady(&self) -> bool {
+        false
     }
 
     /// Largest step that still resolves its action, s, such as a source crossing a cell;

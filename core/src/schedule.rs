@@ -19,6 +19,8 @@ pub struct Plan {
     pub sinks: Vec<Vec<FieldIndex>>,
     /// For each physics, the fields that it owns.
     pub owned: Vec<Vec<FieldIndex>>,
+    /// For each physics, whether none of its couplers reads a field that it owns.
+    pub one_way: Vec<bool>,
 }
 
 impl Plan {
@@ -70,6 +72,9 @@ impl Plan {
             let mut sinks = fields(p, |a| a == Access::Consume);
             sinks.retain(|f| writes.iter().any(|w| w.contains(f)));
             plan.sinks.push(sinks);
+            let feeding = (0..couplers).filter(|&c| needed[c]);
+            plan.one_way
+                .push(feeding.into_iter().all(|c| !shares(&reads[c], &owned)));
             plan.owned.push(owned);
         }
         plan.after = order.into_iter().filter(|&c| !used[c]).collect();

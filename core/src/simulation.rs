@@ -116,6 +116,9 @@ pub enum Culprit {
     Coupler(usize),
 }
 
+/// Values of the owned fields of a physics, and its packed internal state.
+type SavedPhysics = (Vec<Vec<f64>>, Vec<u8>);
+
 #[derive(Serialize, Deserialize)]
 struct SavedField {
     body: usize,
@@ -314,10 +317,7 @@ impl Simulation {
             p.plugin.start(&self.world)?;
         }
         self.find_steps();
-        let now = Step {
-            start: 0.0,
-            size: 0.0,
-        };
+        let now = Step::new(0.0, 0.0);
         for p in 0..self.physics.len() {
             self.apply(p, now)?;
         }
@@ -406,11 +406,16 @@ impl Simulation {
         let limit = self.macro_step();
         // an event within rounding of now, or of the log, is as good as reached
         let tolerance = 1e-9 * limit.min(log - time);
-        let event = self
+        let after = time + tolerance;
+        let couplers = self
             .couplers
             .iter()
-            .filter_map(|c| c.plugin.next_event(time + tolerance))
-            .fold(log, f64::min);
+            .filter_map(|c| c.plugin.next_event(after));
+        let physics = self
+            .physics
+            .iter()
+            .filter_map(|p| p.plugin.next_event(after));
+        let event = couplers.chain(physics).fold(log, f64::min);
         let target = if log - event <= tolerance { log } else { event };
         let steps = ((target - time) / limit * (1.0 - 1e-9)).ceil().max(1.0);
         let end = if steps == 1.0 {
@@ -434,10 +439,7 @@ impl Simulation {
             None => self.pass(end, logging)?,
             Some(iteration) => self.iterate(end, logging, iteration)?,
         }
-        self.apply_rest(Step {
-            start: time,
-            size: end - time,
-        })?;
+        self.apply_rest(Step::new(time, end - time))?;
         self.clock.time = end;
         self.clock.progress.macro_steps += 1;
         self.clock.progress.last_step = end - time;
@@ -485,12 +487,17 @@ impl Simulation {
         let count = count as u64;
         /// Between checks for blow-up: rare enough to cost nothing, often enough to name the time.
         const CHECK: u64 = 64;
+        let steady = |&c: &usize| self.couplers[c].plugin.is_steady();
+        let repeatable = self.plan.one_way[p] && self.plan.before[p].iter().all(steady);
         for s in 0..count {
             let step = Step {
                 start: start + s as f64 * size,
                 size,
+                repeated: s > 0 && repeatable,
             };
-            self.apply(p, step)?;
+            if !step.repeated {
+                self.apply(p, step)?;
+            }
             let work = self.physics[p].plugin.advance(&self.world, step)?;
             self.clock.progress.sub_steps[p] += 1;
             self.clock.progress.iterations[p] += work.iterations as u64;
@@ -650,7 +657,7 @@ impl Simulation {
         Ok(())
     }
 
-    fn save_physics(&self) -> Result<Vec<(Vec<Vec<f64>>, Vec<u8>)>, RunError> {
+    fn save_physics(&self) -> Result<Vec<SavedPhysics>, RunError> {
         let save = |(p, owned): (&Named<dyn Physics>, &Vec<FieldIndex>)| {
             let fields = owned
                 .iter()
@@ -665,11 +672,7 @@ impl Simulation {
             .collect()
     }
 
-    fn restore_physics(
-        &mut self,
-        p: usize,
-        saved: &(Vec<Vec<f64>>, Vec<u8>),
-    ) -> Result<(), RunError> {
+    fn restore_physics(&mut self, p: usize, saved: &SavedPhysics) -> Result<(), RunError> {
         for (&f, values) in self.plan.owned[p].iter().zip(&saved.0) {
             self.world
                 .fields

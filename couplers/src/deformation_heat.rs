@@ -29,7 +29,7 @@ pub struct DeformationHeat {
     /// Body; may be left out when there is one only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// Temperature in the place of the current one [K], for the linear theory; left out: the
+    /// Temperature in the place of the current one (K), for the linear theory; left out: the
     /// current one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub linearised_at: Option<f64>,

@@ -27,7 +27,7 @@ pub struct ThermalExpansion {
     /// Body; may be left out when there is one only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// Temperature at which the body is free of stress [K].
+    /// Temperature at which the body is free of stress (K).
     pub reference_temperature: f64,
     #[serde(skip)]
     #[schemars(skip)]
@@ -65,6 +65,10 @@ impl Coupler for ThermalExpansion {
             eigenstrain: setup.add(body, &keys::EIGENSTRAIN)?,
         });
         Ok(())
+    }
+
+    fn is_steady(&self) -> bool {
+        true
     }
 
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {

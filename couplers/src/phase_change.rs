@@ -88,6 +88,10 @@ impl Coupler for PhaseChange {
         Ok(())
     }
 
+    fn is_steady(&self) -> bool {
+        true
+    }
+
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
         let p = self.prepared.as_ref().expect("prepared before the run");
         let temperature: &[f64] = &world.read(p.temperature);

@@ -66,7 +66,7 @@ pub fn refusal(world: &mut World, coupler: &mut dyn Coupler) -> String {
 /// Applies `coupler` for the second from `start`.
 pub fn apply(world: &World, coupler: &mut dyn Coupler, start: f64) {
     coupler
-        .apply(world, Step { start, size: 1.0 })
+        .apply(world, Step::new(start, 1.0))
         .expect("the coupler applies");
 }
 

@@ -3,9 +3,11 @@
 //! | type | owns | consumes |
 //! |---|---|---|
 //! | `thermal` | `temperature`, `enthalpy` | `heat_source` |
+//! | `replay` | the fields it is told to read from a log | |
 //! | `mechanical` | `displacement`, `velocity`, `eigenstress` | `eigenstrain`, `body_force` |
 
 pub mod mechanical;
+pub mod replay;
 #[cfg(test)]
 mod testing;
 pub mod thermal;

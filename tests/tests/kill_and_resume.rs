@@ -67,6 +67,7 @@ fn twenty_killed_runs_replay_and_resume_to_the_same_bits() {
     // finer than the case of the mistakes, so that a run is long enough to be killed
     let case = WELD.replace("spacing = 0.001", "spacing = 0.0005");
     std::fs::write(at("weld.toml"), case).expect("writable");
+    perimelt();
     let started = Instant::now();
     let run = command(folder.path(), &["run", "weld.toml", "--quiet"]).status();
     assert!(run.expect("it starts").success());

@@ -80,6 +80,20 @@ impl Case {
         Ok(body)
     }
 
+    /// The materials that the section of a body names, its own first; none for an unknown body.
+    ///
+    /// # Errors
+    /// A material that is neither in the case nor in the library.
+    pub fn materials_of(&self, body: &str) -> Result<Vec<Material>> {
+        let Some((_, section)) = self.bodies.iter().find(|(name, _)| name == body) else {
+            return Ok(Vec::new());
+        };
+        std::iter::once(&section.material)
+            .chain(section.materials.values())
+            .map(|name| self.material(&[body, "material"], name))
+            .collect()
+    }
+
     fn assign_materials(&self, name: &str, section: &BodySection, body: &mut Body) -> Result<()> {
         body.materials
             .push(self.material(&[name, "material"], &section.material)?);

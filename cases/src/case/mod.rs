@@ -1,4 +1,4 @@
-//! Case files: TOML text in, a composed [`Simulation`] out, mistakes shown where they are.
+//! Case files: TOML text in, a composed [`Simulation`](perimelt_core::Simulation) out, mistakes shown where they are.
 //!
 //! 1. [`Case::read`] parses the text and reads every section but the plugins.
 //! 2. [`Case::compose`] fills bodies with points, builds plugins through their registrations,

@@ -1,7 +1,9 @@
 //! Temperatures at which the material of a body melts.
 
 use perimelt_core::log::Log;
-use toml::{Table, Value};
+use perimelt_core::material::Material;
+
+use crate::run::case_of;
 
 /// An isotherm to draw.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,8 +14,8 @@ pub(crate) struct Isotherm {
     pub temperature: f64,
 }
 
-/// The isotherms asked for, or else solidus and liquidus of the body's material as the case file
-/// in the log gives them.
+/// The isotherms asked for, or else solidus and liquidus of the first material of the body
+/// that melts, as the case file in the log gives it.
 pub(crate) fn isotherms(log: &Log, body: &str, asked: &[f64]) -> Vec<Isotherm> {
     if !asked.is_empty() {
         let isotherm = |&temperature| Isotherm {
@@ -22,67 +24,32 @@ pub(crate) fn isotherms(log: &Log, body: &str, asked: &[f64]) -> Vec<Isotherm> {
         };
         return asked.iter().map(isotherm).collect();
     }
-    log.case_text()
-        .parse()
-        .map_or_else(|_| Vec::new(), |case| in_case(&case, body))
+    // a log of another version of the program may hold a case that this one cannot read
+    let materials = case_of(log).and_then(|case| case.materials_of(body));
+    let melting = |material: &Material| Some(melting(material)).filter(|i| !i.is_empty());
+    materials
+        .unwrap_or_default()
+        .iter()
+        .find_map(melting)
+        .unwrap_or_default()
 }
 
-/// Of the materials that the body's section mentions or, if it mentions none that melts, of the
-/// only one that does.
-fn in_case(case: &Table, body: &str) -> Vec<Isotherm> {
-    let Some(materials) = case.get("materials").and_then(Value::as_table) else {
-        return Vec::new();
+fn melting(material: &Material) -> Vec<Isotherm> {
+    let isotherm = |name: &str| {
+        let temperature = material.get(name)?.constant()?;
+        let name = name.to_string();
+        Some(Isotherm { name, temperature })
     };
-    let melting = |name: &String| {
-        let number = |key: &str| match materials[name].get(key) {
-            Some(Value::Float(temperature)) => Some(*temperature),
-            Some(Value::Integer(temperature)) => Some(*temperature as f64),
-            _ => None,
-        };
-        let isotherm = |key: &str| {
-            number(key).map(|temperature| Isotherm {
-                name: key.into(),
-                temperature,
-            })
-        };
-        let mut isotherms: Vec<_> = ["solidus", "liquidus"]
-            .into_iter()
-            .filter_map(isotherm)
-            .collect();
-        // a pure substance melts at one temperature
-        if isotherms.len() == 2 && isotherms[0].temperature == isotherms[1].temperature {
-            isotherms.truncate(1);
-            isotherms[0].name = "melting point".into();
-        }
-        isotherms
-    };
-    let melting: Vec<_> = materials
-        .keys()
-        .map(|name| (name, melting(name)))
-        .filter(|(_, i)| !i.is_empty())
+    let mut isotherms: Vec<_> = ["solidus", "liquidus"]
+        .into_iter()
+        .filter_map(isotherm)
         .collect();
-    let section = match case.get("bodies") {
-        Some(Value::Table(bodies)) => bodies.get(body),
-        Some(Value::Array(bodies)) => bodies
-            .iter()
-            .find(|section| section.get("name").and_then(Value::as_str) == Some(body)),
-        _ => None,
-    };
-    let mentioned = |name: &str| section.is_some_and(|section| mentions(section, name));
-    let own = melting.iter().find(|(name, _)| mentioned(name));
-    match (own, &melting[..]) {
-        (Some((_, isotherms)), _) | (None, [(_, isotherms)]) => isotherms.clone(),
-        _ => Vec::new(),
+    // a pure substance melts at one temperature
+    if isotherms.len() == 2 && isotherms[0].temperature == isotherms[1].temperature {
+        isotherms.truncate(1);
+        isotherms[0].name = "melting point".into();
     }
-}
-
-fn mentions(value: &Value, name: &str) -> bool {
-    match value {
-        Value::String(text) => text == name,
-        Value::Array(values) => values.iter().any(|value| mentions(value, name)),
-        Value::Table(table) => table.values().any(|value| mentions(value, name)),
-        _ => false,
-    }
+    isotherms
 }
 
 #[cfg(test)]
@@ -90,33 +57,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn body_gets_the_melting_range_of_its_own_material() {
-        let case = r#"
-            [bodies.plate]
-            material = "steel"
-            [bodies.block]
-            materials = [{ name = "tin" }]
-            [materials.steel]
-            solidus = 1690
-            liquidus = 1740.5
-            [materials.tin]
-            solidus = 505.1
-            liquidus = 505.1
-            [materials.copper]
-            density = 8900
-        "#;
-        let case: Table = case.parse().expect("valid");
-        let found = |body| -> Vec<(String, f64)> {
-            in_case(&case, body)
-                .into_iter()
-                .map(|i| (i.name, i.temperature))
-                .collect()
+    fn a_pure_substance_has_one_isotherm_and_an_alloy_two() {
+        let names = |material: &str| -> Vec<String> {
+            let material = crate::library::find(material).expect("in the library");
+            melting(&material).into_iter().map(|i| i.name).collect()
         };
-        assert_eq!(
-            found("plate"),
-            [("solidus".into(), 1690.0), ("liquidus".into(), 1740.5)]
-        );
-        assert_eq!(found("block"), [("melting point".into(), 505.1)]);
-        assert_eq!(found("other"), []);
+        assert_eq!(names("IN625"), ["solidus", "liquidus"]);
+        assert_eq!(names("water"), ["melting point"]);
     }
 }

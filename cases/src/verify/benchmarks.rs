@@ -28,6 +28,7 @@ benchmarks!(
     "wang-7.5.4.2-goldak-phase-apparent",
     "wang-7.5.5.1-gauss-A",
     "wang-7.5.5.1-gauss-B",
+    "wang-7.5.5.1-gauss-B-horizon-3",
     "wang-7.5.5.2-gauss-phase-C",
     "wang-7.5.5.2-gauss-phase-D",
     "wang-7.5.5.2-gauss-phase-D-constant-modulus",

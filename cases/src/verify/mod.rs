@@ -53,7 +53,7 @@ pub enum VerifyError {
         /// What should be measured.
         quantity: String,
         /// Why not.
-        cause: SetupError,
+        cause: Box<SetupError>,
     },
     /// A list of references that does not fit what is measured.
     #[error(
@@ -223,7 +223,7 @@ fn measure(
             VerifyError::Check {
                 case,
                 quantity,
-                cause,
+                cause: Box::new(cause),
             }
         })?);
     }

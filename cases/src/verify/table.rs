@@ -46,7 +46,7 @@ impl Outcome {
             let (error, most) = check.limit.judge(ours, reference, peak);
             outcome.passed &= error <= most;
             // the first value that is no number stays the worst
-            if !(error <= worst) && !(worst == f64::INFINITY) {
+            if worst != f64::INFINITY && (error > worst || error.is_nan()) {
                 worst = if error.is_nan() { f64::INFINITY } else { error };
                 (outcome.ours, outcome.reference, outcome.error) = (ours, reference, error);
             }

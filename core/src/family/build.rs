@@ -50,6 +50,11 @@ impl Family {
     pub fn build(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
         let lattice = &body.lattice;
         let stencil = stencil(body, spec);
+        if stencil.len() > usize::from(u16::MAX) {
+            return Err(FamilyError::HorizonTooLarge {
+                bonds: stencil.len(),
+            });
+        }
         if stencil.is_empty() {
             return Err(FamilyError::HorizonTooSmall {
                 horizon: spec.horizon,
@@ -162,10 +167,10 @@ impl Family {
         let mut bonds = 0;
         for (point, &slot) in slot_of_point.iter().enumerate() {
             let members = || {
-                let present = steps
-                    .iter()
-                    .filter(|(_, b)| cuts.is_empty() || !severed(point, b));
-                present.filter_map(|(o, b)| Some((neighbour(slot, *o)?, b)))
+                let present = (0u16..)
+                    .zip(&steps)
+                    .filter(|(_, (_, b))| cuts.is_empty() || !severed(point, b));
+                present.filter_map(|(step, (o, b))| Some((step, neighbour(slot, *o)?, b)))
             };
             let count = if complete[point] && cuts.is_empty() {
                 steps.len()
@@ -179,26 +184,24 @@ impl Family {
                 });
             }
             bonds += count;
-            let corrected = |slot: usize, bond: &Bond| {
+            let corrected = |(step, slot, bond): (u16, usize, &Bond)| {
                 let bond_factor = if spec.correction == Correction::Point {
                     mean_factor(bond, &factor[point], &factor[mirror_of[slot] as usize])
                 } else {
                     lattice_factor
                 };
-                Bond {
-                    volume: bond.volume * bond_factor,
-                    ..*bond
-                }
+                (step, slot as u32, bond.volume * bond_factor)
             };
             let uneven = spec.correction == Correction::Point
-                && (truncated(point) || members().any(|(s, _)| truncated(mirror_of[s] as usize)));
+                && (truncated(point)
+                    || members().any(|(_, s, _)| truncated(mirror_of[s] as usize)));
             in_rows[point] = body.store == Store::List || count < steps.len() || uneven;
             if in_rows[point] {
-                rows.push(point, slot, members().map(|(s, b)| (s, corrected(s, b))));
+                rows.push(point, slot, members().map(corrected));
             }
-            if !spec.audited.is_empty() && members().any(|(s, _)| audited[s]) {
-                let from_layer = members().filter(|(s, _)| audited[*s]);
-                layer_rows.push(point, slot, from_layer.map(|(s, b)| (s, corrected(s, b))));
+            if !spec.audited.is_empty() && members().any(|(_, s, _)| audited[s]) {
+                let from_layer = members().filter(|(_, s, _)| audited[*s]);
+                layer_rows.push(point, slot, from_layer.map(corrected));
             }
         }
 
@@ -375,12 +378,13 @@ fn mean_factor(bond: &Bond, own: &[f64; 3], other: &[f64; 3]) -> f64 {
 }
 
 impl Rows {
-    fn push(&mut self, point: usize, slot: u32, bonds: impl Iterator<Item = (usize, Bond)>) {
+    fn push(&mut self, point: usize, slot: u32, bonds: impl Iterator<Item = (u16, u32, f64)>) {
         self.point.push(point as u32);
         self.slot.push(slot);
-        for (column, bond) in bonds {
-            self.column.push(column as u32);
-            self.bond.push(bond);
+        for (step, column, volume) in bonds {
+            self.step.push(step);
+            self.column.push(column);
+            self.volume.push(volume);
         }
         self.start.push(self.column.len());
     }

@@ -86,7 +86,7 @@ impl Family {
         mut receive: impl FnMut(usize, [f64; O]),
     ) {
         for row in 0..self.layer_rows.point.len() {
-            let sum = sum_row(kernel, &inputs, &self.layer_rows, row);
+            let sum = self.sum_row(kernel, &inputs, &self.layer_rows, row);
             receive(self.layer_rows.point[row] as usize, sum);
         }
     }
@@ -101,7 +101,7 @@ impl Family {
         for row in chunk.rows.clone() {
             output.set(
                 self.rows.point[row] as usize,
-                sum_row(kernel, inputs, &self.rows, row),
+                self.sum_row(kernel, inputs, &self.rows, row),
             );
         }
         let runs = &self.runs[chunk.runs.clone()];
@@ -117,6 +117,34 @@ impl Family {
             }
         }
         sweep_runs(kernel, &self.stencil, inputs, output, runs);
+    }
+
+    #[inline(always)]
+    fn sum_row<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: &[&[f64]; I],
+        rows: &Rows,
+        row: usize,
+    ) -> [f64; O] {
+        let at = rows.slot[row] as usize;
+        let own = std::array::from_fn(|i| inputs[i][at]);
+        let mut sums = [0.0; O];
+        let range = rows.start[row]..rows.start[row + 1];
+        let columns = &rows.column[range.clone()];
+        let (steps, volumes) = (&rows.step[range.clone()], &rows.volume[range]);
+        for ((&column, &step), &volume) in columns.iter().zip(steps).zip(volumes) {
+            let bond = Bond {
+                volume,
+                ..self.stencil[step as usize].bond
+            };
+            let other = std::array::from_fn(|i| inputs[i][column as usize]);
+            let part = kernel.bond(&bond, own, other);
+            for o in 0..O {
+                sums[o] += part[o];
+            }
+        }
+        sums
     }
 }
 
@@ -207,25 +235,4 @@ fn lanes<const N: usize>(input: &[f64], at: usize) -> [f64; N] {
     input[at..at + N]
         .try_into()
         .expect("the slice has N elements")
-}
-
-#[inline(always)]
-fn sum_row<const I: usize, const O: usize>(
-    kernel: &impl BondKernel<I, O>,
-    inputs: &[&[f64]; I],
-    rows: &Rows,
-    row: usize,
-) -> [f64; O] {
-    let at = rows.slot[row] as usize;
-    let own = std::array::from_fn(|i| inputs[i][at]);
-    let mut sums = [0.0; O];
-    let range = rows.start[row]..rows.start[row + 1];
-    for (bond, &column) in rows.bond[range.clone()].iter().zip(&rows.column[range]) {
-        let other = std::array::from_fn(|i| inputs[i][column as usize]);
-        let part = kernel.bond(bond, own, other);
-        for o in 0..O {
-            sums[o] += part[o];
-        }
-    }
-    sums
 }

@@ -8,7 +8,7 @@
 //!
 //! Two stores hide behind this: points whose family is complete share one stencil and are
 //! swept in contiguous runs with SIMD; all others (at bare surfaces, next to them when bonds
-//! are corrected, or everywhere with [`Store::List`]) have rows of their own. Both add the
+//! are corrected, or everywhere with [`Store::List`](crate::body::Store::List)) have rows of their own. Both add the
 //! bonds of a point in the same order, so they agree to rounding.
 
 mod build;
@@ -138,6 +138,12 @@ pub enum FamilyError {
         /// Spacing, m.
         spacing: f64,
     },
+    /// More bonds than anybody can compute with.
+    #[error("the horizon holds {bonds} neighbours of every point: choose a smaller one")]
+    HorizonTooLarge {
+        /// Bonds of a complete family.
+        bonds: usize,
+    },
     /// A point without a bond.
     #[error("the point at ({}, {}, {}) m has no neighbour within the horizon {horizon} m", at[0], at[1], at[2])]
     Lonely {
@@ -193,7 +199,9 @@ struct Rows {
     slot: Vec<u32>,
     start: Vec<usize>,
     column: Vec<u32>,
-    bond: Vec<Bond>,
+    /// Bond of the stencil that each one is a corrected copy of.
+    step: Vec<u16>,
+    volume: Vec<f64>,
 }
 
 /// A share of the work, sized to keep all cores busy.
@@ -279,6 +287,9 @@ impl Family {
 
 impl Rows {
     fn memory(&self) -> usize {
-        size_of_val(&*self.column) + size_of_val(&*self.bond) + self.point.len() * 16
+        size_of_val(&*self.column)
+            + size_of_val(&*self.step)
+            + size_of_val(&*self.volume)
+            + self.point.len() * 16
     }
 }

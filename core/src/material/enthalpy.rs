@@ -23,7 +23,7 @@ use thiserror::Error;
 use super::property::Property;
 use pieces::{Piece, VolumetricCapacity};
 
-/// Temperature [K] at which enthalpy is zero in a material that does not melt.
+/// Temperature (K) at which enthalpy is zero in a material that does not melt.
 pub const REFERENCE_TEMPERATURE: f64 = 293.15;
 
 /// What heats up between solidus and liquidus.
@@ -53,11 +53,11 @@ pub enum LatentHeatForm {
 /// Melting of a material.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LatentHeat {
-    /// Temperature at which melting starts [K].
+    /// Temperature at which melting starts (K).
     pub solidus: f64,
-    /// Temperature at which melting ends [K]; equal to the solidus for a pure substance.
+    /// Temperature at which melting ends (K); equal to the solidus for a pure substance.
     pub liquidus: f64,
-    /// Heat of fusion [J/kg].
+    /// Heat of fusion (J/kg).
     pub latent_heat: f64,
     /// What heats up in the interval.
     pub mushy_capacity: MushyCapacity,
@@ -79,9 +79,9 @@ pub enum EnthalpyError {
     /// The liquidus lies below the solidus.
     #[error("the liquidus ({liquidus} K) lies below the solidus ({solidus} K)")]
     LiquidusBelowSolidus {
-        /// Solidus [K].
+        /// Solidus (K).
         solidus: f64,
-        /// Liquidus [K].
+        /// Liquidus (K).
         liquidus: f64,
     },
     /// No capacity in the interval.
@@ -90,7 +90,7 @@ pub enum EnthalpyError {
          liquidus; give a positive one, or let the mushy capacity be `latent_plus_sensible`"
     )]
     NoMushyCapacity {
-        /// Latent heat [J/kg].
+        /// Latent heat (J/kg).
         latent_heat: f64,
     },
     /// Latent heat at one temperature has no finite capacity.
@@ -99,7 +99,7 @@ pub enum EnthalpyError {
          use `form = \"enthalpy\"`, or an interval of a few kelvin"
     )]
     IsothermalApparent {
-        /// Melting temperature [K].
+        /// Melting temperature (K).
         temperature: f64,
     },
     /// The specific heat is given by phase, but there are no phases.
@@ -110,7 +110,7 @@ pub enum EnthalpyError {
     PhasesWithoutMelting,
 }
 
-/// Volumetric enthalpy h(θ) [J/m³] of a material, its inverse and its slope.
+/// Volumetric enthalpy h(θ) (J/m³) of a material, its inverse and its slope.
 ///
 /// h is 0 at the solidus, or at [`REFERENCE_TEMPERATURE`] in a material that does not melt.
 /// Beyond the rows of a specific heat table the capacity stays constant, so every finite
@@ -135,7 +135,7 @@ struct Melting {
 }
 
 impl EnthalpyCurve {
-    /// Builds the curve from density [kg/m³], specific heat [J/(kg K)] and melting.
+    /// Builds the curve from density (kg/m³), specific heat (J/(kg K)) and melting.
     ///
     /// A specific heat by phase takes its solid value up to the solidus, its liquid value from
     /// the liquidus on, and between them (felt by `latent_plus_sensible` only) the straight line
@@ -200,19 +200,19 @@ impl EnthalpyCurve {
         })
     }
 
-    /// Enthalpy [J/m³] at a temperature [K].
+    /// Enthalpy (J/m³) at a temperature (K).
     ///
     /// At an isothermal melting temperature it is that of the liquid, ρL.
     pub fn enthalpy(&self, temperature: f64) -> f64 {
         self.pieces[piece_index(&self.temperatures, temperature)].enthalpy(temperature)
     }
 
-    /// Temperature [K] at an enthalpy [J/m³].
+    /// Temperature (K) at an enthalpy (J/m³).
     pub fn temperature(&self, enthalpy: f64) -> f64 {
         self.pieces[piece_index(&self.enthalpies, enthalpy)].temperature(enthalpy)
     }
 
-    /// Slope dh/dθ [J/(m³ K)]; solidus and liquidus both count as mushy.
+    /// Slope dh/dθ (J/(m³ K)); solidus and liquidus both count as mushy.
     ///
     /// At an isothermal melting temperature, where h jumps, it is that of the solid.
     pub fn capacity(&self, temperature: f64) -> f64 {
@@ -242,7 +242,7 @@ impl EnthalpyCurve {
         }
     }
 
-    /// Share of liquid at an enthalpy [J/m³]; for an isothermal melting clamp(h/(ρL), 0, 1).
+    /// Share of liquid at an enthalpy (J/m³); for an isothermal melting clamp(h/(ρL), 0, 1).
     pub fn liquid_fraction_from_enthalpy(&self, enthalpy: f64) -> f64 {
         match &self.melting {
             Some(Melting { latent, .. }) if latent.solidus == latent.liquidus => {
@@ -252,7 +252,7 @@ impl EnthalpyCurve {
         }
     }
 
-    /// Temperature [K] and enthalpy [J/m³] after adding `heat` [J/m³].
+    /// Temperature (K) and enthalpy (J/m³) after adding `heat` (J/m³).
     ///
     /// Enthalpy form: h' = h + heat, θ' = h⁻¹(h'). Apparent form: θ' = θ + heat/C(θ) and
     /// h' = h(θ'), so that h' − h − heat is the energy that the form gains or loses.
@@ -280,12 +280,12 @@ impl EnthalpyCurve {
         self.melting.as_ref().map(|melting| &melting.latent)
     }
 
-    /// Least capacity [J/(m³ K)] at any temperature: decides the stable step.
+    /// Least capacity (J/(m³ K)) at any temperature: decides the stable step.
     pub fn minimum_capacity(&self) -> f64 {
         self.minimum_capacity
     }
 
-    /// Largest finite capacity [J/(m³ K)] at any temperature.
+    /// Largest finite capacity (J/(m³ K)) at any temperature.
     pub fn maximum_capacity(&self) -> f64 {
         self.maximum_capacity
     }

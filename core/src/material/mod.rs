@@ -68,9 +68,9 @@ pub enum MaterialError {
     LiquidusBelowSolidus {
         /// Name of the material.
         material: String,
-        /// Solidus [K].
+        /// Solidus (K).
         solidus: f64,
-        /// Liquidus [K].
+        /// Liquidus (K).
         liquidus: f64,
     },
     /// A property that somebody needs is not given.
@@ -193,7 +193,7 @@ impl Material {
             })
     }
 
-    /// Density [kg/m³] that fixes the mass of a point: its value at [`REFERENCE_TEMPERATURE`],
+    /// Density (kg/m³) that fixes the mass of a point: its value at [`REFERENCE_TEMPERATURE`],
     /// of the liquid if the material is molten there.
     ///
     /// # Errors

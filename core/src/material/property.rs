@@ -24,7 +24,7 @@ use super::vocabulary::nearest_name;
 pub enum Property {
     /// The same at every temperature.
     Constant(f64),
-    /// A function of temperature [K].
+    /// A function of temperature (K).
     Table(Table),
     /// One property for the solid and one for the liquid; the mixture rule is linear in the
     /// liquid fraction. Phases are not nested.
@@ -37,7 +37,7 @@ pub enum Property {
 }
 
 impl Property {
-    /// Value at a temperature [K] and liquid fraction (0 solid, 1 liquid).
+    /// Value at a temperature (K) and liquid fraction (0 solid, 1 liquid).
     ///
     /// By phase: (1 − f) solid(T) + f liquid(T).
     pub fn at(&self, temperature: f64, liquid_fraction: f64) -> f64 {
@@ -85,7 +85,7 @@ impl Property {
         }
     }
 
-    /// Temperatures [K] of all table rows, in no order.
+    /// Temperatures (K) of all table rows, in no order.
     pub fn temperatures(&self) -> Vec<f64> {
         match self {
             Self::Constant(_) => Vec::new(),

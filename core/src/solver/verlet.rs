@@ -13,9 +13,9 @@ use serde::{Deserialize, Serialize};
 pub struct Motion<'a> {
     /// Displacement (m).
     pub displacement: &'a mut [f64],
-    /// Velocity [m/s].
+    /// Velocity (m/s).
     pub velocity: &'a mut [f64],
-    /// `1 / m` [1/kg] (or 1/density, with force densities). Zero for components that keep
+    /// `1 / m` (1/kg) (or 1/density, with force densities). Zero for components that keep
     /// their velocity whatever the force: held or driven points.
     pub inverse_mass: &'a [f64],
 }
@@ -43,13 +43,13 @@ impl Motion<'_> {
 /// or a displacement that was changed from outside.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Verlet {
-    /// Mass-proportional damping rate `c` [1/s]; 0 for none. Stable for any value.
+    /// Mass-proportional damping rate `c` (1/s); 0 for none. Stable for any value.
     pub damping: f64,
     force: Vec<f64>,
 }
 
 impl Verlet {
-    /// A stepper with the given mass-proportional damping rate [1/s], not negative.
+    /// A stepper with the given mass-proportional damping rate (1/s), not negative.
     pub fn new(damping: f64) -> Self {
         Self {
             damping,

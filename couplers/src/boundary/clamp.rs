@@ -17,7 +17,7 @@ pub struct Clamp {
     /// Components that are held, such as `["y"]`; default all that the body has.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub components: Option<Vec<Axis>>,
-    /// Time of release [s]; default never.
+    /// Time of release (s); default never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until: Option<f64>,
     #[serde(skip)]

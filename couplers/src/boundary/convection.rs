@@ -28,10 +28,10 @@ pub struct Convection {
     /// Region that limits the cooled surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
-    /// Heat transfer coefficient [W/(m² K)]: a number, or `{ temperature = [...], value = [...] }`
+    /// Heat transfer coefficient (W/(m² K)): a number, or `{ temperature = [...], value = [...] }`
     /// with the temperature of the surface in K.
     pub coefficient: Property,
-    /// Temperature of the fluid [K]: a number, or `{ time = [...], value = [...] }`, times in s.
+    /// Temperature of the fluid (K): a number, or `{ time = [...], value = [...] }`, times in s.
     pub ambient: InTime,
     #[serde(skip)]
     #[schemars(skip)]

@@ -17,16 +17,16 @@ pub struct InsulatedCrack {
     /// Body; may be left out when there is one only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// One tip of the line, x and y [m].
+    /// One tip of the line, x and y (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<[f64; 2]>,
-    /// The other tip, x and y [m].
+    /// The other tip, x and y (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to: Option<[f64; 2]>,
-    /// A corner of the parallelogram [m].
+    /// A corner of the parallelogram (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corner: Option<[f64; 3]>,
-    /// The two edges from that corner, as vectors [m].
+    /// The two edges from that corner, as vectors (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edges: Option<[[f64; 3]; 2]>,
 }

@@ -12,7 +12,7 @@ pub struct Gravity {
     /// Body; may be left out when there is one only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// Acceleration [m/s²], such as `[0.0, 0.0, -9.81]`.
+    /// Acceleration (m/s²), such as `[0.0, 0.0, -9.81]`.
     pub acceleration: [f64; 3],
     #[serde(skip)]
     #[schemars(skip)]

@@ -20,7 +20,7 @@ pub struct HeatFlux {
     /// Region that limits the heated surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
-    /// Flux into the body [W/m²]: a number, or `{ time = [...], value = [...] }`, times in s.
+    /// Flux into the body (W/m²): a number, or `{ time = [...], value = [...] }`, times in s.
     pub flux: InTime,
     #[serde(skip)]
     #[schemars(skip)]

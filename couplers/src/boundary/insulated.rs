@@ -47,6 +47,10 @@ impl Coupler for Insulated {
         Ok(())
     }
 
+    fn is_steady(&self) -> bool {
+        true
+    }
+
     fn apply(&mut self, _world: &World, _step: Step) -> Result<(), RunError> {
         Ok(())
     }

@@ -27,13 +27,13 @@ pub struct PrescribedDisplacement {
     /// Region whose points are held; or give `face`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
-    /// Displacement along x [m]: a number, or `{ time = [...], value = [...] }`, times in s.
+    /// Displacement along x (m): a number, or `{ time = [...], value = [...] }`, times in s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub x: Option<InTime>,
-    /// Displacement along y [m].
+    /// Displacement along y (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub y: Option<InTime>,
-    /// Displacement along z [m].
+    /// Displacement along z (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub z: Option<InTime>,
     /// How the layer behind a face carries it; default `mirrored`.

@@ -32,7 +32,7 @@ pub struct Radiation {
     /// of the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub emissivity: Option<Property>,
-    /// Temperature of the surroundings [K]: a number, or `{ time = [...], value = [...] }`,
+    /// Temperature of the surroundings (K): a number, or `{ time = [...], value = [...] }`,
     /// times in s.
     pub ambient: InTime,
     #[serde(skip)]

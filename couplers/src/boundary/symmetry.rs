@@ -33,6 +33,10 @@ impl Coupler for Symmetry {
         Ok(())
     }
 
+    fn is_steady(&self) -> bool {
+        true
+    }
+
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
         let layer = self.displacement.expect("prepared before the run");
         let mut scale = [1.0; 3];

@@ -25,10 +25,10 @@ pub struct Traction {
     /// Region that limits the loaded surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
-    /// Force per area [Pa], by component.
+    /// Force per area (Pa), by component.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub traction: Option<[f64; 3]>,
-    /// Pressure [Pa], against the outward normal.
+    /// Pressure (Pa), against the outward normal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pressure: Option<f64>,
     /// Factor on the load: a number, or `{ time = [...], value = [...] }`, times in s;

@@ -145,7 +145,9 @@ mod tests {
             let size = 40.0 / f64::from(steps);
             for s in 0..steps {
                 let start = f64::from(s) * size;
-                laser.apply(&world, Step { start, size }).expect("applies");
+                laser
+                    .apply(&world, Step::new(start, size))
+                    .expect("applies");
             }
             // 2 p/a J (1 - R) less exp(-4) of one half before time 0
             let expected = 0.94 / 1.992 * 5.0 * (2.0 - (-2.0 * 1.992_f64).exp());

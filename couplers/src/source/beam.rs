@@ -56,7 +56,7 @@ pub(super) struct Scratch {
 struct Span {
     first: i64,
     count: usize,
-    /// Low end of the first cell, seen from the source [m].
+    /// Low end of the first cell, seen from the source (m).
     low: f64,
     width: f64,
     reach: f64,
@@ -91,7 +91,7 @@ impl Span {
         }
     }
 
-    /// Ends of a cell, seen from the source [m].
+    /// Ends of a cell, seen from the source (m).
     fn cell(&self, index: usize) -> (f64, f64) {
         let low = self.low + index as f64 * self.width;
         (low, low + self.width)
@@ -143,7 +143,7 @@ impl Beam {
         Ok(())
     }
 
-    /// Adds the density of `power` [W] to `values` [W/m³].
+    /// Adds the density of `power` (W) to `values` (W/m³).
     pub fn add(
         &self,
         target: &(impl Target + ?Sized),

@@ -4,7 +4,7 @@ use super::beam::{Beam, Scratch};
 use super::{Grid, Point, Source, SourceError, Target};
 use crate::toolpath::Pose;
 
-/// Powers of one deposit [W], for the log.
+/// Powers of one deposit (W), for the log.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Deposit {
     /// What should arrive: power × efficiency (and H/h_eff for a surface Gaussian on a plate).
@@ -16,7 +16,7 @@ pub struct Deposit {
 }
 
 impl Deposit {
-    /// What is neither deposited nor lost [W]: the error of a density that is not normalised.
+    /// What is neither deposited nor lost (W): the error of a density that is not normalised.
     pub fn sampling_error(&self) -> f64 {
         self.asked - self.deposited - self.lost
     }
@@ -59,7 +59,7 @@ impl Depositor {
         })
     }
 
-    /// Adds the power density at `pose` [W/m³] to `values`, one per point.
+    /// Adds the power density at `pose` (W/m³) to `values`, one per point.
     ///
     /// Sample a step at its middle: with steps that end at the events of the toolpath the energy
     /// is then exact.

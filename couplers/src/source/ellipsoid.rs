@@ -1,6 +1,6 @@
 //! Semi-ellipsoid and Goldak double ellipsoid, with xi along the travel, eta across, zeta in depth:
 //!
-//! `q = f q_m exp(-3 xi²/c² - 3 eta²/a² - 3 zeta²/b²)` [W/m³],
+//! `q = f q_m exp(-3 xi²/c² - 3 eta²/a² - 3 zeta²/b²)` (W/m³),
 //! `q_m = 6 sqrt(3) Q / (a b c pi sqrt(pi))` (Wang (2025), eqs. 7.9, 7.10; the printed q_m lacks
 //! the 3 under the root, spec 02, E8: only with it does the half space receive Q).
 //!
@@ -19,17 +19,17 @@ use super::{HeatedSurface, Sampling, SourceError, positive, whole, within, yes};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SemiEllipsoid {
-    /// Power where the toolpath gives none [W].
+    /// Power where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
     /// Part of the power that enters the body, 0 to 1; default 1.
     #[serde(default = "whole")]
     pub efficiency: f64,
-    /// c, half length along the travel direction [m]: exp(-3) of the peak there.
+    /// c, half length along the travel direction (m): exp(-3) of the peak there.
     pub half_length: f64,
-    /// a, half width [m].
+    /// a, half width (m).
     pub half_width: f64,
-    /// b, depth [m]. A 2D plate heats through its thickness.
+    /// b, depth (m). A 2D plate heats through its thickness.
     pub depth: f64,
     /// Cell average or value at the cell centre; default `cell_average`.
     #[serde(default)]
@@ -46,19 +46,19 @@ pub struct SemiEllipsoid {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Goldak {
-    /// Power where the toolpath gives none [W].
+    /// Power where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
     /// Part of the power that enters the body, 0 to 1; default 1.
     #[serde(default = "whole")]
     pub efficiency: f64,
-    /// c_f, length of the front [m]: exp(-3) of the peak there.
+    /// c_f, length of the front (m): exp(-3) of the peak there.
     pub front_length: f64,
-    /// c_r, length of the rear [m].
+    /// c_r, length of the rear (m).
     pub rear_length: f64,
-    /// a, half width [m].
+    /// a, half width (m).
     pub half_width: f64,
-    /// b, depth [m]. A 2D plate heats through its thickness.
+    /// b, depth (m). A 2D plate heats through its thickness.
     pub depth: f64,
     /// f_f, 0 to 2: twice the part of the power in front. Default 2 - f_r, or what makes the
     /// density continuous.

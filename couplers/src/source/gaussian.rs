@@ -1,4 +1,4 @@
-//! Surface Gaussian `q = q_m exp(-r²/(2 sigma²))` [W/m²], `q_m = Q/(2 pi sigma²)`, turned into a
+//! Surface Gaussian `q = q_m exp(-r²/(2 sigma²))` (W/m²), `q_m = Q/(2 pi sigma²)`, turned into a
 //! volume source `h = q / h_eff` (Wang (2025), eqs. 7.7, 7.8, 7.33).
 //!
 //! In 3D the power is spread evenly over the effective depth below the heated face. A 2D plate of
@@ -17,15 +17,15 @@ use super::{Grid, HeatedSurface, Sampling, SourceError, positive, whole, within,
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Gaussian {
-    /// Power where the toolpath gives none [W].
+    /// Power where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
     /// Part of the power that enters the body, 0 to 1; default 1.
     #[serde(default = "whole")]
     pub efficiency: f64,
-    /// Standard deviation [m]: the flux falls to exp(-1/2) of its peak there.
+    /// Standard deviation (m): the flux falls to exp(-1/2) of its peak there.
     pub sigma: f64,
-    /// Depth over which the flux is spread [m]; a 2D plate may leave it out and takes its
+    /// Depth over which the flux is spread (m); a 2D plate may leave it out and takes its
     /// thickness, the only depth that conserves the power there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effective_depth: Option<f64>,

@@ -60,7 +60,7 @@ pub enum Source {
 }
 
 impl Source {
-    /// Power where the toolpath gives none [W], before efficiency or absorptivity.
+    /// Power where the toolpath gives none (W), before efficiency or absorptivity.
     pub fn power(&self) -> Option<f64> {
         match self {
             Self::Point(source) => source.power,

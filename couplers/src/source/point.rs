@@ -17,7 +17,7 @@ use crate::toolpath::Pose;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Point {
-    /// Power where the toolpath gives none [W].
+    /// Power where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
     /// Part of the power that enters the body, 0 to 1; default 1.

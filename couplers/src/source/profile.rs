@@ -66,7 +66,7 @@ impl Footprint {
         }
     }
 
-    /// How far the density reaches along and across the travel direction [m].
+    /// How far the density reaches along and across the travel direction (m).
     pub fn reach(&self) -> [f64; 2] {
         match *self {
             Self::Ellipse {
@@ -81,7 +81,7 @@ impl Footprint {
         }
     }
 
-    /// Length over which the density changes by a good part [m].
+    /// Length over which the density changes by a good part (m).
     pub fn finest(&self) -> f64 {
         match *self {
             Self::Ellipse {
@@ -97,7 +97,7 @@ impl Footprint {
         }
     }
 
-    /// Power per area at a place [1/m²]; zero where the cut-off leaves nothing.
+    /// Power per area at a place (1/m²); zero where the cut-off leaves nothing.
     pub fn density(&self, xi: f64, eta: f64) -> f64 {
         let (peak, exponent) = match *self {
             Self::Ellipse {
@@ -131,7 +131,7 @@ impl Footprint {
         }
     }
 
-    /// The factor of a separable density along the travel direction [1/m].
+    /// The factor of a separable density along the travel direction (1/m).
     pub fn along(&self, xi: f64) -> f64 {
         let Self::Ellipse {
             front,
@@ -149,7 +149,7 @@ impl Footprint {
         }
     }
 
-    /// The factor of a separable density across the travel direction [1/m].
+    /// The factor of a separable density across the travel direction (1/m).
     pub fn across(&self, eta: f64) -> f64 {
         let Self::Ellipse { half_width, .. } = *self else {
             return f64::NAN;
@@ -206,7 +206,7 @@ pub(super) enum DepthProfile {
 }
 
 impl DepthProfile {
-    /// Depth below which there is nothing [m].
+    /// Depth below which there is nothing (m).
     pub fn reach(&self) -> f64 {
         match *self {
             Self::Bell { depth } => depth * (CUT / 3.0).sqrt(),
@@ -215,7 +215,7 @@ impl DepthProfile {
         }
     }
 
-    /// Power per depth at the depth `zeta` [1/m]; zero above the face.
+    /// Power per depth at the depth `zeta` (1/m); zero above the face.
     pub fn density(&self, zeta: f64) -> f64 {
         match *self {
             _ if zeta < 0.0 => 0.0,

@@ -1,6 +1,6 @@
 //! Laser pulse on a whole face, absorbed with exponential depth (spec 02, section 1.7 item 4):
 //!
-//! `s = p J (1 - R) / (t_p l) exp(-zeta/l - a |t - t_0| / t_p)` [W/m³]
+//! `s = p J (1 - R) / (t_p l) exp(-zeta/l - a |t - t_0| / t_p)` (W/m³)
 //!
 //! J fluence, R reflectivity, t_p pulse duration, l absorption depth, t_0 the time of the peak,
 //! 2 t_p by default. The printed p = 0.94 and a = 1.992 are the defaults: over all time and depth
@@ -18,21 +18,21 @@ use super::{Deposit, HeatedSurface, SourceError, Target, positive, within};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PulsedLaser {
-    /// Fluence of the laser [J/m²].
+    /// Fluence of the laser (J/m²).
     pub fluence: f64,
     /// Part that is reflected, 0 to 1.
     pub reflectivity: f64,
-    /// Pulse duration, full width at half maximum of the Gaussian it stands for [s].
+    /// Pulse duration, full width at half maximum of the Gaussian it stands for (s).
     pub pulse_duration: f64,
-    /// Depth in which the intensity falls by e [m].
+    /// Depth in which the intensity falls by e (m).
     pub absorption_depth: f64,
-    /// Time of the peak [s]; default twice the pulse duration.
+    /// Time of the peak (s); default twice the pulse duration.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub peak_time: Option<f64>,
-    /// a, steepness of the pulse [-]; default 1.992.
+    /// a, steepness of the pulse (-); default 1.992.
     #[serde(default = "printed_decay")]
     pub decay: f64,
-    /// p, height of the pulse [-]; default 0.94.
+    /// p, height of the pulse (-); default 0.94.
     #[serde(default = "printed_height")]
     pub height: f64,
     /// The heated face; default z+, where the body ends.
@@ -64,17 +64,17 @@ impl PulsedLaser {
         Ok(())
     }
 
-    /// Time of the peak [s].
+    /// Time of the peak (s).
     pub fn peak_time(&self) -> f64 {
         self.peak_time.unwrap_or(2.0 * self.pulse_duration)
     }
 
-    /// The peak, where the pulse has a kink, when it comes after `after` [s].
+    /// The peak, where the pulse has a kink, when it comes after `after` (s).
     pub fn next_event(&self, after: f64) -> Option<f64> {
         Some(self.peak_time()).filter(|&peak| peak > after)
     }
 
-    /// Energy absorbed per area of a thick body between two times [J/m²].
+    /// Energy absorbed per area of a thick body between two times (J/m²).
     pub fn absorbed(&self, from: f64, to: f64) -> f64 {
         let since_peak = |time: f64| {
             let s = self.decay * (time - self.peak_time()) / self.pulse_duration;
@@ -84,7 +84,7 @@ impl PulsedLaser {
         whole * (since_peak(to) - since_peak(from))
     }
 
-    /// Adds the mean power density of a step from `from` to `to` [s] to `values` [W/m³].
+    /// Adds the mean power density of a step from `from` to `to` (s) to `values` (W/m³).
     ///
     /// The power asked for is the mean intensity times the area of the columns with material.
     pub fn add(

@@ -1,5 +1,5 @@
 //! Super-Gaussian beam of order k: `q = A P k 4^(1/k) / (2 pi w² Gamma(2/k)) exp(-2 (r/w)^k)`
-//! [W/m²], A the absorptivity; k = 2 is a Gaussian beam with the 1/e² radius w, large k a top hat.
+//! (W/m²), A the absorptivity; k = 2 is a Gaussian beam with the 1/e² radius w, large k a top hat.
 //! It is absorbed below the surface as `exp(-zeta/l)/l` or evenly down to the depth l.
 
 use schemars::JsonSchema;
@@ -13,17 +13,17 @@ use super::{HeatedSurface, Sampling, SourceError, positive, within, yes};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SuperGaussian {
-    /// Power of the laser where the toolpath gives none [W].
+    /// Power of the laser where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
     /// Part of the laser power that is absorbed, 0 to 1.
     pub absorptivity: f64,
-    /// w, radius at which the flux is exp(-2) of its peak [m].
+    /// w, radius at which the flux is exp(-2) of its peak (m).
     pub radius: f64,
     /// k, 1 to 50: 2 is a Gaussian, large values approach a top hat; default 2.
     #[serde(default = "gaussian_order")]
     pub order: f64,
-    /// l, penetration depth [m]. A 2D plate absorbs all of it through its thickness.
+    /// l, penetration depth (m). A 2D plate absorbs all of it through its thickness.
     pub penetration_depth: f64,
     /// How the power falls with depth; default `exponential`.
     #[serde(default)]

@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 /// A lattice of box-shaped cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grid {
-    /// Low corner of cell (0, 0, 0) [m]; half a spacing below its centre.
+    /// Low corner of cell (0, 0, 0) (m); half a spacing below its centre.
     pub origin: Vector3<f64>,
-    /// Size of a cell [m]. The z size of a plate is its thickness.
+    /// Size of a cell (m). The z size of a plate is its thickness.
     pub spacing: Vector3<f64>,
     /// Number of cells along x, y, z; one along the z of a plate.
     pub dims: [usize; 3],
@@ -44,7 +44,7 @@ pub trait Target {
     /// The point in a cell inside `dims`, or `None` where there is no material.
     fn point(&self, cell: [usize; 3]) -> Option<usize>;
 
-    /// Volume of a point [m³].
+    /// Volume of a point (m³).
     fn volume(&self, point: usize) -> f64;
 }
 
@@ -65,7 +65,7 @@ pub struct HeatedSurface {
     /// The face, from which depth counts into the body; default `"z+"`.
     #[serde(default = "top")]
     pub face: Face,
-    /// Its coordinate along the depth axis [m]. Default: that of the toolpath, or of the face of
+    /// Its coordinate along the depth axis (m). Default: that of the toolpath, or of the face of
     /// the body for a source without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub level: Option<f64>,
@@ -124,7 +124,7 @@ pub(super) mod lattice {
             vec![0.0; self.grid.dims.iter().product()]
         }
 
-        /// Sum of density times volume [W].
+        /// Sum of density times volume (W).
         pub fn power(&self, values: &[f64]) -> f64 {
             values
                 .iter()

@@ -14,13 +14,13 @@ use super::{ToolpathError, Track, finite, place, positive, power_of};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Circle {
-    /// Centre [m].
+    /// Centre (m).
     pub centre: [f64; 3],
-    /// Radius [m].
+    /// Radius (m).
     pub radius: f64,
-    /// Speed along the circle [m/s].
+    /// Speed along the circle (m/s).
     pub speed: f64,
-    /// Angle of the first position, from +x towards +y [rad]; default 0.
+    /// Angle of the first position, from +x towards +y (rad); default 0.
     #[serde(default)]
     pub start_angle: f64,
     /// Number of turns, not necessarily whole; default 1.
@@ -29,10 +29,10 @@ pub struct Circle {
     /// Whether the source runs clockwise as seen from +z; default no.
     #[serde(default)]
     pub clockwise: bool,
-    /// When the source is switched on [s]; default 0.
+    /// When the source is switched on (s); default 0.
     #[serde(default)]
     pub start_time: f64,
-    /// Power [W]; default that of the source.
+    /// Power (W); default that of the source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
 }

@@ -16,43 +16,43 @@ const MOST_LINES: f64 = 1e7;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Hatch {
-    /// Corner of the rectangle where the first layer starts [m].
+    /// Corner of the rectangle where the first layer starts (m).
     pub corner: [f64; 3],
-    /// Length of a scan line [m].
+    /// Length of a scan line (m).
     pub length: f64,
-    /// Width of the rectangle [m]; 0 for a single line.
+    /// Width of the rectangle (m); 0 for a single line.
     pub width: f64,
-    /// Distance between scan lines [m].
+    /// Distance between scan lines (m).
     pub spacing: f64,
-    /// Angle of the scan lines from +x towards +y [rad]; default 0. The width extends to their
+    /// Angle of the scan lines from +x towards +y (rad); default 0. The width extends to their
     /// left.
     #[serde(default)]
     pub angle: f64,
-    /// Scan speed [m/s].
+    /// Scan speed (m/s).
     pub speed: f64,
     /// Whether every second line runs backwards; default yes.
     #[serde(default = "yes")]
     pub bidirectional: bool,
-    /// Time from the end of a line to the start of the next, source off [s]; default 0.
+    /// Time from the end of a line to the start of the next, source off (s); default 0.
     #[serde(default)]
     pub turn_time: f64,
     /// Number of layers; default 1.
     #[serde(default = "one")]
     pub layers: u32,
-    /// Rise in z from layer to layer [m]; default 0.
+    /// Rise in z from layer to layer (m); default 0.
     #[serde(default)]
     pub layer_height: f64,
-    /// Turn of the pattern about the middle of the rectangle from layer to layer [rad];
+    /// Turn of the pattern about the middle of the rectangle from layer to layer (rad);
     /// default 0.
     #[serde(default)]
     pub layer_angle: f64,
-    /// Time between layers, source off [s]; default 0.
+    /// Time between layers, source off (s); default 0.
     #[serde(default)]
     pub layer_time: f64,
-    /// When the source is first switched on [s]; default 0.
+    /// When the source is first switched on (s); default 0.
     #[serde(default)]
     pub start_time: f64,
-    /// Power on the lines [W]; default that of the source.
+    /// Power on the lines (W); default that of the source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
 }

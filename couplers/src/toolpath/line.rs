@@ -10,23 +10,23 @@ use super::{ToolpathError, Track, finite, place, positive, power_of};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Line {
-    /// Position at `start_time` [m].
+    /// Position at `start_time` (m).
     pub start: [f64; 3],
-    /// Where the pass ends [m]; give this or `direction`.
+    /// Where the pass ends (m); give this or `direction`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub end: Option<[f64; 3]>,
     /// Direction of travel, of any length; give this or `end`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<[f64; 3]>,
-    /// Speed [m/s].
+    /// Speed (m/s).
     pub speed: f64,
-    /// When the source is switched on [s]; default 0.
+    /// When the source is switched on (s); default 0.
     #[serde(default)]
     pub start_time: f64,
-    /// When it is switched off [s], with `direction` only; default never.
+    /// When it is switched off (s), with `direction` only; default never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub end_time: Option<f64>,
-    /// Power [W]; default that of the source.
+    /// Power (W); default that of the source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
 }

@@ -61,7 +61,7 @@ pub enum Toolpath {
 impl Toolpath {
     /// Checks the path and lays it out in time.
     ///
-    /// `default_power` [W] is used wherever the toolpath gives no power of its own; file names
+    /// `default_power` (W) is used wherever the toolpath gives no power of its own; file names
     /// are taken relative to `base_dir`.
     ///
     /// # Errors
@@ -190,9 +190,9 @@ pub enum ToolpathError {
         path: PathBuf,
         /// Line in the file, counted from 1.
         line: u64,
-        /// Time of this row [s].
+        /// Time of this row (s).
         time: f64,
-        /// Time of the row before [s].
+        /// Time of the row before (s).
         previous: f64,
     },
     /// Fewer than two rows.
@@ -275,7 +275,7 @@ fn place(key: &str, value: [f64; 3]) -> Result<Vector3<f64>, ToolpathError> {
     Ok(Vector3::from(value))
 }
 
-/// Own power of a move, or that of the toolpath, or that of the source [W].
+/// Own power of a move, or that of the toolpath, or that of the source (W).
 fn power_of(key: &str, own: Option<f64>, default: Option<f64>) -> Result<f64, ToolpathError> {
     match own.or(default) {
         Some(power) => not_negative(key, power),

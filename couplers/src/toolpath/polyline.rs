@@ -10,15 +10,15 @@ use super::{ToolpathError, Track, finite, not_negative, place, positive, power_o
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Polyline {
-    /// Position at `start_time` [m].
+    /// Position at `start_time` (m).
     pub start: [f64; 3],
-    /// When the source is switched on [s]; default 0.
+    /// When the source is switched on (s); default 0.
     #[serde(default)]
     pub start_time: f64,
-    /// Speed of the segments that give none [m/s].
+    /// Speed of the segments that give none (m/s).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub speed: Option<f64>,
-    /// Power of the segments that give none [W]; default that of the source.
+    /// Power of the segments that give none (W); default that of the source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
     /// The segments in order.
@@ -29,18 +29,18 @@ pub struct Polyline {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Segment {
-    /// Where the segment ends [m]. The place it starts from makes it a pure dwell.
+    /// Where the segment ends (m). The place it starts from makes it a pure dwell.
     pub to: [f64; 3],
-    /// Speed [m/s]; default that of the polyline.
+    /// Speed (m/s); default that of the polyline.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub speed: Option<f64>,
-    /// Power while moving [W]; default that of the polyline. 0 for a move with the source off.
+    /// Power while moving (W); default that of the polyline. 0 for a move with the source off.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
-    /// Rest at the end of the segment [s]; default 0.
+    /// Rest at the end of the segment (s); default 0.
     #[serde(default)]
     pub dwell: f64,
-    /// Power while resting [W]; default that of the segment.
+    /// Power while resting (W); default that of the segment.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dwell_power: Option<f64>,
 }

@@ -12,7 +12,7 @@ use super::{ToolpathError, Track};
 
 /// Times, positions and powers from a CSV file.
 ///
-/// Columns `time` [s], `x`, `y`, `z` [m] and `power` [W], in any order, named in the first line;
+/// Columns `time` (s), `x`, `y`, `z` (m) and `power` (W), in any order, named in the first line;
 /// lines that start with `#` are skipped. Without a `power` column, or with an empty entry, the
 /// power is that of the source. Two rows with the same time are a jump: so the source is switched
 /// on and off at full power.
@@ -115,7 +115,7 @@ fn read(content: &str, path: &Path, default_power: Option<f64>) -> Result<Track,
         })
 }
 
-/// The power of a row [W], after a look at all its numbers.
+/// The power of a row (W), after a look at all its numbers.
 fn checked(
     row: &Row,
     default_power: Option<f64>,

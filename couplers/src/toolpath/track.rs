@@ -5,14 +5,14 @@ use nalgebra::Vector3;
 /// Where the source is at one time, which way it travels and how strong it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
-    /// Position [m].
+    /// Position (m).
     pub position: Vector3<f64>,
     /// Unit vector of travel; kept from the last motion while the source dwells, +x before it
     /// first moves. On a weave it is the direction of the seam: the torch does not turn.
     pub direction: Vector3<f64>,
-    /// Power [W]; 0 while the source is off.
+    /// Power (W); 0 while the source is off.
     pub power: f64,
-    /// Speed along the path [m/s].
+    /// Speed along the path (m/s).
     pub speed: f64,
 }
 
@@ -29,7 +29,7 @@ struct Move {
     end: f64,
     motion: Motion,
     direction: Vector3<f64>,
-    /// Power at the start and at the end [W], linear between.
+    /// Power at the start and at the end (W), linear between.
     power: [f64; 2],
 }
 
@@ -119,7 +119,7 @@ impl Move {
 }
 
 impl Track {
-    /// Position, direction, power and speed at `time` [s]. At an event the later move counts.
+    /// Position, direction, power and speed at `time` (s). At an event the later move counts.
     pub fn pose(&self, time: f64) -> Pose {
         let first = &self.moves[0];
         let last = &self.moves[self.moves.len() - 1];
@@ -145,7 +145,7 @@ impl Track {
         }
     }
 
-    /// The first time after `after` at which the motion or the power has a kink or a jump [s].
+    /// The first time after `after` at which the motion or the power has a kink or a jump (s).
     ///
     /// Time steps should end on events. Strictly greater than `after`; `None` when nothing more
     /// happens.
@@ -160,12 +160,12 @@ impl Track {
             .filter(|end| end.is_finite())
     }
 
-    /// When the source is first switched on or starts to move [s].
+    /// When the source is first switched on or starts to move (s).
     pub fn start(&self) -> f64 {
         self.moves[0].start
     }
 
-    /// When the path is done [s]; `None` for a line without an end.
+    /// When the path is done (s); `None` for a line without an end.
     pub fn end(&self) -> Option<f64> {
         self.moves
             .last()
@@ -173,12 +173,12 @@ impl Track {
             .filter(|end| end.is_finite())
     }
 
-    /// Power at `time` [W].
+    /// Power at `time` (W).
     pub fn power(&self, time: f64) -> f64 {
         self.pose(time).power
     }
 
-    /// Energy released between two times [J]: the integral of the power, in closed form.
+    /// Energy released between two times (J): the integral of the power, in closed form.
     pub fn energy(&self, from: f64, to: f64) -> f64 {
         let first = self.moves.partition_point(|m| m.end <= from);
         self.moves[first..]
@@ -228,7 +228,7 @@ impl TrackBuilder {
         }
     }
 
-    /// A straight move that takes `duration` [s]; no motion when `to` is where the source is.
+    /// A straight move that takes `duration` (s); no motion when `to` is where the source is.
     pub fn glide(&mut self, to: Vector3<f64>, duration: f64, power: [f64; 2]) {
         let way = to - self.position;
         if let Some(direction) = way.try_normalize(0.0) {
@@ -244,12 +244,12 @@ impl TrackBuilder {
         self.position = to;
     }
 
-    /// A straight move at `speed` [m/s] and constant power [W].
+    /// A straight move at `speed` (m/s) and constant power (W).
     pub fn go(&mut self, to: Vector3<f64>, speed: f64, power: f64) {
         self.glide(to, (to - self.position).norm() / speed, [power; 2]);
     }
 
-    /// A straight move without an end, until `end` [s] (infinity for never).
+    /// A straight move without an end, until `end` (s) (infinity for never).
     pub fn go_on(&mut self, direction: Vector3<f64>, speed: f64, end: f64, power: f64) {
         self.direction = direction;
         let motion = Motion::Straight {
@@ -259,12 +259,12 @@ impl TrackBuilder {
         self.push(end - self.time, motion, [power; 2]);
     }
 
-    /// A rest of `duration` [s] at constant power [W].
+    /// A rest of `duration` (s) at constant power (W).
     pub fn dwell(&mut self, duration: f64, power: f64) {
         self.glide(self.position, duration, [power; 2]);
     }
 
-    /// A turn about `centre`, from where the source is, at `rate` [rad/s] (negative: clockwise).
+    /// A turn about `centre`, from where the source is, at `rate` (rad/s) (negative: clockwise).
     pub fn turn(&mut self, centre: Vector3<f64>, rate: f64, duration: f64, power: f64) {
         let arm = self.position - centre;
         let motion = Motion::Arc {

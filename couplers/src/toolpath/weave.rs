@@ -18,23 +18,23 @@ const MOST_LEGS: f64 = 1e7;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Weave {
-    /// Start of the seam, position at `start_time` [m].
+    /// Start of the seam, position at `start_time` (m).
     pub start: [f64; 3],
-    /// End of the seam [m].
+    /// End of the seam (m).
     pub end: [f64; 3],
-    /// Speed along the seam [m/s]; the tip is faster by its sideways motion.
+    /// Speed along the seam (m/s); the tip is faster by its sideways motion.
     pub speed: f64,
-    /// Largest distance from the seam [m].
+    /// Largest distance from the seam (m).
     pub amplitude: f64,
-    /// Distance along the seam of one full oscillation [m]; frequency = speed / wavelength.
+    /// Distance along the seam of one full oscillation (m); frequency = speed / wavelength.
     pub wavelength: f64,
     /// Shape of the oscillation; default `sine`.
     #[serde(default)]
     pub shape: WeaveShape,
-    /// When the source is switched on [s]; default 0.
+    /// When the source is switched on (s); default 0.
     #[serde(default)]
     pub start_time: f64,
-    /// Power [W]; default that of the source.
+    /// Power (W); default that of the source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
 }

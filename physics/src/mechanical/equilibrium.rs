@@ -69,7 +69,10 @@ impl Rhs for Residual<'_> {
 
 /// Brings `run` into equilibrium by Newton-Krylov; returns the linear iterations.
 pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, SolverError> {
-    let body_force = world.read(run.body_force);
+    let body_force = run.body_force.map(|b| world.read(b));
+    let body_force: &[f64] = body_force
+        .as_deref()
+        .map_or(&[], |b| bytemuck::cast_slice(b));
     let constraint = world.read(run.constraint);
     let rules = world.layer_rules(run.layers);
     let mut displacement = world.write(run.displacement);
@@ -86,7 +89,7 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
             })
             .collect(),
         rules: &rules,
-        body_force: bytemuck::cast_slice(&body_force),
+        body_force,
         constraint,
         dimension: body.dimension,
         finite: !run.newton.options.linear,
@@ -115,8 +118,10 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
 
 /// Brings `run` into equilibrium by adaptive dynamic relaxation; returns the iterations.
 pub(super) fn relax(run: &mut Run, world: &World) -> Result<usize, SolverError> {
-    let body_force = world.read(run.body_force);
-    let body_force: &[f64] = bytemuck::cast_slice(&body_force);
+    let body_force = run.body_force.map(|b| world.read(b));
+    let body_force: &[f64] = body_force
+        .as_deref()
+        .map_or(&[], |b| bytemuck::cast_slice(b));
     let constraint = world.read(run.constraint);
     let constraint: &[f64] = bytemuck::cast_slice(&constraint);
     let rules = world.layer_rules(run.layers);
@@ -135,9 +140,11 @@ pub(super) fn relax(run: &mut Run, world: &World) -> Result<usize, SolverError> 
     let report = run.relaxation.solve(state, &run.work, |u, force| {
         elastic.set_displacement(u, &rules);
         elastic.force(force);
-        for (i, (f, b)) in force.iter_mut().zip(body_force).enumerate() {
-            let free = constraint[i] == 0.0 && i % 3 < dimension;
-            *f = if free { *f + b } else { 0.0 };
+        force.iter_mut().zip(body_force).for_each(|(f, b)| *f += b);
+        for (i, f) in force.iter_mut().enumerate() {
+            if constraint[i] > 0.0 || i % 3 >= dimension {
+                *f = 0.0;
+            }
         }
         Ok(())
     })?;

@@ -128,7 +128,7 @@ struct Run {
     eigenstress: Write<f64>,
     eigenstress_wanted: bool,
     eigenstrain: Read<f64>,
-    body_force: Read<Vector3<f64>>,
+    body_force: Option<Read<Vector3<f64>>>,
     constraint: Read<Vector3<f64>>,
     held: Read<Vector3<f64>>,
     temperature: ReadIfProvided<f64>,
@@ -289,7 +289,7 @@ impl Physics for Mechanical {
             eigenstress_wanted: setup.is_read(body, &keys::EIGENSTRESS),
             eigenstress: setup.own(body, &keys::EIGENSTRESS)?,
             eigenstrain: setup.consume(body, &keys::EIGENSTRAIN)?,
-            body_force: setup.consume(body, &keys::BODY_FORCE)?,
+            body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
             constraint: setup.consume(body, &keys::CONSTRAINT)?,
             held: setup.consume(body, &keys::HELD_DISPLACEMENT)?,
             temperature: setup.read_if_provided(body, &keys::TEMPERATURE)?,
@@ -352,7 +352,9 @@ impl Physics for Mechanical {
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
         let run = self.run.as_mut().expect("prepared before the first step");
-        run.load(world);
+        if !step.repeated {
+            run.load(world);
+        }
         let result = match self.solver {
             MechanicalSolver::QuasiStatic { .. } => equilibrium::newton(run, world, step),
             MechanicalSolver::Relaxation(_) => equilibrium::relax(run, world),

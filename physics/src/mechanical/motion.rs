@@ -9,8 +9,10 @@ use super::Run;
 impl Run {
     /// Moves the body over `step`; held components keep the displacement that was loaded.
     pub(super) fn move_on(&mut self, world: &World, step: Step) -> Result<usize, SolverError> {
-        let body_force = world.read(self.body_force);
-        let body_force: &[f64] = bytemuck::cast_slice(&body_force);
+        let body_force = self.body_force.map(|b| world.read(b));
+        let body_force: &[f64] = body_force
+            .as_deref()
+            .map_or(&[], |b| bytemuck::cast_slice(b));
         let constraint = world.read(self.constraint);
         let constraint: &[f64] = bytemuck::cast_slice(&constraint);
         let mut displacement = world.write(self.displacement);
@@ -20,23 +22,19 @@ impl Run {
             &world.body(self.body).points.volume,
         );
 
-        for (i, inverse) in self.free_inverse_density.iter_mut().enumerate() {
-            *inverse = if constraint[i] > 0.0 {
-                0.0
-            } else {
-                1.0 / self.density[i / 3]
-            };
-        }
         let velocity: &mut [f64] = bytemuck::cast_slice_mut(&mut velocity);
-        for (v, c) in velocity.iter_mut().zip(constraint) {
-            if *c > 0.0 {
-                *v = 0.0;
+        if !step.repeated {
+            let held = self.free_inverse_density.iter_mut().zip(constraint);
+            for (i, (inverse, c)) in held.enumerate() {
+                let free = *c == 0.0;
+                *inverse = if free { 1.0 / self.density[i / 3] } else { 0.0 };
+                velocity[i] = if free { velocity[i] } else { 0.0 };
             }
         }
         let impulse = body_force.chunks_exact(3).zip(volume);
         for (b, volume) in impulse {
-            for axis in 0..3 {
-                self.state.impulse[axis] += b[axis] * volume * step.size;
+            for (impulse, b) in self.state.impulse.iter_mut().zip(b) {
+                *impulse += b * volume * step.size;
             }
         }
         let elastic = &mut self.elastic;

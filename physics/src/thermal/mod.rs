@@ -135,6 +135,13 @@ struct HeatAccount {
     supplied: f64,
 }
 
+/// The initial temperature was left out: 0 K everywhere.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "body `{0}` has no initial temperature; give `initial.temperature` (K) under `[bodies.{0}]`"
+)]
+struct NoTemperature(String);
+
 impl Thermal {
     fn run(&self) -> &Run {
         self.run.as_ref().expect("prepared before the first step")
@@ -219,6 +226,13 @@ impl Physics for Thermal {
         let run = self.run.as_mut().expect("prepared before the start");
         let body = world.body(run.body);
         let temperature = world.read(run.temperature.into());
+        if temperature.iter().all(|t| *t == 0.0) {
+            return Err(RunError::Plugin {
+                plugin: "thermal".into(),
+                time: 0.0,
+                cause: Box::new(NoTemperature(body.name.clone())),
+            });
+        }
         let mut enthalpy = world.write(run.enthalpy);
         for ((h, &t), &m) in enthalpy
             .iter_mut()

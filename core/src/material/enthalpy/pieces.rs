@@ -47,7 +47,7 @@ impl Piece {
 const SOLID: f64 = 0.0;
 const LIQUID: f64 = 1.0;
 
-/// C(θ) [J/(m³ K)] as it is given.
+/// C(θ) (J/(m³ K)) as it is given.
 pub struct VolumetricCapacity<'a> {
     pub density: f64,
     pub specific_heat: &'a Property,

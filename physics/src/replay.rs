@@ -1,0 +1,331 @@
+//! A state that is read from the log of an earlier run.
+//!
+//! Between two logged states every field is interpolated linearly in time; before the first
+//! and after the last it stays as it was there. Steps end on the logged times, so that what
+//! was logged is met exactly. A thermal run logged once can drive many mechanical ones; log it
+//! with `precision = "f64"` where seven digits are too few.
+//!
+//! The body must have the points of the logged one.
+
+use std::path::PathBuf;
+
+use nalgebra::{Matrix3, Vector3};
+use perimelt_core::log::{Cloud, CloudField, Log, LogError};
+use perimelt_core::{Key, Physics, Problem, RunError, Setup, SetupError, Step, Work, World, Write};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Fields read from the log of an earlier run, interpolated in time.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Replay {
+    /// Log of the earlier run; a relative path starts at the case file's folder.
+    pub log: PathBuf,
+    /// Body that takes the state; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Body in the log; the same name when left out.
+    #[serde(default)]
+    pub logged_body: Option<String>,
+    /// Fields to take, such as `["temperature"]`.
+    pub fields: Vec<String>,
+    #[serde(skip)]
+    #[schemars(skip)]
+    run: Option<Run>,
+}
+
+struct Run {
+    log: Log,
+    body: String,
+    targets: Vec<Target>,
+    /// The logged states around the present time, by index.
+    window: Option<(usize, Cloud, Cloud)>,
+}
+
+impl std::fmt::Debug for Run {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Run")
+            .field("log", &self.log.path())
+            .finish_non_exhaustive()
+    }
+}
+
+enum Target {
+    Scalar(String, Write<f64>),
+    Vector(String, Write<Vector3<f64>>),
+    Tensor(String, Write<Matrix3<f64>>),
+}
+
+impl Target {
+    fn name(&self) -> &str {
+        let (Target::Scalar(name, _) | Target::Vector(name, _) | Target::Tensor(name, _)) = self;
+        name
+    }
+}
+
+/// Misfits between a log and the body that shall take its state.
+#[derive(Debug, thiserror::Error)]
+enum Misfit {
+    #[error("body `{body}` of the log holds no state")]
+    Empty { body: String },
+    #[error(
+        "the logged body has {logged} points, this one {here}: use the shape and spacing of the logged run"
+    )]
+    Points { logged: usize, here: usize },
+    #[error(
+        "point {point} lies at {logged:?} m in the log and at {here:?} m here: use the shape and spacing of the logged run"
+    )]
+    Position {
+        point: usize,
+        logged: [f64; 3],
+        here: [f64; 3],
+    },
+}
+
+impl Run {
+    /// Brings the states around `time` into the window.
+    fn load(&mut self, time: f64) -> Result<(), LogError> {
+        let times = self.log.times(&self.body);
+        let after = times
+            .partition_point(|t| *t < time)
+            .clamp(1, times.len().max(2) - 1);
+        let (first, second) = (after - 1, after.min(times.len() - 1));
+        if self
+            .window
+            .as_ref()
+            .is_none_or(|(index, ..)| *index != first)
+        {
+            let older = match self.window.take() {
+                Some((index, _, newer)) if index + 1 == first => newer,
+                _ => self.log.cloud(&self.body, first)?,
+            };
+            self.window = Some((first, older, self.log.cloud(&self.body, second)?));
+        }
+        Ok(())
+    }
+
+    fn show(&mut self, world: &World, time: f64) -> Result<(), LogError> {
+        self.load(time)?;
+        let (_, older, newer) = self.window.as_ref().expect("loaded above");
+        let span = newer.time - older.time;
+        let share = if span > 0.0 {
+            ((time - older.time) / span).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        for target in &self.targets {
+            let name = target.name();
+            let (a, b) = (values(older, name), values(newer, name));
+            let mix = |out: &mut [f64]| {
+                for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
+                    // the ends come out exactly
+                    *out = if share == 1.0 {
+                        *b
+                    } else {
+                        a + share * (b - a)
+                    };
+                }
+            };
+            match target {
+                Target::Scalar(_, field) => mix(&mut world.write(*field)),
+                Target::Vector(_, field) => mix(bytemuck::cast_slice_mut(&mut world.write(*field))),
+                Target::Tensor(_, field) => mix(bytemuck::cast_slice_mut(&mut world.write(*field))),
+            }
+        }
+        Ok(())
+    }
+}
+
+fn find<'a>(cloud: &'a Cloud, name: &str) -> Option<&'a CloudField> {
+    cloud.fields.iter().find(|f| f.name == name)
+}
+
+fn values<'a>(cloud: &'a Cloud, name: &str) -> &'a [f64] {
+    find(cloud, name).map_or(&[], |f| &f.values)
+}
+
+#[typetag::serde(name = "replay")]
+impl Physics for Replay {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        let path = setup.path(&self.log.to_string_lossy());
+        let log = Log::open(path).map_err(|e| SetupError::other("log", e))?;
+        let here = setup.body(body);
+        let name = self
+            .logged_body
+            .clone()
+            .unwrap_or_else(|| here.name.clone());
+        if !log.bodies().any(|b| b == name) {
+            let known = log.bodies().map(str::to_string).collect();
+            let key = if self.logged_body.is_some() {
+                "logged_body"
+            } else {
+                "log"
+            };
+            return Err(SetupError::new(
+                key,
+                Problem::UnknownName {
+                    what: "logged body",
+                    name,
+                    known,
+                },
+            ));
+        }
+        if log.times(&name).is_empty() {
+            return Err(SetupError::other("log", Misfit::Empty { body: name }));
+        }
+        let first = log
+            .cloud(&name, 0)
+            .map_err(|e| SetupError::other("log", e))?;
+        let positions = &here.points.position;
+        if first.positions.len() != positions.len() {
+            let misfit = Misfit::Points {
+                logged: first.positions.len(),
+                here: positions.len(),
+            };
+            return Err(SetupError::other("log", misfit));
+        }
+        // single precision and a first displacement move points by far less than a quarter cell
+        let tolerance = 0.25 * here.lattice.spacing;
+        for (point, (logged, here)) in first.positions.iter().zip(positions).enumerate() {
+            if (Vector3::from(*logged) - here).norm() > tolerance {
+                let misfit = Misfit::Position {
+                    point,
+                    logged: *logged,
+                    here: (*here).into(),
+                };
+                return Err(SetupError::other("log", misfit));
+            }
+        }
+        let mut targets = Vec::new();
+        for field in &self.fields {
+            let Some(logged) = find(&first, field) else {
+                let known = first.fields.iter().map(|f| f.name.clone()).collect();
+                let problem = Problem::UnknownName {
+                    what: "logged field",
+                    name: field.clone(),
+                    known,
+                };
+                return Err(SetupError::new("fields", problem));
+            };
+            let (name, unit) = (field.clone(), logged.unit.clone());
+            targets.push(match logged.components {
+                1 => Target::Scalar(name.clone(), setup.own(body, &Key::named(name, unit))?),
+                3 => Target::Vector(name.clone(), setup.own(body, &Key::named(name, unit))?),
+                _ => Target::Tensor(name.clone(), setup.own(body, &Key::named(name, unit))?),
+            });
+        }
+        self.run = Some(Run {
+            log,
+            body: name,
+            targets,
+            window: None,
+        });
+        Ok(())
+    }
+
+    fn start(&mut self, world: &World) -> Result<(), RunError> {
+        self.show(world, 0.0)
+    }
+
+    fn next_event(&self, after: f64) -> Option<f64> {
+        let run = self.run.as_ref()?;
+        run.log
+            .times(&run.body)
+            .iter()
+            .copied()
+            .find(|t| *t > after)
+    }
+
+    fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
+        self.show(world, step.end())?;
+        Ok(Work::default())
+    }
+}
+
+impl Replay {
+    fn show(&mut self, world: &World, time: f64) -> Result<(), RunError> {
+        let run = self.run.as_mut().expect("prepared before the start");
+        run.show(world, time).map_err(|cause| RunError::Plugin {
+            plugin: "replay".into(),
+            time,
+            cause: cause.into(),
+        })
+    }
+}
+
+perimelt_core::register_physics!("replay", Replay);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{block, simulation, values};
+    use perimelt_core::body::Store;
+    use perimelt_core::log::{
+        BodyInfo, CloudView, FieldInfo, FieldView, Precision, RunInfo, Writer,
+    };
+
+    #[test]
+    fn a_logged_field_is_interpolated_in_time_and_kept_after_the_end() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("first.mcap");
+        let body = block([3, 2, 1], 2, 1.0, Store::Lattice, "density = 1");
+        let positions: Vec<[f64; 3]> = body.points.position.iter().map(|x| (*x).into()).collect();
+        let field = FieldInfo {
+            name: "temperature".into(),
+            unit: "K".into(),
+            components: 1,
+        };
+        let info = BodyInfo {
+            name: "block".into(),
+            dimension: 2,
+            spacing: 1.0,
+            thickness: 0.1,
+            points: 6,
+            fields: vec![field],
+        };
+        let run = RunInfo {
+            version: "test".into(),
+            threads: 1,
+            started: 0,
+            case_folder: String::new(),
+            bodies: vec![info],
+            plugins: serde_json::Value::Null,
+        };
+        let mut writer = Writer::create(&path, &run, "case.toml", "").expect("writes");
+        for (time, base) in [(0.0, 300.0), (0.5, 400.0), (1.0, 900.0)] {
+            let temperature: Vec<f64> = (0..6).map(|i| base + f64::from(i)).collect();
+            let fields = [FieldView {
+                name: "temperature",
+                components: 1,
+                values: &temperature,
+            }];
+            let cloud = CloudView {
+                time,
+                positions: &positions,
+                fields: &fields,
+            };
+            writer
+                .points("block", Precision::F64, &cloud)
+                .expect("writes");
+        }
+        writer.finish().expect("writes");
+
+        let replay = Replay {
+            log: path,
+            body: None,
+            logged_body: None,
+            fields: vec!["temperature".into()],
+            run: None,
+        };
+        let mut s = simulation(body, vec![Box::new(replay)], vec![], 1.6);
+        s.start().expect("starts");
+        for (time, base) in [(0.0, 300.0), (0.5, 400.0), (1.0, 900.0), (1.6, 900.0)] {
+            assert_eq!(s.time(), time, "steps end on logged times");
+            assert_eq!(values(&s, "temperature")[5], base + 5.0);
+            if !s.is_finished() {
+                s.step().expect("steps");
+            }
+        }
+    }
+}

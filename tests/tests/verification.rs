@@ -1,0 +1,62 @@
+//! Published benchmarks, from the case files that the program carries.
+//!
+//! The limits stand in the `[[verify]]` tables of `cases/verification/*.toml`, with their source.
+
+use std::path::Path;
+
+use perimelt::case::Case;
+use perimelt::verify::table::Table;
+use perimelt::verify::{VerifyArgs, benchmarks, verify};
+
+#[test]
+fn every_published_benchmark_is_met() {
+    let outcomes = verify(&VerifyArgs::default()).expect("the cases of the program are valid");
+    let failed: Vec<_> = outcomes.into_iter().filter(|o| !o.passed).collect();
+    assert!(failed.is_empty(), "\n{}", Table(&failed));
+}
+
+/// Spec 02, 4.0 (ii): a case stripped of its sources and boundaries.
+#[test]
+fn a_uniform_temperature_stays_uniform() {
+    let everything_else = ["phase_change", "thermal_expansion"];
+    for (name, text) in benchmarks::BENCHMARKS {
+        let mut table: toml::Table = text.parse().expect("valid TOML");
+        if let Some(couplers) = table.get_mut("couplers").and_then(|c| c.as_array_mut()) {
+            couplers.retain(|c| everything_else.contains(&c["type"].as_str().expect("a name")));
+        }
+        table.remove("verify");
+        // blocks of a million points take their time: a few steps show it as well as many
+        table["time"]["end"] = 0.05.into();
+        table.insert(
+            "log".into(),
+            toml::Table::from_iter([("interval".into(), 0.05.into())]).into(),
+        );
+
+        let stripped = toml::to_string(&table).expect("it was TOML");
+        let case = Case::parse(name, stripped, Path::new("")).expect("still a valid case");
+        let mut simulation = case.compose().expect("still a valid case");
+        case.start(&mut simulation).expect("a stable step");
+        let body = simulation.world().body(0).points.len();
+        let index = simulation
+            .world()
+            .fields()
+            .find(0, "temperature")
+            .expect("a thermal case");
+        let start = simulation.world().fields().field(index).data().flat()[0];
+        while !simulation.is_finished() {
+            simulation.step().expect("nothing happens");
+        }
+        let data = simulation.world().fields().field(index).data();
+        assert_eq!(data.flat().len(), body);
+        let furthest = data
+            .flat()
+            .iter()
+            .map(|t| (t - start).abs())
+            .fold(0.0, f64::max);
+        // differences of equal temperatures are zero; the inverse of the enthalpy rounds once
+        assert!(
+            furthest <= 4.0 * f64::EPSILON * start,
+            "{name}: {furthest:e} K off {start} K"
+        );
+    }
+}
