@@ -68,6 +68,14 @@ fn short(file: &Path, factor: f64) -> Result<Table, String> {
         .iter()
         .map(|b| b.points.len())
         .sum();
+    // a body one point thick has no stiffness across
+    let bodies = simulation.world().bodies().iter();
+    if bodies
+        .flat_map(|b| &b.lattice.cells[..b.dimension])
+        .any(|&c| c < 2)
+    {
+        return Err("too few points across".into());
+    }
     if points > POINTS {
         return Err(format!("{points} points are too many"));
     }
