@@ -172,7 +172,20 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path) {
         );
     }
 
-    let lattice = final_fields(&case);
+    // equilibrium only as good as the default would hide behind its tolerance
+    let physics = case_table["physics"].as_array_mut().expect("a list");
+    for plugin in physics.iter_mut().filter_map(Value::as_table_mut) {
+        let solver = plugin.get_mut("solver").and_then(Value::as_table_mut);
+        if let Some(Value::Table(solver)) = solver.and_then(|s| s.get_mut("quasi_static")) {
+            solver.insert("tolerance".into(), 1e-12.into());
+        } else if plugin["type"].as_str() == Some("mechanical") && !plugin.contains_key("solver") {
+            let solver: Table = "quasi_static = { tolerance = 1e-12 }"
+                .parse()
+                .expect("TOML");
+            plugin.insert("solver".into(), solver.into());
+        }
+    }
+    let lattice = final_fields(&parse(file, case_table));
     for (_, body) in table(case_table, "bodies").iter_mut() {
         body.as_table_mut()
             .expect("a table")
