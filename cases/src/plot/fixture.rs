@@ -9,6 +9,34 @@ use perimelt_core::log::{
 pub(crate) const SPACING: f64 = 2.5e-4;
 pub(crate) const TIMES: usize = 6;
 
+/// What the log says it was run from: a source of the isotherms of its bodies.
+const CASE: &str = r#"
+[bodies.plate]
+shape.box = { min = [0, 0, 0], max = [6e-3, 2e-3, 1.5e-3] }
+spacing = 2.5e-4
+material = "steel"
+
+[bodies.sheet]
+shape.box = { min = [0, 0, 0], max = [6e-3, 4e-3, 1] }
+dimension = 2
+spacing = 2.5e-4
+thickness = 1e-3
+material = "steel"
+
+[materials.steel]
+solidus = 1658.15
+liquidus = 1723.15
+
+[[physics]]
+type = "thermal"
+
+[time]
+end = 1
+
+[log]
+interval = 0.2
+"#;
+
 /// Half a plate (3D, cut at y = 0, `cells` of 0.25 mm, its surface at z = 0) and a plane sheet,
 /// with temperature and displacement at six times 0, 0.2 s, ... 1 s.
 pub(crate) fn write_log(path: &Path, cells: [usize; 3]) {
@@ -33,9 +61,7 @@ pub(crate) fn write_log(path: &Path, cells: [usize; 3]) {
             fields: vec![field("temperature", "K", 1), field("displacement", "m", 3)],
         });
     }
-    let case = "[bodies.plate]\nmaterial = \"steel\"\n[bodies.sheet]\nmaterial = \"steel\"\n\
-                [materials.steel]\nsolidus = 1658.15\nliquidus = 1723.15\n";
-    let mut writer = Writer::create(path, &run, "spot.toml", case).expect("a new file");
+    let mut writer = Writer::create(path, &run, "spot.toml", CASE).expect("a new file");
     for step in 0..TIMES {
         let time = 0.2 * step as f64;
         for body in &run.bodies {
