@@ -7,9 +7,7 @@ use divan::Bencher;
 use divan::counter::ItemsCount;
 use perimelt_core::body::{Body, Store};
 use perimelt_core::shape::{BoxShape, Shape};
-use perimelt_core::{
-    Bond, BondKernel, Correction, Face, Family, FamilySpec, Moment, PartialVolume,
-};
+use perimelt_core::{Bond, BondKernel, Correction, Face, Family, FamilySpec, PartialVolume};
 
 fn main() {
     divan::main();
@@ -26,7 +24,6 @@ fn family(store: Store) -> (Body, Family) {
         horizon: 3.015,
         partial_volume: PartialVolume::Half,
         correction: Correction::Lattice,
-        moment: Moment::Conduction,
         layers: Face::ALL.to_vec(),
         audited: Vec::new(),
     };

@@ -123,12 +123,8 @@ impl Family {
             .map(|&s| steps.iter().all(|(o, _)| neighbour(s, *o).is_some()))
             .collect();
 
-        let target = spec
-            .moment
-            .continuum(body.dimension, spec.horizon, body.thickness);
-        let energy =
-            |bonds: &mut dyn Iterator<Item = &Bond>| directional_energy(bonds, spec.moment.power());
-        let full = energy(&mut steps.iter().map(|(_, b)| b))[0];
+        let target = spec.continuum(body);
+        let full = directional_energy(&mut steps.iter().map(|(_, b)| b))[0];
         let lattice_factor = if spec.correction == Correction::None {
             1.0
         } else {
@@ -147,7 +143,7 @@ impl Family {
                     let present = steps
                         .iter()
                         .filter(|(o, _)| neighbour(slot_of_point[p], *o).is_some());
-                    energy(&mut present.map(|(_, b)| b))
+                    directional_energy(&mut present.map(|(_, b)| b))
                         .map(|e| if e > 0.0 { target / e } else { lattice_factor })
                 })
                 .collect()
@@ -358,11 +354,11 @@ fn plane_cell(padded: &Padded, axis: usize, index: usize) -> [i64; 3] {
     cell
 }
 
-fn directional_energy(bonds: &mut dyn Iterator<Item = &Bond>, power: i32) -> [f64; 3] {
+fn directional_energy(bonds: &mut dyn Iterator<Item = &Bond>) -> [f64; 3] {
     let mut energy = [0.0; 3];
     for bond in bonds {
         for (e, x) in energy.iter_mut().zip(bond.xi) {
-            *e += bond.length * (x / bond.length).powi(power) * bond.volume;
+            *e += x * x / bond.length * bond.volume;
         }
     }
     energy

@@ -91,7 +91,7 @@ mod tests {
     use super::*;
     use crate::body::Body;
     use crate::family::{Bond, LayerRule};
-    use crate::family::{BondKernel, Correction, Family, FamilySpec, Moment, PartialVolume};
+    use crate::family::{BondKernel, Correction, Family, FamilySpec, PartialVolume};
     use crate::shape::{BoxShape, Shape};
 
     #[test]
@@ -130,7 +130,6 @@ mod tests {
             horizon: 3.0,
             partial_volume: PartialVolume::Half,
             correction: Correction::Point,
-            moment: Moment::Conduction,
             layers,
             audited: Vec::new(),
         }

@@ -41,7 +41,9 @@ pub enum PartialVolume {
     Full,
 }
 
-/// What makes a discrete family reproduce the classical energy.
+/// What makes a discrete family reproduce the classical energy of conduction, and that of
+/// elasticity under isotropic strain; other strains then differ from the continuum by the
+/// anisotropy of the lattice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Correction {
@@ -55,37 +57,6 @@ pub enum Correction {
     Point,
 }
 
-/// Which energy a correction restores: the moment of the bond directions in it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Moment {
-    /// Conduction under a unit gradient along an axis: `sum |xi| n^2 V`.
-    Conduction,
-    /// Elasticity under a unit uniaxial strain along an axis: `sum |xi| n^4 V`.
-    Elasticity,
-}
-
-impl Moment {
-    pub(crate) fn power(self) -> i32 {
-        match self {
-            Moment::Conduction => 2,
-            Moment::Elasticity => 4,
-        }
-    }
-
-    /// `integral of |xi| n_m^p dV` over a full horizon, by dimension; `thickness` is the
-    /// thickness (2D, m) or cross-section (1D, m²).
-    pub fn continuum(self, dimension: usize, horizon: f64, thickness: f64) -> f64 {
-        use std::f64::consts::PI;
-        match (dimension, self) {
-            (1, _) => thickness * horizon.powi(2),
-            (2, Moment::Conduction) => PI / 3.0 * thickness * horizon.powi(3),
-            (2, Moment::Elasticity) => PI / 4.0 * thickness * horizon.powi(3),
-            (_, Moment::Conduction) => PI / 3.0 * horizon.powi(4),
-            (_, Moment::Elasticity) => PI / 5.0 * horizon.powi(4),
-        }
-    }
-}
-
 /// What a physics asks for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FamilySpec {
@@ -95,8 +66,6 @@ pub struct FamilySpec {
     pub partial_volume: PartialVolume,
     /// Correction of the bonds.
     pub correction: Correction,
-    /// Which energy the correction restores.
-    pub moment: Moment,
     /// Faces behind which the body continues as a mirrored layer.
     pub layers: Vec<Face>,
     /// Those of `layers` whose exchange with the body is wanted ([`Family::sum_from_layers`]).
@@ -106,22 +75,27 @@ pub struct FamilySpec {
 impl FamilySpec {
     /// The usual family: a horizon in spacings of the body, default partial volumes and
     /// correction, and, where the body fills its box, mirrored layers behind all faces.
-    pub fn mirrored(body: &Body, horizon: f64, moment: Moment) -> Self {
+    pub fn mirrored(body: &Body, horizon: f64) -> Self {
         let is_mirrored = |face: &Face| body.lattice.is_full() && face.axis() < body.dimension;
         FamilySpec {
             horizon: horizon * body.lattice.spacing,
             partial_volume: PartialVolume::default(),
             correction: Correction::default(),
-            moment,
             layers: Face::ALL.into_iter().filter(is_mirrored).collect(),
             audited: Vec::new(),
         }
     }
 
-    /// The moment of a full horizon on `body`: what constants of bonds are divided by.
+    /// `integral of |xi| n_m^2 dV` over a full horizon on `body`, along any axis m: what
+    /// constants of bonds are divided by, and what [`Correction`] restores. It is that of the
+    /// energy of conduction under a uniform gradient and of elasticity under isotropic strain.
     pub fn continuum(&self, body: &Body) -> f64 {
-        self.moment
-            .continuum(body.dimension, self.horizon, body.thickness)
+        use std::f64::consts::PI;
+        match body.dimension {
+            1 => body.thickness * self.horizon.powi(2),
+            2 => PI / 3.0 * body.thickness * self.horizon.powi(3),
+            _ => PI / 3.0 * self.horizon.powi(4),
+        }
     }
 }
 

@@ -40,7 +40,7 @@ impl<const I: usize, const O: usize> Operator<I, O> {
 mod tests {
     use super::*;
     use crate::shape::{BoxShape, Shape};
-    use crate::{Body, Bond, FamilySpec, Moment};
+    use crate::{Body, Bond, FamilySpec};
 
     struct Conduction(f64);
 
@@ -55,7 +55,7 @@ mod tests {
         let (min, max) = ([0.0; 3], [12.0, 5.0, 5.0]);
         let shape = Shape::Box(BoxShape { min, max });
         let body = Body::fill("block", &shape, 3, 1.0, 1.0).expect("a valid block");
-        let spec = FamilySpec::mirrored(&body, 2.0, Moment::Conduction);
+        let spec = FamilySpec::mirrored(&body, 2.0);
         let kernel = Conduction(spec.continuum(&body));
         let family = Arc::new(Family::build(&body, &spec).expect("it has neighbours"));
         let square: Vec<f64> = body.points.position.iter().map(|x| x.x * x.x).collect();

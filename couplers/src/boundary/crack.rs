@@ -94,14 +94,13 @@ perimelt_core::register_coupler!("insulated_crack", InsulatedCrack);
 mod tests {
     use super::*;
     use crate::testing::{STEEL, block, prepare, read, refusal};
-    use perimelt_core::{Correction, FamilySpec, Moment, PartialVolume};
+    use perimelt_core::{Correction, FamilySpec, PartialVolume};
 
     fn bonds(setup: &mut Setup<'_>) -> usize {
         let spec = FamilySpec {
             horizon: 1.0,
             partial_volume: PartialVolume::Half,
             correction: Correction::Point,
-            moment: Moment::Conduction,
             layers: Vec::new(),
             audited: Vec::new(),
         };

@@ -4,11 +4,12 @@
 //! f_i = sum_j c_ij (s - e_ij) n v V_j        Wang (2025), eq. 7.15; bracket corrected, spec 02, E7
 //! s   = (|y_j - y_i| - |xi|) / |xi|          finite kinematics, eq. 3.5
 //! s   = n . (u_j - u_i) / |xi|               linear kinematics
-//! e_ij = (e_i + e_j) / 2,   c_ij = (E_i + E_j) / 2 * 2 m / M
+//! e_ij = (e_i + e_j) / 2,   c_ij = (E_i + E_j) / 2 * 2 d K / M
 //! ```
 //!
-//! `e` is the eigenstrain field (thermal expansion), `E` Young's modulus, `M` the integral of
-//! `|xi| n^4 dV` over the horizon and `m` the uniaxial-strain modulus for `E = 1`.
+//! `e` is the eigenstrain field (thermal expansion), `E` Young's modulus, `d` the dimension, `K`
+//! the bulk modulus for `E = 1` and `M` the integral of `|xi| n_m^2 dV` over the horizon: the
+//! energy of isotropic strain is the classical one, on any lattice.
 
 use perimelt_core::{Bond, BondKernel};
 
@@ -21,13 +22,14 @@ pub const MODULUS: usize = 4;
 
 type Ends<'a> = (&'a [f64; INPUTS], &'a [f64; INPUTS]);
 
-/// Uniaxial-strain modulus over Young's modulus: Poisson's ratio of bond-based solids is 1/4
-/// in 3D and 1/3 in plane stress.
-pub fn uniaxial_modulus(dimension: usize) -> f64 {
+/// Bulk modulus over Young's modulus, mean stress per sum of strains in the dimensions there
+/// are: `1 / (d (1 - (d - 1) nu))`; Poisson's ratio of bond-based solids is 1/4 in 3D and 1/3
+/// in plane stress.
+pub fn bulk_modulus(dimension: usize) -> f64 {
     match dimension {
         1 => 1.0,
-        2 => 9.0 / 8.0,
-        _ => 6.0 / 5.0,
+        2 => 3.0 / 4.0,
+        _ => 2.0 / 3.0,
     }
 }
 

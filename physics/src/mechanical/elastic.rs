@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use perimelt_core::family::LayerRule;
 use perimelt_core::material::Property;
-use perimelt_core::{Body, BondKernel, Family, Moment};
+use perimelt_core::{Body, BondKernel, Family};
 use rayon::prelude::*;
 
 use super::bond::{
-    Block, EIGENSTRAIN, Energy, Force, INPUTS, Law, MODULUS, Stiffness, uniaxial_modulus,
+    Block, EIGENSTRAIN, Energy, Force, INPUTS, Law, MODULUS, Stiffness, bulk_modulus,
 };
 
 /// Family, constants and work arrays of an elastic body. Vectors have three components per
@@ -18,7 +18,7 @@ pub struct Elastic {
     family: Arc<Family>,
     dimension: usize,
     finite: bool,
-    /// Bond constant over Young's modulus, 1/m⁴ (3D): `2 m / M`.
+    /// Bond constant over Young's modulus, 1/m⁴ (3D): `2 d K / (E M)`.
     unit_constant: f64,
     youngs_modulus: Vec<Property>,
     uniform: Option<f64>,
@@ -43,8 +43,9 @@ impl Elastic {
         youngs_modulus: Vec<Property>,
         finite: bool,
     ) -> Self {
-        let horizon = family.spec().horizon;
-        let moment = Moment::Elasticity.continuum(body.dimension, horizon, body.thickness);
+        let dimension = body.dimension as f64;
+        let bond_constant =
+            2.0 * dimension * bulk_modulus(body.dimension) / family.spec().continuum(body);
         let first = youngs_modulus[0].constant();
         let uniform = first.filter(|_| youngs_modulus.iter().all(|e| e.constant() == first));
         let (points, slots) = (body.points.len(), family.slots());
@@ -54,7 +55,7 @@ impl Elastic {
         Elastic {
             dimension: body.dimension,
             finite,
-            unit_constant: 2.0 * uniaxial_modulus(body.dimension) / moment,
+            unit_constant: bond_constant,
             modulus: vec![0.0; if uniform.is_some() { 0 } else { points }],
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
             sums: vec![

@@ -28,8 +28,8 @@ use perimelt_core::solver::{
 };
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Balance, Clock, Correction, FamilySpec, Moment, PartialVolume, Physics, Read, ReadIfProvided,
-    RunError, Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
+    Balance, Clock, Correction, FamilySpec, PartialVolume, Physics, Read, ReadIfProvided, RunError,
+    Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -238,7 +238,6 @@ impl Physics for Mechanical {
             horizon,
             partial_volume: self.partial_volume,
             correction: self.correction,
-            moment: Moment::Elasticity,
             layers: faces,
             audited: Vec::new(),
         };

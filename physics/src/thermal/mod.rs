@@ -26,8 +26,8 @@ use perimelt_core::material::{EnthalpyCurve, LatentHeatForm};
 use perimelt_core::solver::reduce::weighted_sum;
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Balance, Clock, Correction, Face, Family, FamilySpec, Moment, PartialVolume, Physics, Read,
-    RunError, Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
+    Balance, Clock, Correction, Face, Family, FamilySpec, PartialVolume, Physics, Read, RunError,
+    Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -191,16 +191,15 @@ impl Physics for Thermal {
                 .collect();
         }
         let horizon = self.horizon * this.lattice.spacing;
-        let moment = Moment::Conduction.continuum(this.dimension, horizon, this.thickness);
         let points = this.points.len();
         let spec = FamilySpec {
             horizon,
             partial_volume: self.partial_volume,
             correction: self.correction,
-            moment: Moment::Conduction,
             layers: faces,
             audited: audited.clone(),
         };
+        let moment = spec.continuum(this);
         let family = setup.family(body, &spec)?;
         let conduction = Conduction::new(&family, moment, conductivity, points);
         let heat = HeatAccount::default();

@@ -55,7 +55,7 @@ impl Run {
 impl Physics for MoistureDiffusion {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        let spec = FamilySpec::mirrored(setup.body(body), self.horizon, Moment::Conduction);
+        let spec = FamilySpec::mirrored(setup.body(body), self.horizon);
         self.run = Some(Run {
             body,
             moisture: setup.own(body, &MOISTURE)?,
