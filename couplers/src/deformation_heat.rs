@@ -10,6 +10,10 @@
 //! With `linearised_at = T0` the heat is -alpha T0 times it: the linear theory that closed
 //! forms and the sources use, in which `temperature` may also be a change from T0.
 //!
+//! With the default single pass of a macro step, heat and expansion lag one step behind: at
+//! rest this fades with the step, but a free vibration is fed in proportion to the step. With
+//! `time.iteration` both meet within the step and energy is kept to the order of the integrator.
+//!
 //! Alpha is the coefficient at the temperature of the point; that of a steep table should be
 //! the tangent one, which differs from the secant one that expansion needs. Not for plastic
 //! or viscous heat.

@@ -1,9 +1,8 @@
 //! However a run is killed, its log replays up to the last interval, and `resume` ends in the
 //! state of the uninterrupted run, bit for bit.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
-use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use perimelt_core::log::Log;
@@ -11,37 +10,11 @@ use perimelt_core::log::Log;
 const WELD: &str = include_str!("cases/weld.toml");
 const KILLS: u32 = 20;
 
-/// The `perimelt` binary, built in the profile of the tests. (`CARGO_BIN_EXE_...` is given to
-/// tests of the package that holds the binary only.)
-fn perimelt() -> &'static Path {
-    static BINARY: OnceLock<PathBuf> = OnceLock::new();
-    BINARY.get_or_init(|| {
-        let test = std::env::current_exe().expect("a test is a program");
-        let folder = test
-            .ancestors()
-            .nth(2)
-            .expect("target/<profile>/deps/<test>");
-        let mut build = Command::new(env!("CARGO"));
-        build.args([
-            "build",
-            "--quiet",
-            "--package",
-            "perimelt",
-            "--bin",
-            "perimelt",
-        ]);
-        let target = folder.parent().expect("target/<profile>");
-        build.arg("--target-dir").arg(target);
-        if folder.file_name().is_some_and(|f| f == "release") {
-            build.arg("--release");
-        }
-        assert!(build.status().expect("cargo is there").success());
-        folder.join(format!("perimelt{}", std::env::consts::EXE_SUFFIX))
-    })
-}
+/// The command line, built in the profile of the tests.
+const PERIMELT: &str = env!("CARGO_BIN_EXE_perimelt-tests");
 
 fn command(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(perimelt());
+    let mut command = Command::new(PERIMELT);
     command
         .current_dir(folder)
         .args(arguments)
@@ -67,7 +40,6 @@ fn twenty_killed_runs_replay_and_resume_to_the_same_bits() {
     // finer than the case of the mistakes, so that a run is long enough to be killed
     let case = WELD.replace("spacing = 0.001", "spacing = 0.0005");
     std::fs::write(at("weld.toml"), case).expect("writable");
-    perimelt();
     let started = Instant::now();
     let run = command(folder.path(), &["run", "weld.toml", "--quiet"]).status();
     assert!(run.expect("it starts").success());

@@ -58,6 +58,7 @@ mistakes! {
     unknown_material: "material = \"steel\"" => "material = \"steal\"";
     missing_property: "specific_heat = 500\n" => "";
     probe_off_the_body: "kind.region = { name = \"base\", statistic = \"mean\" }" => "kind.point = [1, 2, 3]";
+    name_of_a_series_that_there_is: "name = \"base\"\nfield" => "name = \"reports\"\nfield";
     initial_field_nobody_provides: "initial.temperature = 300" => "initial.temperatur = 300";
     not_toml: "end = 1.5" => "end = 1.5.2";
 }

@@ -14,6 +14,7 @@ use super::reword::{Section, split_help};
 use super::sections::ProbeSection;
 use super::{Case, Reader, Result, without_type};
 use crate::probe::Probe;
+use crate::run::record::REPORTS;
 
 /// Why a composed case cannot start.
 #[derive(Debug, thiserror::Error)]
@@ -94,7 +95,14 @@ impl Case {
     /// The first mistake in a `[[probes]]` table.
     pub fn build_probes(&self, simulation: &Simulation) -> Result<Vec<Probe>> {
         let build = |(i, section): (usize, &ProbeSection)| {
-            Probe::new(section, simulation).map_err(|e| {
+            let taken = self.probes[..i].iter().any(|p| p.name == section.name);
+            let probe = if taken || section.name == REPORTS {
+                let message = format!("there is a time series `{}` already", section.name);
+                Err(SetupError::value("name", message, "a name of its own"))
+            } else {
+                Probe::new(section, simulation)
+            };
+            probe.map_err(|e| {
                 let number = i.to_string();
                 let mut path = vec!["probes", number.as_str()];
                 path.extend(e.key.split('.').filter(|k| !k.is_empty()));

@@ -63,8 +63,24 @@ impl Rhs for Residual<'_> {
             (0..3).for_each(|axis| out[axis] = -block[axis]);
         }
         self.release(out, -1.0);
-        Ok(true)
+        match out.iter().position(|&d| d == 0.0) {
+            Some(component) => Err(SolverError::model(Loose {
+                point: component / 3,
+                axis: ["x", "y", "z"][component % 3],
+            })),
+            None => Ok(true),
+        }
     }
+}
+
+/// A point that can move along an axis without stretching a bond.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "no bond of point {point} resists motion along {axis}: the body needs two points or more along {axis}, or that direction held"
+)]
+struct Loose {
+    point: usize,
+    axis: &'static str,
 }
 
 /// Brings `run` into equilibrium by Newton-Krylov; returns the linear iterations.

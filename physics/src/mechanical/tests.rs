@@ -192,6 +192,28 @@ fn a_free_body_swells_without_stress_by_every_solver() {
 }
 
 #[test]
+fn a_block_one_point_thick_is_refused_in_words() {
+    let body = block([8, 8, 1], 3, 1e-3, Store::Lattice, STEEL);
+    let mechanical: Mechanical = read("");
+    let swelling = Swelling {
+        strain: 1e-3,
+        ..Swelling::default()
+    };
+    let mut s = simulation(
+        body,
+        vec![Box::new(mechanical)],
+        vec![Box::new(swelling)],
+        1.0,
+    );
+    let error = s.start().and_then(|()| s.step()).expect_err("it is loose");
+    let message = error.to_string();
+    assert!(
+        message.contains("no bond of point 0 resists motion along z"),
+        "{message}"
+    );
+}
+
+#[test]
 fn free_vibration_keeps_momentum_and_energy_and_has_the_classical_wave_speed() {
     let length = 0.1;
     let body = block([100, 1, 1], 1, 1e-3, Store::Lattice, STEEL);
