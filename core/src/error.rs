@@ -177,9 +177,9 @@ impl SetupError {
 pub enum RunError {
     /// Values that are not finite or grow without bound.
     #[error(
-        "{physics} blew up: field `{field}` is {value:e} at point {point} ({}, {}, {}) m of body `{body}` \
-         at t = {time:e} s; the step was {step:e} s{}",
-        position[0], position[1], position[2], stable_hint(*stable)
+        "{physics} blew up: field `{field}` is {value:.4e} at point {point} ({:.4e}, {:.4e}, {:.4e}) m of body `{body}` \
+         at t = {time:.6e} s; the step was {step:.4e} s{}",
+        position[0], position[1], position[2], stable_hint(*step, *stable)
     )]
     BlowUp {
         /// The physics.
@@ -256,6 +256,12 @@ fn providers(provided: &[String]) -> String {
     }
 }
 
-fn stable_hint(stable: Option<f64>) -> String {
-    stable.map_or_else(String::new, |s| format!(", the largest stable one {s:e} s"))
+fn stable_hint(step: f64, stable: Option<f64>) -> String {
+    match stable {
+        Some(stable) if step <= stable => format!(
+            ", below the largest stable one of {stable:.4e} s: look at the loads and the material"
+        ),
+        Some(stable) => format!(", the largest stable one {stable:.4e} s"),
+        None => String::new(),
+    }
 }

@@ -105,7 +105,8 @@ pub enum EnthalpyError {
     /// The specific heat is given by phase, but there are no phases.
     #[error(
         "the specific heat differs between solid and liquid, but nothing says where the material \
-         melts; give it a solidus, a liquidus and a latent heat, or one specific heat"
+         melts; give it a solidus, a liquidus and a latent heat and the case the coupler \
+         `phase_change`, or the material one specific heat"
     )]
     PhasesWithoutMelting,
 }

@@ -166,20 +166,20 @@ impl Elastic {
     }
 
     fn sum(&mut self, what: Sum, out: &mut [f64]) {
-        if self.dimension == 3 {
-            return self.sum_into::<3>(what, bytemuck::cast_slice_mut(out));
-        }
-        let mut sums = std::mem::take(&mut self.sums);
         match self.dimension {
-            1 => self.sum_into::<1>(what, bytemuck::cast_slice_mut(&mut sums)),
-            _ => self.sum_into::<2>(what, bytemuck::cast_slice_mut(&mut sums)),
+            1 => self.sum_padded::<1>(what, out),
+            2 => self.sum_padded::<2>(what, out),
+            _ => self.sum_into::<3>(what, bytemuck::cast_slice_mut(out)),
         }
-        for (out, sum) in out
-            .chunks_exact_mut(3)
-            .zip(sums.chunks_exact(self.dimension))
-        {
-            out[..self.dimension].copy_from_slice(sum);
-            out[self.dimension..].fill(0.0);
+    }
+
+    fn sum_padded<const D: usize>(&mut self, what: Sum, out: &mut [f64]) {
+        let mut sums = std::mem::take(&mut self.sums);
+        self.sum_into::<D>(what, bytemuck::cast_slice_mut(&mut sums));
+        let (vectors, _) = out.as_chunks_mut::<3>();
+        let (sums_of_points, _) = sums.as_chunks::<D>();
+        for (out, sum) in vectors.iter_mut().zip(sums_of_points) {
+            *out = std::array::from_fn(|axis| if axis < D { sum[axis] } else { 0.0 });
         }
         self.sums = sums;
     }
