@@ -63,7 +63,7 @@ impl<T: Value> Key<T> {
 /// The common vocabulary. A plugin may add keys of its own.
 pub mod keys {
     use super::Key;
-    use nalgebra::Vector3;
+    use nalgebra::{Matrix3, Vector3};
 
     macro_rules! vocabulary {
         ($($(#[$doc:meta])* $key:ident: $value:ty = $name:literal, $unit:literal, $meaning:literal;)*) => {
@@ -105,6 +105,8 @@ pub mod keys {
         BODY_FORCE: Vector3<f64> = "body_force", "N/m3", "force per volume";
         /// Isotropic stress-free strain, for example alpha (T - T_ref) (sink field of the mechanical physics).
         EIGENSTRAIN: f64 = "eigenstrain", "1", "isotropic stress-free strain";
+        /// Stress, Pa.
+        STRESS: Matrix3<f64> = "stress", "Pa", "stress";
         /// Stress conjugate to the eigenstrain, `dW/d(strain)` summed over the bonds, Pa. Heat from
         /// deformation is `-alpha T` times its change.
         EIGENSTRESS: f64 = "eigenstress", "Pa", "stress conjugate to the eigenstrain";

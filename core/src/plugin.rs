@@ -248,6 +248,9 @@ pub trait Physics {
     /// [`RunError`] when a solver fails.
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError>;
 
+    /// Fills owned fields that nobody computes with, before a state is logged.
+    fn observe(&mut self, _world: &World) {}
+
     /// Conserved totals.
     fn balance(&self, _world: &World) -> Vec<Balance> {
         Vec::new()

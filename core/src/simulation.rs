@@ -321,7 +321,15 @@ impl Simulation {
         for p in 0..self.physics.len() {
             self.apply(p, now)?;
         }
-        self.apply_rest(now)
+        self.apply_rest(now)?;
+        self.observe();
+        Ok(())
+    }
+
+    fn observe(&mut self) {
+        for p in &mut self.physics {
+            p.plugin.observe(&self.world);
+        }
     }
 
     fn find_steps(&mut self) {
@@ -444,6 +452,7 @@ impl Simulation {
         self.clock.progress.macro_steps += 1;
         self.clock.progress.last_step = end - time;
         if logging {
+            self.observe();
             self.clock.logs += 1;
         }
         Ok(logging)

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `thermal` | `temperature`, `enthalpy` | `heat_source` |
 //! | `replay` | the fields it is told to read from a log | |
-//! | `mechanical` | `displacement`, `velocity`, `eigenstress` | `eigenstrain`, `body_force` |
+//! | `mechanical` | `displacement`, `velocity`, `stress`, `eigenstress` | `eigenstrain`, `body_force` |
 
 pub mod mechanical;
 pub mod replay;

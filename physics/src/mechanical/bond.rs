@@ -65,6 +65,11 @@ pub struct Block<const VARYING: bool>(pub Law<VARYING>);
 /// `sum_j c s |xi| v V_j / 2` (Pa), both of the total stretch `s`.
 pub struct Energy<const FINITE: bool, const VARYING: bool, const D: usize>(pub Law<VARYING>);
 
+/// Peridynamic stress `sum_j c (s - e_ij) |xi| n n^T v V_j / 2` (Pa) as xx, yy, zz, xy, yz, zx:
+/// the mean over the family of the momentum that its bonds carry. Exact for isotropic strain;
+/// else the modulus is that of the lattice.
+pub struct Stress<const FINITE: bool, const VARYING: bool, const D: usize>(pub Law<VARYING>);
+
 /// Stretch and current direction of a bond.
 #[inline(always)]
 fn stretch<const FINITE: bool, const D: usize>(
@@ -110,6 +115,20 @@ impl<const VARYING: bool, const D: usize> BondKernel<INPUTS, D> for Stiffness<VA
         let (stretch, direction) = stretch::<false, D>(bond, ends);
         let force = -self.0.constant(bond, ends) * stretch;
         direction.map(|n| force * n)
+    }
+}
+
+impl<const FINITE: bool, const VARYING: bool, const D: usize> BondKernel<INPUTS, 6>
+    for Stress<FINITE, VARYING, D>
+{
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 6] {
+        let ends = (&own, &other);
+        let (stretch, direction) = stretch::<FINITE, D>(bond, ends);
+        let eigenstrain = 0.5 * (own[EIGENSTRAIN] + other[EIGENSTRAIN]);
+        let tension = 0.5 * self.0.constant(bond, ends) * (stretch - eigenstrain) * bond.length;
+        let [x, y, z] = std::array::from_fn(|a| if a < D { direction[a] } else { 0.0 });
+        [x * x, y * y, z * z, x * y, y * z, z * x].map(|n| tension * n)
     }
 }
 

@@ -8,7 +8,7 @@ use perimelt_core::{Body, BondKernel, Family};
 use rayon::prelude::*;
 
 use super::bond::{
-    Block, EIGENSTRAIN, Energy, Force, INPUTS, Law, MODULUS, Stiffness, bulk_modulus,
+    Block, EIGENSTRAIN, Energy, Force, INPUTS, Law, MODULUS, Stiffness, Stress, bulk_modulus,
 };
 
 /// Family, constants and work arrays of an elastic body. Vectors have three components per
@@ -26,7 +26,7 @@ pub struct Elastic {
     slots: [Vec<f64>; INPUTS],
     sums: Vec<f64>,
     energy: Vec<[f64; 2]>,
-    blocks: Vec<[f64; 6]>,
+    tensors: Vec<[f64; 6]>,
 }
 
 #[derive(Clone, Copy)]
@@ -67,7 +67,7 @@ impl Elastic {
                 }
             ],
             energy: vec![[0.0; 2]; points],
-            blocks: Vec::new(),
+            tensors: Vec::new(),
             youngs_modulus,
             uniform,
             family,
@@ -145,14 +145,29 @@ impl Elastic {
 
     /// Diagonal block of the stiffness of each point as xx, yy, zz, xy, yz, zx, N/m⁵.
     pub fn blocks(&mut self) -> &[[f64; 6]] {
-        let mut blocks = std::mem::take(&mut self.blocks);
-        blocks.resize(self.energy.len(), [0.0; 6]);
+        let mut blocks = self.take_tensors();
         match self.uniform {
             Some(_) => self.run(&Block::<false>(self.law()), &mut blocks),
             None => self.run(&Block::<true>(self.law()), &mut blocks),
         }
-        self.blocks = blocks;
-        &self.blocks
+        self.tensors = blocks;
+        &self.tensors
+    }
+
+    fn take_tensors(&mut self) -> Vec<[f64; 6]> {
+        let mut tensors = std::mem::take(&mut self.tensors);
+        tensors.resize(self.energy.len(), [0.0; 6]);
+        tensors
+    }
+
+    /// Stress of each point as xx, yy, zz, xy, yz, zx, Pa.
+    pub fn stress(&mut self) -> &[[f64; 6]] {
+        match self.dimension {
+            1 => self.sum_stress::<1>(),
+            2 => self.sum_stress::<2>(),
+            _ => self.sum_stress::<3>(),
+        }
+        &self.tensors
     }
 
     /// Elastic energy density (J/m³) and eigenstress (Pa) of each point.
@@ -221,6 +236,17 @@ impl Elastic {
             (true, true) => self.run(&Energy::<true, true, D>(self.law()), &mut energy),
         }
         self.energy = energy;
+    }
+
+    fn sum_stress<const D: usize>(&mut self) {
+        let mut stress = self.take_tensors();
+        match (self.finite, self.uniform.is_none()) {
+            (false, false) => self.run(&Stress::<false, false, D>(self.law()), &mut stress),
+            (false, true) => self.run(&Stress::<false, true, D>(self.law()), &mut stress),
+            (true, false) => self.run(&Stress::<true, false, D>(self.law()), &mut stress),
+            (true, true) => self.run(&Stress::<true, true, D>(self.law()), &mut stress),
+        }
+        self.tensors = stress;
     }
 
     fn run<const O: usize>(&self, kernel: &impl BondKernel<INPUTS, O>, sums: &mut [[f64; O]]) {

@@ -37,7 +37,7 @@ use serde::{Deserialize, Serialize};
 use elastic::Elastic;
 
 /// Bond-based thermoelastic solid; owns `displacement` and `velocity`, consumes `eigenstrain`
-/// and `body_force`, provides `eigenstress`.
+/// and `body_force`, provides `stress` and `eigenstress`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mechanical {
@@ -125,6 +125,7 @@ struct Run {
     displacement: Write<Vector3<f64>>,
     /// Of the explicit solver.
     velocity: Option<Write<Vector3<f64>>>,
+    stress: Write<Matrix3<f64>>,
     eigenstress: Write<f64>,
     eigenstress_wanted: bool,
     eigenstrain: Read<f64>,
@@ -174,14 +175,24 @@ impl Run {
         }
     }
 
-    fn provide_eigenstress(&mut self, world: &World) {
-        if !self.eigenstress_wanted {
-            return;
-        }
+    fn load_displacement(&mut self, world: &World) {
         let displacement = world.read::<Vector3<f64>>(self.displacement.into());
         let rules = world.layer_rules(self.layers);
         self.elastic
             .set_displacement(bytemuck::cast_slice(&displacement), &rules);
+    }
+
+    fn provide_stress(&mut self, world: &World) {
+        self.load_displacement(world);
+        self.elastic.set_eigenstrain(&world.read(self.eigenstrain));
+        let stress = self.elastic.stress();
+        for (sigma, &[xx, yy, zz, xy, yz, zx]) in world.write(self.stress).iter_mut().zip(stress) {
+            *sigma = Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz);
+        }
+    }
+
+    fn provide_eigenstress(&mut self, world: &World) {
+        self.load_displacement(world);
         let energy = self.elastic.energy();
         for (p, [_, eigenstress]) in world.write(self.eigenstress).iter_mut().zip(energy) {
             *p = *eigenstress;
@@ -191,10 +202,7 @@ impl Run {
     /// Kinetic and elastic energy, J (none of the former but in the explicit solver).
     fn energy(&mut self, world: &World) -> f64 {
         let volume = &world.body(self.body).points.volume;
-        let displacement = world.read::<Vector3<f64>>(self.displacement.into());
-        let rules = world.layer_rules(self.layers);
-        self.elastic
-            .set_displacement(bytemuck::cast_slice(&displacement), &rules);
+        self.load_displacement(world);
         let mut density: Vec<f64> = self.elastic.energy().iter().map(|[w, _]| *w).collect();
         if let Some(velocity) = self.velocity {
             let velocity = world.read::<Vector3<f64>>(velocity.into());
@@ -285,6 +293,7 @@ impl Physics for Mechanical {
             } else {
                 None
             },
+            stress: setup.own(body, &keys::STRESS)?,
             eigenstress_wanted: setup.is_read(body, &keys::EIGENSTRESS),
             eigenstress: setup.own(body, &keys::EIGENSTRESS)?,
             eigenstrain: setup.consume(body, &keys::EIGENSTRAIN)?,
@@ -313,7 +322,9 @@ impl Physics for Mechanical {
         let temperature = world.read_if_provided(run.temperature);
         run.elastic
             .set_modulus(world.body(run.body), temperature.as_deref());
-        run.provide_eigenstress(world);
+        if run.eigenstress_wanted {
+            run.provide_eigenstress(world);
+        }
         run.state.initial_energy = run.energy(world);
         run.state.initial_momentum = run.momentum(world);
         Ok(())
@@ -364,8 +375,16 @@ impl Physics for Mechanical {
             time: step.end(),
             cause: cause.into(),
         })?;
-        run.provide_eigenstress(world);
+        if run.eigenstress_wanted {
+            run.provide_eigenstress(world);
+        }
         Ok(Work { iterations })
+    }
+
+    fn observe(&mut self, world: &World) {
+        let run = self.run.as_mut().expect("prepared before the first step");
+        run.provide_eigenstress(world);
+        run.provide_stress(world);
     }
 
     fn balance(&self, world: &World) -> Vec<Balance> {

@@ -56,7 +56,7 @@ fn evaluate(
     cells: [usize; 3],
     keys: &str,
     displacement: impl Fn([f64; 3]) -> [f64; 3],
-) -> (Vec<f64>, Vec<[f64; 2]>) {
+) -> (Vec<f64>, Vec<[f64; 2]>, Vec<[f64; 6]>) {
     let dimension = cells.iter().filter(|c| **c > 1).count();
     let body = block(cells, dimension, 1e-3, Store::Lattice, STEEL);
     let mut mechanical: Mechanical = read(keys);
@@ -75,7 +75,8 @@ fn evaluate(
     let mut force = vec![0.0; u.len()];
     elastic.force(&mut force);
     let energy = elastic.energy().to_vec();
-    (force, energy)
+    let stress = elastic.stress().to_vec();
+    (force, energy, stress)
 }
 
 #[test]
@@ -89,13 +90,22 @@ fn isotropic_strain_reproduces_the_classical_energy_also_at_bare_surfaces() {
                     std::array::from_fn(|a| if axes.contains(&a) { 1e-4 * x[a] } else { 0.0 })
                 }
             };
-            let (_, energy) = evaluate(cells, &keys, along(0..dimension));
+            let (_, energy, stress) = evaluate(cells, &keys, along(0..dimension));
             let over_bulk = (dimension * dimension) as f64;
             let exact = 0.5 * over_bulk * bulk_modulus(dimension) * 2e11 * 1e-8;
             let middle = cells.map(|c| c / 2);
             let i = (middle[2] * cells[1] + middle[1]) * cells[0] + middle[0];
             let error = (energy[i][0] / exact - 1.0).abs();
             assert!(error < 1e-12, "inside, {cells:?} {rule}: {error}");
+            let pressure = dimension as f64 * bulk_modulus(dimension) * 2e11 * 1e-4;
+            for (component, sigma) in stress[i].iter().enumerate() {
+                let exact = if component < dimension { pressure } else { 0.0 };
+                let error = (sigma - exact).abs() / pressure;
+                assert!(
+                    error < 1e-12,
+                    "stress {component}, {cells:?} {rule}: {error}"
+                );
+            }
             let worst = |energy: &[[f64; 2]]| {
                 energy
                     .iter()
@@ -104,7 +114,7 @@ fn isotropic_strain_reproduces_the_classical_energy_also_at_bare_surfaces() {
             };
             // the mean of the factors at both ends of a bond repairs most, not all
             let bare = format!("{keys}\ncorrection = \"lattice\"");
-            let (_, uncorrected) = evaluate(cells, &bare, along(0..dimension));
+            let (_, uncorrected, _) = evaluate(cells, &bare, along(0..dimension));
             let (worst, bare) = (worst(&energy), worst(&uncorrected));
             assert!(
                 worst < 0.5 * bare,
@@ -121,7 +131,7 @@ fn isotropic_strain_reproduces_the_classical_energy_also_at_bare_surfaces() {
             };
             let exact = 0.5 * [1.0, 9.0 / 8.0][dimension - 1] * 2e11 * 1e-8;
             for axis in 0..dimension {
-                let (_, energy) = evaluate(cells, &keys, along(axis..axis + 1));
+                let (_, energy, _) = evaluate(cells, &keys, along(axis..axis + 1));
                 let error = (energy[i][0] / exact / ratio - 1.0).abs();
                 // the table has six digits
                 assert!(error < 1e-5, "uniaxial, {cells:?} {rule}: {error}");
@@ -134,7 +144,7 @@ fn isotropic_strain_reproduces_the_classical_energy_also_at_bare_surfaces() {
 fn a_rigid_rotation_meets_no_force_under_finite_kinematics() {
     let (sin, cos) = 0.7f64.sin_cos();
     for cells in &CELLS[1..] {
-        let (force, energy) = evaluate(*cells, "kinematics = \"finite\"", |[x, y, _]| {
+        let (force, energy, _) = evaluate(*cells, "kinematics = \"finite\"", |[x, y, _]| {
             [cos * x - sin * y - x, sin * x + cos * y - y, 0.0]
         });
         // stress of a strain of one bit: 2e11 Pa 1e-16 over a spacing, and some bonds to sum
@@ -146,8 +156,8 @@ fn a_rigid_rotation_meets_no_force_under_finite_kinematics() {
 #[test]
 fn both_kinematics_agree_for_small_strains() {
     let displacement = |[x, y, z]: [f64; 3]| [1e-9 * (300.0 * y).sin(), 2e-7 * x, 1e-7 * z * x];
-    let (linear, _) = evaluate(CELLS[2], "", displacement);
-    let (finite, _) = evaluate(CELLS[2], "kinematics = \"finite\"", displacement);
+    let (linear, ..) = evaluate(CELLS[2], "", displacement);
+    let (finite, ..) = evaluate(CELLS[2], "kinematics = \"finite\"", displacement);
     let scale = linear.iter().fold(0.0f64, |s, f| s.max(f.abs()));
     // second order in strains of 1e-6
     assert!(
@@ -187,6 +197,9 @@ fn a_free_body_swells_without_stress_by_every_solver() {
                     .enumerate()
                     .all(|(i, u)| i % 3 < dimension || *u == 0.0)
             );
+            // against the stress of the same strain held back
+            let stress = values(&s, "stress");
+            assert!(stress.iter().all(|p| p.abs() < 1e-5 * 2e11 * 1e-3));
         }
     }
 }
