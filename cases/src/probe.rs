@@ -6,6 +6,7 @@ use perimelt_core::field::FieldIndex;
 use perimelt_core::{Body, SetupError, Simulation, World};
 
 use crate::case::sections::{Axis, LineProbe, MeltPoolProbe, ProbeKind, ProbeSection, Statistic};
+use crate::plot::scalar::von_mises;
 
 /// A probe, ready to measure.
 #[derive(Debug)]
@@ -33,7 +34,8 @@ type Weights = Vec<(usize, f64)>;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Component {
     field: FieldIndex,
-    /// `None`: the magnitude, or the value of a scalar.
+    /// `None`: the value of a scalar, the magnitude of a vector, the von Mises equivalent of a
+    /// tensor.
     index: Option<usize>,
 }
 
@@ -214,7 +216,7 @@ impl Component {
         };
         let index = match name {
             None if names.len() == 9 => {
-                let expected = format!("`component` as one of {}", names.join(", "));
+                let expected = format!("`component` as von_mises or one of {}", names.join(", "));
                 return Err(SetupError::value(
                     "field",
                     "this is a tensor field",
@@ -223,6 +225,7 @@ impl Component {
             }
             None => None,
             Some("magnitude") if names.len() == 3 => None,
+            Some("von_mises") if names.len() == 9 => None,
             Some(name) => Some(names.iter().position(|n| *n == name).ok_or_else(|| {
                 let known = names.iter().map(|n| (*n).to_string()).collect();
                 let problem = Problem::UnknownName {
@@ -240,11 +243,16 @@ impl Component {
         let data = world.fields().field(self.field).data();
         let components = data.components();
         let values = &data.flat()[point * components..][..components];
-        match self.index {
-            Some(index) => values[index],
-            None if components == 1 => values[0],
-            None => values.iter().map(|v| v * v).sum::<f64>().sqrt(),
-        }
+        number(values, self.index)
+    }
+}
+
+fn number(values: &[f64], component: Option<usize>) -> f64 {
+    match (component, values.len()) {
+        (Some(component), _) => values[component],
+        (None, 1) => values[0],
+        (None, 9) => von_mises(values),
+        (None, _) => values.iter().map(|v| v * v).sum::<f64>().sqrt(),
     }
 }
 
@@ -439,6 +447,15 @@ mod tests {
         let centre =
             interpolation(&body, &Vector3::new(0.25, 0.25, 0.25), "").expect("on the body");
         assert_eq!(centre, [(0, 1.0)], "a cell centre is that point alone");
+    }
+
+    #[test]
+    fn a_field_gives_its_component_or_its_invariant() {
+        assert_eq!(number(&[3.0, 4.0, 0.0], Some(1)), 4.0);
+        assert_eq!(number(&[3.0, 4.0, 0.0], None), 5.0);
+        // pure shear under pressure: sqrt(3) times the shear stress, whatever the pressure
+        let sheared = [7.0, 2.0, 0.0, 2.0, 7.0, 0.0, 0.0, 0.0, 7.0];
+        assert!((number(&sheared, None) - 12f64.sqrt()).abs() < 1e-14);
     }
 
     #[test]

@@ -60,7 +60,7 @@ fn made(field: &CloudField, label: String, of: impl Fn(&[f64]) -> f64) -> Scalar
     }
 }
 
-fn von_mises(t: &[f64]) -> f64 {
+pub(crate) fn von_mises(t: &[f64]) -> f64 {
     let mean = (t[0] + t[4] + t[8]) / 3.0;
     let contraction: f64 = (0..9)
         .map(|c| if c % 4 == 0 { t[c] - mean } else { t[c] })

@@ -63,7 +63,8 @@ pub struct FieldMeasure {
     pub body: Option<String>,
     /// Field, such as "temperature".
     pub field: String,
-    /// "x", "y", "z" or "magnitude" of a vector field, "xx", "yx", ... of a tensor field.
+    /// "x", "y", "z" or "magnitude" of a vector field, "xx", "yx", ... or "von_mises" of a
+    /// tensor field.
     #[serde(default)]
     pub component: Option<String>,
     /// Reference positions, m.
@@ -115,7 +116,8 @@ pub struct StatisticMeasure {
     pub body: Option<String>,
     /// Field, such as "temperature".
     pub field: String,
-    /// "x", "y", "z" or "magnitude" of a vector field, "xx", "yx", ... of a tensor field.
+    /// "x", "y", "z" or "magnitude" of a vector field, "xx", "yx", ... or "von_mises" of a
+    /// tensor field.
     #[serde(default)]
     pub component: Option<String>,
     /// Region; the whole body when left out.
