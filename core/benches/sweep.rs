@@ -7,7 +7,7 @@ use divan::Bencher;
 use divan::counter::ItemsCount;
 use perimelt_core::body::{Body, Store};
 use perimelt_core::shape::{BoxShape, Shape};
-use perimelt_core::{Bond, BondKernel, Correction, Face, Family, FamilySpec, PartialVolume};
+use perimelt_core::{Bond, BondKernel, Correction, Face, Family, FamilySpec};
 
 fn main() {
     divan::main();
@@ -21,11 +21,9 @@ fn family(store: Store) -> (Body, Family) {
     let mut body = Body::fill("block", &shape, 3, 1.0, 1.0).expect("a valid block");
     body.store = store;
     let spec = FamilySpec {
-        horizon: 3.015,
-        partial_volume: PartialVolume::Half,
         correction: Correction::Lattice,
         layers: Face::ALL.to_vec(),
-        audited: Vec::new(),
+        ..FamilySpec::new(3.015)
     };
     let family = Family::build(&body, &spec).expect("a valid family");
     (body, family)
@@ -36,7 +34,7 @@ struct Heat;
 impl BondKernel<1, 1> for Heat {
     #[inline(always)]
     fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
-        [bond.volume / bond.length * (other - own)]
+        [bond.mean() / bond.length * (other - own)]
     }
 }
 
@@ -48,7 +46,7 @@ impl BondKernel<3, 3> for Force {
     fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 3] {
         let y: [f64; 3] = std::array::from_fn(|a| bond.xi[a] + other[a] - own[a]);
         let length = (y[0] * y[0] + y[1] * y[1] + y[2] * y[2]).sqrt();
-        let force = bond.volume * (1.0 / bond.length - 1.0 / length);
+        let force = bond.mean() * (1.0 / bond.length - 1.0 / length);
         y.map(|y| force * y)
     }
 }

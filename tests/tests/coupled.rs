@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use perimelt::case::Case;
-use perimelt::core::{Correction, Family, FamilySpec, PartialVolume, Simulation};
+use perimelt::core::{Family, FamilySpec, Simulation};
 use perimelt::physics::mechanical::elastic::Elastic;
 
 const ALPHA: f64 = 5e-5;
@@ -194,13 +194,7 @@ fn energies(simulation: &Simulation, elastic: &mut Elastic) -> [f64; 3] {
 fn energy_over_twenty_periods(steps: f64, coupled: bool, iteration: &str) -> [f64; 3] {
     let mut simulation = vibrating(steps, 20.0, coupled, iteration);
     let body = simulation.world().body(0);
-    let spec = FamilySpec {
-        horizon: 3e-3,
-        partial_volume: PartialVolume::default(),
-        correction: Correction::default(),
-        layers: Vec::new(),
-        audited: Vec::new(),
-    };
+    let spec = FamilySpec::new(3e-3);
     let family = Family::build(body, &spec)
         .expect("it has neighbours")
         .into();

@@ -1,5 +1,7 @@
 //! Construction of a family: slots, mirrored layers, completeness, corrections, rows, chunks.
 
+use nalgebra::{Matrix3, Vector3};
+
 use crate::body::{Body, Face, Store};
 
 use super::{
@@ -104,7 +106,7 @@ impl Family {
             // most points are far from all cuts
             cuts.iter().any(|cut| {
                 cut.distance(from).abs() <= 2.0 * bond.length
-                    && cut.crosses(from, &(from + nalgebra::Vector3::from(bond.xi)))
+                    && cut.crosses(from, &(from + Vector3::from(bond.xi)))
             })
         };
 
@@ -123,12 +125,10 @@ impl Family {
             .map(|&s| steps.iter().all(|(o, _)| neighbour(s, *o).is_some()))
             .collect();
 
-        let target = spec.continuum(body);
-        let full = directional_energy(&mut steps.iter().map(|(_, b)| b))[0];
         let lattice_factor = if spec.correction == Correction::None {
             1.0
         } else {
-            target / full
+            calibration(body.dimension, steps.iter().map(|(_, b)| b))[0]
         };
 
         // per-point factors only where they differ from the lattice factor; a cut does not
@@ -143,8 +143,7 @@ impl Family {
                     let present = steps
                         .iter()
                         .filter(|(o, _)| neighbour(slot_of_point[p], *o).is_some());
-                    directional_energy(&mut present.map(|(_, b)| b))
-                        .map(|e| if e > 0.0 { target / e } else { lattice_factor })
+                    calibration(body.dimension, present.map(|(_, b)| b))
                 })
                 .collect()
         } else {
@@ -181,12 +180,13 @@ impl Family {
             }
             bonds += count;
             let corrected = |(step, slot, bond): (u16, usize, &Bond)| {
-                let bond_factor = if spec.correction == Correction::Point {
-                    mean_factor(bond, &factor[point], &factor[mirror_of[slot] as usize])
+                let [own, dual] = if spec.correction == Correction::Point {
+                    [point, mirror_of[slot] as usize].map(|p| factor_along(bond, &factor[p]))
                 } else {
-                    lattice_factor
+                    [lattice_factor; 2]
                 };
-                (step, slot as u32, bond.volume * bond_factor)
+                let weights = [bond.weight * own, bond.weight * dual];
+                (step, slot as u32, weights)
             };
             let uneven = spec.correction == Correction::Point
                 && (truncated(point)
@@ -209,7 +209,8 @@ impl Family {
             .map(|(offset, bond)| StencilBond {
                 offset: *offset,
                 bond: Bond {
-                    volume: bond.volume * lattice_factor,
+                    weight: bond.weight * lattice_factor,
+                    dual: bond.weight * lattice_factor,
                     ..*bond
                 },
             })
@@ -252,6 +253,7 @@ fn cuts(body: &Body, spec: &FamilySpec) -> Vec<Cut> {
 fn stencil(body: &Body, spec: &FamilySpec) -> Vec<([i64; 3], Bond)> {
     let spacing = body.lattice.spacing;
     let horizon = spec.horizon / spacing;
+    let moment = spec.moment(body);
     // ties such as |xi| = 3 dx belong to the family whatever the rounding of the horizon
     let cut = match spec.partial_volume {
         PartialVolume::Full => horizon + 0.5 - 1e-9,
@@ -277,10 +279,13 @@ fn stencil(body: &Body, spec: &FamilySpec) -> Vec<([i64; 3], Bond)> {
                     PartialVolume::None => 1.0,
                     _ => (horizon + 0.5 - length).min(1.0),
                 };
+                let influence = spec.influence.at(length / horizon);
+                let weight = share * influence * body.points.volume[0] / moment;
                 let bond = Bond {
                     xi: step.map(|s| s as f64 * spacing),
                     length: length * spacing,
-                    volume: share * body.points.volume[0],
+                    weight,
+                    dual: weight,
                 };
                 members.push((step, bond));
             }
@@ -354,33 +359,57 @@ fn plane_cell(padded: &Padded, axis: usize, index: usize) -> [i64; 3] {
     cell
 }
 
-fn directional_energy(bonds: &mut dyn Iterator<Item = &Bond>) -> [f64; 3] {
-    let mut energy = [0.0; 3];
-    for bond in bonds {
-        for (e, x) in energy.iter_mut().zip(bond.xi) {
-            *e += x * x / bond.length * bond.volume;
+/// Factors `a_m` along the axes that calibrate the bonds of a point: weighted with the [`factor_along`]
+/// each of them, `sum_j weight |xi| n_m^2 = 1` along every axis m, so that the energy of conduction
+/// under any gradient and of elasticity under isotropic strain is the classical one.
+///
+/// Wang (2025), eqs. 4.4 to 4.8, takes the radius of an ellipsoid with directional factors as
+/// semi-axes and the mean of both ends, which repairs surfaces but in part. Families too lopsided
+/// for positive weights get one factor for all directions.
+fn calibration<'a>(dimension: usize, bonds: impl Iterator<Item = &'a Bond> + Clone) -> [f64; 3] {
+    let mut matrix = Matrix3::identity();
+    matrix.view_mut((0, 0), (dimension, dimension)).fill(0.0);
+    let mut trace = 0.0;
+    for bond in bonds.clone() {
+        let squares = bond.xi.map(|x| (x / bond.length).powi(2));
+        for row in 0..dimension {
+            for column in 0..dimension {
+                matrix[(row, column)] += bond.weight * bond.length * squares[row] * squares[column];
+            }
         }
+        trace += bond.weight * bond.length;
     }
-    energy
+    let isotropic = [dimension as f64 / trace; 3];
+    let Some(inverse) = matrix.try_inverse() else {
+        return isotropic;
+    };
+    let factors = (inverse * Vector3::repeat(1.0)).into();
+    let least = bonds
+        .map(|b| factor_along(b, &factors))
+        .fold(f64::INFINITY, f64::min);
+    // an excess of stiffness along single bonds would bind the step
+    if least > 0.1 * isotropic[0] {
+        factors
+    } else {
+        isotropic
+    }
 }
 
-/// Factor of a bond from the directional factors at its ends (Wang (2025), eqs. 4.5, 4.6):
-/// the radius along the bond of the ellipsoid with their means as semi-axes.
-fn mean_factor(bond: &Bond, own: &[f64; 3], other: &[f64; 3]) -> f64 {
-    let squares = (0..3)
-        .map(|m| (bond.xi[m] / bond.length / (0.5 * (own[m] + other[m]))).powi(2))
-        .sum::<f64>();
-    squares.sqrt().recip()
+/// The factor of a bond from those of its point along the axes.
+fn factor_along(bond: &Bond, factors: &[f64; 3]) -> f64 {
+    let parts = bond.xi.iter().zip(factors);
+    parts.map(|(x, a)| (x / bond.length).powi(2) * a).sum()
 }
 
 impl Rows {
-    fn push(&mut self, point: usize, slot: u32, bonds: impl Iterator<Item = (u16, u32, f64)>) {
+    fn push(&mut self, point: usize, slot: u32, bonds: impl Iterator<Item = (u16, u32, [f64; 2])>) {
         self.point.push(point as u32);
         self.slot.push(slot);
-        for (step, column, volume) in bonds {
+        for (step, column, [weight, dual]) in bonds {
             self.step.push(step);
             self.column.push(column);
-            self.volume.push(volume);
+            self.weight.push(weight);
+            self.dual.push(dual);
         }
         self.start.push(self.column.len());
     }

@@ -91,7 +91,7 @@ mod tests {
     use super::*;
     use crate::body::Body;
     use crate::family::{Bond, LayerRule};
-    use crate::family::{BondKernel, Correction, Family, FamilySpec, PartialVolume};
+    use crate::family::{BondKernel, Family, FamilySpec};
     use crate::shape::{BoxShape, Shape};
 
     #[test]
@@ -113,7 +113,7 @@ mod tests {
     impl BondKernel<1, 1> for Flow {
         #[inline(always)]
         fn bond(&self, bond: &Bond, own: [f64; 1], other: [f64; 1]) -> [f64; 1] {
-            [bond.volume * (other[0] - own[0]) / bond.length]
+            [bond.mean() * (other[0] - own[0]) / bond.length]
         }
     }
 
@@ -127,11 +127,8 @@ mod tests {
 
     fn spec(layers: Vec<Face>) -> FamilySpec {
         FamilySpec {
-            horizon: 3.0,
-            partial_volume: PartialVolume::Half,
-            correction: Correction::Point,
             layers,
-            audited: Vec::new(),
+            ..FamilySpec::new(3.0)
         }
     }
 

@@ -7,6 +7,8 @@
 
 use rayon::prelude::*;
 
+#[cfg(doc)]
+use super::FamilySpec;
 use super::{Chunk, Family, Rows, Span, StencilBond};
 
 /// Points that advance together: two AVX-512 or four AVX2 registers.
@@ -19,8 +21,23 @@ pub struct Bond {
     pub xi: [f64; 3],
     /// Length of `xi`, m.
     pub length: f64,
-    /// Volume of the neighbour times partial-volume and correction factors, m³.
-    pub volume: f64,
+    /// Weight of the neighbour in the family of the point, 1/m: its volume times influence,
+    /// partial volume and correction, over the moment of the family ([`FamilySpec::moment`]).
+    /// Corrected families have `sum_j weight |xi| = dimension`.
+    pub weight: f64,
+    /// Weight with which the neighbour's family holds the point, for the force that the
+    /// neighbour's state exerts along the bond: the same but for the horizon and the moment,
+    /// which are the neighbour's. Equal to `weight` where horizons are uniform; zero when the point
+    /// lies beyond the neighbour's horizon (dual horizon, spec 01, 1.10).
+    pub dual: f64,
+}
+
+impl Bond {
+    /// Mean of both weights: that of pair forces and flows, which both ends share.
+    #[inline(always)]
+    pub fn mean(&self) -> f64 {
+        0.5 * (self.weight + self.dual)
+    }
 }
 
 /// What a bond adds to `O` sums of its point, from `I` inputs at its two ends.
@@ -132,10 +149,16 @@ impl Family {
         let mut sums = [0.0; O];
         let range = rows.start[row]..rows.start[row + 1];
         let columns = &rows.column[range.clone()];
-        let (steps, volumes) = (&rows.step[range.clone()], &rows.volume[range]);
-        for ((&column, &step), &volume) in columns.iter().zip(steps).zip(volumes) {
+        let (weights, duals) = (&rows.weight[range.clone()], &rows.dual[range.clone()]);
+        let members = columns
+            .iter()
+            .zip(&rows.step[range])
+            .zip(weights)
+            .zip(duals);
+        for (((&column, &step), &weight), &dual) in members {
             let bond = Bond {
-                volume,
+                weight,
+                dual,
                 ..self.stencil[step as usize].bond
             };
             let other = std::array::from_fn(|i| inputs[i][column as usize]);

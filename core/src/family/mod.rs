@@ -41,6 +41,44 @@ pub enum PartialVolume {
     Full,
 }
 
+/// How the influence of a member falls with its distance (spec 01, 1.4; spec 04, 1.5).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Influence {
+    /// The same throughout the horizon.
+    #[default]
+    Constant,
+    /// Falls linearly to zero at the horizon, `1 - |xi| / horizon`.
+    Conical,
+    /// `exp(-(2 |xi| / horizon)^2)`.
+    Gaussian,
+}
+
+impl Influence {
+    /// Influence at a distance given as a share of the horizon.
+    pub fn at(self, share: f64) -> f64 {
+        match self {
+            Influence::Constant => 1.0,
+            Influence::Conical => (1.0 - share).max(0.0),
+            Influence::Gaussian => (-4.0 * share * share).exp(),
+        }
+    }
+
+    /// `integral of w(r) r^(power - 1) dr` from 0 to 1, by Simpson's rule with an error below
+    /// 1e-12.
+    fn radial_moment(self, power: i32) -> f64 {
+        const INTERVALS: i32 = 2000;
+        let value = |i: i32| {
+            let r = f64::from(i) / f64::from(INTERVALS);
+            self.at(r) * r.powi(power - 1)
+        };
+        let inner: f64 = (1..INTERVALS)
+            .map(|i| if i % 2 == 1 { 4.0 } else { 2.0 } * value(i))
+            .sum();
+        (value(0) + inner + value(INTERVALS)) / (3.0 * f64::from(INTERVALS))
+    }
+}
+
 /// What makes a discrete family reproduce the classical energy of conduction, and that of
 /// elasticity under isotropic strain; other strains then differ from the continuum by the
 /// anisotropy of the lattice.
@@ -51,8 +89,8 @@ pub enum Correction {
     None,
     /// One factor for all bonds, so that a complete family is exact.
     Lattice,
-    /// A factor for each bond from the directional energies of its two ends (Wang (2025),
-    /// eqs. 4.4 to 4.8), so that families cut by a bare surface are repaired, too.
+    /// Factors for each point, so that its own family is exact also where a bare surface cuts it
+    /// (after Wang (2025), eqs. 4.4 to 4.8); a bond takes the mean of its ends.
     #[default]
     Point,
 }
@@ -64,6 +102,8 @@ pub struct FamilySpec {
     pub horizon: f64,
     /// Rule for members at the edge.
     pub partial_volume: PartialVolume,
+    /// Influence of members by their distance.
+    pub influence: Influence,
     /// Correction of the bonds.
     pub correction: Correction,
     /// Faces behind which the body continues as a mirrored layer.
@@ -73,29 +113,43 @@ pub struct FamilySpec {
 }
 
 impl FamilySpec {
+    /// A family with a horizon in m, all else by default, and nothing behind the faces.
+    pub fn new(horizon: f64) -> Self {
+        FamilySpec {
+            horizon,
+            partial_volume: PartialVolume::default(),
+            influence: Influence::default(),
+            correction: Correction::default(),
+            layers: Vec::new(),
+            audited: Vec::new(),
+        }
+    }
+
     /// The usual family: a horizon in spacings of the body, default partial volumes and
     /// correction, and, where the body fills its box, mirrored layers behind all faces.
     pub fn mirrored(body: &Body, horizon: f64) -> Self {
         let is_mirrored = |face: &Face| body.lattice.is_full() && face.axis() < body.dimension;
         FamilySpec {
-            horizon: horizon * body.lattice.spacing,
-            partial_volume: PartialVolume::default(),
-            correction: Correction::default(),
             layers: Face::ALL.into_iter().filter(is_mirrored).collect(),
-            audited: Vec::new(),
+            ..FamilySpec::new(horizon * body.lattice.spacing)
         }
     }
 
-    /// `integral of |xi| n_m^2 dV` over a full horizon on `body`, along any axis m: what
-    /// constants of bonds are divided by, and what [`Correction`] restores. It is that of the
-    /// energy of conduction under a uniform gradient and of elasticity under isotropic strain.
-    pub fn continuum(&self, body: &Body) -> f64 {
+    /// `integral of w |xi| n_m^2 dV` over a full horizon on `body`, along any axis m, with the
+    /// influence function w: what weights of bonds are divided by, and what [`Correction`]
+    /// restores, m⁴ (3D). It is that of the energy of conduction under a uniform gradient and of
+    /// elasticity under isotropic strain.
+    pub fn moment(&self, body: &Body) -> f64 {
         use std::f64::consts::PI;
-        match body.dimension {
-            1 => body.thickness * self.horizon.powi(2),
-            2 => PI / 3.0 * body.thickness * self.horizon.powi(3),
-            _ => PI / 3.0 * self.horizon.powi(4),
-        }
+        let solid_angle = [2.0, 2.0 * PI, 4.0 * PI][body.dimension - 1];
+        let radial = self.influence.radial_moment(body.dimension as i32 + 1);
+        let size = self.horizon.powi(body.dimension as i32 + 1);
+        let thickness = if body.dimension == 3 {
+            1.0
+        } else {
+            body.thickness
+        };
+        solid_angle / body.dimension as f64 * radial * size * thickness
     }
 }
 
@@ -175,7 +229,8 @@ struct Rows {
     column: Vec<u32>,
     /// Bond of the stencil that each one is a corrected copy of.
     step: Vec<u16>,
-    volume: Vec<f64>,
+    weight: Vec<f64>,
+    dual: Vec<f64>,
 }
 
 /// A share of the work, sized to keep all cores busy.
@@ -263,7 +318,8 @@ impl Rows {
     fn memory(&self) -> usize {
         size_of_val(&*self.column)
             + size_of_val(&*self.step)
-            + size_of_val(&*self.volume)
+            + size_of_val(&*self.weight)
+            + size_of_val(&*self.dual)
             + self.point.len() * 16
     }
 }

@@ -42,11 +42,11 @@ mod tests {
     use crate::shape::{BoxShape, Shape};
     use crate::{Body, Bond, FamilySpec};
 
-    struct Conduction(f64);
+    struct Conduction;
 
     impl BondKernel<1, 1> for Conduction {
         fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
-            [2.0 / self.0 * bond.volume / bond.length * (other - own)]
+            [2.0 * bond.mean() / bond.length * (other - own)]
         }
     }
 
@@ -56,10 +56,9 @@ mod tests {
         let shape = Shape::Box(BoxShape { min, max });
         let body = Body::fill("block", &shape, 3, 1.0, 1.0).expect("a valid block");
         let spec = FamilySpec::mirrored(&body, 2.0);
-        let kernel = Conduction(spec.continuum(&body));
         let family = Arc::new(Family::build(&body, &spec).expect("it has neighbours"));
         let square: Vec<f64> = body.points.position.iter().map(|x| x.x * x.x).collect();
-        let sums = Operator::new(family).sum(&kernel, [&square]).to_vec();
+        let sums = Operator::new(family).sum(&Conduction, [&square]).to_vec();
         for (x, [sum]) in body.points.position.iter().zip(&sums) {
             // bonds of two spacings reach a layer from closer points
             if x.x > 2.0 && x.x < 10.0 {

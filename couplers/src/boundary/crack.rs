@@ -94,16 +94,10 @@ perimelt_core::register_coupler!("insulated_crack", InsulatedCrack);
 mod tests {
     use super::*;
     use crate::testing::{STEEL, block, prepare, read, refusal};
-    use perimelt_core::{Correction, FamilySpec, PartialVolume};
+    use perimelt_core::FamilySpec;
 
     fn bonds(setup: &mut Setup<'_>) -> usize {
-        let spec = FamilySpec {
-            horizon: 1.0,
-            partial_volume: PartialVolume::Half,
-            correction: Correction::Point,
-            layers: Vec::new(),
-            audited: Vec::new(),
-        };
+        let spec = FamilySpec::new(1.0);
         setup.family(0, &spec).expect("valid").bonds()
     }
 

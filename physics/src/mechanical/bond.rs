@@ -43,7 +43,7 @@ pub struct Law<const VARYING: bool> {
 impl<const VARYING: bool> Law<VARYING> {
     #[inline(always)]
     fn constant(&self, bond: &Bond, (own, other): Ends<'_>) -> f64 {
-        let constant = self.bond_constant * bond.volume;
+        let constant = self.bond_constant * bond.mean();
         if VARYING {
             constant * (0.5 * (own[MODULUS] + other[MODULUS]))
         } else {

@@ -18,7 +18,7 @@ pub struct Elastic {
     family: Arc<Family>,
     dimension: usize,
     finite: bool,
-    /// Bond constant over Young's modulus, 1/m⁴ (3D): `2 d K / (E M)`.
+    /// Bond constant times the moment of the family over Young's modulus: `2 d K / E`.
     unit_constant: f64,
     youngs_modulus: Vec<Property>,
     uniform: Option<f64>,
@@ -43,9 +43,7 @@ impl Elastic {
         youngs_modulus: Vec<Property>,
         finite: bool,
     ) -> Self {
-        let dimension = body.dimension as f64;
-        let bond_constant =
-            2.0 * dimension * bulk_modulus(body.dimension) / family.spec().continuum(body);
+        let bond_constant = 2.0 * body.dimension as f64 * bulk_modulus(body.dimension);
         let first = youngs_modulus[0].constant();
         let uniform = first.filter(|_| youngs_modulus.iter().all(|e| e.constant() == first));
         let (points, slots) = (body.points.len(), family.slots());

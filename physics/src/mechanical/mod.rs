@@ -28,8 +28,8 @@ use perimelt_core::solver::{
 };
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Balance, Clock, Correction, FamilySpec, PartialVolume, Physics, Read, ReadIfProvided, RunError,
-    Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
+    Balance, Clock, Correction, FamilySpec, Influence, PartialVolume, Physics, Read,
+    ReadIfProvided, RunError, Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -50,6 +50,9 @@ pub struct Mechanical {
     /// Partial volume of neighbours at the edge of the horizon.
     #[serde(default)]
     pub partial_volume: PartialVolume,
+    /// Influence of neighbours by their distance.
+    #[serde(default)]
+    pub influence: Influence,
     /// Calibration of the bonds.
     #[serde(default)]
     pub correction: Correction,
@@ -245,6 +248,7 @@ impl Physics for Mechanical {
         let spec = FamilySpec {
             horizon,
             partial_volume: self.partial_volume,
+            influence: self.influence,
             correction: self.correction,
             layers: faces,
             audited: Vec::new(),

@@ -11,8 +11,6 @@ use rayon::prelude::*;
 pub(super) struct Conduction {
     conductivity: Vec<Property>,
     uniform: Option<f64>,
-    /// `2 / M`: micro-conductivity per conductivity, 1/m⁵ (3D).
-    micro: f64,
     temperature_slots: Vec<f64>,
     conductivity_slots: Vec<f64>,
     conductivity_field: Vec<f64>,
@@ -20,57 +18,48 @@ pub(super) struct Conduction {
     pub(super) rate: Vec<[f64; 1]>,
 }
 
-/// Conduction with one conductivity; `micro_conductivity = 2 k / M`.
+/// Conduction with one conductivity, W/(m K); the micro-conductivity is `2 k / M`, and weights
+/// of bonds hold the `1 / M`.
 struct Uniform {
-    micro_conductivity: f64,
+    conductivity: f64,
 }
 
 impl BondKernel<1, 1> for Uniform {
     #[inline(always)]
     fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
-        [self.micro_conductivity * bond.volume / bond.length * (other - own)]
+        [2.0 * self.conductivity * bond.mean() / bond.length * (other - own)]
     }
 }
 
 /// Conduction with a conductivity at each point; the bond takes the mean of its ends.
-struct Varying {
-    micro: f64,
-}
+struct Varying;
 
 impl BondKernel<2, 1> for Varying {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 2], other: [f64; 2]) -> [f64; 1] {
-        let mean = 0.5 * (own[1] + other[1]);
-        [self.micro * bond.volume / bond.length * mean * (other[0] - own[0])]
+        let twice_mean = own[1] + other[1];
+        [twice_mean * bond.mean() / bond.length * (other[0] - own[0])]
     }
 }
 
 /// Sum of the coefficients of a point's bonds, W/(m³ K).
-struct RowSum {
-    micro: f64,
-}
+struct RowSum;
 
 impl BondKernel<1, 1> for RowSum {
     #[inline(always)]
     fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
-        [self.micro * bond.volume / bond.length * 0.5 * (own + other)]
+        [bond.mean() / bond.length * (own + other)]
     }
 }
 
 impl Conduction {
-    pub(super) fn new(
-        family: &Family,
-        moment: f64,
-        conductivity: Vec<Property>,
-        points: usize,
-    ) -> Self {
+    pub(super) fn new(family: &Family, conductivity: Vec<Property>, points: usize) -> Self {
         let first = conductivity[0].constant();
         let uniform = first.filter(|_| conductivity.iter().all(|k| k.constant() == first));
         let varying = if uniform.is_some() { 0 } else { points };
         Conduction {
             conductivity,
             uniform,
-            micro: 2.0 / moment,
             temperature_slots: vec![0.0; family.slots()],
             conductivity_slots: vec![0.0; if varying == 0 { 0 } else { family.slots() }],
             conductivity_field: vec![0.0; varying],
@@ -110,14 +99,11 @@ impl Conduction {
         let slots = &self.temperature_slots[..];
         match self.uniform {
             Some(k) => {
-                let kernel = Uniform {
-                    micro_conductivity: self.micro * k,
-                };
+                let kernel = Uniform { conductivity: k };
                 family.sum(&kernel, [slots], &mut self.rate);
             }
             None => {
-                let kernel = Varying { micro: self.micro };
-                family.sum(&kernel, [slots, &self.conductivity_slots], &mut self.rate);
+                family.sum(&Varying, [slots, &self.conductivity_slots], &mut self.rate);
             }
         }
     }
@@ -129,14 +115,11 @@ impl Conduction {
         let slots = &self.temperature_slots[..];
         match self.uniform {
             Some(k) => {
-                let kernel = Uniform {
-                    micro_conductivity: self.micro * k,
-                };
+                let kernel = Uniform { conductivity: k };
                 family.sum_from_layers(&kernel, [slots], add);
             }
             None => {
-                let kernel = Varying { micro: self.micro };
-                family.sum_from_layers(&kernel, [slots, &self.conductivity_slots], add);
+                family.sum_from_layers(&Varying, [slots, &self.conductivity_slots], add);
             }
         }
         total
@@ -159,7 +142,7 @@ impl Conduction {
         family.scatter(&conductivity, 1, 0, &mut slots);
         family.fill_layers(&[], 0, &mut slots);
         let mut sums = vec![[0.0]; conductivity.len()];
-        family.sum(&RowSum { micro: self.micro }, [&slots], &mut sums);
+        family.sum(&RowSum, [&slots], &mut sums);
         sums
     }
 }

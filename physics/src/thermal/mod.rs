@@ -26,8 +26,8 @@ use perimelt_core::material::{EnthalpyCurve, LatentHeatForm};
 use perimelt_core::solver::reduce::weighted_sum;
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Balance, Clock, Correction, Face, Family, FamilySpec, PartialVolume, Physics, Read, RunError,
-    Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
+    Balance, Clock, Correction, Face, Family, FamilySpec, Influence, PartialVolume, Physics, Read,
+    RunError, Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -195,13 +195,13 @@ impl Physics for Thermal {
         let spec = FamilySpec {
             horizon,
             partial_volume: self.partial_volume,
+            influence: Influence::default(),
             correction: self.correction,
             layers: faces,
             audited: audited.clone(),
         };
-        let moment = spec.continuum(this);
         let family = setup.family(body, &spec)?;
-        let conduction = Conduction::new(&family, moment, conductivity, points);
+        let conduction = Conduction::new(&family, conductivity, points);
         let heat = HeatAccount::default();
         self.run = Some(Run {
             body,

@@ -1,5 +1,5 @@
 //! Diffusion of moisture, bond-based, behind sealed faces:
-//! `dm_i/dt = sum_j (D_i + D_j) / M v V_j (m_j - m_i) / |xi|`, `M = integral of |xi| n^2 dV`.
+//! `dm_i/dt = sum_j (D_i + D_j) w_ij (m_j - m_i) / |xi|`, `w` the weights of the bonds.
 use perimelt_core::material::ValueRange;
 use perimelt_core::*;
 use schemars::JsonSchema;
@@ -26,28 +26,25 @@ struct Run {
     body: usize,
     moisture: Write<f64>,
     diffusivity: Vec<f64>,
-    diffusion: Diffusion,
     operator: Operator<2, 2>,
     /// Mass of moisture at the start, kg.
     initial: f64,
 }
 
-/// `M`, by dimension: m⁴ (3D).
-struct Diffusion(f64);
+struct Diffusion;
 
 impl BondKernel<2, 2> for Diffusion {
     /// Rate of the moisture, kg/(m³ s), and its coefficient, 1/s, which limits the step.
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 2], other: [f64; 2]) -> [f64; 2] {
-        let coefficient = (own[1] + other[1]) / self.0 * bond.volume / bond.length;
+        let coefficient = (own[1] + other[1]) * bond.mean() / bond.length;
         [coefficient * (other[0] - own[0]), coefficient]
     }
 }
 
 impl Run {
     fn rates(&mut self, moisture: &[f64]) -> &[[f64; 2]] {
-        self.operator
-            .sum(&self.diffusion, [moisture, &self.diffusivity])
+        self.operator.sum(&Diffusion, [moisture, &self.diffusivity])
     }
 }
 
@@ -60,7 +57,6 @@ impl Physics for MoistureDiffusion {
             body,
             moisture: setup.own(body, &MOISTURE)?,
             diffusivity: setup.constant_at_points(body, "moisture_diffusivity")?,
-            diffusion: Diffusion(spec.continuum(setup.body(body))),
             operator: Operator::new(setup.family(body, &spec)?),
             initial: 0.0,
         });
