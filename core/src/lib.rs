@@ -27,7 +27,8 @@ pub mod world;
 pub use body::{Body, Face, Region};
 pub use error::{Problem, RunError, SetupError};
 pub use family::{
-    Bond, BondKernel, Correction, Cut, Family, FamilySpec, Influence, Operator, PartialVolume,
+    Bond, BondKernel, Correction, Cut, Family, FamilySpec, Image, Influence, Operator,
+    PartialVolume,
 };
 pub use field::{Key, Read, ReadIfProvided, Write, keys};
 pub use plugin::{Balance, Clock, Coupler, Physics, Report, Step, StepSize, Update, Work};

@@ -1,5 +1,7 @@
 //! Construction of a family: slots, mirrored layers, completeness, corrections, rows, chunks.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Vector3};
 
 use crate::body::{Body, Face, Store};
@@ -305,6 +307,7 @@ fn mirror(
     mirror_of: &mut [u32],
 ) -> (Vec<Ghost>, Vec<(Face, std::ops::Range<usize>)>) {
     let mut ghosts: Vec<Ghost> = Vec::new();
+    let mut ghost_in = BTreeMap::new();
     let mut layers = Vec::new();
     loop {
         let before = ghosts.len();
@@ -329,9 +332,15 @@ fn mirror(
                     };
                     if mirror_of[target] == EMPTY && mirror_of[source] != EMPTY {
                         mirror_of[target] = mirror_of[source];
+                        let earlier: Option<&usize> = ghost_in.get(&source);
+                        let mut passes = earlier.map_or([0; 6], |&g| ghosts[g].passes);
+                        passes[face as usize] += 1;
+                        ghost_in.insert(target, ghosts.len());
                         ghosts.push(Ghost {
                             slot: target as u32,
                             source: source as u32,
+                            point: mirror_of[source],
+                            passes,
                         });
                     }
                 }

@@ -207,11 +207,29 @@ struct Span {
     len: u32,
 }
 
-/// A layer point: its slot and the slot that it mirrors.
+/// A layer point: its slot and the slot that it mirrors, the point that is its image in the end,
+/// and how often each face mirrored it on the way.
 #[derive(Clone, Copy, Debug)]
 struct Ghost {
     slot: u32,
     source: u32,
+    point: u32,
+    passes: [u8; 6],
+}
+
+/// A layer point as the image of a point: `v(slot) = scale * v(point) + offset` for a vector
+/// field v by its rules, hence `dv_a/dx_b (slot) = scale_a mirror_b dv_a/dx_b (point)`, and bonds
+/// `xi_a (slot) = mirror_a xi_a (point)`.
+#[derive(Clone, Copy, Debug)]
+pub struct Image {
+    /// Slot of the layer point.
+    pub slot: usize,
+    /// The point.
+    pub point: usize,
+    /// Factors on the components of the field.
+    pub scale: [f64; 3],
+    /// Signs of the axes: -1 where mirrored.
+    pub mirror: [f64; 3],
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -265,6 +283,14 @@ impl Family {
         self.bonds
     }
 
+    /// Number of bonds of a point.
+    pub fn bonds_of(&self, point: usize) -> usize {
+        let row = self.rows.point.binary_search(&(point as u32));
+        row.map_or(self.stencil.len(), |r| {
+            self.rows.start[r + 1] - self.rows.start[r]
+        })
+    }
+
     /// Length of a slot array.
     pub fn slots(&self) -> usize {
         self.slots
@@ -311,6 +337,36 @@ impl Family {
                 slots[ghost.slot as usize] = scale * slots[ghost.source as usize] + offset;
             }
         }
+    }
+}
+
+impl Family {
+    /// Number of layer points.
+    pub fn layer_points(&self) -> usize {
+        self.ghosts.len()
+    }
+
+    /// The layer points as images of points, under the rules of a vector field.
+    pub fn images(&self, rules: &[LayerRule]) -> impl Iterator<Item = Image> {
+        let scales = Face::ALL.map(|face| {
+            let rule = rules.iter().find(|r| r.face == face);
+            rule.map_or([1.0; 3], |r| r.scale)
+        });
+        self.ghosts.iter().map(move |ghost| {
+            let mut image = Image {
+                slot: ghost.slot as usize,
+                point: ghost.point as usize,
+                scale: [1.0; 3],
+                mirror: [1.0; 3],
+            };
+            for (face, &passes) in Face::ALL.iter().zip(&ghost.passes) {
+                for _ in 0..passes {
+                    image.mirror[face.axis()] *= -1.0;
+                    (0..3).for_each(|a| image.scale[a] *= scales[*face as usize][a]);
+                }
+            }
+            image
+        })
     }
 }
 

@@ -31,6 +31,7 @@ mod ode;
 pub mod reduce;
 mod relaxation;
 mod rhs;
+mod spectrum;
 mod steady;
 #[cfg(test)]
 mod test_problems;
@@ -44,5 +45,6 @@ pub use newton::{Newton, NewtonOptions, NewtonReport};
 pub use ode::{ForwardEuler, Rkl2};
 pub use relaxation::{Relaxation, RelaxationOptions, RelaxationReport, fictitious_mass};
 pub use rhs::{At, Rhs, rhs};
+pub use spectrum::largest_eigenvalue;
 pub use steady::steady_state;
 pub use verlet::{Motion, SymplecticEuler, Verlet};

@@ -3,15 +3,15 @@
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::solver::reduce::norm;
-use perimelt_core::solver::{At, NullSpace, Rhs, SolverError, fictitious_mass};
+use perimelt_core::solver::{At, NullSpace, Rhs, SolverError, fictitious_mass, largest_eigenvalue};
 use perimelt_core::{Step, World};
 
-use super::Run;
-use super::elastic::Elastic;
+use super::solid::Solid;
+use super::{Run, homogeneous};
 
 /// Unbalanced force of a displacement; zero for held components.
 struct Residual<'a> {
-    elastic: &'a mut Elastic,
+    solid: &'a mut dyn Solid,
     rules: &'a [LayerRule],
     /// The rules without their prescribed values: for displacements that are differences.
     homogeneous: Vec<LayerRule>,
@@ -33,8 +33,8 @@ impl Residual<'_> {
 
 impl Rhs for Residual<'_> {
     fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
-        self.elastic.set_displacement(state, self.rules);
-        self.elastic.force(rate);
+        self.solid.set_displacement(state, self.rules);
+        self.solid.force(rate);
         rate.iter_mut()
             .zip(self.body_force)
             .for_each(|(f, b)| *f += b);
@@ -51,15 +51,15 @@ impl Rhs for Residual<'_> {
         if self.finite {
             return Ok(false);
         }
-        self.elastic.set_displacement(direction, &self.homogeneous);
-        self.elastic.stiffness(out);
+        self.solid.set_displacement(direction, &self.homogeneous);
+        self.solid.stiffness(out);
         out.iter_mut().for_each(|f| *f = -*f);
         self.release(out, 0.0);
         Ok(true)
     }
 
     fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
-        for (out, block) in out.chunks_exact_mut(3).zip(self.elastic.blocks()) {
+        for (out, block) in out.chunks_exact_mut(3).zip(self.solid.blocks()) {
             (0..3).for_each(|axis| out[axis] = -block[axis]);
         }
         self.release(out, -1.0);
@@ -96,14 +96,8 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
     let constraint: &[f64] = bytemuck::cast_slice(&constraint);
     let body = world.body(run.body);
     let mut residual = Residual {
-        elastic: &mut run.elastic,
-        homogeneous: rules
-            .iter()
-            .map(|r| LayerRule {
-                offset: [0.0; 3],
-                ..*r
-            })
-            .collect(),
+        solid: &mut *run.solid,
+        homogeneous: rules.iter().map(homogeneous).collect(),
         rules: &rules,
         body_force,
         constraint,
@@ -143,24 +137,30 @@ pub(super) fn relax(run: &mut Run, world: &World) -> Result<usize, SolverError> 
     let rules = world.layer_rules(run.layers);
     let mut displacement = world.write(run.displacement);
     let dimension = world.body(run.body).dimension;
-    for (mass, block) in run.work.chunks_exact_mut(3).zip(run.elastic.blocks()) {
-        // |n_a n_b| <= (n_a^2 + n_b^2) / 2 bounds the row sum by the diagonal block
+    let Run { solid, work, .. } = run;
+    // a mass of the shape of the stiffness, scaled for stability with dt = 1
+    for (mass, block) in work.chunks_exact_mut(3).zip(solid.blocks()) {
         let trace: f64 = block[..3].iter().sum();
-        for axis in 0..3 {
-            let row = dimension as f64 * block[axis] + trace;
-            mass[axis] = fictitious_mass(row, 1.1);
-        }
+        (0..3).for_each(|axis| mass[axis] = block[axis] + trace);
     }
-    let elastic = &mut run.elastic;
+    let free = |i: usize| constraint[i] == 0.0 && i % 3 < dimension;
+    let inverse: Vec<f64> = (0..work.len())
+        .map(|i| if free(i) { 1.0 / work[i] } else { 0.0 })
+        .collect();
+    let homogeneous: Vec<LayerRule> = rules.iter().map(homogeneous).collect();
+    let stiffest = largest_eigenvalue(&inverse, |u, out| {
+        solid.set_displacement(u, &homogeneous);
+        solid.stiffness(out);
+    });
+    work.iter_mut()
+        .for_each(|mass| *mass *= fictitious_mass(stiffest, 1.0));
     let state = bytemuck::cast_slice_mut::<Vector3<f64>, f64>(&mut displacement);
     let report = run.relaxation.solve(state, &run.work, |u, force| {
-        elastic.set_displacement(u, &rules);
-        elastic.force(force);
+        solid.set_displacement(u, &rules);
+        solid.force(force);
         force.iter_mut().zip(body_force).for_each(|(f, b)| *f += b);
         for (i, f) in force.iter_mut().enumerate() {
-            if constraint[i] > 0.0 || i % 3 >= dimension {
-                *f = 0.0;
-            }
+            *f = if free(i) { *f } else { 0.0 };
         }
         Ok(())
     })?;
@@ -199,7 +199,7 @@ fn hindered_by_nothing(
     let mut free = Vec::new();
     let mut resistance = vec![0.0; modes[0].len()];
     let stiffness = residual
-        .elastic
+        .solid
         .blocks()
         .iter()
         .map(|b| b[0])
@@ -210,9 +210,9 @@ fn hindered_by_nothing(
             .zip(residual.constraint)
             .any(|(m, c)| *c > 0.0 && *m != 0.0);
         residual
-            .elastic
+            .solid
             .set_displacement(&mode, &residual.homogeneous);
-        residual.elastic.stiffness(&mut resistance);
+        residual.solid.stiffness(&mut resistance);
         // rounding of a sum of a few hundred terms, against one hindered point among millions
         if !held && norm(&resistance) <= 1e-10 * stiffness * norm(&mode) {
             free.push(mode);

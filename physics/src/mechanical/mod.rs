@@ -1,30 +1,34 @@
-//! Deformation of a bond-based thermoelastic solid.
+//! Deformation of a thermoelastic solid.
 //!
-//! The law stands in [`bond`], the operator with its work arrays in [`elastic`]. This file is
-//! the plugin: it balances (`quasi_static`, `relaxation`) or integrates (`explicit`)
+//! The laws stand in [`stretch`] (bond-based and ordinary state-based) and [`correspondence`], behind
+//! what the solvers need of them ([`solid::Solid`]). This file is the plugin: it balances
+//! (`quasi_static`, `relaxation`) or integrates (`explicit`)
 //!
 //! ```text
-//! rho u'' = sum_j c (s - (e_i + e_j)/2) n v V_j + b                 Wang (2025), eq. 7.15
+//! rho u'' = sum_j T_ij - T_ji + b                               Wang (2025), eq. 3.2
 //! ```
 //!
-//! with the sink fields `eigenstrain` (e, from thermal expansion) and `body_force` (b, N/m³).
-//! Young's modulus follows the temperature where its material gives a table; a bond takes
-//! the mean of its ends (eq. 7.14). Poisson's ratio is fixed by the bonds at 1/4 (3D) and 1/3
-//! (2D, plane stress), whatever the material says.
+//! with force states T that follow the displacement and the eigenstrain (sink field, from thermal
+//! expansion), and b the sink field `body_force`, N/m³. Moduli follow the temperature where the
+//! material gives tables.
 //!
 //! Assumes small eigenstrains with `linear` kinematics. Not for plastic flow or damage.
 
-pub mod bond;
-pub mod elastic;
+pub mod correspondence;
 mod equilibrium;
+pub mod moduli;
 mod motion;
+pub mod ordinary;
+pub mod solid;
+pub mod stretch;
 #[cfg(test)]
 mod tests;
 
 use nalgebra::{Matrix3, Vector3};
+use perimelt_core::family::LayerRule;
 use perimelt_core::solver::reduce::{sum_of, weighted_sum};
 use perimelt_core::solver::{
-    Newton, NewtonOptions, NullSpace, Relaxation, RelaxationOptions, Verlet,
+    Newton, NewtonOptions, NullSpace, Relaxation, RelaxationOptions, Verlet, largest_eigenvalue,
 };
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
@@ -34,9 +38,12 @@ use perimelt_core::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use elastic::Elastic;
+use correspondence::Correspondence;
+use moduli::{Elasticity, Plane};
+use ordinary::Ordinary;
+use solid::Solid;
 
-/// Bond-based thermoelastic solid; owns `displacement` and `velocity`, consumes `eigenstrain`
+/// Thermoelastic solid: bond-based, ordinary state-based or by correspondence; owns `displacement` and `velocity`, consumes `eigenstrain`
 /// and `body_force`, provides `stress` and `eigenstress`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -44,9 +51,18 @@ pub struct Mechanical {
     /// Body that deforms; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
-    /// Horizon in spacings.
-    #[serde(default = "three")]
-    pub horizon: f64,
+    /// What a bond carries.
+    #[serde(default)]
+    pub formulation: Formulation,
+    /// What holds across the thickness of a 2D body.
+    #[serde(default)]
+    pub plane: Plane,
+    /// Resistance G of `correspondence` to modes without strain.
+    #[serde(default = "tenth")]
+    pub stabilisation: f64,
+    /// Horizon in spacings; 3 when left out, or 2 for `correspondence`.
+    #[serde(default)]
+    pub horizon: Option<f64>,
     /// Partial volume of neighbours at the edge of the horizon.
     #[serde(default)]
     pub partial_volume: PartialVolume,
@@ -73,8 +89,23 @@ pub struct Mechanical {
     run: Option<Run>,
 }
 
-fn three() -> f64 {
-    3.0
+fn tenth() -> f64 {
+    0.1
+}
+
+/// What a bond carries, and with it which Poisson's ratios there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Formulation {
+    /// A force by its own stretch. Poisson's ratio is 1/4 (3D, plane strain) or 1/3 (plane stress),
+    /// whatever the material says.
+    #[default]
+    Bond,
+    /// A force along the bond, by its stretch and the dilatation at its ends: any Poisson's ratio.
+    Ordinary,
+    /// A force of any direction from the classical stress at its ends: exact for uniform strain on any
+    /// cloud; best with a horizon of 2 spacings.
+    Correspondence,
 }
 
 /// Measure of stretch.
@@ -123,7 +154,7 @@ impl Default for MechanicalSolver {
 #[derive(Debug)]
 struct Run {
     body: BodyIndex,
-    elastic: Elastic,
+    solid: Box<dyn Solid>,
     layers: LayersHandle,
     displacement: Write<Vector3<f64>>,
     /// Of the explicit solver.
@@ -165,8 +196,8 @@ impl Run {
     fn load(&mut self, world: &World) {
         let body = world.body(self.body);
         let temperature = world.read_if_provided(self.temperature);
-        self.elastic.set_modulus(body, temperature.as_deref());
-        self.elastic.set_eigenstrain(&world.read(self.eigenstrain));
+        self.solid.set_moduli(body, temperature.as_deref());
+        self.solid.set_eigenstrain(&world.read(self.eigenstrain));
         let (constraint, held) = (world.read(self.constraint), world.read(self.held));
         let mut displacement = world.write(self.displacement);
         for ((u, c), h) in displacement.iter_mut().zip(&*constraint).zip(&*held) {
@@ -181,22 +212,22 @@ impl Run {
     fn load_displacement(&mut self, world: &World) {
         let displacement = world.read::<Vector3<f64>>(self.displacement.into());
         let rules = world.layer_rules(self.layers);
-        self.elastic
+        self.solid
             .set_displacement(bytemuck::cast_slice(&displacement), &rules);
     }
 
     fn provide_stress(&mut self, world: &World) {
         self.load_displacement(world);
-        self.elastic.set_eigenstrain(&world.read(self.eigenstrain));
-        let stress = self.elastic.stress();
-        for (sigma, &[xx, yy, zz, xy, yz, zx]) in world.write(self.stress).iter_mut().zip(stress) {
-            *sigma = Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz);
+        self.solid.set_eigenstrain(&world.read(self.eigenstrain));
+        let stress = self.solid.stress();
+        for (sigma, components) in world.write(self.stress).iter_mut().zip(stress) {
+            *sigma = ordinary::symmetric(components);
         }
     }
 
     fn provide_eigenstress(&mut self, world: &World) {
         self.load_displacement(world);
-        let energy = self.elastic.energy();
+        let energy = self.solid.energy();
         for (p, [_, eigenstress]) in world.write(self.eigenstress).iter_mut().zip(energy) {
             *p = *eigenstress;
         }
@@ -206,7 +237,7 @@ impl Run {
     fn energy(&mut self, world: &World) -> f64 {
         let volume = &world.body(self.body).points.volume;
         self.load_displacement(world);
-        let mut density: Vec<f64> = self.elastic.energy().iter().map(|[w, _]| *w).collect();
+        let mut density: Vec<f64> = self.solid.energy().iter().map(|[w, _]| *w).collect();
         if let Some(velocity) = self.velocity {
             let velocity = world.read::<Vector3<f64>>(velocity.into());
             for ((w, v), rho) in density.iter_mut().zip(&*velocity).zip(&self.density) {
@@ -235,8 +266,12 @@ impl Run {
 impl Physics for Mechanical {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        if self.horizon.is_nan() || self.horizon < 1.0 {
-            let message = format!("`horizon` = {} reaches no neighbour", self.horizon);
+        let correspondence = self.formulation == Formulation::Correspondence;
+        let horizon = self
+            .horizon
+            .unwrap_or(if correspondence { 2.0 } else { 3.0 });
+        if horizon.is_nan() || horizon < 1.0 {
+            let message = format!("`horizon` = {horizon} reaches no neighbour");
             return Err(SetupError::value(
                 "horizon",
                 message,
@@ -244,20 +279,32 @@ impl Physics for Mechanical {
             ));
         }
         let (layers, faces, _) = setup.layers(body, &keys::DISPLACEMENT);
-        let horizon = self.horizon * setup.body(body).lattice.spacing;
+        let horizon = horizon * setup.body(body).lattice.spacing;
         let spec = FamilySpec {
             horizon,
             partial_volume: self.partial_volume,
             influence: self.influence,
-            correction: self.correction,
+            // correspondence is exact as it is
+            correction: if correspondence {
+                Correction::Lattice
+            } else {
+                self.correction
+            },
             layers: faces,
             audited: Vec::new(),
         };
         let family = setup.family(body, &spec)?;
-        let youngs_modulus = setup.property(body, "youngs_modulus")?;
+        let bond_based = self.formulation == Formulation::Bond;
+        let elasticity = Elasticity::of(setup, body, self.plane, bond_based)?;
         let this = setup.body(body);
         let finite = self.kinematics == Kinematics::Finite;
-        let elastic = Elastic::new(this, family, youngs_modulus, finite);
+        let solid: Box<dyn Solid> = if correspondence {
+            let g = self.stabilisation;
+            let solid = Correspondence::new(this, family, elasticity, finite, g);
+            Box::new(solid.map_err(|e| SetupError::other("", e))?)
+        } else {
+            Box::new(Ordinary::new(this, family, elasticity, finite))
+        };
         let densities = this.materials.iter().map(|m| m.reference_density());
         let densities = densities
             .collect::<Result<Vec<_>, _>>()
@@ -305,7 +352,7 @@ impl Physics for Mechanical {
             constraint: setup.consume(body, &keys::CONSTRAINT)?,
             held: setup.consume(body, &keys::HELD_DISPLACEMENT)?,
             temperature: setup.read_if_provided(body, &keys::TEMPERATURE)?,
-            elastic,
+            solid,
             density,
             free_inverse_density: vec![0.0; 3 * points],
             work: vec![0.0; 3 * points],
@@ -324,8 +371,8 @@ impl Physics for Mechanical {
     fn start(&mut self, world: &World) -> Result<(), RunError> {
         let run = self.run.as_mut().expect("prepared before the start");
         let temperature = world.read_if_provided(run.temperature);
-        run.elastic
-            .set_modulus(world.body(run.body), temperature.as_deref());
+        run.solid
+            .set_moduli(world.body(run.body), temperature.as_deref());
         if run.eigenstress_wanted {
             run.provide_eigenstress(world);
         }
@@ -341,21 +388,36 @@ impl Physics for Mechanical {
         }
     }
 
-    /// `sqrt(2 rho / K)` with the largest diagonal block `K` of the stiffness: of a network
-    /// of springs no eigenvalue exceeds twice that of a diagonal block, because
-    /// `(n . (u_j - u_i))^2 <= 2 (n . u_i)^2 + 2 (n . u_j)^2`.
+    /// `2 / omega`, with the highest frequency by its bound or by power iteration.
     fn stable_step(&mut self, world: &World) -> Option<f64> {
         let run = self.run.as_mut().expect("prepared before the start");
         if !matches!(self.solver, MechanicalSolver::Explicit { .. }) {
             return None;
         }
-        run.elastic.set_largest_modulus(world.body(run.body));
-        let limit = |(&[xx, yy, zz, xy, yz, zx], rho): (&[f64; 6], &f64)| {
-            let block = Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz);
-            (2.0 * rho / block.symmetric_eigenvalues().max()).sqrt()
-        };
-        let blocks = run.elastic.blocks().iter().zip(&run.density);
-        Some(blocks.map(limit).fold(f64::INFINITY, f64::min))
+        run.solid.set_stiffest_moduli(world.body(run.body));
+        if let Some(bound) = run.solid.frequency_bound(&run.density) {
+            return Some(2.0 / bound);
+        }
+        let dimension = world.body(run.body).dimension;
+        let inverse_density: Vec<f64> = (0..3 * run.density.len())
+            .map(|i| {
+                if i % 3 < dimension {
+                    1.0 / run.density[i / 3]
+                } else {
+                    0.0
+                }
+            })
+            .collect();
+        let rules: Vec<LayerRule> = world
+            .layer_rules(run.layers)
+            .iter()
+            .map(homogeneous)
+            .collect();
+        let square = largest_eigenvalue(&inverse_density, |u, out| {
+            run.solid.set_displacement(u, &rules);
+            run.solid.stiffness(out);
+        });
+        Some(2.0 / square.sqrt())
     }
 
     fn plausible(&self, world: &World) -> Vec<(&'static str, f64)> {
@@ -419,6 +481,14 @@ impl Physics for Mechanical {
         self.run.as_mut().expect("prepared before a restart").state =
             erased_serde::deserialize(state)?;
         Ok(())
+    }
+}
+
+/// A rule without its prescribed value: for displacements that are differences.
+fn homogeneous(rule: &LayerRule) -> LayerRule {
+    LayerRule {
+        offset: [0.0; 3],
+        ..*rule
     }
 }
 

@@ -37,7 +37,7 @@ impl Run {
                 *impulse += b * volume * step.size;
             }
         }
-        let elastic = &mut self.elastic;
+        let solid = &mut self.solid;
         let motion = Motion {
             displacement: bytemuck::cast_slice_mut::<Vector3<f64>, f64>(&mut displacement),
             velocity,
@@ -46,8 +46,8 @@ impl Run {
         self.state
             .verlet
             .step(step.start, step.size, motion, |_, u, force| {
-                elastic.set_displacement(u, &rules);
-                elastic.force(force);
+                solid.set_displacement(u, &rules);
+                solid.force(force);
                 force.iter_mut().zip(body_force).for_each(|(f, b)| *f += b);
                 Ok(())
             })?;

@@ -1,0 +1,59 @@
+//! The end of the spectrum of a stiffness.
+
+use super::reduce::sum_of;
+
+/// Largest eigenvalue of `M^-1 K` for a symmetric positive semi-definite `K` and a diagonal mass
+/// `M`, by power iteration; components with `inverse_mass` zero do not move.
+///
+/// `apply(x, out)` writes `K x`. The iteration comes from below; what 60 steps leave, below 5 % in
+/// lattices, is covered by a tenth that is added: a bound for the step, not for the spectrum.
+pub fn largest_eigenvalue(inverse_mass: &[f64], mut apply: impl FnMut(&[f64], &mut [f64])) -> f64 {
+    const STEPS: usize = 60;
+    let mut vector: Vec<f64> = (0..inverse_mass.len()).map(scattered).collect();
+    let mut image = vec![0.0; vector.len()];
+    let mut largest = 0.0;
+    for _ in 0..STEPS {
+        apply(&vector, &mut image);
+        let products = [&vector[..], &image, inverse_mass];
+        let energy = sum_of(products, |[x, kx, m]| if m > 0.0 { x * kx } else { 0.0 });
+        let mass = sum_of(products, |[x, _, m]| if m > 0.0 { x * x / m } else { 0.0 });
+        if mass == 0.0 || energy <= 0.0 {
+            break;
+        }
+        largest = energy / mass;
+        let scale = 1.0 / mass.sqrt();
+        for ((x, kx), m) in vector.iter_mut().zip(&image).zip(inverse_mass) {
+            *x = kx * m * scale / largest;
+        }
+    }
+    1.1 * largest
+}
+
+/// Numbers between -1 and 1 without order, the same in every run.
+fn scattered(index: usize) -> f64 {
+    let mut bits = (index as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    bits ^= bits >> 27;
+    (bits >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_chain_of_springs_has_its_highest_frequency() {
+        // omega^2 = 4 k/m for a long chain
+        let n = 200;
+        let inverse_mass = vec![0.5; n];
+        let found = largest_eigenvalue(&inverse_mass, |x, out| {
+            for i in 0..n {
+                let (left, right) = (i.checked_sub(1), (i + 1 < n).then_some(i + 1));
+                let pull = |j: Option<usize>| j.map_or(0.0, |j| x[i] - x[j]);
+                out[i] = 3.0 * (pull(left) + pull(right));
+            }
+        });
+        let exact = 4.0 * 3.0 * 0.5;
+        assert!(found > exact && found < 1.1 * exact, "{found} {exact}");
+    }
+}

@@ -1,0 +1,502 @@
+//! Non-ordinary state-based solids: a classical stress drives the bonds (correspondence).
+//!
+//! ```text
+//! F = 1 + H,  H = [sum_j w (u_j - u_i) (x) xi] K^-1,  K = sum_j w xi (x) xi      Wang (2025), eqs. 3.15, 3.19
+//! P = sigma(H)                 linear kinematics: linear elasticity
+//! P = F S,  S = C : (E - e),  E = (F^T F - 1)/2      finite: Saint Venant-Kirchhoff, eqs. 3.16 to 3.18
+//! T_ij = w_ij { P K^-1 xi + g z },  z = u_j - u_i - H xi,  g = G 2 d bulk / horizon
+//!                                                     eqs. 3.14, 3.20; corrected, see spec 01, 1.4
+//! f_i = sum_j T_ij - T_ji
+//! ```
+//!
+//! `w` is the weight of the bond in the family of the owner, `g z` holds back the modes without
+//! strain (Silling 2017) and vanishes in every affine deformation. Any uniform strain is exact on any
+//! cloud, also at surfaces, and needs no calibration.
+
+use std::sync::Arc;
+
+use nalgebra::Matrix3;
+use perimelt_core::family::LayerRule;
+use perimelt_core::{Body, Bond, BondKernel, Family};
+use rayon::prelude::*;
+
+use super::moduli::{Elasticity, Moduli};
+use super::ordinary::{flat, symmetric, unflatten};
+use super::solid::Solid;
+
+/// Inputs of the kernels, in slot space: nine components of `P K^-1 - g H` by rows, the
+/// displacement, g.
+const INPUTS: usize = 13;
+const DISPLACEMENT: usize = 9;
+const STABILISATION: usize = 12;
+
+/// `sum_j w (u_j - u_i) (x) xi` by rows, m.
+struct Gradient<const D: usize>;
+
+impl<const D: usize, const Q: usize> BondKernel<3, Q> for Gradient<D> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; Q] {
+        std::array::from_fn(|q| bond.weight * (other[q / D] - own[q / D]) * bond.xi[q % D])
+    }
+}
+
+/// `K` as xx, yy, zz, xy, yz, zx, m.
+struct ShapeTensor;
+
+impl BondKernel<3, 6> for ShapeTensor {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, _: [f64; 3], _: [f64; 3]) -> [f64; 6] {
+        let [x, y, z] = bond.xi;
+        [x * x, y * y, z * z, x * y, y * z, z * x].map(|c| bond.weight * c)
+    }
+}
+
+/// `sum_j w |u_j - u_i|^2`, m.
+struct SquaredExtension;
+
+impl BondKernel<3, 1> for SquaredExtension {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 1] {
+        [bond.weight * (0..3).fold(0.0, |sum, a| sum + (other[a] - own[a]).powi(2))]
+    }
+}
+
+/// Force density, N/m³.
+struct Force;
+
+impl<const D: usize> BondKernel<INPUTS, D> for Force {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
+        let sum = |i: usize| bond.weight * own[i] + bond.dual * other[i];
+        let spring = sum(STABILISATION);
+        std::array::from_fn(|row| {
+            let relative = other[DISPLACEMENT + row] - own[DISPLACEMENT + row];
+            (0..D).fold(spring * relative, |f, column| {
+                f + sum(3 * row + column) * bond.xi[column]
+            })
+        })
+    }
+}
+
+/// Diagonal block of the stiffness but for what the point's own strain adds, which vanishes in
+/// complete families. Inputs: `K^-1` as xx, yy, zz, xy, yz, zx, Lamé's constants, g.
+struct Block;
+
+impl BondKernel<9, 6> for Block {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 9], other: [f64; 9]) -> [f64; 6] {
+        let [x, y, z] = bond.xi;
+        let [xx, yy, zz, xy, yz, zx, lame, shear, _] = other;
+        let q = [
+            xx * x + xy * y + zx * z,
+            xy * x + yy * y + yz * z,
+            zx * x + yz * y + zz * z,
+        ];
+        let share = bond.dual * (q[0] * x + q[1] * y + q[2] * z);
+        let springs = (bond.weight * own[8] + bond.dual * other[8]) * (1.0 - share).max(0.0);
+        let square = q.iter().fold(0.0, |sum, c| sum + c * c);
+        let isotropic = bond.dual * bond.dual * shear * square + springs;
+        let dyad = bond.dual * bond.dual * (lame + shear);
+        [
+            dyad * q[0] * q[0] + isotropic,
+            dyad * q[1] * q[1] + isotropic,
+            dyad * q[2] * q[2] + isotropic,
+            dyad * q[0] * q[1],
+            dyad * q[1] * q[2],
+            dyad * q[2] * q[0],
+        ]
+    }
+}
+
+/// Family, moduli and work arrays of a body.
+#[derive(Debug)]
+pub struct Correspondence {
+    family: Arc<Family>,
+    dimension: usize,
+    finite: bool,
+    elasticity: Elasticity,
+    /// G.
+    stabilisation: f64,
+    moduli: Vec<Moduli>,
+    eigenstrain: Vec<f64>,
+    /// Zero in the components that the dimension leaves out.
+    inverse_shape: Vec<Matrix3<f64>>,
+    rules: Vec<LayerRule>,
+    slots: [Vec<f64>; INPUTS],
+    /// H of each point.
+    gradient: Vec<Matrix3<f64>>,
+    /// `P K^-1 - g H` of each point.
+    drive: Vec<Matrix3<f64>>,
+    padded: Vec<f64>,
+    energy: Vec<[f64; 2]>,
+    tensors: Vec<[f64; 6]>,
+}
+
+/// What a point's stress depends on besides its strain.
+#[derive(Clone, Copy)]
+struct Point {
+    moduli: Moduli,
+    eigenstrain: f64,
+    dimension: usize,
+}
+
+impl Point {
+    /// `C : (strain - eigenstrain)`, Pa, in the dimensions that there are.
+    fn stress(&self, strain: &Matrix3<f64>) -> Matrix3<f64> {
+        let d = self.dimension;
+        let trace: f64 = (0..d).map(|a| strain[(a, a)]).sum();
+        let mut stress = 2.0 * self.moduli.shear * strain;
+        let isotropic =
+            self.moduli.lame(d) * trace - d as f64 * self.moduli.bulk * self.eigenstrain;
+        (0..d).for_each(|a| stress[(a, a)] += isotropic);
+        stress
+    }
+
+    /// Green-Lagrange or small strain.
+    fn strain(gradient: &Matrix3<f64>, finite: bool) -> Matrix3<f64> {
+        let linear = 0.5 * (gradient + gradient.transpose());
+        if finite {
+            linear + 0.5 * gradient.transpose() * gradient
+        } else {
+            linear
+        }
+    }
+
+    /// First Piola-Kirchhoff stress, Pa. The Green-Lagrange strain of a stretch by e is `e + e^2/2`.
+    fn piola(&self, gradient: &Matrix3<f64>, finite: bool) -> Matrix3<f64> {
+        let strain = Self::strain(gradient, finite);
+        if !finite {
+            return self.stress(&strain);
+        }
+        let eigenstrain = self.eigenstrain * (1.0 + 0.5 * self.eigenstrain);
+        let stress = Point {
+            eigenstrain,
+            ..*self
+        }
+        .stress(&strain);
+        stress + gradient * stress
+    }
+}
+
+fn diagonal(signs: [f64; 3]) -> Matrix3<f64> {
+    Matrix3::from_diagonal(&signs.into())
+}
+
+impl Correspondence {
+    /// The operator of `body` with the given family; `stabilisation` is G.
+    ///
+    /// # Errors
+    /// A point whose bonds do not span the dimensions.
+    pub fn new(
+        body: &Body,
+        family: Arc<Family>,
+        elasticity: Elasticity,
+        finite: bool,
+        stabilisation: f64,
+    ) -> Result<Self, FlatFamily> {
+        let (points, dimension) = (body.points.len(), body.dimension);
+        let mut tensors = vec![[0.0; 6]; points];
+        let slots = family.slots();
+        let zeros = vec![0.0; slots];
+        family.sum(&ShapeTensor, [&zeros[..]; 3], &mut tensors);
+        let mut inverse_shape = Vec::with_capacity(points);
+        for (point, tensor) in tensors.iter().enumerate() {
+            let mut shape = symmetric(tensor);
+            let size: f64 = shape.trace();
+            (dimension..3).for_each(|a| shape[(a, a)] = size);
+            let flat = || FlatFamily {
+                at: body.points.position[point].into(),
+            };
+            // relative to a full family, whose eigenvalues are equal
+            if shape.symmetric_eigenvalues().min() < 1e-6 * size {
+                return Err(flat());
+            }
+            let mut inverse = shape.try_inverse().ok_or_else(flat)?;
+            (dimension..3).for_each(|a| inverse[(a, a)] = 0.0);
+            inverse_shape.push(inverse);
+        }
+        let needed = |i: usize| match i {
+            STABILISATION => true,
+            i if i >= DISPLACEMENT => i - DISPLACEMENT < dimension,
+            i => i / 3 < dimension && i % 3 < dimension,
+        };
+        let mut this = Correspondence {
+            dimension,
+            finite,
+            stabilisation,
+            moduli: vec![elasticity.at(0, 0.0); points],
+            eigenstrain: vec![0.0; points],
+            inverse_shape,
+            rules: Vec::new(),
+            slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
+            gradient: vec![Matrix3::zeros(); points],
+            drive: vec![Matrix3::zeros(); points],
+            padded: vec![0.0; points * dimension * dimension],
+            energy: vec![[0.0; 2]; points],
+            tensors,
+            elasticity,
+            family,
+        };
+        for (i, &m) in body.material_of_point.iter().enumerate() {
+            this.moduli[i] = this.elasticity.at(m as usize, 0.0);
+        }
+        this.load_stabilisation();
+        Ok(this)
+    }
+
+    fn spring(&self, point: usize) -> f64 {
+        let bond_stiffness = 2.0 * self.dimension as f64 * self.moduli[point].bulk;
+        self.stabilisation * bond_stiffness / self.family.spec().horizon
+    }
+
+    fn load_stabilisation(&mut self) {
+        let springs: Vec<f64> = (0..self.moduli.len()).map(|i| self.spring(i)).collect();
+        self.family
+            .scatter(&springs, 1, 0, &mut self.slots[STABILISATION]);
+        self.family
+            .fill_layers(&[], 0, &mut self.slots[STABILISATION]);
+    }
+
+    fn point(&self, i: usize, total: bool) -> Point {
+        Point {
+            moduli: self.moduli[i],
+            eigenstrain: if total { 0.0 } else { self.eigenstrain[i] },
+            dimension: self.dimension,
+        }
+    }
+
+    fn displacement_slots(&self) -> [&[f64]; 3] {
+        let slots = |axis: usize| match axis < self.dimension {
+            true => &self.slots[DISPLACEMENT + axis][..],
+            // neither read nor changed by kernels of this dimension
+            false => &self.slots[DISPLACEMENT][..],
+        };
+        std::array::from_fn(slots)
+    }
+
+    /// Evaluates H of the displacement that was set.
+    fn load_gradient(&mut self) {
+        match self.dimension {
+            1 => self.load_gradient_in::<1, 1>(),
+            2 => self.load_gradient_in::<2, 4>(),
+            _ => self.load_gradient_in::<3, 9>(),
+        }
+    }
+
+    fn load_gradient_in<const D: usize, const Q: usize>(&mut self) {
+        let mut sums = std::mem::take(&mut self.padded);
+        let kernel = &Gradient::<D>;
+        self.family.sum::<3, Q>(
+            kernel,
+            self.displacement_slots(),
+            bytemuck::cast_slice_mut(&mut sums),
+        );
+        let points = self.gradient.par_iter_mut().zip(sums.par_chunks_exact(Q));
+        points
+            .zip(&self.inverse_shape)
+            .for_each(|((gradient, sum), inverse)| {
+                let entry = |r: usize, c: usize| if r < D && c < D { sum[r * D + c] } else { 0.0 };
+                *gradient = Matrix3::from_fn(entry) * inverse;
+            });
+        self.padded = sums;
+    }
+
+    /// Evaluates the stress and loads what drives the bonds.
+    fn load_drive(&mut self, total: bool, finite: bool) {
+        let mut drive = std::mem::take(&mut self.drive);
+        let mut slots = std::mem::take(&mut self.slots);
+        let drive_of = |i: usize, gradient: &Matrix3<f64>, inverse: &Matrix3<f64>| {
+            self.point(i, total).piola(gradient, finite) * inverse - self.spring(i) * gradient
+        };
+        drive.par_iter_mut().enumerate().for_each(|(i, drive)| {
+            *drive = drive_of(i, &self.gradient[i], &self.inverse_shape[i]);
+        });
+        let images: Vec<_> = self
+            .family
+            .images(&self.rules)
+            .map(|image| {
+                let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
+                let gradient = scale * self.gradient[image.point] * mirror;
+                let inverse = mirror * self.inverse_shape[image.point] * mirror;
+                (image.slot, drive_of(image.point, &gradient, &inverse))
+            })
+            .collect();
+        for row in 0..self.dimension {
+            for column in 0..self.dimension {
+                let slots = &mut slots[3 * row + column];
+                // nalgebra stores columns
+                let flat: &[f64] = bytemuck::cast_slice(&drive);
+                self.family.scatter(flat, 9, 3 * column + row, slots);
+                for (slot, drive) in &images {
+                    slots[*slot] = drive[(row, column)];
+                }
+            }
+        }
+        (self.drive, self.slots) = (drive, slots);
+    }
+
+    fn sum_forces(&mut self, out: &mut [f64]) {
+        match self.dimension {
+            1 => self.sum_forces_in::<1>(out),
+            2 => self.sum_forces_in::<2>(out),
+            _ => self.sum_forces_in::<3>(out),
+        }
+    }
+
+    fn sum_forces_in<const D: usize>(&mut self, out: &mut [f64]) {
+        let mut padded = std::mem::take(&mut self.padded);
+        let points = self.gradient.len();
+        let inputs = self.slots.each_ref().map(|s| match s.is_empty() {
+            true => &self.slots[STABILISATION][..],
+            false => s,
+        });
+        let sums = flat::<D>(&mut padded[..points * D], bytemuck::cast_slice_mut(out));
+        self.family.sum(&Force, inputs, sums);
+        unflatten::<D>(&padded, out);
+        self.padded = padded;
+    }
+}
+
+/// A point whose bonds lie in a plane or on a line.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the bonds of the point at ({}, {}, {}) m do not span all directions, so it has no strain: a body for `correspondence` needs two points or more along each axis",
+    at[0], at[1], at[2]
+)]
+pub struct FlatFamily {
+    at: [f64; 3],
+}
+
+impl Solid for Correspondence {
+    fn set_moduli(&mut self, body: &Body, temperature: Option<&[f64]>) {
+        if self.elasticity.uniform().is_some() {
+            return;
+        }
+        let elasticity = &self.elasticity;
+        let points = self.moduli.par_iter_mut().zip(&body.material_of_point);
+        points.enumerate().for_each(|(i, (moduli, &m))| {
+            *moduli = elasticity.at(m as usize, temperature.map_or(0.0, |t| t[i]));
+        });
+        self.load_stabilisation();
+    }
+
+    fn set_stiffest_moduli(&mut self, body: &Body) {
+        for (moduli, &m) in self.moduli.iter_mut().zip(&body.material_of_point) {
+            *moduli = self.elasticity.stiffest(m as usize);
+        }
+        self.load_stabilisation();
+    }
+
+    fn set_eigenstrain(&mut self, eigenstrain: &[f64]) {
+        for ((own, e), moduli) in self
+            .eigenstrain
+            .iter_mut()
+            .zip(eigenstrain)
+            .zip(&self.moduli)
+        {
+            *own = e * moduli.swelling;
+        }
+    }
+
+    fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]) {
+        self.rules.clear();
+        self.rules.extend_from_slice(rules);
+        for axis in 0..self.dimension {
+            let slots = &mut self.slots[DISPLACEMENT + axis];
+            self.family.scatter(displacement, 3, axis, slots);
+            self.family.fill_layers(rules, axis, slots);
+        }
+    }
+
+    fn force(&mut self, out: &mut [f64]) {
+        self.load_gradient();
+        self.load_drive(false, self.finite);
+        self.sum_forces(out);
+    }
+
+    fn stiffness(&mut self, out: &mut [f64]) {
+        self.load_gradient();
+        self.load_drive(true, false);
+        self.sum_forces(out);
+        out.par_iter_mut().for_each(|f| *f = -*f);
+    }
+
+    fn blocks(&mut self) -> &[[f64; 6]] {
+        let points = self.moduli.len();
+        let mut slots: [Vec<f64>; 9] = std::array::from_fn(|_| vec![0.0; self.family.slots()]);
+        const COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)];
+        let mut field = vec![0.0; points];
+        for (slots, (row, column)) in slots.iter_mut().zip(COMPONENTS) {
+            let entries = field.iter_mut().zip(&self.inverse_shape);
+            entries.for_each(|(entry, inverse)| *entry = inverse[(row, column)]);
+            self.family.scatter(&field, 1, 0, slots);
+            for image in self.family.images(&self.rules) {
+                slots[image.slot] = image.mirror[row] * image.mirror[column] * field[image.point];
+            }
+        }
+        let moduli = |m: &Moduli| [m.lame(self.dimension), m.shear];
+        for which in 0..2 {
+            let entries = field.iter_mut().zip(&self.moduli);
+            entries.for_each(|(entry, m)| *entry = moduli(m)[which]);
+            self.family.scatter(&field, 1, 0, &mut slots[6 + which]);
+            self.family.fill_layers(&[], 0, &mut slots[6 + which]);
+        }
+        slots[8].copy_from_slice(&self.slots[STABILISATION]);
+        self.family
+            .sum(&Block, slots.each_ref().map(|s| &s[..]), &mut self.tensors);
+        &self.tensors
+    }
+
+    fn energy(&mut self) -> &[[f64; 2]] {
+        self.load_gradient();
+        let points = self.moduli.len();
+        let mut extension = vec![[0.0]; points];
+        let zeros = vec![0.0; self.family.slots()];
+        let inputs = std::array::from_fn(|axis| match axis < self.dimension {
+            true => &self.slots[DISPLACEMENT + axis][..],
+            false => &zeros[..],
+        });
+        self.family.sum(&SquaredExtension, inputs, &mut extension);
+        let mut energy = std::mem::take(&mut self.energy);
+        for (i, energy) in energy.iter_mut().enumerate() {
+            let (gradient, point) = (&self.gradient[i], self.point(i, true));
+            let strain = Point::strain(gradient, self.finite);
+            let stress = point.stress(&strain);
+            // sum_j w |z|^2 = sum_j w |u_j - u_i|^2 - H : H K, with K the inverse of its inverse
+            let mut shape = self.inverse_shape[i];
+            (self.dimension..3).for_each(|a| shape[(a, a)] = 1.0);
+            let shape = shape
+                .try_inverse()
+                .expect("the inverse of a regular tensor");
+            let affine = gradient.dot(&(gradient * shape));
+            let modes = 0.5 * self.spring(i) * (extension[i][0] - affine).max(0.0);
+            let conjugate = (0..self.dimension).map(|a| stress[(a, a)]).sum::<f64>();
+            *energy = [
+                0.5 * stress.dot(&strain) + modes,
+                conjugate * point.moduli.swelling,
+            ];
+        }
+        self.energy = energy;
+        &self.energy
+    }
+
+    /// Cauchy stress under finite kinematics.
+    fn stress(&mut self) -> &[[f64; 6]] {
+        self.load_gradient();
+        let mut tensors = std::mem::take(&mut self.tensors);
+        for (i, tensor) in tensors.iter_mut().enumerate() {
+            let (gradient, point) = (&self.gradient[i], self.point(i, false));
+            let mut stress = point.piola(gradient, self.finite);
+            if self.finite {
+                let deformation = Matrix3::identity() + gradient;
+                stress = stress * deformation.transpose() / deformation.determinant();
+            }
+            *tensor = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)].map(|at| stress[at]);
+            if self.elasticity.is_plane_strain() {
+                tensor[2] = point.moduli.stress_across(tensor, point.eigenstrain);
+            }
+        }
+        self.tensors = tensors;
+        &self.tensors
+    }
+}

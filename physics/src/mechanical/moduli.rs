@@ -1,0 +1,179 @@
+//! Elastic moduli in the dimensions that there are.
+
+use perimelt_core::material::Property;
+use perimelt_core::{Setup, SetupError};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What holds across the thickness of a 2D body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Plane {
+    /// No stress: thin plates.
+    #[default]
+    Stress,
+    /// No strain: sections of long bodies.
+    Strain,
+}
+
+/// Moduli of an isotropic solid of `d` dimensions, Pa: mean stress is `bulk` times the sum of the
+/// `d` strains. Spec 01, table 3-2; plane strain spec 04, 1.3.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moduli {
+    /// Bulk modulus of `d` dimensions.
+    pub bulk: f64,
+    /// Shear modulus; in 1D the value that makes a bond-based solid of the bar.
+    pub shear: f64,
+    /// In-plane strain that a unit of eigenstrain makes: `1 + nu` in plane strain, else 1.
+    pub swelling: f64,
+}
+
+impl Moduli {
+    /// From Young's modulus (Pa) and Poisson's ratio.
+    pub fn new(youngs_modulus: f64, poissons_ratio: f64, dimension: usize, plane: Plane) -> Self {
+        let (e, nu) = (youngs_modulus, poissons_ratio);
+        let shear = e / (2.0 * (1.0 + nu));
+        let (bulk, swelling) = match (dimension, plane) {
+            (1, _) => {
+                let (bulk, shear) = (e, e / 3.0);
+                return Moduli {
+                    bulk,
+                    shear,
+                    swelling: 1.0,
+                };
+            }
+            (2, Plane::Stress) => (e / (2.0 * (1.0 - nu)), 1.0),
+            (2, Plane::Strain) => (e / (2.0 * (1.0 + nu) * (1.0 - 2.0 * nu)), 1.0 + nu),
+            _ => (e / (3.0 * (1.0 - 2.0 * nu)), 1.0),
+        };
+        Moduli {
+            bulk,
+            shear,
+            swelling,
+        }
+    }
+
+    /// First Lamé constant of `d` dimensions, Pa.
+    pub fn lame(&self, dimension: usize) -> f64 {
+        self.bulk - 2.0 * self.shear / dimension as f64
+    }
+
+    /// Stiffness of the bonds, Pa: the bond constant times the moment of the family,
+    /// `4 delta b M = 2 (d + 2) mu` (Wang (2025), table 3-1). With Poisson's ratio of
+    /// [`bond_based_poissons_ratio`] it is `2 d bulk`, that of the bond-based solid.
+    pub fn bond_stiffness(&self, dimension: usize) -> f64 {
+        2.0 * (dimension + 2) as f64 * self.shear
+    }
+
+    /// Stress across the plane under plane strain, Pa, from that in the plane (xx, yy, ...) and the
+    /// in-plane eigenstrain: `nu (xx + yy) - 2 mu e`.
+    pub fn stress_across(&self, stress: &[f64; 6], eigenstrain: f64) -> f64 {
+        let poissons_ratio = 0.5 * (1.0 - self.shear / self.bulk);
+        poissons_ratio * (stress[0] + stress[1]) - 2.0 * self.shear * eigenstrain
+    }
+
+    /// `a` of Wang (2025), table 3-1, Pa: what dilatation adds to the energy of the bonds. Negative
+    /// below Poisson's ratio of the bond-based solid.
+    pub fn dilatation_stiffness(&self, dimension: usize) -> f64 {
+        let d = dimension as f64;
+        0.5 * (self.bulk - (d + 2.0) / d * self.shear)
+    }
+}
+
+/// Poisson's ratio that bonds alone have.
+pub fn bond_based_poissons_ratio(dimension: usize, plane: Plane) -> f64 {
+    match (dimension, plane) {
+        (2, Plane::Stress) => 1.0 / 3.0,
+        _ => 0.25,
+    }
+}
+
+/// Elastic properties of the materials of a body and the moduli that they give.
+#[derive(Debug)]
+pub struct Elasticity {
+    dimension: usize,
+    plane: Plane,
+    youngs_modulus: Vec<Property>,
+    /// `None`: that of the bonds.
+    poissons_ratio: Option<Vec<Property>>,
+}
+
+impl Elasticity {
+    /// Takes the properties of the materials of `body`; Poisson's ratio only where the formulation
+    /// leaves it free.
+    ///
+    /// # Errors
+    /// A material lacks one.
+    pub fn of(
+        setup: &Setup<'_>,
+        body: usize,
+        plane: Plane,
+        bond_based: bool,
+    ) -> Result<Self, SetupError> {
+        let poissons_ratio = match bond_based || setup.body(body).dimension == 1 {
+            true => None,
+            false => Some(setup.property(body, "poissons_ratio")?),
+        };
+        Ok(Elasticity {
+            dimension: setup.body(body).dimension,
+            plane,
+            youngs_modulus: setup.property(body, "youngs_modulus")?,
+            poissons_ratio,
+        })
+    }
+
+    /// Young's moduli and the Poisson's ratio of the bonds, in plane stress.
+    pub fn bond_based(youngs_modulus: Vec<Property>, dimension: usize) -> Self {
+        Elasticity {
+            dimension,
+            plane: Plane::Stress,
+            youngs_modulus,
+            poissons_ratio: None,
+        }
+    }
+
+    /// Whether Poisson's ratio is that of the material, not that of the bonds.
+    pub fn has_free_poissons_ratio(&self) -> bool {
+        self.poissons_ratio.is_some()
+    }
+
+    /// Whether a 2D body is held across its plane.
+    pub fn is_plane_strain(&self) -> bool {
+        self.dimension == 2 && self.plane == Plane::Strain
+    }
+
+    /// Moduli of a material at a temperature, K.
+    pub fn at(&self, material: usize, temperature: f64) -> Moduli {
+        let at = |p: &[Property]| p[material].at(temperature, 0.0);
+        let poissons_ratio = self
+            .poissons_ratio
+            .as_deref()
+            .map_or_else(|| bond_based_poissons_ratio(self.dimension, self.plane), at);
+        let youngs_modulus = at(&self.youngs_modulus);
+        Moduli::new(youngs_modulus, poissons_ratio, self.dimension, self.plane)
+    }
+
+    /// The moduli, where they are the same everywhere at any temperature.
+    pub fn uniform(&self) -> Option<Moduli> {
+        let constant = |properties: &[Property]| {
+            let first = properties[0].constant();
+            first.filter(|_| properties.iter().all(|p| p.constant() == first))
+        };
+        constant(&self.youngs_modulus)?;
+        if let Some(ratios) = &self.poissons_ratio {
+            constant(ratios)?;
+        }
+        Some(self.at(0, 0.0))
+    }
+
+    /// The stiffest moduli that a material can have: those of the stable step.
+    pub fn stiffest(&self, material: usize) -> Moduli {
+        let largest = |p: &Property| p.values().into_iter().fold(0.0, f64::max);
+        let poissons_ratio = self.poissons_ratio.as_deref().map_or_else(
+            || bond_based_poissons_ratio(self.dimension, self.plane),
+            |p| largest(&p[material]),
+        );
+        let youngs_modulus = largest(&self.youngs_modulus[material]);
+        Moduli::new(youngs_modulus, poissons_ratio, self.dimension, self.plane)
+    }
+}

@@ -1,0 +1,46 @@
+//! What the solvers ask of a formulation.
+
+use std::fmt::Debug;
+
+use perimelt_core::Body;
+use perimelt_core::family::LayerRule;
+
+/// Forces, stiffness, energy and stress of a body in one formulation. Vectors have three components
+/// per point whatever the dimension; those that the dimension leaves out stay zero. Symmetric tensors
+/// are xx, yy, zz, xy, yz, zx.
+pub trait Solid: Debug {
+    /// Evaluates the moduli at the temperature of each point, K.
+    fn set_moduli(&mut self, body: &Body, temperature: Option<&[f64]>);
+
+    /// Takes the stiffest moduli of each material: those of the stable step.
+    fn set_stiffest_moduli(&mut self, body: &Body);
+
+    /// Takes the stress-free strain of each point; layers mirror it.
+    fn set_eigenstrain(&mut self, eigenstrain: &[f64]);
+
+    /// Takes displacements, m, and fills the layers by `rules`.
+    fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]);
+
+    /// Force density of the bonds, N/m³.
+    fn force(&mut self, out: &mut [f64]);
+
+    /// Stiffness times the displacement that was set, N/m³: the linear part of minus
+    /// [`Solid::force`] about the undeformed state, whatever the kinematics.
+    fn stiffness(&mut self, out: &mut [f64]);
+
+    /// Diagonal block of the stiffness of each point, N/m⁵, or a good estimate.
+    fn blocks(&mut self) -> &[[f64; 6]];
+
+    /// An upper bound of the frequencies at which the body can vibrate, rad/s, or `None` where there is
+    /// only the power iteration; `density` in kg/m³ by point.
+    fn frequency_bound(&mut self, _density: &[f64]) -> Option<f64> {
+        None
+    }
+
+    /// Elastic energy density of the total strain (J/m³), and the stress conjugate to the eigenstrain
+    /// (Pa), of each point.
+    fn energy(&mut self) -> &[[f64; 2]];
+
+    /// Stress of each point, Pa.
+    fn stress(&mut self) -> &[[f64; 6]];
+}

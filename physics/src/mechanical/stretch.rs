@@ -1,0 +1,233 @@
+//! Bond kernels of solids whose bonds pull along themselves: bond-based and ordinary state-based.
+//!
+//! ```text
+//! T_ij = [ c_i/2 (s - e_i) + p_i / |xi| ] w_ij n         Wang (2025), eqs. 3.3, 3.10; spec 04, 1.3
+//! f_i  = sum_j T_ij - T_ji
+//! s    = (|y_j - y_i| - |xi|) / |xi|                     finite kinematics, eq. 3.5
+//! s    = n . (u_j - u_i) / |xi|                          linear kinematics
+//! c = 2 (d + 2) mu,   p = 2 a N theta,   theta = N sum_j s w_ij - d e,   N = d / sum_j w_ij
+//! ```
+//!
+//! `w` is the weight of the bond in the family of the owner of the force state (`c` and `p` are free
+//! of horizons, whose moment the weights hold), `e` the eigenstrain (thermal expansion), `mu` the
+//! shear modulus, `a` the dilatation stiffness, `d` the dimension. In a bond-based solid `a` and `p`
+//! are zero. Forces are the derivative of the energy `sum_i V_i (a theta_i^2 + c_i/4 sum_j w_ij
+//! |xi| (s - e_i)^2)`, with single and dual horizons.
+
+use perimelt_core::{Bond, BondKernel};
+
+/// Inputs of every kernel, in slot space; the first three are the displacement, m.
+pub const INPUTS: usize = 6;
+/// Input that holds the eigenstrain.
+pub const EIGENSTRAIN: usize = 3;
+/// Input that holds the bond stiffness c where it varies, Pa.
+pub const STIFFNESS: usize = 4;
+/// Input that holds the pressure p from dilatation, Pa.
+pub const PRESSURE: usize = 5;
+
+type Ends<'a> = (&'a [f64; INPUTS], &'a [f64; INPUTS]);
+
+/// The bond stiffness c (Pa) of a body; of points where it is `VARYING`.
+#[derive(Clone, Copy, Debug)]
+pub struct Law<const VARYING: bool> {
+    /// c, unless varying.
+    pub stiffness: f64,
+}
+
+impl<const VARYING: bool> Law<VARYING> {
+    #[inline(always)]
+    fn stiffness(&self, point: &[f64; INPUTS]) -> f64 {
+        if VARYING {
+            point[STIFFNESS]
+        } else {
+            self.stiffness
+        }
+    }
+
+    /// Force density along the bond from the stretch of both ends, N/m³.
+    #[inline(always)]
+    fn tension(&self, bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
+        let end = |weight: f64, point: &[f64; INPUTS]| {
+            0.5 * weight * self.stiffness(point) * (stretch - point[EIGENSTRAIN])
+        };
+        end(bond.weight, own) + end(bond.dual, other)
+    }
+}
+
+#[inline(always)]
+fn pressure(bond: &Bond, (own, other): Ends<'_>) -> f64 {
+    (bond.weight * own[PRESSURE] + bond.dual * other[PRESSURE]) / bond.length
+}
+
+/// Force density of the bonds, N/m³.
+pub struct Force<const FINITE: bool, const VARYING: bool, const DILATATION: bool>(pub Law<VARYING>);
+
+/// Stiffness times displacement, N/m³: the linear part of minus [`Force`], with the pressure that the
+/// displacement makes.
+pub struct Stiffness<const VARYING: bool, const DILATATION: bool>(pub Law<VARYING>);
+
+/// What the bonds contribute to the diagonal block of the stiffness, `sum_j (c_i w_ij + c_j w_ji) /
+/// (2 |xi|) n n^T`, as xx, yy, zz, xy, yz, zx, N/m⁵.
+pub struct Block<const VARYING: bool>(pub Law<VARYING>);
+
+/// `sum_j w s` in parts along the axes, whose sum it is.
+pub struct Expansion<const FINITE: bool>;
+
+/// `sum_j w`.
+pub struct TotalWeight;
+
+/// `sum_j w / |xi|`.
+pub struct WeightOverLength;
+
+/// Of the point's own bonds and their total stretch: the energy density `c/4 sum_j w |xi| s^2`
+/// (J/m³) and the stress `c/2 sum_j w |xi| s` conjugate to the eigenstrain (Pa).
+pub struct Energy<const FINITE: bool, const VARYING: bool, const D: usize>(pub Law<VARYING>);
+
+/// Peridynamic stress `sum_j T_ij (x) xi` (Pa) as xx, yy, zz, xy, yz, zx (spec 07, 1.8, S1): the
+/// momentum that the point's own bonds carry.
+pub struct Stress<const FINITE: bool, const VARYING: bool, const D: usize>(pub Law<VARYING>);
+
+/// A kernel for points with a plastic strain besides the eigenstrain: inputs from [`INPUTS`] on are
+/// its components xx, yy, zz, xy, yz, zx.
+pub struct Plastic<K>(pub K);
+
+/// Inputs of [`Plastic`] kernels.
+pub const PLASTIC_INPUTS: usize = INPUTS + 6;
+
+/// Stretch in parts along the axes, whose sum it is, and current direction of a bond.
+#[inline(always)]
+fn stretch<const FINITE: bool, const D: usize>(
+    bond: &Bond,
+    (own, other): Ends<'_>,
+) -> ([f64; D], [f64; D]) {
+    let relative: [f64; D] = std::array::from_fn(|a| other[a] - own[a]);
+    if FINITE {
+        let current: [f64; D] = std::array::from_fn(|a| bond.xi[a] + relative[a]);
+        let length = current.iter().fold(0.0, |sum, y| sum + y * y).sqrt();
+        // l - l0 = (l^2 - l0^2) / (l + l0): small stretches keep their digits
+        let scale = 1.0 / ((length + bond.length) * bond.length);
+        let part = |a: usize| relative[a] * (bond.xi[a] + current[a]) * scale;
+        (std::array::from_fn(part), current.map(|y| y / length))
+    } else {
+        let direction: [f64; D] = std::array::from_fn(|a| bond.xi[a] / bond.length);
+        let part = |a: usize| direction[a] * relative[a] / bond.length;
+        (std::array::from_fn(part), direction)
+    }
+}
+
+#[inline(always)]
+fn sum<const D: usize>(parts: &[f64; D]) -> f64 {
+    parts.iter().fold(0.0, |sum, part| sum + part)
+}
+
+#[inline(always)]
+fn dyad<const D: usize>(factor: f64, n: &[f64; D]) -> [f64; 6] {
+    let [x, y, z] = std::array::from_fn(|a| if a < D { n[a] } else { 0.0 });
+    [x * x, y * y, z * z, x * y, y * z, z * x].map(|n| factor * n)
+}
+
+impl<const FINITE: bool, const VARYING: bool, const DILATATION: bool, const D: usize>
+    BondKernel<INPUTS, D> for Force<FINITE, VARYING, DILATATION>
+{
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
+        let ends = (&own, &other);
+        let (parts, direction) = stretch::<FINITE, D>(bond, ends);
+        let mut force = self.0.tension(bond, sum(&parts), ends);
+        if DILATATION {
+            force += pressure(bond, ends);
+        }
+        direction.map(|n| force * n)
+    }
+}
+
+impl<const VARYING: bool, const DILATATION: bool, const D: usize> BondKernel<INPUTS, D>
+    for Stiffness<VARYING, DILATATION>
+{
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, mut own: [f64; INPUTS], mut other: [f64; INPUTS]) -> [f64; D] {
+        own[EIGENSTRAIN] = 0.0;
+        other[EIGENSTRAIN] = 0.0;
+        Force::<false, VARYING, DILATATION>(self.0)
+            .bond(bond, own, other)
+            .map(|f: f64| -f)
+    }
+}
+
+impl<const FINITE: bool, const D: usize> BondKernel<INPUTS, D> for Expansion<FINITE> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
+        let (parts, _) = stretch::<FINITE, D>(bond, (&own, &other));
+        parts.map(|part| bond.weight * part)
+    }
+}
+
+impl BondKernel<INPUTS, 1> for TotalWeight {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, _: [f64; INPUTS], _: [f64; INPUTS]) -> [f64; 1] {
+        [bond.weight]
+    }
+}
+
+impl BondKernel<INPUTS, 1> for WeightOverLength {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, _: [f64; INPUTS], _: [f64; INPUTS]) -> [f64; 1] {
+        [bond.weight / bond.length]
+    }
+}
+
+impl<const VARYING: bool> BondKernel<INPUTS, 6> for Block<VARYING> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 6] {
+        let ends = self.0.stiffness(&own) * bond.weight + self.0.stiffness(&other) * bond.dual;
+        dyad(
+            0.5 * ends / bond.length,
+            &bond.xi.map(|xi| xi / bond.length),
+        )
+    }
+}
+
+impl<const FINITE: bool, const VARYING: bool, const D: usize> BondKernel<INPUTS, 2>
+    for Energy<FINITE, VARYING, D>
+{
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
+        let (parts, _) = stretch::<FINITE, D>(bond, (&own, &other));
+        let stretch = sum(&parts);
+        let conjugate = 0.5 * self.0.stiffness(&own) * bond.weight * bond.length * stretch;
+        [0.5 * conjugate * stretch, conjugate]
+    }
+}
+
+impl<const FINITE: bool, const VARYING: bool, const D: usize> BondKernel<INPUTS, 6>
+    for Stress<FINITE, VARYING, D>
+{
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 6] {
+        let (parts, direction) = stretch::<FINITE, D>(bond, (&own, &other));
+        let stretch = sum(&parts) - own[EIGENSTRAIN];
+        let tension = 0.5 * self.0.stiffness(&own) * stretch * bond.length + own[PRESSURE];
+        dyad(bond.weight * tension, &direction)
+    }
+}
+
+impl<K: BondKernel<INPUTS, O>, const O: usize> BondKernel<PLASTIC_INPUTS, O> for Plastic<K> {
+    #[inline(always)]
+    fn bond(
+        &self,
+        bond: &Bond,
+        own: [f64; PLASTIC_INPUTS],
+        other: [f64; PLASTIC_INPUTS],
+    ) -> [f64; O] {
+        let [x, y, z] = bond.xi.map(|xi| xi / bond.length);
+        let along = [x * x, y * y, z * z, 2.0 * x * y, 2.0 * y * z, 2.0 * z * x];
+        let end = |inputs: [f64; PLASTIC_INPUTS]| -> [f64; INPUTS] {
+            let mut end = std::array::from_fn(|i| inputs[i]);
+            for (n, e) in along.iter().zip(&inputs[INPUTS..]) {
+                end[EIGENSTRAIN] += n * e;
+            }
+            end
+        };
+        self.0.bond(bond, end(own), end(other))
+    }
+}
