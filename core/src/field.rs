@@ -105,6 +105,12 @@ pub mod keys {
         BODY_FORCE: Vector3<f64> = "body_force", "N/m3", "force per volume";
         /// Isotropic stress-free strain, for example alpha (T - T_ref) (sink field of the mechanical physics).
         EIGENSTRAIN: f64 = "eigenstrain", "1", "isotropic stress-free strain";
+        /// Plastic strain, with what was relieved by annealing.
+        PLASTIC_STRAIN: Matrix3<f64> = "plastic_strain", "1", "inelastic strain: plastic flow, and what annealing relieved";
+        /// Equivalent (von Mises) plastic strain since the last annealing.
+        EQUIVALENT_PLASTIC_STRAIN: f64 = "equivalent_plastic_strain", "1", "equivalent plastic strain";
+        /// Work of plastic flow since the start, J/m³.
+        PLASTIC_WORK: f64 = "plastic_work", "J/m3", "work of plastic flow since the start";
         /// Stress, Pa.
         STRESS: Matrix3<f64> = "stress", "Pa", "stress";
         /// Stress conjugate to the eigenstrain, `dW/d(strain)` summed over the bonds, Pa. Heat from

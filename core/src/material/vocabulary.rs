@@ -139,6 +139,12 @@ pub const COMMON_PROPERTIES: &[PropertyKey] = &[
     ),
     key("yield_stress", "Pa", "yield stress", ValueRange::Positive),
     key(
+        "hardening_modulus",
+        "Pa",
+        "rise of the flow stress per equivalent plastic strain",
+        ValueRange::NotNegative,
+    ),
+    key(
         "emissivity",
         "1",
         "total hemispherical emissivity of the surface",

@@ -20,8 +20,11 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::{Body, Bond, BondKernel, Family};
 use rayon::prelude::*;
 
+use super::classical::{Point, diagonal, image_of};
+use super::gradient::{FlatFamily, Gradient};
 use super::moduli::{Elasticity, Moduli};
-use super::ordinary::{flat, symmetric, unflatten};
+use super::ordinary::{flat, unflatten};
+use super::plasticity::Plasticity;
 use super::solid::Solid;
 
 /// Inputs of the kernels, in slot space: nine components of `P K^-1 - g H` by rows, the
@@ -29,27 +32,6 @@ use super::solid::Solid;
 const INPUTS: usize = 13;
 const DISPLACEMENT: usize = 9;
 const STABILISATION: usize = 12;
-
-/// `sum_j w (u_j - u_i) (x) xi` by rows, m.
-struct Gradient<const D: usize>;
-
-impl<const D: usize, const Q: usize> BondKernel<3, Q> for Gradient<D> {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; Q] {
-        std::array::from_fn(|q| bond.weight * (other[q / D] - own[q / D]) * bond.xi[q % D])
-    }
-}
-
-/// `K` as xx, yy, zz, xy, yz, zx, m.
-struct ShapeTensor;
-
-impl BondKernel<3, 6> for ShapeTensor {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, _: [f64; 3], _: [f64; 3]) -> [f64; 6] {
-        let [x, y, z] = bond.xi;
-        [x * x, y * y, z * z, x * y, y * z, z * x].map(|c| bond.weight * c)
-    }
-}
 
 /// `sum_j w |u_j - u_i|^2`, m.
 struct SquaredExtension;
@@ -119,67 +101,16 @@ pub struct Correspondence {
     stabilisation: f64,
     moduli: Vec<Moduli>,
     eigenstrain: Vec<f64>,
-    /// Zero in the components that the dimension leaves out.
-    inverse_shape: Vec<Matrix3<f64>>,
+    plasticity: Option<Plasticity>,
     rules: Vec<LayerRule>,
     slots: [Vec<f64>; INPUTS],
     /// H of each point.
-    gradient: Vec<Matrix3<f64>>,
+    gradient: Gradient,
     /// `P K^-1 - g H` of each point.
     drive: Vec<Matrix3<f64>>,
     padded: Vec<f64>,
     energy: Vec<[f64; 2]>,
     tensors: Vec<[f64; 6]>,
-}
-
-/// What a point's stress depends on besides its strain.
-#[derive(Clone, Copy)]
-struct Point {
-    moduli: Moduli,
-    eigenstrain: f64,
-    dimension: usize,
-}
-
-impl Point {
-    /// `C : (strain - eigenstrain)`, Pa, in the dimensions that there are.
-    fn stress(&self, strain: &Matrix3<f64>) -> Matrix3<f64> {
-        let d = self.dimension;
-        let trace: f64 = (0..d).map(|a| strain[(a, a)]).sum();
-        let mut stress = 2.0 * self.moduli.shear * strain;
-        let isotropic =
-            self.moduli.lame(d) * trace - d as f64 * self.moduli.bulk * self.eigenstrain;
-        (0..d).for_each(|a| stress[(a, a)] += isotropic);
-        stress
-    }
-
-    /// Green-Lagrange or small strain.
-    fn strain(gradient: &Matrix3<f64>, finite: bool) -> Matrix3<f64> {
-        let linear = 0.5 * (gradient + gradient.transpose());
-        if finite {
-            linear + 0.5 * gradient.transpose() * gradient
-        } else {
-            linear
-        }
-    }
-
-    /// First Piola-Kirchhoff stress, Pa. The Green-Lagrange strain of a stretch by e is `e + e^2/2`.
-    fn piola(&self, gradient: &Matrix3<f64>, finite: bool) -> Matrix3<f64> {
-        let strain = Self::strain(gradient, finite);
-        if !finite {
-            return self.stress(&strain);
-        }
-        let eigenstrain = self.eigenstrain * (1.0 + 0.5 * self.eigenstrain);
-        let stress = Point {
-            eigenstrain,
-            ..*self
-        }
-        .stress(&strain);
-        stress + gradient * stress
-    }
-}
-
-fn diagonal(signs: [f64; 3]) -> Matrix3<f64> {
-    Matrix3::from_diagonal(&signs.into())
 }
 
 impl Correspondence {
@@ -193,28 +124,11 @@ impl Correspondence {
         elasticity: Elasticity,
         finite: bool,
         stabilisation: f64,
+        plasticity: Option<Plasticity>,
     ) -> Result<Self, FlatFamily> {
         let (points, dimension) = (body.points.len(), body.dimension);
-        let mut tensors = vec![[0.0; 6]; points];
         let slots = family.slots();
-        let zeros = vec![0.0; slots];
-        family.sum(&ShapeTensor, [&zeros[..]; 3], &mut tensors);
-        let mut inverse_shape = Vec::with_capacity(points);
-        for (point, tensor) in tensors.iter().enumerate() {
-            let mut shape = symmetric(tensor);
-            let size: f64 = shape.trace();
-            (dimension..3).for_each(|a| shape[(a, a)] = size);
-            let flat = || FlatFamily {
-                at: body.points.position[point].into(),
-            };
-            // relative to a full family, whose eigenvalues are equal
-            if shape.symmetric_eigenvalues().min() < 1e-6 * size {
-                return Err(flat());
-            }
-            let mut inverse = shape.try_inverse().ok_or_else(flat)?;
-            (dimension..3).for_each(|a| inverse[(a, a)] = 0.0);
-            inverse_shape.push(inverse);
-        }
+        let gradient = Gradient::new(body, family.clone())?;
         let needed = |i: usize| match i {
             STABILISATION => true,
             i if i >= DISPLACEMENT => i - DISPLACEMENT < dimension,
@@ -226,14 +140,14 @@ impl Correspondence {
             stabilisation,
             moduli: vec![elasticity.at(0, 0.0); points],
             eigenstrain: vec![0.0; points],
-            inverse_shape,
+            plasticity,
             rules: Vec::new(),
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
-            gradient: vec![Matrix3::zeros(); points],
+            gradient,
             drive: vec![Matrix3::zeros(); points],
             padded: vec![0.0; points * dimension * dimension],
             energy: vec![[0.0; 2]; points],
-            tensors,
+            tensors: vec![[0.0; 6]; points],
             elasticity,
             family,
         };
@@ -258,67 +172,76 @@ impl Correspondence {
     }
 
     fn point(&self, i: usize, total: bool) -> Point {
-        Point {
-            moduli: self.moduli[i],
-            eigenstrain: if total { 0.0 } else { self.eigenstrain[i] },
-            dimension: self.dimension,
+        let eigenstrain = if total { 0.0 } else { self.eigenstrain[i] };
+        let point = Point::new(self.moduli[i], eigenstrain, self.dimension);
+        match &self.plasticity {
+            Some(plasticity) if !total => {
+                point.with_inelastic(plasticity.stress_state, plasticity.tried[i].strain)
+            }
+            _ => point,
         }
     }
 
-    fn displacement_slots(&self) -> [&[f64]; 3] {
-        let slots = |axis: usize| match axis < self.dimension {
-            true => &self.slots[DISPLACEMENT + axis][..],
-            // neither read nor changed by kernels of this dimension
-            false => &self.slots[DISPLACEMENT][..],
+    /// Returns the stresses of the gradients that were loaded to the flow stress.
+    fn flow(&mut self) {
+        let Some(mut plasticity) = self.plasticity.take() else {
+            return;
         };
-        std::array::from_fn(slots)
+        let (state, settled) = (
+            plasticity.stress_state,
+            std::mem::take(&mut plasticity.settled),
+        );
+        let plane_strain = self.elasticity.is_plane_strain();
+        let trial = |i: usize| {
+            let point = self
+                .point(i, false)
+                .with_inelastic(state, settled[i].strain);
+            let stress = point.material_stress(&self.gradient.values[i], self.finite);
+            point.components(&stress, plane_strain)
+        };
+        plasticity.try_stress(&settled, trial, |i| self.moduli[i]);
+        plasticity.settled = settled;
+        self.plasticity = Some(plasticity);
     }
 
     /// Evaluates H of the displacement that was set.
     fn load_gradient(&mut self) {
-        match self.dimension {
-            1 => self.load_gradient_in::<1, 1>(),
-            2 => self.load_gradient_in::<2, 4>(),
-            _ => self.load_gradient_in::<3, 9>(),
-        }
-    }
-
-    fn load_gradient_in<const D: usize, const Q: usize>(&mut self) {
-        let mut sums = std::mem::take(&mut self.padded);
-        let kernel = &Gradient::<D>;
-        self.family.sum::<3, Q>(
-            kernel,
-            self.displacement_slots(),
-            bytemuck::cast_slice_mut(&mut sums),
-        );
-        let points = self.gradient.par_iter_mut().zip(sums.par_chunks_exact(Q));
-        points
-            .zip(&self.inverse_shape)
-            .for_each(|((gradient, sum), inverse)| {
-                let entry = |r: usize, c: usize| if r < D && c < D { sum[r * D + c] } else { 0.0 };
-                *gradient = Matrix3::from_fn(entry) * inverse;
-            });
-        self.padded = sums;
+        let axes = std::array::from_fn(|axis| &self.slots[DISPLACEMENT + axis][..]);
+        self.gradient.evaluate(axes);
     }
 
     /// Evaluates the stress and loads what drives the bonds.
     fn load_drive(&mut self, total: bool, finite: bool) {
         let mut drive = std::mem::take(&mut self.drive);
         let mut slots = std::mem::take(&mut self.slots);
-        let drive_of = |i: usize, gradient: &Matrix3<f64>, inverse: &Matrix3<f64>| {
-            self.point(i, total).piola(gradient, finite) * inverse - self.spring(i) * gradient
+        let drive_of = |point: Point, i, gradient: &Matrix3<f64>, inverse: &Matrix3<f64>| {
+            point.piola(gradient, finite) * inverse - self.spring(i) * gradient
         };
         drive.par_iter_mut().enumerate().for_each(|(i, drive)| {
-            *drive = drive_of(i, &self.gradient[i], &self.inverse_shape[i]);
+            let point = self.point(i, total);
+            *drive = drive_of(
+                point,
+                i,
+                &self.gradient.values[i],
+                &self.gradient.inverse_shape[i],
+            );
         });
         let images: Vec<_> = self
             .family
             .images(&self.rules)
             .map(|image| {
                 let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
-                let gradient = scale * self.gradient[image.point] * mirror;
-                let inverse = mirror * self.inverse_shape[image.point] * mirror;
-                (image.slot, drive_of(image.point, &gradient, &inverse))
+                let gradient = scale * self.gradient.values[image.point] * mirror;
+                let inverse = mirror * self.gradient.inverse_shape[image.point] * mirror;
+                let mut point = self.point(image.point, total);
+                if let Some(plasticity) = &self.plasticity {
+                    let inelastic = image_of(&scale, &point.inelastic, &mirror);
+                    point = point.with_inelastic(plasticity.stress_state, inelastic);
+                }
+                (
+                    image.slot,
+                    drive_of(point, image.point, &gradient, &inverse),
+                )
             })
             .collect();
         for row in 0..self.dimension {
@@ -345,7 +268,7 @@ impl Correspondence {
 
     fn sum_forces_in<const D: usize>(&mut self, out: &mut [f64]) {
         let mut padded = std::mem::take(&mut self.padded);
-        let points = self.gradient.len();
+        let points = self.moduli.len();
         let inputs = self.slots.each_ref().map(|s| match s.is_empty() {
             true => &self.slots[STABILISATION][..],
             false => s,
@@ -355,16 +278,6 @@ impl Correspondence {
         unflatten::<D>(&padded, out);
         self.padded = padded;
     }
-}
-
-/// A point whose bonds lie in a plane or on a line.
-#[derive(Debug, thiserror::Error)]
-#[error(
-    "the bonds of the point at ({}, {}, {}) m do not span all directions, so it has no strain: a body for `correspondence` needs two points or more along each axis",
-    at[0], at[1], at[2]
-)]
-pub struct FlatFamily {
-    at: [f64; 3],
 }
 
 impl Solid for Correspondence {
@@ -410,6 +323,7 @@ impl Solid for Correspondence {
 
     fn force(&mut self, out: &mut [f64]) {
         self.load_gradient();
+        self.flow();
         self.load_drive(false, self.finite);
         self.sum_forces(out);
     }
@@ -427,14 +341,14 @@ impl Solid for Correspondence {
         const COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)];
         let mut field = vec![0.0; points];
         for (slots, (row, column)) in slots.iter_mut().zip(COMPONENTS) {
-            let entries = field.iter_mut().zip(&self.inverse_shape);
+            let entries = field.iter_mut().zip(&self.gradient.inverse_shape);
             entries.for_each(|(entry, inverse)| *entry = inverse[(row, column)]);
             self.family.scatter(&field, 1, 0, slots);
             for image in self.family.images(&self.rules) {
                 slots[image.slot] = image.mirror[row] * image.mirror[column] * field[image.point];
             }
         }
-        let moduli = |m: &Moduli| [m.lame(self.dimension), m.shear];
+        let moduli = |m: &Moduli| [m.lame, m.shear];
         for which in 0..2 {
             let entries = field.iter_mut().zip(&self.moduli);
             entries.for_each(|(entry, m)| *entry = moduli(m)[which]);
@@ -459,11 +373,11 @@ impl Solid for Correspondence {
         self.family.sum(&SquaredExtension, inputs, &mut extension);
         let mut energy = std::mem::take(&mut self.energy);
         for (i, energy) in energy.iter_mut().enumerate() {
-            let (gradient, point) = (&self.gradient[i], self.point(i, true));
+            let (gradient, point) = (&self.gradient.values[i], self.point(i, true));
             let strain = Point::strain(gradient, self.finite);
             let stress = point.stress(&strain);
             // sum_j w |z|^2 = sum_j w |u_j - u_i|^2 - H : H K, with K the inverse of its inverse
-            let mut shape = self.inverse_shape[i];
+            let mut shape = self.gradient.inverse_shape[i];
             (self.dimension..3).for_each(|a| shape[(a, a)] = 1.0);
             let shape = shape
                 .try_inverse()
@@ -480,21 +394,39 @@ impl Solid for Correspondence {
         &self.energy
     }
 
+    fn horizon(&self) -> f64 {
+        self.family.spec().horizon
+    }
+
+    fn plasticity(&mut self) -> Option<&mut Plasticity> {
+        self.plasticity.as_mut()
+    }
+
+    fn material_stress(&mut self) -> Vec<[f64; 6]> {
+        let stress = |i: usize| {
+            let point = self.point(i, false);
+            let stress = point.material_stress(&self.gradient.values[i], self.finite);
+            point.components(&stress, self.elasticity.is_plane_strain())
+        };
+        (0..self.moduli.len()).map(stress).collect()
+    }
+
+    fn moduli_of(&self, point: usize) -> Moduli {
+        self.moduli[point]
+    }
+
     /// Cauchy stress under finite kinematics.
     fn stress(&mut self) -> &[[f64; 6]] {
         self.load_gradient();
         let mut tensors = std::mem::take(&mut self.tensors);
         for (i, tensor) in tensors.iter_mut().enumerate() {
-            let (gradient, point) = (&self.gradient[i], self.point(i, false));
+            let (gradient, point) = (&self.gradient.values[i], self.point(i, false));
             let mut stress = point.piola(gradient, self.finite);
             if self.finite {
                 let deformation = Matrix3::identity() + gradient;
                 stress = stress * deformation.transpose() / deformation.determinant();
             }
-            *tensor = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)].map(|at| stress[at]);
-            if self.elasticity.is_plane_strain() {
-                tensor[2] = point.moduli.stress_across(tensor, point.eigenstrain);
-            }
+            *tensor = point.components(&stress, self.elasticity.is_plane_strain());
         }
         self.tensors = tensors;
         &self.tensors

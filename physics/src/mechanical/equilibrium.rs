@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
-use perimelt_core::solver::reduce::norm;
+use perimelt_core::solver::reduce::{max_abs, norm};
 use perimelt_core::solver::{At, NullSpace, Rhs, SolverError, fictitious_mass, largest_eigenvalue};
 use perimelt_core::{Step, World};
 
@@ -119,11 +119,21 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
     let mut loads = vec![0.0; state.len()];
     residual.rate(step.end(), &run.work, &mut loads)?;
     rigid.project(&mut loads);
-    run.newton.options.absolute_tolerance = run.tolerance * norm(&loads);
+    run.newton.options.absolute_tolerance =
+        (run.tolerance * norm(&loads)).max(rounding(residual.solid, run.eigenstrain_size, state));
     let report = run
         .newton
         .solve(&mut residual, step.end(), state, Some(rigid))?;
     Ok(report.krylov_iterations)
+}
+
+/// What rounding leaves of forces that cancel, N/m³ in the norm over all points: loads may be nothing
+/// but that, as those of a body that is uniformly heated between walls.
+fn rounding(solid: &mut dyn Solid, eigenstrain: f64, displacement: &[f64]) -> f64 {
+    const SHARE: f64 = 1e-14;
+    let diagonal: Vec<f64> = solid.blocks().iter().map(|b| b[0] + b[1] + b[2]).collect();
+    let extension = eigenstrain * solid.horizon() + max_abs(displacement);
+    SHARE * norm(&diagonal) * extension
 }
 
 /// Brings `run` into equilibrium by adaptive dynamic relaxation; returns the iterations.

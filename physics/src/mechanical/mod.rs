@@ -12,13 +12,16 @@
 //! expansion), and b the sink field `body_force`, N/m³. Moduli follow the temperature where the
 //! material gives tables.
 //!
-//! Assumes small eigenstrains with `linear` kinematics. Not for plastic flow or damage.
+//! Metal flows plastically by [`plasticity`]. Assumes small eigenstrains with `linear` kinematics.
 
+mod classical;
 pub mod correspondence;
 mod equilibrium;
+mod gradient;
 pub mod moduli;
 mod motion;
 pub mod ordinary;
+pub mod plasticity;
 pub mod solid;
 pub mod stretch;
 #[cfg(test)]
@@ -26,7 +29,7 @@ mod tests;
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::LayerRule;
-use perimelt_core::solver::reduce::{sum_of, weighted_sum};
+use perimelt_core::solver::reduce::{max_abs, sum_of, weighted_sum};
 use perimelt_core::solver::{
     Newton, NewtonOptions, NullSpace, Relaxation, RelaxationOptions, Verlet, largest_eigenvalue,
 };
@@ -39,8 +42,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use correspondence::Correspondence;
-use moduli::{Elasticity, Plane};
+use moduli::{Elasticity, Moduli, Plane};
 use ordinary::Ordinary;
+use plasticity::{Inelastic, Plasticity, PlasticitySection};
 use solid::Solid;
 
 /// Thermoelastic solid: bond-based, ordinary state-based or by correspondence; owns `displacement` and `velocity`, consumes `eigenstrain`
@@ -75,6 +79,9 @@ pub struct Mechanical {
     /// Small displacements, or current lengths and directions of bonds.
     #[serde(default)]
     pub kinematics: Kinematics,
+    /// Plastic flow, such as `{ annealing_temperature = 1300 }`; left out: elastic.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plasticity: Option<PlasticitySection>,
     /// How equilibrium or motion is found.
     #[serde(default)]
     pub solver: MechanicalSolver,
@@ -162,6 +169,7 @@ struct Run {
     stress: Write<Matrix3<f64>>,
     eigenstress: Write<f64>,
     eigenstress_wanted: bool,
+    plastic: Option<PlasticFields>,
     eigenstrain: Read<f64>,
     body_force: Option<Read<Vector3<f64>>>,
     constraint: Read<Vector3<f64>>,
@@ -176,7 +184,16 @@ struct Run {
     /// Rigid motions that nothing hinders, and the number of held components they are for.
     rigid: Option<(usize, NullSpace)>,
     tolerance: f64,
+    /// Largest eigenstrain and inelastic strain together.
+    eigenstrain_size: f64,
     state: State,
+}
+
+#[derive(Debug)]
+struct PlasticFields {
+    strain: Write<Matrix3<f64>>,
+    equivalent: Write<f64>,
+    work: Write<f64>,
 }
 
 /// What a restart needs beside the fields.
@@ -197,7 +214,10 @@ impl Run {
         let body = world.body(self.body);
         let temperature = world.read_if_provided(self.temperature);
         self.solid.set_moduli(body, temperature.as_deref());
-        self.solid.set_eigenstrain(&world.read(self.eigenstrain));
+        let eigenstrain = world.read(self.eigenstrain);
+        self.solid.set_eigenstrain(&eigenstrain);
+        self.eigenstrain_size = max_abs(&eigenstrain);
+        self.load_plasticity(world, temperature.as_deref());
         let (constraint, held) = (world.read(self.constraint), world.read(self.held));
         let mut displacement = world.write(self.displacement);
         for ((u, c), h) in displacement.iter_mut().zip(&*constraint).zip(&*held) {
@@ -216,12 +236,64 @@ impl Run {
             .set_displacement(bytemuck::cast_slice(&displacement), &rules);
     }
 
+    fn load_plasticity(&mut self, world: &World, temperature: Option<&[f64]>) {
+        let (Some(fields), Some(plasticity)) = (&self.plastic, self.solid.plasticity()) else {
+            return;
+        };
+        plasticity.set_temperature(&world.body(self.body).material_of_point, temperature);
+        let strains = world.read::<Matrix3<f64>>(fields.strain.into());
+        let equivalents = world.read::<f64>(fields.equivalent.into());
+        let settled = plasticity
+            .settled
+            .iter_mut()
+            .zip(&*strains)
+            .zip(&*equivalents);
+        settled.for_each(|((settled, strain), &equivalent)| {
+            let strain = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)].map(|at| strain[at]);
+            *settled = Inelastic { strain, equivalent };
+        });
+        plasticity.tried.copy_from_slice(&plasticity.settled);
+        let strains = plasticity.settled.iter().map(|s| max_abs(&s.strain));
+        self.eigenstrain_size += strains.fold(0.0, f64::max);
+    }
+
+    /// Makes the plastic flow of the displacement that was found the state, and anneals.
+    fn settle(&mut self, world: &World) {
+        if self.plastic.is_none() {
+            return;
+        }
+        self.load_displacement(world);
+        self.solid.force(&mut self.work);
+        let fields = self.plastic.as_ref().expect("asked above");
+        let plasticity = self.solid.plasticity().expect("there are its fields");
+        plasticity.settle(&mut world.write(fields.work));
+        if let Some(temperature) = world.read_if_provided(self.temperature)
+            && plasticity.annealing_temperature.is_some()
+        {
+            let moduli: Vec<Moduli> = (0..self.density.len())
+                .map(|i| self.solid.moduli_of(i))
+                .collect();
+            let stress = self.solid.material_stress();
+            let plasticity = self.solid.plasticity().expect("there are its fields");
+            plasticity.anneal(&temperature, &stress, |i| moduli[i]);
+        }
+        let plasticity = self.solid.plasticity().expect("there are its fields");
+        plasticity.tried.copy_from_slice(&plasticity.settled);
+        let (mut strains, mut equivalents) =
+            (world.write(fields.strain), world.write(fields.equivalent));
+        let points = strains.iter_mut().zip(equivalents.iter_mut());
+        for ((strain, equivalent), settled) in points.zip(&plasticity.settled) {
+            *strain = classical::symmetric(&settled.strain);
+            *equivalent = settled.equivalent;
+        }
+    }
+
     fn provide_stress(&mut self, world: &World) {
         self.load_displacement(world);
         self.solid.set_eigenstrain(&world.read(self.eigenstrain));
         let stress = self.solid.stress();
         for (sigma, components) in world.write(self.stress).iter_mut().zip(stress) {
-            *sigma = ordinary::symmetric(components);
+            *sigma = classical::symmetric(components);
         }
     }
 
@@ -296,14 +368,25 @@ impl Physics for Mechanical {
         let family = setup.family(body, &spec)?;
         let bond_based = self.formulation == Formulation::Bond;
         let elasticity = Elasticity::of(setup, body, self.plane, bond_based)?;
+        if bond_based && self.plasticity.is_some() {
+            let message = "bonds alone cannot flow without changing volume";
+            let expected = "`formulation` \"ordinary\" or \"correspondence\"";
+            return Err(SetupError::value("plasticity", message, expected));
+        }
+        let plasticity = match &self.plasticity {
+            Some(section) => Some(Plasticity::of(section, setup, body, self.plane)?),
+            None => None,
+        };
+        let plastic = plasticity.is_some();
         let this = setup.body(body);
         let finite = self.kinematics == Kinematics::Finite;
         let solid: Box<dyn Solid> = if correspondence {
             let g = self.stabilisation;
-            let solid = Correspondence::new(this, family, elasticity, finite, g);
+            let solid = Correspondence::new(this, family, elasticity, finite, g, plasticity);
             Box::new(solid.map_err(|e| SetupError::other("", e))?)
         } else {
-            Box::new(Ordinary::new(this, family, elasticity, finite))
+            let solid = Ordinary::new(this, family, elasticity, finite, plasticity);
+            Box::new(solid.map_err(|e| SetupError::other("", e))?)
         };
         let densities = this.materials.iter().map(|m| m.reference_density());
         let densities = densities
@@ -332,7 +415,7 @@ impl Physics for Mechanical {
         let newton = NewtonOptions {
             relative_tolerance: 0.0,
             krylov: perimelt_core::solver::KrylovMethod::ConjugateGradient,
-            linear: !finite,
+            linear: !(finite || plastic),
             ..NewtonOptions::default()
         };
         self.run = Some(Run {
@@ -345,6 +428,14 @@ impl Physics for Mechanical {
                 None
             },
             stress: setup.own(body, &keys::STRESS)?,
+            plastic: match plastic {
+                true => Some(PlasticFields {
+                    strain: setup.own(body, &keys::PLASTIC_STRAIN)?,
+                    equivalent: setup.own(body, &keys::EQUIVALENT_PLASTIC_STRAIN)?,
+                    work: setup.own(body, &keys::PLASTIC_WORK)?,
+                }),
+                false => None,
+            },
             eigenstress_wanted: setup.is_read(body, &keys::EIGENSTRESS),
             eigenstress: setup.own(body, &keys::EIGENSTRESS)?,
             eigenstrain: setup.consume(body, &keys::EIGENSTRAIN)?,
@@ -360,6 +451,7 @@ impl Physics for Mechanical {
             relaxation: Relaxation::new(options),
             rigid: None,
             tolerance,
+            eigenstrain_size: 0.0,
             state: State {
                 verlet: Verlet::new(damping),
                 ..State::default()
@@ -441,6 +533,7 @@ impl Physics for Mechanical {
             time: step.end(),
             cause: cause.into(),
         })?;
+        run.settle(world);
         if run.eigenstress_wanted {
             run.provide_eigenstress(world);
         }

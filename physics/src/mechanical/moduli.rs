@@ -24,6 +24,8 @@ pub struct Moduli {
     pub bulk: f64,
     /// Shear modulus; in 1D the value that makes a bond-based solid of the bar.
     pub shear: f64,
+    /// First Lamé constant of `d` dimensions: `bulk - 2 shear / d`.
+    pub lame: f64,
     /// In-plane strain that a unit of eigenstrain makes: `1 + nu` in plane strain, else 1.
     pub swelling: f64,
 }
@@ -32,16 +34,12 @@ impl Moduli {
     /// From Young's modulus (Pa) and Poisson's ratio.
     pub fn new(youngs_modulus: f64, poissons_ratio: f64, dimension: usize, plane: Plane) -> Self {
         let (e, nu) = (youngs_modulus, poissons_ratio);
-        let shear = e / (2.0 * (1.0 + nu));
+        let shear = match dimension {
+            1 => e / 3.0,
+            _ => e / (2.0 * (1.0 + nu)),
+        };
         let (bulk, swelling) = match (dimension, plane) {
-            (1, _) => {
-                let (bulk, shear) = (e, e / 3.0);
-                return Moduli {
-                    bulk,
-                    shear,
-                    swelling: 1.0,
-                };
-            }
+            (1, _) => (e, 1.0),
             (2, Plane::Stress) => (e / (2.0 * (1.0 - nu)), 1.0),
             (2, Plane::Strain) => (e / (2.0 * (1.0 + nu) * (1.0 - 2.0 * nu)), 1.0 + nu),
             _ => (e / (3.0 * (1.0 - 2.0 * nu)), 1.0),
@@ -49,13 +47,9 @@ impl Moduli {
         Moduli {
             bulk,
             shear,
+            lame: bulk - 2.0 * shear / dimension as f64,
             swelling,
         }
-    }
-
-    /// First Lamé constant of `d` dimensions, Pa.
-    pub fn lame(&self, dimension: usize) -> f64 {
-        self.bulk - 2.0 * self.shear / dimension as f64
     }
 
     /// Stiffness of the bonds, Pa: the bond constant times the moment of the family,
@@ -66,10 +60,11 @@ impl Moduli {
     }
 
     /// Stress across the plane under plane strain, Pa, from that in the plane (xx, yy, ...) and the
-    /// in-plane eigenstrain: `nu (xx + yy) - 2 mu e`.
-    pub fn stress_across(&self, stress: &[f64; 6], eigenstrain: f64) -> f64 {
+    /// in-plane eigenstrain and the inelastic strain across: `nu (xx + yy) - 2 mu e - E e_zz`.
+    pub fn stress_across(&self, stress: &[f64; 6], eigenstrain: f64, inelastic: f64) -> f64 {
         let poissons_ratio = 0.5 * (1.0 - self.shear / self.bulk);
-        poissons_ratio * (stress[0] + stress[1]) - 2.0 * self.shear * eigenstrain
+        let strain = eigenstrain + (1.0 + poissons_ratio) * inelastic;
+        poissons_ratio * (stress[0] + stress[1]) - 2.0 * self.shear * strain
     }
 
     /// `a` of Wang (2025), table 3-1, Pa: what dilatation adds to the energy of the bonds. Negative

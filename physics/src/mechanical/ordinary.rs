@@ -3,16 +3,18 @@
 
 use std::sync::Arc;
 
-use nalgebra::Matrix3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::{Body, BondKernel, Family};
 use rayon::prelude::*;
 
+use super::classical::{Point, diagonal, image_of, symmetric};
+use super::gradient::{FlatFamily, Gradient};
 use super::moduli::{Elasticity, Moduli};
+use super::plasticity::{Plasticity, StressState};
 use super::solid::Solid;
 use super::stretch::{
-    Block, EIGENSTRAIN, Energy, Expansion, Force, INPUTS, Law, PRESSURE, STIFFNESS, Stiffness,
-    Stress, TotalWeight, WeightOverLength,
+    Block, EIGENSTRAIN, Energy, Expansion, Force, INPUTS, Law, PRESSURE, Plastic, STIFFNESS,
+    Stiffness, Stress, TotalWeight, WeightOverLength,
 };
 
 /// Family, moduli and work arrays of a body.
@@ -29,6 +31,11 @@ pub struct Ordinary {
     moduli: Vec<Moduli>,
     /// In-plane stress-free strain of each point.
     eigenstrain: Vec<f64>,
+    plasticity: Option<Plasticity>,
+    /// Of plastic solids.
+    gradient: Option<Gradient>,
+    /// Components of the inelastic strain in slot space; empty without plasticity.
+    inelastic: [Vec<f64>; 6],
     /// `N = d / sum_j w_ij` of each point.
     normaliser: Vec<f64>,
     rules: Vec<LayerRule>,
@@ -61,7 +68,13 @@ macro_rules! choose {
 impl Ordinary {
     /// The operator of `body` with the given family; Poisson's ratio is free where `elasticity`
     /// has one.
-    pub fn new(body: &Body, family: Arc<Family>, elasticity: Elasticity, finite: bool) -> Self {
+    pub fn new(
+        body: &Body,
+        family: Arc<Family>,
+        elasticity: Elasticity,
+        finite: bool,
+        plasticity: Option<Plasticity>,
+    ) -> Result<Self, FlatFamily> {
         let (points, dimension) = (body.points.len(), body.dimension);
         let uniform = elasticity.uniform();
         let dilatation = elasticity.has_free_poissons_ratio();
@@ -78,6 +91,14 @@ impl Ordinary {
             dilatation,
             moduli: vec![elasticity.at(0, 0.0); if uniform.is_some() { 0 } else { points }],
             eigenstrain: vec![0.0; points],
+            inelastic: std::array::from_fn(|_| {
+                vec![0.0; if plasticity.is_some() { slots } else { 0 }]
+            }),
+            gradient: match plasticity {
+                Some(_) => Some(Gradient::new(body, family.clone())?),
+                None => None,
+            },
+            plasticity,
             normaliser: vec![0.0; if dilatation { points } else { 0 }],
             rules: Vec::new(),
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
@@ -103,7 +124,7 @@ impl Ordinary {
             let normalisers = this.normaliser.iter_mut().zip(total);
             normalisers.for_each(|(n, [total])| *n = dimension as f64 / total);
         }
-        this
+        Ok(this)
     }
 
     fn moduli(&self, point: usize) -> Moduli {
@@ -131,25 +152,121 @@ impl Ordinary {
         self.expand();
         let mut pressure = std::mem::take(&mut self.pressure);
         let pressures = pressure.par_iter_mut().enumerate();
-        pressures.for_each(|(i, p)| *p = self.pressure_of(i, self.expansion[i], total));
+        pressures.for_each(|(i, p)| {
+            *p = self.pressure_of(i, self.expansion[i], self.tried(i), total);
+        });
         self.pressure = pressure;
         let mut slots = std::mem::take(&mut self.slots[PRESSURE]);
         self.family.scatter(&self.pressure, 1, 0, &mut slots);
         for image in self.family.images(&self.rules) {
             let sums = self.expansion[image.point];
             let sums = std::array::from_fn(|a| image.scale[a] * image.mirror[a] * sums[a]);
-            slots[image.slot] = self.pressure_of(image.point, sums, total);
+            let inelastic = self.plasticity.as_ref().map(|p| {
+                let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
+                image_of(&scale, &p.tried[image.point].strain, &mirror)
+            });
+            slots[image.slot] = self.pressure_of(image.point, sums, inelastic, total);
         }
         self.slots[PRESSURE] = slots;
     }
 
-    /// `p = 2 a N theta`, Pa.
-    fn pressure_of(&self, point: usize, expansion: [f64; 3], total: bool) -> f64 {
-        let swelling = if total { 0.0 } else { self.eigenstrain[point] };
+    /// `p = 2 a N theta`, Pa. Inelastic strains make a stress of `lame tr + 2 mu strain`; bonds make
+    /// `mu` of the trace in its place, and the difference is made up here.
+    fn pressure_of(
+        &self,
+        point: usize,
+        expansion: [f64; 3],
+        inelastic: Option<[f64; 6]>,
+        total: bool,
+    ) -> f64 {
+        let moduli = self.moduli(point);
+        let d = self.dimension as f64;
         let normaliser = self.normaliser[point];
-        let dilatation =
-            normaliser * expansion.iter().sum::<f64>() - self.dimension as f64 * swelling;
-        2.0 * self.moduli(point).dilatation_stiffness(self.dimension) * normaliser * dilatation
+        let dilatation = normaliser * expansion.iter().sum::<f64>();
+        let pressure = 2.0 * moduli.dilatation_stiffness(self.dimension);
+        if total {
+            return normaliser * pressure * dilatation;
+        }
+        let relieved = inelastic
+            .zip(self.plasticity.as_ref())
+            .map_or(0.0, |(strain, p)| {
+                let in_plane: f64 = strain[..self.dimension].iter().sum();
+                moduli.lame * p.stress_state.trace(&strain) - moduli.shear * in_plane
+            });
+        normaliser * (pressure * (dilatation - d * self.eigenstrain[point]) - relieved)
+    }
+
+    fn tried(&self, point: usize) -> Option<[f64; 6]> {
+        self.plasticity.as_ref().map(|p| p.tried[point].strain)
+    }
+
+    /// Loads the inelastic strain that was tried last.
+    fn load_inelastic(&mut self) {
+        let Some(plasticity) = &self.plasticity else {
+            return;
+        };
+        let mut slots = std::mem::take(&mut self.inelastic);
+        let mut component = vec![0.0; plasticity.tried.len()];
+        for (c, slots) in slots.iter_mut().enumerate() {
+            let tried = component.iter_mut().zip(&plasticity.tried);
+            tried.for_each(|(value, tried)| *value = tried.strain[c]);
+            self.family.scatter(&component, 1, 0, slots);
+        }
+        for image in self.family.images(&self.rules) {
+            let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
+            let strain = image_of(&scale, &plasticity.tried[image.point].strain, &mirror);
+            slots
+                .iter_mut()
+                .zip(strain)
+                .for_each(|(slots, e)| slots[image.slot] = e);
+        }
+        self.inelastic = slots;
+    }
+
+    /// The classical law of a point with the given inelastic strain.
+    fn point(&self, i: usize, state: StressState, inelastic: [f64; 6]) -> Point {
+        let (moduli, eigenstrain) = (self.moduli(i), self.eigenstrain[i]);
+        Point::new(moduli, eigenstrain, self.dimension).with_inelastic(state, inelastic)
+    }
+
+    /// Returns the stress of the displacement that was set to the flow stress.
+    fn flow(&mut self) {
+        let (Some(mut plasticity), Some(mut gradient)) =
+            (self.plasticity.take(), self.gradient.take())
+        else {
+            return;
+        };
+        gradient.evaluate(std::array::from_fn(|axis| &self.slots[axis][..]));
+        let (state, settled) = (
+            plasticity.stress_state,
+            std::mem::take(&mut plasticity.settled),
+        );
+        let plane_strain = self.elasticity.is_plane_strain();
+        let trial = |i: usize| {
+            let point = self.point(i, state, settled[i].strain);
+            let stress = point.material_stress(&gradient.values[i], self.finite);
+            point.components(&stress, plane_strain)
+        };
+        plasticity.try_stress(&settled, trial, |i| self.moduli(i));
+        plasticity.settled = settled;
+        (self.plasticity, self.gradient) = (Some(plasticity), Some(gradient));
+    }
+
+    fn evaluate_stress(&mut self) {
+        self.load_inelastic();
+        self.load_pressure(false);
+        match self.dimension {
+            1 => self.sum_stress::<1>(),
+            2 => self.sum_stress::<2>(),
+            _ => self.sum_stress::<3>(),
+        }
+        if self.elasticity.is_plane_strain() {
+            for i in 0..self.tensors.len() {
+                let across = self.tried(i).map_or(0.0, |strain| strain[2]);
+                let (moduli, eigenstrain) = (self.moduli(i), self.eigenstrain[i]);
+                self.tensors[i][2] = moduli.stress_across(&self.tensors[i], eigenstrain, across);
+            }
+        }
     }
 
     fn expand(&mut self) {
@@ -181,8 +298,8 @@ impl Ordinary {
         let mut padded = std::mem::take(&mut self.padded);
         let sums = flat::<D>(&mut padded, bytemuck::cast_slice_mut(out));
         choose!(self, F, V => match (stiffness, self.dilatation) {
-            (false, false) => self.run(&Force::<F, V, false>(self.law()), sums),
-            (false, true) => self.run(&Force::<F, V, true>(self.law()), sums),
+            (false, false) => self.run_inelastic(Force::<F, V, false>(self.law()), sums),
+            (false, true) => self.run_inelastic(Force::<F, V, true>(self.law()), sums),
             (true, false) => self.run(&Stiffness::<V, false>(self.law()), sums),
             (true, true) => self.run(&Stiffness::<V, true>(self.law()), sums),
         });
@@ -198,7 +315,7 @@ impl Ordinary {
 
     fn sum_stress<const D: usize>(&mut self) {
         let mut stress = std::mem::take(&mut self.tensors);
-        choose!(self, F, V => self.run(&Stress::<F, V, D>(self.law()), &mut stress));
+        choose!(self, F, V => self.run_inelastic(Stress::<F, V, D>(self.law()), &mut stress));
         self.tensors = stress;
     }
 
@@ -209,13 +326,33 @@ impl Ordinary {
         Law { stiffness }
     }
 
-    fn run<const O: usize>(&self, kernel: &impl BondKernel<INPUTS, O>, sums: &mut [[f64; O]]) {
-        // inputs that a kernel does not use are any array of the right length
-        let inputs = self.slots.each_ref().map(|s| match s.is_empty() {
-            true => &self.slots[EIGENSTRAIN][..],
-            false => s,
+    /// Runs a kernel with the inelastic strain, where there is one.
+    fn run_inelastic<const O: usize>(
+        &self,
+        kernel: impl BondKernel<INPUTS, O>,
+        sums: &mut [[f64; O]],
+    ) {
+        if self.plasticity.is_none() {
+            return self.run(&kernel, sums);
+        }
+        let inputs = std::array::from_fn(|i| match i.checked_sub(INPUTS) {
+            Some(component) => &self.inelastic[component][..],
+            None => self.input(i),
         });
-        self.family.sum(kernel, inputs, sums);
+        self.family.sum(&Plastic(kernel), inputs, sums);
+    }
+
+    /// An input; any array of the right length where kernels do not use it.
+    fn input(&self, i: usize) -> &[f64] {
+        match self.slots[i].is_empty() {
+            true => &self.slots[EIGENSTRAIN],
+            false => &self.slots[i],
+        }
+    }
+
+    fn run<const O: usize>(&self, kernel: &impl BondKernel<INPUTS, O>, sums: &mut [[f64; O]]) {
+        self.family
+            .sum(kernel, std::array::from_fn(|i| self.input(i)), sums);
     }
 }
 
@@ -238,11 +375,6 @@ pub(super) fn unflatten<const D: usize>(padded: &[f64], out: &mut [f64]) {
             *out = std::array::from_fn(|axis| if axis < D { sum[axis] } else { 0.0 });
         }
     }
-}
-
-/// A symmetric tensor from xx, yy, zz, xy, yz, zx.
-pub(super) fn symmetric(&[xx, yy, zz, xy, yz, zx]: &[f64; 6]) -> Matrix3<f64> {
-    Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz)
 }
 
 impl Solid for Ordinary {
@@ -287,7 +419,33 @@ impl Solid for Ordinary {
         }
     }
 
+    fn horizon(&self) -> f64 {
+        self.family.spec().horizon
+    }
+
+    fn plasticity(&mut self) -> Option<&mut Plasticity> {
+        self.plasticity.as_mut()
+    }
+
+    fn material_stress(&mut self) -> Vec<[f64; 6]> {
+        let (Some(plasticity), Some(gradient)) = (&self.plasticity, &self.gradient) else {
+            return Vec::new();
+        };
+        let stress = |i: usize| {
+            let point = self.point(i, plasticity.stress_state, plasticity.tried[i].strain);
+            let stress = point.material_stress(&gradient.values[i], self.finite);
+            point.components(&stress, self.elasticity.is_plane_strain())
+        };
+        (0..gradient.values.len()).map(stress).collect()
+    }
+
+    fn moduli_of(&self, point: usize) -> Moduli {
+        self.moduli(point)
+    }
+
     fn force(&mut self, out: &mut [f64]) {
+        self.flow();
+        self.load_inelastic();
         self.load_pressure(false);
         self.sum_forces(out, false);
     }
@@ -360,18 +518,7 @@ impl Solid for Ordinary {
     }
 
     fn stress(&mut self) -> &[[f64; 6]] {
-        self.load_pressure(false);
-        match self.dimension {
-            1 => self.sum_stress::<1>(),
-            2 => self.sum_stress::<2>(),
-            _ => self.sum_stress::<3>(),
-        }
-        if self.elasticity.is_plane_strain() {
-            for i in 0..self.tensors.len() {
-                let (moduli, eigenstrain) = (self.moduli(i), self.eigenstrain[i]);
-                self.tensors[i][2] = moduli.stress_across(&self.tensors[i], eigenstrain);
-            }
-        }
+        self.evaluate_stress();
         &self.tensors
     }
 }

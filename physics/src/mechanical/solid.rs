@@ -5,6 +5,9 @@ use std::fmt::Debug;
 use perimelt_core::Body;
 use perimelt_core::family::LayerRule;
 
+use super::moduli::Moduli;
+use super::plasticity::Plasticity;
+
 /// Forces, stiffness, energy and stress of a body in one formulation. Vectors have three components
 /// per point whatever the dimension; those that the dimension leaves out stay zero. Symmetric tensors
 /// are xx, yy, zz, xy, yz, zx.
@@ -20,6 +23,9 @@ pub trait Solid: Debug {
 
     /// Takes displacements, m, and fills the layers by `rules`.
     fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]);
+
+    /// Largest horizon, m.
+    fn horizon(&self) -> f64;
 
     /// Force density of the bonds, N/m³.
     fn force(&mut self, out: &mut [f64]);
@@ -37,10 +43,19 @@ pub trait Solid: Debug {
         None
     }
 
+    /// Plastic state, where there is one. [`Solid::force`] leaves the state that it tried there.
+    fn plasticity(&mut self) -> Option<&mut Plasticity>;
+
+    /// Stress of each point as plastic flow sees it, Pa: unrotated, of the state that was tried last.
+    fn material_stress(&mut self) -> Vec<[f64; 6]>;
+
+    /// Moduli of a point now.
+    fn moduli_of(&self, point: usize) -> Moduli;
+
     /// Elastic energy density of the total strain (J/m³), and the stress conjugate to the eigenstrain
     /// (Pa), of each point.
     fn energy(&mut self) -> &[[f64; 2]];
 
-    /// Stress of each point, Pa.
+    /// Stress of each point, Pa, with the inelastic strain that was tried last.
     fn stress(&mut self) -> &[[f64; 6]];
 }

@@ -1,0 +1,122 @@
+//! The classical law of a point: isotropic elasticity with eigenstrain and inelastic strain.
+
+use nalgebra::Matrix3;
+
+use super::moduli::Moduli;
+use super::plasticity::StressState;
+
+/// What a point's stress depends on besides its strain.
+#[derive(Clone, Copy)]
+pub(super) struct Point {
+    pub(super) moduli: Moduli,
+    pub(super) eigenstrain: f64,
+    /// Plastic and annealed strain as xx, yy, zz, xy, yz, zx, and its trace as far as the dimensions see.
+    pub(super) inelastic: [f64; 6],
+    trace: f64,
+    dimension: usize,
+}
+
+impl Point {
+    pub(super) fn new(moduli: Moduli, eigenstrain: f64, dimension: usize) -> Self {
+        Point {
+            moduli,
+            eigenstrain,
+            inelastic: [0.0; 6],
+            trace: 0.0,
+            dimension,
+        }
+    }
+
+    /// `C : (strain - eigenstrain - inelastic strain)`, Pa, in the dimensions that there are.
+    pub(super) fn stress(&self, strain: &Matrix3<f64>) -> Matrix3<f64> {
+        let d = self.dimension;
+        let trace: f64 = (0..d).map(|a| strain[(a, a)]).sum();
+        let inelastic = symmetric(&self.inelastic);
+        let isotropic = self.moduli.lame * (trace - self.trace)
+            - d as f64 * self.moduli.bulk * self.eigenstrain;
+        Matrix3::from_fn(|r, c| match r < d && c < d {
+            false => 0.0,
+            true => {
+                let elastic = strain[(r, c)] - inelastic[(r, c)];
+                2.0 * self.moduli.shear * elastic + if r == c { isotropic } else { 0.0 }
+            }
+        })
+    }
+
+    pub(super) fn with_inelastic(self, state: StressState, inelastic: [f64; 6]) -> Self {
+        let trace = state.trace(&inelastic);
+        Point {
+            inelastic,
+            trace,
+            ..self
+        }
+    }
+
+    /// Green-Lagrange or small strain.
+    pub(super) fn strain(gradient: &Matrix3<f64>, finite: bool) -> Matrix3<f64> {
+        let linear = 0.5 * (gradient + gradient.transpose());
+        if finite {
+            linear + 0.5 * gradient.transpose() * gradient
+        } else {
+            linear
+        }
+    }
+
+    /// First Piola-Kirchhoff stress, Pa. The Green-Lagrange strain of a stretch by e is `e + e^2/2`.
+    pub(super) fn piola(&self, gradient: &Matrix3<f64>, finite: bool) -> Matrix3<f64> {
+        let stress = self.material_stress(gradient, finite);
+        if finite {
+            stress + gradient * stress
+        } else {
+            stress
+        }
+    }
+
+    /// Stress of a body that has not turned, Pa: second Piola-Kirchhoff under finite kinematics.
+    pub(super) fn material_stress(&self, gradient: &Matrix3<f64>, finite: bool) -> Matrix3<f64> {
+        let strain = Self::strain(gradient, finite);
+        let eigenstrain = match finite {
+            true => self.eigenstrain * (1.0 + 0.5 * self.eigenstrain),
+            false => self.eigenstrain,
+        };
+        Point {
+            eigenstrain,
+            ..*self
+        }
+        .stress(&strain)
+    }
+
+    /// Components xx, yy, zz, xy, yz, zx, with that across the plane of plane strain.
+    pub(super) fn components(&self, stress: &Matrix3<f64>, plane_strain: bool) -> [f64; 6] {
+        let mut tensor = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)].map(|at| stress[at]);
+        if plane_strain {
+            tensor[2] = self
+                .moduli
+                .stress_across(&tensor, self.eigenstrain, self.inelastic[2]);
+        }
+        tensor
+    }
+}
+
+/// An inelastic strain as a layer has it, which goes on as the strain does: `sym(scale e mirror)`.
+pub(super) fn image_of(scale: &Matrix3<f64>, strain: &[f64; 6], mirror: &Matrix3<f64>) -> [f64; 6] {
+    let image = scale * symmetric(strain) * mirror;
+    let half = |a: usize, b: usize| 0.5 * (image[(a, b)] + image[(b, a)]);
+    [
+        half(0, 0),
+        half(1, 1),
+        half(2, 2),
+        half(0, 1),
+        half(1, 2),
+        half(2, 0),
+    ]
+}
+
+pub(super) fn diagonal(signs: [f64; 3]) -> Matrix3<f64> {
+    Matrix3::from_diagonal(&signs.into())
+}
+
+/// A symmetric tensor from xx, yy, zz, xy, yz, zx.
+pub(super) fn symmetric(&[xx, yy, zz, xy, yz, zx]: &[f64; 6]) -> Matrix3<f64> {
+    Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz)
+}
