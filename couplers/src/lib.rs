@@ -6,6 +6,7 @@
 //! |---|---|---|---|
 //! | `thermal_expansion` | [`expansion::ThermalExpansion`] | temperature | eigenstrain |
 //! | `phase_change` | [`phase_change::PhaseChange`] | temperature, enthalpy | liquid fraction; lets the body melt |
+//! | `plastic_heat` | [`plastic_heat::PlasticHeat`] | plastic work | heat source |
 //! | `deformation_heat` | [`deformation_heat::DeformationHeat`] | temperature, eigenstress rate | heat source |
 //! | `goldak` | [`heat_source::Goldak`] | | heat source |
 //! | `ellipsoid` | [`heat_source::Ellipsoid`] | | heat source |
@@ -34,6 +35,7 @@ pub mod expansion;
 pub mod heat_source;
 pub mod in_time;
 pub mod phase_change;
+pub mod plastic_heat;
 pub mod source;
 mod surface;
 #[cfg(test)]

@@ -1,0 +1,131 @@
+//! Heat from plastic work (Taylor-Quinney)
+//!
+//! ```text
+//! heat_source += fraction d(plastic_work)/dt          (W/m³)
+//! ```
+//!
+//! What is not turned into heat stays in the dislocations; metals give 0.8 to 1. The change of the
+//! work since the heat was last computed is taken up in full, whatever the steps of the two physics.
+
+use perimelt_core::{
+    Coupler, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Heat from the plastic work of a `mechanical` with `plasticity`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlasticHeat {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Share of the plastic work that becomes heat (Taylor and Quinney), 0 to 1.
+    #[serde(default = "usual_fraction")]
+    pub fraction: f64,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<Prepared>,
+}
+
+fn usual_fraction() -> f64 {
+    0.9
+}
+
+#[derive(Debug)]
+struct Prepared {
+    body: usize,
+    work: Read<f64>,
+    heat_source: Write<f64>,
+    /// Work when the heat was last computed, J/m³; empty before the first time.
+    seen: Vec<f64>,
+    power: f64,
+}
+
+#[typetag::serde(name = "plastic_heat")]
+impl Coupler for PlasticHeat {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        if !(0.0..=1.0).contains(&self.fraction) {
+            let message = format!("`fraction` = {} is no share", self.fraction);
+            return Err(SetupError::value("fraction", message, "0 to 1"));
+        }
+        let body = setup.find_body(self.body.as_deref())?;
+        self.prepared = Some(Prepared {
+            body,
+            work: setup.read(body, &keys::PLASTIC_WORK)?,
+            heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
+            seen: Vec::new(),
+            power: 0.0,
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_mut().expect("prepared before the run");
+        let work = world.read(p.work);
+        let mut heat_source = world.write(p.heat_source);
+        let volume = &world.body(p.body).points.volume;
+        p.seen.resize(work.len(), 0.0);
+        p.power = 0.0;
+        for (i, now) in work.iter().enumerate() {
+            if step.size > 0.0 {
+                let heat = self.fraction * (now - p.seen[i]) / step.size;
+                heat_source[i] += heat;
+                p.power += heat * volume[i];
+            }
+            p.seen[i] = *now;
+        }
+        Ok(())
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(&self.prepared.as_ref().expect("prepared before a save").seen)
+    }
+
+    fn load(
+        &mut self,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        let p = self.prepared.as_mut().expect("prepared before a restart");
+        p.seen = erased_serde::deserialize(state)?;
+        Ok(())
+    }
+
+    fn report(&self) -> Vec<Report> {
+        vec![Report {
+            name: "power from plastic work".into(),
+            unit: "W".into(),
+            value: self.prepared.as_ref().map_or(0.0, |p| p.power),
+        }]
+    }
+}
+
+perimelt_core::register_coupler!("plastic_heat", PlasticHeat);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, block, prepare, read, refusal, set, values};
+
+    #[test]
+    fn the_change_of_the_work_becomes_heat_over_the_step() {
+        let mut world = World::new(vec![block([2, 1, 1], 1, STEEL)]);
+        let mut coupler: PlasticHeat = read("fraction = 0.8");
+        prepare(&mut world, &mut coupler, |setup| {
+            setup.own(0, &keys::PLASTIC_WORK).expect("free");
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        })
+        .expect("valid");
+        coupler.apply(&world, Step::new(0.0, 0.0)).expect("applies");
+        set(&world, &keys::PLASTIC_WORK, |i| [0.0, 5e6][i]);
+        coupler.apply(&world, Step::new(0.0, 0.5)).expect("applies");
+        assert_eq!(values(&world, &keys::HEAT_SOURCE), [0.0, 0.8 * 5e6 / 0.5]);
+    }
+
+    #[test]
+    fn a_share_above_one_is_refused() {
+        let mut world = World::new(vec![block([2, 1, 1], 1, STEEL)]);
+        let mut coupler: PlasticHeat = read("fraction = 1.2");
+        assert!(refusal(&mut world, &mut coupler).contains("no share"));
+    }
+}
