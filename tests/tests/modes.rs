@@ -71,8 +71,8 @@ fn short(file: &Path, factor: f64) -> Result<Table, String> {
     // a body one point thick has no stiffness across
     let bodies = simulation.world().bodies().iter();
     if bodies
-        .flat_map(|b| &b.lattice.cells[..b.dimension])
-        .any(|&c| c < 2)
+        .filter_map(|b| Some((b.dimension, b.lattice()?.cells)))
+        .any(|(dimension, cells)| cells[..dimension].iter().any(|&c| c < 2))
     {
         return Err("too few points across".into());
     }

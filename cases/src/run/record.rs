@@ -230,7 +230,7 @@ pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
     let body = |(index, body): (usize, &perimelt_core::Body)| BodyInfo {
         name: body.name.clone(),
         dimension: body.dimension,
-        spacing: body.lattice.spacing,
+        spacing: body.finest_spacing(),
         thickness: body.thickness,
         points: body.points.len(),
         fields: simulation

@@ -3,7 +3,7 @@
 use perimelt_core::field::FieldIndex;
 use perimelt_core::{Problem, SetupError, Simulation, World};
 
-use super::check::{BalanceMeasure, Extent, Measure, MeltPoolMeasure};
+use super::check::{BalanceMeasure, Extent, Interpolation, Measure, MeltPoolMeasure};
 use super::sample::weights;
 use crate::case::sections::{ProbeKind, ProbeSection, RegionProbe};
 use crate::melt_pool::{Travel, melt_pool};
@@ -74,7 +74,11 @@ impl Recorder {
                 let body = find_body(world, m.body.as_deref())?;
                 let field = find_field(simulation, body, &m.field, "measure.crossing.field")?;
                 let component = Component::new(world, field, None)?;
-                let weights = weights(world.body(body), m.at, Default::default())?;
+                let interpolation = match world.body(body).lattice() {
+                    Some(_) => Interpolation::Cubic,
+                    None => Interpolation::Linear,
+                };
+                let weights = weights(world.body(body), m.at, interpolation)?;
                 Taker::Crossing {
                     component,
                     weights,
@@ -217,7 +221,7 @@ impl Taker {
                 let pool = melt_pool(
                     &positions,
                     temperature.flat(),
-                    body.lattice.spacing,
+                    body.finest_spacing(),
                     body.dimension,
                     Travel::X,
                     section.isotherm,

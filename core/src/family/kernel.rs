@@ -14,6 +14,9 @@ use super::{Chunk, Family, Rows, Span, StencilBond};
 /// Points that advance together: two AVX-512 or four AVX2 registers.
 const LANES: usize = 16;
 
+/// Bonds of a row that advance together on a cloud: one AVX-512 or two AVX2 registers.
+const ROW_LANES: usize = 8;
+
 /// A bond of the reference configuration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bond {
@@ -115,25 +118,18 @@ impl Family {
         output: &Output<O>,
         chunk: &Chunk,
     ) {
-        for row in chunk.rows.clone() {
-            output.set(
-                self.rows.point[row] as usize,
-                self.sum_row(kernel, inputs, &self.rows, row),
-            );
-        }
-        let runs = &self.runs[chunk.runs.clone()];
         #[cfg(target_arch = "x86_64")]
         {
             if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
                 // SAFETY: the instruction set was detected.
-                return unsafe { sweep_avx512(kernel, &self.stencil, inputs, output, runs) };
+                return unsafe { sweep_avx512(self, kernel, inputs, output, chunk) };
             }
             if is_x86_feature_detected!("avx2") {
                 // SAFETY: the instruction set was detected.
-                return unsafe { sweep_avx2(kernel, &self.stencil, inputs, output, runs) };
+                return unsafe { sweep_avx2(self, kernel, inputs, output, chunk) };
             }
         }
-        sweep_runs(kernel, &self.stencil, inputs, output, runs);
+        sweep_chunk(self, kernel, inputs, output, chunk);
     }
 
     #[inline(always)]
@@ -144,6 +140,9 @@ impl Family {
         rows: &Rows,
         row: usize,
     ) -> [f64; O] {
+        if !self.places[0].is_empty() {
+            return self.sum_cloud_row(kernel, inputs, rows, row);
+        }
         let at = rows.slot[row] as usize;
         let own = std::array::from_fn(|i| inputs[i][at]);
         let mut sums = [0.0; O];
@@ -169,30 +168,114 @@ impl Family {
         }
         sums
     }
+
+    /// The row of a point of a cloud: its bonds advance side by side, [`ROW_LANES`] at a time.
+    #[inline(always)]
+    fn sum_cloud_row<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: &[&[f64]; I],
+        rows: &Rows,
+        row: usize,
+    ) -> [f64; O] {
+        let mut sums = [[0.0; ROW_LANES]; O];
+        let (mut first, end) = (rows.start[row], rows.start[row + 1]);
+        if end - first < ROW_LANES {
+            for bond in first..end {
+                let [part] = self.bonds_of_row::<I, O, 1>(kernel, inputs, rows, (row, bond));
+                (0..O).for_each(|o| sums[o][0] += part[o]);
+            }
+            return sums.map(|s| s[0]);
+        }
+        while first < end {
+            // the last block overlaps the one before it: lanes already added count nothing
+            let start = first.min(end - ROW_LANES);
+            let added = first - start;
+            let parts = self.bonds_of_row::<I, O, ROW_LANES>(kernel, inputs, rows, (row, start));
+            for (lane, part) in parts.into_iter().enumerate() {
+                for o in 0..O {
+                    sums[o][lane] += if lane < added { 0.0 } else { part[o] };
+                }
+            }
+            first = start + ROW_LANES;
+        }
+        sums.map(|lanes| lanes.into_iter().fold(0.0, |sum, lane| sum + lane))
+    }
+
+    /// What `N` bonds of a row from bond number `first` on contribute.
+    #[inline(always)]
+    fn bonds_of_row<const I: usize, const O: usize, const N: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: &[&[f64]; I],
+        rows: &Rows,
+        (row, first): (usize, usize),
+    ) -> [[f64; O]; N] {
+        let at = rows.slot[row] as usize;
+        let columns: &[u32; N] = rows.column[first..first + N]
+            .try_into()
+            .expect("the slice has N elements");
+        let gather = |values: &[f64]| -> [f64; N] {
+            std::array::from_fn(|lane| values[columns[lane] as usize])
+        };
+        let there: [[f64; N]; 3] = std::array::from_fn(|a| gather(&self.places[a]));
+        let here: [f64; 3] = std::array::from_fn(|a| self.places[a][at]);
+        let (weight, dual) = (lanes(&rows.weight, first), lanes(&rows.dual, first));
+        let weight: [f64; N] = weight;
+        let dual: [f64; N] = dual;
+        let other: [[f64; N]; I] = std::array::from_fn(|i| gather(inputs[i]));
+        let own: [f64; I] = std::array::from_fn(|i| inputs[i][at]);
+        std::array::from_fn(|lane| {
+            let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
+            let bond = Bond {
+                xi,
+                length: (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt(),
+                weight: weight[lane],
+                dual: dual[lane],
+            };
+            kernel.bond(&bond, own, std::array::from_fn(|i| other[i][lane]))
+        })
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl")]
 fn sweep_avx512<const I: usize, const O: usize>(
+    family: &Family,
     kernel: &impl BondKernel<I, O>,
-    stencil: &[StencilBond],
     inputs: &[&[f64]; I],
     output: &Output<O>,
-    runs: &[Span],
+    chunk: &Chunk,
 ) {
-    sweep_runs(kernel, stencil, inputs, output, runs);
+    sweep_chunk(family, kernel, inputs, output, chunk);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn sweep_avx2<const I: usize, const O: usize>(
+    family: &Family,
     kernel: &impl BondKernel<I, O>,
-    stencil: &[StencilBond],
     inputs: &[&[f64]; I],
     output: &Output<O>,
-    runs: &[Span],
+    chunk: &Chunk,
 ) {
-    sweep_runs(kernel, stencil, inputs, output, runs);
+    sweep_chunk(family, kernel, inputs, output, chunk);
+}
+
+#[inline(always)]
+fn sweep_chunk<const I: usize, const O: usize>(
+    family: &Family,
+    kernel: &impl BondKernel<I, O>,
+    inputs: &[&[f64]; I],
+    output: &Output<O>,
+    chunk: &Chunk,
+) {
+    for row in chunk.rows.clone() {
+        let sum = family.sum_row(kernel, inputs, &family.rows, row);
+        output.set(family.rows.point[row] as usize, sum);
+    }
+    let runs = &family.runs[chunk.runs.clone()];
+    sweep_runs(kernel, &family.stencil, inputs, output, runs);
 }
 
 #[inline(always)]

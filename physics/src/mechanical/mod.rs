@@ -28,7 +28,7 @@ use perimelt_core::solver::{
 };
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Balance, Clock, Correction, FamilySpec, Influence, PartialVolume, Physics, Read,
+    Balance, Clock, Correction, FamilySpec, Horizon, Influence, PartialVolume, Physics, Read,
     ReadIfProvided, RunError, Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
@@ -44,9 +44,9 @@ pub struct Mechanical {
     /// Body that deforms; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
-    /// Horizon in spacings.
+    /// Horizon in spacings of each point, or `{ length = ... }` in m, the same everywhere.
     #[serde(default = "three")]
-    pub horizon: f64,
+    pub horizon: Horizon,
     /// Partial volume of neighbours at the edge of the horizon.
     #[serde(default)]
     pub partial_volume: PartialVolume,
@@ -73,8 +73,8 @@ pub struct Mechanical {
     run: Option<Run>,
 }
 
-fn three() -> f64 {
-    3.0
+fn three() -> Horizon {
+    Horizon::Spacings(3.0)
 }
 
 /// Measure of stretch.
@@ -235,18 +235,10 @@ impl Run {
 impl Physics for Mechanical {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        if self.horizon.is_nan() || self.horizon < 1.0 {
-            let message = format!("`horizon` = {} reaches no neighbour", self.horizon);
-            return Err(SetupError::value(
-                "horizon",
-                message,
-                "at least 1 (spacing)",
-            ));
-        }
+        self.horizon.check(setup.body(body))?;
         let (layers, faces, _) = setup.layers(body, &keys::DISPLACEMENT);
-        let horizon = self.horizon * setup.body(body).lattice.spacing;
         let spec = FamilySpec {
-            horizon,
+            horizon: self.horizon,
             partial_volume: self.partial_volume,
             influence: self.influence,
             correction: self.correction,
