@@ -14,8 +14,9 @@ use super::{Chunk, Family, Rows, Span, StencilBond};
 /// Points that advance together: two AVX-512 or four AVX2 registers.
 const LANES: usize = 16;
 
-/// Bonds of a row that advance together on a cloud: one AVX-512 or two AVX2 registers.
-const ROW_LANES: usize = 8;
+/// Bonds of a row that advance together on a cloud: one AVX2 register. Eight were slower, and small
+/// families would fill them badly.
+const ROW_LANES: usize = 4;
 
 /// A bond of the reference configuration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,7 +107,11 @@ impl Family {
         mut receive: impl FnMut(usize, [f64; O]),
     ) {
         for row in 0..self.layer_rows.point.len() {
-            let sum = self.sum_row(kernel, &inputs, &self.layer_rows, row);
+            let sum = if self.is_cloud() {
+                self.sum_cloud_row(kernel, &inputs, &self.layer_rows, row)
+            } else {
+                self.sum_row(kernel, &inputs, &self.layer_rows, row)
+            };
             receive(self.layer_rows.point[row] as usize, sum);
         }
     }
@@ -118,6 +123,12 @@ impl Family {
         output: &Output<O>,
         chunk: &Chunk,
     ) {
+        if !self.is_cloud() {
+            for row in chunk.rows.clone() {
+                let sum = self.sum_row(kernel, inputs, &self.rows, row);
+                output.set(self.rows.point[row] as usize, sum);
+            }
+        }
         #[cfg(target_arch = "x86_64")]
         {
             if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
@@ -140,9 +151,6 @@ impl Family {
         rows: &Rows,
         row: usize,
     ) -> [f64; O] {
-        if !self.places[0].is_empty() {
-            return self.sum_cloud_row(kernel, inputs, rows, row);
-        }
         let at = rows.slot[row] as usize;
         let own = std::array::from_fn(|i| inputs[i][at]);
         let mut sums = [0.0; O];
@@ -178,54 +186,47 @@ impl Family {
         rows: &Rows,
         row: usize,
     ) -> [f64; O] {
-        let mut sums = [[0.0; ROW_LANES]; O];
         let (mut first, end) = (rows.start[row], rows.start[row + 1]);
         if end - first < ROW_LANES {
+            let mut sums = [[0.0; 1]; O];
             for bond in first..end {
-                let [part] = self.bonds_of_row::<I, O, 1>(kernel, inputs, rows, (row, bond));
-                (0..O).for_each(|o| sums[o][0] += part[o]);
+                self.add_bonds(kernel, inputs, rows, (row, bond, 0), &mut sums);
             }
-            return sums.map(|s| s[0]);
+            return sums.map(|[sum]| sum);
         }
+        let mut sums = [[0.0; ROW_LANES]; O];
         while first < end {
             // the last block overlaps the one before it: lanes already added count nothing
             let start = first.min(end - ROW_LANES);
-            let added = first - start;
-            let parts = self.bonds_of_row::<I, O, ROW_LANES>(kernel, inputs, rows, (row, start));
-            for (lane, part) in parts.into_iter().enumerate() {
-                for o in 0..O {
-                    sums[o][lane] += if lane < added { 0.0 } else { part[o] };
-                }
-            }
+            self.add_bonds(kernel, inputs, rows, (row, start, first - start), &mut sums);
             first = start + ROW_LANES;
         }
-        sums.map(|lanes| lanes.into_iter().fold(0.0, |sum, lane| sum + lane))
+        sums.map(|lanes| lanes.into_iter().sum())
     }
 
-    /// What `N` bonds of a row from bond number `first` on contribute.
+    /// Adds `N` bonds of a row from bond number `first` on, without the leading `added` ones.
     #[inline(always)]
-    fn bonds_of_row<const I: usize, const O: usize, const N: usize>(
+    fn add_bonds<const I: usize, const O: usize, const N: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,
         inputs: &[&[f64]; I],
         rows: &Rows,
-        (row, first): (usize, usize),
-    ) -> [[f64; O]; N] {
+        (row, first, added): (usize, usize, usize),
+        sums: &mut [[f64; N]; O],
+    ) {
         let at = rows.slot[row] as usize;
-        let columns: &[u32; N] = rows.column[first..first + N]
-            .try_into()
-            .expect("the slice has N elements");
+        let columns = &rows.column[first..first + N];
+        // element by element: on many processors faster than gather instructions
         let gather = |values: &[f64]| -> [f64; N] {
             std::array::from_fn(|lane| values[columns[lane] as usize])
         };
+        let weight: [f64; N] = lanes(&rows.weight, first);
+        let dual: [f64; N] = lanes(&rows.dual, first);
         let there: [[f64; N]; 3] = std::array::from_fn(|a| gather(&self.places[a]));
         let here: [f64; 3] = std::array::from_fn(|a| self.places[a][at]);
-        let (weight, dual) = (lanes(&rows.weight, first), lanes(&rows.dual, first));
-        let weight: [f64; N] = weight;
-        let dual: [f64; N] = dual;
         let other: [[f64; N]; I] = std::array::from_fn(|i| gather(inputs[i]));
         let own: [f64; I] = std::array::from_fn(|i| inputs[i][at]);
-        std::array::from_fn(|lane| {
+        for lane in 0..N {
             let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
             let bond = Bond {
                 xi,
@@ -233,8 +234,11 @@ impl Family {
                 weight: weight[lane],
                 dual: dual[lane],
             };
-            kernel.bond(&bond, own, std::array::from_fn(|i| other[i][lane]))
-        })
+            let part = kernel.bond(&bond, own, std::array::from_fn(|i| other[i][lane]));
+            for o in 0..O {
+                sums[o][lane] += if lane < added { 0.0 } else { part[o] };
+            }
+        }
     }
 }
 
@@ -270,9 +274,11 @@ fn sweep_chunk<const I: usize, const O: usize>(
     output: &Output<O>,
     chunk: &Chunk,
 ) {
-    for row in chunk.rows.clone() {
-        let sum = family.sum_row(kernel, inputs, &family.rows, row);
-        output.set(family.rows.point[row] as usize, sum);
+    if family.is_cloud() {
+        for row in chunk.rows.clone() {
+            let sum = family.sum_cloud_row(kernel, inputs, &family.rows, row);
+            output.set(family.rows.point[row] as usize, sum);
+        }
     }
     let runs = &family.runs[chunk.runs.clone()];
     sweep_runs(kernel, &family.stencil, inputs, output, runs);

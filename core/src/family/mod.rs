@@ -15,6 +15,8 @@
 mod build;
 mod calibration;
 mod cloud;
+#[cfg(test)]
+mod cloud_tests;
 mod cut;
 mod horizon;
 mod images;
@@ -289,6 +291,10 @@ impl Family {
     /// Share of the points that are swept with the shared stencil.
     pub fn stencil_share(&self) -> f64 {
         self.runs.iter().map(|r| f64::from(r.len)).sum::<f64>() / self.points as f64
+    }
+
+    fn is_cloud(&self) -> bool {
+        !self.places[0].is_empty()
     }
 
     /// Bytes held.

@@ -3,7 +3,7 @@
 use super::error::SolverError;
 use super::krylov::NullSpace;
 use super::newton::{Newton, NewtonReport};
-use super::reduce::sum;
+use super::reduce::{dot, sum};
 use super::rhs::Rhs;
 use super::vector::update;
 
@@ -11,8 +11,8 @@ use super::vector::update;
 /// solve. `state` holds the initial guess on entry.
 ///
 /// `conserved` is for systems that exchange nothing with their surroundings, such as an
-/// insulated body: then steady states form a family, and the one with the sum of the
-/// initial guess is returned. The rate must depend on the state only through differences,
+/// insulated body: then steady states form a family, and the one with the (weighted,
+/// [`Rhs::weights`]) sum of the initial guess is returned. The rate must depend on the state only through differences,
 /// so that adding a constant to all entries changes nothing.
 ///
 /// Choose the absolute tolerance of `newton` in the unit of the rate: a relative one means
@@ -31,11 +31,17 @@ pub fn steady_state(
     if !conserved {
         return newton.solve(rhs, time, state, None);
     }
-    let before = sum(state);
+    let weights: Option<Vec<f64>> = rhs.weights().map(<[f64]>::to_vec);
+    let total = |state: &[f64]| match &weights {
+        Some(weights) => dot(state, weights),
+        None => sum(state),
+    };
+    let before = total(state);
     let constant = NullSpace::constant(state.len());
     let report = newton.solve(rhs, time, state, Some(&constant))?;
     // the projection keeps the sum to the rounding of each iteration; this removes what built up
-    let excess = (sum(state) - before) / state.len() as f64;
+    let size = weights.as_deref().map_or(state.len() as f64, sum);
+    let excess = (total(state) - before) / size;
     update(state, [], |y, []| y - excess);
     Ok(report)
 }
