@@ -13,6 +13,7 @@ use crate::cell_list::CellList;
 use super::build::{chunks, cuts};
 use super::calibration::{calibration, factor_along};
 use super::images::Images;
+use super::kernel::ROW_LANES;
 use super::{Bond, Correction, Cut, Family, FamilyError, FamilySpec, PartialVolume, Rows, Span};
 
 /// Ties such as |xi| = 3 dx belong to the family whatever the rounding, relative.
@@ -199,7 +200,7 @@ impl Family {
         Ok(Family {
             spec: spec.clone(),
             points,
-            bonds: rows.column.len(),
+            bonds: rows.column.len() - ROW_LANES,
             slots: images.position.len(),
             spans: vec![Span {
                 slot: 0,
@@ -267,8 +268,8 @@ impl Rows {
             start: vec![0],
             ..Rows::default()
         };
-        all.column
-            .reserve_exact(parts().map(|p| p.column.len()).sum());
+        let bonds: usize = parts().map(|p| p.column.len()).sum();
+        all.column.reserve_exact(bonds + ROW_LANES);
         all.weight.reserve_exact(all.column.capacity());
         all.dual.reserve_exact(all.column.capacity());
         for part in parts() {
@@ -279,6 +280,10 @@ impl Rows {
             all.dual.extend(&part.dual);
             all.start.push(all.column.len());
         }
+        // the last row is read a few lanes further
+        all.column.extend([0; ROW_LANES]);
+        all.weight.extend([0.0; ROW_LANES]);
+        all.dual.extend([0.0; ROW_LANES]);
         all
     }
 }

@@ -16,7 +16,7 @@ const LANES: usize = 16;
 
 /// Bonds of a row that advance together on a cloud: one AVX2 register. Eight were slower, and small
 /// families would fill them badly.
-const ROW_LANES: usize = 4;
+pub(super) const ROW_LANES: usize = 4;
 
 /// A bond of the reference configuration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -123,24 +123,32 @@ impl Family {
         output: &Output<O>,
         chunk: &Chunk,
     ) {
-        if !self.is_cloud() {
-            for row in chunk.rows.clone() {
-                let sum = self.sum_row(kernel, inputs, &self.rows, row);
-                output.set(self.rows.point[row] as usize, sum);
+        if self.is_cloud() {
+            // nothing is gained by wider registers: gathering limits
+            #[cfg(target_arch = "x86_64")]
+            if is_x86_feature_detected!("avx2") {
+                // SAFETY: the instruction set was detected.
+                return unsafe { sweep_cloud_avx2(self, kernel, inputs, output, chunk) };
             }
+            return sweep_cloud(self, kernel, inputs, output, chunk);
         }
+        for row in chunk.rows.clone() {
+            let sum = self.sum_row(kernel, inputs, &self.rows, row);
+            output.set(self.rows.point[row] as usize, sum);
+        }
+        let runs = &self.runs[chunk.runs.clone()];
         #[cfg(target_arch = "x86_64")]
         {
             if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
                 // SAFETY: the instruction set was detected.
-                return unsafe { sweep_avx512(self, kernel, inputs, output, chunk) };
+                return unsafe { sweep_avx512(kernel, &self.stencil, inputs, output, runs) };
             }
             if is_x86_feature_detected!("avx2") {
                 // SAFETY: the instruction set was detected.
-                return unsafe { sweep_avx2(self, kernel, inputs, output, chunk) };
+                return unsafe { sweep_avx2(kernel, &self.stencil, inputs, output, runs) };
             }
         }
-        sweep_chunk(self, kernel, inputs, output, chunk);
+        sweep_runs(kernel, &self.stencil, inputs, output, runs);
     }
 
     #[inline(always)]
@@ -177,7 +185,8 @@ impl Family {
         sums
     }
 
-    /// The row of a point of a cloud: its bonds advance side by side, [`ROW_LANES`] at a time.
+    /// The row of a point of a cloud: its bonds advance side by side, [`ROW_LANES`] at a time. Lanes
+    /// beyond the end compute with what follows in memory and count nothing.
     #[inline(always)]
     fn sum_cloud_row<const I: usize, const O: usize>(
         &self,
@@ -186,102 +195,87 @@ impl Family {
         rows: &Rows,
         row: usize,
     ) -> [f64; O] {
-        let (mut first, end) = (rows.start[row], rows.start[row + 1]);
-        if end - first < ROW_LANES {
-            let mut sums = [[0.0; 1]; O];
-            for bond in first..end {
-                self.add_bonds(kernel, inputs, rows, (row, bond, 0), &mut sums);
-            }
-            return sums.map(|[sum]| sum);
-        }
+        let at = rows.slot[row] as usize;
+        let here: [f64; 3] = std::array::from_fn(|a| self.places[a][at]);
+        let own: [f64; I] = std::array::from_fn(|i| inputs[i][at]);
+        let end = rows.start[row + 1];
         let mut sums = [[0.0; ROW_LANES]; O];
-        while first < end {
-            // the last block overlaps the one before it: lanes already added count nothing
-            let start = first.min(end - ROW_LANES);
-            self.add_bonds(kernel, inputs, rows, (row, start, first - start), &mut sums);
-            first = start + ROW_LANES;
+        for first in (rows.start[row]..end).step_by(ROW_LANES) {
+            let columns = &rows.column[first..first + ROW_LANES];
+            // element by element: on many processors faster than gather instructions
+            let gather = |values: &[f64]| -> [f64; ROW_LANES] {
+                std::array::from_fn(|lane| values[columns[lane] as usize])
+            };
+            let weight: [f64; ROW_LANES] = lanes(&rows.weight, first);
+            let dual: [f64; ROW_LANES] = lanes(&rows.dual, first);
+            let there: [[f64; ROW_LANES]; 3] = std::array::from_fn(|a| gather(&self.places[a]));
+            let other: [[f64; ROW_LANES]; I] = std::array::from_fn(|i| gather(inputs[i]));
+            for lane in 0..ROW_LANES {
+                let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
+                let bond = Bond {
+                    xi,
+                    length: (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt(),
+                    weight: weight[lane],
+                    dual: dual[lane],
+                };
+                let part = kernel.bond(&bond, own, std::array::from_fn(|i| other[i][lane]));
+                for o in 0..O {
+                    sums[o][lane] += if first + lane < end { part[o] } else { 0.0 };
+                }
+            }
         }
         sums.map(|lanes| lanes.into_iter().sum())
-    }
-
-    /// Adds `N` bonds of a row from bond number `first` on, without the leading `added` ones.
-    #[inline(always)]
-    fn add_bonds<const I: usize, const O: usize, const N: usize>(
-        &self,
-        kernel: &impl BondKernel<I, O>,
-        inputs: &[&[f64]; I],
-        rows: &Rows,
-        (row, first, added): (usize, usize, usize),
-        sums: &mut [[f64; N]; O],
-    ) {
-        let at = rows.slot[row] as usize;
-        let columns = &rows.column[first..first + N];
-        // element by element: on many processors faster than gather instructions
-        let gather = |values: &[f64]| -> [f64; N] {
-            std::array::from_fn(|lane| values[columns[lane] as usize])
-        };
-        let weight: [f64; N] = lanes(&rows.weight, first);
-        let dual: [f64; N] = lanes(&rows.dual, first);
-        let there: [[f64; N]; 3] = std::array::from_fn(|a| gather(&self.places[a]));
-        let here: [f64; 3] = std::array::from_fn(|a| self.places[a][at]);
-        let other: [[f64; N]; I] = std::array::from_fn(|i| gather(inputs[i]));
-        let own: [f64; I] = std::array::from_fn(|i| inputs[i][at]);
-        for lane in 0..N {
-            let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
-            let bond = Bond {
-                xi,
-                length: (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt(),
-                weight: weight[lane],
-                dual: dual[lane],
-            };
-            let part = kernel.bond(&bond, own, std::array::from_fn(|i| other[i][lane]));
-            for o in 0..O {
-                sums[o][lane] += if lane < added { 0.0 } else { part[o] };
-            }
-        }
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl")]
 fn sweep_avx512<const I: usize, const O: usize>(
-    family: &Family,
     kernel: &impl BondKernel<I, O>,
+    stencil: &[StencilBond],
     inputs: &[&[f64]; I],
     output: &Output<O>,
-    chunk: &Chunk,
+    runs: &[Span],
 ) {
-    sweep_chunk(family, kernel, inputs, output, chunk);
+    sweep_runs(kernel, stencil, inputs, output, runs);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn sweep_avx2<const I: usize, const O: usize>(
+    kernel: &impl BondKernel<I, O>,
+    stencil: &[StencilBond],
+    inputs: &[&[f64]; I],
+    output: &Output<O>,
+    runs: &[Span],
+) {
+    sweep_runs(kernel, stencil, inputs, output, runs);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn sweep_cloud_avx2<const I: usize, const O: usize>(
     family: &Family,
     kernel: &impl BondKernel<I, O>,
     inputs: &[&[f64]; I],
     output: &Output<O>,
     chunk: &Chunk,
 ) {
-    sweep_chunk(family, kernel, inputs, output, chunk);
+    sweep_cloud(family, kernel, inputs, output, chunk);
 }
 
 #[inline(always)]
-fn sweep_chunk<const I: usize, const O: usize>(
+fn sweep_cloud<const I: usize, const O: usize>(
     family: &Family,
     kernel: &impl BondKernel<I, O>,
     inputs: &[&[f64]; I],
     output: &Output<O>,
     chunk: &Chunk,
 ) {
-    if family.is_cloud() {
-        for row in chunk.rows.clone() {
-            let sum = family.sum_cloud_row(kernel, inputs, &family.rows, row);
-            output.set(family.rows.point[row] as usize, sum);
-        }
+    for row in chunk.rows.clone() {
+        let sum = family.sum_cloud_row(kernel, inputs, &family.rows, row);
+        output.set(family.rows.point[row] as usize, sum);
     }
-    let runs = &family.runs[chunk.runs.clone()];
-    sweep_runs(kernel, &family.stencil, inputs, output, runs);
 }
 
 #[inline(always)]

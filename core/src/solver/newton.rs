@@ -187,7 +187,7 @@ impl Newton {
                     if rhs.tangent(at, direction, out)? {
                         weigh(weights, out);
                     } else {
-                        let work = (&mut *trial, value.as_slice(), &mut *out);
+                        let work = (&mut trial[..], &value[..], &mut *out);
                         difference(rhs, at, direction, (linear, weights), work)?;
                     }
                     update(out, [], |entry, []| -entry);

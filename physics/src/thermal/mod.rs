@@ -15,6 +15,8 @@
 //!
 //! Not for: convection by flow, radiation inside the body.
 
+#[cfg(test)]
+mod cloud_tests;
 mod conduction;
 mod integrate;
 #[cfg(test)]
