@@ -1,7 +1,7 @@
 //! Conduction on bodies of several spacings.
 
 use super::Thermal;
-use crate::testing::{material, read, run, set, simulation, values};
+use crate::testing::{material, read, run, set, simulation};
 use perimelt_core::body::{Body, Jitter, Zone};
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::simulation::Simulation;
@@ -45,27 +45,13 @@ fn an_insulated_body_keeps_its_heat() {
             warm(&mut s);
             run(&mut s);
             let heat = &s.balances()[0].1[0];
-            // rounding of some hundred enthalpies over some hundred steps
+            // rounding of some hundred enthalpies over some hundred steps; what Newton's method leaves
+            let limit = if solver == "implicit" { 1e-9 } else { 1e-12 };
             assert!(
-                heat.error().abs() < 1e-12 * heat.stored,
+                heat.error().abs() < limit * heat.stored,
                 "{solver}: {heat:?}"
             );
             assert_eq!(heat.supplied, 0.0);
         }
-    }
-}
-
-#[test]
-fn the_steady_state_of_an_insulated_body_is_uniform_at_its_mean() {
-    let mut s = plate("solver = 'steady'");
-    warm(&mut s);
-    let volume = s.world().body(0).points.volume.clone();
-    let start = values(&s, "temperature");
-    let total: f64 = volume.iter().sum();
-    let mean: f64 = start.iter().zip(&volume).map(|(t, v)| t * v).sum::<f64>() / total;
-    run(&mut s);
-    for t in values(&s, "temperature") {
-        // the residual 1e-10 of the loads, amplified by the slowest mode
-        assert!((t - mean).abs() < 1e-5, "{t} {mean}");
     }
 }
