@@ -24,6 +24,10 @@ youngs_modulus = 200e9
 
 [time]
 end = 1
+step = 1
+
+[log]
+interval = 1
 "#;
 
 fn run(initial: &str, text: &str) -> Simulation {
@@ -67,7 +71,7 @@ fn slope(values: &[(f64, f64)], from: f64, to: f64) -> f64 {
 
 #[test]
 fn a_flux_makes_its_gradient_on_both_sides_of_a_jump_of_spacing() {
-    for horizon in ["3", "{ length = 0.03 }"] {
+    for (horizon, limit) in [("3", 1e-3), ("{ length = 0.03 }", 6e-3)] {
         let simulation = run(
             "initial.temperature = 300",
             &format!(
@@ -93,9 +97,9 @@ fn a_flux_makes_its_gradient_on_both_sides_of_a_jump_of_spacing() {
         // away from the flux, which enters the outermost points, and from the jump
         for (from, to) in [(0.0325, 0.0675), (0.135, 0.195)] {
             let gradient = slope(&temperature, from, to);
-            // conduction is calibrated point by point
+            // what is left of the layers in which flux enters and the horizon jumps
             assert!(
-                (gradient / -1000.0 - 1.0).abs() < 1e-6,
+                (gradient / -1000.0 - 1.0).abs() < limit,
                 "{horizon}: {gradient}"
             );
         }
@@ -115,7 +119,7 @@ fn a_pulled_plate_stretches_evenly_but_for_the_jump() {
             [[physics]]
             type = "mechanical"
             horizon = {horizon}
-            solver.relaxation = {{ relative_tolerance = 1e-8 }}
+            solver.relaxation = {{}}
 
             [[couplers]]
             type = "prescribed_displacement"
