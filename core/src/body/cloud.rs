@@ -62,14 +62,14 @@ impl Cloud {
         self.bounds
     }
 
-    /// Points whose cells may reach to `at`, nearest in spacings first: the point and its
-    /// distance along the axis where it is largest, in spacings.
-    fn cell_at(
+    /// The point whose cell holds a position (m): of several the one nearest in its spacings, and
+    /// not `except`.
+    pub(super) fn point_at(
         &self,
         spacing: &[f64],
         at: &Vector3<f64>,
         except: Option<usize>,
-    ) -> Option<(usize, f64)> {
+    ) -> Option<usize> {
         let mut best: Option<(usize, f64)> = None;
         self.list.visit_near(at, 0.0, |p| {
             let away = (at - self.centre[p]).amax() / spacing[p];
@@ -78,12 +78,7 @@ impl Cloud {
                 best = Some((p, away));
             }
         });
-        best
-    }
-
-    /// The point whose cell holds a position (m).
-    pub(super) fn point_at(&self, spacing: &[f64], at: &Vector3<f64>) -> Option<usize> {
-        self.cell_at(spacing, at, None).map(|(point, _)| point)
+        best.map(|(point, _)| point)
     }
 
     /// The point whose cell lies just behind a face, `across` half spacings from its middle.
@@ -99,8 +94,7 @@ impl Cloud {
         let beyond = 0.5 + 1e-3 + self.slack;
         let offset = beyond * face.normal() + 0.5 * Vector3::from(across);
         let at = self.centre[point] + size * offset;
-        let found = self.cell_at(spacing, &at, Some(point));
-        found.map(|(neighbour, _)| neighbour)
+        self.point_at(spacing, &at, Some(point))
     }
 
     /// Share of a cell face that borders on no material, by samples.

@@ -23,7 +23,7 @@ impl Cloud {
         let mut at = *at;
         let plane = points.position[0];
         (dimension..3).for_each(|a| at[a] = plane[a]);
-        let own = self.point_at(&points.spacing, &at)?;
+        let own = self.point_at(&points.spacing, &at, None)?;
         let size = points.spacing[own];
         if (points.position[own] - at).norm() < 1e-6 * size {
             return Some(vec![(own, 1.0)]);

@@ -54,7 +54,7 @@ impl Zone {
             return Err(ZoneError::Spacing(self.spacing));
         }
         let mut cells = [1; 3];
-        for axis in 0..dimension {
+        for (axis, cells) in cells.iter_mut().enumerate().take(dimension) {
             let extent = self.max[axis] - self.min[axis];
             let count = (extent / self.spacing).round();
             // a thousandth of a cell covers decimals that are cut off
@@ -65,7 +65,7 @@ impl Zone {
                     spacing: self.spacing,
                 });
             }
-            cells[axis] = count as usize;
+            *cells = count as usize;
         }
         Ok(cells)
     }

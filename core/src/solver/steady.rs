@@ -74,6 +74,35 @@ mod tests {
         }
     }
 
+    /// A ring of cells of several sizes that exchange heat with their neighbours.
+    struct Ring(Vec<f64>);
+
+    impl Rhs for Ring {
+        fn rate(&mut self, _: f64, y: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+            let n = y.len();
+            for i in 0..n {
+                rate[i] = (y[(i + 1) % n] - 2.0 * y[i] + y[(i + n - 1) % n]) / self.0[i];
+            }
+            Ok(())
+        }
+
+        fn weights(&self) -> Option<&[f64]> {
+            Some(&self.0)
+        }
+    }
+
+    #[test]
+    fn cells_of_several_sizes_end_at_their_weighted_mean() {
+        let sizes: Vec<f64> = (0..40).map(|i| if i < 20 { 1.0 } else { 4.0 }).collect();
+        let mut y: Vec<f64> = (0..40).map(|i| f64::from(i * i)).collect();
+        let mean = dot(&sizes, &y) / sum(&sizes);
+        steady_state(&mut solver(true), &mut Ring(sizes), 0.0, &mut y, true).unwrap();
+        for y in y {
+            // residual 1e-12 of some hundred, over the smallest eigenvalue, 0.025
+            assert!((y - mean).abs() < 1e-7, "{y} {mean}");
+        }
+    }
+
     #[test]
     fn conductivity_that_grows_with_temperature_gives_the_kirchhoff_profile() {
         // k = 1 + T between T = 0 and T = 1: T + T^2/2 is linear; (T^2 differences make it exact on a grid)
