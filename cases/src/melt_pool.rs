@@ -62,6 +62,18 @@ pub fn melt_pool(
     isotherm: f64,
 ) -> Option<MeltPool> {
     let grid = Grid::new(positions, spacing)?;
+    melt_pool_on(&grid, temperature, dimension, travel, isotherm)
+}
+
+/// As [`melt_pool`], for points on a grid.
+pub(crate) fn melt_pool_on(
+    grid: &Grid,
+    temperature: &[f64],
+    dimension: usize,
+    travel: Travel,
+    isotherm: f64,
+) -> Option<MeltPool> {
+    let spacing = grid.spacing;
     let values = grid.by_cell(temperature);
     let (along, across) = match travel {
         Travel::X => (0, 1),

@@ -1,6 +1,7 @@
 //! Probes: numbers taken from the fields with every logged state.
 
 use nalgebra::Vector3;
+use perimelt_core::body::{Discretisation, Face};
 use perimelt_core::error::Problem;
 use perimelt_core::field::FieldIndex;
 use perimelt_core::{Body, SetupError, Simulation, World};
@@ -269,11 +270,11 @@ fn reduce(values: impl Iterator<Item = (f64, f64)>, statistic: Statistic) -> f64
     }
 }
 
-/// Linear weights of the points in the cells around a position; beyond the outermost cell
-/// centres the outermost points alone.
+/// Linear weights of the points around a position. On a lattice these are the points of the cells
+/// around it, beyond the outermost cell centres the outermost ones alone; on a cloud they are those
+/// of a least-squares fit.
 fn interpolation(body: &Body, position: &Vector3<f64>, key: &str) -> Result<Weights, SetupError> {
-    let lattice = &body.lattice;
-    let tolerance = 1e-6 * lattice.spacing;
+    let tolerance = 1e-6 * body.finest_spacing();
     let (min, max) = body.bounds();
     let outside = (0..body.dimension)
         .any(|a| position[a] < min[a] - tolerance || position[a] > max[a] + tolerance);
@@ -292,6 +293,13 @@ fn interpolation(body: &Body, position: &Vector3<f64>, key: &str) -> Result<Weig
     if outside {
         return Err(off_body());
     }
+    let lattice = match &body.discretisation {
+        Discretisation::Lattice(lattice) => lattice,
+        Discretisation::Cloud(cloud) => {
+            let weights = cloud.weights(&body.points, body.dimension, position);
+            return weights.ok_or_else(off_body);
+        }
+    };
     // a position on a cell centre, but for rounding, is that point alone
     let snap = |share: f64| {
         let nearest = share.round();
@@ -385,7 +393,6 @@ impl MeltPool {
     /// a point above and its neighbour below the edge is interpolated; at the surface of the
     /// body it is the cell's face.
     fn measure(&self, body: &Body, temperature: &[f64]) -> Vec<f64> {
-        let spacing = body.lattice.spacing;
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];
         let mut volume = 0.0;
@@ -394,20 +401,18 @@ impl MeltPool {
                 continue;
             }
             volume += body.points.volume[point];
-            let cell = body.lattice.cell_of_point[point].map(i64::from);
             let position = body.points.position[point];
             for a in 0..body.dimension {
-                let reach = |step: i64| {
-                    let mut neighbour = cell;
-                    neighbour[a] += step;
-                    match body.lattice.point(neighbour).map(|n| temperature[n]) {
-                        None => 0.5 * spacing,
-                        Some(other) if other >= self.isotherm => 0.0,
-                        Some(other) => spacing * (own - self.isotherm) / (own - other),
+                let reach = |face: Face| match body.neighbour(point, face) {
+                    None => 0.5 * body.points.spacing[point],
+                    Some(n) if temperature[n] >= self.isotherm => 0.0,
+                    Some(n) => {
+                        let distance = (body.points.position[n][a] - position[a]).abs();
+                        distance * (own - self.isotherm) / (own - temperature[n])
                     }
                 };
-                low[a] = low[a].min(position[a] - reach(-1));
-                high[a] = high[a].max(position[a] + reach(1));
+                low[a] = low[a].min(position[a] - reach(Face::ALL[2 * a]));
+                high[a] = high[a].max(position[a] + reach(Face::ALL[2 * a + 1]));
             }
         }
         let extent = |a: usize| (high[a] - low[a]).max(0.0);

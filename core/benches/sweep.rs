@@ -1,11 +1,12 @@
 //! Bonds per second of the sweep, by store and kernel: `cargo bench -p perimelt-core`.
 //!
-//! Block of 48³ points, horizon 3.015 spacings, 122 bonds each. What limits each kernel
+//! Block of 48³ points, horizon 3.015 spacings, 122 bonds each (on the cloud, whose points are
+//! displaced by up to a fifth of a spacing, on average). What limits each kernel
 //! stands in `ARCHITECTURE.md`.
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use perimelt_core::body::{Body, Store};
+use perimelt_core::body::{Body, Jitter, Store};
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::{Bond, BondKernel, Correction, Face, Family, FamilySpec};
 
@@ -13,13 +14,28 @@ fn main() {
     divan::main();
 }
 
-fn family(store: Store) -> (Body, Family) {
+#[derive(Clone, Copy)]
+enum Points {
+    Lattice(Store),
+    Cloud,
+}
+
+fn family(points: Points) -> (Body, Family) {
     let shape = Shape::Box(BoxShape {
         min: [0.0; 3],
         max: [48.0; 3],
     });
     let mut body = Body::fill("block", &shape, 3, 1.0, 1.0).expect("a valid block");
-    body.store = store;
+    match points {
+        Points::Lattice(store) => body.store = store,
+        Points::Cloud => {
+            let jitter = Jitter {
+                share: 0.2,
+                seed: 1,
+            };
+            body = body.jittered(jitter).expect("a valid share");
+        }
+    }
     let spec = FamilySpec {
         correction: Correction::Lattice,
         layers: Face::ALL.to_vec(),
@@ -54,10 +70,10 @@ impl BondKernel<3, 3> for Force {
 fn sweep<const I: usize, const O: usize>(
     bencher: Bencher<'_, '_>,
     kernel: &impl BondKernel<I, O>,
-    store: Store,
+    points: Points,
     threads: usize,
 ) {
-    let (body, family) = family(store);
+    let (body, family) = family(points);
     let fields: [Vec<f64>; I] = std::array::from_fn(|i| {
         (0..family.slots())
             .map(|s| ((s * (i + 7)) as f64).sin() * 1e-3)
@@ -78,20 +94,30 @@ fn sweep<const I: usize, const O: usize>(
 
 #[divan::bench(args = [1, 2])]
 fn heat_lattice(bencher: Bencher<'_, '_>, threads: usize) {
-    sweep(bencher, &Heat, Store::Lattice, threads);
+    sweep(bencher, &Heat, Points::Lattice(Store::Lattice), threads);
 }
 
 #[divan::bench(args = [1, 2])]
 fn heat_list(bencher: Bencher<'_, '_>, threads: usize) {
-    sweep(bencher, &Heat, Store::List, threads);
+    sweep(bencher, &Heat, Points::Lattice(Store::List), threads);
 }
 
 #[divan::bench(args = [1, 2])]
 fn force_lattice(bencher: Bencher<'_, '_>, threads: usize) {
-    sweep(bencher, &Force, Store::Lattice, threads);
+    sweep(bencher, &Force, Points::Lattice(Store::Lattice), threads);
 }
 
 #[divan::bench(args = [1, 2])]
 fn force_list(bencher: Bencher<'_, '_>, threads: usize) {
-    sweep(bencher, &Force, Store::List, threads);
+    sweep(bencher, &Force, Points::Lattice(Store::List), threads);
+}
+
+#[divan::bench(args = [1, 2])]
+fn heat_cloud(bencher: Bencher<'_, '_>, threads: usize) {
+    sweep(bencher, &Heat, Points::Cloud, threads);
+}
+
+#[divan::bench(args = [1, 2])]
+fn force_cloud(bencher: Bencher<'_, '_>, threads: usize) {
+    sweep(bencher, &Force, Points::Cloud, threads);
 }

@@ -2,7 +2,7 @@
 //!
 //! A tour, in the order in which a case comes to life:
 //!
-//! 1. [`shape`] and [`body`]: shapes are filled with points on a lattice.
+//! 1. [`shape`] and [`body`]: shapes are filled with points, on a lattice or of several spacings.
 //! 2. [`material`]: properties, constant, by temperature or by phase.
 //! 3. [`plugin`]: the two traits, [`Physics`] and [`Coupler`], that carry everything else.
 //! 4. [`Setup`]: plugins declare [`field`]s and obtain [`family`]s.
@@ -11,6 +11,7 @@
 //! 7. [`log`]: the run as an MCAP file, and back.
 
 pub mod body;
+pub mod cell_list;
 pub mod error;
 pub mod family;
 pub mod field;
@@ -27,7 +28,7 @@ pub mod world;
 pub use body::{Body, Face, Region};
 pub use error::{Problem, RunError, SetupError};
 pub use family::{
-    Bond, BondKernel, Correction, Cut, Family, FamilySpec, Image, Influence, Operator,
+    Bond, BondKernel, Correction, Cut, Family, FamilySpec, Horizon, Image, Influence, Operator,
     PartialVolume,
 };
 pub use field::{Key, Read, ReadIfProvided, Write, keys};

@@ -156,7 +156,7 @@ impl<'w> Setup<'w> {
                 body: body.name.clone(),
                 from: from.into(),
                 to: to.into(),
-                spacing: body.lattice.spacing,
+                spacing: body.finest_spacing(),
             };
             return Err(SetupError::new(key, problem));
         }

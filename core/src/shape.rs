@@ -18,6 +18,9 @@ pub enum Shape {
     Box(BoxShape),
     /// Circular cylinder between the centres of its two end faces, in m.
     Cylinder(Cylinder),
+    /// Elliptical cylinder between the centres of its two end faces (an elliptical hole, with
+    /// `difference`), in m.
+    EllipticalCylinder(EllipticalCylinder),
     /// Sphere (a disc in 2D bodies), in m.
     Sphere(Sphere),
     /// All positions below a plane: those with `(x - point) . normal <= 0`.
@@ -48,6 +51,68 @@ pub struct Cylinder {
     pub end: [f64; 3],
     /// Radius, m.
     pub radius: f64,
+}
+
+/// Elliptical cylinder.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EllipticalCylinder {
+    /// Centre of one end face, m.
+    pub start: [f64; 3],
+    /// Centre of the other end face, m.
+    pub end: [f64; 3],
+    /// One semi-axis of the ellipse as a vector at right angles to the cylinder, m.
+    pub semi_axis: [f64; 3],
+    /// Length of the other semi-axis, m.
+    pub other: f64,
+}
+
+impl EllipticalCylinder {
+    /// Unit vectors along the cylinder, the given and the other semi-axis, and half the lengths
+    /// of the latter two; the length of the cylinder.
+    fn frame(&self) -> ([Vector3<f64>; 3], [f64; 2], f64) {
+        let axis = Vector3::from(self.end) - Vector3::from(self.start);
+        let semi_axis = Vector3::from(self.semi_axis);
+        let (along, first) = (axis.normalize(), semi_axis.normalize());
+        let frame = [along, first, along.cross(&first)];
+        (frame, [semi_axis.norm(), self.other], axis.norm())
+    }
+
+    fn contains(&self, position: &Vector3<f64>, tolerance: f64) -> bool {
+        let ([along, first, second], [a, b], length) = self.frame();
+        if a.min(b) + tolerance <= 0.0 {
+            return false;
+        }
+        let relative = position - Vector3::from(self.start);
+        let height = relative.dot(&along);
+        let scaled = |direction: Vector3<f64>, semi_axis: f64| {
+            relative.dot(&direction) / (semi_axis + tolerance)
+        };
+        let inside = scaled(first, a).powi(2) + scaled(second, b).powi(2) <= 1.0;
+        inside && height >= -tolerance && height <= length + tolerance
+    }
+
+    fn bounds(&self) -> Bounds {
+        let ([_, first, second], [a, b], _) = self.frame();
+        let reach = Vector3::from_fn(|i, _| (a * first[i]).hypot(b * second[i]));
+        let (start, end) = (Vector3::from(self.start), Vector3::from(self.end));
+        (start.inf(&end) - reach, start.sup(&end) + reach)
+    }
+
+    fn mistake(&self) -> Option<String> {
+        if self.start == self.end {
+            return Some("the cylinder has no length".into());
+        }
+        let (axis, semi_axis) = (
+            Vector3::from(self.end) - Vector3::from(self.start),
+            Vector3::from(self.semi_axis),
+        );
+        if semi_axis.norm() <= 0.0 || self.other <= 0.0 {
+            return Some("a semi-axis of the ellipse has no length".into());
+        }
+        let skew = axis.dot(&semi_axis).abs() > 1e-6 * axis.norm() * semi_axis.norm();
+        skew.then(|| "the semi-axis is not at right angles to the cylinder".into())
+    }
 }
 
 /// Sphere.
@@ -101,6 +166,7 @@ impl Shape {
                 let radial = (relative.norm_squared() - along * along).max(0.0).sqrt();
                 along >= -tolerance && along <= length + tolerance && radial <= c.radius + tolerance
             }
+            Shape::EllipticalCylinder(c) => c.contains(position, tolerance),
             Shape::Sphere(s) => (position - Vector3::from(s.centre)).norm() <= s.radius + tolerance,
             Shape::HalfSpace(h) => {
                 let normal = Vector3::from(h.normal).normalize();
@@ -123,6 +189,7 @@ impl Shape {
                 let reach = axis.map(|a| c.radius * (1.0 - a * a).max(0.0).sqrt());
                 Some((start.inf(&end) - reach, start.sup(&end) + reach))
             }
+            Shape::EllipticalCylinder(c) => Some(c.bounds()),
             Shape::Sphere(s) => {
                 let (centre, reach) = (Vector3::from(s.centre), Vector3::repeat(s.radius));
                 Some((centre - reach, centre + reach))
@@ -154,6 +221,7 @@ impl Shape {
             {
                 Some(format!("the radius {radius} is not positive"))
             }
+            Shape::EllipticalCylinder(c) => c.mistake(),
             Shape::HalfSpace(h) if h.normal == [0.0; 3] => Some("the normal is zero".into()),
             Shape::Union(shapes) => shapes.iter().find_map(Shape::mistake),
             Shape::Difference(d) => d.from.mistake().or_else(|| d.subtract.mistake()),
@@ -200,6 +268,33 @@ mod tests {
         assert!((max - Vector3::new(3.8, 4.6, 1.0)).norm() < 1e-12);
         assert!(cylinder.contains(&Vector3::new(1.5 - 0.79, 2.0 + 0.59, 0.0), 0.0));
         assert!(!cylinder.contains(&Vector3::new(1.5 - 0.81, 2.0 + 0.61, 0.0), 0.0));
+    }
+
+    #[test]
+    fn an_elliptical_hole_has_its_semi_axes_and_bounds() {
+        let ellipse = EllipticalCylinder {
+            start: [1.0, 0.0, 0.0],
+            end: [1.0, 0.0, 2.0],
+            semi_axis: [0.3, 0.4, 0.0],
+            other: 0.25,
+        };
+        let shape = Shape::EllipticalCylinder(ellipse.clone());
+        for (x, y, inside) in [(0.29, 0.39, true), (0.31, 0.41, false), (-0.19, 0.14, true)] {
+            let at = Vector3::new(1.0 + x, y, 1.0);
+            assert_eq!(shape.contains(&at, 0.0), inside, "{x} {y}");
+        }
+        assert!(!shape.contains(&Vector3::new(1.0, 0.0, 2.1), 1e-9));
+        assert!(!shape.contains(&Vector3::new(1.0, 0.0, 1.0), -0.3));
+        let (min, max) = shape.bounds().expect("bounded");
+        assert!(
+            (max - Vector3::new(1.0 + 0.3_f64.hypot(0.2), 0.4_f64.hypot(0.15), 2.0)).norm() < 1e-12
+        );
+        assert_eq!(min.z, 0.0);
+        let skew = EllipticalCylinder {
+            semi_axis: [0.3, 0.0, 0.1],
+            ..ellipse
+        };
+        assert!(Shape::EllipticalCylinder(skew).mistake().is_some());
     }
 
     #[test]

@@ -16,6 +16,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Problem, RunError, SetupError};
+use crate::family::Horizon;
 use crate::field::FieldIndex;
 use crate::plugin::{Balance, Coupler, Physics, Report, Step, StepSize, Update};
 use crate::schedule::Plan;
@@ -100,7 +101,7 @@ pub struct FamilySize {
     /// The body.
     pub body: usize,
     /// Horizon, m.
-    pub horizon: f64,
+    pub horizon: Horizon,
     /// Directed bonds.
     pub bonds: usize,
     /// Bytes held.

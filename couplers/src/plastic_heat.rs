@@ -7,9 +7,7 @@
 //! What is not turned into heat stays in the dislocations; metals give 0.8 to 1. The change of the
 //! work since the heat was last computed is taken up in full, whatever the steps of the two physics.
 
-use perimelt_core::{
-    Coupler, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys,
-};
+use perimelt_core::{Coupler, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -186,9 +186,10 @@ impl Physics for Replay {
             return Err(SetupError::other("log", misfit));
         }
         // single precision and a first displacement move points by far less than a quarter cell
-        let tolerance = 0.25 * here.lattice.spacing;
-        for (point, (logged, here)) in first.positions.iter().zip(positions).enumerate() {
-            if (Vector3::from(*logged) - here).norm() > tolerance {
+        let spacings = &here.points.spacing;
+        let pairs = first.positions.iter().zip(positions).zip(spacings);
+        for (point, ((logged, here), spacing)) in pairs.enumerate() {
+            if (Vector3::from(*logged) - here).norm() > 0.25 * spacing {
                 let misfit = Misfit::Position {
                     point,
                     logged: *logged,

@@ -19,10 +19,15 @@ pub fn block(
     let max = cells.map(|c| c as f64 * spacing);
     let shape = Shape::Box(BoxShape { min: [0.0; 3], max });
     let mut body = Body::fill("block", &shape, dimension, spacing, 0.1).expect("a valid block");
-    let section: MaterialSection = toml::from_str(material).expect("a valid material");
-    body.materials = vec![Material::new("test", section, None).expect("a valid material")];
+    body.materials = vec![self::material(material)];
     body.store = store;
     body
+}
+
+/// A material given in TOML.
+pub fn material(keys: &str) -> Material {
+    let section: MaterialSection = toml::from_str(keys).expect("a valid material");
+    Material::new("test", section, None).expect("a valid material")
 }
 
 /// A plugin read from TOML, as a case file would give it.

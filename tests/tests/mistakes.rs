@@ -61,4 +61,18 @@ mistakes! {
     name_of_a_series_that_there_is: "name = \"base\"\nfield" => "name = \"reports\"\nfield";
     initial_field_nobody_provides: "initial.temperature = 300" => "initial.temperatur = 300";
     not_toml: "end = 1.5" => "end = 1.5.2";
+    zones_that_overlap: "spacing = 0.001\n" => "zones = [
+    { min = [0, 0, 0], max = [0.01, 0.01, 0.004], spacing = 0.001 },
+    { min = [0.008, 0, 0], max = [0.02, 0.01, 0.004], spacing = 0.002 },
+]\n";
+    zone_outside_the_shape: "spacing = 0.001\n" => "zones = [
+    { min = [0, 0, 0], max = [0.02, 0.01, 0.004], spacing = 0.001 },
+    { min = [0.02, 0, 0], max = [0.03, 0.01, 0.004], spacing = 0.002 },
+]\n";
+    zone_that_cells_do_not_fill: "spacing = 0.001\n" => "zones = [{ min = [0, 0, 0], max = [0.02, 0.01, 0.004], spacing = 0.003 }]\n";
+    zones_that_leave_out_a_part: "spacing = 0.001\n" => "zones = [{ min = [0, 0, 0], max = [0.01, 0.01, 0.004], spacing = 0.001 }]\n";
+    spacing_beside_zones: "spacing = 0.001\n" => "spacing = 0.001\nzones = [{ min = [0, 0, 0], max = [0.02, 0.01, 0.004], spacing = 0.001 }]\n";
+    moving_source_on_zones: "spacing = 0.001\n" => "zones = [{ min = [0, 0, 0], max = [0.02, 0.01, 0.004], spacing = 0.001 }]\n";
+    horizon_that_reaches_nobody: "horizon = 2\n" => "horizon = { length = 0.0005 }\n";
+    horizon_in_words: "horizon = 2\n" => "horizon = \"wide\"\n";
 }

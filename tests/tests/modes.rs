@@ -58,8 +58,15 @@ fn short(file: &Path, factor: f64) -> Result<Table, String> {
     whole.remove("verify");
     for (_, body) in table(&mut whole, "bodies").iter_mut() {
         let body = body.as_table_mut().expect("a table");
-        let spacing = factor * number(&body["spacing"]);
-        body.insert("spacing".into(), spacing.into());
+        let scale = |table: &mut Table| {
+            if let Some(spacing) = table.get_mut("spacing") {
+                *spacing = (factor * number(spacing)).into();
+            }
+        };
+        scale(body);
+        let zones = body.get_mut("zones").and_then(Value::as_array_mut);
+        let zones = zones.into_iter().flatten();
+        zones.filter_map(Value::as_table_mut).for_each(scale);
     }
     let mut simulation = parse(file, &whole).compose().map_err(|e| e.render(false))?;
     let points: usize = simulation
@@ -71,8 +78,8 @@ fn short(file: &Path, factor: f64) -> Result<Table, String> {
     // a body one point thick has no stiffness across
     let bodies = simulation.world().bodies().iter();
     if bodies
-        .flat_map(|b| &b.lattice.cells[..b.dimension])
-        .any(|&c| c < 2)
+        .filter_map(|b| Some((b.dimension, b.lattice()?.cells)))
+        .any(|(dimension, cells)| cells[..dimension].iter().any(|&c| c < 2))
     {
         return Err("too few points across".into());
     }

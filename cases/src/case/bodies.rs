@@ -1,6 +1,6 @@
 //! Bodies and materials of a case.
 
-use perimelt_core::body::BodyError;
+use perimelt_core::body::{BodyError, ZoneError};
 use perimelt_core::error::nearest;
 use perimelt_core::material::Material;
 use perimelt_core::{Body, Problem};
@@ -33,24 +33,34 @@ impl Case {
             1 => section.cross_section,
             _ => section.thickness,
         };
-        let filled = Body::fill(
-            name,
-            &section.shape,
-            section.dimension,
-            section.spacing,
-            thickness,
-        );
+        let filled = self.points(name, section, thickness)?;
+        let filled = filled.and_then(|body| match section.jitter {
+            Some(jitter) => body.jittered(jitter),
+            None => Ok(body),
+        });
         let mut body = filled.map_err(|e| {
-            let key = match &e {
+            let zone = match &e {
+                BodyError::Zone { number, .. } => number.to_string(),
+                _ => String::new(),
+            };
+            let key: &[&str] = match &e {
                 BodyError::NotPositive {
                     key: "thickness", ..
-                } if section.dimension == 1 => "cross_section",
-                BodyError::NotPositive { key, .. } => key,
-                BodyError::Dimension(_) => "dimension",
-                BodyError::NoPoints { .. } | BodyError::TooManyPoints(_) => "spacing",
-                _ => "shape",
+                } if section.dimension == 1 => &["cross_section"],
+                BodyError::NotPositive { key, .. } => &[key],
+                BodyError::Dimension(_) => &["dimension"],
+                BodyError::NoPoints { .. } | BodyError::TooManyPoints(_) => &["spacing"],
+                BodyError::Zone {
+                    mistake: ZoneError::Spacing(_),
+                    ..
+                } => &["zones", &zone, "spacing"],
+                BodyError::Zone { .. } => &["zones", &zone],
+                BodyError::NotCovered { .. } => &["zones"],
+                BodyError::Jitter(_) => &["jitter", "share"],
+                BodyError::Table(_) => &["points"],
+                BodyError::Unbounded | BodyError::Shape(_) => &["shape"],
             };
-            let error = self.body_error(&[name, key], e.to_string(), "");
+            let error = self.body_error(&[&[name], key].concat(), e.to_string(), "");
             split_help(error, &e.to_string())
         })?;
         body.store = section.store;
@@ -66,7 +76,7 @@ impl Case {
                     body: name.to_string(),
                     from: from.into(),
                     to: to.into(),
-                    spacing: body.lattice.spacing,
+                    spacing: body.finest_spacing(),
                 };
                 return Err(self.body_error(
                     &[name, "regions", region],
@@ -78,6 +88,46 @@ impl Case {
         }
         self.assign_materials(name, section, &mut body)?;
         Ok(body)
+    }
+
+    /// The points of a body, from whichever of `spacing`, `zones` and `points` is given.
+    fn points(
+        &self,
+        name: &str,
+        section: &BodySection,
+        thickness: f64,
+    ) -> Result<std::result::Result<Body, BodyError>> {
+        let (shape, dimension) = (&section.shape, section.dimension);
+        let zones = (!section.zones.is_empty()).then_some(&section.zones);
+        match (section.spacing, zones, &section.points) {
+            (Some(spacing), None, None) => {
+                Ok(Body::fill(name, shape, dimension, spacing, thickness))
+            }
+            (None, Some(zones), None) => {
+                Ok(Body::fill_zones(name, shape, dimension, thickness, zones))
+            }
+            (None, None, Some(path)) => {
+                let text = std::fs::read_to_string(self.folder.join(path)).map_err(|e| {
+                    let message = format!("cannot read {}: {e}", path.display());
+                    self.body_error(&[name, "points"], message, "a table of points")
+                })?;
+                Ok(Body::from_table(name, shape, dimension, thickness, &text))
+            }
+            (None, None, None) => Err(self.body_error(
+                &[name],
+                "the body has no points",
+                "needs `spacing`, or `zones`, or `points`",
+            )),
+            (spacing, zones, _) => {
+                let second = match (spacing, zones) {
+                    (Some(_), Some(_)) => "zones",
+                    _ => "points",
+                };
+                let message = "the points of the body are described twice";
+                let expected = "either `spacing`, or `zones`, or `points`";
+                Err(self.body_error(&[name, second], message, expected))
+            }
+        }
     }
 
     /// The materials that the section of a body names, its own first; none for an unknown body.

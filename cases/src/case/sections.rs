@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::path::PathBuf;
 
 use perimelt_core::StepSize;
-use perimelt_core::body::Store;
+use perimelt_core::body::{Jitter, Store, Zone};
 use perimelt_core::log::Precision;
 use perimelt_core::shape::Shape;
 use perimelt_core::simulation::Iteration;
@@ -33,8 +34,20 @@ pub struct BodySection {
     /// 1 (bar), 2 (plate) or 3 (block).
     #[serde(default = "three")]
     pub dimension: usize,
-    /// Distance between neighbouring points, m.
-    pub spacing: f64,
+    /// Distance between neighbouring points, m; or give `zones` or `points`.
+    #[serde(default)]
+    pub spacing: Option<f64>,
+    /// Boxes with spacings of their own that together cover the shape, such as
+    /// `zones = [{ min = [0, 0, 0], max = [0.1, 0.1, 0], spacing = 0.005 }, ...]`.
+    #[serde(default)]
+    pub zones: Vec<Zone>,
+    /// Table of points: a CSV file with columns `x`, `y`, `z` (m) and `volume` (m³) or `spacing`
+    /// (m), relative to the case file. Points outside the shape are left out.
+    #[serde(default)]
+    pub points: Option<PathBuf>,
+    /// Displaces the points at random, volumes stay: `jitter = { share = 0.1 }`.
+    #[serde(default)]
+    pub jitter: Option<Jitter>,
     /// Thickness of a 2D body, m.
     #[serde(default = "one")]
     pub thickness: f64,
@@ -46,7 +59,8 @@ pub struct BodySection {
     /// Other materials by region: `materials = { insert = "IN625" }`.
     #[serde(default)]
     pub materials: BTreeMap<String, String>,
-    /// How neighbours are stored; both give the same results.
+    /// How neighbours are stored; both give the same results. Without effect on bodies of zones,
+    /// with jitter or from a table.
     #[serde(default)]
     pub store: Store,
     /// Named parts of the body: the points inside a shape, in m.

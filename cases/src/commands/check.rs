@@ -4,7 +4,8 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use perimelt_core::Simulation;
+use perimelt_core::body::Lattice;
+use perimelt_core::{Body, Simulation};
 
 use super::Done;
 use crate::case::Case;
@@ -34,16 +35,21 @@ fn sizes(simulation: &Simulation, out: &mut impl Write) -> Done {
     let world = simulation.world();
     let mut total = 0;
     for (index, body) in world.bodies().iter().enumerate() {
-        let cells = body.lattice.cells;
+        let cells = match body.lattice() {
+            Some(Lattice {
+                cells: [x, y, z],
+                spacing,
+                ..
+            }) => {
+                format!("{x} x {y} x {z} cells of {spacing:.4e} m")
+            }
+            None => format!("cells of {}", span(body, |spacing| spacing)),
+        };
         writeln!(
             out,
-            "body {}: {} points in {} x {} x {} cells of {:.4e} m, {}D",
+            "body {}: {} points in {cells}, {}D",
             body.name,
             body.points.len(),
-            cells[0],
-            cells[1],
-            cells[2],
-            body.lattice.spacing,
             body.dimension
         )?;
         for material in &body.materials {
@@ -53,11 +59,17 @@ fn sizes(simulation: &Simulation, out: &mut impl Write) -> Done {
             writeln!(out, "    region {name}: {} points", region.points.len())?;
         }
         for family in simulation.family_sizes().iter().filter(|f| f.body == index) {
-            let share = family.horizon / body.lattice.spacing;
+            let length = span(body, |spacing| family.horizon.of(spacing));
+            let share = |spacing: f64| format!("{:.4}", family.horizon.of(spacing) / spacing);
+            let (fine, coarse) = (share(body.finest_spacing()), share(body.coarsest_spacing()));
+            let share = if fine == coarse {
+                fine
+            } else {
+                format!("{coarse} to {fine}")
+            };
             writeln!(
                 out,
-                "    family of horizon {:.4e} m ({share:.4} spacings): {} bonds, {}",
-                family.horizon,
+                "    family of horizon {length} ({share} spacings): {} bonds, {}",
                 family.bonds,
                 bytes(family.memory)
             )?;
@@ -77,6 +89,19 @@ fn sizes(simulation: &Simulation, out: &mut impl Write) -> Done {
         bytes(total)
     )?;
     Ok(())
+}
+
+/// A length (m) that depends on the spacing, from the finest to the coarsest of a body.
+fn span(body: &Body, length: impl Fn(f64) -> f64) -> String {
+    let (least, most) = (
+        length(body.finest_spacing()),
+        length(body.coarsest_spacing()),
+    );
+    if least == most {
+        format!("{least:.4e} m")
+    } else {
+        format!("{least:.4e} to {most:.4e} m")
+    }
 }
 
 fn steps(simulation: &Simulation, out: &mut impl Write) -> Done {

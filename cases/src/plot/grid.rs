@@ -15,6 +15,8 @@ pub(crate) struct Grid {
     pub cells: [usize; 3],
     /// cell of each point
     pub cell_of_point: Vec<[usize; 3]>,
+    /// points and the cells that they cover, where points cover several
+    covered: Option<Vec<(usize, [usize; 3])>>,
 }
 
 impl Grid {
@@ -57,7 +59,107 @@ impl Grid {
             spacing,
             cells,
             cell_of_point,
+            covered: None,
         })
+    }
+
+    /// Cells of the smallest of the `spacings` (m), each of the nearest point in spacings of that
+    /// point; `None` as in [`Grid::new`]. Points between the cells of a grid, and of any grid, leave
+    /// no gaps that way.
+    pub(crate) fn of_spacings(positions: &[[f64; 3]], spacings: &[f64]) -> Option<Self> {
+        /// cells of displaced points may lack a part of this size, in spacings
+        const SLACK: f64 = 0.25;
+        let finest = spacings.iter().copied().fold(f64::INFINITY, f64::min);
+        let points = || positions.iter().zip(spacings);
+        if !(finest > 0.0 && finest.is_finite())
+            || points().any(|(x, _)| !x.iter().all(|x| x.is_finite()))
+        {
+            return None;
+        }
+        let mut origin = [0.0; 3];
+        let mut cells = [1; 3];
+        for axis in 0..3 {
+            let flat = positions.iter().all(|x| x[axis] == positions[0][axis]);
+            let half = |spacing: f64| if flat { 0.5 * finest } else { 0.5 * spacing };
+            let low = points()
+                .map(|(x, s)| x[axis] - half(*s))
+                .fold(f64::INFINITY, f64::min);
+            let high = points()
+                .map(|(x, s)| x[axis] + half(*s))
+                .fold(f64::NEG_INFINITY, f64::max);
+            origin[axis] = low + 0.5 * finest;
+            cells[axis] = (((high - low) / finest).round() as usize).max(1);
+        }
+        let total = cells
+            .iter()
+            .fold(1_usize, |total, &n| total.saturating_mul(n));
+        if total
+            > positions
+                .len()
+                .saturating_mul(MAX_CELLS_PER_POINT)
+                .saturating_add(1 << 20)
+        {
+            return None;
+        }
+        let mut nearest = vec![(f64::INFINITY, 0); total];
+        for (point, (x, spacing)) in points().enumerate() {
+            let reach = (0.5 + SLACK) * spacing;
+            let cell = |axis: usize, at: f64| ((at - origin[axis]) / finest).max(0.0);
+            let range = |axis: usize| {
+                let first = cell(axis, x[axis] - reach - 1e-6 * finest).ceil() as usize;
+                first..(cell(axis, x[axis] + reach + 1e-6 * finest) as usize + 1).min(cells[axis])
+            };
+            for k in range(2) {
+                for j in range(1) {
+                    for i in range(0) {
+                        let away = |axis: usize, index: usize| {
+                            (origin[axis] + index as f64 * finest - x[axis]).abs() / spacing
+                        };
+                        let away = away(0, i).max(away(1, j)).max(away(2, k));
+                        let best = &mut nearest[(k * cells[1] + j) * cells[0] + i];
+                        // a millionth: which of two points at one distance must not be chance
+                        if away < best.0 - 1e-6 {
+                            *best = (away, point);
+                        }
+                    }
+                }
+            }
+        }
+        let cell_of = |index: usize| {
+            [
+                index % cells[0],
+                index / cells[0] % cells[1],
+                index / (cells[0] * cells[1]),
+            ]
+        };
+        let covered = nearest
+            .iter()
+            .enumerate()
+            .filter(|(_, (away, _))| away.is_finite());
+        let own = |x: &[f64; 3]| {
+            [0, 1, 2].map(|a| {
+                (((x[a] - origin[a]) / finest).round().max(0.0) as usize).min(cells[a] - 1)
+            })
+        };
+        Some(Self {
+            origin,
+            spacing: finest,
+            cells,
+            cell_of_point: positions.iter().map(own).collect(),
+            covered: Some(
+                covered
+                    .map(|(index, (_, point))| (*point, cell_of(index)))
+                    .collect(),
+            ),
+        })
+    }
+
+    /// Points with the cells that they cover.
+    pub(crate) fn covered(&self) -> Box<dyn Iterator<Item = (usize, [usize; 3])> + '_> {
+        match &self.covered {
+            Some(covered) => Box::new(covered.iter().copied()),
+            None => Box::new(self.cell_of_point.iter().copied().enumerate()),
+        }
     }
 
     /// Values of the points by cell, x fastest; NaN where there is no point, and the largest where
@@ -65,9 +167,9 @@ impl Grid {
     pub(crate) fn by_cell(&self, values: &[f64]) -> Vec<f64> {
         let [nx, ny, nz] = self.cells;
         let mut by_cell = vec![f64::NAN; nx * ny * nz];
-        for (&[i, j, k], &value) in self.cell_of_point.iter().zip(values) {
+        for (point, [i, j, k]) in self.covered() {
             let cell = &mut by_cell[(k * ny + j) * nx + i];
-            *cell = cell.max(value);
+            *cell = cell.max(values[point]);
         }
         by_cell
     }
@@ -92,6 +194,19 @@ mod tests {
         assert_eq!(values[0], 1.0);
         assert_eq!(values[7], 3.0);
         assert!(values[2].is_nan());
+    }
+
+    #[test]
+    fn points_cover_the_cells_of_their_own_size_even_when_displaced() {
+        // two fine points beside a coarse one
+        let positions = [[0.05, 0.06, 0.0], [0.04, 0.15, 0.0], [0.2, 0.1, 0.0]];
+        let grid = Grid::of_spacings(&positions, &[0.1, 0.1, 0.2]).expect("near each other");
+        assert_eq!(grid.cells, [3, 2, 1]);
+        assert_eq!(
+            grid.by_cell(&[1.0, 2.0, 3.0]),
+            [1.0, 3.0, 3.0, 2.0, 3.0, 3.0]
+        );
+        assert!(Grid::of_spacings(&[[0.0; 3], [1e30, 0.0, 0.0]], &[0.1; 2]).is_none());
     }
 
     #[test]

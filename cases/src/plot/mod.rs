@@ -31,6 +31,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use crate::run::record::SPACING;
 use perimelt_core::log::{BodyInfo, Cloud, Log};
 
 use crate::melt_pool::Travel;
@@ -305,7 +306,7 @@ impl Plotter<'_> {
                 continue;
             }
             let positions = reference.positions(cloud);
-            let grid = Grid::new(positions, body.spacing).ok_or_else(|| PlotError::Scattered {
+            let grid = grid_of(body, cloud, positions).ok_or_else(|| PlotError::Scattered {
                 body: body.name.clone(),
                 time: cloud.time,
             })?;
@@ -356,6 +357,15 @@ impl Plotter<'_> {
         picture.write(&path, self.args.format)?;
         self.written.push(path);
         Ok(())
+    }
+}
+
+/// The grid of a body's points, by the spacings that a cloud has logged with them.
+fn grid_of(body: &BodyInfo, cloud: &Cloud, positions: &[[f64; 3]]) -> Option<Grid> {
+    let spacing = cloud.fields.iter().find(|f| f.name == SPACING);
+    match spacing {
+        Some(spacing) => Grid::of_spacings(positions, &spacing.values),
+        None => Grid::new(positions, body.spacing),
     }
 }
 

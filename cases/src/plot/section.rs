@@ -82,12 +82,12 @@ fn view(
     let hidden = 3 - axes[0] - axes[1];
     let cells = axes.map(|axis| grid.cells[axis]);
     let mut points: Vec<Option<usize>> = vec![None; cells[0] * cells[1]];
-    for (point, &cell) in grid.cell_of_point.iter().enumerate() {
-        if chosen(cell) {
-            let top = &mut points[cell[axes[1]] * cells[0] + cell[axes[0]]];
-            if top.is_none_or(|other| grid.cell_of_point[other][hidden] < cell[hidden]) {
-                *top = Some(point);
-            }
+    let mut height = vec![0; points.len()];
+    for (point, cell) in grid.covered().filter(|(_, cell)| chosen(*cell)) {
+        let column = cell[axes[1]] * cells[0] + cell[axes[0]];
+        if points[column].is_none() || height[column] < cell[hidden] {
+            points[column] = Some(point);
+            height[column] = cell[hidden];
         }
     }
     let value = |point: &Option<usize>| point.map_or(f64::NAN, |point| values[point]);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use perimelt_core::log::{BodyInfo, Cloud, Log, LogError};
 
 use super::scalar::scalar;
-use crate::melt_pool::{MeltPool, Travel, melt_pool};
+use crate::melt_pool::{MeltPool, Travel, melt_pool_on};
 
 /// What the pass finds.
 #[derive(Clone, Debug, Default)]
@@ -45,8 +45,10 @@ pub(crate) fn survey(
         }
         if let (Some(isotherm), Some(temperature)) = (isotherm, scalar(&cloud, "temperature")) {
             let positions = reference.positions(&cloud);
-            let (spacing, values) = (body.spacing, &temperature.values);
-            let pool = melt_pool(positions, values, spacing, body.dimension, travel, isotherm);
+            let grid = super::grid_of(body, &cloud, positions);
+            let pool = grid.and_then(|grid| {
+                melt_pool_on(&grid, &temperature.values, body.dimension, travel, isotherm)
+            });
             survey.pools.push((cloud.time, pool));
         }
     }

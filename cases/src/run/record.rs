@@ -17,6 +17,9 @@ use crate::probe::Probe;
 /// Name of the time series of what couplers report, such as the power of a source.
 pub const REPORTS: &str = "reports";
 
+/// Logged with points that have spacings of their own, as a field: pictures need it.
+pub const SPACING: &str = "spacing";
+
 /// Fields that are left out of point clouds unless asked for: they say the same as others.
 const NOT_BY_DEFAULT: [&str; 1] = ["enthalpy"];
 
@@ -111,7 +114,7 @@ impl Recorder {
                 )
             })
             .collect();
-        let fields: Vec<FieldView> = data
+        let mut fields: Vec<FieldView> = data
             .iter()
             .map(|(name, data)| FieldView {
                 name,
@@ -119,6 +122,13 @@ impl Recorder {
                 values: data.flat(),
             })
             .collect();
+        if points.lattice().is_none() {
+            fields.push(FieldView {
+                name: SPACING,
+                components: 1,
+                values: &points.points.spacing,
+            });
+        }
         let cloud = CloudView {
             time: simulation.time(),
             positions: &positions,
@@ -230,7 +240,7 @@ pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
     let body = |(index, body): (usize, &perimelt_core::Body)| BodyInfo {
         name: body.name.clone(),
         dimension: body.dimension,
-        spacing: body.lattice.spacing,
+        spacing: body.finest_spacing(),
         thickness: body.thickness,
         points: body.points.len(),
         fields: simulation
@@ -241,6 +251,11 @@ pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
                 unit: f.unit.clone(),
                 components: f.data().components(),
             })
+            .chain(body.lattice().is_none().then(|| FieldInfo {
+                name: SPACING.into(),
+                unit: "m".into(),
+                components: 1,
+            }))
             .collect(),
     };
     let folder = case.folder.as_path();

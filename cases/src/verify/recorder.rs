@@ -3,10 +3,11 @@
 use perimelt_core::field::FieldIndex;
 use perimelt_core::{Problem, SetupError, Simulation, World};
 
-use super::check::{BalanceMeasure, Extent, Measure, MeltPoolMeasure};
+use super::check::{BalanceMeasure, Extent, Interpolation, Measure, MeltPoolMeasure};
 use super::sample::weights;
 use crate::case::sections::{ProbeKind, ProbeSection, RegionProbe};
-use crate::melt_pool::{Travel, melt_pool};
+use crate::melt_pool::{Travel, melt_pool_on};
+use crate::plot::grid::Grid;
 use crate::probe::{Component, Probe, find_body, find_field};
 
 /// A measurement under way.
@@ -74,7 +75,11 @@ impl Recorder {
                 let body = find_body(world, m.body.as_deref())?;
                 let field = find_field(simulation, body, &m.field, "measure.crossing.field")?;
                 let component = Component::new(world, field, None)?;
-                let weights = weights(world.body(body), m.at, Default::default())?;
+                let interpolation = match world.body(body).lattice() {
+                    Some(_) => Interpolation::Cubic,
+                    None => Interpolation::Linear,
+                };
+                let weights = weights(world.body(body), m.at, interpolation)?;
                 Taker::Crossing {
                     component,
                     weights,
@@ -214,14 +219,14 @@ impl Taker {
                 let positions: Vec<[f64; 3]> =
                     body.points.position.iter().map(|&p| p.into()).collect();
                 let temperature = world.fields().field(*temperature).data();
-                let pool = melt_pool(
-                    &positions,
-                    temperature.flat(),
-                    body.lattice.spacing,
-                    body.dimension,
-                    Travel::X,
-                    section.isotherm,
-                );
+                let grid = match body.lattice() {
+                    Some(lattice) => Grid::new(&positions, lattice.spacing),
+                    None => Grid::of_spacings(&positions, &body.points.spacing),
+                };
+                let pool = grid.and_then(|grid| {
+                    let (dimension, isotherm) = (body.dimension, section.isotherm);
+                    melt_pool_on(&grid, temperature.flat(), dimension, Travel::X, isotherm)
+                });
                 let extent = pool.and_then(|pool| match section.extent {
                     Extent::Rear => Some(pool.rear),
                     Extent::Front => Some(pool.front),

@@ -1,9 +1,11 @@
-//! A field between the points of a body: Lagrange interpolation on the lattice.
+//! A field between the points of a body: Lagrange interpolation on the lattice, a linear fit on a
+//! cloud.
 //!
 //! Beyond the outermost points the field goes on as its mirror image at the face, so that the
 //! value on a face is `(9 T1 - T2) / 8` from the two outermost points (cubic) or `T1` (linear).
 
 use nalgebra::Vector3;
+use perimelt_core::body::Discretisation;
 use perimelt_core::{Body, SetupError};
 
 use super::check::Interpolation;
@@ -17,7 +19,22 @@ pub fn weights(
     position: [f64; 3],
     interpolation: Interpolation,
 ) -> Result<Vec<(usize, f64)>, SetupError> {
-    let lattice = &body.lattice;
+    let lattice = match &body.discretisation {
+        Discretisation::Lattice(lattice) => lattice,
+        Discretisation::Cloud(_) if interpolation == Interpolation::Cubic => {
+            let message = format!("body `{}` is no lattice", body.name);
+            let expected = "`interpolation = \"linear\"`";
+            return Err(SetupError::value(
+                "measure.field.interpolation",
+                message,
+                expected,
+            ));
+        }
+        Discretisation::Cloud(cloud) => {
+            let weights = cloud.weights(&body.points, body.dimension, &position.into());
+            return weights.ok_or_else(|| off_body(body, position));
+        }
+    };
     let relative = (Vector3::from(position) - lattice.origin) / lattice.spacing;
     let mut axes: [Vec<(i64, f64)>; 3] = std::array::from_fn(|_| vec![(0, 1.0)]);
     for axis in 0..body.dimension {

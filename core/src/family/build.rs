@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
-use crate::body::{Body, Face, Store};
+use crate::body::{Body, Discretisation, Face, Lattice, Store};
 
+use super::calibration::{calibration, factor_along};
 use super::{
     Bond, Chunk, Correction, Cut, Family, FamilyError, FamilySpec, Ghost, PartialVolume, Rows,
     Span, StencilBond,
@@ -52,8 +53,19 @@ impl Family {
     /// # Errors
     /// [`FamilyError`] when the horizon reaches no neighbour or a point has none.
     pub fn build(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
-        let lattice = &body.lattice;
-        let stencil = stencil(body, spec);
+        match &body.discretisation {
+            Discretisation::Lattice(lattice) => Family::on_lattice(body, lattice, spec),
+            Discretisation::Cloud(_) => Family::on_cloud(body, spec),
+        }
+    }
+
+    fn on_lattice(
+        body: &Body,
+        lattice: &Lattice,
+        spec: &FamilySpec,
+    ) -> Result<Family, FamilyError> {
+        let horizon = spec.horizon.of(lattice.spacing);
+        let stencil = stencil(body, lattice.spacing, spec);
         if stencil.len() > usize::from(u16::MAX) {
             return Err(FamilyError::HorizonTooLarge {
                 bonds: stencil.len(),
@@ -61,7 +73,7 @@ impl Family {
         }
         if stencil.is_empty() {
             return Err(FamilyError::HorizonTooSmall {
-                horizon: spec.horizon,
+                horizon,
                 spacing: lattice.spacing,
             });
         }
@@ -92,7 +104,7 @@ impl Family {
         for (point, &slot) in slot_of_point.iter().enumerate() {
             mirror_of[slot as usize] = point as u32;
         }
-        let (ghosts, layers) = mirror(body, spec, &padded, reach, &mut mirror_of);
+        let (ghosts, layers) = mirror(lattice, spec, &padded, reach, &mut mirror_of);
         // a corner mirrors a mirror: it is audited when any face on its way is
         let mut audited = vec![false; padded.len()];
         for (face, range) in &layers {
@@ -177,7 +189,7 @@ impl Family {
             if count == 0 {
                 return Err(FamilyError::Lonely {
                     at: body.points.position[point].into(),
-                    horizon: spec.horizon,
+                    horizon,
                 });
             }
             bonds += count;
@@ -231,6 +243,7 @@ impl Family {
             spans,
             ghosts,
             layers,
+            places: Default::default(),
             stencil,
             runs,
             rows,
@@ -241,7 +254,7 @@ impl Family {
 }
 
 /// The cuts of the body and their images behind the faces where it continues as a mirror.
-fn cuts(body: &Body, spec: &FamilySpec) -> Vec<Cut> {
+pub(super) fn cuts(body: &Body, spec: &FamilySpec) -> Vec<Cut> {
     let mut cuts = body.cuts.clone();
     for &face in spec.layers.iter().filter(|f| f.axis() < body.dimension) {
         let position = body.face_position(face);
@@ -252,10 +265,9 @@ fn cuts(body: &Body, spec: &FamilySpec) -> Vec<Cut> {
 }
 
 /// Members of a complete family as lattice steps, with partial volumes, ordered z, y, x.
-fn stencil(body: &Body, spec: &FamilySpec) -> Vec<([i64; 3], Bond)> {
-    let spacing = body.lattice.spacing;
-    let horizon = spec.horizon / spacing;
-    let moment = spec.moment(body);
+fn stencil(body: &Body, spacing: f64, spec: &FamilySpec) -> Vec<([i64; 3], Bond)> {
+    let horizon = spec.horizon.of(spacing) / spacing;
+    let moment = spec.moment(body, spec.horizon.of(spacing));
     // ties such as |xi| = 3 dx belong to the family whatever the rounding of the horizon
     let cut = match spec.partial_volume {
         PartialVolume::Full => horizon + 0.5 - 1e-9,
@@ -300,7 +312,7 @@ fn stencil(body: &Body, spec: &FamilySpec) -> Vec<([i64; 3], Bond)> {
 /// earlier layer point; repeated until edges, corners and bodies thinner than the horizon
 /// are complete. Returned in the order in which they must be filled.
 fn mirror(
-    body: &Body,
+    lattice: &Lattice,
     spec: &FamilySpec,
     padded: &Padded,
     reach: i64,
@@ -311,12 +323,12 @@ fn mirror(
     let mut layers = Vec::new();
     loop {
         let before = ghosts.len();
-        for &face in spec.layers.iter().filter(|f| f.axis() < body.dimension) {
+        for &face in spec.layers.iter().filter(|f| padded.pad[f.axis()] > 0) {
             let first = ghosts.len();
             let axis = face.axis();
             for depth in 0..reach {
                 // cells at `depth` behind the face mirror those at the same depth before it
-                let size = body.lattice.cells[axis] as i64;
+                let size = lattice.cells[axis] as i64;
                 let (outer, inner) = if face.is_upper() {
                     (size + depth, size - 1 - depth)
                 } else {
@@ -368,48 +380,6 @@ fn plane_cell(padded: &Padded, axis: usize, index: usize) -> [i64; 3] {
     cell
 }
 
-/// Factors `a_m` along the axes that calibrate the bonds of a point: weighted with the [`factor_along`]
-/// each of them, `sum_j weight |xi| n_m^2 = 1` along every axis m, so that the energy of conduction
-/// under any gradient and of elasticity under isotropic strain is the classical one.
-///
-/// Wang (2025), eqs. 4.4 to 4.8, takes the radius of an ellipsoid with directional factors as
-/// semi-axes and the mean of both ends, which repairs surfaces but in part. Families too lopsided
-/// for positive weights get one factor for all directions.
-fn calibration<'a>(dimension: usize, bonds: impl Iterator<Item = &'a Bond> + Clone) -> [f64; 3] {
-    let mut matrix = Matrix3::identity();
-    matrix.view_mut((0, 0), (dimension, dimension)).fill(0.0);
-    let mut trace = 0.0;
-    for bond in bonds.clone() {
-        let squares = bond.xi.map(|x| (x / bond.length).powi(2));
-        for row in 0..dimension {
-            for column in 0..dimension {
-                matrix[(row, column)] += bond.weight * bond.length * squares[row] * squares[column];
-            }
-        }
-        trace += bond.weight * bond.length;
-    }
-    let isotropic = [dimension as f64 / trace; 3];
-    let Some(inverse) = matrix.try_inverse() else {
-        return isotropic;
-    };
-    let factors = (inverse * Vector3::repeat(1.0)).into();
-    let least = bonds
-        .map(|b| factor_along(b, &factors))
-        .fold(f64::INFINITY, f64::min);
-    // an excess of stiffness along single bonds would bind the step
-    if least > 0.1 * isotropic[0] {
-        factors
-    } else {
-        isotropic
-    }
-}
-
-/// The factor of a bond from those of its point along the axes.
-fn factor_along(bond: &Bond, factors: &[f64; 3]) -> f64 {
-    let parts = bond.xi.iter().zip(factors);
-    parts.map(|(x, a)| (x / bond.length).powi(2) * a).sum()
-}
-
 impl Rows {
     fn push(&mut self, point: usize, slot: u32, bonds: impl Iterator<Item = (u16, u32, [f64; 2])>) {
         self.point.push(point as u32);
@@ -440,7 +410,7 @@ fn stretches(slot_of_point: &[u32], keep: impl Fn(usize) -> bool) -> Vec<Span> {
     spans
 }
 
-fn chunks(runs: &[Span], rows: usize) -> Vec<Chunk> {
+pub(super) fn chunks(runs: &[Span], rows: usize) -> Vec<Chunk> {
     let mut chunks = Vec::new();
     let (mut first, mut points) = (0, 0);
     for (index, run) in runs.iter().enumerate() {

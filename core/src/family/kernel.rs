@@ -14,6 +14,10 @@ use super::{Chunk, Family, Rows, Span, StencilBond};
 /// Points that advance together: two AVX-512 or four AVX2 registers.
 const LANES: usize = 16;
 
+/// Bonds of a row that advance together on a cloud: one AVX2 register. Eight were slower, and small
+/// families would fill them badly.
+pub(super) const ROW_LANES: usize = 4;
+
 /// A bond of the reference configuration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bond {
@@ -44,6 +48,9 @@ impl Bond {
 ///
 /// Write plain scalar code and mark `bond` `#[inline(always)]`: the sweep vectorises it.
 pub trait BondKernel<const I: usize, const O: usize>: Sync {
+    /// Evaluated rarely: compiled once, without vectors.
+    const RARE: bool = false;
+
     /// The contributions of one bond.
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O];
 }
@@ -103,12 +110,16 @@ impl Family {
         mut receive: impl FnMut(usize, [f64; O]),
     ) {
         for row in 0..self.layer_rows.point.len() {
-            let sum = self.sum_row(kernel, &inputs, &self.layer_rows, row);
+            let sum = if self.is_cloud() {
+                self.sum_cloud_row(kernel, &inputs, &self.layer_rows, row)
+            } else {
+                self.sum_row(kernel, &inputs, &self.layer_rows, row)
+            };
             receive(self.layer_rows.point[row] as usize, sum);
         }
     }
 
-    fn sweep<const I: usize, const O: usize>(
+    fn sweep_plainly<const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,
         inputs: &[&[f64]; I],
@@ -116,10 +127,44 @@ impl Family {
         chunk: &Chunk,
     ) {
         for row in chunk.rows.clone() {
-            output.set(
-                self.rows.point[row] as usize,
-                self.sum_row(kernel, inputs, &self.rows, row),
-            );
+            let sum = if self.is_cloud() {
+                self.sum_cloud_row(kernel, inputs, &self.rows, row)
+            } else {
+                self.sum_row(kernel, inputs, &self.rows, row)
+            };
+            output.set(self.rows.point[row] as usize, sum);
+        }
+        for run in &self.runs[chunk.runs.clone()] {
+            for i in 0..run.len as usize {
+                let slot = run.slot as usize + i;
+                let [sum] = sum_block::<I, O, 1>(kernel, &self.stencil, inputs, slot);
+                output.set(run.point as usize + i, sum);
+            }
+        }
+    }
+
+    fn sweep<const I: usize, const O: usize, K: BondKernel<I, O>>(
+        &self,
+        kernel: &K,
+        inputs: &[&[f64]; I],
+        output: &Output<O>,
+        chunk: &Chunk,
+    ) {
+        if const { K::RARE } {
+            return self.sweep_plainly(kernel, inputs, output, chunk);
+        }
+        if self.is_cloud() {
+            // nothing is gained by wider registers: gathering limits
+            #[cfg(target_arch = "x86_64")]
+            if is_x86_feature_detected!("avx2") {
+                // SAFETY: the instruction set was detected.
+                return unsafe { sweep_cloud_avx2(self, kernel, inputs, output, chunk) };
+            }
+            return sweep_cloud(self, kernel, inputs, output, chunk);
+        }
+        for row in chunk.rows.clone() {
+            let sum = self.sum_row(kernel, inputs, &self.rows, row);
+            output.set(self.rows.point[row] as usize, sum);
         }
         let runs = &self.runs[chunk.runs.clone()];
         #[cfg(target_arch = "x86_64")]
@@ -169,6 +214,48 @@ impl Family {
         }
         sums
     }
+
+    /// The row of a point of a cloud: its bonds advance side by side, [`ROW_LANES`] at a time. Lanes
+    /// beyond the end compute with what follows in memory and count nothing.
+    #[inline(always)]
+    fn sum_cloud_row<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: &[&[f64]; I],
+        rows: &Rows,
+        row: usize,
+    ) -> [f64; O] {
+        let at = rows.slot[row] as usize;
+        let here: [f64; 3] = std::array::from_fn(|a| self.places[a][at]);
+        let own: [f64; I] = std::array::from_fn(|i| inputs[i][at]);
+        let end = rows.start[row + 1];
+        let mut sums = [[0.0; ROW_LANES]; O];
+        for first in (rows.start[row]..end).step_by(ROW_LANES) {
+            let columns = &rows.column[first..first + ROW_LANES];
+            // element by element: on many processors faster than gather instructions
+            let gather = |values: &[f64]| -> [f64; ROW_LANES] {
+                std::array::from_fn(|lane| values[columns[lane] as usize])
+            };
+            let weight: [f64; ROW_LANES] = lanes(&rows.weight, first);
+            let dual: [f64; ROW_LANES] = lanes(&rows.dual, first);
+            let there: [[f64; ROW_LANES]; 3] = std::array::from_fn(|a| gather(&self.places[a]));
+            let other: [[f64; ROW_LANES]; I] = std::array::from_fn(|i| gather(inputs[i]));
+            for lane in 0..ROW_LANES {
+                let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
+                let bond = Bond {
+                    xi,
+                    length: (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt(),
+                    weight: weight[lane],
+                    dual: dual[lane],
+                };
+                let part = kernel.bond(&bond, own, std::array::from_fn(|i| other[i][lane]));
+                for o in 0..O {
+                    sums[o][lane] += if first + lane < end { part[o] } else { 0.0 };
+                }
+            }
+        }
+        sums.map(|lanes| lanes.into_iter().sum())
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -193,6 +280,32 @@ fn sweep_avx2<const I: usize, const O: usize>(
     runs: &[Span],
 ) {
     sweep_runs(kernel, stencil, inputs, output, runs);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn sweep_cloud_avx2<const I: usize, const O: usize>(
+    family: &Family,
+    kernel: &impl BondKernel<I, O>,
+    inputs: &[&[f64]; I],
+    output: &Output<O>,
+    chunk: &Chunk,
+) {
+    sweep_cloud(family, kernel, inputs, output, chunk);
+}
+
+#[inline(always)]
+fn sweep_cloud<const I: usize, const O: usize>(
+    family: &Family,
+    kernel: &impl BondKernel<I, O>,
+    inputs: &[&[f64]; I],
+    output: &Output<O>,
+    chunk: &Chunk,
+) {
+    for row in chunk.rows.clone() {
+        let sum = family.sum_cloud_row(kernel, inputs, &family.rows, row);
+        output.set(family.rows.point[row] as usize, sum);
+    }
 }
 
 #[inline(always)]

@@ -6,17 +6,25 @@
 //!    (*ghost*). Kernel inputs live in slot space ([`Family::scatter`], [`Family::fill_layers`]).
 //! 3. [`Family::sum`] evaluates a [`BondKernel`] over all bonds of all points.
 //!
-//! Two stores hide behind this: points whose family is complete share one stencil and are
-//! swept in contiguous runs with SIMD; all others (at bare surfaces, next to them when bonds
+//! Three stores hide behind this. On a lattice, points whose family is complete share one stencil
+//! and are swept in contiguous runs with SIMD; all others (at bare surfaces, next to them when bonds
 //! are corrected, or everywhere with [`Store::List`](crate::body::Store::List)) have rows of their own. Both add the
-//! bonds of a point in the same order, so they agree to rounding.
+//! bonds of a point in the same order, so they agree to rounding. On a cloud every point has a row
+//! over the union of its horizon and its dual horizon.
 
 mod build;
+mod calibration;
+mod cloud;
+#[cfg(test)]
+mod cloud_tests;
 mod cut;
+mod horizon;
+mod images;
 mod kernel;
 mod operator;
 
 pub use cut::Cut;
+pub use horizon::Horizon;
 pub use kernel::{Bond, BondKernel};
 pub use operator::Operator;
 
@@ -98,8 +106,8 @@ pub enum Correction {
 /// What a physics asks for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FamilySpec {
-    /// Radius, m.
-    pub horizon: f64,
+    /// Radius.
+    pub horizon: Horizon,
     /// Rule for members at the edge.
     pub partial_volume: PartialVolume,
     /// Influence of members by their distance.
@@ -116,7 +124,7 @@ impl FamilySpec {
     /// A family with a horizon in m, all else by default, and nothing behind the faces.
     pub fn new(horizon: f64) -> Self {
         FamilySpec {
-            horizon,
+            horizon: Horizon::Length(horizon),
             partial_volume: PartialVolume::default(),
             influence: Influence::default(),
             correction: Correction::default(),
@@ -125,25 +133,27 @@ impl FamilySpec {
         }
     }
 
-    /// The usual family: a horizon in spacings of the body, default partial volumes and
+    /// The usual family: a horizon in spacings of each point, default partial volumes and
     /// correction, and, where the body fills its box, mirrored layers behind all faces.
     pub fn mirrored(body: &Body, horizon: f64) -> Self {
-        let is_mirrored = |face: &Face| body.lattice.is_full() && face.axis() < body.dimension;
+        let fills_box = body.fills_box();
+        let is_mirrored = |face: &Face| fills_box && face.axis() < body.dimension;
         FamilySpec {
+            horizon: Horizon::Spacings(horizon),
             layers: Face::ALL.into_iter().filter(is_mirrored).collect(),
-            ..FamilySpec::new(horizon * body.lattice.spacing)
+            ..FamilySpec::new(horizon)
         }
     }
 
-    /// `integral of w |xi| n_m^2 dV` over a full horizon on `body`, along any axis m, with the
+    /// `integral of w |xi| n_m^2 dV` over a full horizon (m) on `body`, along any axis m, with the
     /// influence function w: what weights of bonds are divided by, and what [`Correction`]
     /// restores, m⁴ (3D). It is that of the energy of conduction under a uniform gradient and of
     /// elasticity under isotropic strain.
-    pub fn moment(&self, body: &Body) -> f64 {
+    pub fn moment(&self, body: &Body, horizon: f64) -> f64 {
         use std::f64::consts::PI;
         let solid_angle = [2.0, 2.0 * PI, 4.0 * PI][body.dimension - 1];
         let radial = self.influence.radial_moment(body.dimension as i32 + 1);
-        let size = self.horizon.powi(body.dimension as i32 + 1);
+        let size = horizon.powi(body.dimension as i32 + 1);
         let thickness = if body.dimension == 3 {
             1.0
         } else {
@@ -172,6 +182,12 @@ pub enum FamilyError {
         /// Bonds of a complete family.
         bonds: usize,
     },
+    /// Two points in one place.
+    #[error("two points lie at ({}, {}, {}) m", at[0], at[1], at[2])]
+    Coincident {
+        /// Position, m.
+        at: [f64; 3],
+    },
     /// A point without a bond.
     #[error("the point at ({}, {}, {}) m has no neighbour within the horizon {horizon} m", at[0], at[1], at[2])]
     Lonely {
@@ -192,6 +208,8 @@ pub struct Family {
     spans: Vec<Span>,
     ghosts: Vec<Ghost>,
     layers: Vec<(Face, Range<usize>)>,
+    /// Reference position of each slot along each axis, m; of clouds only.
+    places: [Vec<f64>; 3],
     stencil: Vec<StencilBond>,
     runs: Vec<Span>,
     rows: Rows,
@@ -245,7 +263,7 @@ struct Rows {
     slot: Vec<u32>,
     start: Vec<usize>,
     column: Vec<u32>,
-    /// Bond of the stencil that each one is a corrected copy of.
+    /// Bond of the stencil that each one is a corrected copy of; on a lattice only.
     step: Vec<u16>,
     weight: Vec<f64>,
     dual: Vec<f64>,
@@ -301,12 +319,17 @@ impl Family {
         self.runs.iter().map(|r| f64::from(r.len)).sum::<f64>() / self.points as f64
     }
 
+    fn is_cloud(&self) -> bool {
+        !self.places[0].is_empty()
+    }
+
     /// Bytes held.
     pub fn memory(&self) -> usize {
         self.rows.memory()
             + self.layer_rows.memory()
             + size_of_val(&*self.ghosts)
             + size_of_val(&*self.spans)
+            + self.places.iter().map(|x| size_of_val(&**x)).sum::<usize>()
     }
 
     /// Copies one component of a field (point-major, `components` per point) to the slots

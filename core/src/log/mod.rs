@@ -131,7 +131,7 @@ pub struct BodyInfo {
     pub name: String,
     /// 1, 2 or 3
     pub dimension: usize,
-    /// distance between neighbouring points, m
+    /// (smallest) distance between neighbouring points, m
     pub spacing: f64,
     /// extent across the plane of a two-dimensional body, m
     pub thickness: f64,

@@ -2,7 +2,8 @@
 //!
 //! Each iteration solves `-J d = f` by a Krylov method, `J = df/dy`, and goes along `d` as
 //! far as the residual falls. The sign is that of a restoring force or of diffusion: for
-//! them `-J` is positive (semi-)definite and conjugate gradients may be chosen.
+//! them `-J` is positive (semi-)definite and conjugate gradients may be chosen. Where that holds
+//! only for `-diag(w) J`, the system is multiplied by the weights of [`Rhs::weights`].
 //!
 //! Sources: Knoll & Keyes (2004), J. Comput. Phys. 193, 357-397; accuracy of the linear
 //! solves after Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16-32, choice 2.
@@ -69,6 +70,7 @@ pub struct Newton {
     trial: Vec<f64>,
     trial_value: Vec<f64>,
     diagonal: Vec<f64>,
+    weights: Vec<f64>,
 }
 
 /// Fraction of the full step below which a line search gives up.
@@ -85,6 +87,7 @@ impl Newton {
             trial: Vec::new(),
             trial_value: Vec::new(),
             diagonal: Vec::new(),
+            weights: Vec::new(),
         }
     }
 
@@ -112,7 +115,10 @@ impl Newton {
             trial,
             trial_value,
             diagonal,
+            weights,
         } = self;
+        weights.clear();
+        weights.extend_from_slice(rhs.weights().unwrap_or(&[]));
         for vector in [
             &mut *value,
             &mut *step,
@@ -126,6 +132,7 @@ impl Newton {
         krylov.options.max_iterations = options.max_krylov_iterations;
 
         rhs.rate(time, state, value)?;
+        weigh(weights, value);
         let mut report = NewtonReport {
             residual: norm(value),
             ..Default::default()
@@ -159,6 +166,9 @@ impl Newton {
             let at = At { time, state };
             let has_diagonal = rhs.tangent_diagonal(at, diagonal)?;
             update(diagonal, [], |entry, []| -entry);
+            if has_diagonal {
+                weigh(weights, diagonal);
+            }
             let hints = Hints {
                 diagonal: has_diagonal.then_some(&**diagonal),
                 null_space,
@@ -174,8 +184,11 @@ impl Newton {
             let linear = options.linear;
             let linear_report = krylov.solve(
                 |direction, out| {
-                    if !rhs.tangent(at, direction, out)? {
-                        difference(rhs, at, direction, linear, (&mut *trial, value, out))?;
+                    if rhs.tangent(at, direction, out)? {
+                        weigh(weights, out);
+                    } else {
+                        let work = (&mut trial[..], &value[..], &mut *out);
+                        difference(rhs, at, direction, (linear, weights), work)?;
                     }
                     update(out, [], |entry, []| -entry);
                     Ok(())
@@ -191,6 +204,7 @@ impl Newton {
             report.residual = loop {
                 update(trial, [state, step], |_, [y, d]| y + fraction * d);
                 rhs.rate(time, trial, trial_value)?;
+                weigh(weights, trial_value);
                 let residual = norm(trial_value);
                 if residual <= (1.0 - 1e-4 * fraction) * before {
                     break residual;
@@ -210,16 +224,23 @@ impl Newton {
     }
 }
 
+/// Multiplies by the weights, if there are any.
+fn weigh(weights: &[f64], vector: &mut [f64]) {
+    if !weights.is_empty() {
+        update(vector, [weights], |value, [w]| value * w);
+    }
+}
+
 /// `out = (f(y + e v) - f(y)) / e`, an approximation of `J v` whose error is of the order of
 /// `sqrt(eps)`; for a function linear in the state there is no error but rounding, and `e`
 /// may be large.
 ///
-/// `(work, value, out)`: work vector, `f(y)`, result.
+/// `(work, value, out)`: work vector, `f(y)`, result, the latter two multiplied by the weights.
 fn difference(
     rhs: &mut dyn Rhs,
     at: At,
     direction: &[f64],
-    linear: bool,
+    (linear, weights): (bool, &[f64]),
     (work, value, out): (&mut [f64], &[f64], &mut [f64]),
 ) -> Result<(), SolverError> {
     let length = norm(direction);
@@ -231,6 +252,7 @@ fn difference(
     let e = relative * (1.0 + norm(at.state)) / length;
     update(work, [at.state, direction], |_, [y, v]| y + e * v);
     rhs.rate(at.time, work, out)?;
+    weigh(weights, out);
     update(out, [value], |moved, [value]| (moved - value) / e);
     Ok(())
 }

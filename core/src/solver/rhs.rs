@@ -36,6 +36,13 @@ pub trait Rhs {
     fn tangent_diagonal(&mut self, _at: At, _out: &mut [f64]) -> Result<bool, SolverError> {
         Ok(false)
     }
+
+    /// Positive weights `w` for which `diag(w) df/dy` is symmetric, as the volumes of points of
+    /// several sizes are; `None` where `df/dy` is symmetric itself or nobody cares. Residuals are
+    /// measured with them.
+    fn weights(&self) -> Option<&[f64]> {
+        None
+    }
 }
 
 /// Where a tangent is taken.

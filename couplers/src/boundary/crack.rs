@@ -5,7 +5,7 @@
 //! lack members for a physical reason, not because the lattice ends. The crack does not grow,
 //! and its faces may pass through each other when it closes.
 
-use perimelt_core::{Body, Coupler, Cut, RunError, Setup, SetupError, Step, World};
+use perimelt_core::{Body, Coupler, Cut, Face, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -51,17 +51,13 @@ impl InsulatedCrack {
 /// Whether `cut` passes between any two neighbouring cells.
 fn severs(body: &Body, cut: &Cut) -> bool {
     let positions = &body.points.position;
-    positions
-        .iter()
-        .zip(&body.lattice.cell_of_point)
-        .any(|(position, cell)| {
-            (0..body.dimension).any(|axis| {
-                let mut next = cell.map(i64::from);
-                next[axis] += 1;
-                let neighbour = body.lattice.point(next);
-                neighbour.is_some_and(|n| cut.crosses(position, &positions[n]))
-            })
+    let upper = [Face::XMax, Face::YMax, Face::ZMax];
+    positions.iter().enumerate().any(|(point, position)| {
+        upper[..body.dimension].iter().any(|&face| {
+            let neighbour = body.neighbour(point, face);
+            neighbour.is_some_and(|n| cut.crosses(position, &positions[n]))
         })
+    })
 }
 
 #[typetag::serde(name = "insulated_crack")]

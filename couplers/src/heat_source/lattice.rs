@@ -1,7 +1,7 @@
 //! A body as the lattice that heat sources deposit on.
 
 use nalgebra::Vector3;
-use perimelt_core::Body;
+use perimelt_core::{Body, SetupError};
 
 use crate::source::{Grid, Target};
 
@@ -13,8 +13,18 @@ pub(super) struct BodyTarget<'a> {
 
 /// The lattice of a body. Missing axes have one cell with the extent of the body: its thickness
 /// along z in 2D, a square of its cross-section in 1D.
-pub(super) fn grid(body: &Body) -> Grid {
-    let lattice = &body.lattice;
+///
+/// # Errors
+/// A body that has no lattice.
+pub(super) fn grid(body: &Body) -> Result<Grid, SetupError> {
+    let Some(lattice) = body.lattice() else {
+        let message = format!(
+            "heat sources spread their power over the cells of a lattice, and body `{}` has none",
+            body.name
+        );
+        let expected = "a body with `spacing`, without `zones`, `jitter` or `points`";
+        return Err(SetupError::value("body", message, expected));
+    };
     let across = match body.dimension {
         1 => body.thickness.sqrt(),
         _ => body.thickness,
@@ -34,12 +44,12 @@ pub(super) fn grid(body: &Body) -> Grid {
             lattice.origin[axis]
         }
     };
-    Grid {
+    Ok(Grid {
         origin: Vector3::from_fn(|axis, _| origin(axis)),
         spacing: Vector3::from_fn(|axis, _| spacing(axis)),
         dims: lattice.cells,
         plate: missing(2),
-    }
+    })
 }
 
 impl Target for BodyTarget<'_> {
@@ -48,7 +58,7 @@ impl Target for BodyTarget<'_> {
     }
 
     fn point(&self, cell: [usize; 3]) -> Option<usize> {
-        self.body.lattice.point(cell.map(|c| c as i64))
+        self.body.lattice()?.point(cell.map(|c| c as i64))
     }
 
     fn volume(&self, point: usize) -> f64 {
@@ -71,7 +81,7 @@ mod tests {
             }
             let target = BodyTarget {
                 body: &body,
-                grid: grid(&body),
+                grid: grid(&body).expect("a lattice"),
             };
             let volume = target.volume(target.point([1, 0, 0]).expect("a full block"));
             assert!((target.grid.spacing.product() - volume).abs() < 1e-15);

@@ -99,10 +99,10 @@ impl<S: Shape> MovingSource<S> {
             let message = "a 1D body has no width that a moving source could heat";
             return Err(SetupError::value("body", message, "a 2D or 3D body"));
         }
-        let grid = grid(body);
+        let grid = grid(body)?;
         let depositor = Depositor::new(&self.shape.source(), &grid)
             .map_err(|e| SetupError::other(e.key(), e))?;
-        let length = self.shape.length().max(body.lattice.spacing);
+        let length = self.shape.length().max(body.finest_spacing());
         self.check_path(body, &track, 2.0 * length)?;
         let speed = fastest(&track);
         self.prepared = Some(Prepared {

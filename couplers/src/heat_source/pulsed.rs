@@ -12,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::account::Account;
 use super::keys::{Keys, read, schema};
 use super::lattice::{BodyTarget, grid};
-use crate::source;
+use crate::source::{self, Grid};
 
 /// Share of the pulse duration that a step may take.
 const STEP_SHARE: f64 = 0.25;
@@ -26,7 +26,7 @@ pub struct PulsedLaser {
     pub body: Option<String>,
     /// Pulse and absorption.
     pub shape: source::PulsedLaser,
-    prepared: Option<(usize, Write<f64>)>,
+    prepared: Option<(usize, Grid, Write<f64>)>,
     account: Account,
 }
 
@@ -42,20 +42,20 @@ impl Coupler for PulsedLaser {
         let body = setup.find_body(self.body.as_deref())?;
         let fault = |e: source::SourceError| SetupError::other(e.key(), e);
         self.shape.validate().map_err(fault)?;
-        self.prepared = Some((body, setup.add(body, &keys::HEAT_SOURCE)?));
+        let grid = grid(setup.body(body))?;
+        self.prepared = Some((body, grid, setup.add(body, &keys::HEAT_SOURCE)?));
         self.account.is_on = true;
         Ok(())
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let (body, heat_source) = self.prepared.expect("prepared before the run");
+        let (body, grid, heat_source) = self.prepared.as_ref().expect("prepared before the run");
         if step.size > 0.0 {
-            let body = world.body(body);
             let target = BodyTarget {
-                body,
-                grid: grid(body),
+                body: world.body(*body),
+                grid: *grid,
             };
-            let mut heat_source = world.write(heat_source);
+            let mut heat_source = world.write(*heat_source);
             let span = (step.start, step.end());
             let deposit = self.shape.add(&target, span, &mut heat_source);
             self.account.book(&deposit, step.size);

@@ -37,6 +37,8 @@ const STABILISATION: usize = 12;
 struct SquaredExtension;
 
 impl BondKernel<3, 1> for SquaredExtension {
+    const RARE: bool = true;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 1] {
         [bond.weight * (0..3).fold(0.0, |sum, a| sum + (other[a] - own[a]).powi(2))]
@@ -65,6 +67,8 @@ impl<const D: usize> BondKernel<INPUTS, D> for Force {
 struct Block;
 
 impl BondKernel<9, 6> for Block {
+    const RARE: bool = true;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 9], other: [f64; 9]) -> [f64; 6] {
         let [x, y, z] = bond.xi;
@@ -99,6 +103,8 @@ pub struct Correspondence {
     elasticity: Elasticity,
     /// G.
     stabilisation: f64,
+    /// m, by point.
+    horizon: Vec<f64>,
     moduli: Vec<Moduli>,
     eigenstrain: Vec<f64>,
     plasticity: Option<Plasticity>,
@@ -138,6 +144,12 @@ impl Correspondence {
             dimension,
             finite,
             stabilisation,
+            horizon: body
+                .points
+                .spacing
+                .iter()
+                .map(|s| family.spec().horizon.of(*s))
+                .collect(),
             moduli: vec![elasticity.at(0, 0.0); points],
             eigenstrain: vec![0.0; points],
             plasticity,
@@ -145,7 +157,7 @@ impl Correspondence {
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
             gradient,
             drive: vec![Matrix3::zeros(); points],
-            padded: vec![0.0; points * dimension * dimension],
+            padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
             energy: vec![[0.0; 2]; points],
             tensors: vec![[0.0; 6]; points],
             elasticity,
@@ -160,7 +172,7 @@ impl Correspondence {
 
     fn spring(&self, point: usize) -> f64 {
         let bond_stiffness = 2.0 * self.dimension as f64 * self.moduli[point].bulk;
-        self.stabilisation * bond_stiffness / self.family.spec().horizon
+        self.stabilisation * bond_stiffness / self.horizon[point]
     }
 
     fn load_stabilisation(&mut self) {
@@ -260,7 +272,6 @@ impl Correspondence {
 
     fn sum_forces(&mut self, out: &mut [f64]) {
         match self.dimension {
-            1 => self.sum_forces_in::<1>(out),
             2 => self.sum_forces_in::<2>(out),
             _ => self.sum_forces_in::<3>(out),
         }
@@ -268,12 +279,11 @@ impl Correspondence {
 
     fn sum_forces_in<const D: usize>(&mut self, out: &mut [f64]) {
         let mut padded = std::mem::take(&mut self.padded);
-        let points = self.moduli.len();
         let inputs = self.slots.each_ref().map(|s| match s.is_empty() {
-            true => &self.slots[STABILISATION][..],
+            true => &self.gradient.zeros[..],
             false => s,
         });
-        let sums = flat::<D>(&mut padded[..points * D], bytemuck::cast_slice_mut(out));
+        let sums = flat::<D>(&mut padded, bytemuck::cast_slice_mut(out));
         self.family.sum(&Force, inputs, sums);
         unflatten::<D>(&padded, out);
         self.padded = padded;
@@ -395,7 +405,7 @@ impl Solid for Correspondence {
     }
 
     fn horizon(&self) -> f64 {
-        self.family.spec().horizon
+        self.horizon.iter().copied().fold(0.0, f64::max)
     }
 
     fn plasticity(&mut self) -> Option<&mut Plasticity> {

@@ -16,6 +16,8 @@ struct Residual<'a> {
     /// The rules without their prescribed values: for displacements that are differences.
     homogeneous: Vec<LayerRule>,
     body_force: &'a [f64],
+    /// Volumes of the components, where they differ: forces are densities.
+    volumes: Option<&'a [f64]>,
     constraint: &'a [f64],
     dimension: usize,
     finite: bool,
@@ -56,6 +58,10 @@ impl Rhs for Residual<'_> {
         out.iter_mut().for_each(|f| *f = -*f);
         self.release(out, 0.0);
         Ok(true)
+    }
+
+    fn weights(&self) -> Option<&[f64]> {
+        self.volumes
     }
 
     fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
@@ -100,6 +106,7 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
         homogeneous: rules.iter().map(homogeneous).collect(),
         rules: &rules,
         body_force,
+        volumes: (!run.relative_volume.is_empty()).then_some(&run.relative_volume[..]),
         constraint,
         dimension: body.dimension,
         finite: !run.newton.options.linear,
@@ -118,6 +125,9 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
     }
     let mut loads = vec![0.0; state.len()];
     residual.rate(step.end(), &run.work, &mut loads)?;
+    for (load, volume) in loads.iter_mut().zip(&run.relative_volume) {
+        *load *= volume;
+    }
     rigid.project(&mut loads);
     run.newton.options.absolute_tolerance =
         (run.tolerance * norm(&loads)).max(rounding(residual.solid, run.eigenstrain_size, state));

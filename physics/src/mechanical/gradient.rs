@@ -26,6 +26,8 @@ impl<const D: usize, const Q: usize> BondKernel<3, Q> for Moment<D> {
 struct ShapeTensor;
 
 impl BondKernel<3, 6> for ShapeTensor {
+    const RARE: bool = true;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, _: [f64; 3], _: [f64; 3]) -> [f64; 6] {
         let [x, y, z] = bond.xi;
@@ -43,6 +45,8 @@ pub(super) struct Gradient {
     /// H as last evaluated.
     pub(super) values: Vec<Matrix3<f64>>,
     sums: Vec<f64>,
+    /// Stands for inputs that there are not.
+    pub(super) zeros: Vec<f64>,
 }
 
 impl Gradient {
@@ -75,7 +79,8 @@ impl Gradient {
             dimension,
             inverse_shape,
             values: vec![Matrix3::zeros(); points],
-            sums: vec![0.0; points * dimension * dimension],
+            sums: vec![0.0; points * if dimension == 3 { 9 } else { 4 }],
+            zeros,
             family,
         })
     }
@@ -84,14 +89,16 @@ impl Gradient {
     /// may be empty.
     pub(super) fn evaluate(&mut self, displacement: [&[f64]; 3]) {
         match self.dimension {
-            1 => self.evaluate_in::<1, 1>(displacement),
-            2 => self.evaluate_in::<2, 4>(displacement),
+            1 | 2 => self.evaluate_in::<2, 4>(displacement),
             _ => self.evaluate_in::<3, 9>(displacement),
         }
     }
 
     fn evaluate_in<const D: usize, const Q: usize>(&mut self, displacement: [&[f64]; 3]) {
-        let inputs = std::array::from_fn(|a| displacement[if a < D { a } else { 0 }]);
+        let inputs = std::array::from_fn(|a| match a < self.dimension {
+            true => displacement[a],
+            false => &self.zeros[..],
+        });
         let sums = bytemuck::cast_slice_mut(&mut self.sums);
         self.family.sum::<3, Q>(&Moment::<D>, inputs, sums);
         let sums = self.sums.par_chunks_exact(Q);

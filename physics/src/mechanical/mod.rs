@@ -35,7 +35,7 @@ use perimelt_core::solver::{
 };
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Balance, Clock, Correction, FamilySpec, Influence, PartialVolume, Physics, Read,
+    Balance, Clock, Correction, FamilySpec, Horizon, Influence, PartialVolume, Physics, Read,
     ReadIfProvided, RunError, Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
@@ -64,9 +64,10 @@ pub struct Mechanical {
     /// Resistance G of `correspondence` to modes without strain.
     #[serde(default = "tenth")]
     pub stabilisation: f64,
-    /// Horizon in spacings; 3 when left out, or 2 for `correspondence`.
+    /// Horizon in spacings of each point, or `{ length = ... }` in m, the same everywhere; 3 spacings
+    /// when left out, or 2 for `correspondence`.
     #[serde(default)]
-    pub horizon: Option<f64>,
+    pub horizon: Option<Horizon>,
     /// Partial volume of neighbours at the edge of the horizon.
     #[serde(default)]
     pub partial_volume: PartialVolume,
@@ -178,6 +179,8 @@ struct Run {
     /// kg/m³, by point.
     density: Vec<f64>,
     free_inverse_density: Vec<f64>,
+    /// Volume over mean volume of each component, where points differ; else empty.
+    relative_volume: Vec<f64>,
     work: Vec<f64>,
     newton: Newton,
     relaxation: Relaxation,
@@ -339,19 +342,10 @@ impl Physics for Mechanical {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let correspondence = self.formulation == Formulation::Correspondence;
-        let horizon = self
-            .horizon
-            .unwrap_or(if correspondence { 2.0 } else { 3.0 });
-        if horizon.is_nan() || horizon < 1.0 {
-            let message = format!("`horizon` = {horizon} reaches no neighbour");
-            return Err(SetupError::value(
-                "horizon",
-                message,
-                "at least 1 (spacing)",
-            ));
-        }
+        let usual = Horizon::Spacings(if correspondence { 2.0 } else { 3.0 });
+        let horizon = self.horizon.unwrap_or(usual);
+        horizon.check(setup.body(body))?;
         let (layers, faces, _) = setup.layers(body, &keys::DISPLACEMENT);
-        let horizon = horizon * setup.body(body).lattice.spacing;
         let spec = FamilySpec {
             horizon,
             partial_volume: self.partial_volume,
@@ -398,6 +392,12 @@ impl Physics for Mechanical {
             .map(|&m| densities[m as usize])
             .collect();
         let points = density.len();
+        let volume = &this.points.volume;
+        let mean = volume.iter().sum::<f64>() / points as f64;
+        let relative_volume = match this.lattice() {
+            Some(_) => Vec::new(),
+            None => volume.iter().flat_map(|v| [v / mean; 3]).collect(),
+        };
 
         let options = match self.solver {
             MechanicalSolver::Relaxation(options) => options,
@@ -446,6 +446,7 @@ impl Physics for Mechanical {
             solid,
             density,
             free_inverse_density: vec![0.0; 3 * points],
+            relative_volume,
             work: vec![0.0; 3 * points],
             newton: Newton::new(newton),
             relaxation: Relaxation::new(options),

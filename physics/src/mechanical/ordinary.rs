@@ -13,8 +13,8 @@ use super::moduli::{Elasticity, Moduli};
 use super::plasticity::{Plasticity, StressState};
 use super::solid::Solid;
 use super::stretch::{
-    Block, EIGENSTRAIN, Energy, Expansion, Force, INPUTS, Law, PRESSURE, Plastic, STIFFNESS,
-    Stiffness, Stress, TotalWeight, WeightOverLength,
+    Block, EIGENSTRAIN, Energy, Expansion, Force, INPUTS, PRESSURE, Plastic, STIFFNESS, Stiffness,
+    Stress, TotalWeight, WeightOverLength,
 };
 
 /// Family, moduli and work arrays of a body.
@@ -23,6 +23,8 @@ pub struct Ordinary {
     family: Arc<Family>,
     dimension: usize,
     finite: bool,
+    /// Largest, m.
+    horizon: f64,
     elasticity: Elasticity,
     /// Whether Poisson's ratio is free: an ordinary state-based solid.
     dilatation: bool,
@@ -40,29 +42,14 @@ pub struct Ordinary {
     normaliser: Vec<f64>,
     rules: Vec<LayerRule>,
     slots: [Vec<f64>; INPUTS],
+    /// Stands for inputs that there are not.
+    zeros: Vec<f64>,
     /// `sum_j w s` of each point in parts along the axes.
     expansion: Vec<[f64; 3]>,
     pressure: Vec<f64>,
     padded: Vec<f64>,
     energy: Vec<[f64; 2]>,
     tensors: Vec<[f64; 6]>,
-}
-
-/// Runs `$run` with constants for (finite kinematics, varying moduli).
-macro_rules! choose {
-    ($self:ident, $finite:ident, $varying:ident => $run:expr) => {
-        match ($self.finite, $self.uniform.is_none()) {
-            (false, false) => choose!(false, false, $finite, $varying => $run),
-            (false, true) => choose!(false, true, $finite, $varying => $run),
-            (true, false) => choose!(true, false, $finite, $varying => $run),
-            (true, true) => choose!(true, true, $finite, $varying => $run),
-        }
-    };
-    ($f:literal, $v:literal, $finite:ident, $varying:ident => $run:expr) => {{
-        const $finite: bool = $f;
-        const $varying: bool = $v;
-        $run
-    }};
 }
 
 impl Ordinary {
@@ -80,7 +67,7 @@ impl Ordinary {
         let dilatation = elasticity.has_free_poissons_ratio();
         let needed = |input| match input {
             EIGENSTRAIN => true,
-            STIFFNESS => uniform.is_none(),
+            STIFFNESS => true,
             PRESSURE => dilatation,
             axis => axis < dimension,
         };
@@ -88,6 +75,7 @@ impl Ordinary {
         let mut this = Ordinary {
             dimension,
             finite,
+            horizon: family.spec().horizon.of(body.coarsest_spacing()),
             dilatation,
             moduli: vec![elasticity.at(0, 0.0); if uniform.is_some() { 0 } else { points }],
             eigenstrain: vec![0.0; points],
@@ -102,22 +90,17 @@ impl Ordinary {
             normaliser: vec![0.0; if dilatation { points } else { 0 }],
             rules: Vec::new(),
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
+            zeros: vec![0.0; slots],
             expansion: vec![[0.0; 3]; if dilatation { points } else { 0 }],
             pressure: vec![0.0; points],
-            padded: vec![
-                0.0;
-                if dimension == 3 {
-                    0
-                } else {
-                    points * dimension
-                }
-            ],
+            padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
             energy: vec![[0.0; 2]; points],
             tensors: vec![[0.0; 6]; points],
             elasticity,
             uniform,
             family,
         };
+        this.load_moduli();
         if dilatation {
             let mut total = vec![[0.0]; points];
             this.run(&TotalWeight, &mut total);
@@ -133,10 +116,8 @@ impl Ordinary {
 
     fn load_moduli(&mut self) {
         let dimension = self.dimension;
-        let stiffness: Vec<f64> = self
-            .moduli
-            .iter()
-            .map(|m| m.bond_stiffness(dimension))
+        let stiffness: Vec<f64> = (0..self.energy.len())
+            .map(|i| self.moduli(i).bond_stiffness(dimension))
             .collect();
         self.family
             .scatter(&stiffness, 1, 0, &mut self.slots[STIFFNESS]);
@@ -255,11 +236,7 @@ impl Ordinary {
     fn evaluate_stress(&mut self) {
         self.load_inelastic();
         self.load_pressure(false);
-        match self.dimension {
-            1 => self.sum_stress::<1>(),
-            2 => self.sum_stress::<2>(),
-            _ => self.sum_stress::<3>(),
-        }
+        self.sum_stress();
         if self.elasticity.is_plane_strain() {
             for i in 0..self.tensors.len() {
                 let across = self.tried(i).map_or(0.0, |strain| strain[2]);
@@ -270,25 +247,16 @@ impl Ordinary {
     }
 
     fn expand(&mut self) {
-        match self.dimension {
-            1 => self.expand_in::<1>(),
-            2 => self.expand_in::<2>(),
-            _ => self.expand_in::<3>(),
-        }
-    }
-
-    fn expand_in<const D: usize>(&mut self) {
         let mut expansion = std::mem::take(&mut self.expansion);
-        let mut padded = std::mem::take(&mut self.padded);
-        let sums = flat::<D>(&mut padded, &mut expansion);
-        choose!(self, F, _V => self.run(&Expansion::<F>, sums));
-        unflatten::<D>(&padded, bytemuck::cast_slice_mut(&mut expansion));
-        (self.expansion, self.padded) = (expansion, padded);
+        match self.finite {
+            false => self.run(&Expansion::<false>, &mut expansion),
+            true => self.run(&Expansion::<true>, &mut expansion),
+        }
+        self.expansion = expansion;
     }
 
     fn sum_forces(&mut self, out: &mut [f64], stiffness: bool) {
         match self.dimension {
-            1 => self.sum_forces_in::<1>(out, stiffness),
             2 => self.sum_forces_in::<2>(out, stiffness),
             _ => self.sum_forces_in::<3>(out, stiffness),
         }
@@ -297,44 +265,42 @@ impl Ordinary {
     fn sum_forces_in<const D: usize>(&mut self, out: &mut [f64], stiffness: bool) {
         let mut padded = std::mem::take(&mut self.padded);
         let sums = flat::<D>(&mut padded, bytemuck::cast_slice_mut(out));
-        choose!(self, F, V => match (stiffness, self.dilatation) {
-            (false, false) => self.run_inelastic(Force::<F, V, false>(self.law()), sums),
-            (false, true) => self.run_inelastic(Force::<F, V, true>(self.law()), sums),
-            (true, false) => self.run(&Stiffness::<V, false>(self.law()), sums),
-            (true, true) => self.run(&Stiffness::<V, true>(self.law()), sums),
-        });
+        match (stiffness, self.finite, self.dilatation) {
+            (true, _, false) => self.run(&Stiffness::<false>, sums),
+            (true, _, true) => self.run(&Stiffness::<true>, sums),
+            (false, false, _) if self.plasticity.is_some() => {
+                self.run_plastic(Force::<false, true>, sums);
+            }
+            (false, true, _) if self.plasticity.is_some() => {
+                self.run_plastic(Force::<true, true>, sums);
+            }
+            (false, false, false) => self.run(&Force::<false, false>, sums),
+            (false, false, true) => self.run(&Force::<false, true>, sums),
+            (false, true, false) => self.run(&Force::<true, false>, sums),
+            (false, true, true) => self.run(&Force::<true, true>, sums),
+        }
         unflatten::<D>(&padded, out);
         self.padded = padded;
     }
 
-    fn sum_energy<const D: usize>(&mut self) {
-        let mut energy = std::mem::take(&mut self.energy);
-        choose!(self, F, V => self.run(&Energy::<F, V, D>(self.law()), &mut energy));
-        self.energy = energy;
-    }
-
-    fn sum_stress<const D: usize>(&mut self) {
+    fn sum_stress(&mut self) {
         let mut stress = std::mem::take(&mut self.tensors);
-        choose!(self, F, V => self.run_inelastic(Stress::<F, V, D>(self.law()), &mut stress));
+        let kernel = Stress {
+            finite: self.finite,
+        };
+        match self.plasticity {
+            Some(_) => self.run_plastic(kernel, &mut stress),
+            None => self.run(&kernel, &mut stress),
+        }
         self.tensors = stress;
     }
 
-    fn law<const VARYING: bool>(&self) -> Law<VARYING> {
-        let stiffness = self
-            .uniform
-            .map_or(0.0, |m| m.bond_stiffness(self.dimension));
-        Law { stiffness }
-    }
-
-    /// Runs a kernel with the inelastic strain, where there is one.
-    fn run_inelastic<const O: usize>(
+    /// Runs a kernel with the inelastic strain.
+    fn run_plastic<const O: usize>(
         &self,
         kernel: impl BondKernel<INPUTS, O>,
         sums: &mut [[f64; O]],
     ) {
-        if self.plasticity.is_none() {
-            return self.run(&kernel, sums);
-        }
         let inputs = std::array::from_fn(|i| match i.checked_sub(INPUTS) {
             Some(component) => &self.inelastic[component][..],
             None => self.input(i),
@@ -342,10 +308,10 @@ impl Ordinary {
         self.family.sum(&Plastic(kernel), inputs, sums);
     }
 
-    /// An input; any array of the right length where kernels do not use it.
+    /// An input, zero where there is none.
     fn input(&self, i: usize) -> &[f64] {
         match self.slots[i].is_empty() {
-            true => &self.slots[EIGENSTRAIN],
+            true => &self.zeros,
             false => &self.slots[i],
         }
     }
@@ -420,7 +386,7 @@ impl Solid for Ordinary {
     }
 
     fn horizon(&self) -> f64 {
-        self.family.spec().horizon
+        self.horizon
     }
 
     fn plasticity(&mut self) -> Option<&mut Plasticity> {
@@ -459,10 +425,7 @@ impl Solid for Ordinary {
 
     fn blocks(&mut self) -> &[[f64; 6]] {
         let mut blocks = std::mem::take(&mut self.tensors);
-        match self.uniform {
-            Some(_) => self.run(&Block::<false>(self.law()), &mut blocks),
-            None => self.run(&Block::<true>(self.law()), &mut blocks),
-        }
+        self.run(&Block, &mut blocks);
         self.tensors = blocks;
         &self.tensors
     }
@@ -489,19 +452,19 @@ impl Solid for Ordinary {
         self.family.scatter(&stiffness, 1, 0, &mut slots);
         self.family.fill_layers(&[], 0, &mut slots);
         let mut blocks = vec![[0.0; 6]; points];
-        let kernel = Block::<true>(Law { stiffness: 0.0 });
-        self.family.sum(&kernel, [&slots[..]; INPUTS], &mut blocks);
+        self.family.sum(&Block, [&slots[..]; INPUTS], &mut blocks);
         let largest = |block| 2.0 * symmetric(block).symmetric_eigenvalues().max();
         let squares = blocks.iter().zip(density).map(|(b, rho)| largest(b) / rho);
         Some(squares.fold(0.0, f64::max).sqrt())
     }
 
     fn energy(&mut self) -> &[[f64; 2]] {
-        match self.dimension {
-            1 => self.sum_energy::<1>(),
-            2 => self.sum_energy::<2>(),
-            _ => self.sum_energy::<3>(),
-        }
+        let mut energy = std::mem::take(&mut self.energy);
+        let kernel = Energy {
+            finite: self.finite,
+        };
+        self.run(&kernel, &mut energy);
+        self.energy = energy;
         if self.dilatation {
             self.expand();
             for i in 0..self.energy.len() {

@@ -20,38 +20,20 @@ use perimelt_core::{Bond, BondKernel};
 pub const INPUTS: usize = 6;
 /// Input that holds the eigenstrain.
 pub const EIGENSTRAIN: usize = 3;
-/// Input that holds the bond stiffness c where it varies, Pa.
+/// Input that holds the bond stiffness c, Pa.
 pub const STIFFNESS: usize = 4;
 /// Input that holds the pressure p from dilatation, Pa.
 pub const PRESSURE: usize = 5;
 
 type Ends<'a> = (&'a [f64; INPUTS], &'a [f64; INPUTS]);
 
-/// The bond stiffness c (Pa) of a body; of points where it is `VARYING`.
-#[derive(Clone, Copy, Debug)]
-pub struct Law<const VARYING: bool> {
-    /// c, unless varying.
-    pub stiffness: f64,
-}
-
-impl<const VARYING: bool> Law<VARYING> {
-    #[inline(always)]
-    fn stiffness(&self, point: &[f64; INPUTS]) -> f64 {
-        if VARYING {
-            point[STIFFNESS]
-        } else {
-            self.stiffness
-        }
-    }
-
-    /// Force density along the bond from the stretch of both ends, N/m³.
-    #[inline(always)]
-    fn tension(&self, bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
-        let end = |weight: f64, point: &[f64; INPUTS]| {
-            0.5 * weight * self.stiffness(point) * (stretch - point[EIGENSTRAIN])
-        };
-        end(bond.weight, own) + end(bond.dual, other)
-    }
+/// Force density along the bond from the stretch of both ends, N/m³.
+#[inline(always)]
+fn tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
+    let end = |weight: f64, point: &[f64; INPUTS]| {
+        0.5 * weight * point[STIFFNESS] * (stretch - point[EIGENSTRAIN])
+    };
+    end(bond.weight, own) + end(bond.dual, other)
 }
 
 #[inline(always)]
@@ -60,15 +42,15 @@ fn pressure(bond: &Bond, (own, other): Ends<'_>) -> f64 {
 }
 
 /// Force density of the bonds, N/m³.
-pub struct Force<const FINITE: bool, const VARYING: bool, const DILATATION: bool>(pub Law<VARYING>);
+pub struct Force<const FINITE: bool, const DILATATION: bool>;
 
 /// Stiffness times displacement, N/m³: the linear part of minus [`Force`], with the pressure that the
 /// displacement makes.
-pub struct Stiffness<const VARYING: bool, const DILATATION: bool>(pub Law<VARYING>);
+pub struct Stiffness<const DILATATION: bool>;
 
 /// What the bonds contribute to the diagonal block of the stiffness, `sum_j (c_i w_ij + c_j w_ji) /
 /// (2 |xi|) n n^T`, as xx, yy, zz, xy, yz, zx, N/m⁵.
-pub struct Block<const VARYING: bool>(pub Law<VARYING>);
+pub struct Block;
 
 /// `sum_j w s` in parts along the axes, whose sum it is.
 pub struct Expansion<const FINITE: bool>;
@@ -81,11 +63,17 @@ pub struct WeightOverLength;
 
 /// Of the point's own bonds and their total stretch: the energy density `c/4 sum_j w |xi| s^2`
 /// (J/m³) and the stress `c/2 sum_j w |xi| s` conjugate to the eigenstrain (Pa).
-pub struct Energy<const FINITE: bool, const VARYING: bool, const D: usize>(pub Law<VARYING>);
+pub struct Energy {
+    /// Finite kinematics.
+    pub finite: bool,
+}
 
 /// Peridynamic stress `sum_j T_ij (x) xi` (Pa) as xx, yy, zz, xy, yz, zx (spec 07, 1.8, S1): the
 /// momentum that the point's own bonds carry.
-pub struct Stress<const FINITE: bool, const VARYING: bool, const D: usize>(pub Law<VARYING>);
+pub struct Stress {
+    /// Finite kinematics.
+    pub finite: bool,
+}
 
 /// A kernel for points with a plastic strain besides the eigenstrain: inputs from [`INPUTS`] on are
 /// its components xx, yy, zz, xy, yz, zx.
@@ -120,20 +108,26 @@ fn sum<const D: usize>(parts: &[f64; D]) -> f64 {
     parts.iter().fold(0.0, |sum, part| sum + part)
 }
 
+fn stretch_in(finite: bool, bond: &Bond, ends: Ends<'_>) -> ([f64; 3], [f64; 3]) {
+    match finite {
+        true => stretch::<true, 3>(bond, ends),
+        false => stretch::<false, 3>(bond, ends),
+    }
+}
+
 #[inline(always)]
-fn dyad<const D: usize>(factor: f64, n: &[f64; D]) -> [f64; 6] {
-    let [x, y, z] = std::array::from_fn(|a| if a < D { n[a] } else { 0.0 });
+fn dyad(factor: f64, &[x, y, z]: &[f64; 3]) -> [f64; 6] {
     [x * x, y * y, z * z, x * y, y * z, z * x].map(|n| factor * n)
 }
 
-impl<const FINITE: bool, const VARYING: bool, const DILATATION: bool, const D: usize>
-    BondKernel<INPUTS, D> for Force<FINITE, VARYING, DILATATION>
+impl<const FINITE: bool, const DILATATION: bool, const D: usize> BondKernel<INPUTS, D>
+    for Force<FINITE, DILATATION>
 {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
         let ends = (&own, &other);
         let (parts, direction) = stretch::<FINITE, D>(bond, ends);
-        let mut force = self.0.tension(bond, sum(&parts), ends);
+        let mut force = tension(bond, sum(&parts), ends);
         if DILATATION {
             force += pressure(bond, ends);
         }
@@ -141,28 +135,28 @@ impl<const FINITE: bool, const VARYING: bool, const DILATATION: bool, const D: u
     }
 }
 
-impl<const VARYING: bool, const DILATATION: bool, const D: usize> BondKernel<INPUTS, D>
-    for Stiffness<VARYING, DILATATION>
-{
+impl<const DILATATION: bool, const D: usize> BondKernel<INPUTS, D> for Stiffness<DILATATION> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, mut own: [f64; INPUTS], mut other: [f64; INPUTS]) -> [f64; D] {
         own[EIGENSTRAIN] = 0.0;
         other[EIGENSTRAIN] = 0.0;
-        Force::<false, VARYING, DILATATION>(self.0)
+        Force::<false, DILATATION>
             .bond(bond, own, other)
             .map(|f: f64| -f)
     }
 }
 
-impl<const FINITE: bool, const D: usize> BondKernel<INPUTS, D> for Expansion<FINITE> {
+impl<const FINITE: bool> BondKernel<INPUTS, 3> for Expansion<FINITE> {
     #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
-        let (parts, _) = stretch::<FINITE, D>(bond, (&own, &other));
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 3] {
+        let (parts, _) = stretch::<FINITE, 3>(bond, (&own, &other));
         parts.map(|part| bond.weight * part)
     }
 }
 
 impl BondKernel<INPUTS, 1> for TotalWeight {
+    const RARE: bool = true;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, _: [f64; INPUTS], _: [f64; INPUTS]) -> [f64; 1] {
         [bond.weight]
@@ -170,16 +164,20 @@ impl BondKernel<INPUTS, 1> for TotalWeight {
 }
 
 impl BondKernel<INPUTS, 1> for WeightOverLength {
+    const RARE: bool = true;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, _: [f64; INPUTS], _: [f64; INPUTS]) -> [f64; 1] {
         [bond.weight / bond.length]
     }
 }
 
-impl<const VARYING: bool> BondKernel<INPUTS, 6> for Block<VARYING> {
+impl BondKernel<INPUTS, 6> for Block {
+    const RARE: bool = true;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 6] {
-        let ends = self.0.stiffness(&own) * bond.weight + self.0.stiffness(&other) * bond.dual;
+        let ends = own[STIFFNESS] * bond.weight + other[STIFFNESS] * bond.dual;
         dyad(
             0.5 * ends / bond.length,
             &bond.xi.map(|xi| xi / bond.length),
@@ -187,31 +185,33 @@ impl<const VARYING: bool> BondKernel<INPUTS, 6> for Block<VARYING> {
     }
 }
 
-impl<const FINITE: bool, const VARYING: bool, const D: usize> BondKernel<INPUTS, 2>
-    for Energy<FINITE, VARYING, D>
-{
+impl BondKernel<INPUTS, 2> for Energy {
+    const RARE: bool = true;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
-        let (parts, _) = stretch::<FINITE, D>(bond, (&own, &other));
+        let (parts, _) = stretch_in(self.finite, bond, (&own, &other));
         let stretch = sum(&parts);
-        let conjugate = 0.5 * self.0.stiffness(&own) * bond.weight * bond.length * stretch;
+        let conjugate = 0.5 * own[STIFFNESS] * bond.weight * bond.length * stretch;
         [0.5 * conjugate * stretch, conjugate]
     }
 }
 
-impl<const FINITE: bool, const VARYING: bool, const D: usize> BondKernel<INPUTS, 6>
-    for Stress<FINITE, VARYING, D>
-{
+impl BondKernel<INPUTS, 6> for Stress {
+    const RARE: bool = true;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 6] {
-        let (parts, direction) = stretch::<FINITE, D>(bond, (&own, &other));
+        let (parts, direction) = stretch_in(self.finite, bond, (&own, &other));
         let stretch = sum(&parts) - own[EIGENSTRAIN];
-        let tension = 0.5 * self.0.stiffness(&own) * stretch * bond.length + own[PRESSURE];
+        let tension = 0.5 * own[STIFFNESS] * stretch * bond.length + own[PRESSURE];
         dyad(bond.weight * tension, &direction)
     }
 }
 
 impl<K: BondKernel<INPUTS, O>, const O: usize> BondKernel<PLASTIC_INPUTS, O> for Plastic<K> {
+    const RARE: bool = K::RARE;
+
     #[inline(always)]
     fn bond(
         &self,

@@ -157,20 +157,28 @@ impl Rhs for EnthalpyRate<'_> {
 }
 
 /// Temperatures of all points; the steady state is where their rate vanishes.
-struct TemperatureRate<'a>(Flow<'a>);
+struct TemperatureRate<'a> {
+    flow: Flow<'a>,
+    /// Where points have volumes of several sizes: those make the conduction symmetric.
+    weights: Option<&'a [f64]>,
+}
 
 impl Rhs for TemperatureRate<'_> {
     fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
-        self.0.evaluate(state);
-        rate.copy_from_slice(bytemuck::cast_slice(&self.0.conduction.rate));
+        self.flow.evaluate(state);
+        rate.copy_from_slice(bytemuck::cast_slice(&self.flow.conduction.rate));
         Ok(())
     }
 
     fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
         out.iter_mut()
-            .zip(self.0.row_sums)
+            .zip(self.flow.row_sums)
             .for_each(|(out, [sum])| *out = -sum);
         Ok(true)
+    }
+
+    fn weights(&self) -> Option<&[f64]> {
+        self.weights
     }
 }
 
@@ -231,10 +239,14 @@ impl Run {
         if let Method::Steady(newton, tolerance) = method {
             newton.options.linear = flow.conduction.is_linear();
             flow.evaluate(&vec![0.0; temperature.len()]);
-            let loads: &[f64] = bytemuck::cast_slice(&flow.conduction.rate);
-            newton.options.absolute_tolerance = *tolerance * norm(loads);
+            let mut loads: Vec<f64> = bytemuck::cast_slice(&flow.conduction.rate).to_vec();
+            let weights = body.lattice().is_none().then_some(volume);
+            if weights.is_some() {
+                loads.iter_mut().zip(volume).for_each(|(q, v)| *q *= v);
+            }
+            newton.options.absolute_tolerance = *tolerance * norm(&loads);
             let floating = self.floating;
-            let mut rate = TemperatureRate(flow);
+            let mut rate = TemperatureRate { flow, weights };
             let report = steady_state(newton, &mut rate, step.end(), &mut temperature, floating)?;
             for (((h, t), &m), v) in enthalpy
                 .iter_mut()

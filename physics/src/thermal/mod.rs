@@ -15,6 +15,8 @@
 //!
 //! Not for: convection by flow, radiation inside the body.
 
+#[cfg(test)]
+mod cloud_tests;
 mod conduction;
 mod integrate;
 #[cfg(test)]
@@ -26,8 +28,8 @@ use perimelt_core::material::{EnthalpyCurve, LatentHeatForm};
 use perimelt_core::solver::reduce::weighted_sum;
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Balance, Clock, Correction, Face, Family, FamilySpec, Influence, PartialVolume, Physics, Read,
-    RunError, Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
+    Balance, Clock, Correction, Face, Family, FamilySpec, Horizon, Influence, PartialVolume,
+    Physics, Read, RunError, Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -42,9 +44,10 @@ pub struct Thermal {
     /// Body that conducts; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
-    /// Horizon in spacings. 1 is the classical stencil of nearest neighbours, the cheapest.
+    /// Horizon in spacings of each point, or `{ length = ... }` in m, the same everywhere. On a
+    /// lattice 1 is the classical stencil of nearest neighbours, the cheapest.
     #[serde(default = "three")]
-    pub horizon: f64,
+    pub horizon: Horizon,
     /// Partial volume of neighbours at the edge of the horizon.
     #[serde(default)]
     pub partial_volume: PartialVolume,
@@ -71,8 +74,8 @@ pub struct Thermal {
     run: Option<Run>,
 }
 
-fn three() -> f64 {
-    3.0
+fn three() -> Horizon {
+    Horizon::Spacings(3.0)
 }
 
 fn tolerance() -> f64 {
@@ -152,14 +155,7 @@ impl Thermal {
 impl Physics for Thermal {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        if self.horizon.is_nan() || self.horizon < 1.0 {
-            let message = format!("`horizon` = {} reaches no neighbour", self.horizon);
-            return Err(SetupError::value(
-                "horizon",
-                message,
-                "at least 1 (spacing)",
-            ));
-        }
+        self.horizon.check(setup.body(body))?;
         let temperature = setup.own(body, &keys::TEMPERATURE)?;
         let enthalpy = setup.own(body, &keys::ENTHALPY)?;
         let heat_source = setup.consume_if_added(body, &keys::HEAT_SOURCE)?;
@@ -180,7 +176,7 @@ impl Physics for Thermal {
         let (layers, mut faces, audited) = setup.layers(body, &keys::TEMPERATURE);
         let this = setup.body(body);
         let mirrored = match self.surfaces {
-            Surfaces::Auto => this.lattice.is_full(),
+            Surfaces::Auto => this.fills_box(),
             Surfaces::Mirrored => true,
             Surfaces::Bare => false,
         };
@@ -190,10 +186,9 @@ impl Physics for Thermal {
                 .filter(|f| f.axis() < this.dimension)
                 .collect();
         }
-        let horizon = self.horizon * this.lattice.spacing;
         let points = this.points.len();
         let spec = FamilySpec {
-            horizon,
+            horizon: self.horizon,
             partial_volume: self.partial_volume,
             influence: Influence::default(),
             correction: self.correction,

@@ -1,0 +1,196 @@
+//! Bodies whose points have spacings of their own.
+
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Body, BodyError, Discretisation, Face, Points};
+use crate::cell_list::CellList;
+use crate::shape::Bounds;
+
+/// Rounding of cell edges, in spacings.
+const NEAR: f64 = 1e-6;
+
+/// Samples along each edge of a cell face.
+const SAMPLES: i32 = 4;
+
+/// The cells of points with spacings of their own.
+#[derive(Clone, Debug)]
+pub struct Cloud {
+    /// Centre of the cell of each point, m; the point itself may be displaced.
+    centre: Vec<Vector3<f64>>,
+    bounds: Bounds,
+    /// Cells are this many spacings wider to each side: those of a table do not tile.
+    slack: f64,
+    pub(super) list: CellList,
+}
+
+/// Random displacement of points.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Jitter {
+    /// Largest displacement along each axis, as a share of the point's spacing, below 0.5.
+    pub share: f64,
+    /// Another seed gives other displacements; the same one always gives the same.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+impl Cloud {
+    /// Cubes of edge `spacing` (m) around `centre`; those of the missing axes count as cubes, too.
+    pub(super) fn new(centre: Vec<Vector3<f64>>, spacing: &[f64], slack: f64) -> Cloud {
+        let cells = || centre.iter().zip(spacing);
+        let low = cells().map(|(c, s)| c.add_scalar(-0.5 * s));
+        let high = cells().map(|(c, s)| c.add_scalar(0.5 * s));
+        let start = Vector3::repeat(f64::INFINITY);
+        let bounds = (
+            low.fold(start, |a, b| a.inf(&b)),
+            high.fold(-start, |a, b| a.sup(&b)),
+        );
+        let half = 0.5 + slack + NEAR;
+        let reach: Vec<f64> = spacing.iter().map(|s| 3f64.sqrt() * half * s).collect();
+        let list = CellList::new(&centre, &reach);
+        Cloud {
+            centre,
+            bounds,
+            slack,
+            list,
+        }
+    }
+
+    pub(super) fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// The point whose cell holds a position (m): of several the one nearest in its spacings, and
+    /// not `except`.
+    pub(super) fn point_at(
+        &self,
+        spacing: &[f64],
+        at: &Vector3<f64>,
+        except: Option<usize>,
+    ) -> Option<usize> {
+        let mut best: Option<(usize, f64)> = None;
+        self.list.visit_near(at, 0.0, |p| {
+            let away = (at - self.centre[p]).amax() / spacing[p];
+            let nearer = best.is_none_or(|(q, b)| away < b || away == b && p < q);
+            if Some(p) != except && nearer && away <= 0.5 + self.slack + NEAR {
+                best = Some((p, away));
+            }
+        });
+        best.map(|(point, _)| point)
+    }
+
+    /// The point whose cell lies just behind a face, `across` half spacings from its middle.
+    pub(super) fn behind(
+        &self,
+        spacing: &[f64],
+        point: usize,
+        face: Face,
+        across: [f64; 3],
+    ) -> Option<usize> {
+        let size = spacing[point];
+        // cells of a table leave gaps between their faces
+        let beyond = 0.5 + 1e-3 + self.slack;
+        let offset = beyond * face.normal() + 0.5 * Vector3::from(across);
+        let at = self.centre[point] + size * offset;
+        self.point_at(spacing, &at, Some(point))
+    }
+
+    /// Share of a cell face that borders on no material, by samples.
+    pub(super) fn bare_share(
+        &self,
+        dimension: usize,
+        spacing: &[f64],
+        point: usize,
+        face: Face,
+    ) -> f64 {
+        let across = |axis: usize| axis < dimension && axis != face.axis();
+        let samples = |axis: usize| if across(axis) { SAMPLES } else { 1 };
+        let place =
+            |axis: usize, i: i32| f64::from(2 * i + 1 - samples(axis)) / f64::from(samples(axis));
+        let (mut bare, mut all) = (0, 0);
+        for k in 0..samples(2) {
+            for j in 0..samples(1) {
+                for i in 0..samples(0) {
+                    let at = [place(0, i), place(1, j), place(2, k)];
+                    all += 1;
+                    bare += i32::from(self.behind(spacing, point, face, at).is_none());
+                }
+            }
+        }
+        f64::from(bare) / f64::from(all)
+    }
+}
+
+impl Body {
+    /// The same body as a cloud, its points displaced at random within their cells; volumes stay.
+    /// With a share of 0 nothing moves.
+    ///
+    /// # Errors
+    /// [`BodyError::Jitter`] for a share that lets points leave their cells.
+    pub fn jittered(mut self, jitter: Jitter) -> Result<Body, BodyError> {
+        if !(0.0..0.5).contains(&jitter.share) {
+            return Err(BodyError::Jitter(jitter.share));
+        }
+        if let Discretisation::Lattice(_) = self.discretisation {
+            let order = spatial_order(&self.points.position, &self.points.spacing);
+            self.points = self.points.reordered(&order);
+            let centre = self.points.position.clone();
+            let cloud = Cloud::new(centre, &self.points.spacing, 0.0);
+            self.discretisation = Discretisation::Cloud(cloud);
+        }
+        let mut random = SplitMix(jitter.seed);
+        for (x, size) in self.points.position.iter_mut().zip(&self.points.spacing) {
+            for axis in 0..self.dimension {
+                x[axis] += jitter.share * size * random.next();
+            }
+        }
+        Ok(self)
+    }
+}
+
+impl Points {
+    pub(super) fn reordered(&self, order: &[u32]) -> Points {
+        let of = |values: &[f64]| order.iter().map(|&p| values[p as usize]).collect();
+        Points {
+            position: order.iter().map(|&p| self.position[p as usize]).collect(),
+            volume: of(&self.volume),
+            spacing: of(&self.spacing),
+        }
+    }
+}
+
+/// Points along a Z-order curve of their cells: families then lie close together in memory.
+pub(super) fn spatial_order(position: &[Vector3<f64>], spacing: &[f64]) -> Vec<u32> {
+    let low = position
+        .iter()
+        .fold(Vector3::repeat(f64::INFINITY), |low, x| low.inf(x));
+    let finest = spacing.iter().copied().fold(f64::INFINITY, f64::min);
+    let code = |x: &Vector3<f64>| {
+        let cell = (x - low).map(|d| ((d / finest + 0.5) as u64).min((1 << 21) - 1));
+        (0..21).fold(0_u64, |code, bit| {
+            let part = |axis: usize| (cell[axis] >> bit & 1) << (3 * bit + axis);
+            code | part(0) | part(1) | part(2)
+        })
+    };
+    let codes: Vec<u64> = position.iter().map(code).collect();
+    let mut order: Vec<u32> = (0..position.len() as u32).collect();
+    order.sort_by_key(|&p| (codes[p as usize], p));
+    order
+}
+
+/// Splitmix64 (Steele, Lea and Flood, 2014).
+struct SplitMix(u64);
+
+impl SplitMix {
+    /// Between -1 and 1.
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^= z >> 31;
+        2.0 * ((z >> 11) as f64 / (1_u64 << 53) as f64) - 1.0
+    }
+}

@@ -1,0 +1,89 @@
+//! Faces of the box around a body, and the bare cell faces of its points.
+
+use nalgebra::Vector3;
+
+/// One of the six faces of a body's box.
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    PartialEq,
+    Eq,
+    Hash,
+    PartialOrd,
+    Ord,
+    serde::Serialize,
+    serde::Deserialize,
+    schemars::JsonSchema,
+)]
+pub enum Face {
+    /// The face with the smallest x.
+    #[serde(rename = "x-")]
+    XMin,
+    /// The face with the largest x.
+    #[serde(rename = "x+")]
+    XMax,
+    /// The face with the smallest y.
+    #[serde(rename = "y-")]
+    YMin,
+    /// The face with the largest y.
+    #[serde(rename = "y+")]
+    YMax,
+    /// The face with the smallest z.
+    #[serde(rename = "z-")]
+    ZMin,
+    /// The face with the largest z.
+    #[serde(rename = "z+")]
+    ZMax,
+}
+
+impl Face {
+    /// All faces.
+    pub const ALL: [Face; 6] = [
+        Face::XMin,
+        Face::XMax,
+        Face::YMin,
+        Face::YMax,
+        Face::ZMin,
+        Face::ZMax,
+    ];
+
+    /// Axis of the normal: 0, 1, 2 for x, y, z.
+    pub fn axis(self) -> usize {
+        self as usize / 2
+    }
+
+    /// Whether the outward normal points along the positive axis.
+    pub fn is_upper(self) -> bool {
+        self as usize % 2 == 1
+    }
+
+    /// Name as in case files.
+    pub fn name(self) -> &'static str {
+        ["x-", "x+", "y-", "y+", "z-", "z+"][self as usize]
+    }
+
+    /// Outward unit normal.
+    pub fn normal(self) -> Vector3<f64> {
+        let mut normal = Vector3::zeros();
+        normal[self.axis()] = if self.is_upper() { 1.0 } else { -1.0 };
+        normal
+    }
+
+    pub(super) fn step(self) -> [i64; 3] {
+        let mut step = [0; 3];
+        step[self.axis()] = if self.is_upper() { 1 } else { -1 };
+        step
+    }
+}
+
+/// An exposed cell face of a surface point.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfaceCell {
+    /// The point.
+    pub point: u32,
+    /// Direction of the outward normal.
+    pub face: Face,
+    /// Exposed area, m².
+    pub area: f64,
+}

@@ -1,0 +1,199 @@
+//! Bodies on one uniform grid of cells.
+
+use nalgebra::Vector3;
+
+use super::{Body, BodyError, Discretisation, Face, Points, bounded, positive};
+use crate::shape::{Bounds, Shape};
+
+/// Marks a lattice cell without a point.
+pub const NO_POINT: u32 = u32::MAX;
+
+/// Uniform grid of cubic cells; points sit at the centres of the cells inside the body.
+#[derive(Clone, Debug)]
+pub struct Lattice {
+    /// Lower corner of cell (0, 0, 0), m.
+    pub origin: Vector3<f64>,
+    /// Edge of a cell, m.
+    pub spacing: f64,
+    /// Number of cells along x, y, z (1 along axes that the body's dimension leaves out).
+    pub cells: [usize; 3],
+    /// Point of each cell (x runs fastest), [`NO_POINT`] where there is no material.
+    pub point_of_cell: Vec<u32>,
+    /// Cell of each point.
+    pub cell_of_point: Vec<[u32; 3]>,
+}
+
+impl Lattice {
+    /// Point in the cell with the given (possibly outside) indices.
+    pub fn point(&self, cell: [i64; 3]) -> Option<usize> {
+        if (0..3).any(|a| cell[a] < 0 || cell[a] >= self.cells[a] as i64) {
+            return None;
+        }
+        let [i, j, k] = cell.map(|c| c as usize);
+        let point = self.point_of_cell[(k * self.cells[1] + j) * self.cells[0] + i];
+        (point != NO_POINT).then_some(point as usize)
+    }
+
+    /// The point in the cell behind a face of a point's cell.
+    pub(super) fn neighbour(&self, point: usize, face: Face) -> Option<usize> {
+        let (cell, step) = (self.cell_of_point[point], face.step());
+        self.point(std::array::from_fn(|a| i64::from(cell[a]) + step[a]))
+    }
+
+    pub(super) fn bounds(&self) -> Bounds {
+        let extent = Vector3::from(self.cells.map(|c| c as f64 * self.spacing));
+        (self.origin, self.origin + extent)
+    }
+
+    /// Whether every cell holds a point.
+    pub fn is_full(&self) -> bool {
+        self.cell_of_point.len() == self.point_of_cell.len()
+    }
+}
+
+impl Body {
+    /// Fills `shape` with the centres of cubic cells of edge `spacing` (m). The cells are
+    /// aligned with the lower corner of the bounding box; a cell belongs to the body when
+    /// its centre lies inside. 1D and 2D bodies lie at the middle of the bounding box in
+    /// the missing axes, so that `thickness` need not agree with the shape.
+    ///
+    /// # Errors
+    /// [`BodyError`] when there is nothing to fill or a number is out of range.
+    pub fn fill(
+        name: &str,
+        shape: &Shape,
+        dimension: usize,
+        spacing: f64,
+        thickness: f64,
+    ) -> Result<Body, BodyError> {
+        positive("spacing", spacing)?;
+        let (min, max) = bounded(shape, dimension, thickness)?;
+        let extent: [f64; 3] = (max - min).into();
+        let no_points = || BodyError::NoPoints { extent, spacing };
+        let mut cells = [1; 3];
+        let mut origin = (min + max) / 2.0 - Vector3::repeat(spacing / 2.0);
+        for axis in 0..dimension {
+            // a cell is kept when its centre is inside; a thousandth covers rounding of the quotient
+            let count = (extent[axis] / spacing + 0.5 + 1e-3).floor();
+            if count < 1.0 {
+                return Err(no_points());
+            }
+            if count > 4e9 {
+                return Err(BodyError::TooManyPoints(count));
+            }
+            cells[axis] = count as usize;
+            origin[axis] = min[axis];
+        }
+        let total: f64 = cells.iter().map(|&c| c as f64).product();
+        if total >= f64::from(NO_POINT) {
+            return Err(BodyError::TooManyPoints(total));
+        }
+
+        let mut lattice = Lattice {
+            origin,
+            spacing,
+            cells,
+            point_of_cell: vec![NO_POINT; total as usize],
+            cell_of_point: Vec::new(),
+        };
+        let mut position = Vec::new();
+        let tolerance = 1e-6 * spacing;
+        for (index, point) in lattice.point_of_cell.iter_mut().enumerate() {
+            let cell = [
+                index % cells[0],
+                index / cells[0] % cells[1],
+                index / (cells[0] * cells[1]),
+            ]
+            .map(|c| c as u32);
+            let centre = origin + Vector3::from(cell.map(|c| (f64::from(c) + 0.5) * spacing));
+            if shape.contains(&centre, tolerance) {
+                *point = position.len() as u32;
+                position.push(centre);
+                lattice.cell_of_point.push(cell);
+            }
+        }
+        if position.is_empty() {
+            return Err(no_points());
+        }
+        let volume = vec![
+            spacing.powi(dimension as i32)
+                * if dimension == 3 { 1.0 } else { thickness };
+            position.len()
+        ];
+        let points = Points {
+            spacing: vec![spacing; position.len()],
+            position,
+            volume,
+        };
+        let discretisation = Discretisation::Lattice(lattice);
+        Ok(Body::new(
+            name,
+            dimension,
+            thickness,
+            points,
+            discretisation,
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shape::{BoxShape, Sphere};
+
+    fn block(max: [f64; 3], dimension: usize, spacing: f64, thickness: f64) -> Body {
+        let shape = Shape::Box(BoxShape { min: [0.0; 3], max });
+        Body::fill("block", &shape, dimension, spacing, thickness).expect("a valid block")
+    }
+
+    #[test]
+    fn points_are_cell_centred_and_fill_the_volume() {
+        for (dimension, thickness, volume) in [(1, 0.5, 1.5), (2, 0.1, 0.6), (3, 1.0, 6.0)] {
+            let body = block([3.0, 2.0, 1.0], dimension, 0.25, thickness);
+            assert!((body.points.volume.iter().sum::<f64>() - volume).abs() < 1e-12);
+            assert_eq!(body.points.position[0].x, 0.125);
+        }
+    }
+
+    #[test]
+    fn rounding_of_the_quotient_loses_no_row() {
+        assert_eq!(
+            block([0.1, 0.1, 0.01], 3, 4e-4, 1.0)
+                .lattice()
+                .map(|l| l.cells),
+            Some([250, 250, 25])
+        );
+    }
+
+    #[test]
+    fn a_sphere_has_its_volume_and_a_closed_surface() {
+        let shape = Shape::Sphere(Sphere {
+            centre: [0.0; 3],
+            radius: 1.0,
+        });
+        let ball = Body::fill("ball", &shape, 3, 0.05, 1.0).expect("a valid ball");
+        let volume: f64 = ball.points.volume.iter().sum();
+        assert!(
+            (volume / 4.18879 - 1.0).abs() < 0.01,
+            "staircase volume within 1 %: {volume}"
+        );
+        let net: Vector3<f64> = ball
+            .surface(&Face::ALL)
+            .iter()
+            .map(|s| s.face.normal() * s.area)
+            .sum();
+        assert!(net.norm() < 1e-12, "the normals of a closed surface cancel");
+    }
+
+    #[test]
+    fn a_body_thinner_than_half_a_cell_is_refused() {
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [1.0, 1.0, 0.1],
+        });
+        assert!(matches!(
+            Body::fill("film", &shape, 3, 0.3, 1.0),
+            Err(BodyError::NoPoints { .. })
+        ));
+    }
+}

@@ -1,0 +1,322 @@
+//! Bodies: a named set of points, their discretisation, materials and regions.
+//!
+//! The points of a body are the centres of the cells of one uniform [`Lattice`] ([`Body::fill`]),
+//! or a [`Cloud`]: cells of several sizes ([`Body::fill_zones`]), displaced at random
+//! ([`Body::jittered`]), or read from a table ([`Body::from_table`]).
+
+mod cloud;
+mod face;
+mod interpolate;
+mod lattice;
+mod table;
+mod zones;
+
+pub use cloud::{Cloud, Jitter};
+pub use face::{Face, SurfaceCell};
+pub use lattice::{Lattice, NO_POINT};
+pub use table::TableError;
+pub use zones::{Zone, ZoneError};
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector3;
+
+use crate::family::Cut;
+use crate::material::Material;
+use crate::shape::{Bounds, Shape};
+
+/// The points of a body.
+#[derive(Clone, Debug)]
+pub struct Points {
+    /// Reference positions, m.
+    pub position: Vec<Vector3<f64>>,
+    /// Reference volumes, m³ (2D: area times thickness; 1D: length times cross-section).
+    pub volume: Vec<f64>,
+    /// Edge of the cell of each point, m.
+    pub spacing: Vec<f64>,
+}
+
+impl Points {
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.position.len()
+    }
+
+    /// Whether there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.position.is_empty()
+    }
+}
+
+/// A named part of a body.
+#[derive(Clone, Debug)]
+pub struct Region {
+    /// Points of the region, ascending.
+    pub points: Vec<u32>,
+}
+
+/// How the points of a body are laid out.
+#[derive(Clone, Debug)]
+pub enum Discretisation {
+    /// Centres of the cells of one uniform grid.
+    Lattice(Lattice),
+    /// Points with spacings of their own.
+    Cloud(Cloud),
+}
+
+/// How the families of a body on a lattice are stored; a cloud always has rows.
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize,
+    schemars::JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Store {
+    /// A shared stencil for complete families, rows for the rest: fast, no neighbour list.
+    #[default]
+    Lattice,
+    /// Compressed rows for every point.
+    List,
+}
+
+/// A named set of points with one discretisation, its materials and regions.
+#[derive(Clone, Debug)]
+pub struct Body {
+    /// Name as in the case file.
+    pub name: String,
+    /// 1, 2 or 3.
+    pub dimension: usize,
+    /// Extent across the missing dimensions: thickness in m (2D), cross-section in m² (1D), 1 (3D).
+    pub thickness: f64,
+    /// The points.
+    pub points: Points,
+    /// How the points are laid out.
+    pub discretisation: Discretisation,
+    /// Materials in use.
+    pub materials: Vec<Material>,
+    /// Index into `materials` of each point.
+    pub material_of_point: Vec<u16>,
+    /// Named regions.
+    pub regions: BTreeMap<String, Region>,
+    /// How families are stored.
+    pub store: Store,
+    /// Cracks, which no bond crosses.
+    pub cuts: Vec<Cut>,
+}
+
+/// Mistakes in the description of a body.
+#[derive(Debug, thiserror::Error)]
+pub enum BodyError {
+    /// The shape extends to infinity.
+    #[error("the shape has no bounds: intersect the half-space with a box")]
+    Unbounded,
+    /// The shape cannot be.
+    #[error("{0}")]
+    Shape(String),
+    /// A number that must be positive is not.
+    #[error("`{key}` = {value} must be positive")]
+    NotPositive {
+        /// The key.
+        key: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// Not 1, 2 or 3.
+    #[error("`dimension` = {0} must be 1, 2 or 3")]
+    Dimension(usize),
+    /// No cell centre lies inside the shape.
+    #[error("no point: the shape is {extent:?} m, smaller than one cell of {spacing} m")]
+    NoPoints {
+        /// Size of the bounding box, m.
+        extent: [f64; 3],
+        /// Spacing, m.
+        spacing: f64,
+    },
+    /// A zone that cannot be.
+    #[error("zone {}: {mistake}", number + 1)]
+    Zone {
+        /// Which one, from 0.
+        number: usize,
+        /// What is wrong with it.
+        mistake: ZoneError,
+    },
+    /// Zones that leave out a part of the shape.
+    #[error("no zone covers the part of the shape around {at:?} m")]
+    NotCovered {
+        /// A position there, m.
+        at: [f64; 3],
+    },
+    /// Points displaced out of their cells.
+    #[error("`jitter.share` = {0} must be at least 0 and below 0.5")]
+    Jitter(f64),
+    /// A table of points that cannot be read.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// More points than the index type holds.
+    #[error("{0:.1e} cells are more than fit (4e9): choose a larger `spacing`")]
+    TooManyPoints(f64),
+}
+
+impl Body {
+    /// A body of the given points, without materials.
+    fn new(
+        name: &str,
+        dimension: usize,
+        thickness: f64,
+        points: Points,
+        discretisation: Discretisation,
+    ) -> Body {
+        Body {
+            name: name.to_string(),
+            dimension,
+            thickness: if dimension == 3 { 1.0 } else { thickness },
+            material_of_point: vec![0; points.len()],
+            points,
+            discretisation,
+            materials: Vec::new(),
+            regions: BTreeMap::new(),
+            store: Store::default(),
+            cuts: Vec::new(),
+        }
+    }
+
+    /// The lattice, of a body that is no cloud.
+    pub fn lattice(&self) -> Option<&Lattice> {
+        match &self.discretisation {
+            Discretisation::Lattice(lattice) => Some(lattice),
+            Discretisation::Cloud(_) => None,
+        }
+    }
+
+    /// Smallest spacing of a point, m.
+    pub fn finest_spacing(&self) -> f64 {
+        match self.lattice() {
+            Some(lattice) => lattice.spacing,
+            None => self
+                .points
+                .spacing
+                .iter()
+                .copied()
+                .fold(f64::INFINITY, f64::min),
+        }
+    }
+
+    /// Largest spacing of a point, m.
+    pub fn coarsest_spacing(&self) -> f64 {
+        match self.lattice() {
+            Some(lattice) => lattice.spacing,
+            None => self.points.spacing.iter().copied().fold(0.0, f64::max),
+        }
+    }
+
+    /// Points whose centres lie inside `shape`, ascending.
+    pub fn points_in(&self, shape: &Shape) -> Region {
+        let tolerance = 1e-6 * self.finest_spacing();
+        let inside = |p: &(usize, &Vector3<f64>)| shape.contains(p.1, tolerance);
+        let points = self
+            .points
+            .position
+            .iter()
+            .enumerate()
+            .filter(inside)
+            .map(|(i, _)| i as u32);
+        Region {
+            points: points.collect(),
+        }
+    }
+
+    /// Bounding box of the cells (not of the centres), m.
+    pub fn bounds(&self) -> Bounds {
+        match &self.discretisation {
+            Discretisation::Lattice(lattice) => lattice.bounds(),
+            Discretisation::Cloud(cloud) => cloud.bounds(),
+        }
+    }
+
+    /// Whether the cells of the points fill the bounding box.
+    pub fn fills_box(&self) -> bool {
+        match &self.discretisation {
+            Discretisation::Lattice(lattice) => lattice.is_full(),
+            Discretisation::Cloud(_) => {
+                let (min, max) = self.bounds();
+                let box_volume: f64 = (0..self.dimension).map(|a| max[a] - min[a]).product();
+                let volume: f64 = self.points.volume.iter().sum();
+                // rounding of sums and of spacings given in decimals
+                volume > (1.0 - 1e-6) * box_volume * self.thickness
+            }
+        }
+    }
+
+    /// Position of a face of the bounding box along its axis, m.
+    pub fn face_position(&self, face: Face) -> f64 {
+        let (min, max) = self.bounds();
+        if face.is_upper() {
+            max[face.axis()]
+        } else {
+            min[face.axis()]
+        }
+    }
+
+    /// The point whose cell borders on the middle of a face of a point's cell.
+    pub fn neighbour(&self, point: usize, face: Face) -> Option<usize> {
+        match &self.discretisation {
+            Discretisation::Lattice(lattice) => lattice.neighbour(point, face),
+            Discretisation::Cloud(cloud) => {
+                cloud.behind(&self.points.spacing, point, face, [0.0; 3])
+            }
+        }
+    }
+
+    /// Cell faces that border on no material, facing any of `faces`; of a cloud, the bare part of
+    /// each.
+    pub fn surface(&self, faces: &[Face]) -> Vec<SurfaceCell> {
+        let faces = faces.iter().filter(|f| f.axis() < self.dimension);
+        let mut surface = Vec::new();
+        for point in 0..self.points.len() {
+            let whole = self.points.volume[point] / self.points.spacing[point];
+            for &face in faces.clone() {
+                let bare = match &self.discretisation {
+                    Discretisation::Lattice(lattice) => {
+                        f64::from(u8::from(lattice.neighbour(point, face).is_none()))
+                    }
+                    Discretisation::Cloud(cloud) => {
+                        cloud.bare_share(self.dimension, &self.points.spacing, point, face)
+                    }
+                };
+                if bare > 0.0 {
+                    surface.push(SurfaceCell {
+                        point: point as u32,
+                        face,
+                        area: bare * whole,
+                    });
+                }
+            }
+        }
+        surface
+    }
+}
+
+/// Checks what all discretisations need; the bounds of the shape, m.
+fn bounded(shape: &Shape, dimension: usize, thickness: f64) -> Result<Bounds, BodyError> {
+    if !(1..=3).contains(&dimension) {
+        return Err(BodyError::Dimension(dimension));
+    }
+    positive("thickness", thickness)?;
+    if let Some(mistake) = shape.mistake() {
+        return Err(BodyError::Shape(mistake));
+    }
+    shape.bounds().ok_or(BodyError::Unbounded)
+}
+
+fn positive(key: &'static str, value: f64) -> Result<(), BodyError> {
+    if value.is_nan() || value <= 0.0 {
+        return Err(BodyError::NotPositive { key, value });
+    }
+    Ok(())
+}

@@ -1,0 +1,158 @@
+//! The radius of a family, the same everywhere or by the spacing of each point.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::de::{self, Deserializer, MapAccess};
+use serde::{Deserialize, Serialize, Serializer};
+
+use crate::body::Body;
+use crate::error::SetupError;
+
+/// Radius of a family. In a case file `3` is in spacings of each point, `{ length = 0.03 }` in m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Horizon {
+    /// In spacings of the point itself: families of about the same size everywhere (locally
+    /// defined horizon, Wang (2025), section 5.4).
+    Spacings(f64),
+    /// In m, the same for every point (constant horizon).
+    Length(f64),
+}
+
+impl Horizon {
+    /// Horizon of a point with the given spacing, m.
+    pub fn of(self, spacing: f64) -> f64 {
+        match self {
+            Horizon::Spacings(count) => count * spacing,
+            Horizon::Length(length) => length,
+        }
+    }
+
+    /// Refuses what cannot reach the nearest neighbours on `body`, at key `horizon`.
+    ///
+    /// # Errors
+    /// A horizon below the (coarsest) spacing.
+    pub fn check(self, body: &Body) -> Result<(), SetupError> {
+        let spacing = body.coarsest_spacing();
+        // a length given in decimals may fall short by rounding
+        if self.of(spacing) >= spacing * (1.0 - 1e-9) {
+            return Ok(());
+        }
+        let message = format!("`horizon` = {self} reaches no neighbour");
+        let expected = match self {
+            Horizon::Spacings(_) => "at least 1 (spacing)".to_string(),
+            Horizon::Length(_) => format!("at least the largest spacing, {spacing} m"),
+        };
+        Err(SetupError::value("horizon", message, expected))
+    }
+}
+
+impl fmt::Display for Horizon {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Horizon::Spacings(count) => write!(f, "{count}"),
+            Horizon::Length(length) => write!(f, "{length} m"),
+        }
+    }
+}
+
+impl Serialize for Horizon {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Length {
+            length: f64,
+        }
+        match *self {
+            Horizon::Spacings(count) => serializer.serialize_f64(count),
+            Horizon::Length(length) => Length { length }.serialize(serializer),
+        }
+    }
+}
+
+/// By hand, because an untagged enum cannot say what it expected.
+impl<'de> Deserialize<'de> for Horizon {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Visitor;
+        impl<'de> de::Visitor<'de> for Visitor {
+            type Value = Horizon;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number of spacings or { length = ... } in m")
+            }
+
+            fn visit_f64<E: de::Error>(self, count: f64) -> Result<Horizon, E> {
+                Ok(Horizon::Spacings(count))
+            }
+
+            fn visit_i64<E: de::Error>(self, count: i64) -> Result<Horizon, E> {
+                self.visit_f64(count as f64)
+            }
+
+            fn visit_u64<E: de::Error>(self, count: u64) -> Result<Horizon, E> {
+                self.visit_f64(count as f64)
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Horizon, A::Error> {
+                #[derive(Deserialize)]
+                #[serde(rename_all = "snake_case")]
+                enum Named {
+                    Spacings(f64),
+                    Length(f64),
+                }
+                Named::deserialize(de::value::MapAccessDeserializer::new(map)).map(|h| match h {
+                    Named::Spacings(count) => Horizon::Spacings(count),
+                    Named::Length(length) => Horizon::Length(length),
+                })
+            }
+        }
+        deserializer.deserialize_any(Visitor)
+    }
+}
+
+impl JsonSchema for Horizon {
+    fn schema_name() -> Cow<'static, str> {
+        "Horizon".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        schemars::json_schema!({ "oneOf": [
+            { "type": "number", "minimum": 1 },
+            {
+                "type": "object",
+                "properties": { "length": { "type": "number", "exclusiveMinimum": 0, "description": "Horizon of every point, m." } },
+                "required": ["length"],
+                "additionalProperties": false
+            }
+        ] })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_spacings_and_lengths_are_named() {
+        #[derive(Deserialize, Serialize)]
+        struct Keys {
+            horizon: Horizon,
+        }
+        for (text, horizon) in [
+            ("horizon = 3", Horizon::Spacings(3.0)),
+            ("horizon = 3.015", Horizon::Spacings(3.015)),
+            ("horizon = { spacings = 2.0 }", Horizon::Spacings(2.0)),
+            ("horizon.length = 0.03", Horizon::Length(0.03)),
+        ] {
+            let keys: Keys = toml::from_str(text).expect("a horizon");
+            assert_eq!(keys.horizon, horizon);
+            let again: Keys =
+                toml::from_str(&toml::to_string(&keys).expect("TOML")).expect("reads back");
+            assert_eq!(again.horizon, horizon);
+        }
+        let wrong = toml::from_str::<Keys>("horizon = 'wide'")
+            .err()
+            .expect("text");
+        assert!(wrong.to_string().contains("a number of spacings or"));
+    }
+}
