@@ -215,8 +215,7 @@ impl Family {
         sums
     }
 
-    /// The row of a point of a cloud: its bonds advance side by side, [`ROW_LANES`] at a time. Lanes
-    /// beyond the end compute with what follows in memory and count nothing.
+    /// The row of a point of a cloud: its bonds advance side by side, [`ROW_LANES`] at a time.
     #[inline(always)]
     fn sum_cloud_row<const I: usize, const O: usize>(
         &self,
@@ -226,35 +225,53 @@ impl Family {
         row: usize,
     ) -> [f64; O] {
         let at = rows.slot[row] as usize;
-        let here: [f64; 3] = std::array::from_fn(|a| self.places[a][at]);
-        let own: [f64; I] = std::array::from_fn(|i| inputs[i][at]);
-        let end = rows.start[row + 1];
+        let (mut first, end) = (rows.start[row], rows.start[row + 1]);
         let mut sums = [[0.0; ROW_LANES]; O];
-        for first in (rows.start[row]..end).step_by(ROW_LANES) {
-            let columns = &rows.column[first..first + ROW_LANES];
-            // element by element: on many processors faster than gather instructions
-            let gather = |values: &[f64]| -> [f64; ROW_LANES] {
-                std::array::from_fn(|lane| values[columns[lane] as usize])
-            };
-            let weight: [f64; ROW_LANES] = lanes(&rows.weight, first);
-            let dual: [f64; ROW_LANES] = lanes(&rows.dual, first);
-            let there: [[f64; ROW_LANES]; 3] = std::array::from_fn(|a| gather(&self.places[a]));
-            let other: [[f64; ROW_LANES]; I] = std::array::from_fn(|i| gather(inputs[i]));
-            for lane in 0..ROW_LANES {
-                let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
-                let bond = Bond {
-                    xi,
-                    length: (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt(),
-                    weight: weight[lane],
-                    dual: dual[lane],
-                };
-                let part = kernel.bond(&bond, own, std::array::from_fn(|i| other[i][lane]));
-                for o in 0..O {
-                    sums[o][lane] += if first + lane < end { part[o] } else { 0.0 };
-                }
-            }
+        while first + ROW_LANES <= end {
+            self.add_bonds::<I, O, true>(kernel, inputs, (rows, at, first, end), &mut sums);
+            first += ROW_LANES;
+        }
+        if first < end {
+            self.add_bonds::<I, O, false>(kernel, inputs, (rows, at, first, end), &mut sums);
         }
         sums.map(|lanes| lanes.into_iter().sum())
+    }
+
+    /// Adds the bonds from number `first` on of the point in slot `at`. Lanes from `end` on compute
+    /// with what follows in memory and count nothing; where all are `WHOLE`, not to ask saves a third.
+    #[inline(always)]
+    fn add_bonds<const I: usize, const O: usize, const WHOLE: bool>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: &[&[f64]; I],
+        (rows, at, first, end): (&Rows, usize, usize, usize),
+        sums: &mut [[f64; ROW_LANES]; O],
+    ) {
+        let here: [f64; 3] = std::array::from_fn(|a| self.places[a][at]);
+        let own: [f64; I] = std::array::from_fn(|i| inputs[i][at]);
+        let columns = &rows.column[first..first + ROW_LANES];
+        // element by element: on many processors faster than gather instructions
+        let gather = |values: &[f64]| -> [f64; ROW_LANES] {
+            std::array::from_fn(|lane| values[columns[lane] as usize])
+        };
+        let weight: [f64; ROW_LANES] = lanes(&rows.weight, first);
+        let dual: [f64; ROW_LANES] = lanes(&rows.dual, first);
+        let there: [[f64; ROW_LANES]; 3] = std::array::from_fn(|a| gather(&self.places[a]));
+        let other: [[f64; ROW_LANES]; I] = std::array::from_fn(|i| gather(inputs[i]));
+        for lane in 0..ROW_LANES {
+            let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
+            let bond = Bond {
+                xi,
+                length: (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt(),
+                weight: weight[lane],
+                dual: dual[lane],
+            };
+            let part = kernel.bond(&bond, own, std::array::from_fn(|i| other[i][lane]));
+            for o in 0..O {
+                let counts = WHOLE || first + lane < end;
+                sums[o][lane] += if counts { part[o] } else { 0.0 };
+            }
+        }
     }
 }
 
