@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::body::{Body, Face, Store};
 
+use super::layer::Grid;
 use super::{
     Bond, Chunk, Correction, Cut, Family, FamilyError, FamilySpec, Ghost, PartialVolume, Rows,
     Span, StencilBond,
@@ -15,7 +16,7 @@ use super::{
 const CHUNK_POINTS: u32 = 4096;
 
 /// No layer, no point.
-const EMPTY: u32 = u32::MAX;
+pub(super) const EMPTY: u32 = u32::MAX;
 
 /// The lattice with a margin that holds the layers; slots are its cells, x fastest.
 struct Padded {
@@ -93,6 +94,13 @@ impl Family {
             mirror_of[slot as usize] = point as u32;
         }
         let (ghosts, layers) = mirror(body, spec, &padded, reach, &mut mirror_of);
+        let grid = Grid::new(
+            padded.cells,
+            lattice.spacing,
+            body.dimension,
+            &mirror_of,
+            &ghosts,
+        );
         // a corner mirrors a mirror: it is audited when any face on its way is
         let mut audited = vec![false; padded.len()];
         for (face, range) in &layers {
@@ -231,6 +239,7 @@ impl Family {
             spans,
             ghosts,
             layers,
+            grid,
             stencil,
             runs,
             rows,
@@ -332,13 +341,14 @@ fn mirror(
                     };
                     if mirror_of[target] == EMPTY && mirror_of[source] != EMPTY {
                         mirror_of[target] = mirror_of[source];
-                        let earlier: Option<&usize> = ghost_in.get(&source);
-                        let mut passes = earlier.map_or([0; 6], |&g| ghosts[g].passes);
+                        let parent: Option<u32> = ghost_in.get(&source).copied();
+                        let mut passes = parent.map_or([0; 6], |g| ghosts[g as usize].passes);
                         passes[face as usize] += 1;
-                        ghost_in.insert(target, ghosts.len());
+                        ghost_in.insert(target, ghosts.len() as u32);
                         ghosts.push(Ghost {
                             slot: target as u32,
                             source: source as u32,
+                            parent,
                             point: mirror_of[source],
                             passes,
                         });

@@ -16,7 +16,7 @@
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
-use perimelt_core::family::LayerRule;
+use perimelt_core::family::{Continuation, LayerRule};
 use perimelt_core::{Body, Bond, BondKernel, Family};
 use rayon::prelude::*;
 
@@ -121,7 +121,7 @@ pub struct Correspondence {
     eigenstrain: Vec<f64>,
     /// Zero in the components that the dimension leaves out.
     inverse_shape: Vec<Matrix3<f64>>,
-    rules: Vec<LayerRule>,
+    continuation: Continuation,
     slots: [Vec<f64>; INPUTS],
     /// H of each point.
     gradient: Vec<Matrix3<f64>>,
@@ -227,7 +227,7 @@ impl Correspondence {
             moduli: vec![elasticity.at(0, 0.0); points],
             eigenstrain: vec![0.0; points],
             inverse_shape,
-            rules: Vec::new(),
+            continuation: Continuation::default(),
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
             gradient: vec![Matrix3::zeros(); points],
             drive: vec![Matrix3::zeros(); points],
@@ -313,10 +313,10 @@ impl Correspondence {
         });
         let images: Vec<_> = self
             .family
-            .images(&self.rules)
+            .images(&self.continuation)
             .map(|image| {
                 let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
-                let gradient = scale * self.gradient[image.point] * mirror;
+                let gradient = scale * self.gradient[image.point] * mirror + image.bend;
                 let inverse = mirror * self.inverse_shape[image.point] * mirror;
                 (image.slot, drive_of(image.point, &gradient, &inverse))
             })
@@ -399,13 +399,23 @@ impl Solid for Correspondence {
     }
 
     fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]) {
-        self.rules.clear();
-        self.rules.extend_from_slice(rules);
-        for axis in 0..self.dimension {
-            let slots = &mut self.slots[DISPLACEMENT + axis];
+        let mut slots = std::mem::take(&mut self.slots);
+        let mut continuation = std::mem::take(&mut self.continuation);
+        let dimension = self.dimension;
+        let vector = &mut slots[DISPLACEMENT..DISPLACEMENT + dimension];
+        for (axis, slots) in vector.iter_mut().enumerate() {
             self.family.scatter(displacement, 3, axis, slots);
-            self.family.fill_layers(rules, axis, slots);
         }
+        self.family.continue_vector(
+            rules,
+            vector,
+            &mut continuation,
+            |face, traction, i, lateral| {
+                let at = (face, traction);
+                self.moduli[i].slope_under_traction(at, lateral, self.eigenstrain[i], dimension)
+            },
+        );
+        (self.slots, self.continuation) = (slots, continuation);
     }
 
     fn force(&mut self, out: &mut [f64]) {
@@ -430,7 +440,7 @@ impl Solid for Correspondence {
             let entries = field.iter_mut().zip(&self.inverse_shape);
             entries.for_each(|(entry, inverse)| *entry = inverse[(row, column)]);
             self.family.scatter(&field, 1, 0, slots);
-            for image in self.family.images(&self.rules) {
+            for image in self.family.images(&self.continuation) {
                 slots[image.slot] = image.mirror[row] * image.mirror[column] * field[image.point];
             }
         }

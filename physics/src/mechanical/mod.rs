@@ -217,8 +217,8 @@ impl Run {
     }
 
     fn provide_stress(&mut self, world: &World) {
-        self.load_displacement(world);
         self.solid.set_eigenstrain(&world.read(self.eigenstrain));
+        self.load_displacement(world);
         let stress = self.solid.stress();
         for (sigma, components) in world.write(self.stress).iter_mut().zip(stress) {
             *sigma = ordinary::symmetric(components);
@@ -411,7 +411,7 @@ impl Physics for Mechanical {
         let rules: Vec<LayerRule> = world
             .layer_rules(run.layers)
             .iter()
-            .map(homogeneous)
+            .map(LayerRule::homogeneous)
             .collect();
         let square = largest_eigenvalue(&inverse_density, |u, out| {
             run.solid.set_displacement(u, &rules);
@@ -481,14 +481,6 @@ impl Physics for Mechanical {
         self.run.as_mut().expect("prepared before a restart").state =
             erased_serde::deserialize(state)?;
         Ok(())
-    }
-}
-
-/// A rule without its prescribed value: for displacements that are differences.
-fn homogeneous(rule: &LayerRule) -> LayerRule {
-    LayerRule {
-        offset: [0.0; 3],
-        ..*rule
     }
 }
 

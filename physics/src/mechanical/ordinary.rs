@@ -4,15 +4,15 @@
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
-use perimelt_core::family::LayerRule;
+use perimelt_core::family::{Continuation, LayerRule};
 use perimelt_core::{Body, BondKernel, Family};
 use rayon::prelude::*;
 
 use super::moduli::{Elasticity, Moduli};
 use super::solid::Solid;
 use super::stretch::{
-    Block, EIGENSTRAIN, Energy, Expansion, Force, INPUTS, Law, PRESSURE, STIFFNESS, Stiffness,
-    Stress, TotalWeight, WeightOverLength,
+    Block, Directions, EIGENSTRAIN, Energy, Expansion, Force, INPUTS, Law, PRESSURE, STIFFNESS,
+    Stiffness, Stress, TotalWeight, WeightOverLength,
 };
 
 /// Family, moduli and work arrays of a body.
@@ -31,7 +31,9 @@ pub struct Ordinary {
     eigenstrain: Vec<f64>,
     /// `N = d / sum_j w_ij` of each point.
     normaliser: Vec<f64>,
-    rules: Vec<LayerRule>,
+    continuation: Continuation,
+    /// `sum_j w n (x) n` of each point, once a layer is bent.
+    directions: Vec<[f64; 6]>,
     slots: [Vec<f64>; INPUTS],
     /// `sum_j w s` of each point in parts along the axes.
     expansion: Vec<[f64; 3]>,
@@ -79,7 +81,8 @@ impl Ordinary {
             moduli: vec![elasticity.at(0, 0.0); if uniform.is_some() { 0 } else { points }],
             eigenstrain: vec![0.0; points],
             normaliser: vec![0.0; if dilatation { points } else { 0 }],
-            rules: Vec::new(),
+            continuation: Continuation::default(),
+            directions: Vec::new(),
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
             expansion: vec![[0.0; 3]; if dilatation { points } else { 0 }],
             pressure: vec![0.0; points],
@@ -135,9 +138,20 @@ impl Ordinary {
         self.pressure = pressure;
         let mut slots = std::mem::take(&mut self.slots[PRESSURE]);
         self.family.scatter(&self.pressure, 1, 0, &mut slots);
-        for image in self.family.images(&self.rules) {
+        if self.continuation.is_bent() && self.directions.is_empty() {
+            let mut directions = vec![[0.0; 6]; self.expansion.len()];
+            self.run(&Directions, &mut directions);
+            self.directions = directions;
+        }
+        for image in self.family.images(&self.continuation) {
             let sums = self.expansion[image.point];
-            let sums = std::array::from_fn(|a| image.scale[a] * image.mirror[a] * sums[a]);
+            let mut sums: [f64; 3] =
+                std::array::from_fn(|a| image.scale[a] * image.mirror[a] * sums[a]);
+            if self.continuation.is_bent() {
+                let mirror = Matrix3::from_diagonal(&image.mirror.into());
+                let directions = mirror * symmetric(&self.directions[image.point]) * mirror;
+                sums[0] += image.bend.dot(&directions);
+            }
             slots[image.slot] = self.pressure_of(image.point, sums, total);
         }
         self.slots[PRESSURE] = slots;
@@ -278,13 +292,23 @@ impl Solid for Ordinary {
     }
 
     fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]) {
-        self.rules.clear();
-        self.rules.extend_from_slice(rules);
-        for axis in 0..self.dimension {
-            self.family
-                .scatter(displacement, 3, axis, &mut self.slots[axis]);
-            self.family.fill_layers(rules, axis, &mut self.slots[axis]);
+        let mut slots = std::mem::take(&mut self.slots);
+        let mut continuation = std::mem::take(&mut self.continuation);
+        for (axis, slots) in slots[..self.dimension].iter_mut().enumerate() {
+            self.family.scatter(displacement, 3, axis, slots);
         }
+        let (vector, dimension) = (&mut slots[..self.dimension], self.dimension);
+        self.family.continue_vector(
+            rules,
+            vector,
+            &mut continuation,
+            |face, traction, i, lateral| {
+                let at = (face, traction);
+                let moduli = self.moduli(i);
+                moduli.slope_under_traction(at, lateral, self.eigenstrain[i], dimension)
+            },
+        );
+        (self.slots, self.continuation) = (slots, continuation);
     }
 
     fn force(&mut self, out: &mut [f64]) {
