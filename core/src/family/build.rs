@@ -94,13 +94,7 @@ impl Family {
             mirror_of[slot as usize] = point as u32;
         }
         let (ghosts, layers) = mirror(body, spec, &padded, reach, &mut mirror_of);
-        let grid = Grid::new(
-            padded.cells,
-            lattice.spacing,
-            body.dimension,
-            &mirror_of,
-            &ghosts,
-        );
+        let grid = Grid::new(body, (padded.cells, padded.pad), &mirror_of, &ghosts);
         // a corner mirrors a mirror: it is audited when any face on its way is
         let mut audited = vec![false; padded.len()];
         for (face, range) in &layers {

@@ -108,6 +108,55 @@ impl Family {
         }
     }
 
+    /// For every point below the plane `x_axis = at` (m), passes the point and the sum of `kernel`
+    /// over its bonds with points and layer points above to `receive`, in order.
+    pub fn sum_across<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: [&[f64]; I],
+        (axis, at): (usize, f64),
+        mut receive: impl FnMut(usize, [f64; O]),
+    ) {
+        let above = |slot: usize| self.grid.position(slot, axis) > at;
+        for span in &self.spans {
+            for i in 0..span.len {
+                let (point, slot) = (span.point + i, (span.slot + i) as usize);
+                let reach = self.grid.position(slot, axis) + 2.0 * self.spec.horizon;
+                if above(slot) || reach < at {
+                    continue;
+                }
+                let mut sums = [0.0; O];
+                let mut add = |bond: &Bond, other: usize| {
+                    if above(other) {
+                        let ends = [slot, other].map(|s| inputs.each_ref().map(|i| i[s]));
+                        let part = kernel.bond(bond, ends[0], ends[1]);
+                        (0..O).for_each(|o| sums[o] += part[o]);
+                    }
+                };
+                match self.rows.point.binary_search(&point) {
+                    Ok(row) => {
+                        for bond in self.rows.start[row]..self.rows.start[row + 1] {
+                            let weights = (self.rows.weight[bond], self.rows.dual[bond]);
+                            let step = self.rows.step[bond] as usize;
+                            let bond_of_row = Bond {
+                                weight: weights.0,
+                                dual: weights.1,
+                                ..self.stencil[step].bond
+                            };
+                            add(&bond_of_row, self.rows.column[bond] as usize);
+                        }
+                    }
+                    Err(_) => {
+                        for StencilBond { offset, bond } in &self.stencil {
+                            add(bond, slot.wrapping_add_signed(*offset));
+                        }
+                    }
+                }
+                receive(point as usize, sums);
+            }
+        }
+    }
+
     fn sweep<const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,

@@ -13,7 +13,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::body::Face;
+use crate::body::{Body, Face};
 
 use super::build::EMPTY;
 use super::{Family, Ghost};
@@ -104,6 +104,8 @@ pub struct Image {
 #[derive(Debug)]
 pub(super) struct Grid {
     cells: [usize; 3],
+    /// Lower corner of the slots, m.
+    origin: Vector3<f64>,
     spacing: f64,
     dimension: usize,
     /// The faces that mirrored the content of each slot, one bit each; none for points.
@@ -115,12 +117,13 @@ const NOTHING: u8 = u8::MAX;
 
 impl Grid {
     pub(super) fn new(
-        cells: [usize; 3],
-        spacing: f64,
-        dimension: usize,
+        body: &Body,
+        (cells, pad): ([usize; 3], [usize; 3]),
         mirror_of: &[u32],
         ghosts: &[Ghost],
     ) -> Self {
+        let (lattice, dimension) = (&body.lattice, body.dimension);
+        let margin = Vector3::from(pad.map(|p| p as f64 * lattice.spacing));
         let content = mirror_of
             .iter()
             .map(|&m| if m == EMPTY { NOTHING } else { 0 });
@@ -132,7 +135,8 @@ impl Grid {
         }
         Grid {
             cells,
-            spacing,
+            origin: lattice.origin - margin,
+            spacing: lattice.spacing,
             dimension,
             mirrored,
         }
@@ -144,6 +148,11 @@ impl Grid {
 
     fn cell(&self, slot: usize, axis: usize) -> usize {
         slot / self.stride(axis) % self.cells[axis]
+    }
+
+    /// Centre of a slot along an axis, m.
+    pub(super) fn position(&self, slot: usize, axis: usize) -> f64 {
+        self.origin[axis] + (self.cell(slot, axis) as f64 + 0.5) * self.spacing
     }
 
     /// Derivatives of a field along all axes but `normal`, central where there are neighbours on both

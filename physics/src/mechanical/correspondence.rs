@@ -335,6 +335,27 @@ impl Correspondence {
         (self.drive, self.slots) = (drive, slots);
     }
 
+    fn inputs(&self) -> [&[f64]; INPUTS] {
+        self.slots.each_ref().map(|s| match s.is_empty() {
+            true => &self.slots[STABILISATION][..],
+            false => s,
+        })
+    }
+
+    fn across<const D: usize>(
+        &self,
+        plane: (usize, f64),
+        receive: &mut dyn FnMut(usize, [f64; 3]),
+    ) {
+        let spread = |point, force: [f64; D]| {
+            receive(
+                point,
+                std::array::from_fn(|a| if a < D { force[a] } else { 0.0 }),
+            );
+        };
+        self.family.sum_across(&Force, self.inputs(), plane, spread);
+    }
+
     fn sum_forces(&mut self, out: &mut [f64]) {
         match self.dimension {
             1 => self.sum_forces_in::<1>(out),
@@ -346,10 +367,7 @@ impl Correspondence {
     fn sum_forces_in<const D: usize>(&mut self, out: &mut [f64]) {
         let mut padded = std::mem::take(&mut self.padded);
         let points = self.gradient.len();
-        let inputs = self.slots.each_ref().map(|s| match s.is_empty() {
-            true => &self.slots[STABILISATION][..],
-            false => s,
-        });
+        let inputs = self.inputs();
         let sums = flat::<D>(&mut padded[..points * D], bytemuck::cast_slice_mut(out));
         self.family.sum(&Force, inputs, sums);
         unflatten::<D>(&padded, out);
@@ -508,5 +526,15 @@ impl Solid for Correspondence {
         }
         self.tensors = tensors;
         &self.tensors
+    }
+
+    fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3])) {
+        self.load_gradient();
+        self.load_drive(false, self.finite);
+        match self.dimension {
+            1 => self.across::<1>(plane, receive),
+            2 => self.across::<2>(plane, receive),
+            _ => self.across::<3>(plane, receive),
+        }
     }
 }

@@ -16,9 +16,12 @@
 
 pub mod correspondence;
 mod equilibrium;
+#[cfg(test)]
+mod layer_tests;
 pub mod moduli;
 mod motion;
 pub mod ordinary;
+pub mod section;
 pub mod solid;
 pub mod stretch;
 #[cfg(test)]
@@ -33,7 +36,8 @@ use perimelt_core::solver::{
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
     Balance, Clock, Correction, FamilySpec, Influence, PartialVolume, Physics, Read,
-    ReadIfProvided, RunError, Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
+    ReadIfProvided, Report, RunError, Setup, SetupError, Step, StepSize, Update, Work, World,
+    Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -41,6 +45,7 @@ use serde::{Deserialize, Serialize};
 use correspondence::Correspondence;
 use moduli::{Elasticity, Plane};
 use ordinary::Ordinary;
+use section::Section;
 use solid::Solid;
 
 /// Thermoelastic solid: bond-based, ordinary state-based or by correspondence; owns `displacement` and `velocity`, consumes `eigenstrain`
@@ -84,6 +89,10 @@ pub struct Mechanical {
     /// Advance in every macro `step`, or once per `log` interval.
     #[serde(default)]
     pub update: Update,
+    /// Planes whose force is reported with each logged state, such as
+    /// `sections = [{ name = "middle", axis = "x", at = 0 }]`.
+    #[serde(default)]
+    pub sections: Vec<Section>,
     #[serde(skip)]
     #[schemars(skip)]
     run: Option<Run>,
@@ -176,6 +185,8 @@ struct Run {
     /// Rigid motions that nothing hinders, and the number of held components they are for.
     rigid: Option<(usize, NullSpace)>,
     tolerance: f64,
+    /// By section, N.
+    section_forces: Vec<[f64; 3]>,
     state: State,
 }
 
@@ -293,6 +304,9 @@ impl Physics for Mechanical {
             layers: faces,
             audited: Vec::new(),
         };
+        for section in &self.sections {
+            section.check(setup, body)?;
+        }
         let family = setup.family(body, &spec)?;
         let bond_based = self.formulation == Formulation::Bond;
         let elasticity = Elasticity::of(setup, body, self.plane, bond_based)?;
@@ -360,6 +374,7 @@ impl Physics for Mechanical {
             relaxation: Relaxation::new(options),
             rigid: None,
             tolerance,
+            section_forces: vec![[0.0; 3]; self.sections.len()],
             state: State {
                 verlet: Verlet::new(damping),
                 ..State::default()
@@ -451,6 +466,15 @@ impl Physics for Mechanical {
         let run = self.run.as_mut().expect("prepared before the first step");
         run.provide_eigenstress(world);
         run.provide_stress(world);
+        for (i, section) in self.sections.iter().enumerate() {
+            run.section_forces[i] = section.force(run, world);
+        }
+    }
+
+    fn report(&self) -> Vec<Report> {
+        let run = self.run.as_ref().expect("prepared before the first step");
+        let forces = self.sections.iter().zip(&run.section_forces);
+        forces.flat_map(|(s, force)| s.report(*force)).collect()
     }
 
     fn balance(&self, world: &World) -> Vec<Balance> {

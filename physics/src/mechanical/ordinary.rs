@@ -223,13 +223,33 @@ impl Ordinary {
         Law { stiffness }
     }
 
-    fn run<const O: usize>(&self, kernel: &impl BondKernel<INPUTS, O>, sums: &mut [[f64; O]]) {
-        // inputs that a kernel does not use are any array of the right length
-        let inputs = self.slots.each_ref().map(|s| match s.is_empty() {
+    fn across<const D: usize>(
+        &self,
+        plane: (usize, f64),
+        receive: &mut dyn FnMut(usize, [f64; 3]),
+    ) {
+        let spread = |point, force: [f64; D]| {
+            receive(
+                point,
+                std::array::from_fn(|a| if a < D { force[a] } else { 0.0 }),
+            );
+        };
+        choose!(self, F, V => match self.dilatation {
+            false => self.family.sum_across(&Force::<F, V, false>(self.law()), self.inputs(), plane, spread),
+            true => self.family.sum_across(&Force::<F, V, true>(self.law()), self.inputs(), plane, spread),
+        });
+    }
+
+    /// The slots; inputs that a kernel does not use are any array of the right length.
+    fn inputs(&self) -> [&[f64]; INPUTS] {
+        self.slots.each_ref().map(|s| match s.is_empty() {
             true => &self.slots[EIGENSTRAIN][..],
             false => s,
-        });
-        self.family.sum(kernel, inputs, sums);
+        })
+    }
+
+    fn run<const O: usize>(&self, kernel: &impl BondKernel<INPUTS, O>, sums: &mut [[f64; O]]) {
+        self.family.sum(kernel, self.inputs(), sums);
     }
 }
 
@@ -397,5 +417,14 @@ impl Solid for Ordinary {
             }
         }
         &self.tensors
+    }
+
+    fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3])) {
+        self.load_pressure(false);
+        match self.dimension {
+            1 => self.across::<1>(plane, receive),
+            2 => self.across::<2>(plane, receive),
+            _ => self.across::<3>(plane, receive),
+        }
     }
 }

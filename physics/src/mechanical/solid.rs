@@ -43,4 +43,8 @@ pub trait Solid: Debug {
 
     /// Stress of each point, Pa.
     fn stress(&mut self) -> &[[f64; 6]];
+
+    /// Passes each point below the plane `x_axis = at` (m) and the force density of its bonds with what
+    /// lies above, N/m³, to `receive`.
+    fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3]));
 }
