@@ -65,7 +65,8 @@ fn one() -> f64 {
     1.0
 }
 
-/// A field at the start: one value, or one with others in some regions.
+/// A field at the start: one value, one with others in some regions, or one that grows with the
+/// position.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[schemars(untagged)]
 #[serde(untagged)]
@@ -79,21 +80,51 @@ pub enum Initial {
         /// By region.
         regions: BTreeMap<String, Components>,
     },
+    /// `value + gradient (x - origin)`.
+    Linear(Linear),
+}
+
+/// A field that grows with the position: `value + gradient (x - origin)`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Linear {
+    /// At the origin; zero when left out.
+    #[serde(default)]
+    pub value: Option<Components>,
+    /// Derivatives along x, y and z, one row for each component, per m.
+    pub gradient: Vec<[f64; 3]>,
+    /// Reference position, m.
+    #[serde(default)]
+    pub origin: [f64; 3],
+}
+
+impl Linear {
+    /// The components at a reference position, m.
+    pub fn at(&self, position: [f64; 3]) -> Vec<f64> {
+        let value = self.value.as_ref().map_or(&[][..], Components::as_slice);
+        let row = |(i, row): (usize, &[f64; 3])| {
+            let slopes = row.iter().zip(position.iter().zip(self.origin));
+            let growth: f64 = slopes.map(|(g, (x, origin))| g * (x - origin)).sum();
+            value.get(i).copied().unwrap_or(0.0) + growth
+        };
+        self.gradient.iter().enumerate().map(row).collect()
+    }
 }
 
 impl Initial {
-    /// The value outside of all regions.
-    pub fn value(&self) -> &Components {
+    /// The components outside of all regions at a reference position, m.
+    pub fn at(&self, position: [f64; 3]) -> Vec<f64> {
         match self {
-            Initial::Uniform(value) | Initial::ByRegion { value, .. } => value,
+            Initial::Uniform(value) | Initial::ByRegion { value, .. } => value.as_slice().to_vec(),
+            Initial::Linear(linear) => linear.at(position),
         }
     }
 
     /// The exceptions.
     pub fn regions(&self) -> impl Iterator<Item = (&String, &Components)> {
         let regions = match self {
-            Initial::Uniform(_) => None,
             Initial::ByRegion { regions, .. } => Some(regions),
+            _ => None,
         };
         regions.into_iter().flatten()
     }
@@ -158,7 +189,7 @@ impl<'de> Visitor<'de> for InitialVisitor {
     type Value = Initial;
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("a number, or [x, y, z], or { value = ..., regions = { <region> = ... } }")
+        f.write_str("a number, or [x, y, z], or { value = ..., regions = { <region> = ... } }, or { gradient = [...] }")
     }
 
     fn visit_f64<E: de::Error>(self, value: f64) -> Result<Initial, E> {
@@ -176,13 +207,27 @@ impl<'de> Visitor<'de> for InitialVisitor {
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Initial, A::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct ByRegion {
-            value: Components,
-            regions: BTreeMap<String, Components>,
+        struct Table {
+            value: Option<Components>,
+            regions: Option<BTreeMap<String, Components>>,
+            gradient: Option<Vec<[f64; 3]>>,
+            #[serde(default)]
+            origin: [f64; 3],
         }
-        let ByRegion { value, regions } =
-            ByRegion::deserialize(de::value::MapAccessDeserializer::new(map))?;
-        Ok(Initial::ByRegion { value, regions })
+        let table = Table::deserialize(de::value::MapAccessDeserializer::new(map))?;
+        match (table.value, table.regions, table.gradient) {
+            (Some(value), Some(regions), None) => Ok(Initial::ByRegion { value, regions }),
+            (value, None, Some(gradient)) => Ok(Initial::Linear(Linear {
+                value,
+                gradient,
+                origin: table.origin,
+            })),
+            (_, Some(_), Some(_)) => Err(de::Error::custom(
+                "a field grows or differs by region, not both",
+            )),
+            (None, ..) => Err(de::Error::missing_field("value")),
+            _ => Err(de::Error::missing_field("regions")),
+        }
     }
 }
 

@@ -155,17 +155,22 @@ impl Grid {
         self.origin[axis] + (self.cell(slot, axis) as f64 + 0.5) * self.spacing
     }
 
-    /// Derivatives of a field along all axes but `normal`, central where there are neighbours on both
-    /// sides; layers of the `bent` faces are none.
-    fn lateral(&self, field: &[Vec<f64>], slot: usize, normal: usize, bent: u8) -> Matrix3<f64> {
+    /// Derivatives of a field along all axes but `normal`, central where there are `usable` neighbours
+    /// on both sides; the argument of `usable` is the faces that mirrored them.
+    fn lateral(
+        &self,
+        field: &[Vec<f64>],
+        (slot, normal): (usize, usize),
+        usable: impl Fn(u8) -> bool,
+    ) -> Matrix3<f64> {
+        let usable = |s: &usize| self.mirrored[*s] != NOTHING && usable(self.mirrored[*s]);
         let mut gradient = Matrix3::zeros();
         for axis in (0..self.dimension).filter(|a| *a != normal) {
             let (stride, cell) = (self.stride(axis), self.cell(slot, axis));
-            let usable = |s: &usize| self.mirrored[*s] != NOTHING && self.mirrored[*s] & bent == 0;
-            let below = (cell > 0).then(|| slot - stride).filter(usable);
+            let below = (cell > 0).then(|| slot - stride).filter(&usable);
             let above = (cell + 1 < self.cells[axis])
                 .then(|| slot + stride)
-                .filter(usable);
+                .filter(&usable);
             let steps = usize::from(below.is_some()) + usize::from(above.is_some());
             if steps == 0 {
                 continue;
@@ -224,8 +229,11 @@ impl Family {
         if bent == 0 {
             return;
         }
+        let mut done = 0;
         for (face, range) in &self.layers {
             let axis = face.axis();
+            // plain mirror images hold already, bent layers in the order in which they are filled
+            let usable = |faces: u8| faces & bent == 0 || faces & !done == 0;
             let even = LayerRule::even(*face);
             let rule = rules.iter().find(|r| r.face == *face).unwrap_or(&even);
             for ghost in &self.ghosts[range.clone()] {
@@ -239,7 +247,7 @@ impl Family {
                 (0..3).for_each(|a| bend.row_mut(a).scale_mut(rule.scale[a]));
                 bend.column_mut(axis).scale_mut(-1.0);
                 if let Some(traction) = &rule.traction {
-                    let lateral = self.grid.lateral(slots, source, axis, bent);
+                    let lateral = self.grid.lateral(slots, (source, axis), usable);
                     let slope = slope(*face, traction, ghost.point as usize, &lateral);
                     let cells = [slot, source].map(|s| self.grid.cell(s, axis) as f64);
                     let distance = (cells[0] - cells[1]) * self.grid.spacing;
@@ -250,6 +258,7 @@ impl Family {
                 }
                 bends.push(bend);
             }
+            done |= 1u8 << *face as usize;
         }
     }
 
