@@ -129,16 +129,20 @@ impl Family {
             .map(|&s| steps.iter().all(|(o, _)| neighbour(s, *o).is_some()))
             .collect();
 
+        let strain = match spec.correction {
+            Correction::Uniaxial => Strain::Uniaxial,
+            _ => Strain::Isotropic,
+        };
         let lattice_factor = if spec.correction == Correction::None {
             1.0
         } else {
-            calibration(body.dimension, steps.iter().map(|(_, b)| b))[0]
+            calibration(body.dimension, strain, steps.iter().map(|(_, b)| b))[0]
         };
 
         // per-point factors only where they differ from the lattice factor; a cut does not
         // count as missing material: at a crack nothing is repaired (spec 02, 4.3)
-        let truncated = |point: usize| spec.correction == Correction::Point && !complete[point];
-        let factor: Vec<[f64; 3]> = if spec.correction == Correction::Point {
+        let truncated = |point: usize| spec.correction.is_by_point() && !complete[point];
+        let factor: Vec<[f64; 3]> = if spec.correction.is_by_point() {
             (0..body.points.len())
                 .map(|p| {
                     if complete[p] {
@@ -147,7 +151,7 @@ impl Family {
                     let present = steps
                         .iter()
                         .filter(|(o, _)| neighbour(slot_of_point[p], *o).is_some());
-                    calibration(body.dimension, present.map(|(_, b)| b))
+                    calibration(body.dimension, strain, present.map(|(_, b)| b))
                 })
                 .collect()
         } else {
@@ -184,7 +188,7 @@ impl Family {
             }
             bonds += count;
             let corrected = |(step, slot, bond): (u16, usize, &Bond)| {
-                let [own, dual] = if spec.correction == Correction::Point {
+                let [own, dual] = if spec.correction.is_by_point() {
                     [point, mirror_of[slot] as usize].map(|p| factor_along(bond, &factor[p]))
                 } else {
                     [lattice_factor; 2]
@@ -192,7 +196,7 @@ impl Family {
                 let weights = [bond.weight * own, bond.weight * dual];
                 (step, slot as u32, weights)
             };
-            let uneven = spec.correction == Correction::Point
+            let uneven = spec.correction.is_by_point()
                 && (truncated(point)
                     || members().any(|(_, s, _)| truncated(mirror_of[s] as usize)));
             in_rows[point] = body.store == Store::List || count < steps.len() || uneven;
@@ -379,24 +383,39 @@ fn plane_cell(padded: &Padded, axis: usize, index: usize) -> [i64; 3] {
 /// Wang (2025), eqs. 4.4 to 4.8, takes the radius of an ellipsoid with directional factors as
 /// semi-axes and the mean of both ends, which repairs surfaces but in part. Families too lopsided
 /// for positive weights get one factor for all directions.
-fn calibration<'a>(dimension: usize, bonds: impl Iterator<Item = &'a Bond> + Clone) -> [f64; 3] {
+///
+/// Under uniaxial strain `sum_j weight |xi| n_m^4 = 3/(dimension + 2)` instead.
+fn calibration<'a>(
+    dimension: usize,
+    strain: Strain,
+    bonds: impl Iterator<Item = &'a Bond> + Clone,
+) -> [f64; 3] {
+    let power = match strain {
+        Strain::Isotropic => 1,
+        Strain::Uniaxial => 2,
+    };
+    let target = match strain {
+        Strain::Isotropic => 1.0,
+        Strain::Uniaxial => 3.0 / (dimension + 2) as f64,
+    };
     let mut matrix = Matrix3::identity();
     matrix.view_mut((0, 0), (dimension, dimension)).fill(0.0);
     let mut trace = 0.0;
     for bond in bonds.clone() {
         let squares = bond.xi.map(|x| (x / bond.length).powi(2));
         for row in 0..dimension {
+            let moment = bond.weight * bond.length * squares[row].powi(power);
+            trace += moment;
             for column in 0..dimension {
-                matrix[(row, column)] += bond.weight * bond.length * squares[row] * squares[column];
+                matrix[(row, column)] += moment * squares[column];
             }
         }
-        trace += bond.weight * bond.length;
     }
-    let isotropic = [dimension as f64 / trace; 3];
+    let isotropic = [dimension as f64 * target / trace; 3];
     let Some(inverse) = matrix.try_inverse() else {
         return isotropic;
     };
-    let factors = (inverse * Vector3::repeat(1.0)).into();
+    let factors = (inverse * Vector3::repeat(target)).into();
     let least = bonds
         .map(|b| factor_along(b, &factors))
         .fold(f64::INFINITY, f64::min);
@@ -406,6 +425,13 @@ fn calibration<'a>(dimension: usize, bonds: impl Iterator<Item = &'a Bond> + Clo
     } else {
         isotropic
     }
+}
+
+/// The strain whose energy a calibration makes exact.
+#[derive(Clone, Copy)]
+enum Strain {
+    Isotropic,
+    Uniaxial,
 }
 
 /// The factor of a bond from those of its point along the axes.

@@ -97,6 +97,15 @@ pub enum Correction {
     /// (after Wang (2025), eqs. 4.4 to 4.8); a bond takes the mean of its ends.
     #[default]
     Point,
+    /// As `point`, but elasticity is exact under uniaxial strain along each axis, as published.
+    Uniaxial,
+}
+
+impl Correction {
+    /// Whether each point has factors of its own.
+    fn is_by_point(self) -> bool {
+        matches!(self, Correction::Point | Correction::Uniaxial)
+    }
 }
 
 /// What a physics asks for.
