@@ -383,3 +383,36 @@ fn axis_x() -> Axis {
 fn axis_z() -> Axis {
     Axis::Z
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Deserialize)]
+    struct Table {
+        initial: Initial,
+    }
+
+    fn read(initial: &str) -> Result<Initial, toml::de::Error> {
+        toml::from_str::<Table>(&format!("initial = {initial}")).map(|t| t.initial)
+    }
+
+    #[test]
+    fn an_initial_field_may_grow_with_the_position() {
+        let plain = read("{ gradient = [[2, 0, 0], [0, 0, 1], [0, 0, 0]], origin = [1, 0, 0] }");
+        assert_eq!(plain.expect("valid").at([3.0, 5.0, 7.0]), [4.0, 7.0, 0.0]);
+        let lifted = read("{ value = 300, gradient = [[0, 10, 0]] }").expect("valid");
+        assert_eq!(lifted.at([1.0, 2.0, 3.0]), [320.0]);
+        assert_eq!(
+            read("[1, 2, 3]").expect("valid").at([9.0; 3]),
+            [1.0, 2.0, 3.0]
+        );
+    }
+
+    #[test]
+    fn a_field_grows_or_differs_by_region() {
+        let both = read("{ value = 1, regions = { left = 2 }, gradient = [[1, 0, 0]] }");
+        assert!(both.expect_err("both").message().contains("not both"));
+        assert!(read("{ value = 1 }").is_err(), "neither");
+    }
+}

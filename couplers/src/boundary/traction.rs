@@ -220,6 +220,29 @@ mod tests {
     }
 
     #[test]
+    fn a_layer_carries_the_load_instead_of_the_points() {
+        let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
+        let mut boundary: Traction = read("faces = ['x-']\npressure = 2\nby = 'layer'");
+        let layers = prepare(&mut world, &mut boundary, |setup| {
+            setup.own(0, &keys::DISPLACEMENT).expect("free");
+            setup.layers(0, &keys::DISPLACEMENT).0
+        })
+        .expect("nobody needs to take up a body force");
+        apply(&world, &mut boundary, 0.0);
+        let traction = world.layer_rules(layers)[0].traction.expect("it was set");
+        assert_eq!(traction.stress, [2.0, 0.0, 0.0]);
+        assert_eq!(boundary.report()[0].value, 12.0);
+    }
+
+    #[test]
+    fn a_layer_has_whole_faces() {
+        let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
+        let table = "faces = ['x+']\npressure = 2\nby = 'layer'\nregion = 'left'";
+        let mut boundary: Traction = read(table);
+        assert!(refusal(&mut world, &mut boundary).starts_with("region"));
+    }
+
+    #[test]
     fn one_kind_of_load_is_needed() {
         let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
         let mut boundary: Traction = read("faces = ['x+']");

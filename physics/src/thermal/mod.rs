@@ -190,6 +190,10 @@ impl Physics for Thermal {
                 .filter(|f| f.axis() < this.dimension)
                 .collect();
         }
+        if self.correction == Correction::Uniaxial {
+            let message = "conduction has no uniaxial strain";
+            return Err(SetupError::value("correction", message, "\"point\""));
+        }
         let horizon = self.horizon * this.lattice.spacing;
         let points = this.points.len();
         let spec = FamilySpec {
