@@ -256,6 +256,11 @@ pub trait Physics {
         Vec::new()
     }
 
+    /// Numbers for the progress log, of the last state that was observed.
+    fn report(&self) -> Vec<Report> {
+        Vec::new()
+    }
+
     /// Internal state that is not a field.
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
         Box::new(())

@@ -492,11 +492,7 @@ impl<'w> Setup<'w> {
                 "one boundary for each face and field",
             ));
         }
-        rules.push(LayerRule {
-            face,
-            scale: [1.0; 3],
-            offset: [0.0; 3],
-        });
+        rules.push(LayerRule::even(face));
         rules.sort_by_key(|r| r.face);
         if prescribed {
             entry.prescribed.push(face);

@@ -722,11 +722,13 @@ impl Simulation {
             .collect()
     }
 
-    /// What couplers report: label and numbers.
+    /// What plugins report: label and numbers.
     pub fn reports(&self) -> Vec<(&str, Vec<Report>)> {
-        self.couplers
-            .iter()
-            .map(|c| (c.label.as_str(), c.plugin.report()))
+        let couplers = self.couplers.iter();
+        let couplers = couplers.map(|c| (c.label.as_str(), c.plugin.report()));
+        let physics = self.physics.iter();
+        couplers
+            .chain(physics.map(|p| (p.label.as_str(), p.plugin.report())))
             .collect()
     }
 

@@ -3,7 +3,7 @@
 use std::cell::{Ref, RefCell, RefMut};
 
 use crate::body::{Body, Face};
-use crate::family::LayerRule;
+use crate::family::{LayerRule, Traction};
 use crate::field::{Fields, Read, ReadIfProvided, Value, Write};
 use crate::material::{LatentHeatForm, MushyCapacity};
 use crate::solver::reduce::weighted_sum;
@@ -102,11 +102,34 @@ impl World {
 
     /// Sets the values behind one face: `scale * mirrored value + offset` by component.
     pub fn set_layer(&self, handle: LayerHandle, scale: [f64; 3], offset: [f64; 3]) {
+        self.set_rule(
+            handle,
+            LayerRule {
+                scale,
+                offset,
+                ..LayerRule::even(handle.face)
+            },
+        );
+    }
+
+    /// Lets the layer behind one face continue the strain under a traction, Pa.
+    pub fn set_traction_layer(&self, handle: LayerHandle, stress: [f64; 3]) {
+        let traction = Traction {
+            stress,
+            difference: false,
+        };
+        self.set_rule(
+            handle,
+            LayerRule {
+                traction: Some(traction),
+                ..LayerRule::even(handle.face)
+            },
+        );
+    }
+
+    fn set_rule(&self, handle: LayerHandle, rule: LayerRule) {
         let mut rules = self.layers[handle.layers].rules.borrow_mut();
-        let rule = rules
-            .iter_mut()
-            .find(|r| r.face == handle.face)
-            .expect("registered at set-up");
-        (rule.scale, rule.offset) = (scale, offset);
+        let own = rules.iter_mut().find(|r| r.face == handle.face);
+        *own.expect("registered at set-up") = rule;
     }
 }

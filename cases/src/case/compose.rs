@@ -268,10 +268,13 @@ impl Case {
                     let message = e.to_string();
                     split_help(self.body_error(path, message.as_str(), ""), &message)
                 };
-                let all = 0..simulation.world().body(b).points.len();
-                simulation
-                    .set_initial(b, field, all, initial.value().as_slice())
-                    .map_err(|e| place(e, &[name, "initial", field]))?;
+                let positions = simulation.world().body(b).points.position.clone();
+                for (point, position) in positions.into_iter().enumerate() {
+                    let value = initial.at(position.into());
+                    simulation
+                        .set_initial(b, field, std::iter::once(point), &value)
+                        .map_err(|e| place(e, &[name, "initial", field]))?;
+                }
                 for (region, value) in initial.regions() {
                     let path = [name.as_str(), "initial", field, "regions", region];
                     let Some(points) = simulation.world().body(b).regions.get(region).cloned()

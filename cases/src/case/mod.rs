@@ -11,6 +11,7 @@
 mod bodies;
 mod compose;
 mod error;
+pub mod initial;
 mod locate;
 mod reword;
 pub mod schema;

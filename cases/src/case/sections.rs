@@ -10,8 +10,10 @@ use perimelt_core::log::Precision;
 use perimelt_core::shape::Shape;
 use perimelt_core::simulation::Iteration;
 use schemars::JsonSchema;
-use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
+use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
+
+use super::initial::Initial;
 
 /// `[case]`: what the case is.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -79,40 +81,6 @@ fn one() -> f64 {
     1.0
 }
 
-/// A field at the start: one value, or one with others in some regions.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-#[schemars(untagged)]
-#[serde(untagged)]
-pub enum Initial {
-    /// The same everywhere.
-    Uniform(Components),
-    /// With exceptions.
-    ByRegion {
-        /// Where no region says otherwise.
-        value: Components,
-        /// By region.
-        regions: BTreeMap<String, Components>,
-    },
-}
-
-impl Initial {
-    /// The value outside of all regions.
-    pub fn value(&self) -> &Components {
-        match self {
-            Initial::Uniform(value) | Initial::ByRegion { value, .. } => value,
-        }
-    }
-
-    /// The exceptions.
-    pub fn regions(&self) -> impl Iterator<Item = (&String, &Components)> {
-        let regions = match self {
-            Initial::Uniform(_) => None,
-            Initial::ByRegion { regions, .. } => Some(regions),
-        };
-        regions.into_iter().flatten()
-    }
-}
-
 /// One value of a field: a number or a list of components.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[schemars(untagged)]
@@ -134,7 +102,7 @@ impl Components {
     }
 }
 
-struct ComponentsVisitor;
+pub(super) struct ComponentsVisitor;
 
 impl<'de> Visitor<'de> for ComponentsVisitor {
     type Value = Components;
@@ -163,46 +131,6 @@ impl<'de> Visitor<'de> for ComponentsVisitor {
 impl<'de> Deserialize<'de> for Components {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_any(ComponentsVisitor)
-    }
-}
-
-struct InitialVisitor;
-
-impl<'de> Visitor<'de> for InitialVisitor {
-    type Value = Initial;
-
-    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("a number, or [x, y, z], or { value = ..., regions = { <region> = ... } }")
-    }
-
-    fn visit_f64<E: de::Error>(self, value: f64) -> Result<Initial, E> {
-        ComponentsVisitor.visit_f64(value).map(Initial::Uniform)
-    }
-
-    fn visit_i64<E: de::Error>(self, value: i64) -> Result<Initial, E> {
-        ComponentsVisitor.visit_i64(value).map(Initial::Uniform)
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Initial, A::Error> {
-        ComponentsVisitor.visit_seq(list).map(Initial::Uniform)
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Initial, A::Error> {
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct ByRegion {
-            value: Components,
-            regions: BTreeMap<String, Components>,
-        }
-        let ByRegion { value, regions } =
-            ByRegion::deserialize(de::value::MapAccessDeserializer::new(map))?;
-        Ok(Initial::ByRegion { value, regions })
-    }
-}
-
-impl<'de> Deserialize<'de> for Initial {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(InitialVisitor)
     }
 }
 

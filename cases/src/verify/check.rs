@@ -42,6 +42,8 @@ pub struct Check {
 pub enum Measure {
     /// A field at positions.
     Field(FieldMeasure),
+    /// A field at a position, in all logged states but the first.
+    History(HistoryMeasure),
     /// The time at which a field first crosses a value, s.
     Crossing(CrossingMeasure),
     /// One number for all points of a region.
@@ -75,6 +77,29 @@ pub struct FieldMeasure {
     /// Added to the value: -273.15 turns kelvin into degrees celsius.
     #[serde(default)]
     pub offset: f64,
+    /// Between the points.
+    #[serde(default)]
+    pub interpolation: Interpolation,
+}
+
+/// A field at a position over time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HistoryMeasure {
+    /// Body; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Field, such as "displacement".
+    pub field: String,
+    /// "x", "y", "z" or "magnitude" of a vector field, "xx", "yx", ... or "von_mises" of a
+    /// tensor field.
+    #[serde(default)]
+    pub component: Option<String>,
+    /// Reference position, m.
+    pub at: [f64; 3],
+    /// Logged states up to this time, s; the end when left out.
+    #[serde(default)]
+    pub until: Option<f64>,
     /// Between the points.
     #[serde(default)]
     pub interpolation: Interpolation,
@@ -189,6 +214,10 @@ pub enum Limit {
     Relative(f64),
     /// `|ours - reference|` over the largest absolute reference.
     ShareOfPeak(f64),
+    /// Root mean square of `ours - reference` over all values, over the largest absolute reference.
+    Rms(f64),
+    /// As `rms`, but at least this much: what is known to be wrong must show.
+    RmsAbove(f64),
     /// Ours lies between these, whatever the reference.
     Between([f64; 2]),
 }
@@ -213,7 +242,8 @@ impl Limit {
         match self {
             Limit::Absolute(limit) => (difference, limit),
             Limit::Relative(limit) => (difference / reference.abs(), limit),
-            Limit::ShareOfPeak(limit) => (difference / peak, limit),
+            Limit::ShareOfPeak(limit) | Limit::Rms(limit) => (difference / peak, limit),
+            Limit::RmsAbove(_) => (difference / peak, f64::INFINITY),
             // the distance from the middle, so that errors compare
             Limit::Between([low, high]) => ((ours - 0.5 * (low + high)).abs(), 0.5 * (high - low)),
         }

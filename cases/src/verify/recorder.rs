@@ -24,6 +24,11 @@ enum Taker {
         weights: Vec<Vec<(usize, f64)>>,
         offset: f64,
     },
+    History {
+        component: Component,
+        weights: Vec<(usize, f64)>,
+        until: f64,
+    },
     Crossing {
         component: Component,
         weights: Vec<(usize, f64)>,
@@ -69,6 +74,18 @@ impl Recorder {
                     component,
                     weights: weights.collect::<Result<_, _>>()?,
                     offset: m.offset,
+                }
+            }
+            Measure::History(m) => {
+                let body = find_body(world, m.body.as_deref())?;
+                let field = find_field(simulation, body, &m.field, "measure.history.field")?;
+                let component = Component::new(world, field, m.component.as_deref())?;
+                let weights = weights(world.body(body), m.at, m.interpolation)?;
+                let end = simulation.options().end;
+                Taker::History {
+                    component,
+                    weights,
+                    until: m.until.unwrap_or(end) + 1e-9 * end,
                 }
             }
             Measure::Crossing(m) => {
@@ -169,6 +186,16 @@ impl Recorder {
                 }
                 *last = (now, value);
             }
+            Taker::History {
+                component,
+                weights,
+                until,
+            } if logging => {
+                if now <= *until {
+                    let value = sum(*component, weights, world);
+                    self.values.get_or_insert_default().push(value);
+                }
+            }
             Taker::Balance { section, largest } if logging => {
                 let balances = simulation.balances();
                 let all = balances.iter().flat_map(|(_, b)| b);
@@ -240,7 +267,9 @@ impl Taker {
                 let all = reports.iter().flat_map(|(_, r)| r);
                 vec![all.filter(|r| r.name == *name).map(|r| r.value).sum()]
             }
-            Taker::Crossing { .. } | Taker::Balance { .. } => unreachable!("seen step by step"),
+            Taker::History { .. } | Taker::Crossing { .. } | Taker::Balance { .. } => {
+                unreachable!("seen step by step")
+            }
         }
     }
 }

@@ -51,6 +51,16 @@ impl Outcome {
                 (outcome.ours, outcome.reference, outcome.error) = (ours, reference, error);
             }
         }
+        if let (Limit::Rms(limit) | Limit::RmsAbove(limit), Some(values)) = (check.limit, values) {
+            let reference = |i: usize| references[if references.len() == 1 { 0 } else { i }];
+            let squares = values.iter().enumerate();
+            let squares = squares.map(|(i, ours)| (ours - reference(i)).powi(2));
+            outcome.error = (squares.sum::<f64>() / values.len() as f64).sqrt() / peak;
+            outcome.passed = match check.limit {
+                Limit::Rms(_) => outcome.error <= limit,
+                _ => outcome.error >= limit,
+            };
+        }
         outcome
     }
 
@@ -63,6 +73,14 @@ impl Outcome {
             Limit::ShareOfPeak(limit) => {
                 (number(self.reference), of_peak(self.error), share(limit))
             }
+            Limit::Rms(limit) | Limit::RmsAbove(limit) => (
+                number(self.reference),
+                format!("{} % rms", number(100.0 * self.error)),
+                match self.limit {
+                    Limit::Rms(_) => share(limit),
+                    _ => format!("> {}", share(limit)),
+                },
+            ),
             Limit::Between([low, high]) => (
                 number(self.reference),
                 String::new(),
@@ -170,6 +188,19 @@ mod tests {
         assert_eq!((relative.ours, relative.passed), (1.1, true));
         let peak = Outcome::new("case", &check("share_of_peak = 0.029"), Some(&values));
         assert_eq!((peak.ours, peak.passed), (-10.3, false));
+    }
+
+    #[test]
+    fn a_root_mean_square_is_over_all_values() {
+        let values = [1.3, -10.4, 4.0];
+        // sqrt((0.3^2 + 0.4^2) / 3) / 10
+        let error = 0.5 / 3f64.sqrt() / 10.0;
+        let below = Outcome::new("case", &check("rms = 0.03"), Some(&values));
+        assert!((below.error - error).abs() < 1e-12 && below.passed);
+        assert!(!Outcome::new("case", &check("rms = 0.028"), Some(&values)).passed);
+        assert!(Outcome::new("case", &check("rms_above = 0.028"), Some(&values)).passed);
+        assert!(!Outcome::new("case", &check("rms_above = 0.03"), Some(&values)).passed);
+        assert!(!Outcome::new("case", &check("rms = 0.03"), Some(&[f64::NAN; 3])).passed);
     }
 
     #[test]

@@ -6,7 +6,8 @@ use nalgebra::Vector3;
 
 use crate::body::{Body, Discretisation, Face, Lattice, Store};
 
-use super::calibration::{calibration, factor_along};
+use super::calibration::{Strain, calibration, factor_along};
+use super::layer::Grid;
 use super::{
     Bond, Chunk, Correction, Cut, Family, FamilyError, FamilySpec, Ghost, PartialVolume, Rows,
     Span, StencilBond,
@@ -16,7 +17,7 @@ use super::{
 const CHUNK_POINTS: u32 = 4096;
 
 /// No layer, no point.
-const EMPTY: u32 = u32::MAX;
+pub(super) const EMPTY: u32 = u32::MAX;
 
 /// The lattice with a margin that holds the layers; slots are its cells, x fastest.
 struct Padded {
@@ -105,6 +106,13 @@ impl Family {
             mirror_of[slot as usize] = point as u32;
         }
         let (ghosts, layers) = mirror(lattice, spec, &padded, reach, &mut mirror_of);
+        let grid = Grid::new(
+            body,
+            lattice,
+            (padded.cells, padded.pad),
+            &mirror_of,
+            &ghosts,
+        );
         // a corner mirrors a mirror: it is audited when any face on its way is
         let mut audited = vec![false; padded.len()];
         for (face, range) in &layers {
@@ -139,16 +147,17 @@ impl Family {
             .map(|&s| steps.iter().all(|(o, _)| neighbour(s, *o).is_some()))
             .collect();
 
+        let strain = Strain::of(spec.correction);
         let lattice_factor = if spec.correction == Correction::None {
             1.0
         } else {
-            calibration(body.dimension, steps.iter().map(|(_, b)| b))[0]
+            calibration(body.dimension, strain, steps.iter().map(|(_, b)| b))[0]
         };
 
         // per-point factors only where they differ from the lattice factor; a cut does not
         // count as missing material: at a crack nothing is repaired (spec 02, 4.3)
-        let truncated = |point: usize| spec.correction == Correction::Point && !complete[point];
-        let factor: Vec<[f64; 3]> = if spec.correction == Correction::Point {
+        let truncated = |point: usize| spec.correction.is_by_point() && !complete[point];
+        let factor: Vec<[f64; 3]> = if spec.correction.is_by_point() {
             (0..body.points.len())
                 .map(|p| {
                     if complete[p] {
@@ -157,7 +166,7 @@ impl Family {
                     let present = steps
                         .iter()
                         .filter(|(o, _)| neighbour(slot_of_point[p], *o).is_some());
-                    calibration(body.dimension, present.map(|(_, b)| b))
+                    calibration(body.dimension, strain, present.map(|(_, b)| b))
                 })
                 .collect()
         } else {
@@ -194,7 +203,7 @@ impl Family {
             }
             bonds += count;
             let corrected = |(step, slot, bond): (u16, usize, &Bond)| {
-                let [own, dual] = if spec.correction == Correction::Point {
+                let [own, dual] = if spec.correction.is_by_point() {
                     [point, mirror_of[slot] as usize].map(|p| factor_along(bond, &factor[p]))
                 } else {
                     [lattice_factor; 2]
@@ -202,7 +211,7 @@ impl Family {
                 let weights = [bond.weight * own, bond.weight * dual];
                 (step, slot as u32, weights)
             };
-            let uneven = spec.correction == Correction::Point
+            let uneven = spec.correction.is_by_point()
                 && (truncated(point)
                     || members().any(|(_, s, _)| truncated(mirror_of[s] as usize)));
             in_rows[point] = body.store == Store::List || count < steps.len() || uneven;
@@ -244,6 +253,7 @@ impl Family {
             ghosts,
             layers,
             places: Default::default(),
+            grid: Some(grid),
             stencil,
             runs,
             rows,
@@ -344,13 +354,14 @@ fn mirror(
                     };
                     if mirror_of[target] == EMPTY && mirror_of[source] != EMPTY {
                         mirror_of[target] = mirror_of[source];
-                        let earlier: Option<&usize> = ghost_in.get(&source);
-                        let mut passes = earlier.map_or([0; 6], |&g| ghosts[g].passes);
+                        let parent: Option<u32> = ghost_in.get(&source).copied();
+                        let mut passes = parent.map_or([0; 6], |g| ghosts[g as usize].passes);
                         passes[face as usize] += 1;
-                        ghost_in.insert(target, ghosts.len());
+                        ghost_in.insert(target, ghosts.len() as u32);
                         ghosts.push(Ghost {
                             slot: target as u32,
                             source: source as u32,
+                            parent,
                             point: mirror_of[source],
                             passes,
                         });

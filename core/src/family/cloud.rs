@@ -11,7 +11,7 @@ use crate::body::Body;
 use crate::cell_list::CellList;
 
 use super::build::{chunks, cuts};
-use super::calibration::{calibration, factor_along};
+use super::calibration::{Strain, calibration, factor_along};
 use super::images::Images;
 use super::kernel::ROW_LANES;
 use super::{Bond, Correction, Cut, Family, FamilyError, FamilySpec, PartialVolume, Rows, Span};
@@ -111,7 +111,9 @@ impl Members<'_> {
         Ok(match self.spec.correction {
             Correction::None => [1.0; 3],
             Correction::Lattice => [body.dimension as f64 / trace; 3],
-            Correction::Point => calibration(body.dimension, own()),
+            Correction::Point | Correction::Uniaxial => {
+                calibration(body.dimension, Strain::of(self.spec.correction), own())
+            }
         })
     }
 
@@ -210,6 +212,7 @@ impl Family {
             ghosts: images.ghosts,
             layers: images.layers,
             places: std::array::from_fn(|a| images.position.iter().map(|x| x[a]).collect()),
+            grid: None,
             stencil: Vec::new(),
             runs: Vec::new(),
             chunks: chunks(&[], points),

@@ -147,6 +147,7 @@ fn a_uniform_cloud_has_the_sums_of_its_lattice() {
                         ..FamilySpec::new(0.3)
                     };
                     let rule_of = |face: &Face| LayerRule {
+                        traction: None,
                         face: *face,
                         scale: [if face.is_upper() { -1.0 } else { 1.0 }; 3],
                         offset: [face.axis() as f64 + 0.5; 3],
@@ -305,6 +306,7 @@ fn what_flows_through_an_audited_layer_is_what_the_body_lacks() {
     let mut slots = vec![0.0; family.slots()];
     family.scatter(&values, 1, 0, &mut slots);
     let cold = LayerRule {
+        traction: None,
         face: Face::XMin,
         scale: [-1.0; 3],
         offset: [0.0; 3],

@@ -137,11 +137,7 @@ mod tests {
         let values: Vec<f64> = body.points.position.iter().map(field).collect();
         let mut slots = vec![0.0; family.slots()];
         family.scatter(&values, 1, 0, &mut slots);
-        let even = spec.layers.iter().map(|&face| LayerRule {
-            face,
-            scale: [1.0; 3],
-            offset: [0.0; 3],
-        });
+        let even = spec.layers.iter().map(|&face| LayerRule::even(face));
         family.fill_layers(&even.collect::<Vec<_>>(), 0, &mut slots);
         let mut sums = vec![[0.0]; values.len()];
         family.sum(&Flow, [&slots], &mut sums);

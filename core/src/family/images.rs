@@ -107,6 +107,7 @@ impl Images {
             all.ghosts.push(Ghost {
                 slot,
                 source,
+                parent: earlier.map(|g| g as u32),
                 point: image.point,
                 passes,
             });

@@ -119,6 +119,76 @@ impl Family {
         }
     }
 
+    /// For every point below the plane `x_axis = at` (m), passes the point and the sum of `kernel`
+    /// over its bonds with points and layer points above to `receive`, in order.
+    pub fn sum_across<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: [&[f64]; I],
+        (axis, at): (usize, f64),
+        mut receive: impl FnMut(usize, [f64; O]),
+    ) {
+        let above = |slot: usize| self.place(slot, axis) > at;
+        for span in &self.spans {
+            for i in 0..span.len {
+                let (point, slot) = (span.point + i, (span.slot + i) as usize);
+                if above(slot) {
+                    continue;
+                }
+                let mut sums = [0.0; O];
+                let mut add = |bond: &Bond, other: usize| {
+                    if above(other) {
+                        let ends = [slot, other].map(|s| inputs.each_ref().map(|i| i[s]));
+                        let part = kernel.bond(bond, ends[0], ends[1]);
+                        (0..O).for_each(|o| sums[o] += part[o]);
+                    }
+                };
+                match self.rows.point.binary_search(&point) {
+                    Ok(row) => {
+                        for at in self.rows.start[row]..self.rows.start[row + 1] {
+                            add(&self.bond_of_row(slot, at), self.rows.column[at] as usize);
+                        }
+                    }
+                    Err(_) => {
+                        for StencilBond { offset, bond } in &self.stencil {
+                            add(bond, slot.wrapping_add_signed(*offset));
+                        }
+                    }
+                }
+                receive(point as usize, sums);
+            }
+        }
+    }
+
+    /// Centre of a slot along an axis, m.
+    fn place(&self, slot: usize, axis: usize) -> f64 {
+        match &self.grid {
+            Some(grid) => grid.position(slot, axis),
+            None => self.places[axis][slot],
+        }
+    }
+
+    fn bond_of_row(&self, slot: usize, at: usize) -> Bond {
+        let (weight, dual) = (self.rows.weight[at], self.rows.dual[at]);
+        if self.is_cloud() {
+            let other = self.rows.column[at] as usize;
+            let xi: [f64; 3] =
+                std::array::from_fn(|a| self.places[a][other] - self.places[a][slot]);
+            let length = xi.iter().map(|x| x * x).sum::<f64>().sqrt();
+            return Bond {
+                xi,
+                length,
+                weight,
+                dual,
+            };
+        }
+        Bond {
+            weight,
+            dual,
+            ..self.stencil[self.rows.step[at] as usize].bond
+        }
+    }
+
     fn sweep_plainly<const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,

@@ -3,7 +3,8 @@
 //! 1. A physics describes the family it wants ([`FamilySpec`]): horizon, partial-volume rule,
 //!    correction, and the faces behind which the body goes on as a mirrored layer.
 //! 2. [`Family::build`] leaves out bonds across the body's [`Cut`]s and lays out *slots*: one for each point and one for each layer point
-//!    (*ghost*). Kernel inputs live in slot space ([`Family::scatter`], [`Family::fill_layers`]).
+//!    (*ghost*). Kernel inputs live in slot space ([`Family::scatter`], [`Family::fill_layers`],
+//!    [`Family::continue_vector`]).
 //! 3. [`Family::sum`] evaluates a [`BondKernel`] over all bonds of all points.
 //!
 //! Three stores hide behind this. On a lattice, points whose family is complete share one stencil
@@ -21,11 +22,13 @@ mod cut;
 mod horizon;
 mod images;
 mod kernel;
+mod layer;
 mod operator;
 
 pub use cut::Cut;
 pub use horizon::Horizon;
 pub use kernel::{Bond, BondKernel};
+pub use layer::{Continuation, Image, LayerRule, Traction};
 pub use operator::Operator;
 
 use std::ops::Range;
@@ -34,6 +37,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::body::{Body, Face};
+use layer::Grid;
 
 /// Partial volume of members near the edge of the horizon (spec 02, 1.3; Wang (2025), eq. 4.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -101,6 +105,15 @@ pub enum Correction {
     /// (after Wang (2025), eqs. 4.4 to 4.8); a bond takes the mean of its ends.
     #[default]
     Point,
+    /// As `point`, but elasticity is exact under uniaxial strain along each axis, as published.
+    Uniaxial,
+}
+
+impl Correction {
+    /// Whether each point has factors of its own.
+    fn is_by_point(self) -> bool {
+        matches!(self, Correction::Point | Correction::Uniaxial)
+    }
 }
 
 /// What a physics asks for.
@@ -210,6 +223,8 @@ pub struct Family {
     layers: Vec<(Face, Range<usize>)>,
     /// Reference position of each slot along each axis, m; of clouds only.
     places: [Vec<f64>; 3],
+    /// Of lattices only.
+    grid: Option<Grid>,
     stencil: Vec<StencilBond>,
     runs: Vec<Span>,
     rows: Rows,
@@ -225,29 +240,15 @@ struct Span {
     len: u32,
 }
 
-/// A layer point: its slot and the slot that it mirrors, the point that is its image in the end,
-/// and how often each face mirrored it on the way.
+/// A layer point: its slot and the slot that it mirrors, the layer point in that slot if it is one,
+/// the point that is its image in the end, and how often each face mirrored it on the way.
 #[derive(Clone, Copy, Debug)]
 struct Ghost {
     slot: u32,
     source: u32,
+    parent: Option<u32>,
     point: u32,
     passes: [u8; 6],
-}
-
-/// A layer point as the image of a point: `v(slot) = scale * v(point) + offset` for a vector
-/// field v by its rules, hence `dv_a/dx_b (slot) = scale_a mirror_b dv_a/dx_b (point)`, and bonds
-/// `xi_a (slot) = mirror_a xi_a (point)`.
-#[derive(Clone, Copy, Debug)]
-pub struct Image {
-    /// Slot of the layer point.
-    pub slot: usize,
-    /// The point.
-    pub point: usize,
-    /// Factors on the components of the field.
-    pub scale: [f64; 3],
-    /// Signs of the axes: -1 where mirrored.
-    pub mirror: [f64; 3],
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -274,20 +275,6 @@ struct Rows {
 struct Chunk {
     runs: Range<usize>,
     rows: Range<usize>,
-}
-
-/// How a field continues in the mirrored layer behind a face:
-/// `value(layer point) = scale * value(mirror point) + offset`, component by component
-/// (scalars use the first). Prescribed value `b`: scale -1, offset 2 b (Wang (2025),
-/// eq. 7.17); constant layer: 0, b; insulated: 1, 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LayerRule {
-    /// The face.
-    pub face: Face,
-    /// Factors on the mirrored components.
-    pub scale: [f64; 3],
-    /// Added to the mirrored components, in the unit of the field.
-    pub offset: [f64; 3],
 }
 
 impl Family {
@@ -347,49 +334,6 @@ impl Family {
                 target.iter_mut().zip(source).for_each(|(t, s)| *t = *s);
             }
         }
-    }
-
-    /// Fills the slots of the layer points of one `component` from their mirror points.
-    /// Layers without a rule mirror the value as it is.
-    pub fn fill_layers(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
-        for (face, range) in &self.layers {
-            let rule = rules.iter().find(|r| r.face == *face);
-            let (scale, offset) =
-                rule.map_or((1.0, 0.0), |r| (r.scale[component], r.offset[component]));
-            for ghost in &self.ghosts[range.clone()] {
-                slots[ghost.slot as usize] = scale * slots[ghost.source as usize] + offset;
-            }
-        }
-    }
-}
-
-impl Family {
-    /// Number of layer points.
-    pub fn layer_points(&self) -> usize {
-        self.ghosts.len()
-    }
-
-    /// The layer points as images of points, under the rules of a vector field.
-    pub fn images(&self, rules: &[LayerRule]) -> impl Iterator<Item = Image> {
-        let scales = Face::ALL.map(|face| {
-            let rule = rules.iter().find(|r| r.face == face);
-            rule.map_or([1.0; 3], |r| r.scale)
-        });
-        self.ghosts.iter().map(move |ghost| {
-            let mut image = Image {
-                slot: ghost.slot as usize,
-                point: ghost.point as usize,
-                scale: [1.0; 3],
-                mirror: [1.0; 3],
-            };
-            for (face, &passes) in Face::ALL.iter().zip(&ghost.passes) {
-                for _ in 0..passes {
-                    image.mirror[face.axis()] *= -1.0;
-                    (0..3).for_each(|a| image.scale[a] *= scales[*face as usize][a]);
-                }
-            }
-            image
-        })
     }
 }
 

@@ -1,11 +1,15 @@
-//! Traction: force per area on the surface, as force per volume on the points behind it,
-//! `body_force += traction area / volume`.
+//! Traction: force per area on the surface.
 //!
-//! The load acts half a spacing below the surface, and the surface is that of the reference
-//! configuration: a pressure does not turn with it.
+//! As force per volume on the points behind it, `body_force += traction area / volume`, it acts half
+//! a spacing below the surface. Behind a face of the body's box a layer can instead continue the
+//! strain that the traction makes (Wang (2025), eqs. 4.24 to 4.28): then the force acts on the face,
+//! but is as exact as the stiffness of the bonds, and the surface must stay elastic.
+//!
+//! The surface is that of the reference configuration: a pressure does not turn with it.
 
 use nalgebra::Vector3;
 use perimelt_core::body::SurfaceCell;
+use perimelt_core::world::LayerHandle;
 use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World, Write, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -31,6 +35,9 @@ pub struct Traction {
     /// Pressure (Pa), against the outward normal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pressure: Option<f64>,
+    /// How the load reaches the body.
+    #[serde(default)]
+    pub by: By,
     /// Factor on the load: a number, or `{ time = [...], value = [...] }`, times in s;
     /// default 1.
     #[serde(default = "constant")]
@@ -38,6 +45,17 @@ pub struct Traction {
     #[serde(skip)]
     #[schemars(skip)]
     prepared: Option<Prepared>,
+}
+
+/// How a traction reaches the body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum By {
+    /// As force on the outermost points.
+    #[default]
+    BodyForce,
+    /// By a layer behind whole faces of the body's box that continues the strain, as published.
+    Layer,
 }
 
 fn constant() -> InTime {
@@ -49,8 +67,14 @@ struct Prepared {
     body: usize,
     cells: Vec<SurfaceCell>,
     load: Load,
-    body_force: Write<Vector3<f64>>,
+    target: Target,
     force: Vector3<f64>,
+}
+
+#[derive(Debug)]
+enum Target {
+    Points(Write<Vector3<f64>>),
+    Layers(Vec<(Face, LayerHandle)>),
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -65,6 +89,33 @@ impl Load {
             Load::Traction(traction) => traction,
             Load::Pressure(pressure) => -pressure * face.normal(),
         }
+    }
+}
+
+impl Traction {
+    fn target(&self, setup: &mut Setup<'_>, body: usize) -> Result<Target, SetupError> {
+        if self.by == By::BodyForce {
+            return Ok(Target::Points(setup.add(body, &keys::BODY_FORCE)?));
+        }
+        if setup.body(body).lattice().is_none() {
+            let message = "layers carry tractions on bodies of one spacing only";
+            return Err(SetupError::value("by", message, "\"body_force\""));
+        }
+        if self.region.is_some() {
+            let message = "a layer loads whole faces";
+            return Err(SetupError::value("region", message, "no `region`"));
+        }
+        let mut layers = Vec::new();
+        for &face in &self.faces {
+            let layer = setup.layer(body, &keys::DISPLACEMENT, face, true);
+            // the key of this coupler is a list
+            let layer = layer.map_err(|e| SetupError {
+                key: "faces".into(),
+                ..e
+            })?;
+            layers.push((face, layer));
+        }
+        Ok(Target::Layers(layers))
     }
 }
 
@@ -85,7 +136,7 @@ impl Coupler for Traction {
             body,
             cells: select(setup, body, &self.faces, self.region.as_deref())?,
             load,
-            body_force: setup.add(body, &keys::BODY_FORCE)?,
+            target: self.target(setup, body)?,
             force: Vector3::zeros(),
         });
         Ok(())
@@ -95,13 +146,22 @@ impl Coupler for Traction {
         let p = self.prepared.as_mut().expect("prepared before the run");
         let factor = self.factor.at(step.end());
         let volume = &world.body(p.body).points.volume;
-        let mut body_force = world.write(p.body_force);
-        p.force = Vector3::zeros();
-        for cell in &p.cells {
-            let point = cell.point as usize;
-            let force = p.load.on(cell.face) * (factor * cell.area);
-            body_force[point] += force / volume[point];
-            p.force += force;
+        let on_cell = |cell: &SurfaceCell| p.load.on(cell.face) * (factor * cell.area);
+        p.force = p.cells.iter().map(on_cell).sum();
+        match &p.target {
+            Target::Points(body_force) => {
+                let mut body_force = world.write(*body_force);
+                for cell in &p.cells {
+                    let point = cell.point as usize;
+                    body_force[point] += on_cell(cell) / volume[point];
+                }
+            }
+            Target::Layers(layers) => {
+                for (face, layer) in layers {
+                    let stress = factor * p.load.on(*face);
+                    world.set_traction_layer(*layer, stress.into());
+                }
+            }
         }
         Ok(())
     }
@@ -161,6 +221,29 @@ mod tests {
         assert_eq!(loaded("faces = ['z+']\npressure = 2").1, [0.0, 0.0, -24.0]);
         let all = "faces = ['x-', 'x+', 'y-', 'y+', 'z-', 'z+']\npressure = 2";
         assert_eq!(loaded(all).1, [0.0; 3]);
+    }
+
+    #[test]
+    fn a_layer_carries_the_load_instead_of_the_points() {
+        let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
+        let mut boundary: Traction = read("faces = ['x-']\npressure = 2\nby = 'layer'");
+        let layers = prepare(&mut world, &mut boundary, |setup| {
+            setup.own(0, &keys::DISPLACEMENT).expect("free");
+            setup.layers(0, &keys::DISPLACEMENT).0
+        })
+        .expect("nobody needs to take up a body force");
+        apply(&world, &mut boundary, 0.0);
+        let traction = world.layer_rules(layers)[0].traction.expect("it was set");
+        assert_eq!(traction.stress, [2.0, 0.0, 0.0]);
+        assert_eq!(boundary.report()[0].value, 12.0);
+    }
+
+    #[test]
+    fn a_layer_has_whole_faces() {
+        let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
+        let table = "faces = ['x+']\npressure = 2\nby = 'layer'\nregion = 'left'";
+        let mut boundary: Traction = read(table);
+        assert!(refusal(&mut world, &mut boundary).starts_with("region"));
     }
 
     #[test]

@@ -16,7 +16,7 @@
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
-use perimelt_core::family::LayerRule;
+use perimelt_core::family::{Continuation, LayerRule};
 use perimelt_core::{Body, Bond, BondKernel, Family};
 use rayon::prelude::*;
 
@@ -108,7 +108,7 @@ pub struct Correspondence {
     moduli: Vec<Moduli>,
     eigenstrain: Vec<f64>,
     plasticity: Option<Plasticity>,
-    rules: Vec<LayerRule>,
+    continuation: Continuation,
     slots: [Vec<f64>; INPUTS],
     /// H of each point.
     gradient: Gradient,
@@ -153,7 +153,7 @@ impl Correspondence {
             moduli: vec![elasticity.at(0, 0.0); points],
             eigenstrain: vec![0.0; points],
             plasticity,
-            rules: Vec::new(),
+            continuation: Continuation::default(),
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
             gradient,
             drive: vec![Matrix3::zeros(); points],
@@ -240,10 +240,10 @@ impl Correspondence {
         });
         let images: Vec<_> = self
             .family
-            .images(&self.rules)
+            .images(&self.continuation)
             .map(|image| {
                 let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
-                let gradient = scale * self.gradient.values[image.point] * mirror;
+                let gradient = scale * self.gradient.values[image.point] * mirror + image.bend;
                 let inverse = mirror * self.gradient.inverse_shape[image.point] * mirror;
                 let mut point = self.point(image.point, total);
                 if let Some(plasticity) = &self.plasticity {
@@ -270,6 +270,27 @@ impl Correspondence {
         (self.drive, self.slots) = (drive, slots);
     }
 
+    fn inputs(&self) -> [&[f64]; INPUTS] {
+        self.slots.each_ref().map(|s| match s.is_empty() {
+            true => &self.gradient.zeros[..],
+            false => s,
+        })
+    }
+
+    fn across<const D: usize>(
+        &self,
+        plane: (usize, f64),
+        receive: &mut dyn FnMut(usize, [f64; 3]),
+    ) {
+        let spread = |point, force: [f64; D]| {
+            receive(
+                point,
+                std::array::from_fn(|a| if a < D { force[a] } else { 0.0 }),
+            );
+        };
+        self.family.sum_across(&Force, self.inputs(), plane, spread);
+    }
+
     fn sum_forces(&mut self, out: &mut [f64]) {
         match self.dimension {
             2 => self.sum_forces_in::<2>(out),
@@ -279,10 +300,7 @@ impl Correspondence {
 
     fn sum_forces_in<const D: usize>(&mut self, out: &mut [f64]) {
         let mut padded = std::mem::take(&mut self.padded);
-        let inputs = self.slots.each_ref().map(|s| match s.is_empty() {
-            true => &self.gradient.zeros[..],
-            false => s,
-        });
+        let inputs = self.inputs();
         let sums = flat::<D>(&mut padded, bytemuck::cast_slice_mut(out));
         self.family.sum(&Force, inputs, sums);
         unflatten::<D>(&padded, out);
@@ -322,13 +340,23 @@ impl Solid for Correspondence {
     }
 
     fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]) {
-        self.rules.clear();
-        self.rules.extend_from_slice(rules);
-        for axis in 0..self.dimension {
-            let slots = &mut self.slots[DISPLACEMENT + axis];
+        let mut slots = std::mem::take(&mut self.slots);
+        let mut continuation = std::mem::take(&mut self.continuation);
+        let dimension = self.dimension;
+        let vector = &mut slots[DISPLACEMENT..DISPLACEMENT + dimension];
+        for (axis, slots) in vector.iter_mut().enumerate() {
             self.family.scatter(displacement, 3, axis, slots);
-            self.family.fill_layers(rules, axis, slots);
         }
+        self.family.continue_vector(
+            rules,
+            vector,
+            &mut continuation,
+            |face, traction, i, lateral| {
+                let at = (face, traction);
+                self.moduli[i].slope_under_traction(at, lateral, self.eigenstrain[i], dimension)
+            },
+        );
+        (self.slots, self.continuation) = (slots, continuation);
     }
 
     fn force(&mut self, out: &mut [f64]) {
@@ -354,7 +382,7 @@ impl Solid for Correspondence {
             let entries = field.iter_mut().zip(&self.gradient.inverse_shape);
             entries.for_each(|(entry, inverse)| *entry = inverse[(row, column)]);
             self.family.scatter(&field, 1, 0, slots);
-            for image in self.family.images(&self.rules) {
+            for image in self.family.images(&self.continuation) {
                 slots[image.slot] = image.mirror[row] * image.mirror[column] * field[image.point];
             }
         }
@@ -440,5 +468,15 @@ impl Solid for Correspondence {
         }
         self.tensors = tensors;
         &self.tensors
+    }
+
+    fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3])) {
+        self.load_gradient();
+        self.load_drive(false, self.finite);
+        match self.dimension {
+            1 => self.across::<1>(plane, receive),
+            2 => self.across::<2>(plane, receive),
+            _ => self.across::<3>(plane, receive),
+        }
     }
 }

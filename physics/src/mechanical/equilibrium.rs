@@ -3,11 +3,13 @@
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::solver::reduce::{max_abs, norm};
-use perimelt_core::solver::{At, NullSpace, Rhs, SolverError, fictitious_mass, largest_eigenvalue};
+use perimelt_core::solver::{
+    At, KrylovMethod, NullSpace, Rhs, SolverError, fictitious_mass, largest_eigenvalue,
+};
 use perimelt_core::{Step, World};
 
+use super::Run;
 use super::solid::Solid;
-use super::{Run, homogeneous};
 
 /// Unbalanced force of a displacement; zero for held components.
 struct Residual<'a> {
@@ -103,7 +105,7 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
     let body = world.body(run.body);
     let mut residual = Residual {
         solid: &mut *run.solid,
-        homogeneous: rules.iter().map(homogeneous).collect(),
+        homogeneous: rules.iter().map(LayerRule::homogeneous).collect(),
         rules: &rules,
         body_force,
         volumes: (!run.relative_volume.is_empty()).then_some(&run.relative_volume[..]),
@@ -119,6 +121,11 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
     }
     let (_, rigid) = run.rigid.as_ref().expect("set above");
 
+    run.newton.options.krylov = match rules.iter().any(|r| r.traction.is_some()) {
+        // layers under traction follow the points, which feel them, but not the other way round
+        true => KrylovMethod::BiCgStab,
+        false => KrylovMethod::ConjugateGradient,
+    };
     // unbalanced force is measured against the loads: a good first guess must not tighten it
     for (w, (u, c)) in run.work.iter_mut().zip(state.iter().zip(constraint)) {
         *w = if *c > 0.0 { *u } else { 0.0 };
@@ -167,7 +174,7 @@ pub(super) fn relax(run: &mut Run, world: &World) -> Result<usize, SolverError> 
     let inverse: Vec<f64> = (0..work.len())
         .map(|i| if free(i) { 1.0 / work[i] } else { 0.0 })
         .collect();
-    let homogeneous: Vec<LayerRule> = rules.iter().map(homogeneous).collect();
+    let homogeneous: Vec<LayerRule> = rules.iter().map(LayerRule::homogeneous).collect();
     let stiffest = largest_eigenvalue(&inverse, |u, out| {
         solid.set_displacement(u, &homogeneous);
         solid.stiffness(out);

@@ -18,10 +18,13 @@ mod classical;
 pub mod correspondence;
 mod equilibrium;
 mod gradient;
+#[cfg(test)]
+mod layer_tests;
 pub mod moduli;
 mod motion;
 pub mod ordinary;
 pub mod plasticity;
+pub mod section;
 pub mod solid;
 pub mod stretch;
 #[cfg(test)]
@@ -36,7 +39,8 @@ use perimelt_core::solver::{
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
     Balance, Clock, Correction, FamilySpec, Horizon, Influence, PartialVolume, Physics, Read,
-    ReadIfProvided, RunError, Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
+    ReadIfProvided, Report, RunError, Setup, SetupError, Step, StepSize, Update, Work, World,
+    Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -45,6 +49,7 @@ use correspondence::Correspondence;
 use moduli::{Elasticity, Moduli, Plane};
 use ordinary::Ordinary;
 use plasticity::{Inelastic, Plasticity, PlasticitySection};
+use section::Section;
 use solid::Solid;
 
 /// Thermoelastic solid: bond-based, ordinary state-based or by correspondence; owns `displacement` and `velocity`, consumes `eigenstrain`
@@ -92,6 +97,10 @@ pub struct Mechanical {
     /// Advance in every macro `step`, or once per `log` interval.
     #[serde(default)]
     pub update: Update,
+    /// Planes whose force is reported with each logged state, such as
+    /// `sections = [{ name = "middle", axis = "x", at = 0 }]`.
+    #[serde(default)]
+    pub sections: Vec<Section>,
     #[serde(skip)]
     #[schemars(skip)]
     run: Option<Run>,
@@ -189,6 +198,8 @@ struct Run {
     tolerance: f64,
     /// Largest eigenstrain and inelastic strain together.
     eigenstrain_size: f64,
+    /// By section, N.
+    section_forces: Vec<[f64; 3]>,
     state: State,
 }
 
@@ -292,8 +303,8 @@ impl Run {
     }
 
     fn provide_stress(&mut self, world: &World) {
-        self.load_displacement(world);
         self.solid.set_eigenstrain(&world.read(self.eigenstrain));
+        self.load_displacement(world);
         let stress = self.solid.stress();
         for (sigma, components) in world.write(self.stress).iter_mut().zip(stress) {
             *sigma = classical::symmetric(components);
@@ -359,6 +370,9 @@ impl Physics for Mechanical {
             layers: faces,
             audited: Vec::new(),
         };
+        for section in &self.sections {
+            section.check(setup, body)?;
+        }
         let family = setup.family(body, &spec)?;
         let bond_based = self.formulation == Formulation::Bond;
         let elasticity = Elasticity::of(setup, body, self.plane, bond_based)?;
@@ -453,6 +467,7 @@ impl Physics for Mechanical {
             rigid: None,
             tolerance,
             eigenstrain_size: 0.0,
+            section_forces: vec![[0.0; 3]; self.sections.len()],
             state: State {
                 verlet: Verlet::new(damping),
                 ..State::default()
@@ -504,7 +519,7 @@ impl Physics for Mechanical {
         let rules: Vec<LayerRule> = world
             .layer_rules(run.layers)
             .iter()
-            .map(homogeneous)
+            .map(LayerRule::homogeneous)
             .collect();
         let square = largest_eigenvalue(&inverse_density, |u, out| {
             run.solid.set_displacement(u, &rules);
@@ -545,6 +560,15 @@ impl Physics for Mechanical {
         let run = self.run.as_mut().expect("prepared before the first step");
         run.provide_eigenstress(world);
         run.provide_stress(world);
+        for (i, section) in self.sections.iter().enumerate() {
+            run.section_forces[i] = section.force(run, world);
+        }
+    }
+
+    fn report(&self) -> Vec<Report> {
+        let run = self.run.as_ref().expect("prepared before the first step");
+        let forces = self.sections.iter().zip(&run.section_forces);
+        forces.flat_map(|(s, force)| s.report(*force)).collect()
     }
 
     fn balance(&self, world: &World) -> Vec<Balance> {
@@ -575,14 +599,6 @@ impl Physics for Mechanical {
         self.run.as_mut().expect("prepared before a restart").state =
             erased_serde::deserialize(state)?;
         Ok(())
-    }
-}
-
-/// A rule without its prescribed value: for displacements that are differences.
-fn homogeneous(rule: &LayerRule) -> LayerRule {
-    LayerRule {
-        offset: [0.0; 3],
-        ..*rule
     }
 }
 

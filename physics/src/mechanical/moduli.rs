@@ -1,7 +1,9 @@
 //! Elastic moduli in the dimensions that there are.
 
+use nalgebra::{Matrix3, Vector3};
+use perimelt_core::family::Traction;
 use perimelt_core::material::Property;
-use perimelt_core::{Setup, SetupError};
+use perimelt_core::{Face, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -57,6 +59,37 @@ impl Moduli {
     /// [`bond_based_poissons_ratio`] it is `2 d bulk`, that of the bond-based solid.
     pub fn bond_stiffness(&self, dimension: usize) -> f64 {
         2.0 * (dimension + 2) as f64 * self.shear
+    }
+
+    /// Derivative of the displacement along the axis of the normal at a face under `traction`, from
+    /// the derivatives along the face (columns of `lateral`) and the in-plane eigenstrain. Wang (2025),
+    /// eqs. 4.24 to 4.28; corrected, see spec 01, 1.12. For small strains.
+    pub fn slope_under_traction(
+        &self,
+        (face, traction): (Face, &Traction),
+        lateral: &Matrix3<f64>,
+        eigenstrain: f64,
+        dimension: usize,
+    ) -> Vector3<f64> {
+        let (normal, d) = (face.axis(), dimension as f64);
+        let sign = if face.is_upper() { 1.0 } else { -1.0 };
+        let lame = self.lame;
+        let swelling = match traction.difference {
+            true => 0.0,
+            false => d * self.bulk * eigenstrain,
+        };
+        let mut slope = Vector3::zeros();
+        for axis in 0..dimension {
+            let stress = sign * traction.stress[axis];
+            slope[axis] = match axis == normal {
+                true => {
+                    let along: f64 = (0..dimension).map(|a| lateral[(a, a)]).sum();
+                    (stress + swelling - lame * along) / (lame + 2.0 * self.shear)
+                }
+                false => stress / self.shear - lateral[(normal, axis)],
+            };
+        }
+        slope
     }
 
     /// Stress across the plane under plane strain, Pa, from that in the plane (xx, yy, ...) and the

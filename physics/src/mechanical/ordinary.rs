@@ -3,7 +3,8 @@
 
 use std::sync::Arc;
 
-use perimelt_core::family::LayerRule;
+use nalgebra::Matrix3;
+use perimelt_core::family::{Continuation, LayerRule};
 use perimelt_core::{Body, BondKernel, Family};
 use rayon::prelude::*;
 
@@ -13,8 +14,8 @@ use super::moduli::{Elasticity, Moduli};
 use super::plasticity::{Plasticity, StressState};
 use super::solid::Solid;
 use super::stretch::{
-    Block, EIGENSTRAIN, Energy, Expansion, Force, INPUTS, PRESSURE, Plastic, STIFFNESS, Stiffness,
-    Stress, TotalWeight, WeightOverLength,
+    Block, Directions, EIGENSTRAIN, Energy, Expansion, Force, INPUTS, PLASTIC_INPUTS, PRESSURE,
+    Plastic, STIFFNESS, Stiffness, Stress, TotalWeight, WeightOverLength,
 };
 
 /// Family, moduli and work arrays of a body.
@@ -40,7 +41,9 @@ pub struct Ordinary {
     inelastic: [Vec<f64>; 6],
     /// `N = d / sum_j w_ij` of each point.
     normaliser: Vec<f64>,
-    rules: Vec<LayerRule>,
+    continuation: Continuation,
+    /// `sum_j w n (x) n` of each point, once a layer is bent.
+    directions: Vec<[f64; 6]>,
     slots: [Vec<f64>; INPUTS],
     /// Stands for inputs that there are not.
     zeros: Vec<f64>,
@@ -88,7 +91,8 @@ impl Ordinary {
             },
             plasticity,
             normaliser: vec![0.0; if dilatation { points } else { 0 }],
-            rules: Vec::new(),
+            continuation: Continuation::default(),
+            directions: Vec::new(),
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
             zeros: vec![0.0; slots],
             expansion: vec![[0.0; 3]; if dilatation { points } else { 0 }],
@@ -139,9 +143,20 @@ impl Ordinary {
         self.pressure = pressure;
         let mut slots = std::mem::take(&mut self.slots[PRESSURE]);
         self.family.scatter(&self.pressure, 1, 0, &mut slots);
-        for image in self.family.images(&self.rules) {
+        if self.continuation.is_bent() && self.directions.is_empty() {
+            let mut directions = vec![[0.0; 6]; self.expansion.len()];
+            self.run(&Directions, &mut directions);
+            self.directions = directions;
+        }
+        for image in self.family.images(&self.continuation) {
             let sums = self.expansion[image.point];
-            let sums = std::array::from_fn(|a| image.scale[a] * image.mirror[a] * sums[a]);
+            let mut sums: [f64; 3] =
+                std::array::from_fn(|a| image.scale[a] * image.mirror[a] * sums[a]);
+            if self.continuation.is_bent() {
+                let mirror = Matrix3::from_diagonal(&image.mirror.into());
+                let directions = mirror * symmetric(&self.directions[image.point]) * mirror;
+                sums[0] += image.bend.dot(&directions);
+            }
             let inelastic = self.plasticity.as_ref().map(|p| {
                 let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
                 image_of(&scale, &p.tried[image.point].strain, &mirror)
@@ -193,7 +208,7 @@ impl Ordinary {
             tried.for_each(|(value, tried)| *value = tried.strain[c]);
             self.family.scatter(&component, 1, 0, slots);
         }
-        for image in self.family.images(&self.rules) {
+        for image in self.family.images(&self.continuation) {
             let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
             let strain = image_of(&scale, &plasticity.tried[image.point].strain, &mirror);
             slots
@@ -301,11 +316,15 @@ impl Ordinary {
         kernel: impl BondKernel<INPUTS, O>,
         sums: &mut [[f64; O]],
     ) {
-        let inputs = std::array::from_fn(|i| match i.checked_sub(INPUTS) {
+        self.family
+            .sum(&Plastic(kernel), self.plastic_inputs(), sums);
+    }
+
+    fn plastic_inputs(&self) -> [&[f64]; PLASTIC_INPUTS] {
+        std::array::from_fn(|i| match i.checked_sub(INPUTS) {
             Some(component) => &self.inelastic[component][..],
             None => self.input(i),
-        });
-        self.family.sum(&Plastic(kernel), inputs, sums);
+        })
     }
 
     /// An input, zero where there is none.
@@ -316,9 +335,48 @@ impl Ordinary {
         }
     }
 
+    fn across<const D: usize>(
+        &self,
+        plane: (usize, f64),
+        receive: &mut dyn FnMut(usize, [f64; 3]),
+    ) {
+        let spread = |point, force: [f64; D]| {
+            receive(
+                point,
+                std::array::from_fn(|a| if a < D { force[a] } else { 0.0 }),
+            );
+        };
+        let plastic = self.plasticity.is_some();
+        match (plastic, self.finite) {
+            (true, false) => self.family.sum_across(
+                &Plastic(Force::<false, true>),
+                self.plastic_inputs(),
+                plane,
+                spread,
+            ),
+            (true, true) => self.family.sum_across(
+                &Plastic(Force::<true, true>),
+                self.plastic_inputs(),
+                plane,
+                spread,
+            ),
+            (false, false) => {
+                self.family
+                    .sum_across(&Force::<false, true>, self.inputs(), plane, spread)
+            }
+            (false, true) => {
+                self.family
+                    .sum_across(&Force::<true, true>, self.inputs(), plane, spread)
+            }
+        }
+    }
+
+    fn inputs(&self) -> [&[f64]; INPUTS] {
+        std::array::from_fn(|i| self.input(i))
+    }
+
     fn run<const O: usize>(&self, kernel: &impl BondKernel<INPUTS, O>, sums: &mut [[f64; O]]) {
-        self.family
-            .sum(kernel, std::array::from_fn(|i| self.input(i)), sums);
+        self.family.sum(kernel, self.inputs(), sums);
     }
 }
 
@@ -376,13 +434,23 @@ impl Solid for Ordinary {
     }
 
     fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]) {
-        self.rules.clear();
-        self.rules.extend_from_slice(rules);
-        for axis in 0..self.dimension {
-            self.family
-                .scatter(displacement, 3, axis, &mut self.slots[axis]);
-            self.family.fill_layers(rules, axis, &mut self.slots[axis]);
+        let mut slots = std::mem::take(&mut self.slots);
+        let mut continuation = std::mem::take(&mut self.continuation);
+        for (axis, slots) in slots[..self.dimension].iter_mut().enumerate() {
+            self.family.scatter(displacement, 3, axis, slots);
         }
+        let (vector, dimension) = (&mut slots[..self.dimension], self.dimension);
+        self.family.continue_vector(
+            rules,
+            vector,
+            &mut continuation,
+            |face, traction, i, lateral| {
+                let at = (face, traction);
+                let moduli = self.moduli(i);
+                moduli.slope_under_traction(at, lateral, self.eigenstrain[i], dimension)
+            },
+        );
+        (self.slots, self.continuation) = (slots, continuation);
     }
 
     fn horizon(&self) -> f64 {
@@ -483,5 +551,15 @@ impl Solid for Ordinary {
     fn stress(&mut self) -> &[[f64; 6]] {
         self.evaluate_stress();
         &self.tensors
+    }
+
+    fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3])) {
+        self.load_inelastic();
+        self.load_pressure(false);
+        match self.dimension {
+            1 => self.across::<1>(plane, receive),
+            2 => self.across::<2>(plane, receive),
+            _ => self.across::<3>(plane, receive),
+        }
     }
 }

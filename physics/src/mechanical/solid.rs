@@ -58,4 +58,8 @@ pub trait Solid: Debug {
 
     /// Stress of each point, Pa, with the inelastic strain that was tried last.
     fn stress(&mut self) -> &[[f64; 6]];
+
+    /// Passes each point below the plane `x_axis = at` (m) and the force density of its bonds with what
+    /// lies above, N/m³, to `receive`.
+    fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3]));
 }

@@ -58,6 +58,9 @@ pub struct Expansion<const FINITE: bool>;
 /// `sum_j w`.
 pub struct TotalWeight;
 
+/// `sum_j w n (x) n` as xx, yy, zz, xy, yz, zx.
+pub struct Directions;
+
 /// `sum_j w / |xi|`.
 pub struct WeightOverLength;
 
@@ -160,6 +163,13 @@ impl BondKernel<INPUTS, 1> for TotalWeight {
     #[inline(always)]
     fn bond(&self, bond: &Bond, _: [f64; INPUTS], _: [f64; INPUTS]) -> [f64; 1] {
         [bond.weight]
+    }
+}
+
+impl BondKernel<INPUTS, 6> for Directions {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, _: [f64; INPUTS], _: [f64; INPUTS]) -> [f64; 6] {
+        dyad(bond.weight, &bond.xi.map(|xi| xi / bond.length))
     }
 }
 

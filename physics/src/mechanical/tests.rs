@@ -330,6 +330,22 @@ fn wang_4_0_1_lattice_constants() {
 }
 
 #[test]
+fn the_published_calibration_is_exact_under_uniaxial_strain() {
+    for cells in CELLS {
+        let dimension = dimension(cells);
+        for horizon in [2, 3] {
+            let keys = format!("horizon = {horizon}\ncorrection = \"uniaxial\"");
+            let strain = strains(dimension, 1e-6)[1];
+            let evaluated = evaluate(cells, &keys, affine(strain));
+            let (energy, _) = classical("", dimension, &strain);
+            let found = evaluated.energy[evaluated.middle][0] / energy;
+            // sums of a hundred bonds
+            assert!((found - 1.0).abs() < 1e-10, "{cells:?} {keys}: {found}");
+        }
+    }
+}
+
+#[test]
 fn ordinary_solids_with_poissons_ratio_of_the_bonds_are_bond_based() {
     for cells in &CELLS[1..] {
         let dimension = dimension(*cells);

@@ -186,6 +186,10 @@ impl Physics for Thermal {
                 .filter(|f| f.axis() < this.dimension)
                 .collect();
         }
+        if self.correction == Correction::Uniaxial {
+            let message = "conduction has no uniaxial strain";
+            return Err(SetupError::value("correction", message, "\"point\""));
+        }
         let points = this.points.len();
         let spec = FamilySpec {
             horizon: self.horizon,

@@ -1,0 +1,162 @@
+//! Fields at the start, `[bodies.<name>.initial]`.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use schemars::JsonSchema;
+use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Serialize};
+
+use super::sections::{Components, ComponentsVisitor};
+
+/// A field at the start: one value, one with others in some regions, or one that grows with the
+/// position.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[schemars(untagged)]
+#[serde(untagged)]
+pub enum Initial {
+    /// The same everywhere.
+    Uniform(Components),
+    /// With exceptions.
+    ByRegion {
+        /// Where no region says otherwise.
+        value: Components,
+        /// By region.
+        regions: BTreeMap<String, Components>,
+    },
+    /// `value + gradient (x - origin)`.
+    Linear(Linear),
+}
+
+/// A field that grows with the position: `value + gradient (x - origin)`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Linear {
+    /// At the origin; zero when left out.
+    #[serde(default)]
+    pub value: Option<Components>,
+    /// Derivatives along x, y and z, one row for each component, per m.
+    pub gradient: Vec<[f64; 3]>,
+    /// Reference position, m.
+    #[serde(default)]
+    pub origin: [f64; 3],
+}
+
+impl Linear {
+    /// The components at a reference position, m.
+    pub fn at(&self, position: [f64; 3]) -> Vec<f64> {
+        let value = self.value.as_ref().map_or(&[][..], Components::as_slice);
+        let row = |(i, row): (usize, &[f64; 3])| {
+            let slopes = row.iter().zip(position.iter().zip(self.origin));
+            let growth: f64 = slopes.map(|(g, (x, origin))| g * (x - origin)).sum();
+            value.get(i).copied().unwrap_or(0.0) + growth
+        };
+        self.gradient.iter().enumerate().map(row).collect()
+    }
+}
+
+impl Initial {
+    /// The components outside of all regions at a reference position, m.
+    pub fn at(&self, position: [f64; 3]) -> Vec<f64> {
+        match self {
+            Initial::Uniform(value) | Initial::ByRegion { value, .. } => value.as_slice().to_vec(),
+            Initial::Linear(linear) => linear.at(position),
+        }
+    }
+
+    /// The exceptions.
+    pub fn regions(&self) -> impl Iterator<Item = (&String, &Components)> {
+        let regions = match self {
+            Initial::ByRegion { regions, .. } => Some(regions),
+            _ => None,
+        };
+        regions.into_iter().flatten()
+    }
+}
+
+struct InitialVisitor;
+
+impl<'de> Visitor<'de> for InitialVisitor {
+    type Value = Initial;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a number, or [x, y, z], or { value = ..., regions = { <region> = ... } }, or { gradient = [...] }")
+    }
+
+    fn visit_f64<E: de::Error>(self, value: f64) -> Result<Initial, E> {
+        ComponentsVisitor.visit_f64(value).map(Initial::Uniform)
+    }
+
+    fn visit_i64<E: de::Error>(self, value: i64) -> Result<Initial, E> {
+        ComponentsVisitor.visit_i64(value).map(Initial::Uniform)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Initial, A::Error> {
+        ComponentsVisitor.visit_seq(list).map(Initial::Uniform)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Initial, A::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Table {
+            value: Option<Components>,
+            regions: Option<BTreeMap<String, Components>>,
+            gradient: Option<Vec<[f64; 3]>>,
+            #[serde(default)]
+            origin: [f64; 3],
+        }
+        let table = Table::deserialize(de::value::MapAccessDeserializer::new(map))?;
+        match (table.value, table.regions, table.gradient) {
+            (Some(value), Some(regions), None) => Ok(Initial::ByRegion { value, regions }),
+            (value, None, Some(gradient)) => Ok(Initial::Linear(Linear {
+                value,
+                gradient,
+                origin: table.origin,
+            })),
+            (_, Some(_), Some(_)) => Err(de::Error::custom(
+                "a field grows or differs by region, not both",
+            )),
+            (None, ..) => Err(de::Error::missing_field("value")),
+            _ => Err(de::Error::missing_field("regions")),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Initial {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(InitialVisitor)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Deserialize)]
+    struct Table {
+        initial: Initial,
+    }
+
+    fn read(initial: &str) -> Result<Initial, toml::de::Error> {
+        toml::from_str::<Table>(&format!("initial = {initial}")).map(|t| t.initial)
+    }
+
+    #[test]
+    fn an_initial_field_may_grow_with_the_position() {
+        let plain = read("{ gradient = [[2, 0, 0], [0, 0, 1], [0, 0, 0]], origin = [1, 0, 0] }");
+        assert_eq!(plain.expect("valid").at([3.0, 5.0, 7.0]), [4.0, 7.0, 0.0]);
+        let lifted = read("{ value = 300, gradient = [[0, 10, 0]] }").expect("valid");
+        assert_eq!(lifted.at([1.0, 2.0, 3.0]), [320.0]);
+        assert_eq!(
+            read("[1, 2, 3]").expect("valid").at([9.0; 3]),
+            [1.0, 2.0, 3.0]
+        );
+    }
+
+    #[test]
+    fn a_field_grows_or_differs_by_region() {
+        let both = read("{ value = 1, regions = { left = 2 }, gradient = [[1, 0, 0]] }");
+        assert!(both.expect_err("both").message().contains("not both"));
+        assert!(read("{ value = 1 }").is_err(), "neither");
+    }
+}

@@ -1,0 +1,293 @@
+//! Layers behind faces: how fields continue there, and layer points as images of points.
+//!
+//! A value that is prescribed on a face is mirrored, odd or even. A *traction* is prescribed by the
+//! strain that it makes (Wang (2025), eqs. 4.24 to 4.28; corrected, see spec 01, 1.9):
+//!
+//! ```text
+//! u(layer) = u(mirror) + (x(layer) - x(mirror)) q
+//! ```
+//!
+//! with the distance along the normal and q the derivative of the displacement along the axis of the
+//! normal, which the physics knows from the traction and the derivatives along the face. Exact for
+//! affine fields. Such an operator is not symmetric.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::body::{Body, Face, Lattice};
+
+use super::build::EMPTY;
+use super::{Family, Ghost};
+
+/// How a field continues in the mirrored layer behind a face:
+/// `value(layer point) = scale * value(mirror point) + offset`, component by component
+/// (scalars use the first). Prescribed value `b`: scale -1, offset 2 b (Wang (2025),
+/// eq. 7.17); constant layer: 0, b; insulated: 1, 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LayerRule {
+    /// The face.
+    pub face: Face,
+    /// Factors on the mirrored components.
+    pub scale: [f64; 3],
+    /// Added to the mirrored components, in the unit of the field.
+    pub offset: [f64; 3],
+    /// Traction that bends the layer, of vector fields.
+    pub traction: Option<Traction>,
+}
+
+/// Traction on a face.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Traction {
+    /// Force per area, Pa.
+    pub stress: [f64; 3],
+    /// Whether the field is a difference of displacements, so that stress-free strain has no part.
+    pub difference: bool,
+}
+
+impl LayerRule {
+    /// The mirror image as it is.
+    pub fn even(face: Face) -> Self {
+        LayerRule {
+            face,
+            scale: [1.0; 3],
+            offset: [0.0; 3],
+            traction: None,
+        }
+    }
+
+    /// The rule without what it prescribes: for differences of two fields.
+    pub fn homogeneous(&self) -> Self {
+        let none = Traction {
+            stress: [0.0; 3],
+            difference: true,
+        };
+        LayerRule {
+            offset: [0.0; 3],
+            traction: self.traction.map(|_| none),
+            ..*self
+        }
+    }
+}
+
+/// How a vector field continues at the moment, see [`Family::continue_vector`].
+#[derive(Clone, Debug, Default)]
+pub struct Continuation {
+    rules: Vec<LayerRule>,
+    /// By layer point; empty without tractions.
+    bends: Vec<Matrix3<f64>>,
+}
+
+impl Continuation {
+    /// Whether any layer is more than a mirror image.
+    pub fn is_bent(&self) -> bool {
+        !self.bends.is_empty()
+    }
+}
+
+/// A layer point as the image of a point: `dv/dx (slot) = scale dv/dx (point) mirror + bend` for a
+/// vector field v by its rules, with the rows of dv/dx scaled and its columns mirrored, and bonds
+/// `xi_a (slot) = mirror_a xi_a (point)`.
+#[derive(Clone, Copy, Debug)]
+pub struct Image {
+    /// Slot of the layer point.
+    pub slot: usize,
+    /// The point.
+    pub point: usize,
+    /// Factors on the components of the field.
+    pub scale: [f64; 3],
+    /// Signs of the axes: -1 where mirrored.
+    pub mirror: [f64; 3],
+    /// What tractions add to the gradient.
+    pub bend: Matrix3<f64>,
+}
+
+/// Slots as cells, and what is in them.
+#[derive(Debug)]
+pub(super) struct Grid {
+    cells: [usize; 3],
+    /// Lower corner of the slots, m.
+    origin: Vector3<f64>,
+    spacing: f64,
+    dimension: usize,
+    /// The faces that mirrored the content of each slot, one bit each; none for points.
+    mirrored: Vec<u8>,
+}
+
+/// Neither point nor layer.
+const NOTHING: u8 = u8::MAX;
+
+impl Grid {
+    pub(super) fn new(
+        body: &Body,
+        lattice: &Lattice,
+        (cells, pad): ([usize; 3], [usize; 3]),
+        mirror_of: &[u32],
+        ghosts: &[Ghost],
+    ) -> Self {
+        let dimension = body.dimension;
+        let margin = Vector3::from(pad.map(|p| p as f64 * lattice.spacing));
+        let content = mirror_of
+            .iter()
+            .map(|&m| if m == EMPTY { NOTHING } else { 0 });
+        let mut mirrored: Vec<u8> = content.collect();
+        for ghost in ghosts {
+            let bits = ghost.passes.iter().enumerate();
+            mirrored[ghost.slot as usize] =
+                bits.fold(0, |bits, (face, &n)| bits | u8::from(n > 0) << face);
+        }
+        Grid {
+            cells,
+            origin: lattice.origin - margin,
+            spacing: lattice.spacing,
+            dimension,
+            mirrored,
+        }
+    }
+
+    fn stride(&self, axis: usize) -> usize {
+        self.cells[..axis].iter().product()
+    }
+
+    fn cell(&self, slot: usize, axis: usize) -> usize {
+        slot / self.stride(axis) % self.cells[axis]
+    }
+
+    /// Centre of a slot along an axis, m.
+    pub(super) fn position(&self, slot: usize, axis: usize) -> f64 {
+        self.origin[axis] + (self.cell(slot, axis) as f64 + 0.5) * self.spacing
+    }
+
+    /// Derivatives of a field along all axes but `normal`, central where there are `usable` neighbours
+    /// on both sides; the argument of `usable` is the faces that mirrored them.
+    fn lateral(
+        &self,
+        field: &[Vec<f64>],
+        (slot, normal): (usize, usize),
+        usable: impl Fn(u8) -> bool,
+    ) -> Matrix3<f64> {
+        let usable = |s: &usize| self.mirrored[*s] != NOTHING && usable(self.mirrored[*s]);
+        let mut gradient = Matrix3::zeros();
+        for axis in (0..self.dimension).filter(|a| *a != normal) {
+            let (stride, cell) = (self.stride(axis), self.cell(slot, axis));
+            let below = (cell > 0).then(|| slot - stride).filter(&usable);
+            let above = (cell + 1 < self.cells[axis])
+                .then(|| slot + stride)
+                .filter(&usable);
+            let steps = usize::from(below.is_some()) + usize::from(above.is_some());
+            if steps == 0 {
+                continue;
+            }
+            let (below, above) = (below.unwrap_or(slot), above.unwrap_or(slot));
+            for (row, values) in field.iter().enumerate() {
+                gradient[(row, axis)] =
+                    (values[above] - values[below]) / (steps as f64 * self.spacing);
+            }
+        }
+        gradient
+    }
+}
+
+impl Family {
+    /// Number of layer points.
+    pub fn layer_points(&self) -> usize {
+        self.ghosts.len()
+    }
+
+    /// Fills the slots of the layer points of one `component` from their mirror points.
+    /// Layers without a rule mirror the value as it is; tractions are left out.
+    pub fn fill_layers(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
+        for (face, range) in &self.layers {
+            let rule = rules.iter().find(|r| r.face == *face);
+            let (scale, offset) =
+                rule.map_or((1.0, 0.0), |r| (r.scale[component], r.offset[component]));
+            for ghost in &self.ghosts[range.clone()] {
+                slots[ghost.slot as usize] = scale * slots[ghost.source as usize] + offset;
+            }
+        }
+    }
+
+    /// Fills the layer points of a vector field, one slot array for each component, and keeps in
+    /// `continuation` how.
+    ///
+    /// `slope(face, traction, point, lateral)`: the derivative of the field along the axis of the
+    /// normal that a traction makes at the mirror image of `point`, with the `lateral` columns of the
+    /// gradient given.
+    pub fn continue_vector(
+        &self,
+        rules: &[LayerRule],
+        slots: &mut [Vec<f64>],
+        continuation: &mut Continuation,
+        slope: impl Fn(Face, &Traction, usize, &Matrix3<f64>) -> Vector3<f64>,
+    ) {
+        for (component, slots) in slots.iter_mut().enumerate() {
+            self.fill_layers(rules, component, slots);
+        }
+        let Continuation { rules: own, bends } = continuation;
+        own.clear();
+        own.extend_from_slice(rules);
+        bends.clear();
+        let bent = rules.iter().filter(|r| r.traction.is_some());
+        let bent = bent.fold(0, |bits, r| bits | 1u8 << r.face as usize);
+        // tractions by layers are refused on clouds
+        let Some(grid) = self.grid.as_ref().filter(|_| bent != 0) else {
+            return;
+        };
+        let mut done = 0;
+        for (face, range) in &self.layers {
+            let axis = face.axis();
+            // plain mirror images hold already, bent layers in the order in which they are filled
+            let usable = |faces: u8| faces & bent == 0 || faces & !done == 0;
+            let even = LayerRule::even(*face);
+            let rule = rules.iter().find(|r| r.face == *face).unwrap_or(&even);
+            for ghost in &self.ghosts[range.clone()] {
+                let (slot, source) = (ghost.slot as usize, ghost.source as usize);
+                for (a, slots) in slots.iter_mut().enumerate() {
+                    slots[slot] = rule.scale[a] * slots[source] + rule.offset[a];
+                }
+                let mut bend: Matrix3<f64> = ghost
+                    .parent
+                    .map_or_else(Matrix3::zeros, |parent| bends[parent as usize]);
+                (0..3).for_each(|a| bend.row_mut(a).scale_mut(rule.scale[a]));
+                bend.column_mut(axis).scale_mut(-1.0);
+                if let Some(traction) = &rule.traction {
+                    let lateral = grid.lateral(slots, (source, axis), usable);
+                    let slope = slope(*face, traction, ghost.point as usize, &lateral);
+                    let cells = [slot, source].map(|s| grid.cell(s, axis) as f64);
+                    let distance = (cells[0] - cells[1]) * grid.spacing;
+                    for (a, slots) in slots.iter_mut().enumerate() {
+                        slots[slot] += distance * slope[a];
+                        bend[(a, axis)] += 2.0 * slope[a];
+                    }
+                }
+                bends.push(bend);
+            }
+            done |= 1u8 << *face as usize;
+        }
+    }
+
+    /// The layer points as images of points, for the vector field of `continuation`.
+    pub fn images<'a>(
+        &'a self,
+        continuation: &'a Continuation,
+    ) -> impl Iterator<Item = Image> + 'a {
+        let scales = Face::ALL.map(|face| {
+            let rule = continuation.rules.iter().find(|r| r.face == face);
+            rule.map_or([1.0; 3], |r| r.scale)
+        });
+        self.ghosts.iter().enumerate().map(move |(index, ghost)| {
+            let mut image = Image {
+                slot: ghost.slot as usize,
+                point: ghost.point as usize,
+                scale: [1.0; 3],
+                mirror: [1.0; 3],
+                bend: continuation.bends.get(index).copied().unwrap_or_default(),
+            };
+            for (face, &passes) in Face::ALL.iter().zip(&ghost.passes) {
+                for _ in 0..passes {
+                    image.mirror[face.axis()] *= -1.0;
+                    (0..3).for_each(|a| image.scale[a] *= scales[*face as usize][a]);
+                }
+            }
+            image
+        })
+    }
+}

@@ -1,0 +1,68 @@
+//! Force through a plane section of the body: the sum of the pair forces of all bonds that cross it
+//! (spec 07, 1.8, S3), exact in the balance of forces.
+
+use perimelt_core::{Report, Setup, SetupError, World};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::Run;
+
+/// A plane across the body, best halfway between points.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Section {
+    /// Name in reports.
+    pub name: String,
+    /// Axis of its normal, `"x"`, `"y"` or `"z"`.
+    pub axis: Axis,
+    /// Reference position along that axis, m.
+    pub at: f64,
+}
+
+/// An axis of space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Axis {
+    /// x.
+    X,
+    /// y.
+    Y,
+    /// z.
+    Z,
+}
+
+impl Section {
+    /// # Errors
+    /// The plane misses the body.
+    pub(super) fn check(&self, setup: &Setup<'_>, body: usize) -> Result<(), SetupError> {
+        let ((min, max), axis) = (setup.body(body).bounds(), self.axis as usize);
+        if axis < setup.body(body).dimension && self.at >= min[axis] && self.at <= max[axis] {
+            return Ok(());
+        }
+        let message = format!("section `{}` misses the body", self.name);
+        let expected = format!("a position from {} to {} m", min[axis], max[axis]);
+        Err(SetupError::value("sections", message, expected))
+    }
+
+    /// Force that the part above the plane exerts on the part below, N.
+    pub(super) fn force(&self, run: &mut Run, world: &World) -> [f64; 3] {
+        let volume = &world.body(run.body).points.volume;
+        let mut total = [0.0; 3];
+        let plane = (self.axis as usize, self.at);
+        run.solid.force_across(plane, &mut |point, force| {
+            (0..3).for_each(|a| total[a] += force[a] * volume[point]);
+        });
+        total
+    }
+
+    pub(super) fn report(&self, force: [f64; 3]) -> impl Iterator<Item = Report> + '_ {
+        force
+            .into_iter()
+            .zip(["x", "y", "z"])
+            .map(|(value, axis)| Report {
+                name: format!("section.{}.{axis}", self.name),
+                unit: "N".into(),
+                value,
+            })
+    }
+}
