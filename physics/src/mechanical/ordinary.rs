@@ -346,27 +346,27 @@ impl Ordinary {
                 std::array::from_fn(|a| if a < D { force[a] } else { 0.0 }),
             );
         };
-        let plastic = self.plasticity.is_some();
-        match (plastic, self.finite) {
-            (true, false) => self.family.sum_across(
-                &Plastic(Force::<false, true>),
-                self.plastic_inputs(),
-                plane,
-                spread,
-            ),
-            (true, true) => self.family.sum_across(
-                &Plastic(Force::<true, true>),
-                self.plastic_inputs(),
-                plane,
-                spread,
-            ),
-            (false, false) => {
-                self.family
-                    .sum_across(&Force::<false, true>, self.inputs(), plane, spread)
+        let family = &self.family;
+        match (self.plasticity.is_some(), self.finite, self.dilatation) {
+            (true, false, _) => {
+                let kernel = Plastic(Force::<false, true>);
+                family.sum_across(&kernel, self.plastic_inputs(), plane, spread);
             }
-            (false, true) => {
-                self.family
-                    .sum_across(&Force::<true, true>, self.inputs(), plane, spread)
+            (true, true, _) => {
+                let kernel = Plastic(Force::<true, true>);
+                family.sum_across(&kernel, self.plastic_inputs(), plane, spread);
+            }
+            (false, false, false) => {
+                family.sum_across(&Force::<false, false>, self.inputs(), plane, spread);
+            }
+            (false, false, true) => {
+                family.sum_across(&Force::<false, true>, self.inputs(), plane, spread);
+            }
+            (false, true, false) => {
+                family.sum_across(&Force::<true, false>, self.inputs(), plane, spread);
+            }
+            (false, true, true) => {
+                family.sum_across(&Force::<true, true>, self.inputs(), plane, spread);
             }
         }
     }
