@@ -530,6 +530,7 @@ impl Solid for Ordinary {
         let mut energy = std::mem::take(&mut self.energy);
         let kernel = Energy {
             finite: self.finite,
+            pairs: !self.dilatation,
         };
         self.run(&kernel, &mut energy);
         self.energy = energy;

@@ -74,10 +74,13 @@ pub struct Directions;
 pub struct WeightOverLength;
 
 /// Of the point's own bonds and their total stretch: the energy density `c/4 sum_j w |xi| s^2`
-/// (J/m³) and the stress `c/2 sum_j w |xi| s` conjugate to the eigenstrain (Pa).
+/// (J/m³) and the stress `c/2 sum_j w |xi| s` conjugate to the eigenstrain (Pa), with the means of both
+/// ends where bonds take those.
 pub struct Energy {
     /// Finite kinematics.
     pub finite: bool,
+    /// Bonds take the means of their ends: a bond-based solid.
+    pub pairs: bool,
 }
 
 /// Peridynamic stress `sum_j T_ij (x) xi` (Pa) as xx, yy, zz, xy, yz, zx (spec 07, 1.8, S1): the
@@ -212,8 +215,12 @@ impl BondKernel<INPUTS, 2> for Energy {
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
         let (parts, _) = stretch_in(self.finite, bond, (&own, &other));
         let stretch = sum(&parts);
-        let conjugate = 0.5 * own[STIFFNESS] * bond.weight * bond.length * stretch;
-        [0.5 * conjugate * stretch, conjugate]
+        let density = 0.25 * own[STIFFNESS] * bond.weight * bond.length * stretch * stretch;
+        let force = match self.pairs {
+            true => 0.5 * (own[STIFFNESS] + other[STIFFNESS]) * bond.mean(),
+            false => own[STIFFNESS] * bond.weight,
+        };
+        [density, 0.5 * force * bond.length * stretch]
     }
 }
 
