@@ -448,7 +448,12 @@ proptest! {
                     // an earlier cloud may be lost, but none may be another one's or distorted
                     let step = (0..3).find(|step| time_of(*step) == cloud.time);
                     let step = step.expect("the time of a step");
-                    prop_assert_eq!(cloud, some_cloud(time_of(step), 30, step));
+                    let mut expected = some_cloud(time_of(step), 30, step);
+                    // units stand in a metadata record, which MCAP does not protect by a checksum
+                    for (expected, field) in expected.fields.iter_mut().zip(&cloud.fields) {
+                        expected.unit.clone_from(&field.unit);
+                    }
+                    prop_assert_eq!(cloud, expected);
                 }
             }
         }
