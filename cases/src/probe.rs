@@ -4,9 +4,9 @@ use nalgebra::Vector3;
 use perimelt_core::body::{Discretisation, Face};
 use perimelt_core::error::Problem;
 use perimelt_core::field::FieldIndex;
-use perimelt_core::{Body, SetupError, Simulation, World};
+use perimelt_core::{Axis, Body, SetupError, Simulation, World};
 
-use crate::case::sections::{Axis, LineProbe, MeltPoolProbe, ProbeKind, ProbeSection, Statistic};
+use crate::case::sections::{LineProbe, MeltPoolProbe, ProbeKind, ProbeSection, Statistic};
 use crate::plot::scalar::von_mises;
 
 /// A probe, ready to measure.

@@ -111,6 +111,8 @@ pub mod keys {
         EQUIVALENT_PLASTIC_STRAIN: f64 = "equivalent_plastic_strain", "1", "equivalent plastic strain";
         /// Work of plastic flow since the start, J/m³.
         PLASTIC_WORK: f64 = "plastic_work", "J/m3", "work of plastic flow since the start";
+        /// Share of a point's bonds that are broken, by their weights (spec 04, eq. 2.15).
+        DAMAGE: f64 = "damage", "1", "share of broken bonds";
         /// Stress, Pa.
         STRESS: Matrix3<f64> = "stress", "Pa", "stress";
         /// Stress conjugate to the eigenstrain, `dW/d(strain)` summed over the bonds, Pa. Heat from

@@ -10,6 +10,7 @@
 //! 6. [`solver`]: time integration and equations for any physics.
 //! 7. [`log`]: the run as an MCAP file, and back.
 
+mod axis;
 pub mod body;
 pub mod cell_list;
 pub mod error;
@@ -25,11 +26,12 @@ pub mod simulation;
 pub mod solver;
 pub mod world;
 
+pub use axis::Axis;
 pub use body::{Body, Face, Region};
 pub use error::{Problem, RunError, SetupError};
 pub use family::{
-    Bond, BondKernel, Correction, Cut, Family, FamilySpec, Horizon, Image, Influence, Operator,
-    PartialVolume,
+    Bond, BondKernel, BrokenBonds, Correction, Cut, Family, FamilySpec, Horizon, Image, Influence,
+    Operator, PartialVolume,
 };
 pub use field::{Key, Read, ReadIfProvided, Write, keys};
 pub use plugin::{Balance, Clock, Coupler, Physics, Report, Step, StepSize, Update, Work};

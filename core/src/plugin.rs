@@ -276,6 +276,10 @@ pub trait Physics {
     ) -> Result<(), erased_serde::Error> {
         Ok(())
     }
+
+    /// Called once a state was restored by [`Physics::load`], to publish what others read besides
+    /// the fields.
+    fn restored(&mut self, _world: &World) {}
 }
 
 /// Something that carries what fields do to others, on one body or between two.

@@ -696,7 +696,10 @@ impl Simulation {
         let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
         let broken =
             |e: erased_serde::Error| RunError::Checkpoint(format!("state of {label}: {e}"));
-        self.physics[p].plugin.load(&mut erased).map_err(broken)
+        let physics = &mut self.physics[p].plugin;
+        physics.load(&mut erased).map_err(broken)?;
+        physics.restored(&self.world);
+        Ok(())
     }
 
     fn save_couplers(&self) -> Result<Vec<serde_bytes::ByteBuf>, RunError> {
@@ -804,6 +807,7 @@ impl Simulation {
             p.plugin
                 .load(&mut erased)
                 .map_err(|e| misfit(format!("state of {}: {e}", p.label)))?;
+            p.plugin.restored(&self.world);
         }
         self.restore_couplers(&saved.couplers)?;
         self.clock = saved.clock;

@@ -40,6 +40,15 @@ pub struct PhaseChange {
     pub form: LatentHeatForm,
 }
 
+/// Pairs of points of a body whose bond broke, for whoever else has bonds between them.
+#[derive(Debug, Default)]
+pub struct BrokenPairs {
+    /// In the order in which they broke.
+    pub pairs: Vec<[u32; 2]>,
+    /// How often the list was replaced, because a state was restored: start again with it then.
+    pub replaced: usize,
+}
+
 /// Bodies, fields, layers: everything that plugins act on.
 #[derive(Debug, Default)]
 pub struct World {
@@ -48,6 +57,7 @@ pub struct World {
     pub(crate) layers: Vec<Layers>,
     pub(crate) provided: Vec<bool>,
     pub(crate) phase_change: Vec<Option<PhaseChange>>,
+    broken: Vec<RefCell<BrokenPairs>>,
 }
 
 impl World {
@@ -55,6 +65,7 @@ impl World {
     pub fn new(bodies: Vec<Body>) -> World {
         World {
             phase_change: vec![None; bodies.len()],
+            broken: bodies.iter().map(|_| RefCell::default()).collect(),
             bodies,
             ..World::default()
         }
@@ -125,6 +136,16 @@ impl World {
                 ..LayerRule::even(handle.face)
             },
         );
+    }
+
+    /// Pairs of points of a body whose bond broke.
+    pub fn broken_pairs(&self, body: BodyIndex) -> Ref<'_, BrokenPairs> {
+        self.broken[body].borrow()
+    }
+
+    /// As [`World::broken_pairs`], for the physics that breaks bonds.
+    pub fn broken_pairs_mut(&self, body: BodyIndex) -> RefMut<'_, BrokenPairs> {
+        self.broken[body].borrow_mut()
     }
 
     fn set_rule(&self, handle: LayerHandle, rule: LayerRule) {

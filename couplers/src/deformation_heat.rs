@@ -26,6 +26,8 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::rate::Rate;
+
 /// Heat from the rate of deformation; needs the material property `thermal_expansion`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -49,9 +51,8 @@ struct Prepared {
     temperature: Read<f64>,
     liquid_fraction: ReadIfProvided<f64>,
     eigenstress: Read<f64>,
-    /// Eigenstress when the heat was last computed, Pa; empty before the first time.
-    seen: Vec<f64>,
-    rate: Vec<f64>,
+    /// Of the eigenstress, Pa/s.
+    rate: Rate,
     heat_source: Write<f64>,
     power: f64,
 }
@@ -71,8 +72,7 @@ impl Coupler for DeformationHeat {
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             liquid_fraction: setup.read_if_provided(body, &keys::LIQUID_FRACTION)?,
             eigenstress: setup.read(body, &keys::EIGENSTRESS)?,
-            seen: Vec::new(),
-            rate: vec![0.0; setup.body(body).points.len()],
+            rate: Rate::new(setup.body(body).points.len()),
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
             power: 0.0,
         });
@@ -84,17 +84,8 @@ impl Coupler for DeformationHeat {
         let temperature: &[f64] = &world.read(p.temperature);
         let liquid_fraction = world.read_if_provided(p.liquid_fraction);
         let liquid_fraction = liquid_fraction.as_deref();
-        let eigenstress = world.read(p.eigenstress);
-        p.seen.resize(eigenstress.len(), 0.0);
-        for ((rate, now), seen) in p.rate.iter_mut().zip(&*eigenstress).zip(&mut p.seen) {
-            *rate = if step.size > 0.0 {
-                (now - *seen) / step.size
-            } else {
-                0.0
-            };
-            *seen = *now;
-        }
-        let rate = &p.rate;
+        p.rate.take(&world.read(p.eigenstress), step.size);
+        let rate = &p.rate.values;
         let body = world.body(p.body);
         let heat = |point: usize| {
             let liquid = liquid_fraction.map_or(0.0, |f| f[point]);
@@ -113,7 +104,8 @@ impl Coupler for DeformationHeat {
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(&self.prepared.as_ref().expect("prepared before a save").seen)
+        let prepared = self.prepared.as_ref().expect("prepared before a save");
+        Box::new(&prepared.rate.seen)
     }
 
     fn load(
@@ -121,7 +113,7 @@ impl Coupler for DeformationHeat {
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
         let p = self.prepared.as_mut().expect("prepared before a restart");
-        p.seen = erased_serde::deserialize(state)?;
+        p.rate.seen = erased_serde::deserialize(state)?;
         Ok(())
     }
 

@@ -36,6 +36,7 @@ pub mod heat_source;
 pub mod in_time;
 pub mod phase_change;
 pub mod plastic_heat;
+mod rate;
 pub mod source;
 mod surface;
 #[cfg(test)]

@@ -11,6 +11,8 @@ use perimelt_core::{Coupler, Read, Report, RunError, Setup, SetupError, Step, Wo
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::rate::Rate;
+
 /// Heat from the plastic work of a `mechanical` with `plasticity`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -35,8 +37,8 @@ struct Prepared {
     body: usize,
     work: Read<f64>,
     heat_source: Write<f64>,
-    /// Work when the heat was last computed, J/m³; empty before the first time.
-    seen: Vec<f64>,
+    /// Of the work, W/m³.
+    rate: Rate,
     power: f64,
 }
 
@@ -52,7 +54,7 @@ impl Coupler for PlasticHeat {
             body,
             work: setup.read(body, &keys::PLASTIC_WORK)?,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
-            seen: Vec::new(),
+            rate: Rate::new(setup.body(body).points.len()),
             power: 0.0,
         });
         Ok(())
@@ -60,24 +62,22 @@ impl Coupler for PlasticHeat {
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let p = self.prepared.as_mut().expect("prepared before the run");
-        let work = world.read(p.work);
+        p.rate.take(&world.read(p.work), step.size);
         let mut heat_source = world.write(p.heat_source);
-        let volume = &world.body(p.body).points.volume;
-        p.seen.resize(work.len(), 0.0);
         p.power = 0.0;
-        for (i, now) in work.iter().enumerate() {
-            if step.size > 0.0 {
-                let heat = self.fraction * (now - p.seen[i]) / step.size;
-                heat_source[i] += heat;
-                p.power += heat * volume[i];
-            }
-            p.seen[i] = *now;
+        let volumes = &world.body(p.body).points.volume;
+        let points = heat_source.iter_mut().zip(&p.rate.values).zip(volumes);
+        for ((heat_source, rate), volume) in points {
+            let heat = self.fraction * rate;
+            *heat_source += heat;
+            p.power += heat * volume;
         }
         Ok(())
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(&self.prepared.as_ref().expect("prepared before a save").seen)
+        let prepared = self.prepared.as_ref().expect("prepared before a save");
+        Box::new(&prepared.rate.seen)
     }
 
     fn load(
@@ -85,7 +85,7 @@ impl Coupler for PlasticHeat {
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
         let p = self.prepared.as_mut().expect("prepared before a restart");
-        p.seen = erased_serde::deserialize(state)?;
+        p.rate.seen = erased_serde::deserialize(state)?;
         Ok(())
     }
 

@@ -203,7 +203,7 @@ fn energy_over_twenty_periods(steps: f64, coupled: bool, iteration: &str) -> [f6
     let modulus = body.materials[0].get("youngs_modulus").cloned();
     let modulus = vec![modulus.expect("given above")];
     let elasticity = Elasticity::bond_based(modulus, body.dimension);
-    let mut elastic = Ordinary::new(body, family, elasticity, false, None).expect("elastic");
+    let mut elastic = Ordinary::new(body, family, elasticity, false, None, None).expect("elastic");
     let start: f64 = energies(&simulation, &mut elastic).iter().sum();
     let [mut worst, mut thermal, mut change]: [f64; 3] = [0.0; 3];
     while !simulation.is_finished() {

@@ -268,12 +268,21 @@ impl Case {
                     let message = e.to_string();
                     split_help(self.body_error(path, message.as_str(), ""), &message)
                 };
-                let positions = simulation.world().body(b).points.position.clone();
-                for (point, position) in positions.into_iter().enumerate() {
-                    let value = initial.at(position.into());
+                let points = &simulation.world().body(b).points;
+                let count = points.len();
+                let positions = initial.varies().then(|| points.position.clone());
+                let mut set = |points, position| {
                     simulation
-                        .set_initial(b, field, std::iter::once(point), &value)
-                        .map_err(|e| place(e, &[name, "initial", field]))?;
+                        .set_initial(b, field, points, &initial.at(position))
+                        .map_err(|e| place(e, &[name, "initial", field]))
+                };
+                match &positions {
+                    None => set(0..count, [0.0; 3])?,
+                    Some(positions) => {
+                        for (point, position) in positions.iter().enumerate() {
+                            set(point..point + 1, (*position).into())?;
+                        }
+                    }
                 }
                 for (region, value) in initial.regions() {
                     let path = [name.as_str(), "initial", field, "regions", region];

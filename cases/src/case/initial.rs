@@ -64,6 +64,11 @@ impl Initial {
         }
     }
 
+    /// Whether the value outside of all regions depends on the position.
+    pub fn varies(&self) -> bool {
+        matches!(self, Initial::Linear(_))
+    }
+
     /// The exceptions.
     pub fn regions(&self) -> impl Iterator<Item = (&String, &Components)> {
         let regions = match self {

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
+use perimelt_core::Axis;
 use perimelt_core::StepSize;
 use perimelt_core::body::{Jitter, Store, Zone};
 use perimelt_core::log::Precision;
@@ -259,18 +260,6 @@ pub struct MeltPoolProbe {
     /// Axis of the depth; the width lies along the third.
     #[serde(default = "axis_z")]
     pub down: Axis,
-}
-
-/// An axis.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Axis {
-    /// The x axis.
-    X,
-    /// The y axis.
-    Y,
-    /// The z axis.
-    Z,
 }
 
 fn axis_x() -> Axis {

@@ -38,7 +38,7 @@ pub struct Jitter {
 
 impl Cloud {
     /// Cubes of edge `spacing` (m) around `centre`; those of the missing axes count as cubes, too.
-    pub(super) fn new(centre: Vec<Vector3<f64>>, spacing: &[f64], slack: f64) -> Cloud {
+    fn new(centre: Vec<Vector3<f64>>, spacing: &[f64], slack: f64) -> Cloud {
         let cells = || centre.iter().zip(spacing);
         let low = cells().map(|(c, s)| c.add_scalar(-0.5 * s));
         let high = cells().map(|(c, s)| c.add_scalar(0.5 * s));
@@ -134,11 +134,7 @@ impl Body {
             return Err(BodyError::Jitter(jitter.share));
         }
         if let Discretisation::Lattice(_) = self.discretisation {
-            let order = spatial_order(&self.points.position, &self.points.spacing);
-            self.points = self.points.reordered(&order);
-            let centre = self.points.position.clone();
-            let cloud = Cloud::new(centre, &self.points.spacing, 0.0);
-            self.discretisation = Discretisation::Cloud(cloud);
+            (self.points, self.discretisation) = self.points.into_cloud(0.0);
         }
         let mut random = SplitMix(jitter.seed);
         for (x, size) in self.points.position.iter_mut().zip(&self.points.spacing) {
@@ -151,7 +147,14 @@ impl Body {
 }
 
 impl Points {
-    pub(super) fn reordered(&self, order: &[u32]) -> Points {
+    /// In spatial order, and as a cloud with the given slack.
+    pub(super) fn into_cloud(self, slack: f64) -> (Points, Discretisation) {
+        let points = self.reordered(&spatial_order(&self.position, &self.spacing));
+        let cloud = Cloud::new(points.position.clone(), &points.spacing, slack);
+        (points, Discretisation::Cloud(cloud))
+    }
+
+    fn reordered(&self, order: &[u32]) -> Points {
         let of = |values: &[f64]| order.iter().map(|&p| values[p as usize]).collect();
         Points {
             position: order.iter().map(|&p| self.position[p as usize]).collect(),
@@ -162,7 +165,7 @@ impl Points {
 }
 
 /// Points along a Z-order curve of their cells: families then lie close together in memory.
-pub(super) fn spatial_order(position: &[Vector3<f64>], spacing: &[f64]) -> Vec<u32> {
+fn spatial_order(position: &[Vector3<f64>], spacing: &[f64]) -> Vec<u32> {
     let low = position
         .iter()
         .fold(Vector3::repeat(f64::INFINITY), |low, x| low.inf(x));

@@ -1,7 +1,6 @@
 //! Bodies read from a table of points.
 
-use super::cloud::spatial_order;
-use super::{Body, BodyError, Cloud, Discretisation, Points, bounded};
+use super::{Body, BodyError, Points, bounded};
 use crate::shape::Shape;
 
 /// Cells of points without a grid leave gaps: they count as this many spacings wider.
@@ -100,9 +99,7 @@ impl Body {
         if points.is_empty() {
             return Err(TableError::Empty.into());
         }
-        let points = points.reordered(&spatial_order(&points.position, &points.spacing));
-        let cloud = Cloud::new(points.position.clone(), &points.spacing, SLACK);
-        let discretisation = Discretisation::Cloud(cloud);
+        let (points, discretisation) = points.into_cloud(SLACK);
         Ok(Body::new(
             name,
             dimension,

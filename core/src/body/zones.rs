@@ -4,8 +4,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::cloud::spatial_order;
-use super::{Body, BodyError, Cloud, Discretisation, Points, bounded};
+use super::{Body, BodyError, Points, bounded};
 use crate::shape::Shape;
 
 /// A box with a spacing of its own.
@@ -144,10 +143,7 @@ impl Body {
             position,
             spacing,
         };
-        let order = spatial_order(&points.position, &points.spacing);
-        let points = points.reordered(&order);
-        let cloud = Cloud::new(points.position.clone(), &points.spacing, 0.0);
-        let discretisation = Discretisation::Cloud(cloud);
+        let (points, discretisation) = points.into_cloud(0.0);
         Ok(Body::new(
             name,
             dimension,

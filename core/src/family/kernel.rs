@@ -9,7 +9,8 @@ use rayon::prelude::*;
 
 #[cfg(doc)]
 use super::FamilySpec;
-use super::{Chunk, Family, Rows, Span, StencilBond};
+use super::broken::Bits;
+use super::{BrokenBonds, Chunk, Family, Rows, Span, StencilBond};
 
 /// Points that advance together: two AVX-512 or four AVX2 registers.
 const LANES: usize = 16;
@@ -87,6 +88,20 @@ impl Family {
         inputs: [&[f64]; I],
         sums: &mut [[f64; O]],
     ) {
+        self.sum_unbroken(kernel, inputs, None, sums);
+    }
+
+    /// As [`Family::sum`], over the bonds that are not broken.
+    ///
+    /// # Panics
+    /// As [`Family::sum`], and when `broken` belongs to another family.
+    pub fn sum_unbroken<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: [&[f64]; I],
+        broken: Option<&BrokenBonds>,
+        sums: &mut [[f64; O]],
+    ) {
         assert!(
             inputs.iter().all(|i| i.len() == self.slots),
             "inputs are slot arrays"
@@ -98,7 +113,7 @@ impl Family {
         };
         self.chunks
             .par_iter()
-            .for_each(|chunk| self.sweep(kernel, &inputs, &output, chunk));
+            .for_each(|chunk| self.sweep(kernel, (&inputs, broken), &output, chunk));
     }
 
     /// For every point near an audited layer, passes the point and the sum of `kernel` over
@@ -110,52 +125,37 @@ impl Family {
         mut receive: impl FnMut(usize, [f64; O]),
     ) {
         for row in 0..self.layer_rows.point.len() {
-            let sum = if self.is_cloud() {
-                self.sum_cloud_row(kernel, &inputs, &self.layer_rows, row)
-            } else {
-                self.sum_row(kernel, &inputs, &self.layer_rows, row)
-            };
+            let sum = self.sum_any_row(kernel, &inputs, (&self.layer_rows, row), Bits::NONE);
             receive(self.layer_rows.point[row] as usize, sum);
         }
     }
 
     /// For every point below the plane `x_axis = at` (m), passes the point and the sum of `kernel`
-    /// over its bonds with points and layer points above to `receive`, in order.
+    /// over its unbroken bonds with points and layer points above to `receive`, in order.
     pub fn sum_across<const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,
-        inputs: [&[f64]; I],
+        (inputs, broken): ([&[f64]; I], Option<&BrokenBonds>),
         (axis, at): (usize, f64),
         mut receive: impl FnMut(usize, [f64; O]),
     ) {
         let above = |slot: usize| self.place(slot, axis) > at;
         for span in &self.spans {
             for i in 0..span.len {
-                let (point, slot) = (span.point + i, (span.slot + i) as usize);
+                let (point, slot) = ((span.point + i) as usize, (span.slot + i) as usize);
                 if above(slot) {
                     continue;
                 }
                 let mut sums = [0.0; O];
-                let mut add = |bond: &Bond, other: usize| {
-                    if above(other) {
+                let bits = broken.map_or(Bits::NONE, |b| b.bits(point));
+                self.for_each_bond(point, |number, bond, other| {
+                    if above(other) && !bits.is_broken(number) {
                         let ends = [slot, other].map(|s| inputs.each_ref().map(|i| i[s]));
                         let part = kernel.bond(bond, ends[0], ends[1]);
                         (0..O).for_each(|o| sums[o] += part[o]);
                     }
-                };
-                match self.rows.point.binary_search(&point) {
-                    Ok(row) => {
-                        for at in self.rows.start[row]..self.rows.start[row + 1] {
-                            add(&self.bond_of_row(slot, at), self.rows.column[at] as usize);
-                        }
-                    }
-                    Err(_) => {
-                        for StencilBond { offset, bond } in &self.stencil {
-                            add(bond, slot.wrapping_add_signed(*offset));
-                        }
-                    }
-                }
-                receive(point as usize, sums);
+                });
+                receive(point, sums);
             }
         }
     }
@@ -168,7 +168,7 @@ impl Family {
         }
     }
 
-    fn bond_of_row(&self, slot: usize, at: usize) -> Bond {
+    pub(super) fn bond_of_row(&self, slot: usize, at: usize) -> Bond {
         let (weight, dual) = (self.rows.weight[at], self.rows.dual[at]);
         if self.is_cloud() {
             let other = self.rows.column[at] as usize;
@@ -192,23 +192,20 @@ impl Family {
     fn sweep_plainly<const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,
-        inputs: &[&[f64]; I],
+        (inputs, broken): Inputs<'_, I>,
         output: &Output<O>,
         chunk: &Chunk,
     ) {
         for row in chunk.rows.clone() {
-            let sum = if self.is_cloud() {
-                self.sum_cloud_row(kernel, inputs, &self.rows, row)
-            } else {
-                self.sum_row(kernel, inputs, &self.rows, row)
-            };
-            output.set(self.rows.point[row] as usize, sum);
+            let point = self.rows.point[row] as usize;
+            let sum = self.sum_any_row(kernel, inputs, (&self.rows, row), bits(broken, point));
+            output.set(point, sum);
         }
         for run in &self.runs[chunk.runs.clone()] {
             for i in 0..run.len as usize {
-                let slot = run.slot as usize + i;
-                let [sum] = sum_block::<I, O, 1>(kernel, &self.stencil, inputs, slot);
-                output.set(run.point as usize + i, sum);
+                let (slot, point) = (run.slot as usize + i, run.point as usize + i);
+                let bits = bits(broken, point);
+                output.set(point, sum_point(kernel, &self.stencil, inputs, slot, bits));
             }
         }
     }
@@ -216,10 +213,11 @@ impl Family {
     fn sweep<const I: usize, const O: usize, K: BondKernel<I, O>>(
         &self,
         kernel: &K,
-        inputs: &[&[f64]; I],
+        (inputs, broken): Inputs<'_, I>,
         output: &Output<O>,
         chunk: &Chunk,
     ) {
+        let inputs = (inputs, broken);
         if const { K::RARE } {
             return self.sweep_plainly(kernel, inputs, output, chunk);
         }
@@ -233,8 +231,9 @@ impl Family {
             return sweep_cloud(self, kernel, inputs, output, chunk);
         }
         for row in chunk.rows.clone() {
-            let sum = self.sum_row(kernel, inputs, &self.rows, row);
-            output.set(self.rows.point[row] as usize, sum);
+            let point = self.rows.point[row] as usize;
+            let sum = self.sum_row(kernel, inputs.0, (&self.rows, row), bits(broken, point));
+            output.set(point, sum);
         }
         let runs = &self.runs[chunk.runs.clone()];
         #[cfg(target_arch = "x86_64")]
@@ -251,13 +250,27 @@ impl Family {
         sweep_runs(kernel, &self.stencil, inputs, output, runs);
     }
 
+    fn sum_any_row<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: &[&[f64]; I],
+        row: (&Rows, usize),
+        broken: Bits<'_>,
+    ) -> [f64; O] {
+        if self.is_cloud() {
+            self.sum_cloud_row(kernel, inputs, row, broken)
+        } else {
+            self.sum_row(kernel, inputs, row, broken)
+        }
+    }
+
     #[inline(always)]
     fn sum_row<const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,
         inputs: &[&[f64]; I],
-        rows: &Rows,
-        row: usize,
+        (rows, row): (&Rows, usize),
+        broken: Bits<'_>,
     ) -> [f64; O] {
         let at = rows.slot[row] as usize;
         let own = std::array::from_fn(|i| inputs[i][at]);
@@ -270,7 +283,10 @@ impl Family {
             .zip(&rows.step[range])
             .zip(weights)
             .zip(duals);
-        for (((&column, &step), &weight), &dual) in members {
+        for (number, (((&column, &step), &weight), &dual)) in members.enumerate() {
+            if broken.is_broken(number) {
+                continue;
+            }
             let bond = Bond {
                 weight,
                 dual,
@@ -291,30 +307,35 @@ impl Family {
         &self,
         kernel: &impl BondKernel<I, O>,
         inputs: &[&[f64]; I],
-        rows: &Rows,
-        row: usize,
+        (rows, row): (&Rows, usize),
+        broken: Bits<'_>,
     ) -> [f64; O] {
         let at = rows.slot[row] as usize;
-        let (mut first, end) = (rows.start[row], rows.start[row + 1]);
+        let (start, end) = (rows.start[row], rows.start[row + 1]);
+        let mut first = start;
         let mut sums = [[0.0; ROW_LANES]; O];
-        while first + ROW_LANES <= end {
-            self.add_bonds::<I, O, true>(kernel, inputs, (rows, at, first, end), &mut sums);
+        let all = |_| true;
+        while first + ROW_LANES <= end && !broken.any() {
+            self.add_bonds::<I, O, true>(kernel, inputs, (rows, at, first), all, &mut sums);
             first += ROW_LANES;
         }
-        if first < end {
-            self.add_bonds::<I, O, false>(kernel, inputs, (rows, at, first, end), &mut sums);
+        let counts = |bond| bond < end && !broken.is_broken(bond - start);
+        while first < end {
+            self.add_bonds::<I, O, false>(kernel, inputs, (rows, at, first), counts, &mut sums);
+            first += ROW_LANES;
         }
         sums.map(|lanes| lanes.into_iter().sum())
     }
 
-    /// Adds the bonds from number `first` on of the point in slot `at`. Lanes from `end` on compute
-    /// with what follows in memory and count nothing; where all are `WHOLE`, not to ask saves a third.
+    /// Adds the bonds from number `first` on of the point in slot `at`. Those that do not count compute
+    /// with what is there in memory; where all do (`WHOLE`), not to ask saves a third.
     #[inline(always)]
     fn add_bonds<const I: usize, const O: usize, const WHOLE: bool>(
         &self,
         kernel: &impl BondKernel<I, O>,
         inputs: &[&[f64]; I],
-        (rows, at, first, end): (&Rows, usize, usize, usize),
+        (rows, at, first): (&Rows, usize, usize),
+        counts: impl Fn(usize) -> bool,
         sums: &mut [[f64; ROW_LANES]; O],
     ) {
         let here: [f64; 3] = std::array::from_fn(|a| self.places[a][at]);
@@ -338,7 +359,7 @@ impl Family {
             };
             let part = kernel.bond(&bond, own, std::array::from_fn(|i| other[i][lane]));
             for o in 0..O {
-                let counts = WHOLE || first + lane < end;
+                let counts = WHOLE || counts(first + lane);
                 sums[o][lane] += if counts { part[o] } else { 0.0 };
             }
         }
@@ -350,7 +371,7 @@ impl Family {
 fn sweep_avx512<const I: usize, const O: usize>(
     kernel: &impl BondKernel<I, O>,
     stencil: &[StencilBond],
-    inputs: &[&[f64]; I],
+    inputs: Inputs<'_, I>,
     output: &Output<O>,
     runs: &[Span],
 ) {
@@ -362,7 +383,7 @@ fn sweep_avx512<const I: usize, const O: usize>(
 fn sweep_avx2<const I: usize, const O: usize>(
     kernel: &impl BondKernel<I, O>,
     stencil: &[StencilBond],
-    inputs: &[&[f64]; I],
+    inputs: Inputs<'_, I>,
     output: &Output<O>,
     runs: &[Span],
 ) {
@@ -374,7 +395,7 @@ fn sweep_avx2<const I: usize, const O: usize>(
 fn sweep_cloud_avx2<const I: usize, const O: usize>(
     family: &Family,
     kernel: &impl BondKernel<I, O>,
-    inputs: &[&[f64]; I],
+    inputs: Inputs<'_, I>,
     output: &Output<O>,
     chunk: &Chunk,
 ) {
@@ -385,13 +406,14 @@ fn sweep_cloud_avx2<const I: usize, const O: usize>(
 fn sweep_cloud<const I: usize, const O: usize>(
     family: &Family,
     kernel: &impl BondKernel<I, O>,
-    inputs: &[&[f64]; I],
+    (inputs, broken): Inputs<'_, I>,
     output: &Output<O>,
     chunk: &Chunk,
 ) {
     for row in chunk.rows.clone() {
-        let sum = family.sum_cloud_row(kernel, inputs, &family.rows, row);
-        output.set(family.rows.point[row] as usize, sum);
+        let point = family.rows.point[row] as usize;
+        let sum = family.sum_cloud_row(kernel, inputs, (&family.rows, row), bits(broken, point));
+        output.set(point, sum);
     }
 }
 
@@ -399,7 +421,7 @@ fn sweep_cloud<const I: usize, const O: usize>(
 fn sweep_runs<const I: usize, const O: usize>(
     kernel: &impl BondKernel<I, O>,
     stencil: &[StencilBond],
-    inputs: &[&[f64]; I],
+    (inputs, broken): Inputs<'_, I>,
     output: &Output<O>,
     runs: &[Span],
 ) {
@@ -407,23 +429,51 @@ fn sweep_runs<const I: usize, const O: usize>(
         let (slot, point, len) = (run.slot as usize, run.point as usize, run.len as usize);
         let mut done = 0;
         while done < len {
-            if len < LANES {
-                output.set(
-                    point + done,
-                    sum_block::<I, O, 1>(kernel, stencil, inputs, slot + done)[0],
-                );
-                done += 1;
-                continue;
-            }
             // the last block overlaps the one before it: the same sums are written twice
-            let first = done.min(len - LANES);
-            let sums = sum_block::<I, O, LANES>(kernel, stencil, inputs, slot + first);
-            for (lane, sum) in sums.into_iter().enumerate() {
-                output.set(point + first + lane, sum);
+            let first = done.min(len.saturating_sub(LANES));
+            let points = point + first..point + (first + LANES).min(len);
+            if points.len() == LANES && broken.is_none_or(|b| b.is_whole(points.clone())) {
+                let sums = sum_block::<I, O, LANES>(kernel, stencil, inputs, slot + first);
+                points.zip(sums).for_each(|(p, sum)| output.set(p, sum));
+            } else {
+                for p in points {
+                    let at = slot + p - point;
+                    output.set(p, sum_point(kernel, stencil, inputs, at, bits(broken, p)));
+                }
             }
             done = first + LANES;
         }
     }
+}
+
+/// Inputs of a kernel, and the bonds that do not count.
+type Inputs<'a, const I: usize> = (&'a [&'a [f64]; I], Option<&'a BrokenBonds>);
+
+#[inline(always)]
+fn bits(broken: Option<&BrokenBonds>, point: usize) -> Bits<'_> {
+    broken.map_or(Bits::NONE, |b| b.bits(point))
+}
+
+/// Sum of a point with a complete family.
+#[inline(always)]
+fn sum_point<const I: usize, const O: usize>(
+    kernel: &impl BondKernel<I, O>,
+    stencil: &[StencilBond],
+    inputs: &[&[f64]; I],
+    slot: usize,
+    broken: Bits<'_>,
+) -> [f64; O] {
+    let own = std::array::from_fn(|i| inputs[i][slot]);
+    let mut sums = [0.0; O];
+    for (number, StencilBond { offset, bond }) in stencil.iter().enumerate() {
+        if broken.is_broken(number) {
+            continue;
+        }
+        let at = slot.wrapping_add_signed(*offset);
+        let part = kernel.bond(bond, own, std::array::from_fn(|i| inputs[i][at]));
+        (0..O).for_each(|o| sums[o] += part[o]);
+    }
+    sums
 }
 
 /// Sums of `N` consecutive points with complete families.

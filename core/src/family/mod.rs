@@ -5,7 +5,8 @@
 //! 2. [`Family::build`] leaves out bonds across the body's [`Cut`]s and lays out *slots*: one for each point and one for each layer point
 //!    (*ghost*). Kernel inputs live in slot space ([`Family::scatter`], [`Family::fill_layers`],
 //!    [`Family::continue_vector`]).
-//! 3. [`Family::sum`] evaluates a [`BondKernel`] over all bonds of all points.
+//! 3. [`Family::sum`] evaluates a [`BondKernel`] over all bonds of all points, and
+//!    [`Family::sum_unbroken`] over those that are not among the [`BrokenBonds`].
 //!
 //! Three stores hide behind this. On a lattice, points whose family is complete share one stencil
 //! and are swept in contiguous runs with SIMD; all others (at bare surfaces, next to them when bonds
@@ -13,6 +14,7 @@
 //! bonds of a point in the same order, so they agree to rounding. On a cloud every point has a row
 //! over the union of its horizon and its dual horizon.
 
+mod broken;
 mod build;
 mod calibration;
 mod cloud;
@@ -25,6 +27,7 @@ mod kernel;
 mod layer;
 mod operator;
 
+pub use broken::BrokenBonds;
 pub use cut::Cut;
 pub use horizon::Horizon;
 pub use kernel::{Bond, BondKernel};
@@ -76,9 +79,9 @@ impl Influence {
         }
     }
 
-    /// `integral of w(r) r^(power - 1) dr` from 0 to 1, by Simpson's rule with an error below
+    /// `integral of w(r) r^(power - 1) dr` from 0 to 1, r as a share of the horizon, by Simpson's rule with an error below
     /// 1e-12.
-    fn radial_moment(self, power: i32) -> f64 {
+    pub fn radial_moment(self, power: i32) -> f64 {
         const INTERVALS: i32 = 2000;
         let value = |i: i32| {
             let r = f64::from(i) / f64::from(INTERVALS);

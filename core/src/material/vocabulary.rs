@@ -145,6 +145,18 @@ pub const COMMON_PROPERTIES: &[PropertyKey] = &[
         ValueRange::NotNegative,
     ),
     key(
+        "fracture_energy",
+        "J/m²",
+        "energy that a unit of crack area takes (critical energy release rate)",
+        ValueRange::Positive,
+    ),
+    key(
+        "critical_stretch",
+        "1",
+        "stretch at which bonds break, in place of the one from `fracture_energy`",
+        ValueRange::Positive,
+    ),
+    key(
         "emissivity",
         "1",
         "total hemispherical emissivity of the surface",

@@ -1,7 +1,7 @@
 //! Clamps: points held where they started, until the clamp is released.
 
 use nalgebra::Vector3;
-use perimelt_core::{Coupler, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{Axis, Coupler, RunError, Setup, SetupError, Step, World, Write, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -23,18 +23,6 @@ pub struct Clamp {
     #[serde(skip)]
     #[schemars(skip)]
     prepared: Option<Prepared>,
-}
-
-/// An axis of space.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Axis {
-    /// x.
-    X,
-    /// y.
-    Y,
-    /// z.
-    Z,
 }
 
 #[derive(Debug)]

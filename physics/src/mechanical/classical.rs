@@ -88,7 +88,7 @@ impl Point {
 
     /// Components xx, yy, zz, xy, yz, zx, with that across the plane of plane strain.
     pub(super) fn components(&self, stress: &Matrix3<f64>, plane_strain: bool) -> [f64; 6] {
-        let mut tensor = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)].map(|at| stress[at]);
+        let mut tensor = COMPONENTS.map(|at| stress[at]);
         if plane_strain {
             tensor[2] = self
                 .moduli
@@ -101,20 +101,15 @@ impl Point {
 /// An inelastic strain as a layer has it, which goes on as the strain does: `sym(scale e mirror)`.
 pub(super) fn image_of(scale: &Matrix3<f64>, strain: &[f64; 6], mirror: &Matrix3<f64>) -> [f64; 6] {
     let image = scale * symmetric(strain) * mirror;
-    let half = |a: usize, b: usize| 0.5 * (image[(a, b)] + image[(b, a)]);
-    [
-        half(0, 0),
-        half(1, 1),
-        half(2, 2),
-        half(0, 1),
-        half(1, 2),
-        half(2, 0),
-    ]
+    COMPONENTS.map(|(a, b)| 0.5 * (image[(a, b)] + image[(b, a)]))
 }
 
 pub(super) fn diagonal(signs: [f64; 3]) -> Matrix3<f64> {
     Matrix3::from_diagonal(&signs.into())
 }
+
+/// Row and column of xx, yy, zz, xy, yz, zx.
+pub(super) const COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)];
 
 /// A symmetric tensor from xx, yy, zz, xy, yz, zx.
 pub(super) fn symmetric(&[xx, yy, zz, xy, yz, zx]: &[f64; 6]) -> Matrix3<f64> {

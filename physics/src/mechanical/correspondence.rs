@@ -20,12 +20,12 @@ use perimelt_core::family::{Continuation, LayerRule};
 use perimelt_core::{Body, Bond, BondKernel, Family};
 use rayon::prelude::*;
 
-use super::classical::{Point, diagonal, image_of};
+use super::classical::{COMPONENTS, Point, diagonal, image_of};
 use super::gradient::{FlatFamily, Gradient};
 use super::moduli::{Elasticity, Moduli};
 use super::ordinary::{flat, unflatten};
-use super::plasticity::Plasticity;
-use super::solid::Solid;
+use super::plasticity::{Plasticity, Strains};
+use super::solid::{Solid, continue_displacement};
 
 /// Inputs of the kernels, in slot space: nine components of `P K^-1 - g H` by rows, the
 /// displacement, g.
@@ -150,7 +150,11 @@ impl Correspondence {
                 .iter()
                 .map(|s| family.spec().horizon.of(*s))
                 .collect(),
-            moduli: vec![elasticity.at(0, 0.0); points],
+            moduli: body
+                .material_of_point
+                .iter()
+                .map(|&m| elasticity.at(m as usize, 0.0))
+                .collect(),
             eigenstrain: vec![0.0; points],
             plasticity,
             continuation: Continuation::default(),
@@ -163,9 +167,6 @@ impl Correspondence {
             elasticity,
             family,
         };
-        for (i, &m) in body.material_of_point.iter().enumerate() {
-            this.moduli[i] = this.elasticity.at(m as usize, 0.0);
-        }
         this.load_stabilisation();
         Ok(this)
     }
@@ -194,26 +195,25 @@ impl Correspondence {
         }
     }
 
+    /// The elastic law of a point.
+    fn law(&self, i: usize) -> Point {
+        Point::new(self.moduli[i], self.eigenstrain[i], self.dimension)
+    }
+
+    fn strains(&self) -> Strains<'_> {
+        Strains {
+            gradients: &self.gradient.values,
+            finite: self.finite,
+            plane_strain: self.elasticity.is_plane_strain(),
+        }
+    }
+
     /// Returns the stresses of the gradients that were loaded to the flow stress.
     fn flow(&mut self) {
-        let Some(mut plasticity) = self.plasticity.take() else {
-            return;
-        };
-        let (state, settled) = (
-            plasticity.stress_state,
-            std::mem::take(&mut plasticity.settled),
-        );
-        let plane_strain = self.elasticity.is_plane_strain();
-        let trial = |i: usize| {
-            let point = self
-                .point(i, false)
-                .with_inelastic(state, settled[i].strain);
-            let stress = point.material_stress(&self.gradient.values[i], self.finite);
-            point.components(&stress, plane_strain)
-        };
-        plasticity.try_stress(&settled, trial, |i| self.moduli[i]);
-        plasticity.settled = settled;
-        self.plasticity = Some(plasticity);
+        if let Some(mut plasticity) = self.plasticity.take() {
+            plasticity.try_strains(self.strains(), |i| self.law(i));
+            self.plasticity = Some(plasticity);
+        }
     }
 
     /// Evaluates H of the displacement that was set.
@@ -238,36 +238,33 @@ impl Correspondence {
                 &self.gradient.inverse_shape[i],
             );
         });
-        let images: Vec<_> = self
-            .family
-            .images(&self.continuation)
-            .map(|image| {
-                let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
-                let gradient = scale * self.gradient.values[image.point] * mirror + image.bend;
-                let inverse = mirror * self.gradient.inverse_shape[image.point] * mirror;
-                let mut point = self.point(image.point, total);
-                if let Some(plasticity) = &self.plasticity {
-                    let inelastic = image_of(&scale, &point.inelastic, &mirror);
-                    point = point.with_inelastic(plasticity.stress_state, inelastic);
-                }
-                (
-                    image.slot,
-                    drive_of(point, image.point, &gradient, &inverse),
-                )
-            })
-            .collect();
-        for row in 0..self.dimension {
-            for column in 0..self.dimension {
-                let slots = &mut slots[3 * row + column];
-                // nalgebra stores columns
-                let flat: &[f64] = bytemuck::cast_slice(&drive);
-                self.family.scatter(flat, 9, 3 * column + row, slots);
-                for (slot, drive) in &images {
-                    slots[*slot] = drive[(row, column)];
-                }
+        // nalgebra stores columns
+        let flat: &[f64] = bytemuck::cast_slice(&drive);
+        for (row, column) in self.entries() {
+            let slots = &mut slots[3 * row + column];
+            self.family.scatter(flat, 9, 3 * column + row, slots);
+        }
+        for image in self.family.images(&self.continuation) {
+            let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
+            let gradient = scale * self.gradient.values[image.point] * mirror + image.bend;
+            let inverse = mirror * self.gradient.inverse_shape[image.point] * mirror;
+            let mut point = self.point(image.point, total);
+            if let Some(plasticity) = &self.plasticity {
+                let inelastic = image_of(&scale, &point.inelastic, &mirror);
+                point = point.with_inelastic(plasticity.stress_state, inelastic);
+            }
+            let drive = drive_of(point, image.point, &gradient, &inverse);
+            for (row, column) in self.entries() {
+                slots[3 * row + column][image.slot] = drive[(row, column)];
             }
         }
         (self.drive, self.slots) = (drive, slots);
+    }
+
+    /// Rows and columns of tensors in the dimensions that there are.
+    fn entries(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let dimension = self.dimension;
+        (0..dimension).flat_map(move |row| (0..dimension).map(move |column| (row, column)))
     }
 
     fn inputs(&self) -> [&[f64]; INPUTS] {
@@ -275,20 +272,6 @@ impl Correspondence {
             true => &self.gradient.zeros[..],
             false => s,
         })
-    }
-
-    fn across<const D: usize>(
-        &self,
-        plane: (usize, f64),
-        receive: &mut dyn FnMut(usize, [f64; 3]),
-    ) {
-        let spread = |point, force: [f64; D]| {
-            receive(
-                point,
-                std::array::from_fn(|a| if a < D { force[a] } else { 0.0 }),
-            );
-        };
-        self.family.sum_across(&Force, self.inputs(), plane, spread);
     }
 
     fn sum_forces(&mut self, out: &mut [f64]) {
@@ -342,19 +325,12 @@ impl Solid for Correspondence {
     fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]) {
         let mut slots = std::mem::take(&mut self.slots);
         let mut continuation = std::mem::take(&mut self.continuation);
-        let dimension = self.dimension;
-        let vector = &mut slots[DISPLACEMENT..DISPLACEMENT + dimension];
-        for (axis, slots) in vector.iter_mut().enumerate() {
-            self.family.scatter(displacement, 3, axis, slots);
-        }
-        self.family.continue_vector(
-            rules,
-            vector,
-            &mut continuation,
-            |face, traction, i, lateral| {
-                let at = (face, traction);
-                self.moduli[i].slope_under_traction(at, lateral, self.eigenstrain[i], dimension)
-            },
+        let vector = &mut slots[DISPLACEMENT..DISPLACEMENT + self.dimension];
+        continue_displacement(
+            &self.family,
+            (displacement, rules),
+            (vector, &mut continuation),
+            |i| (self.moduli[i], self.eigenstrain[i]),
         );
         (self.slots, self.continuation) = (slots, continuation);
     }
@@ -376,7 +352,6 @@ impl Solid for Correspondence {
     fn blocks(&mut self) -> &[[f64; 6]] {
         let points = self.moduli.len();
         let mut slots: [Vec<f64>; 9] = std::array::from_fn(|_| vec![0.0; self.family.slots()]);
-        const COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)];
         let mut field = vec![0.0; points];
         for (slots, (row, column)) in slots.iter_mut().zip(COMPONENTS) {
             let entries = field.iter_mut().zip(&self.gradient.inverse_shape);
@@ -403,11 +378,8 @@ impl Solid for Correspondence {
         self.load_gradient();
         let points = self.moduli.len();
         let mut extension = vec![[0.0]; points];
-        let zeros = vec![0.0; self.family.slots()];
-        let inputs = std::array::from_fn(|axis| match axis < self.dimension {
-            true => &self.slots[DISPLACEMENT + axis][..],
-            false => &zeros[..],
-        });
+        let inputs = self.inputs();
+        let inputs = std::array::from_fn(|axis| inputs[DISPLACEMENT + axis]);
         self.family.sum(&SquaredExtension, inputs, &mut extension);
         let mut energy = std::mem::take(&mut self.energy);
         for (i, energy) in energy.iter_mut().enumerate() {
@@ -440,13 +412,15 @@ impl Solid for Correspondence {
         self.plasticity.as_mut()
     }
 
+    fn family(&self) -> &Family {
+        &self.family
+    }
+
     fn material_stress(&mut self) -> Vec<[f64; 6]> {
-        let stress = |i: usize| {
-            let point = self.point(i, false);
-            let stress = point.material_stress(&self.gradient.values[i], self.finite);
-            point.components(&stress, self.elasticity.is_plane_strain())
-        };
-        (0..self.moduli.len()).map(stress).collect()
+        let plasticity = self.plasticity.as_ref();
+        plasticity.map_or_else(Vec::new, |p| {
+            p.tried_stress(self.strains(), |i| self.law(i))
+        })
     }
 
     fn moduli_of(&self, point: usize) -> Moduli {
@@ -473,10 +447,7 @@ impl Solid for Correspondence {
     fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3])) {
         self.load_gradient();
         self.load_drive(false, self.finite);
-        match self.dimension {
-            1 => self.across::<1>(plane, receive),
-            2 => self.across::<2>(plane, receive),
-            _ => self.across::<3>(plane, receive),
-        }
+        self.family
+            .sum_across(&Force, (self.inputs(), None), plane, receive);
     }
 }

@@ -22,7 +22,7 @@ struct Residual<'a> {
     volumes: Option<&'a [f64]>,
     constraint: &'a [f64],
     dimension: usize,
-    finite: bool,
+    nonlinear: bool,
 }
 
 impl Residual<'_> {
@@ -52,7 +52,7 @@ impl Rhs for Residual<'_> {
         direction: &[f64],
         out: &mut [f64],
     ) -> Result<bool, SolverError> {
-        if self.finite {
+        if self.nonlinear {
             return Ok(false);
         }
         self.solid.set_displacement(direction, &self.homogeneous);
@@ -71,6 +71,14 @@ impl Rhs for Residual<'_> {
             (0..3).for_each(|axis| out[axis] = -block[axis]);
         }
         self.release(out, -1.0);
+        if let Some(fracture) = self.solid.fracture() {
+            // a point that lost its bonds stays where it is
+            let lost = |point| fracture.broken.of(point) > 0;
+            let zeros = out.iter_mut().enumerate().filter(|(_, d)| **d == 0.0);
+            zeros
+                .filter(|(i, _)| lost(i / 3))
+                .for_each(|(_, d)| *d = -1.0);
+        }
         match out.iter().position(|&d| d == 0.0) {
             Some(component) => Err(SolverError::model(Loose {
                 point: component / 3,
@@ -89,6 +97,30 @@ impl Rhs for Residual<'_> {
 struct Loose {
     point: usize,
     axis: &'static str,
+}
+
+/// Finds equilibrium by `balance`, breaks the bonds that are loaded most beyond their limit, and goes on
+/// until none exceeds it; returns the sum of the iterations.
+pub(super) fn break_and_balance(
+    run: &mut Run,
+    world: &World,
+    mut balance: impl FnMut(&mut Run) -> Result<usize, SolverError>,
+) -> Result<usize, SolverError> {
+    /// Bonds loaded to this share of the worst break with it: neighbours at a crack tip, of which one
+    /// breaking would soon break the other.
+    const TOGETHER: f64 = 0.95;
+    let mut iterations = 0;
+    loop {
+        iterations += balance(run)?;
+        if run.damage.is_none() {
+            return Ok(iterations);
+        }
+        run.load_displacement(world);
+        run.solid.force(&mut run.work);
+        if !run.break_bonds(world, TOGETHER) {
+            return Ok(iterations);
+        }
+    }
 }
 
 /// Brings `run` into equilibrium by Newton-Krylov; returns the linear iterations.
@@ -111,7 +143,7 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
         volumes: (!run.relative_volume.is_empty()).then_some(&run.relative_volume[..]),
         constraint,
         dimension: body.dimension,
-        finite: !run.newton.options.linear,
+        nonlinear: !run.newton.options.linear,
     };
 
     let held = constraint.iter().filter(|c| **c > 0.0).count();

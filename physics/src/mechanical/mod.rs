@@ -17,6 +17,7 @@
 mod classical;
 pub mod correspondence;
 mod equilibrium;
+pub mod fracture;
 mod gradient;
 #[cfg(test)]
 mod layer_tests;
@@ -38,14 +39,15 @@ use perimelt_core::solver::{
 };
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Balance, Clock, Correction, FamilySpec, Horizon, Influence, PartialVolume, Physics, Read,
-    ReadIfProvided, Report, RunError, Setup, SetupError, Step, StepSize, Update, Work, World,
-    Write, keys,
+    Balance, BrokenBonds, Clock, Correction, FamilySpec, Horizon, Influence, PartialVolume,
+    Physics, Read, ReadIfProvided, Report, RunError, Setup, SetupError, Step, StepSize, Update,
+    Work, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use correspondence::Correspondence;
+use fracture::{Fracture, FractureSection};
 use moduli::{Elasticity, Moduli, Plane};
 use ordinary::Ordinary;
 use plasticity::{Inelastic, Plasticity, PlasticitySection};
@@ -88,6 +90,9 @@ pub struct Mechanical {
     /// Plastic flow, such as `{ annealing_temperature = 1300 }`; left out: elastic.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plasticity: Option<PlasticitySection>,
+    /// When bonds break, such as `{ no_fail = ["grip"] }`; left out: never.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fracture: Option<FractureSection>,
     /// How equilibrium or motion is found.
     #[serde(default)]
     pub solver: MechanicalSolver,
@@ -180,6 +185,8 @@ struct Run {
     eigenstress: Write<f64>,
     eigenstress_wanted: bool,
     plastic: Option<PlasticFields>,
+    /// Where bonds break.
+    damage: Option<Write<f64>>,
     eigenstrain: Read<f64>,
     body_force: Option<Read<Vector3<f64>>>,
     constraint: Read<Vector3<f64>>,
@@ -263,7 +270,7 @@ impl Run {
             .zip(&*strains)
             .zip(&*equivalents);
         settled.for_each(|((settled, strain), &equivalent)| {
-            let strain = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)].map(|at| strain[at]);
+            let strain = classical::COMPONENTS.map(|at| strain[at]);
             *settled = Inelastic { strain, equivalent };
         });
         plasticity.tried.copy_from_slice(&plasticity.settled);
@@ -300,6 +307,17 @@ impl Run {
             *strain = classical::symmetric(&settled.strain);
             *equivalent = settled.equivalent;
         }
+    }
+
+    /// Breaks the bonds that exceed their limit in the displacement of the last force and are loaded to at
+    /// least `share` of the worst; whether there were any.
+    fn break_bonds(&mut self, world: &World, share: f64) -> bool {
+        let Some(damage) = self.damage else {
+            return false;
+        };
+        let (pairs, any) = self.solid.break_bonds(share, &mut world.write(damage));
+        world.broken_pairs_mut(self.body).pairs.extend(pairs);
+        any
     }
 
     fn provide_stress(&mut self, world: &World) {
@@ -386,6 +404,16 @@ impl Physics for Mechanical {
             None => None,
         };
         let plastic = plasticity.is_some();
+        let fracture = match &self.fracture {
+            Some(_) if correspondence => {
+                let message = "bonds of a correspondence solid do not break";
+                let expected = "`formulation` \"bond\" or \"ordinary\"";
+                return Err(SetupError::value("fracture", message, expected));
+            }
+            Some(section) => Some(Fracture::of(section, setup, body, &family)?),
+            None => None,
+        };
+        let breaks = fracture.is_some();
         let this = setup.body(body);
         let finite = self.kinematics == Kinematics::Finite;
         let solid: Box<dyn Solid> = if correspondence {
@@ -393,7 +421,7 @@ impl Physics for Mechanical {
             let solid = Correspondence::new(this, family, elasticity, finite, g, plasticity);
             Box::new(solid.map_err(|e| SetupError::other("", e))?)
         } else {
-            let solid = Ordinary::new(this, family, elasticity, finite, plasticity);
+            let solid = Ordinary::new(this, family, elasticity, finite, plasticity, fracture);
             Box::new(solid.map_err(|e| SetupError::other("", e))?)
         };
         let densities = this.materials.iter().map(|m| m.reference_density());
@@ -428,7 +456,6 @@ impl Physics for Mechanical {
         let explicit = matches!(self.solver, MechanicalSolver::Explicit { .. });
         let newton = NewtonOptions {
             relative_tolerance: 0.0,
-            krylov: perimelt_core::solver::KrylovMethod::ConjugateGradient,
             linear: !(finite || plastic),
             ..NewtonOptions::default()
         };
@@ -448,6 +475,10 @@ impl Physics for Mechanical {
                     equivalent: setup.own(body, &keys::EQUIVALENT_PLASTIC_STRAIN)?,
                     work: setup.own(body, &keys::PLASTIC_WORK)?,
                 }),
+                false => None,
+            },
+            damage: match breaks {
+                true => Some(setup.own(body, &keys::DAMAGE)?),
                 false => None,
             },
             eigenstress_wanted: setup.is_read(body, &keys::EIGENSTRESS),
@@ -540,9 +571,19 @@ impl Physics for Mechanical {
             run.load(world);
         }
         let result = match self.solver {
-            MechanicalSolver::QuasiStatic { .. } => equilibrium::newton(run, world, step),
-            MechanicalSolver::Relaxation(_) => equilibrium::relax(run, world),
-            MechanicalSolver::Explicit { .. } => run.move_on(world, step),
+            MechanicalSolver::QuasiStatic { .. } => {
+                equilibrium::break_and_balance(run, world, |run| {
+                    equilibrium::newton(run, world, step)
+                })
+            }
+            MechanicalSolver::Relaxation(_) => {
+                equilibrium::break_and_balance(run, world, |run| equilibrium::relax(run, world))
+            }
+            MechanicalSolver::Explicit { .. } => {
+                let done = run.move_on(world, step);
+                run.break_bonds(world, 0.0);
+                done
+            }
         };
         let iterations = result.map_err(|cause| RunError::Plugin {
             plugin: "mechanical".into(),
@@ -589,16 +630,30 @@ impl Physics for Mechanical {
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(&self.run.as_ref().expect("prepared before a save").state)
+        let run = self.run.as_ref().expect("prepared before a save");
+        Box::new((&run.state, run.solid.fracture().map(|f| &f.broken)))
     }
 
     fn load(
         &mut self,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        self.run.as_mut().expect("prepared before a restart").state =
-            erased_serde::deserialize(state)?;
+        let run = self.run.as_mut().expect("prepared before a restart");
+        let (state, broken): (State, Option<BrokenBonds>) = erased_serde::deserialize(state)?;
+        run.state = state;
+        if let (Some(fracture), Some(broken)) = (run.solid.fracture_mut(), broken) {
+            fracture.broken = broken;
+        }
         Ok(())
+    }
+
+    fn restored(&mut self, world: &World) {
+        let run = self.run.as_ref().expect("prepared before a restart");
+        if let Some(fracture) = run.solid.fracture() {
+            let mut broken = world.broken_pairs_mut(run.body);
+            broken.pairs = fracture.broken_pairs(run.solid.family());
+            broken.replaced += 1;
+        }
     }
 }
 

@@ -5,17 +5,18 @@ use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use perimelt_core::family::{Continuation, LayerRule};
-use perimelt_core::{Body, BondKernel, Family};
+use perimelt_core::{Body, BondKernel, BrokenBonds, Family};
 use rayon::prelude::*;
 
 use super::classical::{Point, diagonal, image_of, symmetric};
+use super::fracture::Fracture;
 use super::gradient::{FlatFamily, Gradient};
 use super::moduli::{Elasticity, Moduli};
-use super::plasticity::{Plasticity, StressState};
-use super::solid::Solid;
+use super::plasticity::{Plasticity, Strains};
+use super::solid::{Solid, continue_displacement};
 use super::stretch::{
-    Block, Directions, EIGENSTRAIN, Energy, Expansion, Force, INPUTS, PLASTIC_INPUTS, PRESSURE,
-    Plastic, STIFFNESS, Stiffness, Stress, TotalWeight, WeightOverLength,
+    Block, Breaking, CRITICAL, Directions, EIGENSTRAIN, Energy, Expansion, Force, INPUTS, Load,
+    PLASTIC_INPUTS, PRESSURE, Plastic, STIFFNESS, Stiffness, Stress, TotalWeight, WeightOverLength,
 };
 
 /// Family, moduli and work arrays of a body.
@@ -35,6 +36,7 @@ pub struct Ordinary {
     /// In-plane stress-free strain of each point.
     eigenstrain: Vec<f64>,
     plasticity: Option<Plasticity>,
+    fracture: Option<Fracture>,
     /// Of plastic solids.
     gradient: Option<Gradient>,
     /// Components of the inelastic strain in slot space; empty without plasticity.
@@ -64,14 +66,16 @@ impl Ordinary {
         elasticity: Elasticity,
         finite: bool,
         plasticity: Option<Plasticity>,
+        fracture: Option<Fracture>,
     ) -> Result<Self, FlatFamily> {
         let (points, dimension) = (body.points.len(), body.dimension);
         let uniform = elasticity.uniform();
         let dilatation = elasticity.has_free_poissons_ratio();
+        let breaks = fracture.is_some();
         let needed = |input| match input {
-            EIGENSTRAIN => true,
-            STIFFNESS => true,
+            EIGENSTRAIN | STIFFNESS => true,
             PRESSURE => dilatation,
+            CRITICAL => breaks,
             axis => axis < dimension,
         };
         let slots = family.slots();
@@ -90,6 +94,7 @@ impl Ordinary {
                 None => None,
             },
             plasticity,
+            fracture,
             normaliser: vec![0.0; if dilatation { points } else { 0 }],
             continuation: Continuation::default(),
             directions: Vec::new(),
@@ -97,17 +102,24 @@ impl Ordinary {
             zeros: vec![0.0; slots],
             expansion: vec![[0.0; 3]; if dilatation { points } else { 0 }],
             pressure: vec![0.0; points],
-            padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
+            padded: Vec::new(),
             energy: vec![[0.0; 2]; points],
             tensors: vec![[0.0; 6]; points],
             elasticity,
             uniform,
             family,
         };
+        let forces = if dimension == 2 { 2 } else { 3 };
+        this.padded = match (&this.fracture, dimension) {
+            (Some(_), _) => vec![0.0; (forces + 1) * points],
+            (None, 2) => vec![0.0; 2 * points],
+            (None, _) => Vec::new(),
+        };
         this.load_moduli();
+        this.load_strength(body, None);
         if dilatation {
             let mut total = vec![[0.0]; points];
-            this.run(&TotalWeight, &mut total);
+            this.family.sum(&TotalWeight, this.inputs(), &mut total);
             let normalisers = this.normaliser.iter_mut().zip(total);
             normalisers.for_each(|(n, [total])| *n = dimension as f64 / total);
         }
@@ -126,6 +138,30 @@ impl Ordinary {
         self.family
             .scatter(&stiffness, 1, 0, &mut self.slots[STIFFNESS]);
         self.family.fill_layers(&[], 0, &mut self.slots[STIFFNESS]);
+    }
+
+    fn evaluate_moduli(&mut self, body: &Body, temperature: Option<&[f64]>) {
+        let elasticity = &self.elasticity;
+        let points = self.moduli.par_iter_mut().zip(&body.material_of_point);
+        points.enumerate().for_each(|(i, (moduli, &m))| {
+            *moduli = elasticity.at(m as usize, temperature.map_or(0.0, |t| t[i]));
+        });
+        self.load_moduli();
+    }
+
+    fn load_strength(&mut self, body: &Body, temperature: Option<&[f64]>) {
+        let Some(mut fracture) = self.fracture.take() else {
+            return;
+        };
+        fracture.load(body, temperature, |i| self.moduli(i));
+        let slots = &mut self.slots[CRITICAL];
+        self.family.scatter(&fracture.critical, 1, 0, slots);
+        self.family.fill_layers(&[], 0, slots);
+        self.fracture = Some(fracture);
+    }
+
+    fn broken(&self) -> Option<&BrokenBonds> {
+        self.fracture.as_ref().map(|f| &f.broken)
     }
 
     /// Loads the pressure from dilatation of the displacement that was set, of the total strain or
@@ -219,10 +255,17 @@ impl Ordinary {
         self.inelastic = slots;
     }
 
-    /// The classical law of a point with the given inelastic strain.
-    fn point(&self, i: usize, state: StressState, inelastic: [f64; 6]) -> Point {
-        let (moduli, eigenstrain) = (self.moduli(i), self.eigenstrain[i]);
-        Point::new(moduli, eigenstrain, self.dimension).with_inelastic(state, inelastic)
+    /// The elastic law of a point.
+    fn law(&self, i: usize) -> Point {
+        Point::new(self.moduli(i), self.eigenstrain[i], self.dimension)
+    }
+
+    fn strains<'a>(&self, gradient: &'a Gradient) -> Strains<'a> {
+        Strains {
+            gradients: &gradient.values,
+            finite: self.finite,
+            plane_strain: self.elasticity.is_plane_strain(),
+        }
     }
 
     /// Returns the stress of the displacement that was set to the flow stress.
@@ -233,18 +276,7 @@ impl Ordinary {
             return;
         };
         gradient.evaluate(std::array::from_fn(|axis| &self.slots[axis][..]));
-        let (state, settled) = (
-            plasticity.stress_state,
-            std::mem::take(&mut plasticity.settled),
-        );
-        let plane_strain = self.elasticity.is_plane_strain();
-        let trial = |i: usize| {
-            let point = self.point(i, state, settled[i].strain);
-            let stress = point.material_stress(&gradient.values[i], self.finite);
-            point.components(&stress, plane_strain)
-        };
-        plasticity.try_stress(&settled, trial, |i| self.moduli(i));
-        plasticity.settled = settled;
+        plasticity.try_strains(self.strains(&gradient), |i| self.law(i));
         (self.plasticity, self.gradient) = (Some(plasticity), Some(gradient));
     }
 
@@ -271,8 +303,10 @@ impl Ordinary {
     }
 
     fn sum_forces(&mut self, out: &mut [f64], stiffness: bool) {
-        match self.dimension {
-            2 => self.sum_forces_in::<2>(out, stiffness),
+        match (self.dimension, &self.fracture) {
+            (2, Some(_)) if !stiffness => self.sum_breaking::<2, 3>(out),
+            (_, Some(_)) if !stiffness => self.sum_breaking::<3, 4>(out),
+            (2, _) => self.sum_forces_in::<2>(out, stiffness),
             _ => self.sum_forces_in::<3>(out, stiffness),
         }
     }
@@ -298,6 +332,65 @@ impl Ordinary {
         self.padded = padded;
     }
 
+    /// Forces and, in the same sweep, the excess of bonds over their limit.
+    fn sum_breaking<const D: usize, const O: usize>(&mut self, out: &mut [f64])
+    where
+        Breaking<false, false>: BondKernel<INPUTS, O>,
+        Breaking<false, true>: BondKernel<INPUTS, O>,
+        Breaking<true, false>: BondKernel<INPUTS, O>,
+        Breaking<true, true>: BondKernel<INPUTS, O>,
+    {
+        let Some(mut fracture) = self.fracture.take() else {
+            return;
+        };
+        let energy = fracture.compares_energy();
+        if self.plasticity.is_some() {
+            self.fracture = Some(fracture);
+            self.sum_forces_in::<D>(out, false);
+            let mut loads = vec![[0.0; 2]; self.energy.len()];
+            self.run_plastic(self.load_kernel(energy), &mut loads);
+            let fracture = self.fracture.as_mut().expect("put back above");
+            let excess = fracture.excess.iter_mut().zip(loads);
+            excess.for_each(|(excess, [_, load])| *excess = load);
+            return;
+        }
+        let mut padded = std::mem::take(&mut self.padded);
+        let (sums, _) = padded.as_chunks_mut::<O>();
+        let (family, inputs, broken) = (&self.family, self.inputs(), Some(&fracture.broken));
+        match (self.finite, self.dilatation) {
+            (false, false) => {
+                family.sum_unbroken(&Breaking::<false, false> { energy }, inputs, broken, sums);
+            }
+            (false, true) => {
+                family.sum_unbroken(&Breaking::<false, true> { energy }, inputs, broken, sums);
+            }
+            (true, false) => {
+                family.sum_unbroken(&Breaking::<true, false> { energy }, inputs, broken, sums);
+            }
+            (true, true) => {
+                family.sum_unbroken(&Breaking::<true, true> { energy }, inputs, broken, sums);
+            }
+        }
+        let points = out
+            .as_chunks_mut::<3>()
+            .0
+            .iter_mut()
+            .zip(&mut fracture.excess);
+        for ((out, excess), sum) in points.zip(sums) {
+            (0..3).for_each(|axis| out[axis] = if axis < D { sum[axis] } else { 0.0 });
+            *excess = sum[O - 1];
+        }
+        (self.padded, self.fracture) = (padded, Some(fracture));
+    }
+
+    fn load_kernel(&self, energy: bool) -> Load {
+        Load {
+            finite: self.finite,
+            energy,
+            pairs: !self.dilatation,
+        }
+    }
+
     fn sum_stress(&mut self) {
         let mut stress = std::mem::take(&mut self.tensors);
         let kernel = Stress {
@@ -316,8 +409,9 @@ impl Ordinary {
         kernel: impl BondKernel<INPUTS, O>,
         sums: &mut [[f64; O]],
     ) {
+        let inputs = self.plastic_inputs();
         self.family
-            .sum(&Plastic(kernel), self.plastic_inputs(), sums);
+            .sum_unbroken(&Plastic(kernel), inputs, self.broken(), sums);
     }
 
     fn plastic_inputs(&self) -> [&[f64]; PLASTIC_INPUTS] {
@@ -335,48 +429,13 @@ impl Ordinary {
         }
     }
 
-    fn across<const D: usize>(
-        &self,
-        plane: (usize, f64),
-        receive: &mut dyn FnMut(usize, [f64; 3]),
-    ) {
-        let spread = |point, force: [f64; D]| {
-            receive(
-                point,
-                std::array::from_fn(|a| if a < D { force[a] } else { 0.0 }),
-            );
-        };
-        let family = &self.family;
-        match (self.plasticity.is_some(), self.finite, self.dilatation) {
-            (true, false, _) => {
-                let kernel = Plastic(Force::<false, true>);
-                family.sum_across(&kernel, self.plastic_inputs(), plane, spread);
-            }
-            (true, true, _) => {
-                let kernel = Plastic(Force::<true, true>);
-                family.sum_across(&kernel, self.plastic_inputs(), plane, spread);
-            }
-            (false, false, false) => {
-                family.sum_across(&Force::<false, false>, self.inputs(), plane, spread);
-            }
-            (false, false, true) => {
-                family.sum_across(&Force::<false, true>, self.inputs(), plane, spread);
-            }
-            (false, true, false) => {
-                family.sum_across(&Force::<true, false>, self.inputs(), plane, spread);
-            }
-            (false, true, true) => {
-                family.sum_across(&Force::<true, true>, self.inputs(), plane, spread);
-            }
-        }
-    }
-
     fn inputs(&self) -> [&[f64]; INPUTS] {
         std::array::from_fn(|i| self.input(i))
     }
 
     fn run<const O: usize>(&self, kernel: &impl BondKernel<INPUTS, O>, sums: &mut [[f64; O]]) {
-        self.family.sum(kernel, self.inputs(), sums);
+        self.family
+            .sum_unbroken(kernel, self.inputs(), self.broken(), sums);
     }
 }
 
@@ -403,15 +462,10 @@ pub(super) fn unflatten<const D: usize>(padded: &[f64], out: &mut [f64]) {
 
 impl Solid for Ordinary {
     fn set_moduli(&mut self, body: &Body, temperature: Option<&[f64]>) {
-        if self.uniform.is_some() {
-            return;
+        if self.uniform.is_none() {
+            self.evaluate_moduli(body, temperature);
         }
-        let elasticity = &self.elasticity;
-        let points = self.moduli.par_iter_mut().zip(&body.material_of_point);
-        points.enumerate().for_each(|(i, (moduli, &m))| {
-            *moduli = elasticity.at(m as usize, temperature.map_or(0.0, |t| t[i]));
-        });
-        self.load_moduli();
+        self.load_strength(body, temperature);
     }
 
     fn set_stiffest_moduli(&mut self, body: &Body) {
@@ -436,19 +490,12 @@ impl Solid for Ordinary {
     fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]) {
         let mut slots = std::mem::take(&mut self.slots);
         let mut continuation = std::mem::take(&mut self.continuation);
-        for (axis, slots) in slots[..self.dimension].iter_mut().enumerate() {
-            self.family.scatter(displacement, 3, axis, slots);
-        }
-        let (vector, dimension) = (&mut slots[..self.dimension], self.dimension);
-        self.family.continue_vector(
-            rules,
-            vector,
-            &mut continuation,
-            |face, traction, i, lateral| {
-                let at = (face, traction);
-                let moduli = self.moduli(i);
-                moduli.slope_under_traction(at, lateral, self.eigenstrain[i], dimension)
-            },
+        let vector = &mut slots[..self.dimension];
+        continue_displacement(
+            &self.family,
+            (displacement, rules),
+            (vector, &mut continuation),
+            |i| (self.moduli(i), self.eigenstrain[i]),
         );
         (self.slots, self.continuation) = (slots, continuation);
     }
@@ -461,16 +508,47 @@ impl Solid for Ordinary {
         self.plasticity.as_mut()
     }
 
+    fn fracture(&self) -> Option<&Fracture> {
+        self.fracture.as_ref()
+    }
+
+    fn fracture_mut(&mut self) -> Option<&mut Fracture> {
+        self.fracture.as_mut()
+    }
+
+    fn break_bonds(&mut self, share: f64, damage: &mut [f64]) -> (Vec<[u32; 2]>, bool) {
+        let Some(mut fracture) = self.fracture.take() else {
+            return (Vec::new(), false);
+        };
+        let load = self.load_kernel(fracture.compares_energy());
+        let broken = if self.plasticity.is_some() {
+            let (kernel, inputs) = (Plastic(load), self.plastic_inputs());
+            fracture.break_bonds(&self.family, share, damage, |bond, own, other| {
+                let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
+                let [ratio, _] = kernel.bond(bond, own, other);
+                ratio
+            })
+        } else {
+            let inputs = self.inputs();
+            fracture.break_bonds(&self.family, share, damage, |bond, own, other| {
+                let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
+                let [ratio, _] = load.bond(bond, own, other);
+                ratio
+            })
+        };
+        self.fracture = Some(fracture);
+        broken
+    }
+
+    fn family(&self) -> &Family {
+        &self.family
+    }
+
     fn material_stress(&mut self) -> Vec<[f64; 6]> {
         let (Some(plasticity), Some(gradient)) = (&self.plasticity, &self.gradient) else {
             return Vec::new();
         };
-        let stress = |i: usize| {
-            let point = self.point(i, plasticity.stress_state, plasticity.tried[i].strain);
-            let stress = point.material_stress(&gradient.values[i], self.finite);
-            point.components(&stress, self.elasticity.is_plane_strain())
-        };
-        (0..gradient.values.len()).map(stress).collect()
+        plasticity.tried_stress(self.strains(gradient), |i| self.law(i))
     }
 
     fn moduli_of(&self, point: usize) -> Moduli {
@@ -557,10 +635,49 @@ impl Solid for Ordinary {
     fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3])) {
         self.load_inelastic();
         self.load_pressure(false);
-        match self.dimension {
-            1 => self.across::<1>(plane, receive),
-            2 => self.across::<2>(plane, receive),
-            _ => self.across::<3>(plane, receive),
+        let family = &self.family;
+        let broken = self.broken();
+        match (self.plasticity.is_some(), self.finite, self.dilatation) {
+            (true, false, _) => {
+                let kernel = Plastic(Force::<false, true>);
+                family.sum_across(&kernel, (self.plastic_inputs(), broken), plane, receive);
+            }
+            (true, true, _) => {
+                let kernel = Plastic(Force::<true, true>);
+                family.sum_across(&kernel, (self.plastic_inputs(), broken), plane, receive);
+            }
+            (false, false, false) => {
+                family.sum_across(
+                    &Force::<false, false>,
+                    (self.inputs(), broken),
+                    plane,
+                    receive,
+                );
+            }
+            (false, false, true) => {
+                family.sum_across(
+                    &Force::<false, true>,
+                    (self.inputs(), broken),
+                    plane,
+                    receive,
+                );
+            }
+            (false, true, false) => {
+                family.sum_across(
+                    &Force::<true, false>,
+                    (self.inputs(), broken),
+                    plane,
+                    receive,
+                );
+            }
+            (false, true, true) => {
+                family.sum_across(
+                    &Force::<true, true>,
+                    (self.inputs(), broken),
+                    plane,
+                    receive,
+                );
+            }
         }
     }
 }

@@ -13,12 +13,14 @@
 //!
 //! Small elastic strains; no kinematic hardening, no rate dependence.
 
+use nalgebra::Matrix3;
 use perimelt_core::material::{Property, Table};
 use perimelt_core::{Setup, SetupError};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::classical::Point;
 use super::moduli::{Moduli, Plane};
 
 /// Plastic flow by the material properties `yield_stress` and, if given, `hardening_modulus`.
@@ -194,6 +196,24 @@ pub struct Inelastic {
     pub equivalent: f64,
 }
 
+/// How the points of a body are strained.
+#[derive(Clone, Copy)]
+pub(super) struct Strains<'a> {
+    /// Displacement gradients.
+    pub(super) gradients: &'a [Matrix3<f64>],
+    /// Finite kinematics.
+    pub(super) finite: bool,
+    pub(super) plane_strain: bool,
+}
+
+impl Strains<'_> {
+    /// Stress of a point by its law, Pa: unrotated.
+    fn stress(&self, point: usize, law: &Point) -> [f64; 6] {
+        let stress = law.material_stress(&self.gradients[point], self.finite);
+        law.components(&stress, self.plane_strain)
+    }
+}
+
 /// Plastic state of a body: as of the last step, and as of the displacement that is tried.
 #[derive(Debug)]
 pub struct Plasticity {
@@ -273,18 +293,18 @@ impl Plasticity {
         });
     }
 
-    /// Returns the trial stresses of all points, computed with the settled inelastic strains, to the
-    /// flow stress: sets the tried state.
-    pub fn try_stress(
+    /// Returns the stresses of all points to the flow stress: sets the tried state. `law` gives the
+    /// elastic law of a point, `strains` how it is strained.
+    pub(super) fn try_strains(
         &mut self,
-        settled: &[Inelastic],
-        trial: impl Fn(usize) -> [f64; 6] + Sync,
-        moduli: impl Fn(usize) -> Moduli + Sync,
+        strains: Strains<'_>,
+        law: impl Fn(usize) -> Point + Sync,
     ) {
         let Self {
             stress_state,
             table,
             flow,
+            settled,
             tried,
             ..
         } = self;
@@ -296,8 +316,10 @@ impl Plasticity {
                 table: table.as_ref(),
             };
             *tried = settled[i];
+            let law = law(i).with_inelastic(*stress_state, settled[i].strain);
+            let trial = strains.stress(i, &law);
             let equivalent = settled[i].equivalent;
-            let moved = return_to_yield(*stress_state, &trial(i), &moduli(i), flow, equivalent);
+            let moved = return_to_yield(*stress_state, &trial, &law.moduli, flow, equivalent);
             if let Some((strain, increment)) = moved {
                 tried
                     .strain
@@ -307,6 +329,18 @@ impl Plasticity {
                 tried.equivalent += increment;
             }
         });
+    }
+
+    /// Stress of each point in the tried state as plastic flow sees it, Pa: unrotated.
+    pub(super) fn tried_stress(
+        &self,
+        strains: Strains<'_>,
+        law: impl Fn(usize) -> Point,
+    ) -> Vec<[f64; 6]> {
+        let stress = |(i, tried): (usize, &Inelastic)| {
+            strains.stress(i, &law(i).with_inelastic(self.stress_state, tried.strain))
+        };
+        self.tried.iter().enumerate().map(stress).collect()
     }
 
     /// Makes the tried state the settled one; adds the work of the flow, J/m³, to `work`.

@@ -1,7 +1,7 @@
 //! Force through a plane section of the body: the sum of the pair forces of all bonds that cross it
 //! (spec 07, 1.8, S3), exact in the balance of forces.
 
-use perimelt_core::{Report, Setup, SetupError, World};
+use perimelt_core::{Axis, Report, Setup, SetupError, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -17,18 +17,6 @@ pub struct Section {
     pub axis: Axis,
     /// Reference position along that axis, m.
     pub at: f64,
-}
-
-/// An axis of space.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Axis {
-    /// x.
-    X,
-    /// y.
-    Y,
-    /// z.
-    Z,
 }
 
 impl Section {

@@ -2,9 +2,10 @@
 
 use std::fmt::Debug;
 
-use perimelt_core::Body;
-use perimelt_core::family::LayerRule;
+use perimelt_core::family::{Continuation, LayerRule};
+use perimelt_core::{Body, Family};
 
+use super::fracture::Fracture;
 use super::moduli::Moduli;
 use super::plasticity::Plasticity;
 
@@ -46,6 +47,25 @@ pub trait Solid: Debug {
     /// Plastic state, where there is one. [`Solid::force`] leaves the state that it tried there.
     fn plasticity(&mut self) -> Option<&mut Plasticity>;
 
+    /// Strength and broken bonds, where bonds break.
+    fn fracture(&self) -> Option<&Fracture> {
+        None
+    }
+
+    /// As [`Solid::fracture`].
+    fn fracture_mut(&mut self) -> Option<&mut Fracture> {
+        None
+    }
+
+    /// Breaks those bonds that exceed their limit in the displacement of the last [`Solid::force`] and are
+    /// loaded to at least `share` of the worst; see [`Fracture::break_bonds`].
+    fn break_bonds(&mut self, _share: f64, _damage: &mut [f64]) -> (Vec<[u32; 2]>, bool) {
+        (Vec::new(), false)
+    }
+
+    /// The bonds.
+    fn family(&self) -> &Family;
+
     /// Stress of each point as plastic flow sees it, Pa: unrotated, of the state that was tried last.
     fn material_stress(&mut self) -> Vec<[f64; 6]>;
 
@@ -62,4 +82,28 @@ pub trait Solid: Debug {
     /// Passes each point below the plane `x_axis = at` (m) and the force density of its bonds with what
     /// lies above, N/m³, to `receive`.
     fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3]));
+}
+
+/// Fills the slots of a displacement (m; `vector` has one array for each dimension) from the points and
+/// by the rules of its layers; `at` gives moduli and eigenstrain of a point, which the slope under a
+/// traction needs.
+pub(super) fn continue_displacement(
+    family: &Family,
+    (displacement, rules): (&[f64], &[LayerRule]),
+    (vector, continuation): (&mut [Vec<f64>], &mut Continuation),
+    at: impl Fn(usize) -> (Moduli, f64),
+) {
+    let dimension = vector.len();
+    for (axis, slots) in vector.iter_mut().enumerate() {
+        family.scatter(displacement, 3, axis, slots);
+    }
+    family.continue_vector(
+        rules,
+        vector,
+        continuation,
+        |face, traction, point, lateral| {
+            let (moduli, eigenstrain) = at(point);
+            moduli.slope_under_traction((face, traction), lateral, eigenstrain, dimension)
+        },
+    );
 }

@@ -17,13 +17,15 @@
 use perimelt_core::{Bond, BondKernel};
 
 /// Inputs of every kernel, in slot space; the first three are the displacement, m.
-pub const INPUTS: usize = 6;
+pub const INPUTS: usize = 7;
 /// Input that holds the eigenstrain.
 pub const EIGENSTRAIN: usize = 3;
 /// Input that holds the bond stiffness c, Pa.
 pub const STIFFNESS: usize = 4;
 /// Input that holds the pressure p from dilatation, Pa.
 pub const PRESSURE: usize = 5;
+/// Input that holds the limit of bonds: critical stretch, or energy in J/m².
+pub const CRITICAL: usize = 6;
 
 type Ends<'a> = (&'a [f64; INPUTS], &'a [f64; INPUTS]);
 
@@ -52,6 +54,23 @@ fn pressure(bond: &Bond, (own, other): Ends<'_>) -> f64 {
 
 /// Force density of the bonds, N/m³.
 pub struct Force<const FINITE: bool, const DILATATION: bool>;
+
+/// [`Force`], and by how much the bonds that are to break exceed their limit, in all; the forces have
+/// one component less than there are sums.
+pub struct Breaking<const FINITE: bool, const DILATATION: bool> {
+    /// The limit is one of energy.
+    pub energy: bool,
+}
+
+/// What [`Breaking`] compares, over its limit (`[0]`), and the excess over the limit (`[1]`).
+pub struct Load {
+    /// Finite kinematics.
+    pub finite: bool,
+    /// The limit is one of energy.
+    pub energy: bool,
+    /// Bonds take the means of their ends: a bond-based solid.
+    pub pairs: bool,
+}
 
 /// Stiffness times displacement, N/m³: the linear part of minus [`Force`], with the pressure that the
 /// displacement makes.
@@ -123,6 +142,7 @@ fn sum<const D: usize>(parts: &[f64; D]) -> f64 {
     parts.iter().fold(0.0, |sum, part| sum + part)
 }
 
+#[inline(always)]
 fn stretch_in(finite: bool, bond: &Bond, ends: Ends<'_>) -> ([f64; 3], [f64; 3]) {
     match finite {
         true => stretch::<true, 3>(bond, ends),
@@ -148,6 +168,74 @@ impl<const FINITE: bool, const DILATATION: bool, const D: usize> BondKernel<INPU
             pair_tension(bond, sum(&parts), ends)
         };
         direction.map(|n| force * n)
+    }
+}
+
+/// What is compared with the limit of a bond: thermo-elastic stretch, or energy by weight in J/m²; not
+/// above zero unless the bond is pulled. `force` along the bond in N/m³.
+#[inline(always)]
+fn pull(energy: bool, bond: &Bond, (stretch, force): (f64, f64), (own, other): Ends<'_>) -> f64 {
+    let elastic = stretch - 0.5 * (own[EIGENSTRAIN] + other[EIGENSTRAIN]);
+    match energy {
+        true => 0.5 * force.max(0.0) / bond.mean() * bond.length * elastic,
+        false => elastic,
+    }
+}
+
+#[inline(always)]
+fn limit((own, other): Ends<'_>) -> f64 {
+    0.5 * (own[CRITICAL] + other[CRITICAL])
+}
+
+impl<const FINITE: bool, const DILATATION: bool> Breaking<FINITE, DILATATION> {
+    /// Force along each axis, N/m³, and excess.
+    #[inline(always)]
+    fn force_and_excess<const D: usize>(&self, bond: &Bond, ends: Ends<'_>) -> ([f64; D], f64) {
+        let (parts, direction) = stretch::<FINITE, D>(bond, ends);
+        let stretch = sum(&parts);
+        let force = match DILATATION {
+            true => tension(bond, stretch, ends) + pressure(bond, ends),
+            false => pair_tension(bond, stretch, ends),
+        };
+        let excess = pull(self.energy, bond, (stretch, force), ends) - limit(ends);
+        (direction.map(|n| force * n), excess.max(0.0))
+    }
+}
+
+impl<const FINITE: bool, const DILATATION: bool> BondKernel<INPUTS, 3>
+    for Breaking<FINITE, DILATATION>
+{
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 3] {
+        let ([x, y], excess) = self.force_and_excess(bond, (&own, &other));
+        [x, y, excess]
+    }
+}
+
+impl<const FINITE: bool, const DILATATION: bool> BondKernel<INPUTS, 4>
+    for Breaking<FINITE, DILATATION>
+{
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 4] {
+        let ([x, y, z], excess) = self.force_and_excess(bond, (&own, &other));
+        [x, y, z, excess]
+    }
+}
+
+impl BondKernel<INPUTS, 2> for Load {
+    const RARE: bool = true;
+
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
+        let ends = (&own, &other);
+        let (parts, _) = stretch_in(self.finite, bond, ends);
+        let stretch = sum(&parts);
+        let force = match self.pairs {
+            true => pair_tension(bond, stretch, ends),
+            false => tension(bond, stretch, ends) + pressure(bond, ends),
+        };
+        let (pull, limit) = (pull(self.energy, bond, (stretch, force), ends), limit(ends));
+        [pull / limit, (pull - limit).max(0.0)]
     }
 }
 
@@ -209,8 +297,6 @@ impl BondKernel<INPUTS, 6> for Block {
 }
 
 impl BondKernel<INPUTS, 2> for Energy {
-    const RARE: bool = true;
-
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
         let (parts, _) = stretch_in(self.finite, bond, (&own, &other));

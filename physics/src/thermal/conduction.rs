@@ -3,7 +3,7 @@
 use perimelt_core::family::LayerRule;
 use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::solver::reduce::max_abs;
-use perimelt_core::{Bond, BondKernel, Family};
+use perimelt_core::{Bond, BondKernel, BrokenBonds, Family};
 use rayon::prelude::*;
 
 /// The conduction operator with its work arrays.
@@ -14,6 +14,8 @@ pub(super) struct Conduction {
     temperature_slots: Vec<f64>,
     conductivity_slots: Vec<f64>,
     conductivity_field: Vec<f64>,
+    /// Bonds that conduct no more.
+    pub(super) broken: Option<BrokenBonds>,
     /// Heat that flowed to each point when last asked for, W/m³.
     pub(super) rate: Vec<[f64; 1]>,
 }
@@ -63,6 +65,7 @@ impl Conduction {
             temperature_slots: vec![0.0; family.slots()],
             conductivity_slots: vec![0.0; if varying == 0 { 0 } else { family.slots() }],
             conductivity_field: vec![0.0; varying],
+            broken: None,
             rate: vec![[0.0]; points],
         }
     }
@@ -96,14 +99,15 @@ impl Conduction {
 
     /// Heat that flows to each point, W/m³, from what was loaded.
     pub(super) fn flow(&mut self, family: &Family) {
-        let slots = &self.temperature_slots[..];
+        let (slots, broken) = (&self.temperature_slots[..], self.broken.as_ref());
         match self.uniform {
             Some(k) => {
                 let kernel = Uniform { conductivity: k };
-                family.sum(&kernel, [slots], &mut self.rate);
+                family.sum_unbroken(&kernel, [slots], broken, &mut self.rate);
             }
             None => {
-                family.sum(&Varying, [slots, &self.conductivity_slots], &mut self.rate);
+                let inputs = [slots, &self.conductivity_slots];
+                family.sum_unbroken(&Varying, inputs, broken, &mut self.rate);
             }
         }
     }

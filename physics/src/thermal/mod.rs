@@ -26,10 +26,11 @@ use std::sync::Arc;
 
 use perimelt_core::material::{EnthalpyCurve, LatentHeatForm};
 use perimelt_core::solver::reduce::weighted_sum;
-use perimelt_core::world::{BodyIndex, LayersHandle};
+use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
 use perimelt_core::{
-    Balance, Clock, Correction, Face, Family, FamilySpec, Horizon, Influence, PartialVolume,
-    Physics, Read, RunError, Setup, SetupError, Step, StepSize, Update, Work, World, Write, keys,
+    Balance, BrokenBonds, Clock, Correction, Face, Family, FamilySpec, Horizon, Influence,
+    PartialVolume, Physics, Read, RunError, Setup, SetupError, Step, StepSize, Update, Work, World,
+    Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -54,6 +55,9 @@ pub struct Thermal {
     /// Calibration of the bonds.
     #[serde(default)]
     pub correction: Correction,
+    /// What becomes of heat where bonds of the mechanics broke.
+    #[serde(default)]
+    pub broken_bonds: BrokenConduction,
     /// Whether the faces of the body continue in mirrored layers.
     #[serde(default)]
     pub surfaces: Surfaces,
@@ -80,6 +84,17 @@ fn three() -> Horizon {
 
 fn tolerance() -> f64 {
     1e-10
+}
+
+/// Whether heat crosses a crack that the mechanics opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BrokenConduction {
+    /// Points whose mechanical bond broke exchange no heat.
+    #[default]
+    Insulate,
+    /// Heat flows as if nothing had happened.
+    Conduct,
 }
 
 /// What lies behind the faces of a body.
@@ -125,10 +140,38 @@ struct Run {
     held: Option<Read<f64>>,
     curves: Vec<EnthalpyCurve>,
     conduction: Conduction,
+    cracks: Option<Cracks>,
     integrator: Integrator,
     /// Nothing holds the temperature level: boundaries are insulated or give fluxes.
     floating: bool,
     heat: HeatAccount,
+}
+
+/// How far the bonds of the mechanics that broke have been broken here.
+#[derive(Debug, Default)]
+struct Cracks {
+    taken: usize,
+    replaced: usize,
+    point_in: Vec<u32>,
+}
+
+impl Cracks {
+    fn follow(&mut self, broken: &BrokenPairs, family: &Family, own: &mut Option<BrokenBonds>) {
+        if self.replaced != broken.replaced {
+            (self.taken, self.replaced, *own) = (0, broken.replaced, None);
+        }
+        if self.taken == broken.pairs.len() {
+            return;
+        }
+        if self.point_in.is_empty() {
+            self.point_in = family.points_of_slots();
+        }
+        let own = own.get_or_insert_with(|| family.unbroken());
+        for pair in &broken.pairs[self.taken..] {
+            family.break_pair(*pair, &self.point_in, own);
+        }
+        self.taken = broken.pairs.len();
+    }
 }
 
 /// Heat since the start of the run, J.
@@ -214,6 +257,7 @@ impl Physics for Thermal {
             held,
             curves,
             conduction,
+            cracks: (self.broken_bonds == BrokenConduction::Insulate).then(Cracks::default),
             integrator: Integrator::new(self.solver, self.tolerance),
             heat,
         });
@@ -273,6 +317,10 @@ impl Physics for Thermal {
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
         let run = self.run.as_mut().expect("prepared before the first step");
+        if let Some(cracks) = &mut run.cracks {
+            let pairs = world.broken_pairs(run.body);
+            cracks.follow(&pairs, &run.family, &mut run.conduction.broken);
+        }
         let iterations = run.advance(world, step).map_err(|cause| RunError::Plugin {
             plugin: "thermal".into(),
             time: step.end(),

@@ -1,0 +1,223 @@
+//! Broken bonds: one bit for each bond, beside a family that stays as it was built.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Bond, Family, StencilBond};
+
+/// Which bonds of a family are broken, for ever. Both directions of a bond break together.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BrokenBonds {
+    /// Words of a point.
+    stride: usize,
+    /// A bit for each bond in the order of the point's family.
+    words: Vec<u64>,
+    /// Broken bonds of each point.
+    count: Vec<u32>,
+}
+
+impl BrokenBonds {
+    /// Number of broken bonds of a point.
+    pub fn of(&self, point: usize) -> usize {
+        self.count[point] as usize
+    }
+
+    /// Number of broken bonds, each end counted.
+    pub fn total(&self) -> usize {
+        self.count.iter().map(|c| *c as usize).sum()
+    }
+
+    /// The bits of a point; empty where no bond is broken.
+    #[inline(always)]
+    pub(super) fn bits(&self, point: usize) -> Bits<'_> {
+        match self.count[point] {
+            0 => Bits(&[]),
+            _ => Bits(&self.words[point * self.stride..][..self.stride]),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn is_whole(&self, points: std::ops::Range<usize>) -> bool {
+        self.count[points].iter().all(|c| *c == 0)
+    }
+
+    /// Whether a bond of a point is broken; `bond` counts as [`Family::for_each_bond`] does.
+    pub fn is_broken(&self, point: usize, bond: usize) -> bool {
+        self.bits(point).is_broken(bond)
+    }
+
+    /// Breaks one direction of a bond: the caller breaks the other.
+    pub fn break_bond(&mut self, point: usize, bond: usize) {
+        let word = &mut self.words[point * self.stride + bond / 64];
+        self.count[point] += u32::from(*word >> (bond % 64) & 1 == 0);
+        *word |= 1 << (bond % 64);
+    }
+}
+
+/// The bits of one point.
+#[derive(Clone, Copy)]
+pub(super) struct Bits<'a>(&'a [u64]);
+
+impl Bits<'_> {
+    pub(super) const NONE: Bits<'static> = Bits(&[]);
+
+    #[inline(always)]
+    pub(super) fn is_broken(self, bond: usize) -> bool {
+        self.0
+            .get(bond / 64)
+            .is_some_and(|word| word >> (bond % 64) & 1 == 1)
+    }
+
+    #[inline(always)]
+    pub(super) fn any(self) -> bool {
+        !self.0.is_empty()
+    }
+}
+
+impl Family {
+    /// No bond broken.
+    pub fn unbroken(&self) -> BrokenBonds {
+        let rows = self.rows.start.windows(2).map(|s| s[1] - s[0]);
+        let most = rows.max().unwrap_or(0).max(self.stencil.len());
+        let stride = most.div_ceil(64);
+        BrokenBonds {
+            stride,
+            words: vec![0; self.points * stride],
+            count: vec![0; self.points],
+        }
+    }
+
+    /// Breaks the bonds that `points` have with each other and with each other's images; `point_in`
+    /// is [`Family::points_of_slots`]. Nothing happens where there are none.
+    pub fn break_pair(&self, points: [u32; 2], point_in: &[u32], broken: &mut BrokenBonds) {
+        for [point, other] in [points, [points[1], points[0]]] {
+            self.for_each_bond(point as usize, |number, _, slot| {
+                if point_in[slot] == other {
+                    broken.break_bond(point as usize, number);
+                }
+            });
+        }
+    }
+
+    /// All bonds of a point: number in its family, bond, slot of the other end.
+    pub fn for_each_bond(&self, point: usize, mut receive: impl FnMut(usize, &Bond, usize)) {
+        let here = self.slot_of(point);
+        match self.rows.point.binary_search(&(point as u32)) {
+            Ok(row) => {
+                let range = self.rows.start[row]..self.rows.start[row + 1];
+                for (number, at) in range.enumerate() {
+                    let other = self.rows.column[at] as usize;
+                    receive(number, &self.bond_of_row(here, at), other);
+                }
+            }
+            Err(_) => {
+                for (number, StencilBond { offset, bond }) in self.stencil.iter().enumerate() {
+                    receive(number, bond, here.wrapping_add_signed(*offset));
+                }
+            }
+        }
+    }
+
+    /// The slot of a point.
+    pub fn slot_of(&self, point: usize) -> usize {
+        let after = self.spans.partition_point(|s| s.point as usize <= point);
+        let span = self.spans[after - 1];
+        span.slot as usize + point - span.point as usize
+    }
+
+    /// The point in a slot, unless there is a layer point or nothing.
+    pub fn point_in(&self, slot: usize) -> Option<usize> {
+        let after = self.spans.partition_point(|s| s.slot as usize <= slot);
+        let span = self.spans.get(after.checked_sub(1)?)?;
+        let along = slot - span.slot as usize;
+        (along < span.len as usize).then_some(span.point as usize + along)
+    }
+
+    /// By slot, the point that it carries or is the image of; [`u32::MAX`] where there is neither.
+    pub fn points_of_slots(&self) -> Vec<u32> {
+        let mut points = vec![u32::MAX; self.slots];
+        for span in &self.spans {
+            let slots = &mut points[span.slot as usize..][..span.len as usize];
+            slots.iter_mut().zip(span.point..).for_each(|(s, p)| *s = p);
+        }
+        for ghost in &self.ghosts {
+            points[ghost.slot as usize] = ghost.point;
+        }
+        points
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::{Body, Store};
+    use crate::family::BondKernel;
+    use crate::family::FamilySpec;
+    use crate::shape::{BoxShape, Shape};
+
+    struct Count;
+    impl BondKernel<1, 1> for Count {
+        #[inline(always)]
+        fn bond(&self, bond: &Bond, _: [f64; 1], _: [f64; 1]) -> [f64; 1] {
+            [bond.weight]
+        }
+    }
+
+    fn block(dimension: usize) -> Body {
+        let size = [40.0, 12.0, if dimension == 3 { 8.0 } else { 1.0 }];
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: size,
+        });
+        Body::fill("block", &shape, dimension, 1.0, 1.0).expect("valid")
+    }
+
+    #[test]
+    fn sums_skip_broken_bonds_in_every_store() {
+        for dimension in [1, 2, 3] {
+            let mut body = block(dimension);
+            let mut sums = Vec::new();
+            for store in [Store::Lattice, Store::List] {
+                body.store = store;
+                let family = Family::build(&body, &FamilySpec::new(3.0)).expect("valid");
+                let value = |x: &nalgebra::Vector3<f64>| if x.x < 20.0 { -1.0 } else { 1.0 };
+                let values: Vec<f64> = body.points.position.iter().map(value).collect();
+                let mut slots = vec![0.0; family.slots()];
+                family.scatter(&values, 1, 0, &mut slots);
+                let mut broken = family.unbroken();
+                let mut lost = vec![0.0; values.len()];
+                for (point, lost) in lost.iter_mut().enumerate() {
+                    family.for_each_bond(point, |number, bond, other| {
+                        if slots[other] * values[point] < 0.0 {
+                            broken.break_bond(point, number);
+                            *lost += bond.weight;
+                        }
+                    });
+                }
+                let (mut all, mut left) = (vec![[0.0]; lost.len()], vec![[0.0]; lost.len()]);
+                family.sum(&Count, [&slots], &mut all);
+                family.sum_unbroken(&Count, [&slots], Some(&broken), &mut left);
+                for point in 0..lost.len() {
+                    let expected = all[point][0] - lost[point];
+                    assert!((left[point][0] - expected).abs() < 1e-12 * all[point][0]);
+                    let near = (body.points.position[point].x - 20.0).abs() < 3.0;
+                    assert_eq!(broken.of(point) > 0, near, "at {point}");
+                }
+                sums.push(left);
+
+                // the same bonds, pair by pair
+                let mut again = family.unbroken();
+                let point_in = family.points_of_slots();
+                for point in 0..values.len() as u32 {
+                    for other in 0..point {
+                        if values[point as usize] * values[other as usize] < 0.0 {
+                            family.break_pair([point, other], &point_in, &mut again);
+                        }
+                    }
+                }
+                assert_eq!(again, broken);
+            }
+            let differ = sums[0].iter().zip(&sums[1]);
+            assert!(differ.clone().all(|([a], [b])| (a - b).abs() < 1e-12));
+        }
+    }
+}

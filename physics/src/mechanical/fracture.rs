@@ -1,0 +1,271 @@
+//! Fracture: bonds that are pulled too far break for ever.
+//!
+//! ```text
+//! s - e >= s_c                      stretch,    spec 04, eqs. 2.13 and 2.14
+//! (T_ij + T_ji) |xi| (s - e) / 2 >= w kappa     energy of the bond, after Foster et al. (2011)
+//! phi = 1 - sum_unbroken w / sum w              spec 04, eq. 2.15
+//! ```
+//!
+//! with the thermo-elastic stretch `s - e`, in tension only; `s_c`, `kappa` and `e` are the means of both
+//! ends. The energy that all bonds across a plane take is the fracture energy G:
+//!
+//! ```text
+//! G = s_c^2 horizon { 2 (d + 2) mu A + 2 a B },   kappa = 2 G, pi/2 G, 4/3 G  in 1D, 2D, 3D
+//! A = m_3/(4 m_2), m_4/(pi m_3), 3 m_5/(8 m_4),   m_p = integral of w r^(p - 1) dr from 0 to 1
+//! B = 0, 16/(9 pi^2), (3/4)^4
+//! ```
+//!
+//! with the dilatation stiffness a. A is derived for any influence function w; with the constant one it
+//! gives the published 6 mu/pi and 3 mu. B is that of the source, for the constant influence.
+
+use perimelt_core::family::BrokenBonds;
+use perimelt_core::material::Property;
+use perimelt_core::{Body, Bond, BondKernel, Family, Setup, SetupError};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::moduli::Moduli;
+
+/// When bonds break: at the `fracture_energy` or the `critical_stretch` of the material.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct FractureSection {
+    /// What is compared with its limit.
+    pub criterion: Criterion,
+    /// Regions whose bonds never break, such as those where loads are put on.
+    pub no_fail: Vec<String>,
+}
+
+/// What breaks a bond.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Criterion {
+    /// Its thermo-elastic stretch.
+    #[default]
+    Stretch,
+    /// The energy that it stores; needs the `fracture_energy`.
+    Energy,
+}
+
+/// Strength and broken bonds of a body.
+#[derive(Debug)]
+pub struct Fracture {
+    criterion: Criterion,
+    dimension: usize,
+    /// By material.
+    strength: Vec<Strength>,
+    /// m, by point.
+    horizon: Vec<f64>,
+    unbreakable: Vec<bool>,
+    /// `A` of the energy of stretched bonds.
+    crossing: f64,
+    /// Critical stretch, or kappa in J/m², of each point now.
+    pub critical: Vec<f64>,
+    /// By how much bonds of a point exceed their limit, in all; zero where none does.
+    pub excess: Vec<f64>,
+    /// Total weight of the bonds of each point, 1/m.
+    pub weight: Vec<f64>,
+    /// Bonds that broke.
+    pub broken: BrokenBonds,
+}
+
+#[derive(Debug)]
+enum Strength {
+    Stretch(Property),
+    Energy(Property),
+}
+
+impl Fracture {
+    /// Takes the strengths of the materials of a body.
+    ///
+    /// # Errors
+    /// A material without strength, an unknown region.
+    pub fn of(
+        section: &FractureSection,
+        setup: &Setup<'_>,
+        body: usize,
+        family: &Family,
+    ) -> Result<Self, SetupError> {
+        let this = setup.body(body);
+        let strength = this.materials.iter().map(|material| {
+            let of = |name| material.get(name).cloned();
+            let stretch = match section.criterion {
+                Criterion::Stretch => of("critical_stretch").map(Strength::Stretch),
+                Criterion::Energy => None,
+            };
+            let strength = stretch.or_else(|| of("fracture_energy").map(Strength::Energy));
+            strength.ok_or_else(|| {
+                let message = format!("material `{}` has no strength", material.name());
+                let expected = match section.criterion {
+                    Criterion::Stretch => "`fracture_energy` (J/m²) or `critical_stretch`",
+                    Criterion::Energy => "`fracture_energy` (J/m²)",
+                };
+                SetupError::value("fracture", message, expected)
+            })
+        });
+        let strength = strength.collect::<Result<Vec<_>, _>>()?;
+        let points = this.points.len();
+        let mut unbreakable = vec![false; points];
+        for name in &section.no_fail {
+            for &point in &setup.region(body, "fracture.no_fail", name)?.points {
+                unbreakable[point as usize] = true;
+            }
+        }
+        let mut weight = vec![[0.0]; points];
+        let zeros = vec![0.0; family.slots()];
+        family.sum(&Weight, [&zeros], &mut weight);
+        let spec = family.spec();
+        let moment = |power| spec.influence.radial_moment(power);
+        Ok(Fracture {
+            criterion: section.criterion,
+            dimension: this.dimension,
+            strength,
+            horizon: this
+                .points
+                .spacing
+                .iter()
+                .map(|s| spec.horizon.of(*s))
+                .collect(),
+            unbreakable,
+            crossing: match this.dimension {
+                1 => moment(3) / (4.0 * moment(2)),
+                2 => moment(4) / (std::f64::consts::PI * moment(3)),
+                _ => 3.0 * moment(5) / (8.0 * moment(4)),
+            },
+            critical: vec![f64::INFINITY; points],
+            excess: vec![0.0; points],
+            weight: weight.into_iter().map(|[w]| w).collect(),
+            broken: family.unbroken(),
+        })
+    }
+
+    /// Whether the energy of bonds is compared, not their stretch.
+    pub fn compares_energy(&self) -> bool {
+        self.criterion == Criterion::Energy
+    }
+
+    /// Evaluates the limit of each point at its temperature, K.
+    pub fn load(
+        &mut self,
+        body: &Body,
+        temperature: Option<&[f64]>,
+        moduli: impl Fn(usize) -> Moduli,
+    ) {
+        for i in 0..self.critical.len() {
+            if self.unbreakable[i] {
+                continue;
+            }
+            let at = |p: &Property| p.at(temperature.map_or(0.0, |t| t[i]), 0.0);
+            self.critical[i] = match (
+                &self.strength[body.material_of_point[i] as usize],
+                self.criterion,
+            ) {
+                (Strength::Stretch(stretch), _) => at(stretch),
+                (Strength::Energy(energy), Criterion::Energy) => {
+                    let shares = [2.0, std::f64::consts::FRAC_PI_2, 4.0 / 3.0];
+                    shares[self.dimension - 1] * at(energy)
+                }
+                (Strength::Energy(energy), Criterion::Stretch) => {
+                    let of_square = self.energy_of_square(&moduli(i)) * self.horizon[i];
+                    (at(energy) / of_square).sqrt()
+                }
+            };
+        }
+    }
+
+    /// Energy of a crack over horizon and square of the critical stretch, Pa.
+    fn energy_of_square(&self, moduli: &Moduli) -> f64 {
+        use std::f64::consts::PI;
+        let dilatation = [0.0, 16.0 / (9.0 * PI * PI), 0.75f64.powi(4)][self.dimension - 1];
+        moduli.bond_stiffness(self.dimension) * self.crossing
+            + 2.0 * moduli.dilatation_stiffness(self.dimension) * dilatation
+    }
+
+    /// Breaks the bonds of which `ratio` (what is compared over its limit) is at least 1 and at least
+    /// `share` of the largest; adds the share of weight that points lost to `damage`. Asks only points
+    /// with an excess. Returns the pairs of points that lost their bond, and whether any bond broke,
+    /// also one to a layer.
+    pub fn break_bonds(
+        &mut self,
+        family: &Family,
+        share: f64,
+        damage: &mut [f64],
+        ratio: impl Fn(&Bond, usize, usize) -> f64,
+    ) -> (Vec<[u32; 2]>, bool) {
+        let mut exceeding = Vec::new();
+        let points = self.excess.iter().enumerate().filter(|(_, e)| **e > 0.0);
+        for (point, _) in points {
+            let here = family.slot_of(point);
+            family.for_each_bond(point, |bond, geometry, other| {
+                if !self.broken.is_broken(point, bond) {
+                    let ratio = ratio(geometry, here, other);
+                    if ratio >= 1.0 {
+                        exceeding.push((ratio, point, other));
+                    }
+                }
+            });
+        }
+        let largest = exceeding.iter().map(|e| e.0).fold(0.0, f64::max);
+        exceeding.retain(|e| e.0 >= share * largest);
+        let mut pairs = Vec::new();
+        for &(_, point, slot) in &exceeding {
+            let pair = family.point_in(slot).map(|other| [point, other]);
+            let mut news = self.break_bond(family, (point, slot), damage);
+            if let Some([_, other]) = pair {
+                // rounding may have found it from one end only
+                news |= self.break_bond(family, (other, family.slot_of(point)), damage);
+                if news {
+                    pairs.push([point.min(other) as u32, point.max(other) as u32]);
+                }
+            }
+        }
+        (pairs, !exceeding.is_empty())
+    }
+
+    /// Breaks the bond of a point with what is in a slot; whether it was whole.
+    fn break_bond(
+        &mut self,
+        family: &Family,
+        (point, slot): (usize, usize),
+        damage: &mut [f64],
+    ) -> bool {
+        let (broken, total) = (&mut self.broken, self.weight[point]);
+        let mut news = false;
+        family.for_each_bond(point, |bond, geometry, other| {
+            if other == slot && !broken.is_broken(point, bond) {
+                broken.break_bond(point, bond);
+                damage[point] = (damage[point] + geometry.weight / total).min(1.0);
+                news = true;
+            }
+        });
+        news
+    }
+
+    /// All pairs of points that lost their bond.
+    pub fn broken_pairs(&self, family: &Family) -> Vec<[u32; 2]> {
+        let mut pairs = Vec::new();
+        for point in (0..self.weight.len()).filter(|p| self.broken.of(*p) > 0) {
+            family.for_each_bond(point, |bond, _, other| {
+                if self.broken.is_broken(point, bond)
+                    && let Some(other) = family.point_in(other)
+                    && other > point
+                {
+                    pairs.push([point as u32, other as u32]);
+                }
+            });
+        }
+        pairs
+    }
+}
+
+/// `sum_j w`, 1/m.
+struct Weight;
+
+impl BondKernel<1, 1> for Weight {
+    const RARE: bool = true;
+
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, _: [f64; 1], _: [f64; 1]) -> [f64; 1] {
+        [bond.weight]
+    }
+}
