@@ -82,6 +82,11 @@ benchmarks!(
     "wang-7.5.5.2-gauss-phase-D-constant-modulus",
     "wang-7.5.5.2-gauss-phase-D-no-latent",
     "clamped-bar-residual-stress",
+    "gao-3.6.1-bending",
+    "gao-3.6.2a-cracked-plate",
+    "gao-3.6.2b-tearing-plate-uncoupled",
+    "gao-3.6.2b-tearing-plate-coupled",
+    "gao-3.6.3-kalthoff",
 );
 
 /// The benchmark cases of the program, or those of a folder, with their names.

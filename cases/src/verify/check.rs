@@ -46,13 +46,18 @@ pub enum Measure {
     History(HistoryMeasure),
     /// The time at which a field first crosses a value, s.
     Crossing(CrossingMeasure),
+    /// The time at which a field first exceeds a value anywhere in a region, s.
+    Onset(OnsetMeasure),
+    /// Where the point lies that is farthest along a direction among those at which a field exceeds a
+    /// value, such as the tip of a crack: x, y and z in the reference configuration, m.
+    Tip(TipMeasure),
     /// One number for all points of a region.
     Statistic(StatisticMeasure),
     /// How far an isotherm reaches, m.
     MeltPool(MeltPoolMeasure),
     /// The largest relative error of a balance over all logged states.
     Balance(BalanceMeasure),
-    /// A number that couplers report, summed over them, at the end.
+    /// A number that plugins report, summed over them.
     Report(ReportMeasure),
 }
 
@@ -71,6 +76,9 @@ pub struct FieldMeasure {
     pub component: Option<String>,
     /// Reference positions, m.
     pub at: Vec<[f64; 3]>,
+    /// Reference position whose value is subtracted from all, m, such as the other lip of a crack.
+    #[serde(default)]
+    pub from: Option<[f64; 3]>,
     /// When, s: a multiple of the log interval; the end when left out.
     #[serde(default)]
     pub time: Option<f64>,
@@ -130,6 +138,40 @@ pub struct CrossingMeasure {
     pub at: [f64; 3],
     /// The value.
     pub value: f64,
+}
+
+/// The time at which a field first exceeds a value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct OnsetMeasure {
+    /// Body; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Field, such as "damage"; of vectors the magnitude.
+    pub field: String,
+    /// Region; the whole body when left out.
+    #[serde(default)]
+    pub region: Option<String>,
+    /// The value.
+    pub above: f64,
+}
+
+/// The farthest point at which a field exceeds a value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TipMeasure {
+    /// Body; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Field, such as "damage"; of vectors the magnitude.
+    pub field: String,
+    /// The value.
+    pub above: f64,
+    /// Direction in which the point is sought.
+    pub along: [f64; 3],
+    /// When, s: a multiple of the log interval; the end when left out.
+    #[serde(default)]
+    pub time: Option<f64>,
 }
 
 /// One number for all points of a region.
@@ -196,12 +238,15 @@ pub struct BalanceMeasure {
     pub quantity: String,
 }
 
-/// A number that couplers report.
+/// A number that plugins report.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReportMeasure {
     /// Its name, such as "energy.deposited".
     pub name: String,
+    /// When, s: a multiple of the log interval; the end when left out.
+    #[serde(default)]
+    pub time: Option<f64>,
 }
 
 /// How far ours may be from the reference.

@@ -1,11 +1,12 @@
 //! Takes a measurement while a simulation runs.
 
+use nalgebra::Vector3;
 use perimelt_core::field::FieldIndex;
 use perimelt_core::{Problem, SetupError, Simulation, World};
 
 use super::check::{BalanceMeasure, Extent, Interpolation, Measure, MeltPoolMeasure};
 use super::sample::weights;
-use crate::case::sections::{ProbeKind, ProbeSection, RegionProbe};
+use crate::case::sections::{ProbeKind, ProbeSection, RegionProbe, Statistic};
 use crate::melt_pool::{Travel, melt_pool_on};
 use crate::plot::grid::Grid;
 use crate::probe::{Component, Probe, find_body, find_field};
@@ -34,6 +35,16 @@ enum Taker {
         weights: Vec<(usize, f64)>,
         level: f64,
         last: (f64, f64),
+    },
+    Onset {
+        largest: Probe,
+        above: f64,
+    },
+    Tip {
+        body: usize,
+        component: Component,
+        above: f64,
+        along: Vector3<f64>,
     },
     Statistic {
         probe: Probe,
@@ -66,13 +77,23 @@ impl Recorder {
                 let body = find_body(world, m.body.as_deref())?;
                 let field = find_field(simulation, body, &m.field, "measure.field.field")?;
                 let component = Component::new(world, field, m.component.as_deref())?;
-                let weights =
-                    m.at.iter()
-                        .map(|&at| weights(world.body(body), at, m.interpolation));
+                let weights = |at| weights(world.body(body), at, m.interpolation);
+                let subtracted = match m.from {
+                    Some(from) => weights(from)?,
+                    None => Vec::new(),
+                };
+                let weights = |&at: &[f64; 3]| {
+                    let subtracted = subtracted.iter().map(|(point, w)| (*point, -w));
+                    Ok(weights(at)?.into_iter().chain(subtracted).collect())
+                };
                 when = m.time;
                 Taker::Field {
                     component,
-                    weights: weights.collect::<Result<_, _>>()?,
+                    weights: m
+                        .at
+                        .iter()
+                        .map(weights)
+                        .collect::<Result<_, SetupError>>()?,
                     offset: m.offset,
                 }
             }
@@ -104,21 +125,30 @@ impl Recorder {
                     last: (f64::NAN, f64::NAN),
                 }
             }
+            Measure::Onset(m) => Taker::Onset {
+                largest: region_probe(
+                    (&m.body, &m.field, None),
+                    (&m.region, Statistic::Max),
+                    simulation,
+                )?,
+                above: m.above,
+            },
+            Measure::Tip(m) => {
+                let body = find_body(world, m.body.as_deref())?;
+                let field = find_field(simulation, body, &m.field, "measure.tip.field")?;
+                when = m.time;
+                Taker::Tip {
+                    body,
+                    component: Component::new(world, field, None)?,
+                    above: m.above,
+                    along: m.along.into(),
+                }
+            }
             Measure::Statistic(m) => {
-                let region = RegionProbe {
-                    name: m.region.clone(),
-                    statistic: m.statistic,
-                };
-                let section = ProbeSection {
-                    name: String::new(),
-                    body: m.body.clone(),
-                    field: Some(m.field.clone()),
-                    component: m.component.clone(),
-                    kind: ProbeKind::Region(region),
-                };
+                let field = (&m.body, &m.field[..], m.component.clone());
                 when = m.time;
                 Taker::Statistic {
-                    probe: Probe::new(&section, simulation)?,
+                    probe: region_probe(field, (&m.region, m.statistic), simulation)?,
                     offset: m.offset,
                 }
             }
@@ -152,7 +182,8 @@ impl Recorder {
                     .flat_map(|(_, r)| r)
                     .map(|r| r.name)
                     .collect();
-                is_one_of("report of a coupler", "measure.report.name", &m.name, known)?;
+                is_one_of("report", "measure.report.name", &m.name, known)?;
+                when = m.time;
                 Taker::Report {
                     name: m.name.clone(),
                 }
@@ -185,6 +216,11 @@ impl Recorder {
                     self.values = Some(vec![before + share * (now - before)]);
                 }
                 *last = (now, value);
+            }
+            Taker::Onset { largest, above } => {
+                if self.values.is_none() && largest.measure(world)[0] > *above {
+                    self.values = Some(vec![now]);
+                }
             }
             Taker::History {
                 component,
@@ -267,11 +303,44 @@ impl Taker {
                 let all = reports.iter().flat_map(|(_, r)| r);
                 vec![all.filter(|r| r.name == *name).map(|r| r.value).sum()]
             }
-            Taker::History { .. } | Taker::Crossing { .. } | Taker::Balance { .. } => {
+            Taker::Tip {
+                body,
+                component,
+                above,
+                along,
+            } => {
+                let positions = world.body(*body).points.position.iter().enumerate();
+                let beyond = positions.filter(|(i, _)| component.at(world, *i) > *above);
+                let far = beyond.max_by(|(_, a), (_, b)| a.dot(along).total_cmp(&b.dot(along)));
+                far.map_or(vec![f64::NAN; 3], |(_, x)| x.as_slice().to_vec())
+            }
+            Taker::History { .. }
+            | Taker::Crossing { .. }
+            | Taker::Onset { .. }
+            | Taker::Balance { .. } => {
                 unreachable!("seen step by step")
             }
         }
     }
+}
+
+fn region_probe(
+    (body, field, component): (&Option<String>, &str, Option<String>),
+    (region, statistic): (&Option<String>, Statistic),
+    simulation: &Simulation,
+) -> Result<Probe, SetupError> {
+    let region = RegionProbe {
+        name: region.clone(),
+        statistic,
+    };
+    let section = ProbeSection {
+        name: String::new(),
+        body: body.clone(),
+        field: Some(field.into()),
+        component,
+        kind: ProbeKind::Region(region),
+    };
+    Probe::new(&section, simulation)
 }
 
 fn sum(component: Component, weights: &[(usize, f64)], world: &World) -> f64 {

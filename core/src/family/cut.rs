@@ -8,10 +8,19 @@ use crate::body::Face;
 /// all families of the body. Neither heat nor force passes a cut (spec 02, 1.5).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cut {
+    /// Corner, or centre.
     corner: Vector3<f64>,
+    /// Edges from the corner, or radii.
     edges: [Vector3<f64>; 2],
+    outline: Outline,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outline {
+    Parallelogram,
     /// Without bounds along the second edge.
-    extruded: bool,
+    Strip,
+    Disc,
 }
 
 impl Cut {
@@ -24,7 +33,7 @@ impl Cut {
                 Vector3::new(to[0] - from[0], to[1] - from[1], 0.0),
                 Vector3::z(),
             ],
-            extruded: true,
+            outline: Outline::Strip,
         };
         cut.has_area().then_some(cut)
     }
@@ -35,9 +44,22 @@ impl Cut {
         let cut = Cut {
             corner: corner.into(),
             edges: edges.map(Vector3::from),
-            extruded: false,
+            outline: Outline::Parallelogram,
         };
         cut.has_area().then_some(cut)
+    }
+
+    /// The disc about `centre` (m) across `normal` of a radius in m. `None` when it has no area.
+    pub fn disc(centre: [f64; 3], normal: [f64; 3], radius: f64) -> Option<Cut> {
+        let normal = Vector3::from(normal).try_normalize(0.0)?;
+        let across = normal.cross(&Vector3::ith_axis(normal.iamin()));
+        let first = radius * across.try_normalize(0.0)?;
+        let cut = Cut {
+            corner: centre.into(),
+            edges: [first, normal.cross(&first)],
+            outline: Outline::Disc,
+        };
+        (radius > 0.0 && cut.has_area()).then_some(cut)
     }
 
     fn has_area(&self) -> bool {
@@ -73,7 +95,11 @@ impl Cut {
             let coordinate = a.cross(b).dot(&normal) / normal.norm_squared();
             (-NEAR..=1.0 + NEAR).contains(&coordinate)
         };
-        along(&arm, &self.edges[1]) && (self.extruded || along(&self.edges[0], &arm))
+        match self.outline {
+            Outline::Disc => arm.norm() <= (1.0 + NEAR) * self.edges[0].norm(),
+            Outline::Strip => along(&arm, &self.edges[1]),
+            Outline::Parallelogram => along(&arm, &self.edges[1]) && along(&self.edges[0], &arm),
+        }
     }
 
     /// Its image behind the plane at `position` (m) of a face.
@@ -107,6 +133,18 @@ mod tests {
         let high = Vector3::new(0.4, 0.6, 7.0);
         assert!(slanted.crosses(&high, &Vector3::new(0.6, 0.4, 7.0)));
         assert!(Cut::segment([1.0, 1.0], [1.0, 1.0]).is_none());
+
+        let disc = Cut::disc([1.0, 2.0, 3.0], [0.0, 0.0, 5.0], 0.5).expect("area");
+        for (angle, share) in [(0.3f64, 0.99), (2.0, 0.99), (4.0, 1.01), (5.5, 1.01)] {
+            let (x, y) = (
+                1.0 + 0.5 * share * angle.cos(),
+                2.0 + 0.5 * share * angle.sin(),
+            );
+            let (below, above) = (Vector3::new(x, y, 2.0), Vector3::new(x, y, 3.1));
+            assert_eq!(disc.crosses(&below, &above), share < 1.0, "{angle}");
+        }
+        assert!(Cut::disc([0.0; 3], [0.0; 3], 1.0).is_none());
+        assert!(Cut::disc([0.0; 3], [1.0, 0.0, 0.0], 0.0).is_none());
     }
 
     struct Flow;

@@ -2,15 +2,15 @@
 //! (spec 02, 1.5 and 4.3).
 //!
 //! The correction of the bonds beside the crack stays that of the uncut body: families there
-//! lack members for a physical reason, not because the lattice ends. The crack does not grow,
-//! and its faces may pass through each other when it closes.
+//! lack members for a physical reason, not because the lattice ends. It grows where the mechanics has
+//! `fracture`; its faces pass through each other when it closes, unless there is `contact`.
 
 use perimelt_core::{Body, Coupler, Cut, Face, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A flat crack: a line (`from`, `to`) through the whole thickness, or a plane part of a 3D body
-/// (`corner`, `edges`).
+/// A crack: a line (`from`, `to`) or chain of lines (`through`) through the whole thickness, or in 3D a
+/// plane part (`corner`, `edges`) or a `disc`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct InsulatedCrack {
@@ -23,28 +23,70 @@ pub struct InsulatedCrack {
     /// The other tip, x and y (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to: Option<[f64; 2]>,
+    /// Corners of a chain of lines, x and y (m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub through: Option<Vec<[f64; 2]>>,
     /// A corner of the parallelogram (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corner: Option<[f64; 3]>,
     /// The two edges from that corner, as vectors (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub edges: Option<[[f64; 3]; 2]>,
+    /// A penny-shaped crack, such as `{ centre = [0, 0, 0], normal = [0, 0, 1], radius = 1e-3 }`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub disc: Option<Disc>,
+}
+
+/// A flat disc.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Disc {
+    /// Centre, m.
+    pub centre: [f64; 3],
+    /// Normal of its plane, of any length.
+    pub normal: [f64; 3],
+    /// Radius, m.
+    pub radius: f64,
 }
 
 impl InsulatedCrack {
-    /// The cut and the key that describes it.
-    fn cut(&self) -> Result<(Cut, &'static str), SetupError> {
-        let (cut, key) = match (self.from, self.to, self.corner, self.edges) {
-            (Some(from), Some(to), None, None) => (Cut::segment(from, to), "to"),
-            (None, None, Some(corner), Some(edges)) => (Cut::parallelogram(corner, edges), "edges"),
+    /// The cuts and the key that describes them.
+    fn cuts(&self) -> Result<(Vec<Cut>, &'static str), SetupError> {
+        let given = (
+            self.from,
+            self.to,
+            &self.through,
+            self.corner,
+            self.edges,
+            &self.disc,
+        );
+        let (cuts, key) = match given {
+            (Some(from), Some(to), None, None, None, None) => (vec![Cut::segment(from, to)], "to"),
+            (None, None, Some(corners), None, None, None) => {
+                let lines = corners
+                    .windows(2)
+                    .map(|ends| Cut::segment(ends[0], ends[1]));
+                (lines.collect(), "through")
+            }
+            (None, None, None, Some(corner), Some(edges), None) => {
+                (vec![Cut::parallelogram(corner, edges)], "edges")
+            }
+            (None, None, None, None, None, Some(d)) => {
+                (vec![Cut::disc(d.centre, d.normal, d.radius)], "disc")
+            }
             _ => {
                 let message = "the crack is not described";
-                let expected = "either `from` and `to`, or `corner` and `edges`";
+                let expected = "one of `from` and `to`, `through`, `corner` and `edges`, or `disc`";
                 return Err(SetupError::value("", message, expected));
             }
         };
-        let flat = || SetupError::value(key, "the crack has no extent", "different ends or edges");
-        Ok((cut.ok_or_else(flat)?, key))
+        let cuts: Option<Vec<Cut>> = cuts.into_iter().collect();
+        let cuts = cuts.filter(|cuts| !cuts.is_empty());
+        let flat = || {
+            let expected = "different ends, corners or edges, and a radius above 0";
+            SetupError::value(key, "the crack has no extent", expected)
+        };
+        Ok((cuts.ok_or_else(flat)?, key))
     }
 }
 
@@ -64,8 +106,8 @@ fn severs(body: &Body, cut: &Cut) -> bool {
 impl Coupler for InsulatedCrack {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        let (cut, key) = self.cut()?;
-        if !severs(setup.body(body), &cut) {
+        let (cuts, key) = self.cuts()?;
+        if !cuts.iter().any(|cut| severs(setup.body(body), cut)) {
             let (min, max) = setup.body(body).bounds();
             let message = format!(
                 "the crack passes between no points of body `{}`, which spans {:?} to {:?} m",
@@ -75,7 +117,9 @@ impl Coupler for InsulatedCrack {
             );
             return Err(SetupError::value(key, message, "a crack inside the body"));
         }
-        setup.cut(body, cut);
+        for cut in cuts {
+            setup.cut(body, cut);
+        }
         Ok(())
     }
 
@@ -102,6 +146,11 @@ mod tests {
         for (crack, cut) in [
             ("from = [0, 1]\nto = [2, 1]", 2 * 2 * 2),
             ("corner = [0, 1, 0]\nedges = [[2, 0, 0], [0, 0, 1]]", 2 * 2),
+            ("through = [[0, 1], [2, 1], [2, 3]]", 2 * 2 * (2 + 2)),
+            (
+                "disc = { centre = [2, 1, 1], normal = [0, 2, 0], radius = 0.8 }",
+                2 * 2 * 2,
+            ),
         ] {
             let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
             let mut coupler: InsulatedCrack = read(crack);
@@ -120,7 +169,8 @@ mod tests {
                 "passes between no points of body `block`",
             ),
             ("from = [1, 1]\nto = [1, 1]", "no extent"),
-            ("from = [1, 1]", "either `from` and `to`"),
+            ("from = [1, 1]", "one of `from` and `to`"),
+            ("through = [[1, 1]]", "no extent"),
         ] {
             let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
             let mut coupler: InsulatedCrack = read(crack);

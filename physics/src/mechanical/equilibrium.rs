@@ -73,7 +73,7 @@ impl Rhs for Residual<'_> {
         self.release(out, -1.0);
         if let Some(fracture) = self.solid.fracture() {
             // a point that lost its bonds stays where it is
-            let lost = |point| fracture.broken.of(point) > 0;
+            let lost = |point| fracture.state.broken.of(point) > 0;
             let zeros = out.iter_mut().enumerate().filter(|(_, d)| **d == 0.0);
             zeros
                 .filter(|(i, _)| lost(i / 3))

@@ -65,8 +65,18 @@ pub struct Fracture {
     pub excess: Vec<f64>,
     /// Total weight of the bonds of each point, 1/m.
     pub weight: Vec<f64>,
+    /// What has happened.
+    pub state: FractureState,
+}
+
+/// What has happened to a body that breaks.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct FractureState {
     /// Bonds that broke.
     pub broken: BrokenBonds,
+    /// The stress conjugate to the eigenstrain that bonds of each point carried when they broke, Pa. It
+    /// stays part of the `eigenstress`, whose change heats: a break is no unloading.
+    pub frozen: Vec<f64>,
 }
 
 #[derive(Debug)]
@@ -135,7 +145,10 @@ impl Fracture {
             critical: vec![f64::INFINITY; points],
             excess: vec![0.0; points],
             weight: weight.into_iter().map(|[w]| w).collect(),
-            broken: family.unbroken(),
+            state: FractureState {
+                broken: family.unbroken(),
+                frozen: vec![0.0; points],
+            },
         })
     }
 
@@ -182,8 +195,9 @@ impl Fracture {
     }
 
     /// Breaks the bonds of which `ratio` (what is compared over its limit) is at least 1 and at least
-    /// `share` of the largest; adds the share of weight that points lost to `damage`. Asks only points
-    /// with an excess. Returns the pairs of points that lost their bond, and whether any bond broke,
+    /// `share` of the largest; adds the share of weight that points lost to `damage`. `conjugate` is the
+    /// stress conjugate to the eigenstrain that the bond of a point with a slot carries, Pa; `ratio` takes
+    /// bond and slots of both ends. Asks only points with an excess. Returns the pairs of points that lost their bond, and whether any bond broke,
     /// also one to a layer.
     pub fn break_bonds(
         &mut self,
@@ -191,13 +205,14 @@ impl Fracture {
         share: f64,
         damage: &mut [f64],
         ratio: impl Fn(&Bond, usize, usize) -> f64,
+        conjugate: impl Fn(usize, &Bond, usize) -> f64,
     ) -> (Vec<[u32; 2]>, bool) {
         let mut exceeding = Vec::new();
         let points = self.excess.iter().enumerate().filter(|(_, e)| **e > 0.0);
         for (point, _) in points {
             let here = family.slot_of(point);
             family.for_each_bond(point, |bond, geometry, other| {
-                if !self.broken.is_broken(point, bond) {
+                if !self.state.broken.is_broken(point, bond) {
                     let ratio = ratio(geometry, here, other);
                     if ratio >= 1.0 {
                         exceeding.push((ratio, point, other));
@@ -210,10 +225,10 @@ impl Fracture {
         let mut pairs = Vec::new();
         for &(_, point, slot) in &exceeding {
             let pair = family.point_in(slot).map(|other| [point, other]);
-            let mut news = self.break_bond(family, (point, slot), damage);
+            let mut news = self.break_bond(family, (point, slot), damage, &conjugate);
             if let Some([_, other]) = pair {
                 // rounding may have found it from one end only
-                news |= self.break_bond(family, (other, family.slot_of(point)), damage);
+                news |= self.break_bond(family, (other, family.slot_of(point)), damage, &conjugate);
                 if news {
                     pairs.push([point.min(other) as u32, point.max(other) as u32]);
                 }
@@ -228,13 +243,16 @@ impl Fracture {
         family: &Family,
         (point, slot): (usize, usize),
         damage: &mut [f64],
+        conjugate: impl Fn(usize, &Bond, usize) -> f64,
     ) -> bool {
-        let (broken, total) = (&mut self.broken, self.weight[point]);
+        let FractureState { broken, frozen } = &mut self.state;
+        let total = self.weight[point];
         let mut news = false;
         family.for_each_bond(point, |bond, geometry, other| {
             if other == slot && !broken.is_broken(point, bond) {
                 broken.break_bond(point, bond);
                 damage[point] = (damage[point] + geometry.weight / total).min(1.0);
+                frozen[point] += conjugate(point, geometry, other);
                 news = true;
             }
         });
@@ -244,9 +262,9 @@ impl Fracture {
     /// All pairs of points that lost their bond.
     pub fn broken_pairs(&self, family: &Family) -> Vec<[u32; 2]> {
         let mut pairs = Vec::new();
-        for point in (0..self.weight.len()).filter(|p| self.broken.of(*p) > 0) {
+        for point in (0..self.weight.len()).filter(|p| self.state.broken.of(*p) > 0) {
             family.for_each_bond(point, |bond, _, other| {
-                if self.broken.is_broken(point, bond)
+                if self.state.broken.is_broken(point, bond)
                     && let Some(other) = family.point_in(other)
                     && other > point
                 {

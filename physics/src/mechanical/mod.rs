@@ -18,6 +18,8 @@ mod classical;
 pub mod correspondence;
 mod equilibrium;
 pub mod fracture;
+#[cfg(test)]
+mod fracture_tests;
 mod gradient;
 #[cfg(test)]
 mod layer_tests;
@@ -39,15 +41,15 @@ use perimelt_core::solver::{
 };
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Balance, BrokenBonds, Clock, Correction, FamilySpec, Horizon, Influence, PartialVolume,
-    Physics, Read, ReadIfProvided, Report, RunError, Setup, SetupError, Step, StepSize, Update,
-    Work, World, Write, keys,
+    Balance, Clock, Correction, FamilySpec, Horizon, Influence, PartialVolume, Physics, Read,
+    ReadIfProvided, Report, RunError, Setup, SetupError, Step, StepSize, Update, Work, World,
+    Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use correspondence::Correspondence;
-use fracture::{Fracture, FractureSection};
+use fracture::{Fracture, FractureSection, FractureState};
 use moduli::{Elasticity, Moduli, Plane};
 use ordinary::Ordinary;
 use plasticity::{Inelastic, Plasticity, PlasticitySection};
@@ -609,7 +611,13 @@ impl Physics for Mechanical {
     fn report(&self) -> Vec<Report> {
         let run = self.run.as_ref().expect("prepared before the first step");
         let forces = self.sections.iter().zip(&run.section_forces);
-        forces.flat_map(|(s, force)| s.report(*force)).collect()
+        let forces = forces.flat_map(|(s, force)| s.report(*force));
+        let broken = run.solid.fracture().map(|fracture| Report {
+            name: "bonds.broken".into(),
+            unit: "1".into(),
+            value: 0.5 * fracture.state.broken.total() as f64,
+        });
+        forces.chain(broken).collect()
     }
 
     fn balance(&self, world: &World) -> Vec<Balance> {
@@ -631,7 +639,7 @@ impl Physics for Mechanical {
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
         let run = self.run.as_ref().expect("prepared before a save");
-        Box::new((&run.state, run.solid.fracture().map(|f| &f.broken)))
+        Box::new((&run.state, run.solid.fracture().map(|f| &f.state)))
     }
 
     fn load(
@@ -639,10 +647,10 @@ impl Physics for Mechanical {
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
         let run = self.run.as_mut().expect("prepared before a restart");
-        let (state, broken): (State, Option<BrokenBonds>) = erased_serde::deserialize(state)?;
+        let (state, broken): (State, Option<FractureState>) = erased_serde::deserialize(state)?;
         run.state = state;
-        if let (Some(fracture), Some(broken)) = (run.solid.fracture_mut(), broken) {
-            fracture.broken = broken;
+        if let (Some(fracture), Some(state)) = (run.solid.fracture_mut(), broken) {
+            fracture.state = state;
         }
         Ok(())
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use perimelt_core::family::{Continuation, LayerRule};
-use perimelt_core::{Body, BondKernel, BrokenBonds, Family};
+use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Family};
 use rayon::prelude::*;
 
 use super::classical::{Point, diagonal, image_of, symmetric};
@@ -161,7 +161,7 @@ impl Ordinary {
     }
 
     fn broken(&self) -> Option<&BrokenBonds> {
-        self.fracture.as_ref().map(|f| &f.broken)
+        self.fracture.as_ref().map(|f| &f.state.broken)
     }
 
     /// Loads the pressure from dilatation of the displacement that was set, of the total strain or
@@ -356,7 +356,7 @@ impl Ordinary {
         }
         let mut padded = std::mem::take(&mut self.padded);
         let (sums, _) = padded.as_chunks_mut::<O>();
-        let (family, inputs, broken) = (&self.family, self.inputs(), Some(&fracture.broken));
+        let (family, inputs, broken) = (&self.family, self.inputs(), Some(&fracture.state.broken));
         match (self.finite, self.dilatation) {
             (false, false) => {
                 family.sum_unbroken(&Breaking::<false, false> { energy }, inputs, broken, sums);
@@ -381,6 +381,20 @@ impl Ordinary {
             *excess = sum[O - 1];
         }
         (self.padded, self.fracture) = (padded, Some(fracture));
+    }
+
+    fn energy_kernel(&self) -> Energy {
+        Energy {
+            finite: self.finite,
+            pairs: !self.dilatation,
+        }
+    }
+
+    /// Stress conjugate to the eigenstrain by the dilatation of these `sum_j w s`, Pa.
+    fn conjugate_pressure(&self, point: usize, expansion: [f64; 3]) -> f64 {
+        let a = self.moduli(point).dilatation_stiffness(self.dimension);
+        let theta = self.normaliser[point] * expansion.iter().sum::<f64>();
+        2.0 * a * theta * self.dimension as f64
     }
 
     fn load_kernel(&self, energy: bool) -> Load {
@@ -521,20 +535,35 @@ impl Solid for Ordinary {
             return (Vec::new(), false);
         };
         let load = self.load_kernel(fracture.compares_energy());
+        let energy = self.energy_kernel();
+        let inputs = self.inputs();
+        let ends = |own, other| [own, other].map(|slot: usize| inputs.map(|i| i[slot]));
+        let conjugate = |point: usize, bond: &Bond, other: usize| {
+            let [own, other] = ends(self.family.slot_of(point), other);
+            let [_, stress] = energy.bond(bond, own, other);
+            if !self.dilatation {
+                return stress;
+            }
+            let expansion: [f64; 3] = match self.finite {
+                true => Expansion::<true>.bond(bond, own, other),
+                false => Expansion::<false>.bond(bond, own, other),
+            };
+            stress + self.conjugate_pressure(point, expansion)
+        };
+        let family = &self.family;
         let broken = if self.plasticity.is_some() {
             let (kernel, inputs) = (Plastic(load), self.plastic_inputs());
-            fracture.break_bonds(&self.family, share, damage, |bond, own, other| {
+            let ratio = |bond: &Bond, own: usize, other: usize| {
                 let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
-                let [ratio, _] = kernel.bond(bond, own, other);
-                ratio
-            })
+                kernel.bond(bond, own, other)[0]
+            };
+            fracture.break_bonds(family, share, damage, ratio, conjugate)
         } else {
-            let inputs = self.inputs();
-            fracture.break_bonds(&self.family, share, damage, |bond, own, other| {
-                let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
-                let [ratio, _] = load.bond(bond, own, other);
-                ratio
-            })
+            let ratio = |bond: &Bond, own, other| {
+                let [own, other] = ends(own, other);
+                load.bond(bond, own, other)[0]
+            };
+            fracture.break_bonds(family, share, damage, ratio, conjugate)
         };
         self.fracture = Some(fracture);
         broken
@@ -606,24 +635,21 @@ impl Solid for Ordinary {
 
     fn energy(&mut self) -> &[[f64; 2]] {
         let mut energy = std::mem::take(&mut self.energy);
-        let kernel = Energy {
-            finite: self.finite,
-            pairs: !self.dilatation,
-        };
-        self.run(&kernel, &mut energy);
-        self.energy = energy;
+        self.run(&self.energy_kernel(), &mut energy);
         if self.dilatation {
             self.expand();
-            for i in 0..self.energy.len() {
+            for (i, [density, conjugate]) in energy.iter_mut().enumerate() {
                 let a = self.moduli(i).dilatation_stiffness(self.dimension);
                 let theta = self.normaliser[i] * self.expansion[i].iter().sum::<f64>();
-                self.energy[i][0] += a * theta * theta;
-                self.energy[i][1] += 2.0 * a * theta * self.dimension as f64;
+                *density += a * theta * theta;
+                *conjugate += self.conjugate_pressure(i, self.expansion[i]);
             }
         }
-        for i in 0..self.energy.len() {
-            self.energy[i][1] *= self.moduli(i).swelling;
+        for (i, [_, conjugate]) in energy.iter_mut().enumerate() {
+            let frozen = self.fracture.as_ref().map_or(0.0, |f| f.state.frozen[i]);
+            *conjugate = (*conjugate + frozen) * self.moduli(i).swelling;
         }
+        self.energy = energy;
         &self.energy
     }
 

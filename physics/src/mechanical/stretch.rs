@@ -49,7 +49,8 @@ fn tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
 
 #[inline(always)]
 fn pressure(bond: &Bond, (own, other): Ends<'_>) -> f64 {
-    (bond.weight * own[PRESSURE] + bond.dual * other[PRESSURE]) / bond.length
+    // not divided: on a lattice the reciprocal is the same for all points
+    (bond.weight * own[PRESSURE] + bond.dual * other[PRESSURE]) * (1.0 / bond.length)
 }
 
 /// Force density of the bonds, N/m³.
@@ -126,13 +127,17 @@ fn stretch<const FINITE: bool, const D: usize>(
     if FINITE {
         let current: [f64; D] = std::array::from_fn(|a| bond.xi[a] + relative[a]);
         let length = current.iter().fold(0.0, |sum, y| sum + y * y).sqrt();
-        // l - l0 = (l^2 - l0^2) / (l + l0): small stretches keep their digits
-        let scale = 1.0 / ((length + bond.length) * bond.length);
-        let part = |a: usize| relative[a] * (bond.xi[a] + current[a]) * scale;
-        (std::array::from_fn(part), current.map(|y| y / length))
+        // l - l0 = (l^2 - l0^2) / (l + l0): small stretches keep their digits; one division serves
+        // both this and the direction
+        let sum = (length + bond.length) * bond.length;
+        let inverse = 1.0 / (length * sum);
+        let (by_sum, by_length) = (inverse * length, inverse * sum);
+        let part = |a: usize| relative[a] * (bond.xi[a] + current[a]) * by_sum;
+        (std::array::from_fn(part), current.map(|y| y * by_length))
     } else {
-        let direction: [f64; D] = std::array::from_fn(|a| bond.xi[a] / bond.length);
-        let part = |a: usize| direction[a] * relative[a] / bond.length;
+        let by_length = 1.0 / bond.length;
+        let direction: [f64; D] = std::array::from_fn(|a| bond.xi[a] * by_length);
+        let part = |a: usize| relative[a] * (direction[a] * by_length);
         (std::array::from_fn(part), direction)
     }
 }
