@@ -24,12 +24,15 @@
 //! | `traction` | [`boundary::Traction`] | | body force |
 //! | `gravity` | [`boundary::Gravity`] | | body force |
 //! | `symmetry` | [`boundary::Symmetry`] | | layers of temperature and displacement |
+//! | `contact` | [`contact::Contact`] | displacement, velocity of one body or two | body force |
+//! | `impactor` | [`contact::Impactor`] | displacement, velocity | body force |
 //! | `insulated_crack` | [`boundary::InsulatedCrack`] | | cuts the families of the body |
 //!
 //! Underneath lie the mathematics of [`source`]s and [`toolpath`]s, which know nothing of
 //! plugins, and [`InTime`], a number that may change in time.
 
 pub mod boundary;
+pub mod contact;
 pub mod deformation_heat;
 pub mod expansion;
 pub mod heat_source;
@@ -53,7 +56,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 21);
+        assert_eq!(couplers.len(), 23);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

@@ -1,0 +1,219 @@
+//! A rigid ball that strikes a body.
+//!
+//! Points that would lie inside it at the end of a step are pushed out along the normal, as if a point of
+//! the body's own material lay at its surface: `f = k V depth n`, with k as for the contact of points.
+
+use nalgebra::Vector3;
+use perimelt_core::{Coupler, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Motion, check_stiffness, fifteen, stiffness};
+
+/// A rigid ball (a disc in 2D) that moves on its way or, with a `mass`, as the body pushes back.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Impactor {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Centre at the start, m.
+    pub centre: [f64; 3],
+    /// Radius, m.
+    pub radius: f64,
+    /// Velocity at the start, m/s.
+    pub velocity: [f64; 3],
+    /// Mass, kg; left out: nothing stops it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass: Option<f64>,
+    /// Stiffness of the contact in those of a bond.
+    #[serde(default = "fifteen")]
+    pub stiffness: f64,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<Prepared>,
+}
+
+#[derive(Debug)]
+struct Prepared {
+    body: usize,
+    motion: Motion,
+    body_force: Write<Vector3<f64>>,
+    /// N/m⁶ per metre of depth, by point.
+    stiffness: Vec<f64>,
+    position: Vec<Vector3<f64>>,
+    ball: Ball,
+    /// On the ball, N.
+    force: Vector3<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Ball {
+    centre: Vector3<f64>,
+    velocity: Vector3<f64>,
+}
+
+#[typetag::serde(name = "impactor")]
+impl Coupler for Impactor {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        check_stiffness(self.stiffness)?;
+        for (key, value) in [("radius", Some(self.radius)), ("mass", self.mass)] {
+            if value.is_some_and(|v| v.is_nan() || v <= 0.0) {
+                let message = format!("the ball has no {key}");
+                return Err(SetupError::value(key, message, "a number above 0"));
+            }
+        }
+        let body = setup.find_body(self.body.as_deref())?;
+        let this = setup.body(body);
+        let (dimension, position) = (this.dimension, this.points.position.clone());
+        let mut centre = Vector3::from(self.centre);
+        (dimension..3).for_each(|axis| centre[axis] = position[0][axis]);
+        if position.iter().any(|x| (x - centre).norm() < self.radius) {
+            let message = "the ball starts inside the body";
+            return Err(SetupError::value(
+                "centre",
+                message,
+                "a place beside the body",
+            ));
+        }
+        self.prepared = Some(Prepared {
+            body,
+            motion: Motion::of(setup, body)?,
+            body_force: setup.add(body, &keys::BODY_FORCE)?,
+            stiffness: stiffness(setup, body, self.stiffness)?,
+            position,
+            ball: Ball {
+                centre,
+                velocity: self.velocity.into(),
+            },
+            force: Vector3::zeros(),
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_mut().expect("prepared before the run");
+        let points = &world.body(p.body).points;
+        p.motion
+            .extrapolate(world, (&points.position, step.size), &mut p.position);
+        p.ball.centre += step.size * p.ball.velocity;
+        p.force = Vector3::zeros();
+        let mut body_force = world.write(p.body_force);
+        for (i, (y, sum)) in p.position.iter().zip(body_force.iter_mut()).enumerate() {
+            let out = y - p.ball.centre;
+            let distance = out.norm();
+            if distance < self.radius && distance > 0.0 {
+                let depth = self.radius - distance;
+                let force = out * (p.stiffness[i] * points.volume[i] * depth / distance);
+                *sum += force;
+                p.force -= force * points.volume[i];
+            }
+        }
+        if let Some(mass) = self.mass {
+            p.ball.velocity += p.force * (step.size / mass);
+        }
+        Ok(())
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        let prepared = self.prepared.as_ref().expect("prepared before a save");
+        Box::new(prepared.ball)
+    }
+
+    fn load(
+        &mut self,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        let p = self.prepared.as_mut().expect("prepared before a restart");
+        p.ball = erased_serde::deserialize(state)?;
+        Ok(())
+    }
+
+    fn report(&self) -> Vec<Report> {
+        let Some(p) = &self.prepared else {
+            return Vec::new();
+        };
+        let vectors = [
+            ("centre", "m", p.ball.centre),
+            ("velocity", "m/s", p.ball.velocity),
+            ("force", "N", p.force),
+        ];
+        let report = |(name, unit, vector): (&str, &str, Vector3<f64>)| {
+            let axes = ["x", "y", "z"].into_iter().zip(vector.data.0[0]);
+            let one = |(axis, value)| Report {
+                name: format!("impactor.{name}.{axis}"),
+                unit: unit.into(),
+                value,
+            };
+            axes.map(one).collect::<Vec<_>>()
+        };
+        vectors.into_iter().flat_map(report).collect()
+    }
+}
+
+perimelt_core::register_coupler!("impactor", Impactor);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{block, prepare, read, refusal, values};
+
+    const ELASTIC: &str = "density = 1000\nyoungs_modulus = 1e6";
+
+    fn own(setup: &mut Setup<'_>) {
+        setup.own(0, &keys::DISPLACEMENT).expect("free");
+        setup.own(0, &keys::VELOCITY).expect("free");
+        setup.consume(0, &keys::BODY_FORCE).expect("free");
+    }
+
+    #[test]
+    fn what_the_ball_loses_the_body_gets() {
+        let mut world = World::new(vec![block([3, 3, 3], 3, ELASTIC)]);
+        let keys_given =
+            "centre = [1.5, 1.5, 4.4]\nradius = 1.5\nvelocity = [0, 0, -10]\nmass = 500";
+        let mut impactor: Impactor = read(keys_given);
+        prepare(&mut world, &mut impactor, own).expect("valid");
+        // 0.4 m above the topmost point: after one tenth of a second it is 0.6 m deep
+        impactor
+            .apply(&world, Step::new(0.0, 0.03))
+            .expect("applies");
+        assert!(values(&world, &keys::BODY_FORCE).iter().all(|f| *f == 0.0));
+        impactor
+            .apply(&world, Step::new(0.03, 0.07))
+            .expect("applies");
+        let force = values(&world, &keys::BODY_FORCE);
+        let along_z: f64 = force.iter().skip(2).step_by(3).sum();
+        assert!(along_z < 0.0 && total_of(&force, 0).abs() < 1e-9 * along_z.abs());
+        let reports = impactor.report();
+        let of = |name: &str| {
+            reports
+                .iter()
+                .find(|r| r.name == name)
+                .expect("known")
+                .value
+        };
+        assert!((of("impactor.force.z") + along_z).abs() < 1e-12 * along_z.abs());
+        let gained = 0.07 / 500.0 * of("impactor.force.z");
+        assert!((of("impactor.velocity.z") - (-10.0 + gained)).abs() < 1e-12 * gained);
+    }
+
+    fn total_of(field: &[f64], axis: usize) -> f64 {
+        field.iter().skip(axis).step_by(3).sum()
+    }
+
+    #[test]
+    fn a_ball_inside_the_body_or_without_size_is_refused() {
+        for (keys, message) in [
+            ("centre = [1, 1, 1]\nradius = 1", "starts inside"),
+            ("centre = [9, 1, 1]\nradius = 0", "no radius"),
+            ("centre = [9, 1, 1]\nradius = 1\nmass = -1", "no mass"),
+        ] {
+            let mut world = World::new(vec![block([3, 3, 3], 3, ELASTIC)]);
+            let mut impactor: Impactor = read(&format!("{keys}\nvelocity = [1, 0, 0]"));
+            assert!(
+                refusal(&mut world, &mut impactor).contains(message),
+                "{keys}"
+            );
+        }
+    }
+}
