@@ -43,6 +43,11 @@ impl Point {
         })
     }
 
+    /// The law of changes of strain: without eigenstrain and inelastic strain.
+    pub(super) fn of_change(self) -> Self {
+        Point::new(self.moduli, 0.0, self.dimension)
+    }
+
     pub(super) fn with_inelastic(self, state: StressState, inelastic: [f64; 6]) -> Self {
         let trace = state.trace(&inelastic);
         Point {

@@ -25,7 +25,7 @@ use super::gradient::{FlatFamily, Gradient};
 use super::moduli::{Elasticity, Moduli};
 use super::ordinary::{flat, unflatten};
 use super::plasticity::{Plasticity, Strains};
-use super::solid::{Solid, continue_displacement};
+use super::solid::{Of, Solid, continue_displacement};
 
 /// Inputs of the kernels, in slot space: nine components of `P K^-1 - g H` by rows, the
 /// displacement, g.
@@ -184,14 +184,15 @@ impl Correspondence {
             .fill_layers(&[], 0, &mut self.slots[STABILISATION]);
     }
 
-    fn point(&self, i: usize, total: bool) -> Point {
-        let eigenstrain = if total { 0.0 } else { self.eigenstrain[i] };
-        let point = Point::new(self.moduli[i], eigenstrain, self.dimension);
-        match &self.plasticity {
-            Some(plasticity) if !total => {
-                point.with_inelastic(plasticity.stress_state, plasticity.tried[i].strain)
-            }
-            _ => point,
+    fn point(&self, i: usize, of: Of) -> Point {
+        let law = match of {
+            Of::Elastic => self.law(i),
+            Of::Total | Of::Change => self.law(i).of_change(),
+        };
+        match (&self.plasticity, of) {
+            (None, _) | (_, Of::Total) => law,
+            (Some(p), Of::Elastic) => law.with_inelastic(p.stress_state, p.tried[i].strain),
+            (Some(p), Of::Change) => law.with_inelastic(p.stress_state, p.change[i]),
         }
     }
 
@@ -223,14 +224,14 @@ impl Correspondence {
     }
 
     /// Evaluates the stress and loads what drives the bonds.
-    fn load_drive(&mut self, total: bool, finite: bool) {
+    fn load_drive(&mut self, of: Of, finite: bool) {
         let mut drive = std::mem::take(&mut self.drive);
         let mut slots = std::mem::take(&mut self.slots);
         let drive_of = |point: Point, i, gradient: &Matrix3<f64>, inverse: &Matrix3<f64>| {
             point.piola(gradient, finite) * inverse - self.spring(i) * gradient
         };
         drive.par_iter_mut().enumerate().for_each(|(i, drive)| {
-            let point = self.point(i, total);
+            let point = self.point(i, of);
             *drive = drive_of(
                 point,
                 i,
@@ -248,7 +249,7 @@ impl Correspondence {
             let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
             let gradient = scale * self.gradient.values[image.point] * mirror + image.bend;
             let inverse = mirror * self.gradient.inverse_shape[image.point] * mirror;
-            let mut point = self.point(image.point, total);
+            let mut point = self.point(image.point, of);
             if let Some(plasticity) = &self.plasticity {
                 let inelastic = image_of(&scale, &point.inelastic, &mirror);
                 point = point.with_inelastic(plasticity.stress_state, inelastic);
@@ -338,13 +339,34 @@ impl Solid for Correspondence {
     fn force(&mut self, out: &mut [f64]) {
         self.load_gradient();
         self.flow();
-        self.load_drive(false, self.finite);
+        self.load_drive(Of::Elastic, self.finite);
         self.sum_forces(out);
     }
 
     fn stiffness(&mut self, out: &mut [f64]) {
         self.load_gradient();
-        self.load_drive(true, false);
+        self.load_drive(Of::Total, false);
+        self.sum_forces(out);
+        out.par_iter_mut().for_each(|f| *f = -*f);
+    }
+
+    fn flows_by_its_own_strain(&self) -> bool {
+        true
+    }
+
+    fn linearise(&mut self) {
+        if let Some(mut plasticity) = self.plasticity.take() {
+            plasticity.linearise(self.strains(), |i| self.law(i));
+            self.plasticity = Some(plasticity);
+        }
+    }
+
+    fn tangent(&mut self, out: &mut [f64]) {
+        self.load_gradient();
+        if let Some(plasticity) = &mut self.plasticity {
+            plasticity.follow(&self.gradient.values);
+        }
+        self.load_drive(Of::Change, false);
         self.sum_forces(out);
         out.par_iter_mut().for_each(|f| *f = -*f);
     }
@@ -383,7 +405,7 @@ impl Solid for Correspondence {
         self.family.sum(&SquaredExtension, inputs, &mut extension);
         let mut energy = std::mem::take(&mut self.energy);
         for (i, energy) in energy.iter_mut().enumerate() {
-            let (gradient, point) = (&self.gradient.values[i], self.point(i, true));
+            let (gradient, point) = (&self.gradient.values[i], self.point(i, Of::Total));
             let strain = Point::strain(gradient, self.finite);
             let stress = point.stress(&strain);
             // sum_j w |z|^2 = sum_j w |u_j - u_i|^2 - H : H K, with K the inverse of its inverse
@@ -432,7 +454,7 @@ impl Solid for Correspondence {
         self.load_gradient();
         let mut tensors = std::mem::take(&mut self.tensors);
         for (i, tensor) in tensors.iter_mut().enumerate() {
-            let (gradient, point) = (&self.gradient.values[i], self.point(i, false));
+            let (gradient, point) = (&self.gradient.values[i], self.point(i, Of::Elastic));
             let mut stress = point.piola(gradient, self.finite);
             if self.finite {
                 let deformation = Matrix3::identity() + gradient;
@@ -446,7 +468,7 @@ impl Solid for Correspondence {
 
     fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3])) {
         self.load_gradient();
-        self.load_drive(false, self.finite);
+        self.load_drive(Of::Elastic, self.finite);
         self.family
             .sum_across(&Force, (self.inputs(), None), plane, receive);
     }

@@ -22,7 +22,18 @@ struct Residual<'a> {
     volumes: Option<&'a [f64]>,
     constraint: &'a [f64],
     dimension: usize,
-    nonlinear: bool,
+    tangent: Tangent,
+}
+
+/// How the residual changes with the displacement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Tangent {
+    /// By the stiffness.
+    Stiffness,
+    /// By the stiffness of the flowing body.
+    Plastic,
+    /// By differences of forces.
+    Differences,
 }
 
 impl Residual<'_> {
@@ -52,11 +63,14 @@ impl Rhs for Residual<'_> {
         direction: &[f64],
         out: &mut [f64],
     ) -> Result<bool, SolverError> {
-        if self.nonlinear {
+        if self.tangent == Tangent::Differences {
             return Ok(false);
         }
         self.solid.set_displacement(direction, &self.homogeneous);
-        self.solid.stiffness(out);
+        match self.tangent {
+            Tangent::Plastic => self.solid.tangent(out),
+            _ => self.solid.stiffness(out),
+        }
         out.iter_mut().for_each(|f| *f = -*f);
         self.release(out, 0.0);
         Ok(true)
@@ -66,7 +80,11 @@ impl Rhs for Residual<'_> {
         self.volumes
     }
 
+    /// Once in each iteration, right after the rate of its state.
     fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
+        if self.tangent == Tangent::Plastic {
+            self.solid.linearise();
+        }
         for (out, block) in out.chunks_exact_mut(3).zip(self.solid.blocks()) {
             (0..3).for_each(|axis| out[axis] = -block[axis]);
         }
@@ -143,7 +161,11 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
         volumes: (!run.relative_volume.is_empty()).then_some(&run.relative_volume[..]),
         constraint,
         dimension: body.dimension,
-        nonlinear: !run.newton.options.linear,
+        tangent: match (run.plastic.is_some(), run.newton.options.linear) {
+            (true, _) => Tangent::Plastic,
+            (false, true) => Tangent::Stiffness,
+            (false, false) => Tangent::Differences,
+        },
     };
 
     let held = constraint.iter().filter(|c| **c > 0.0).count();
@@ -153,8 +175,11 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
     }
     let (_, rigid) = run.rigid.as_ref().expect("set above");
 
-    run.newton.options.krylov = match rules.iter().any(|r| r.traction.is_some()) {
-        // layers under traction follow the points, which feel them, but not the other way round
+    // layers under traction follow the points, which feel them, but not the other way round; and bonds
+    // feel plastic strains that follow the gradients of families, not themselves
+    let lopsided = rules.iter().any(|r| r.traction.is_some())
+        || run.plastic.is_some() && !residual.solid.flows_by_its_own_strain();
+    run.newton.options.krylov = match lopsided {
         true => KrylovMethod::BiCgStab,
         false => KrylovMethod::ConjugateGradient,
     };

@@ -13,7 +13,7 @@ use super::fracture::Fracture;
 use super::gradient::{FlatFamily, Gradient};
 use super::moduli::{Elasticity, Moduli};
 use super::plasticity::{Plasticity, Strains};
-use super::solid::{Solid, continue_displacement};
+use super::solid::{Of, Solid, continue_displacement};
 use super::stretch::{
     Block, Breaking, CRITICAL, Directions, EIGENSTRAIN, Energy, Expansion, Force, INPUTS, Load,
     PLASTIC_INPUTS, PRESSURE, Plastic, STIFFNESS, Stiffness, Stress, TotalWeight, WeightOverLength,
@@ -164,9 +164,8 @@ impl Ordinary {
         self.fracture.as_ref().map(|f| &f.state.broken)
     }
 
-    /// Loads the pressure from dilatation of the displacement that was set, of the total strain or
-    /// without the eigenstrain.
-    fn load_pressure(&mut self, total: bool) {
+    /// Loads the pressure from dilatation of the displacement that was set.
+    fn load_pressure(&mut self, of: Of) {
         if !self.dilatation {
             return;
         }
@@ -174,7 +173,7 @@ impl Ordinary {
         let mut pressure = std::mem::take(&mut self.pressure);
         let pressures = pressure.par_iter_mut().enumerate();
         pressures.for_each(|(i, p)| {
-            *p = self.pressure_of(i, self.expansion[i], self.tried(i), total);
+            *p = self.pressure_of(i, self.expansion[i], self.inelastic_of(i, of), of);
         });
         self.pressure = pressure;
         let mut slots = std::mem::take(&mut self.slots[PRESSURE]);
@@ -193,11 +192,11 @@ impl Ordinary {
                 let directions = mirror * symmetric(&self.directions[image.point]) * mirror;
                 sums[0] += image.bend.dot(&directions);
             }
-            let inelastic = self.plasticity.as_ref().map(|p| {
+            let inelastic = self.inelastic_of(image.point, of).map(|strain| {
                 let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
-                image_of(&scale, &p.tried[image.point].strain, &mirror)
+                image_of(&scale, &strain, &mirror)
             });
-            slots[image.slot] = self.pressure_of(image.point, sums, inelastic, total);
+            slots[image.slot] = self.pressure_of(image.point, sums, inelastic, of);
         }
         self.slots[PRESSURE] = slots;
     }
@@ -209,44 +208,55 @@ impl Ordinary {
         point: usize,
         expansion: [f64; 3],
         inelastic: Option<[f64; 6]>,
-        total: bool,
+        of: Of,
     ) -> f64 {
         let moduli = self.moduli(point);
         let d = self.dimension as f64;
         let normaliser = self.normaliser[point];
         let dilatation = normaliser * expansion.iter().sum::<f64>();
         let pressure = 2.0 * moduli.dilatation_stiffness(self.dimension);
-        if total {
-            return normaliser * pressure * dilatation;
-        }
+        let eigenstrain = match of {
+            Of::Elastic => self.eigenstrain[point],
+            Of::Total | Of::Change => 0.0,
+        };
         let relieved = inelastic
             .zip(self.plasticity.as_ref())
             .map_or(0.0, |(strain, p)| {
                 let in_plane: f64 = strain[..self.dimension].iter().sum();
                 moduli.lame * p.stress_state.trace(&strain) - moduli.shear * in_plane
             });
-        normaliser * (pressure * (dilatation - d * self.eigenstrain[point]) - relieved)
+        normaliser * (pressure * (dilatation - d * eigenstrain) - relieved)
     }
 
-    fn tried(&self, point: usize) -> Option<[f64; 6]> {
-        self.plasticity.as_ref().map(|p| p.tried[point].strain)
+    /// Inelastic strain of a point, where there is any.
+    fn inelastic_of(&self, point: usize, of: Of) -> Option<[f64; 6]> {
+        let plasticity = self.plasticity.as_ref()?;
+        match of {
+            Of::Elastic => Some(plasticity.tried[point].strain),
+            Of::Change => Some(plasticity.change[point]),
+            Of::Total => None,
+        }
     }
 
-    /// Loads the inelastic strain that was tried last.
-    fn load_inelastic(&mut self) {
+    /// Loads the inelastic strain that was tried last, or its change.
+    fn load_inelastic(&mut self, of: Of) {
         let Some(plasticity) = &self.plasticity else {
             return;
+        };
+        let strain = |i: usize| match of {
+            Of::Change => &plasticity.change[i],
+            Of::Elastic | Of::Total => &plasticity.tried[i].strain,
         };
         let mut slots = std::mem::take(&mut self.inelastic);
         let mut component = vec![0.0; plasticity.tried.len()];
         for (c, slots) in slots.iter_mut().enumerate() {
-            let tried = component.iter_mut().zip(&plasticity.tried);
-            tried.for_each(|(value, tried)| *value = tried.strain[c]);
+            let values = component.iter_mut().enumerate();
+            values.for_each(|(i, value)| *value = strain(i)[c]);
             self.family.scatter(&component, 1, 0, slots);
         }
         for image in self.family.images(&self.continuation) {
             let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
-            let strain = image_of(&scale, &plasticity.tried[image.point].strain, &mirror);
+            let strain = image_of(&scale, strain(image.point), &mirror);
             slots
                 .iter_mut()
                 .zip(strain)
@@ -281,12 +291,14 @@ impl Ordinary {
     }
 
     fn evaluate_stress(&mut self) {
-        self.load_inelastic();
-        self.load_pressure(false);
+        self.load_inelastic(Of::Elastic);
+        self.load_pressure(Of::Elastic);
         self.sum_stress();
         if self.elasticity.is_plane_strain() {
             for i in 0..self.tensors.len() {
-                let across = self.tried(i).map_or(0.0, |strain| strain[2]);
+                let across = self
+                    .inelastic_of(i, Of::Elastic)
+                    .map_or(0.0, |strain| strain[2]);
                 let (moduli, eigenstrain) = (self.moduli(i), self.eigenstrain[i]);
                 self.tensors[i][2] = moduli.stress_across(&self.tensors[i], eigenstrain, across);
             }
@@ -330,6 +342,20 @@ impl Ordinary {
         }
         unflatten::<D>(&padded, out);
         self.padded = padded;
+    }
+
+    /// Minus the forces of a change of the displacement and of the inelastic strain.
+    fn sum_changes<const D: usize>(&mut self, out: &mut [f64]) {
+        let mut padded = std::mem::take(&mut self.padded);
+        let sums = flat::<D>(&mut padded, bytemuck::cast_slice_mut(out));
+        let mut inputs = self.plastic_inputs();
+        inputs[EIGENSTRAIN] = &self.zeros;
+        let kernel = Plastic(Force::<false, true>);
+        self.family
+            .sum_unbroken(&kernel, inputs, self.broken(), sums);
+        unflatten::<D>(&padded, out);
+        self.padded = padded;
+        out.par_iter_mut().for_each(|f| *f = -*f);
     }
 
     /// Forces and, in the same sweep, the excess of bonds over their limit.
@@ -586,15 +612,44 @@ impl Solid for Ordinary {
 
     fn force(&mut self, out: &mut [f64]) {
         self.flow();
-        self.load_inelastic();
-        self.load_pressure(false);
+        self.load_inelastic(Of::Elastic);
+        self.load_pressure(Of::Elastic);
         self.sum_forces(out, false);
     }
 
     fn stiffness(&mut self, out: &mut [f64]) {
         let finite = std::mem::replace(&mut self.finite, false);
-        self.load_pressure(true);
+        self.load_pressure(Of::Total);
         self.sum_forces(out, true);
+        self.finite = finite;
+    }
+
+    fn flows_by_its_own_strain(&self) -> bool {
+        false
+    }
+
+    fn linearise(&mut self) {
+        let (Some(mut plasticity), Some(gradient)) = (self.plasticity.take(), &self.gradient)
+        else {
+            return;
+        };
+        plasticity.linearise(self.strains(gradient), |i| self.law(i));
+        self.plasticity = Some(plasticity);
+    }
+
+    fn tangent(&mut self, out: &mut [f64]) {
+        let (Some(plasticity), Some(gradient)) = (&mut self.plasticity, &mut self.gradient) else {
+            return self.stiffness(out);
+        };
+        gradient.evaluate(std::array::from_fn(|axis| &self.slots[axis][..]));
+        plasticity.follow(&gradient.values);
+        let finite = std::mem::replace(&mut self.finite, false);
+        self.load_inelastic(Of::Change);
+        self.load_pressure(Of::Change);
+        match self.dimension {
+            2 => self.sum_changes::<2>(out),
+            _ => self.sum_changes::<3>(out),
+        }
         self.finite = finite;
     }
 
@@ -659,8 +714,8 @@ impl Solid for Ordinary {
     }
 
     fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3])) {
-        self.load_inelastic();
-        self.load_pressure(false);
+        self.load_inelastic(Of::Elastic);
+        self.load_pressure(Of::Elastic);
         let family = &self.family;
         let broken = self.broken();
         match (self.plasticity.is_some(), self.finite, self.dilatation) {

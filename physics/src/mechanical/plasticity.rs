@@ -13,14 +13,14 @@
 //!
 //! Small elastic strains; no kinematic hardening, no rate dependence.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Matrix6, Vector6};
 use perimelt_core::material::{Property, Table};
 use perimelt_core::{Setup, SetupError};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::classical::Point;
+use super::classical::{COMPONENTS, Point, symmetric};
 use super::moduli::{Moduli, Plane};
 
 /// Plastic flow by the material properties `yield_stress` and, if given, `hardening_modulus`.
@@ -207,6 +207,12 @@ pub(super) struct Strains<'a> {
 }
 
 impl Strains<'_> {
+    /// Elastic stress of a strain (xx, yy, zz, xy, yz, zx) alone, Pa.
+    fn elastic_stress(&self, law: &Point, strain: &[f64; 6]) -> [f64; 6] {
+        let law = law.of_change();
+        law.components(&law.stress(&symmetric(strain)), self.plane_strain)
+    }
+
     /// Stress of a point by its law, Pa: unrotated.
     fn stress(&self, point: usize, law: &Point) -> [f64; 6] {
         let stress = law.material_stress(&self.gradients[point], self.finite);
@@ -230,6 +236,11 @@ pub struct Plasticity {
     pub settled: Vec<Inelastic>,
     /// For the displacement that was tried last.
     pub tried: Vec<Inelastic>,
+    /// Of points that flow in the displacement that was linearised about: how their inelastic strain
+    /// follows their strain.
+    tangents: Vec<(usize, Matrix6<f64>)>,
+    /// Change of the inelastic strain of each point with a change of the displacement, by the tangents.
+    pub(super) change: Vec<[f64; 6]>,
 }
 
 impl Plasticity {
@@ -276,6 +287,8 @@ impl Plasticity {
             flow: vec![[0.0; 2]; points],
             settled: vec![Inelastic::default(); points],
             tried: vec![Inelastic::default(); points],
+            tangents: Vec::new(),
+            change: vec![[0.0; 6]; points],
         })
     }
 
@@ -329,6 +342,53 @@ impl Plasticity {
                 tried.equivalent += increment;
             }
         });
+    }
+
+    /// Derivatives of the tried inelastic strains by the strains, of points that flow: of the return to
+    /// the flow stress itself (the consistent tangent), by central differences.
+    pub(super) fn linearise(&mut self, strains: Strains<'_>, law: impl Fn(usize) -> Point + Sync) {
+        /// Step of the differences in yield strains: errors of 1e-8 from the curvature, and less from
+        /// the return, which is found to rounding.
+        const STEP: f64 = 1e-4;
+        let (tried, settled, state) = (&self.tried, &self.settled, self.stress_state);
+        let flows = |&i: &usize| tried[i].equivalent > settled[i].equivalent;
+        let flowing: Vec<usize> = (0..tried.len()).filter(flows).collect();
+        let tangents = flowing.into_par_iter().map(|i| {
+            let law = law(i);
+            let settled = &settled[i];
+            let [yield_stress, modulus] = self.flow[i];
+            let flow = FlowStress {
+                yield_stress,
+                modulus,
+                table: self.table.as_ref(),
+            };
+            let trial = strains.stress(i, &law.with_inelastic(state, settled.strain));
+            let step = STEP * yield_stress / (2.0 * law.moduli.shear);
+            let returned = |change: &[f64; 6], factor: f64| {
+                let stress = std::array::from_fn(|c| trial[c] + factor * change[c]);
+                return_to_yield(state, &stress, &law.moduli, flow, settled.equivalent)
+                    .map_or([0.0; 6], |(strain, _)| strain)
+            };
+            let tangent = Matrix6::from_columns(&std::array::from_fn::<_, 6, _>(|component| {
+                let mut unit = [0.0; 6];
+                unit[component] = 1.0;
+                let stress = strains.elastic_stress(&law, &unit);
+                let (up, down) = (returned(&stress, step), returned(&stress, -step));
+                Vector6::from_fn(|c, _| (up[c] - down[c]) / (2.0 * step))
+            }));
+            (i, tangent)
+        });
+        self.tangents = tangents.collect();
+    }
+
+    /// Sets the change of the inelastic strains under a change of the displacement gradients.
+    pub(super) fn follow(&mut self, gradients: &[Matrix3<f64>]) {
+        self.change.fill([0.0; 6]);
+        for (i, tangent) in &self.tangents {
+            let strain = Point::strain(&gradients[*i], false);
+            let change = tangent * Vector6::from(COMPONENTS.map(|at| strain[at]));
+            self.change[*i] = change.into();
+        }
     }
 
     /// Stress of each point in the tried state as plastic flow sees it, Pa: unrotated.

@@ -35,6 +35,19 @@ pub trait Solid: Debug {
     /// [`Solid::force`] about the undeformed state, whatever the kinematics.
     fn stiffness(&mut self, out: &mut [f64]);
 
+    /// Takes the state of the last [`Solid::force`] as the one about which [`Solid::tangent`] is linear.
+    fn linearise(&mut self) {}
+
+    /// Stiffness of the body as it flows times the displacement that was set, N/m³; about the undeformed
+    /// shape, whatever the kinematics.
+    fn tangent(&mut self, out: &mut [f64]) {
+        self.stiffness(out);
+    }
+
+    /// Whether forces are the derivative of an energy of the strain that makes the body flow: then
+    /// [`Solid::tangent`] is symmetric.
+    fn flows_by_its_own_strain(&self) -> bool;
+
     /// Diagonal block of the stiffness of each point, N/m⁵, or a good estimate.
     fn blocks(&mut self) -> &[[f64; 6]];
 
@@ -82,6 +95,17 @@ pub trait Solid: Debug {
     /// Passes each point below the plane `x_axis = at` (m) and the force density of its bonds with what
     /// lies above, N/m³, to `receive`.
     fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3]));
+}
+
+/// Which strain a stress is evaluated of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Of {
+    /// The elastic one: without eigenstrain and tried inelastic strain.
+    Elastic,
+    /// The total one.
+    Total,
+    /// A change, without the change of the inelastic strain that it makes.
+    Change,
 }
 
 /// Fills the slots of a displacement (m; `vector` has one array for each dimension) from the points and

@@ -628,3 +628,70 @@ fn a_clamped_bar_keeps_the_residual_stress_of_a_heat_cycle() {
         }
     }
 }
+
+#[test]
+fn the_tangent_of_a_flowing_body_is_the_derivative_of_its_forces() {
+    let material = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\nyield_stress = 250e6\n\
+        hardening_modulus = 5e9";
+    for formulation in ["ordinary", "correspondence"] {
+        for (cells, plane) in [
+            ([12, 1, 1], "stress"),
+            ([9, 8, 1], "stress"),
+            ([9, 8, 1], "strain"),
+            ([7, 6, 6], "stress"),
+        ] {
+            let body = block(cells, dimension(cells), 1e-3, Store::Lattice, material);
+            let mut mechanical: Mechanical = read(&format!(
+                "formulation = '{formulation}'\nplane = '{plane}'\nplasticity = {{}}"
+            ));
+            let mut world = World::new(vec![body]);
+            let mut setup = Setup::new(&mut world, std::path::Path::new("."));
+            setup.next_plugin("mechanical");
+            perimelt_core::Physics::prepare(&mut mechanical, &mut setup).expect("valid");
+            let run = mechanical.run.as_mut().expect("prepared");
+            run.load_plasticity(&world, None);
+            let positions = &world.body(0).points.position;
+            let d = dimension(cells);
+            // strains of some yield strains that differ from point to point
+            let field = |size: f64, phase: f64| -> Vec<f64> {
+                let value = |x: &nalgebra::Vector3<f64>, axis: usize| match axis < d {
+                    true => {
+                        size * ((axis as f64 + 1.0) * 300.0 * (x.x + 0.7 * x.y - 0.4 * x.z) + phase)
+                            .sin()
+                    }
+                    false => 0.0,
+                };
+                let points = positions.iter();
+                points
+                    .flat_map(|x| [0, 1, 2].map(|axis| value(x, axis)))
+                    .collect()
+            };
+            let (state, direction) = (field(1.5e-5, 0.3), field(1e-5, 1.1));
+            let solid = &mut run.solid;
+            let mut force = |step: f64| {
+                let moved = state.iter().zip(&direction).map(|(u, v)| u + step * v);
+                solid.set_displacement(&moved.collect::<Vec<_>>(), &[]);
+                let mut out = vec![0.0; state.len()];
+                solid.force(&mut out);
+                out
+            };
+            let (up, down) = (force(1e-6), force(-1e-6));
+            force(0.0);
+            solid.linearise();
+            solid.set_displacement(&direction, &[]);
+            let (mut tangent, mut stiffness) = (vec![0.0; state.len()], vec![0.0; state.len()]);
+            solid.tangent(&mut tangent);
+            solid.set_displacement(&direction, &[]);
+            solid.stiffness(&mut stiffness);
+            let size = |of: &dyn Fn(usize) -> f64| {
+                (0..state.len()).map(|i| of(i).powi(2)).sum::<f64>().sqrt()
+            };
+            let exact = |i: usize| (down[i] - up[i]) / 2e-6;
+            let error = size(&|i| tangent[i] - exact(i)) / size(&exact);
+            assert!(error < 1e-5, "{formulation} {cells:?} {plane}: {error}");
+            // and it flows: the elastic stiffness is far off
+            let elastic = size(&|i| stiffness[i] - exact(i)) / size(&exact);
+            assert!(elastic > 0.2, "{formulation} {cells:?} {plane}: {elastic}");
+        }
+    }
+}
