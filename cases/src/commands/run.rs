@@ -1,6 +1,6 @@
 //! `perimelt run` and `perimelt resume`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -62,10 +62,12 @@ pub fn run(args: &RunArgs) -> Done {
     set_threads(args.common.threads)?;
     let case = Case::read(&args.case)?;
     let stem = args.case.file_stem().unwrap_or_default();
-    let out = args
-        .out
-        .clone()
-        .unwrap_or_else(|| Path::new(stem).with_extension("mcap"));
+    let out = args.out.clone().unwrap_or_else(|| {
+        // appended: a name such as `tension-0.5` has dots of its own
+        let mut name = stem.to_os_string();
+        name.push(".mcap");
+        PathBuf::from(name)
+    });
     if let (Ok(a), Ok(b)) = (out.canonicalize(), args.case.canonicalize())
         && a == b
     {
