@@ -77,6 +77,7 @@ impl Family {
     /// No bond broken.
     pub fn unbroken(&self) -> BrokenBonds {
         let rows = self.rows.start.windows(2).map(|s| s[1] - s[0]);
+        // blocks count as the stencil does
         let most = rows.max().unwrap_or(0).max(self.stencil.len());
         let stride = most.div_ceil(64);
         BrokenBonds {
@@ -101,18 +102,30 @@ impl Family {
     /// All bonds of a point: number in its family, bond, slot of the other end.
     pub fn for_each_bond(&self, point: usize, mut receive: impl FnMut(usize, &Bond, usize)) {
         let here = self.slot_of(point);
-        match self.rows.point.binary_search(&(point as u32)) {
-            Ok(row) => {
-                let range = self.rows.start[row]..self.rows.start[row + 1];
-                for (number, at) in range.enumerate() {
-                    let other = self.rows.column[at] as usize;
-                    receive(number, &self.bond_of_row(here, at), other);
-                }
+        if let Ok(row) = self.rows.point.binary_search(&(point as u32)) {
+            let range = self.rows.start[row]..self.rows.start[row + 1];
+            for (number, at) in range.enumerate() {
+                let other = self.rows.column[at] as usize;
+                receive(number, &self.bond_of_row(here, at), other);
             }
-            Err(_) => {
-                for (number, StencilBond { offset, bond }) in self.stencil.iter().enumerate() {
-                    receive(number, bond, here.wrapping_add_signed(*offset));
-                }
+            return;
+        }
+        let own = self.blocks.find(point as u32);
+        for (number, StencilBond { offset, bond }) in self.stencil.iter().enumerate() {
+            let other = here.wrapping_add_signed(*offset);
+            let Some((block, lane)) = own else {
+                receive(number, bond, other);
+                continue;
+            };
+            let at = block * self.stencil.len() + number;
+            let (weight, dual) = (self.blocks.weight[at][lane], self.blocks.dual[at][lane]);
+            if weight != 0.0 || dual != 0.0 {
+                let bond = Bond {
+                    weight,
+                    dual,
+                    ..*bond
+                };
+                receive(number, &bond, other);
             }
         }
     }

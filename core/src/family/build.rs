@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 
 use crate::body::{Body, Discretisation, Face, Lattice, Store};
 
+use super::blocks::{BLOCK, Blocks};
 use super::calibration::{Strain, calibration, factor_along};
 use super::layer::Grid;
 use super::{
@@ -181,7 +182,8 @@ impl Family {
             start: vec![0],
             ..Rows::default()
         };
-        let mut in_rows = vec![false; body.points.len()];
+        let mut blocks = Blocks::default();
+        let mut in_runs = vec![false; body.points.len()];
         let mut bonds = 0;
         for (point, &slot) in slot_of_point.iter().enumerate() {
             let members = || {
@@ -214,9 +216,14 @@ impl Family {
             let uneven = spec.correction.is_by_point()
                 && (truncated(point)
                     || members().any(|(_, s, _)| truncated(mirror_of[s] as usize)));
-            in_rows[point] = body.store == Store::List || count < steps.len() || uneven;
-            if in_rows[point] {
+            if body.store == Store::List {
                 rows.push(point, slot, members().map(corrected));
+            } else if count < steps.len() || uneven {
+                let bonds = members().map(corrected);
+                let bonds = bonds.map(|(step, _, weights)| (usize::from(step), weights));
+                blocks.push((point as u32, slot), steps.len(), bonds);
+            } else {
+                in_runs[point] = true;
             }
             if !spec.audited.is_empty() && members().any(|(_, s, _)| audited[s]) {
                 let from_layer = members().filter(|(_, s, _)| audited[*s]);
@@ -225,8 +232,8 @@ impl Family {
         }
 
         let spans = stretches(&slot_of_point, |_| true);
-        let runs = stretches(&slot_of_point, |p| !in_rows[p]);
-        let chunks = chunks(&runs, rows.point.len());
+        let runs = stretches(&slot_of_point, |p| in_runs[p]);
+        let chunks = chunks(&runs, blocks.head.len(), rows.point.len());
         let stencil = steps
             .iter()
             .map(|(offset, bond)| StencilBond {
@@ -238,17 +245,19 @@ impl Family {
                 },
             })
             .collect();
-        let swept = runs.iter().map(|r| r.len as usize).sum::<usize>() + rows.point.len();
+        let swept = runs.iter().map(|r| r.len as usize).sum::<usize>();
+        let swept = swept + blocks.points() + rows.point.len();
         assert_eq!(
             swept,
             body.points.len(),
-            "runs and rows partition the points"
+            "runs, blocks and rows partition the points"
         );
         Ok(Family {
             spec: spec.clone(),
             points: body.points.len(),
             bonds,
-            slots,
+            // lanes of the last block that are no points reach a little beyond
+            slots: slots + BLOCK,
             spans,
             ghosts,
             layers,
@@ -256,6 +265,7 @@ impl Family {
             grid: Some(grid),
             stencil,
             runs,
+            blocks,
             rows,
             layer_rows,
             chunks,
@@ -421,24 +431,34 @@ fn stretches(slot_of_point: &[u32], keep: impl Fn(usize) -> bool) -> Vec<Span> {
     spans
 }
 
-pub(super) fn chunks(runs: &[Span], rows: usize) -> Vec<Chunk> {
+pub(super) fn chunks(runs: &[Span], blocks: usize, rows: usize) -> Vec<Chunk> {
     let mut chunks = Vec::new();
+    let none = Chunk {
+        runs: 0..0,
+        blocks: 0..0,
+        rows: 0..0,
+    };
     let (mut first, mut points) = (0, 0);
     for (index, run) in runs.iter().enumerate() {
         points += run.len;
         if points >= CHUNK_POINTS || index + 1 == runs.len() {
             chunks.push(Chunk {
                 runs: first..index + 1,
-                rows: 0..0,
+                ..none.clone()
             });
             (first, points) = (index + 1, 0);
         }
     }
+    let step = CHUNK_POINTS as usize / BLOCK / 2;
+    chunks.extend((0..blocks).step_by(step).map(|b| Chunk {
+        blocks: b..(b + step).min(blocks),
+        ..none.clone()
+    }));
     // a row costs a few times a lane of a run
     let step = CHUNK_POINTS as usize / 4;
     chunks.extend((0..rows).step_by(step).map(|r| Chunk {
-        runs: 0..0,
         rows: r..(r + step).min(rows),
+        ..none.clone()
     }));
     chunks
 }

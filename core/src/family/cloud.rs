@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use crate::body::Body;
 use crate::cell_list::CellList;
 
+use super::blocks::Blocks;
 use super::build::{chunks, cuts};
 use super::calibration::{Strain, calibration, factor_along};
 use super::images::Images;
@@ -215,7 +216,8 @@ impl Family {
             grid: None,
             stencil: Vec::new(),
             runs: Vec::new(),
-            chunks: chunks(&[], points),
+            chunks: chunks(&[], 0, points),
+            blocks: Blocks::default(),
             rows,
             layer_rows,
         })

@@ -5,12 +5,15 @@
 //! compiler vectorises the lane loop for the instruction set chosen at run time. No fused
 //! multiply-add: all instruction sets then give the same bits.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 #[cfg(doc)]
 use super::FamilySpec;
+use super::blocks::BLOCK;
 use super::broken::Bits;
-use super::{BrokenBonds, Chunk, Family, Rows, Span, StencilBond};
+use super::{BrokenBonds, Chunk, Family, Rows, StencilBond};
 
 /// Points that advance together: two AVX-512 or four AVX2 registers.
 const LANES: usize = 16;
@@ -201,13 +204,36 @@ impl Family {
             let sum = self.sum_any_row(kernel, inputs, (&self.rows, row), bits(broken, point));
             output.set(point, sum);
         }
-        for run in &self.runs[chunk.runs.clone()] {
-            for i in 0..run.len as usize {
-                let (slot, point) = (run.slot as usize + i, run.point as usize + i);
-                let bits = bits(broken, point);
-                output.set(point, sum_point(kernel, &self.stencil, inputs, slot, bits));
-            }
+        let blocks = self.blocks.head[chunk.blocks.clone()].iter();
+        let blocks = blocks.map(|b| b.point..b.point + b.len);
+        let runs = self.runs[chunk.runs.clone()].iter();
+        let runs = runs.map(|r| r.point..r.point + r.len);
+        for point in blocks.chain(runs).flatten() {
+            let point = point as usize;
+            let sum = self.sum_bonds(kernel, inputs, point, bits(broken, point));
+            output.set(point, sum);
         }
+    }
+
+    /// The sum of one point, bond by bond: compiled once, for points beside cracks and rare kernels.
+    #[inline(never)]
+    fn sum_bonds<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        inputs: &[&[f64]; I],
+        point: usize,
+        broken: Bits<'_>,
+    ) -> [f64; O] {
+        let at = self.slot_of(point);
+        let own = std::array::from_fn(|i| inputs[i][at]);
+        let mut sums = [0.0; O];
+        self.for_each_bond(point, |number, bond, other| {
+            if !broken.is_broken(number) {
+                let part = kernel.bond(bond, own, inputs.map(|i| i[other]));
+                (0..O).for_each(|o| sums[o] += part[o]);
+            }
+        });
+        sums
     }
 
     fn sweep<const I: usize, const O: usize, K: BondKernel<I, O>>(
@@ -235,19 +261,18 @@ impl Family {
             let sum = self.sum_row(kernel, inputs.0, (&self.rows, row), bits(broken, point));
             output.set(point, sum);
         }
-        let runs = &self.runs[chunk.runs.clone()];
         #[cfg(target_arch = "x86_64")]
         {
             if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
                 // SAFETY: the instruction set was detected.
-                return unsafe { sweep_avx512(kernel, &self.stencil, inputs, output, runs) };
+                return unsafe { sweep_avx512(self, kernel, inputs, output, chunk) };
             }
             if is_x86_feature_detected!("avx2") {
                 // SAFETY: the instruction set was detected.
-                return unsafe { sweep_avx2(kernel, &self.stencil, inputs, output, runs) };
+                return unsafe { sweep_avx2(self, kernel, inputs, output, chunk) };
             }
         }
-        sweep_runs(kernel, &self.stencil, inputs, output, runs);
+        sweep_lattice(self, kernel, inputs, output, chunk);
     }
 
     fn sum_any_row<const I: usize, const O: usize>(
@@ -369,25 +394,25 @@ impl Family {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl")]
 fn sweep_avx512<const I: usize, const O: usize>(
+    family: &Family,
     kernel: &impl BondKernel<I, O>,
-    stencil: &[StencilBond],
     inputs: Inputs<'_, I>,
     output: &Output<O>,
-    runs: &[Span],
+    chunk: &Chunk,
 ) {
-    sweep_runs(kernel, stencil, inputs, output, runs);
+    sweep_lattice(family, kernel, inputs, output, chunk);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn sweep_avx2<const I: usize, const O: usize>(
+    family: &Family,
     kernel: &impl BondKernel<I, O>,
-    stencil: &[StencilBond],
     inputs: Inputs<'_, I>,
     output: &Output<O>,
-    runs: &[Span],
+    chunk: &Chunk,
 ) {
-    sweep_runs(kernel, stencil, inputs, output, runs);
+    sweep_lattice(family, kernel, inputs, output, chunk);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -418,30 +443,45 @@ fn sweep_cloud<const I: usize, const O: usize>(
 }
 
 #[inline(always)]
-fn sweep_runs<const I: usize, const O: usize>(
+fn sweep_lattice<const I: usize, const O: usize>(
+    family: &Family,
     kernel: &impl BondKernel<I, O>,
-    stencil: &[StencilBond],
     (inputs, broken): Inputs<'_, I>,
     output: &Output<O>,
-    runs: &[Span],
+    chunk: &Chunk,
 ) {
-    for run in runs {
+    let is_whole = |points: Range<usize>| broken.is_none_or(|b| b.is_whole(points));
+    let sum_one = |point: usize| family.sum_bonds(kernel, inputs, point, bits(broken, point));
+    for run in &family.runs[chunk.runs.clone()] {
         let (slot, point, len) = (run.slot as usize, run.point as usize, run.len as usize);
         let mut done = 0;
         while done < len {
             // the last block overlaps the one before it: the same sums are written twice
             let first = done.min(len.saturating_sub(LANES));
             let points = point + first..point + (first + LANES).min(len);
-            if points.len() == LANES && broken.is_none_or(|b| b.is_whole(points.clone())) {
-                let sums = sum_block::<I, O, LANES>(kernel, stencil, inputs, slot + first);
+            if points.len() == LANES && is_whole(points.clone()) {
+                let sums = sum_lanes::<I, O, LANES>(kernel, &family.stencil, inputs, slot + first);
                 points.zip(sums).for_each(|(p, sum)| output.set(p, sum));
             } else {
-                for p in points {
-                    let at = slot + p - point;
-                    output.set(p, sum_point(kernel, stencil, inputs, at, bits(broken, p)));
-                }
+                points.for_each(|p| output.set(p, sum_one(p)));
             }
             done = first + LANES;
+        }
+    }
+    let stencil = &family.stencil;
+    for block in chunk.blocks.clone() {
+        let head = family.blocks.head[block];
+        let points = head.point as usize..(head.point + head.len) as usize;
+        if is_whole(points.clone()) {
+            let range = block * stencil.len()..(block + 1) * stencil.len();
+            let weights = (
+                &family.blocks.weight[range.clone()],
+                &family.blocks.dual[range],
+            );
+            let sums = sum_weighted(kernel, (stencil, weights), inputs, head.slot as usize);
+            points.zip(sums).for_each(|(p, sum)| output.set(p, sum));
+        } else {
+            points.for_each(|p| output.set(p, sum_one(p)));
         }
     }
 }
@@ -454,31 +494,9 @@ fn bits(broken: Option<&BrokenBonds>, point: usize) -> Bits<'_> {
     broken.map_or(Bits::NONE, |b| b.bits(point))
 }
 
-/// Sum of a point with a complete family.
-#[inline(always)]
-fn sum_point<const I: usize, const O: usize>(
-    kernel: &impl BondKernel<I, O>,
-    stencil: &[StencilBond],
-    inputs: &[&[f64]; I],
-    slot: usize,
-    broken: Bits<'_>,
-) -> [f64; O] {
-    let own = std::array::from_fn(|i| inputs[i][slot]);
-    let mut sums = [0.0; O];
-    for (number, StencilBond { offset, bond }) in stencil.iter().enumerate() {
-        if broken.is_broken(number) {
-            continue;
-        }
-        let at = slot.wrapping_add_signed(*offset);
-        let part = kernel.bond(bond, own, std::array::from_fn(|i| inputs[i][at]));
-        (0..O).for_each(|o| sums[o] += part[o]);
-    }
-    sums
-}
-
 /// Sums of `N` consecutive points with complete families.
 #[inline(always)]
-fn sum_block<const I: usize, const O: usize, const N: usize>(
+fn sum_lanes<const I: usize, const O: usize, const N: usize>(
     kernel: &impl BondKernel<I, O>,
     stencil: &[StencilBond],
     inputs: &[&[f64]; I],
@@ -502,6 +520,43 @@ fn sum_block<const I: usize, const O: usize, const N: usize>(
     }
     std::array::from_fn(|lane| std::array::from_fn(|o| sums[o][lane]))
 }
+
+/// Sums of the points of a block; lanes that are no points sum up nothing.
+#[inline(always)]
+fn sum_weighted<const I: usize, const O: usize>(
+    kernel: &impl BondKernel<I, O>,
+    (stencil, (weights, duals)): (&[StencilBond], Weights<'_>),
+    inputs: &[&[f64]; I],
+    slot: usize,
+) -> [[f64; O]; BLOCK] {
+    let own: [[f64; BLOCK]; I] = std::array::from_fn(|i| lanes(inputs[i], slot));
+    let mut sums = [[0.0; BLOCK]; O];
+    for ((StencilBond { offset, bond }, weight), dual) in stencil.iter().zip(weights).zip(duals) {
+        let at = slot.wrapping_add_signed(*offset);
+        let other: [[f64; BLOCK]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
+        for lane in 0..BLOCK {
+            let bond = Bond {
+                weight: weight[lane],
+                dual: dual[lane],
+                ..*bond
+            };
+            let part = kernel.bond(
+                &bond,
+                std::array::from_fn(|i| own[i][lane]),
+                std::array::from_fn(|i| other[i][lane]),
+            );
+            // where there is no point its inputs mean nothing
+            let counts = bond.weight + bond.dual != 0.0;
+            for o in 0..O {
+                sums[o][lane] += if counts { part[o] } else { 0.0 };
+            }
+        }
+    }
+    std::array::from_fn(|lane| std::array::from_fn(|o| sums[o][lane]))
+}
+
+/// Weights and duals of a block, by bond of the stencil.
+type Weights<'a> = (&'a [[f64; BLOCK]], &'a [[f64; BLOCK]]);
 
 #[inline(always)]
 fn lanes<const N: usize>(input: &[f64], at: usize) -> [f64; N] {

@@ -10,10 +10,12 @@
 //!
 //! Three stores hide behind this. On a lattice, points whose family is complete share one stencil
 //! and are swept in contiguous runs with SIMD; all others (at bare surfaces, next to them when bonds
-//! are corrected, or everywhere with [`Store::List`](crate::body::Store::List)) have rows of their own. Both add the
-//! bonds of a point in the same order, so they agree to rounding. On a cloud every point has a row
+//! are corrected) have weights of their own for that stencil, in blocks. With
+//! [`Store::List`](crate::body::Store::List) every point has a row of its own. All add the bonds of a point
+//! in the same order, so they agree to rounding. On a cloud every point has a row
 //! over the union of its horizon and its dual horizon.
 
+mod blocks;
 mod broken;
 mod build;
 mod calibration;
@@ -40,6 +42,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::body::{Body, Face};
+use blocks::Blocks;
 use layer::Grid;
 
 /// Partial volume of members near the edge of the horizon (spec 02, 1.3; Wang (2025), eq. 4.2).
@@ -230,6 +233,7 @@ pub struct Family {
     grid: Option<Grid>,
     stencil: Vec<StencilBond>,
     runs: Vec<Span>,
+    blocks: Blocks,
     rows: Rows,
     layer_rows: Rows,
     chunks: Vec<Chunk>,
@@ -277,6 +281,7 @@ struct Rows {
 #[derive(Clone, Debug)]
 struct Chunk {
     runs: Range<usize>,
+    blocks: Range<usize>,
     rows: Range<usize>,
 }
 
@@ -293,10 +298,9 @@ impl Family {
 
     /// Number of bonds of a point.
     pub fn bonds_of(&self, point: usize) -> usize {
-        let row = self.rows.point.binary_search(&(point as u32));
-        row.map_or(self.stencil.len(), |r| {
-            self.rows.start[r + 1] - self.rows.start[r]
-        })
+        let mut bonds = 0;
+        self.for_each_bond(point, |_, _, _| bonds += 1);
+        bonds
     }
 
     /// Length of a slot array.
@@ -316,6 +320,7 @@ impl Family {
     /// Bytes held.
     pub fn memory(&self) -> usize {
         self.rows.memory()
+            + self.blocks.memory()
             + self.layer_rows.memory()
             + size_of_val(&*self.ghosts)
             + size_of_val(&*self.spans)
