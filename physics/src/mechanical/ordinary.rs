@@ -409,13 +409,6 @@ impl Ordinary {
         (self.padded, self.fracture) = (padded, Some(fracture));
     }
 
-    fn energy_kernel(&self) -> Energy {
-        Energy {
-            finite: self.finite,
-            pairs: !self.dilatation,
-        }
-    }
-
     /// Stress conjugate to the eigenstrain by the dilatation of these `sum_j w s`, Pa.
     fn conjugate_pressure(&self, point: usize, expansion: [f64; 3]) -> f64 {
         let a = self.moduli(point).dilatation_stiffness(self.dimension);
@@ -561,13 +554,16 @@ impl Solid for Ordinary {
             return (Vec::new(), false);
         };
         let load = self.load_kernel(fracture.compares_energy());
-        let energy = self.energy_kernel();
+        let pairs = !self.dilatation;
         let inputs = self.inputs();
         let ends = |own, other| [own, other].map(|slot: usize| inputs.map(|i| i[slot]));
         let conjugate = |point: usize, bond: &Bond, other: usize| {
             let [own, other] = ends(self.family.slot_of(point), other);
-            let [_, stress] = energy.bond(bond, own, other);
-            if !self.dilatation {
+            let [_, stress] = match self.finite {
+                true => Energy::<true> { pairs }.bond(bond, own, other),
+                false => Energy::<false> { pairs }.bond(bond, own, other),
+            };
+            if pairs {
                 return stress;
             }
             let expansion: [f64; 3] = match self.finite {
@@ -690,7 +686,11 @@ impl Solid for Ordinary {
 
     fn energy(&mut self) -> &[[f64; 2]] {
         let mut energy = std::mem::take(&mut self.energy);
-        self.run(&self.energy_kernel(), &mut energy);
+        let pairs = !self.dilatation;
+        match self.finite {
+            true => self.run(&Energy::<true> { pairs }, &mut energy),
+            false => self.run(&Energy::<false> { pairs }, &mut energy),
+        }
         if self.dilatation {
             self.expand();
             for (i, [density, conjugate]) in energy.iter_mut().enumerate() {
