@@ -95,6 +95,11 @@ benchmarks!(
     "wang-7.5.5.2-gauss-phase-D",
     "wang-7.5.5.2-gauss-phase-D-constant-modulus",
     "wang-7.5.5.2-gauss-phase-D-no-latent",
+    "khoshrou-4.0-plain-phi1",
+    "khoshrou-4.0-plain-phi2",
+    "khoshrou-4.0-plain-phi4",
+    "khoshrou-4.0-circle-phi1",
+    "khoshrou-4.0-circle-phi2",
     "clamped-bar-residual-stress",
 );
 
