@@ -32,6 +32,24 @@ pub struct InsulatedCrack {
 }
 
 impl InsulatedCrack {
+    /// Whether its middle lies within the box of `body`: in a hole there, it severs the bonds that
+    /// reach across.
+    fn is_within(&self, body: &Body) -> bool {
+        let (min, max) = body.bounds();
+        let (middle, axes) = match (self.from, self.to, self.corner, self.edges) {
+            (Some(from), Some(to), ..) => {
+                let middle = |axis: usize| 0.5 * (from[axis] + to[axis]);
+                ([middle(0), middle(1), 0.0], 2)
+            }
+            (.., Some(corner), Some([first, second])) => {
+                let middle = |axis: usize| corner[axis] + 0.5 * (first[axis] + second[axis]);
+                ([middle(0), middle(1), middle(2)], 3)
+            }
+            _ => return false,
+        };
+        (0..axes.min(body.dimension)).all(|a| (min[a]..=max[a]).contains(&middle[a]))
+    }
+
     /// The cut and the key that describes it.
     fn cut(&self) -> Result<(Cut, &'static str), SetupError> {
         let (cut, key) = match (self.from, self.to, self.corner, self.edges) {
@@ -65,7 +83,8 @@ impl Coupler for InsulatedCrack {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let (cut, key) = self.cut()?;
-        if !severs(setup.body(body), &cut) {
+        let this = setup.body(body);
+        if !severs(this, &cut) && !self.is_within(this) {
             let (min, max) = setup.body(body).bounds();
             let message = format!(
                 "the crack passes between no points of body `{}`, which spans {:?} to {:?} m",
@@ -91,6 +110,7 @@ mod tests {
     use super::*;
     use crate::testing::{STEEL, block, prepare, read, refusal};
     use perimelt_core::FamilySpec;
+    use perimelt_core::shape::{BoxShape, Difference, Shape};
 
     fn bonds(setup: &mut Setup<'_>) -> usize {
         let spec = FamilySpec::new(1.0);
@@ -110,6 +130,25 @@ mod tests {
             let whole = 2 * (3 * 3 * 2 + 4 * 2 * 2 + 4 * 3);
             assert_eq!(left, whole - cut, "{crack}");
         }
+    }
+
+    #[test]
+    fn a_crack_in_a_hole_severs_what_reaches_across() {
+        let side = |min, max| Shape::Box(BoxShape { min, max });
+        let slotted = Shape::Difference(Difference {
+            from: Box::new(side([0.0; 3], [4.0, 3.0, 1.0])),
+            subtract: Box::new(side([0.0, 1.0, 0.0], [4.0, 2.0, 1.0])),
+        });
+        let body = Body::fill("slotted", &slotted, 2, 1.0, 1.0).expect("valid");
+        let across = |setup: &mut Setup<'_>| {
+            let spec = FamilySpec::new(2.0);
+            setup.family(0, &spec).expect("valid").bonds()
+        };
+        let mut world = World::new(vec![body]);
+        let mut coupler: InsulatedCrack = read("from = [0, 1.5]\nto = [4, 1.5]");
+        let left = prepare(&mut world, &mut coupler, across).expect("valid");
+        // two rows of four points, each with bonds to neighbours and next ones, both ways
+        assert_eq!(left, 2 * 2 * (3 + 2));
     }
 
     #[test]
