@@ -111,6 +111,13 @@ benchmarks!(
     "khoshrou-4.0-plain-phi4",
     "khoshrou-4.0-circle-phi1",
     "khoshrou-4.0-circle-phi2",
+    "khoshrou-4.1a",
+    "khoshrou-4.1b",
+    "khoshrou-4.2-phi2",
+    "khoshrou-4.2-phi4",
+    "khoshrou-4.2-phi8-stable",
+    "khoshrou-4.2-phi8-narrow",
+    "khoshrou-4.2-phi8-unstable",
     "clamped-bar-residual-stress",
 );
 
