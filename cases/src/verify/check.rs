@@ -261,8 +261,14 @@ pub enum Limit {
     ShareOfPeak(f64),
     /// Root mean square of `ours - reference` over all values, over the largest absolute reference.
     Rms(f64),
+    /// Mean of `|ours - reference| / |reference|` over all values (Khoshrou, eq. 99).
+    MeanRelative(f64),
     /// As `rms`, but at least this much: what is known to be wrong must show.
     RmsAbove(f64),
+    /// As `mean_relative`, but at least this much.
+    MeanRelativeAbove(f64),
+    /// As `share_of_peak`, but at least one value is this far off.
+    ShareOfPeakAbove(f64),
     /// Ours lies between these, whatever the reference.
     Between([f64; 2]),
 }
@@ -281,14 +287,20 @@ pub enum Level {
 }
 
 impl Limit {
-    /// Error of `ours` and the most it may be. `peak`: the largest absolute reference.
+    /// Error of one value and the most it may be. `peak`: the largest absolute reference.
     pub fn judge(self, ours: f64, reference: f64, peak: f64) -> (f64, f64) {
         let difference = (ours - reference).abs();
         match self {
             Limit::Absolute(limit) => (difference, limit),
             Limit::Relative(limit) => (difference / reference.abs(), limit),
-            Limit::ShareOfPeak(limit) | Limit::Rms(limit) => (difference / peak, limit),
-            Limit::RmsAbove(_) => (difference / peak, f64::INFINITY),
+            Limit::ShareOfPeak(limit) => (difference / peak, limit),
+            // of these all values together are judged
+            Limit::MeanRelative(_) | Limit::MeanRelativeAbove(_) => {
+                (difference / reference.abs(), f64::INFINITY)
+            }
+            Limit::Rms(_) | Limit::RmsAbove(_) | Limit::ShareOfPeakAbove(_) => {
+                (difference / peak, f64::INFINITY)
+            }
             // the distance from the middle, so that errors compare
             Limit::Between([low, high]) => ((ours - 0.5 * (low + high)).abs(), 0.5 * (high - low)),
         }

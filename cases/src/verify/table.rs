@@ -51,17 +51,37 @@ impl Outcome {
                 (outcome.ours, outcome.reference, outcome.error) = (ours, reference, error);
             }
         }
-        if let (Limit::Rms(limit) | Limit::RmsAbove(limit), Some(values)) = (check.limit, values) {
-            let reference = |i: usize| references[if references.len() == 1 { 0 } else { i }];
-            let squares = values.iter().enumerate();
-            let squares = squares.map(|(i, ours)| (ours - reference(i)).powi(2));
-            outcome.error = (squares.sum::<f64>() / values.len() as f64).sqrt() / peak;
-            outcome.passed = match check.limit {
-                Limit::Rms(_) => outcome.error <= limit,
-                _ => outcome.error >= limit,
-            };
+        if let Some(values) = values {
+            outcome.judge_together(references, values, peak);
         }
         outcome
+    }
+
+    /// The error and verdict of limits on all values together.
+    fn judge_together(&mut self, references: &[f64], values: &[f64], peak: f64) {
+        let limit = self.limit;
+        let errors = values.iter().enumerate().map(|(i, &ours)| {
+            let reference = references[if references.len() == 1 { 0 } else { i }];
+            limit.judge(ours, reference, peak).0
+        });
+        let count = values.len() as f64;
+        match limit {
+            Limit::Rms(_) | Limit::RmsAbove(_) => {
+                self.error = (errors.map(|e| e * e).sum::<f64>() / count).sqrt();
+            }
+            Limit::MeanRelative(_) | Limit::MeanRelativeAbove(_) => {
+                self.error = errors.sum::<f64>() / count;
+            }
+            _ => {}
+        }
+        // a comparison with what is no number is false: it passes neither way
+        match limit {
+            Limit::Rms(most) | Limit::MeanRelative(most) => self.passed = self.error <= most,
+            Limit::RmsAbove(least)
+            | Limit::MeanRelativeAbove(least)
+            | Limit::ShareOfPeakAbove(least) => self.passed &= self.error >= least,
+            _ => {}
+        }
     }
 
     fn cells(&self) -> [String; 7] {
@@ -70,22 +90,28 @@ impl Outcome {
         let (reference, error, limit) = match self.limit {
             Limit::Absolute(limit) => (number(self.reference), number(self.error), number(limit)),
             Limit::Relative(limit) => (number(self.reference), share(self.error), share(limit)),
-            Limit::ShareOfPeak(limit) => {
+            Limit::ShareOfPeak(limit) | Limit::ShareOfPeakAbove(limit) => {
                 (number(self.reference), of_peak(self.error), share(limit))
             }
-            Limit::Rms(limit) | Limit::RmsAbove(limit) => (
-                number(self.reference),
-                format!("{} % rms", number(100.0 * self.error)),
-                match self.limit {
-                    Limit::Rms(_) => share(limit),
-                    _ => format!("> {}", share(limit)),
-                },
-            ),
+            Limit::Rms(limit) | Limit::RmsAbove(limit) => {
+                let error = format!("{} % rms", number(100.0 * self.error));
+                (number(self.reference), error, share(limit))
+            }
+            Limit::MeanRelative(limit) | Limit::MeanRelativeAbove(limit) => {
+                let error = format!("{} % mean", number(100.0 * self.error));
+                (number(self.reference), error, share(limit))
+            }
             Limit::Between([low, high]) => (
                 number(self.reference),
                 String::new(),
                 format!("{} to {}", number(low), number(high)),
             ),
+        };
+        let limit = match self.limit {
+            Limit::RmsAbove(_) | Limit::MeanRelativeAbove(_) | Limit::ShareOfPeakAbove(_) => {
+                format!("> {limit}")
+            }
+            _ => limit,
         };
         let quantity = match self.values {
             0 | 1 => self.quantity.clone(),
@@ -201,6 +227,32 @@ mod tests {
         assert!(Outcome::new("case", &check("rms_above = 0.028"), Some(&values)).passed);
         assert!(!Outcome::new("case", &check("rms_above = 0.03"), Some(&values)).passed);
         assert!(!Outcome::new("case", &check("rms = 0.03"), Some(&[f64::NAN; 3])).passed);
+    }
+
+    #[test]
+    fn a_mean_relative_error_weighs_small_references_like_large_ones() {
+        let values = [1.3, -10.0, 4.4];
+        // (0.3 + 0 + 0.1) / 3
+        let error = 0.4 / 3.0;
+        let below = Outcome::new("case", &check("mean_relative = 0.14"), Some(&values));
+        assert!((below.error - error).abs() < 1e-12 && below.passed);
+        let passed = |limit: &str, values| Outcome::new("case", &check(limit), Some(values)).passed;
+        assert!(!passed("mean_relative = 0.13", &values));
+        assert!(passed("mean_relative_above = 0.13", &values));
+        assert!(!passed("mean_relative_above = 0.14", &values));
+        assert!(!passed("mean_relative_above = 0.13", &[f64::NAN; 3]));
+    }
+
+    #[test]
+    fn one_value_far_off_is_enough_for_what_must_show() {
+        let passed = |limit: &str, values| Outcome::new("case", &check(limit), Some(values)).passed;
+        let values = [1.0, -10.0, 4.5];
+        assert!(passed("share_of_peak_above = 0.049", &values));
+        assert!(!passed("share_of_peak_above = 0.051", &values));
+        assert!(!passed(
+            "share_of_peak_above = 0.049",
+            &[f64::NAN, -10.0, 4.5]
+        ));
     }
 
     #[test]

@@ -70,6 +70,16 @@ impl Cut {
         self.edges[0].cross(&self.edges[1])
     }
 
+    /// Whether its middle lies in a box between two corners (m) of a body of a dimension.
+    pub fn is_within(&self, [min, max]: [Vector3<f64>; 2], dimension: usize) -> bool {
+        let (middle, axes) = match self.outline {
+            Outline::Disc => (self.corner, 3),
+            Outline::Strip => (self.corner + 0.5 * self.edges[0], 2),
+            Outline::Parallelogram => (self.corner + 0.5 * (self.edges[0] + self.edges[1]), 3),
+        };
+        (0..axes.min(dimension)).all(|a| (min[a]..=max[a]).contains(&middle[a]))
+    }
+
     /// Distance of `position` from the plane of the cut, m; positive on the side of
     /// `edge 1 x edge 2`.
     pub fn distance(&self, position: &Vector3<f64>) -> f64 {

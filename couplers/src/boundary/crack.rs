@@ -107,7 +107,12 @@ impl Coupler for InsulatedCrack {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let (cuts, key) = self.cuts()?;
-        if !cuts.iter().any(|cut| severs(setup.body(body), cut)) {
+        let this = setup.body(body);
+        // in a hole of the body it severs the bonds that reach across
+        let (min, max) = this.bounds();
+        let (dimension, box_of_body) = (this.dimension, [min, max]);
+        let meets = |cut: &Cut| severs(this, cut) || cut.is_within(box_of_body, dimension);
+        if !cuts.iter().any(meets) {
             let (min, max) = setup.body(body).bounds();
             let message = format!(
                 "the crack passes between no points of body `{}`, which spans {:?} to {:?} m",
@@ -135,6 +140,7 @@ mod tests {
     use super::*;
     use crate::testing::{STEEL, block, prepare, read, refusal};
     use perimelt_core::FamilySpec;
+    use perimelt_core::shape::{BoxShape, Difference, Shape};
 
     fn bonds(setup: &mut Setup<'_>) -> usize {
         let spec = FamilySpec::new(1.0);
@@ -159,6 +165,25 @@ mod tests {
             let whole = 2 * (3 * 3 * 2 + 4 * 2 * 2 + 4 * 3);
             assert_eq!(left, whole - cut, "{crack}");
         }
+    }
+
+    #[test]
+    fn a_crack_in_a_hole_severs_what_reaches_across() {
+        let side = |min, max| Shape::Box(BoxShape { min, max });
+        let slotted = Shape::Difference(Difference {
+            from: Box::new(side([0.0; 3], [4.0, 3.0, 1.0])),
+            subtract: Box::new(side([0.0, 1.0, 0.0], [4.0, 2.0, 1.0])),
+        });
+        let body = Body::fill("slotted", &slotted, 2, 1.0, 1.0).expect("valid");
+        let across = |setup: &mut Setup<'_>| {
+            let spec = FamilySpec::new(2.0);
+            setup.family(0, &spec).expect("valid").bonds()
+        };
+        let mut world = World::new(vec![body]);
+        let mut coupler: InsulatedCrack = read("from = [0, 1.5]\nto = [4, 1.5]");
+        let left = prepare(&mut world, &mut coupler, across).expect("valid");
+        // two rows of four points, each with bonds to neighbours and next ones, both ways
+        assert_eq!(left, 2 * 2 * (3 + 2));
     }
 
     #[test]
