@@ -119,6 +119,7 @@ benchmarks!(
     "khoshrou-4.2-phi8-narrow",
     "khoshrou-4.2-phi8-unstable",
     "clamped-bar-residual-stress",
+    "three-bar-residual-stress",
     "gao-3.6.1-bending",
     "gao-3.6.2a-cracked-plate",
     "gao-3.6.2b-tearing-plate-uncoupled",

@@ -141,7 +141,7 @@ impl Coupler for Impactor {
         let report = |(name, unit, vector): (&str, &str, Vector3<f64>)| {
             let axes = ["x", "y", "z"].into_iter().zip(vector.data.0[0]);
             let one = |(axis, value)| Report {
-                name: format!("impactor.{name}.{axis}"),
+                name: format!("{name}.{axis}"),
                 unit: unit.into(),
                 value,
             };
@@ -192,9 +192,9 @@ mod tests {
                 .expect("known")
                 .value
         };
-        assert!((of("impactor.force.z") + along_z).abs() < 1e-12 * along_z.abs());
-        let gained = 0.07 / 500.0 * of("impactor.force.z");
-        assert!((of("impactor.velocity.z") - (-10.0 + gained)).abs() < 1e-12 * gained);
+        assert!((of("force.z") + along_z).abs() < 1e-12 * along_z.abs());
+        let gained = 0.07 / 500.0 * of("force.z");
+        assert!((of("velocity.z") - (-10.0 + gained)).abs() < 1e-12 * gained);
     }
 
     fn total_of(field: &[f64], axis: usize) -> f64 {

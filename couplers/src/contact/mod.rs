@@ -327,14 +327,14 @@ impl Coupler for Contact {
                 let force: Vector3<f64> = pairs.map(|(f, volume)| f * *volume).sum();
                 let axes = ["x", "y", "z"].into_iter().zip(force.iter());
                 axes.map(|(axis, force)| Report {
-                    name: format!("contact.force.{axis}"),
+                    name: format!("force.{axis}"),
                     unit: "N".into(),
                     value: *force,
                 })
                 .collect()
             }
             None => vec![Report {
-                name: "contact.points".into(),
+                name: "points".into(),
                 unit: "1".into(),
                 value: pairs.filter(|(f, _)| f.norm_squared() > 0.0).count() as f64,
             }],

@@ -115,33 +115,6 @@ pub struct Plastic<K>(pub K);
 /// Inputs of [`Plastic`] kernels.
 pub const PLASTIC_INPUTS: usize = INPUTS + 6;
 
-/// `1 / sqrt(x)` to a few units in the last place, for `x` from 1e-290 to 1e290. Multiplications take a
-/// fraction of the time of vector square roots and divisions and, unlike estimates by the processor, give
-/// the same bits everywhere.
-#[inline(always)]
-fn inverse_square_root(x: f64) -> f64 {
-    // halving the exponent; the constant makes the largest error smallest (3.4 %)
-    let mut y = f64::from_bits(0x5fe6_eb50_c7b5_37a9 - (x.to_bits() >> 1));
-    let half = 0.5 * x;
-    // Newton's method: errors of 2e-3, 5e-6, 3e-11, rounding
-    for _ in 0..4 {
-        y *= 1.5 - half * y * y;
-    }
-    y
-}
-
-/// `1 / x` likewise, for positive `x`.
-#[inline(always)]
-fn reciprocal(x: f64) -> f64 {
-    // negating the exponent: an error of 12 % at most
-    let mut y = f64::from_bits(0x7fde_6238_22fc_16e6 - x.to_bits());
-    // errors of 1.5 %, 2e-4, 5e-8, 3e-15, rounding
-    for _ in 0..5 {
-        y *= 2.0 - x * y;
-    }
-    y
-}
-
 /// Stretch in parts along the axes, whose sum it is, and current direction of a bond.
 #[inline(always)]
 fn stretch<const FINITE: bool, const D: usize>(
@@ -151,10 +124,12 @@ fn stretch<const FINITE: bool, const D: usize>(
     let relative: [f64; D] = std::array::from_fn(|a| other[a] - own[a]);
     if FINITE {
         let current: [f64; D] = std::array::from_fn(|a| bond.xi[a] + relative[a]);
-        // l - l0 = (l^2 - l0^2) / (l + l0): small stretches keep their digits
-        let square = current.iter().fold(0.0, |sum, y| sum + y * y);
-        let by_length = inverse_square_root(square);
-        let by_sum = reciprocal((square * by_length + bond.length) * bond.length);
+        let length = current.iter().fold(0.0, |sum, y| sum + y * y).sqrt();
+        // l - l0 = (l^2 - l0^2) / (l + l0): small stretches keep their digits; one division serves
+        // both this and the direction
+        let sum = (length + bond.length) * bond.length;
+        let inverse = 1.0 / (length * sum);
+        let (by_sum, by_length) = (inverse * length, inverse * sum);
         let part = |a: usize| relative[a] * (bond.xi[a] + current[a]) * by_sum;
         (std::array::from_fn(part), current.map(|y| y * by_length))
     } else {
@@ -374,20 +349,5 @@ impl<K: BondKernel<INPUTS, O>, const O: usize> BondKernel<PLASTIC_INPUTS, O> for
             end
         };
         self.0.bond(bond, end(own), end(other))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn roots_and_reciprocals_are_exact_to_rounding(digits in 1.0..10.0f64, power in -280i32..280) {
-            let x = digits * 10f64.powi(power);
-            prop_assert!((inverse_square_root(x) * x.sqrt() - 1.0).abs() < 1e-15);
-            prop_assert!((reciprocal(x) * x - 1.0).abs() < 1e-15);
-        }
     }
 }
