@@ -239,7 +239,7 @@ pub(super) fn relax(run: &mut Run, world: &World) -> Result<usize, SolverError> 
     work.iter_mut()
         .for_each(|mass| *mass *= fictitious_mass(stiffest, 1.0));
     let state = bytemuck::cast_slice_mut::<Vector3<f64>, f64>(&mut displacement);
-    let report = run.relaxation.solve(state, &run.work, |u, force| {
+    let mut unbalanced = |u: &[f64], force: &mut [f64]| {
         solid.set_displacement(u, &rules);
         solid.force(force);
         force.iter_mut().zip(body_force).for_each(|(f, b)| *f += b);
@@ -247,7 +247,26 @@ pub(super) fn relax(run: &mut Run, world: &World) -> Result<usize, SolverError> 
             *f = if free(i) { *f } else { 0.0 };
         }
         Ok(())
-    })?;
+    };
+    // measured against the loads: a good first guess must not tighten it
+    let held: Vec<f64> = state
+        .iter()
+        .zip(constraint)
+        .map(|(u, c)| if *c > 0.0 { *u } else { 0.0 })
+        .collect();
+    let mut loads = vec![0.0; held.len()];
+    unbalanced(&held, &mut loads)?;
+    let accelerations = loads.iter_mut().zip(&run.work);
+    accelerations.for_each(|(load, mass)| *load /= mass);
+    let options = run.relaxation.options;
+    let by_loads = options.relative_tolerance * norm(&loads);
+    if by_loads > 0.0 {
+        run.relaxation.options.relative_tolerance = 0.0;
+        run.relaxation.options.absolute_tolerance += by_loads;
+    }
+    let report = run.relaxation.solve(state, &run.work, unbalanced);
+    run.relaxation.options = options;
+    let report = report?;
     Ok(report.iterations)
 }
 

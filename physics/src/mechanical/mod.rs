@@ -153,7 +153,8 @@ pub enum MechanicalSolver {
         #[serde(default = "tolerance")]
         tolerance: f64,
     },
-    /// Equilibrium at every step by adaptive dynamic relaxation, as published.
+    /// Equilibrium at every step by adaptive dynamic relaxation, as published; `relative_tolerance`
+    /// is relative to the loads.
     Relaxation(RelaxationOptions),
     /// Motion by velocity Verlet, with stress waves.
     Explicit {
