@@ -239,11 +239,10 @@ impl Family {
     fn sweep<const I: usize, const O: usize, K: BondKernel<I, O>>(
         &self,
         kernel: &K,
-        (inputs, broken): Inputs<'_, I>,
+        inputs @ (values, broken): Inputs<'_, I>,
         output: &Output<O>,
         chunk: &Chunk,
     ) {
-        let inputs = (inputs, broken);
         if const { K::RARE } {
             return self.sweep_plainly(kernel, inputs, output, chunk);
         }
@@ -258,7 +257,7 @@ impl Family {
         }
         for row in chunk.rows.clone() {
             let point = self.rows.point[row] as usize;
-            let sum = self.sum_row(kernel, inputs.0, (&self.rows, row), bits(broken, point));
+            let sum = self.sum_row(kernel, values, (&self.rows, row), bits(broken, point));
             output.set(point, sum);
         }
         #[cfg(target_arch = "x86_64")]
@@ -460,7 +459,7 @@ fn sweep_lattice<const I: usize, const O: usize>(
             let first = done.min(len.saturating_sub(LANES));
             let points = point + first..point + (first + LANES).min(len);
             if points.len() == LANES && is_whole(points.clone()) {
-                let sums = sum_lanes::<I, O, LANES>(kernel, &family.stencil, inputs, slot + first);
+                let sums = sum_lanes(kernel, &family.stencil, inputs, slot + first);
                 points.zip(sums).for_each(|(p, sum)| output.set(p, sum));
             } else {
                 points.for_each(|p| output.set(p, sum_one(p)));
@@ -494,20 +493,20 @@ fn bits(broken: Option<&BrokenBonds>, point: usize) -> Bits<'_> {
     broken.map_or(Bits::NONE, |b| b.bits(point))
 }
 
-/// Sums of `N` consecutive points with complete families.
+/// Sums of [`LANES`] consecutive points with complete families.
 #[inline(always)]
-fn sum_lanes<const I: usize, const O: usize, const N: usize>(
+fn sum_lanes<const I: usize, const O: usize>(
     kernel: &impl BondKernel<I, O>,
     stencil: &[StencilBond],
     inputs: &[&[f64]; I],
     slot: usize,
-) -> [[f64; O]; N] {
-    let own: [[f64; N]; I] = std::array::from_fn(|i| lanes(inputs[i], slot));
-    let mut sums = [[0.0; N]; O];
+) -> [[f64; O]; LANES] {
+    let own: [[f64; LANES]; I] = std::array::from_fn(|i| lanes(inputs[i], slot));
+    let mut sums = [[0.0; LANES]; O];
     for StencilBond { offset, bond } in stencil {
         let at = slot.wrapping_add_signed(*offset);
-        let other: [[f64; N]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
-        for lane in 0..N {
+        let other: [[f64; LANES]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
+        for lane in 0..LANES {
             let part = kernel.bond(
                 bond,
                 std::array::from_fn(|i| own[i][lane]),

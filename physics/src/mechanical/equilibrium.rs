@@ -184,9 +184,8 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
         false => KrylovMethod::ConjugateGradient,
     };
     // unbalanced force is measured against the loads: a good first guess must not tighten it
-    for (w, (u, c)) in run.work.iter_mut().zip(state.iter().zip(constraint)) {
-        *w = if *c > 0.0 { *u } else { 0.0 };
-    }
+    let held = run.work.iter_mut().zip(held_part(state, constraint));
+    held.for_each(|(w, u)| *w = u);
     let mut loads = vec![0.0; state.len()];
     residual.rate(step.end(), &run.work, &mut loads)?;
     for (load, volume) in loads.iter_mut().zip(&run.relative_volume) {
@@ -199,6 +198,12 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
         .newton
         .solve(&mut residual, step.end(), state, Some(rigid))?;
     Ok(report.krylov_iterations)
+}
+
+/// The displacement of held components alone: its forces are the loads.
+fn held_part(displacement: &[f64], constraint: &[f64]) -> impl Iterator<Item = f64> {
+    let components = displacement.iter().zip(constraint);
+    components.map(|(u, c)| if *c > 0.0 { *u } else { 0.0 })
 }
 
 /// What rounding leaves of forces that cancel, N/m³ in the norm over all points: loads may be nothing
@@ -249,11 +254,7 @@ pub(super) fn relax(run: &mut Run, world: &World) -> Result<usize, SolverError> 
         Ok(())
     };
     // measured against the loads: a good first guess must not tighten it
-    let held: Vec<f64> = state
-        .iter()
-        .zip(constraint)
-        .map(|(u, c)| if *c > 0.0 { *u } else { 0.0 })
-        .collect();
+    let held: Vec<f64> = held_part(state, constraint).collect();
     let mut loads = vec![0.0; held.len()];
     unbalanced(&held, &mut loads)?;
     let accelerations = loads.iter_mut().zip(&run.work);

@@ -20,11 +20,12 @@
 
 use perimelt_core::family::BrokenBonds;
 use perimelt_core::material::Property;
-use perimelt_core::{Body, Bond, BondKernel, Family, Setup, SetupError};
+use perimelt_core::{Body, Bond, Family, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::moduli::Moduli;
+use super::stretch::TotalWeight;
 
 /// When bonds break: at the `fracture_energy` or the `critical_stretch` of the material.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -122,8 +123,7 @@ impl Fracture {
             }
         }
         let mut weight = vec![[0.0]; points];
-        let zeros = vec![0.0; family.slots()];
-        family.sum(&Weight, [&zeros], &mut weight);
+        family.sum(&TotalWeight, [], &mut weight);
         let spec = family.spec();
         let moment = |power| spec.influence.radial_moment(power);
         Ok(Fracture {
@@ -155,6 +155,14 @@ impl Fracture {
     /// Whether the energy of bonds is compared, not their stretch.
     pub fn compares_energy(&self) -> bool {
         self.criterion == Criterion::Energy
+    }
+
+    /// Whether strengths are the same at all temperatures.
+    pub fn is_constant(&self) -> bool {
+        let constant = |s: &Strength| match s {
+            Strength::Stretch(p) | Strength::Energy(p) => p.is_constant(),
+        };
+        self.strength.iter().all(constant)
     }
 
     /// Evaluates the limit of each point at its temperature, K.
@@ -273,17 +281,5 @@ impl Fracture {
             });
         }
         pairs
-    }
-}
-
-/// `sum_j w`, 1/m.
-struct Weight;
-
-impl BondKernel<1, 1> for Weight {
-    const RARE: bool = true;
-
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, _: [f64; 1], _: [f64; 1]) -> [f64; 1] {
-        [bond.weight]
     }
 }

@@ -119,7 +119,7 @@ impl Ordinary {
         this.load_strength(body, None);
         if dilatation {
             let mut total = vec![[0.0]; points];
-            this.family.sum(&TotalWeight, this.inputs(), &mut total);
+            this.family.sum(&TotalWeight, [], &mut total);
             let normalisers = this.normaliser.iter_mut().zip(total);
             normalisers.for_each(|(n, [total])| *n = dimension as f64 / total);
         }
@@ -373,11 +373,12 @@ impl Ordinary {
         if self.plasticity.is_some() {
             self.fracture = Some(fracture);
             self.sum_forces_in::<D>(out, false);
-            let mut loads = vec![[0.0; 2]; self.energy.len()];
+            let mut loads = std::mem::take(&mut self.energy);
             self.run_plastic(self.load_kernel(energy), &mut loads);
             let fracture = self.fracture.as_mut().expect("put back above");
-            let excess = fracture.excess.iter_mut().zip(loads);
-            excess.for_each(|(excess, [_, load])| *excess = load);
+            let excess = fracture.excess.iter_mut().zip(&loads);
+            excess.for_each(|(excess, [_, load])| *excess = *load);
+            self.energy = loads;
             return;
         }
         let mut padded = std::mem::take(&mut self.padded);
@@ -495,10 +496,13 @@ pub(super) fn unflatten<const D: usize>(padded: &[f64], out: &mut [f64]) {
 
 impl Solid for Ordinary {
     fn set_moduli(&mut self, body: &Body, temperature: Option<&[f64]>) {
-        if self.uniform.is_none() {
+        let constant = self.uniform.is_some();
+        if !constant {
             self.evaluate_moduli(body, temperature);
         }
-        self.load_strength(body, temperature);
+        if !(constant && self.fracture.as_ref().is_some_and(Fracture::is_constant)) {
+            self.load_strength(body, temperature);
+        }
     }
 
     fn set_stiffest_moduli(&mut self, body: &Body) {

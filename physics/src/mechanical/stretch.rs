@@ -265,11 +265,11 @@ impl<const FINITE: bool> BondKernel<INPUTS, 3> for Expansion<FINITE> {
     }
 }
 
-impl BondKernel<INPUTS, 1> for TotalWeight {
+impl BondKernel<0, 1> for TotalWeight {
     const RARE: bool = true;
 
     #[inline(always)]
-    fn bond(&self, bond: &Bond, _: [f64; INPUTS], _: [f64; INPUTS]) -> [f64; 1] {
+    fn bond(&self, bond: &Bond, _: [f64; 0], _: [f64; 0]) -> [f64; 1] {
         [bond.weight]
     }
 }
