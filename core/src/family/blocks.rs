@@ -2,17 +2,24 @@
 //!
 //! At bare surfaces, beside cuts, and where bonds are corrected for the sake of a neighbour, bonds differ
 //! from the stencil in nothing but their weights: a bond that there is not has none. So [`BLOCK`] points
-//! advance together through the stencil as complete families do, with weights streamed from memory.
+//! advance together through the stencil as complete families do, with weights from memory. Blocks alike,
+//! such as those along an edge, share them: most stay in the cache.
+
+use std::collections::HashMap;
 
 /// Points of a block: one AVX-512 register.
 pub(super) const BLOCK: usize = 8;
 
-/// Weights of all blocks, by block, then bond of the stencil, then lane.
+/// Weights and duals of a bond in a block, by lane.
+pub(super) type Weights<const LANES: usize = BLOCK> = [[f64; LANES]; 2];
+
+/// The blocks of a family.
 #[derive(Debug, Default)]
 pub(super) struct Blocks {
     pub(super) head: Vec<Head>,
-    pub(super) weight: Vec<[f64; BLOCK]>,
-    pub(super) dual: Vec<[f64; BLOCK]>,
+    /// By pattern, then bond of the stencil.
+    weights: Vec<Weights>,
+    stencil: usize,
 }
 
 /// Consecutive points in consecutive slots; lanes from `len` on count nothing.
@@ -21,36 +28,14 @@ pub(super) struct Head {
     pub(super) point: u32,
     pub(super) slot: u32,
     pub(super) len: u32,
+    pattern: u32,
 }
 
 impl Blocks {
-    /// Adds a point with its bonds (number in the stencil, weight, dual), after those before it.
-    pub(super) fn push(
-        &mut self,
-        (point, slot): (u32, u32),
-        stencil: usize,
-        bonds: impl Iterator<Item = (usize, [f64; 2])>,
-    ) {
-        let follows =
-            |h: &Head| h.len < BLOCK as u32 && [h.point + h.len, h.slot + h.len] == [point, slot];
-        if !self.head.last().is_some_and(follows) {
-            self.head.push(Head {
-                point,
-                slot,
-                len: 0,
-            });
-            let weights = self.head.len() * stencil;
-            self.weight.resize(weights, [0.0; BLOCK]);
-            self.dual.resize(weights, [0.0; BLOCK]);
-        }
-        let head = self.head.last_mut().expect("pushed above");
-        let lane = head.len as usize;
-        head.len += 1;
-        let first = self.weight.len() - stencil;
-        for (number, [weight, dual]) in bonds {
-            self.weight[first + number][lane] = weight;
-            self.dual[first + number][lane] = dual;
-        }
+    /// The weights of a block, by bond of the stencil.
+    #[inline(always)]
+    pub(super) fn weights(&self, block: usize) -> &[Weights] {
+        &self.weights[self.head[block].pattern as usize * self.stencil..][..self.stencil]
     }
 
     /// Block and lane of a point.
@@ -69,6 +54,75 @@ impl Blocks {
     }
 
     pub(super) fn memory(&self) -> usize {
-        size_of_val(&*self.head) + size_of_val(&*self.weight) + size_of_val(&*self.dual)
+        size_of_val(&*self.head) + size_of_val(&*self.weights)
+    }
+}
+
+/// Makes blocks of points, and finds those alike.
+pub(super) struct Builder {
+    blocks: Blocks,
+    /// Weights of the last block, which may still grow.
+    open: Vec<Weights>,
+    known: HashMap<Vec<[[u64; BLOCK]; 2]>, u32>,
+}
+
+impl Builder {
+    /// No blocks; `stencil` is the number of its bonds.
+    pub(super) fn new(stencil: usize) -> Self {
+        let blocks = Blocks {
+            stencil,
+            ..Blocks::default()
+        };
+        Builder {
+            blocks,
+            open: vec![[[0.0; BLOCK]; 2]; stencil],
+            known: HashMap::new(),
+        }
+    }
+
+    /// Adds a point with its bonds (number in the stencil, weight, dual), after those before it.
+    pub(super) fn push(
+        &mut self,
+        (point, slot): (u32, u32),
+        bonds: impl Iterator<Item = (usize, [f64; 2])>,
+    ) {
+        let follows =
+            |h: &Head| h.len < BLOCK as u32 && [h.point + h.len, h.slot + h.len] == [point, slot];
+        if !self.blocks.head.last().is_some_and(follows) {
+            self.close();
+            self.blocks.head.push(Head {
+                point,
+                slot,
+                len: 0,
+                pattern: 0,
+            });
+        }
+        let head = self.blocks.head.last_mut().expect("pushed above");
+        let lane = head.len as usize;
+        head.len += 1;
+        for (number, [weight, dual]) in bonds {
+            self.open[number][0][lane] = weight;
+            self.open[number][1][lane] = dual;
+        }
+    }
+
+    /// Gives the last block its pattern.
+    fn close(&mut self) {
+        let Some(head) = self.blocks.head.last_mut() else {
+            return;
+        };
+        let bits = self.open.iter().map(|w| w.map(|w| w.map(f64::to_bits)));
+        let new = self.known.len() as u32;
+        head.pattern = *self.known.entry(bits.collect()).or_insert(new);
+        if head.pattern == new {
+            self.blocks.weights.extend(&self.open);
+        }
+        self.open.fill([[0.0; BLOCK]; 2]);
+    }
+
+    /// All blocks.
+    pub(super) fn finish(mut self) -> Blocks {
+        self.close();
+        self.blocks
     }
 }

@@ -117,8 +117,7 @@ impl Family {
                 receive(number, bond, other);
                 continue;
             };
-            let at = block * self.stencil.len() + number;
-            let (weight, dual) = (self.blocks.weight[at][lane], self.blocks.dual[at][lane]);
+            let [weight, dual] = self.blocks.weights(block)[number].map(|lanes| lanes[lane]);
             if weight != 0.0 || dual != 0.0 {
                 let bond = Bond {
                     weight,

@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 
 use crate::body::{Body, Discretisation, Face, Lattice, Store};
 
-use super::blocks::{BLOCK, Blocks};
+use super::blocks::{self, BLOCK};
 use super::calibration::{Strain, calibration, factor_along};
 use super::layer::Grid;
 use super::{
@@ -182,7 +182,7 @@ impl Family {
             start: vec![0],
             ..Rows::default()
         };
-        let mut blocks = Blocks::default();
+        let mut blocks = blocks::Builder::new(steps.len());
         let mut in_runs = vec![false; body.points.len()];
         let mut bonds = 0;
         for (point, &slot) in slot_of_point.iter().enumerate() {
@@ -221,7 +221,7 @@ impl Family {
             } else if count < steps.len() || uneven {
                 let bonds = members().map(corrected);
                 let bonds = bonds.map(|(step, _, weights)| (usize::from(step), weights));
-                blocks.push((point as u32, slot), steps.len(), bonds);
+                blocks.push((point as u32, slot), bonds);
             } else {
                 in_runs[point] = true;
             }
@@ -231,6 +231,7 @@ impl Family {
             }
         }
 
+        let blocks = blocks.finish();
         let spans = stretches(&slot_of_point, |_| true);
         let runs = stretches(&slot_of_point, |p| in_runs[p]);
         let chunks = chunks(&runs, blocks.head.len(), rows.point.len());

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 #[cfg(doc)]
 use super::FamilySpec;
-use super::blocks::BLOCK;
+use super::blocks::Weights;
 use super::broken::Bits;
 use super::{BrokenBonds, Chunk, Family, Rows, StencilBond};
 
@@ -445,12 +445,15 @@ fn sweep_cloud<const I: usize, const O: usize>(
 fn sweep_lattice<const I: usize, const O: usize>(
     family: &Family,
     kernel: &impl BondKernel<I, O>,
-    (inputs, broken): Inputs<'_, I>,
+    (values, broken): Inputs<'_, I>,
     output: &Output<O>,
     chunk: &Chunk,
 ) {
+    // of one length, for all the compiler knows: one check of bounds for all
+    let inputs = &values.map(|input| &input[..family.slots]);
     let is_whole = |points: Range<usize>| broken.is_none_or(|b| b.is_whole(points));
     let sum_one = |point: usize| family.sum_bonds(kernel, inputs, point, bits(broken, point));
+    let stencil = &family.stencil[..];
     for run in &family.runs[chunk.runs.clone()] {
         let (slot, point, len) = (run.slot as usize, run.point as usize, run.len as usize);
         let mut done = 0;
@@ -459,7 +462,7 @@ fn sweep_lattice<const I: usize, const O: usize>(
             let first = done.min(len.saturating_sub(LANES));
             let points = point + first..point + (first + LANES).min(len);
             if points.len() == LANES && is_whole(points.clone()) {
-                let sums = sum_lanes(kernel, &family.stencil, inputs, slot + first);
+                let sums = sum_lanes::<I, O, LANES>(kernel, (stencil, None), inputs, slot + first);
                 points.zip(sums).for_each(|(p, sum)| output.set(p, sum));
             } else {
                 points.for_each(|p| output.set(p, sum_one(p)));
@@ -467,17 +470,12 @@ fn sweep_lattice<const I: usize, const O: usize>(
             done = first + LANES;
         }
     }
-    let stencil = &family.stencil;
     for block in chunk.blocks.clone() {
         let head = family.blocks.head[block];
         let points = head.point as usize..(head.point + head.len) as usize;
         if is_whole(points.clone()) {
-            let range = block * stencil.len()..(block + 1) * stencil.len();
-            let weights = (
-                &family.blocks.weight[range.clone()],
-                &family.blocks.dual[range],
-            );
-            let sums = sum_weighted(kernel, (stencil, weights), inputs, head.slot as usize);
+            let bonds = (stencil, Some(family.blocks.weights(block)));
+            let sums = sum_lanes(kernel, bonds, inputs, head.slot as usize);
             points.zip(sums).for_each(|(p, sum)| output.set(p, sum));
         } else {
             points.for_each(|p| output.set(p, sum_one(p)));
@@ -493,59 +491,34 @@ fn bits(broken: Option<&BrokenBonds>, point: usize) -> Bits<'_> {
     broken.map_or(Bits::NONE, |b| b.bits(point))
 }
 
-/// Sums of [`LANES`] consecutive points with complete families.
+/// Sums of `N` points in consecutive slots over the bonds of the stencil, with its weights or those of a
+/// block; lanes of a block that are no points sum up nothing.
 #[inline(always)]
-fn sum_lanes<const I: usize, const O: usize>(
+fn sum_lanes<const I: usize, const O: usize, const N: usize>(
     kernel: &impl BondKernel<I, O>,
-    stencil: &[StencilBond],
+    (stencil, weights): (&[StencilBond], Option<&[Weights<N>]>),
     inputs: &[&[f64]; I],
     slot: usize,
-) -> [[f64; O]; LANES] {
-    let own: [[f64; LANES]; I] = std::array::from_fn(|i| lanes(inputs[i], slot));
-    let mut sums = [[0.0; LANES]; O];
-    for StencilBond { offset, bond } in stencil {
-        let at = slot.wrapping_add_signed(*offset);
-        let other: [[f64; LANES]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
-        for lane in 0..LANES {
-            let part = kernel.bond(
-                bond,
-                std::array::from_fn(|i| own[i][lane]),
-                std::array::from_fn(|i| other[i][lane]),
-            );
-            for o in 0..O {
-                sums[o][lane] += part[o];
-            }
-        }
-    }
-    std::array::from_fn(|lane| std::array::from_fn(|o| sums[o][lane]))
-}
-
-/// Sums of the points of a block; lanes that are no points sum up nothing.
-#[inline(always)]
-fn sum_weighted<const I: usize, const O: usize>(
-    kernel: &impl BondKernel<I, O>,
-    (stencil, (weights, duals)): (&[StencilBond], Weights<'_>),
-    inputs: &[&[f64]; I],
-    slot: usize,
-) -> [[f64; O]; BLOCK] {
-    let own: [[f64; BLOCK]; I] = std::array::from_fn(|i| lanes(inputs[i], slot));
-    let mut sums = [[0.0; BLOCK]; O];
-    for ((StencilBond { offset, bond }, weight), dual) in stencil.iter().zip(weights).zip(duals) {
-        let at = slot.wrapping_add_signed(*offset);
-        let other: [[f64; BLOCK]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
-        for lane in 0..BLOCK {
-            let bond = Bond {
-                weight: weight[lane],
-                dual: dual[lane],
-                ..*bond
-            };
+) -> [[f64; O]; N] {
+    let own: [[f64; N]; I] = std::array::from_fn(|i| lanes(inputs[i], slot));
+    let mut sums = [[0.0; N]; O];
+    // a copy of each bond: from behind a reference its parts would be gathered lane by lane
+    for (number, &StencilBond { offset, bond }) in stencil.iter().enumerate() {
+        let at = slot.wrapping_add_signed(offset);
+        let other: [[f64; N]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
+        for lane in 0..N {
+            let bond = weights.map_or(bond, |weights| Bond {
+                weight: weights[number][0][lane],
+                dual: weights[number][1][lane],
+                ..bond
+            });
             let part = kernel.bond(
                 &bond,
                 std::array::from_fn(|i| own[i][lane]),
                 std::array::from_fn(|i| other[i][lane]),
             );
             // where there is no point its inputs mean nothing
-            let counts = bond.weight + bond.dual != 0.0;
+            let counts = weights.is_none() || bond.weight + bond.dual != 0.0;
             for o in 0..O {
                 sums[o][lane] += if counts { part[o] } else { 0.0 };
             }
@@ -553,9 +526,6 @@ fn sum_weighted<const I: usize, const O: usize>(
     }
     std::array::from_fn(|lane| std::array::from_fn(|o| sums[o][lane]))
 }
-
-/// Weights and duals of a block, by bond of the stencil.
-type Weights<'a> = (&'a [[f64; BLOCK]], &'a [[f64; BLOCK]]);
 
 #[inline(always)]
 fn lanes<const N: usize>(input: &[f64], at: usize) -> [f64; N] {

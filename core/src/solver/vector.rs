@@ -18,7 +18,7 @@ pub(crate) fn update<const N: usize>(
     let piece = |start: usize, out: &mut [f64]| {
         let inputs = inputs.map(|input| &input[start..start + out.len()]);
         for i in 0..out.len() {
-            out[i] = f(out[i], inputs.map(|input| input[i]));
+            out[i] = f(out[i], std::array::from_fn(|k| inputs[k][i]));
         }
     };
     if out.len() < PARALLEL {

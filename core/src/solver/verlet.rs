@@ -85,6 +85,7 @@ impl Verlet {
             self.force = first;
         }
         let loss = 0.25 * self.damping * dt;
+        let (kept, gain) = ((1.0 - loss) / (1.0 + loss), 0.5 * dt / (1.0 + loss));
         let kick = |velocity: &mut [f64], force: &[f64]| {
             update(
                 velocity,
@@ -94,7 +95,7 @@ impl Verlet {
                     if inverse_mass == 0.0 {
                         v
                     } else {
-                        ((1.0 - loss) * v + 0.5 * dt * force * inverse_mass) / (1.0 + loss)
+                        kept * v + gain * force * inverse_mass
                     }
                 },
             );

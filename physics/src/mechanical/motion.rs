@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use perimelt_core::solver::{Motion, SolverError};
 use perimelt_core::{Step, World};
+use rayon::prelude::*;
 
 use super::Run;
 
@@ -24,12 +25,16 @@ impl Run {
 
         let velocity: &mut [f64] = bytemuck::cast_slice_mut(&mut velocity);
         if !step.repeated {
-            let held = self.free_inverse_density.iter_mut().zip(constraint);
-            for (i, (inverse, c)) in held.enumerate() {
-                let free = *c == 0.0;
-                *inverse = if free { 1.0 / self.density[i / 3] } else { 0.0 };
-                velocity[i] = if free { velocity[i] } else { 0.0 };
-            }
+            let inverses = self.free_inverse_density.par_chunks_mut(3);
+            let points = inverses.zip(velocity.par_chunks_mut(3)).zip(&self.density);
+            let points = points.zip(constraint.par_chunks(3)).with_min_len(4096);
+            points.for_each(|(((inverse, velocity), density), constraint)| {
+                for axis in 0..3 {
+                    let free = constraint[axis] == 0.0;
+                    inverse[axis] = if free { 1.0 / density } else { 0.0 };
+                    velocity[axis] = if free { velocity[axis] } else { 0.0 };
+                }
+            });
         }
         let impulse = body_force.chunks_exact(3).zip(volume);
         for (b, volume) in impulse {

@@ -16,7 +16,8 @@ use super::plasticity::{Plasticity, Strains};
 use super::solid::{Of, Solid, continue_displacement};
 use super::stretch::{
     Block, Breaking, CRITICAL, Directions, EIGENSTRAIN, Energy, Expansion, Force, INPUTS, Load,
-    PLASTIC_INPUTS, PRESSURE, Plastic, STIFFNESS, Stiffness, Stress, TotalWeight, WeightOverLength,
+    PLASTIC_INPUTS, PRESSURE, Plastic, STIFFNESS, Stiffness, Stress, TotalWeight, Uniform,
+    WeightOverLength,
 };
 
 /// Family, moduli and work arrays of a body.
@@ -32,6 +33,8 @@ pub struct Ordinary {
     dilatation: bool,
     /// The moduli where they never vary; else those of each point are in `moduli`.
     uniform: Option<Moduli>,
+    /// Eigenstrain, stiffness and limit where they are the same for all points; the rest is not filled.
+    same: Option<[f64; INPUTS]>,
     moduli: Vec<Moduli>,
     /// In-plane stress-free strain of each point.
     eigenstrain: Vec<f64>,
@@ -107,16 +110,17 @@ impl Ordinary {
             tensors: vec![[0.0; 6]; points],
             elasticity,
             uniform,
+            same: None,
             family,
         };
-        let forces = if dimension == 2 { 2 } else { 3 };
         this.padded = match (&this.fracture, dimension) {
-            (Some(_), _) => vec![0.0; (forces + 1) * points],
+            (Some(_), _) => vec![0.0; 4 * points],
             (None, 2) => vec![0.0; 2 * points],
             (None, _) => Vec::new(),
         };
         this.load_moduli();
         this.load_strength(body, None);
+        this.compare_points();
         if dilatation {
             let mut total = vec![[0.0]; points];
             this.family.sum(&TotalWeight, [], &mut total);
@@ -158,6 +162,28 @@ impl Ordinary {
         self.family.scatter(&fracture.critical, 1, 0, slots);
         self.family.fill_layers(&[], 0, slots);
         self.fracture = Some(fracture);
+    }
+
+    /// Notes whether points differ in more than what moves them.
+    fn compare_points(&mut self) {
+        let same = |values: &[f64]| {
+            let first = values.first().copied().unwrap_or_default();
+            values.iter().all(|v| *v == first).then_some(first)
+        };
+        let limit = self
+            .fracture
+            .as_ref()
+            .map_or(Some(0.0), |f| same(&f.critical));
+        let inputs = (self.uniform, same(&self.eigenstrain), limit);
+        self.same = if let (Some(moduli), Some(eigenstrain), Some(limit)) = inputs {
+            let mut point = [0.0; INPUTS];
+            point[EIGENSTRAIN] = eigenstrain;
+            point[STIFFNESS] = moduli.bond_stiffness(self.dimension);
+            point[CRITICAL] = limit;
+            Some(point)
+        } else {
+            None
+        };
     }
 
     fn broken(&self) -> Option<&BrokenBonds> {
@@ -308,16 +334,16 @@ impl Ordinary {
     fn expand(&mut self) {
         let mut expansion = std::mem::take(&mut self.expansion);
         match self.finite {
-            false => self.run(&Expansion::<false>, &mut expansion),
-            true => self.run(&Expansion::<true>, &mut expansion),
+            false => self.run_first(&Expansion::<false>, &mut expansion),
+            true => self.run_first(&Expansion::<true>, &mut expansion),
         }
         self.expansion = expansion;
     }
 
     fn sum_forces(&mut self, out: &mut [f64], stiffness: bool) {
         match (self.dimension, &self.fracture) {
-            (2, Some(_)) if !stiffness => self.sum_breaking::<2, 3>(out),
-            (_, Some(_)) if !stiffness => self.sum_breaking::<3, 4>(out),
+            (2, Some(_)) if !stiffness => self.sum_breaking::<2>(out),
+            (_, Some(_)) if !stiffness => self.sum_breaking::<3>(out),
             (2, _) => self.sum_forces_in::<2>(out, stiffness),
             _ => self.sum_forces_in::<3>(out, stiffness),
         }
@@ -327,18 +353,18 @@ impl Ordinary {
         let mut padded = std::mem::take(&mut self.padded);
         let sums = flat::<D>(&mut padded, bytemuck::cast_slice_mut(out));
         match (stiffness, self.finite, self.dilatation) {
-            (true, _, false) => self.run(&Stiffness::<false>, sums),
-            (true, _, true) => self.run(&Stiffness::<true>, sums),
+            (true, _, false) => self.run_forces(&Stiffness::<false>, sums),
+            (true, _, true) => self.run_forces(&Stiffness::<true>, sums),
             (false, false, _) if self.plasticity.is_some() => {
                 self.run_plastic(Force::<false, true>, sums);
             }
             (false, true, _) if self.plasticity.is_some() => {
                 self.run_plastic(Force::<true, true>, sums);
             }
-            (false, false, false) => self.run(&Force::<false, false>, sums),
-            (false, false, true) => self.run(&Force::<false, true>, sums),
-            (false, true, false) => self.run(&Force::<true, false>, sums),
-            (false, true, true) => self.run(&Force::<true, true>, sums),
+            (false, false, false) => self.run_forces(&Force::<false, false>, sums),
+            (false, false, true) => self.run_forces(&Force::<false, true>, sums),
+            (false, true, false) => self.run_forces(&Force::<true, false>, sums),
+            (false, true, true) => self.run_forces(&Force::<true, true>, sums),
         }
         unflatten::<D>(&padded, out);
         self.padded = padded;
@@ -359,55 +385,43 @@ impl Ordinary {
     }
 
     /// Forces and, in the same sweep, the excess of bonds over their limit.
-    fn sum_breaking<const D: usize, const O: usize>(&mut self, out: &mut [f64])
-    where
-        Breaking<false, false>: BondKernel<INPUTS, O>,
-        Breaking<false, true>: BondKernel<INPUTS, O>,
-        Breaking<true, false>: BondKernel<INPUTS, O>,
-        Breaking<true, true>: BondKernel<INPUTS, O>,
-    {
-        let Some(mut fracture) = self.fracture.take() else {
+    fn sum_breaking<const D: usize>(&mut self, out: &mut [f64]) {
+        let Some(fracture) = &self.fracture else {
             return;
         };
         let energy = fracture.compares_energy();
         if self.plasticity.is_some() {
-            self.fracture = Some(fracture);
             self.sum_forces_in::<D>(out, false);
             let mut loads = std::mem::take(&mut self.energy);
             self.run_plastic(self.load_kernel(energy), &mut loads);
-            let fracture = self.fracture.as_mut().expect("put back above");
+            let fracture = self.fracture.as_mut().expect("there are bonds to watch");
             let excess = fracture.excess.iter_mut().zip(&loads);
             excess.for_each(|(excess, [_, load])| *excess = *load);
             self.energy = loads;
             return;
         }
         let mut padded = std::mem::take(&mut self.padded);
-        let (sums, _) = padded.as_chunks_mut::<O>();
-        let (family, inputs, broken) = (&self.family, self.inputs(), Some(&fracture.state.broken));
-        match (self.finite, self.dilatation) {
-            (false, false) => {
-                family.sum_unbroken(&Breaking::<false, false> { energy }, inputs, broken, sums);
-            }
-            (false, true) => {
-                family.sum_unbroken(&Breaking::<false, true> { energy }, inputs, broken, sums);
-            }
-            (true, false) => {
-                family.sum_unbroken(&Breaking::<true, false> { energy }, inputs, broken, sums);
-            }
-            (true, true) => {
-                family.sum_unbroken(&Breaking::<true, true> { energy }, inputs, broken, sums);
-            }
+        let (sums, _) = padded.as_chunks_mut::<4>();
+        match (energy, self.finite, self.dilatation) {
+            (false, false, false) => self.run_forces(&Breaking::<D, false, false, false>, sums),
+            (false, false, true) => self.run_forces(&Breaking::<D, false, true, false>, sums),
+            (false, true, false) => self.run_forces(&Breaking::<D, true, false, false>, sums),
+            (false, true, true) => self.run_forces(&Breaking::<D, true, true, false>, sums),
+            (true, false, false) => self.run(&Breaking::<D, false, false, true>, sums),
+            (true, false, true) => self.run(&Breaking::<D, false, true, true>, sums),
+            (true, true, false) => self.run(&Breaking::<D, true, false, true>, sums),
+            (true, true, true) => self.run(&Breaking::<D, true, true, true>, sums),
         }
-        let points = out
-            .as_chunks_mut::<3>()
-            .0
-            .iter_mut()
-            .zip(&mut fracture.excess);
-        for ((out, excess), sum) in points.zip(sums) {
-            (0..3).for_each(|axis| out[axis] = if axis < D { sum[axis] } else { 0.0 });
-            *excess = sum[O - 1];
-        }
-        (self.padded, self.fracture) = (padded, Some(fracture));
+        let fracture = self.fracture.as_mut().expect("there are bonds to watch");
+        let (vectors, _) = out.as_chunks_mut::<3>();
+        let points = vectors.par_iter_mut().zip(&mut fracture.excess).zip(sums);
+        points
+            .with_min_len(4096)
+            .for_each(|((out, excess), &mut [x, y, z, beyond])| {
+                *out = [x, y, z];
+                *excess = beyond;
+            });
+        self.padded = padded;
     }
 
     /// Stress conjugate to the eigenstrain by the dilatation of these `sum_j w s`, Pa.
@@ -467,6 +481,32 @@ impl Ordinary {
         std::array::from_fn(|i| self.input(i))
     }
 
+    /// Runs a kernel of forces, with the inputs in which points differ.
+    fn run_forces<const O: usize>(
+        &self,
+        kernel: &impl BondKernel<INPUTS, O>,
+        sums: &mut [[f64; O]],
+    ) {
+        match self.same {
+            Some(point) if self.dilatation => {
+                self.run_first::<{ PRESSURE + 1 }, O>(&Uniform(kernel, point), sums);
+            }
+            Some(point) => self.run_first::<PRESSURE, O>(&Uniform(kernel, point), sums),
+            None => self.run(kernel, sums),
+        }
+    }
+
+    /// Runs a kernel of the first `I` inputs.
+    fn run_first<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        sums: &mut [[f64; O]],
+    ) {
+        let inputs = std::array::from_fn(|i| self.input(i));
+        self.family
+            .sum_unbroken(kernel, inputs, self.broken(), sums);
+    }
+
     fn run<const O: usize>(&self, kernel: &impl BondKernel<INPUTS, O>, sums: &mut [[f64; O]]) {
         self.family
             .sum_unbroken(kernel, self.inputs(), self.broken(), sums);
@@ -502,6 +542,7 @@ impl Solid for Ordinary {
         }
         if !(constant && self.fracture.as_ref().is_some_and(Fracture::is_constant)) {
             self.load_strength(body, temperature);
+            self.compare_points();
         }
     }
 
@@ -516,12 +557,19 @@ impl Solid for Ordinary {
     }
 
     fn set_eigenstrain(&mut self, eigenstrain: &[f64]) {
-        for (i, e) in eigenstrain.iter().enumerate() {
-            self.eigenstrain[i] = e * self.moduli(i).swelling;
+        let in_plane = |i: usize| eigenstrain[i] * self.moduli(i).swelling;
+        let points = self.eigenstrain.par_iter().enumerate();
+        if points
+            .with_min_len(4096)
+            .all(|(i, now)| *now == in_plane(i))
+        {
+            return;
         }
+        self.eigenstrain = (0..eigenstrain.len()).map(in_plane).collect();
         let slots = &mut self.slots[EIGENSTRAIN];
         self.family.scatter(&self.eigenstrain, 1, 0, slots);
         self.family.fill_layers(&[], 0, slots);
+        self.compare_points();
     }
 
     fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]) {
@@ -570,7 +618,8 @@ impl Solid for Ordinary {
             if pairs {
                 return stress;
             }
-            let expansion: [f64; 3] = match self.finite {
+            let [own, other] = [own, other].map(|[x, y, z, ..]| [x, y, z]);
+            let expansion = match self.finite {
                 true => Expansion::<true>.bond(bond, own, other),
                 false => Expansion::<false>.bond(bond, own, other),
             };

@@ -4,6 +4,7 @@ use std::fmt::Debug;
 
 use perimelt_core::family::{Continuation, LayerRule};
 use perimelt_core::{Body, Family};
+use rayon::prelude::*;
 
 use super::fracture::Fracture;
 use super::moduli::Moduli;
@@ -118,9 +119,8 @@ pub(super) fn continue_displacement(
     at: impl Fn(usize) -> (Moduli, f64),
 ) {
     let dimension = vector.len();
-    for (axis, slots) in vector.iter_mut().enumerate() {
-        family.scatter(displacement, 3, axis, slots);
-    }
+    let axes = vector.par_iter_mut().enumerate();
+    axes.for_each(|(axis, slots)| family.scatter(displacement, 3, axis, slots));
     family.continue_vector(
         rules,
         vector,

@@ -18,12 +18,12 @@ use perimelt_core::{Bond, BondKernel};
 
 /// Inputs of every kernel, in slot space; the first three are the displacement, m.
 pub const INPUTS: usize = 7;
-/// Input that holds the eigenstrain.
-pub const EIGENSTRAIN: usize = 3;
-/// Input that holds the bond stiffness c, Pa.
-pub const STIFFNESS: usize = 4;
 /// Input that holds the pressure p from dilatation, Pa.
-pub const PRESSURE: usize = 5;
+pub const PRESSURE: usize = 3;
+/// Input that holds the eigenstrain.
+pub const EIGENSTRAIN: usize = 4;
+/// Input that holds the bond stiffness c, Pa.
+pub const STIFFNESS: usize = 5;
 /// Input that holds the limit of bonds: critical stretch, or energy in J/m².
 pub const CRITICAL: usize = 6;
 
@@ -56,12 +56,9 @@ fn pressure(bond: &Bond, (own, other): Ends<'_>) -> f64 {
 /// Force density of the bonds, N/m³.
 pub struct Force<const FINITE: bool, const DILATATION: bool>;
 
-/// [`Force`], and by how much the bonds that are to break exceed their limit, in all; the forces have
-/// one component less than there are sums.
-pub struct Breaking<const FINITE: bool, const DILATATION: bool> {
-    /// The limit is one of energy.
-    pub energy: bool,
-}
+/// [`Force`] along `D` axes, and by how much the bonds that are to break exceed their limit (`ENERGY`: of
+/// energy), in all.
+pub struct Breaking<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: bool>;
 
 /// What [`Breaking`] compares, over its limit (`[0]`), and the excess over the limit (`[1]`).
 pub struct Load {
@@ -108,6 +105,9 @@ pub struct Stress {
     pub finite: bool,
 }
 
+/// A kernel for points that differ in their first inputs only, and take the others from one point.
+pub struct Uniform<'a, K>(pub &'a K, pub [f64; INPUTS]);
+
 /// A kernel for points with a plastic strain besides the eigenstrain: inputs from [`INPUTS`] on are
 /// its components xx, yy, zz, xy, yz, zx.
 pub struct Plastic<K>(pub K);
@@ -117,9 +117,9 @@ pub const PLASTIC_INPUTS: usize = INPUTS + 6;
 
 /// Stretch in parts along the axes, whose sum it is, and current direction of a bond.
 #[inline(always)]
-fn stretch<const FINITE: bool, const D: usize>(
+fn stretch<const FINITE: bool, const D: usize, const I: usize>(
     bond: &Bond,
-    (own, other): Ends<'_>,
+    (own, other): (&[f64; I], &[f64; I]),
 ) -> ([f64; D], [f64; D]) {
     let relative: [f64; D] = std::array::from_fn(|a| other[a] - own[a]);
     if FINITE {
@@ -148,8 +148,8 @@ fn sum<const D: usize>(parts: &[f64; D]) -> f64 {
 #[inline(always)]
 fn stretch_in(finite: bool, bond: &Bond, ends: Ends<'_>) -> ([f64; 3], [f64; 3]) {
     match finite {
-        true => stretch::<true, 3>(bond, ends),
-        false => stretch::<false, 3>(bond, ends),
+        true => stretch::<true, 3, _>(bond, ends),
+        false => stretch::<false, 3, _>(bond, ends),
     }
 }
 
@@ -164,7 +164,7 @@ impl<const FINITE: bool, const DILATATION: bool, const D: usize> BondKernel<INPU
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
         let ends = (&own, &other);
-        let (parts, direction) = stretch::<FINITE, D>(bond, ends);
+        let (parts, direction) = stretch::<FINITE, D, _>(bond, ends);
         let force = if DILATATION {
             tension(bond, sum(&parts), ends) + pressure(bond, ends)
         } else {
@@ -194,38 +194,22 @@ fn pull_and_limit(
     }
 }
 
-impl<const FINITE: bool, const DILATATION: bool> Breaking<FINITE, DILATATION> {
-    /// Force along each axis, N/m³, and excess.
+impl<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: bool>
+    BondKernel<INPUTS, 4> for Breaking<D, FINITE, DILATATION, ENERGY>
+{
     #[inline(always)]
-    fn force_and_excess<const D: usize>(&self, bond: &Bond, ends: Ends<'_>) -> ([f64; D], f64) {
-        let (parts, direction) = stretch::<FINITE, D>(bond, ends);
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 4] {
+        let ends = (&own, &other);
+        let (parts, direction) = stretch::<FINITE, D, _>(bond, ends);
         let stretch = sum(&parts);
         let force = match DILATATION {
             true => tension(bond, stretch, ends) + pressure(bond, ends),
             false => pair_tension(bond, stretch, ends),
         };
-        let (pull, limit) = pull_and_limit(self.energy, bond, (stretch, force), ends);
-        (direction.map(|n| force * n), (pull - limit).max(0.0))
-    }
-}
-
-impl<const FINITE: bool, const DILATATION: bool> BondKernel<INPUTS, 3>
-    for Breaking<FINITE, DILATATION>
-{
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 3] {
-        let ([x, y], excess) = self.force_and_excess(bond, (&own, &other));
-        [x, y, excess]
-    }
-}
-
-impl<const FINITE: bool, const DILATATION: bool> BondKernel<INPUTS, 4>
-    for Breaking<FINITE, DILATATION>
-{
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 4] {
-        let ([x, y, z], excess) = self.force_and_excess(bond, (&own, &other));
-        [x, y, z, excess]
+        let (pull, limit) = pull_and_limit(ENERGY, bond, (stretch, force), ends);
+        let mut sums = [0.0, 0.0, 0.0, (pull - limit).max(0.0)];
+        (0..D).for_each(|axis| sums[axis] = force * direction[axis]);
+        sums
     }
 }
 
@@ -257,10 +241,10 @@ impl<const DILATATION: bool, const D: usize> BondKernel<INPUTS, D> for Stiffness
     }
 }
 
-impl<const FINITE: bool> BondKernel<INPUTS, 3> for Expansion<FINITE> {
+impl<const FINITE: bool> BondKernel<3, 3> for Expansion<FINITE> {
     #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 3] {
-        let (parts, _) = stretch::<FINITE, 3>(bond, (&own, &other));
+    fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 3] {
+        let (parts, _) = stretch::<FINITE, 3, _>(bond, (&own, &other));
         parts.map(|part| bond.weight * part)
     }
 }
@@ -306,7 +290,7 @@ impl BondKernel<INPUTS, 6> for Block {
 impl<const FINITE: bool> BondKernel<INPUTS, 2> for Energy<FINITE> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
-        let (parts, _) = stretch::<FINITE, 3>(bond, (&own, &other));
+        let (parts, _) = stretch::<FINITE, 3, _>(bond, (&own, &other));
         let stretch = sum(&parts);
         let density = 0.25 * own[STIFFNESS] * bond.weight * bond.length * stretch * stretch;
         let force = match self.pairs {
@@ -326,6 +310,21 @@ impl BondKernel<INPUTS, 6> for Stress {
         let stretch = sum(&parts) - own[EIGENSTRAIN];
         let tension = 0.5 * own[STIFFNESS] * stretch * bond.length + own[PRESSURE];
         dyad(bond.weight * tension, &direction)
+    }
+}
+
+impl<K, const I: usize, const O: usize> BondKernel<I, O> for Uniform<'_, K>
+where
+    K: BondKernel<INPUTS, O>,
+{
+    const RARE: bool = K::RARE;
+
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
+        let Uniform(kernel, point) = self;
+        let end =
+            |first: [f64; I]| std::array::from_fn(|i| if i < I { first[i] } else { point[i] });
+        kernel.bond(bond, end(own), end(other))
     }
 }
 
