@@ -77,6 +77,14 @@ pub struct Continuation {
 }
 
 impl Continuation {
+    /// By rules without traction.
+    pub fn plain(rules: &[LayerRule]) -> Self {
+        Continuation {
+            rules: rules.to_vec(),
+            bends: Vec::new(),
+        }
+    }
+
     /// Whether any layer is more than a mirror image.
     pub fn is_bent(&self) -> bool {
         !self.bends.is_empty()

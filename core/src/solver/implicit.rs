@@ -17,6 +17,7 @@
 //! advance the enthalpy by `dt f(T_new)` itself.
 
 use super::error::{SolverError, positive};
+use super::krylov::Hints;
 use super::newton::{Newton, NewtonOptions, NewtonReport};
 use super::reduce::norm;
 use super::rhs::{At, Rhs};
@@ -95,7 +96,7 @@ impl Implicit {
             history,
             weight: new,
         };
-        let report = newton.solve(&mut equation, time + dt, candidate, None);
+        let report = newton.solve(&mut equation, time + dt, candidate, Hints::default());
         newton.options.absolute_tolerance = asked;
         let report = report?;
 

@@ -40,7 +40,9 @@ mod verlet;
 
 pub use error::SolverError;
 pub use implicit::Implicit;
-pub use krylov::{Hints, Krylov, KrylovMethod, KrylovOptions, KrylovReport, NullSpace};
+pub use krylov::{
+    CoarseSpace, Hints, Krylov, KrylovMethod, KrylovOptions, KrylovReport, NullSpace, Spring,
+};
 pub use newton::{Newton, NewtonOptions, NewtonReport};
 pub use ode::{ForwardEuler, Rkl2};
 pub use relaxation::{Relaxation, RelaxationOptions, RelaxationReport, fictitious_mass};

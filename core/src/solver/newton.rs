@@ -9,7 +9,7 @@
 //! solves after Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16-32, choice 2.
 
 use super::error::SolverError;
-use super::krylov::{Hints, Krylov, KrylovMethod, KrylovOptions, NullSpace};
+use super::krylov::{Hints, Krylov, KrylovMethod, KrylovOptions};
 use super::reduce::norm;
 use super::rhs::{At, Rhs};
 use super::vector::update;
@@ -94,9 +94,9 @@ impl Newton {
     /// Brings `rhs` at the given time (or load factor) to zero; `state` holds the initial
     /// guess on entry, and after an error the best state so far.
     ///
-    /// `null_space` holds what the residual does not depend on, see [`Hints::null_space`]. A
-    /// residual along it (a free body under forces that do not balance) cannot be removed
-    /// and is reported as no convergence.
+    /// `hints` tell of the tangent; its diagonal is asked of `rhs` instead. A residual along the null
+    /// space (a free body under forces that do not balance) cannot be removed and is reported as no
+    /// convergence.
     ///
     /// # Errors
     /// No convergence, those of [`Krylov::solve`], and errors of the model.
@@ -105,7 +105,7 @@ impl Newton {
         rhs: &mut dyn Rhs,
         time: f64,
         state: &mut [f64],
-        null_space: Option<&NullSpace>,
+        hints: Hints,
     ) -> Result<NewtonReport, SolverError> {
         let Self {
             options,
@@ -171,7 +171,7 @@ impl Newton {
             }
             let hints = Hints {
                 diagonal: has_diagonal.then_some(&**diagonal),
-                null_space,
+                ..hints
             };
             // solving the linear system better than the tolerance asks is wasted work
             let enough = 0.5 * tolerance / report.residual;
@@ -289,7 +289,7 @@ mod tests {
             let mut u = vec![0.0; 50];
             // e + e^3 = 10 for e = 2
             let report = newton
-                .solve(&mut hardening_bar(10.0), 0.0, &mut u, None)
+                .solve(&mut hardening_bar(10.0), 0.0, &mut u, Hints::default())
                 .unwrap();
             for (i, u) in u.iter().enumerate() {
                 // residual 1e-10 on a chain whose flexibility is at most 50
@@ -316,7 +316,9 @@ mod tests {
             ..Default::default()
         });
         let mut u = vec![0.0; 99];
-        let report = newton.solve(&mut bar, 0.0, &mut u, None).unwrap();
+        let report = newton
+            .solve(&mut bar, 0.0, &mut u, Hints::default())
+            .unwrap();
         assert_eq!(report.iterations, 1);
         for (i, u) in u.iter().enumerate() {
             // relative residual 1e-8 times the condition number, about 4000
@@ -333,7 +335,7 @@ mod tests {
         });
         let mut y = [20.0];
         Newton::new(NewtonOptions::default())
-            .solve(&mut function, 0.0, &mut y, None)
+            .solve(&mut function, 0.0, &mut y, Hints::default())
             .unwrap();
         assert!(y[0].abs() < 1e-7);
     }
@@ -345,7 +347,7 @@ mod tests {
             Ok(())
         });
         let error = Newton::new(NewtonOptions::default())
-            .solve(&mut function, 0.0, &mut [0.5], None)
+            .solve(&mut function, 0.0, &mut [0.5], Hints::default())
             .unwrap_err();
         assert!(matches!(error, SolverError::NotConverged { .. }), "{error}");
     }

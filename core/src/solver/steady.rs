@@ -1,7 +1,7 @@
 //! Steady states of `y' = f(t, y)`: the state at which the rate vanishes, without marching to it.
 
 use super::error::SolverError;
-use super::krylov::NullSpace;
+use super::krylov::{Hints, NullSpace};
 use super::newton::{Newton, NewtonReport};
 use super::reduce::{dot, sum};
 use super::rhs::Rhs;
@@ -29,7 +29,7 @@ pub fn steady_state(
     conserved: bool,
 ) -> Result<NewtonReport, SolverError> {
     if !conserved {
-        return newton.solve(rhs, time, state, None);
+        return newton.solve(rhs, time, state, Hints::default());
     }
     let weights: Option<Vec<f64>> = rhs.weights().map(<[f64]>::to_vec);
     let total = |state: &[f64]| match &weights {
@@ -38,7 +38,11 @@ pub fn steady_state(
     };
     let before = total(state);
     let constant = NullSpace::constant(state.len());
-    let report = newton.solve(rhs, time, state, Some(&constant))?;
+    let hints = Hints {
+        null_space: Some(&constant),
+        ..Hints::default()
+    };
+    let report = newton.solve(rhs, time, state, hints)?;
     // the projection keeps the sum to the rounding of each iteration; this removes what built up
     let size = weights.as_deref().map_or(state.len() as f64, sum);
     let excess = (total(state) - before) / size;

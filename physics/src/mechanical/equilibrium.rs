@@ -1,12 +1,13 @@
 //! Equilibrium: the displacement at which bond forces and loads balance.
 
 use nalgebra::Vector3;
-use perimelt_core::family::LayerRule;
+use perimelt_core::family::{Continuation, LayerRule};
 use perimelt_core::solver::reduce::{max_abs, norm};
 use perimelt_core::solver::{
-    At, KrylovMethod, NullSpace, Rhs, SolverError, fictitious_mass, largest_eigenvalue,
+    At, CoarseSpace, Hints, KrylovMethod, NullSpace, Rhs, SolverError, Spring, fictitious_mass,
+    largest_eigenvalue,
 };
-use perimelt_core::{Step, World};
+use perimelt_core::{Body, BrokenBonds, Step, World};
 
 use super::Run;
 use super::solid::Solid;
@@ -174,6 +175,7 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
         run.rigid = Some((held, hindered_by_nothing(&mut residual, modes)?));
     }
     let (_, rigid) = run.rigid.as_ref().expect("set above");
+    run.coarse.update(body, &residual);
 
     // layers under traction follow the points, which feel them, but not the other way round; and bonds
     // feel plastic strains that follow the gradients of families, not themselves
@@ -194,10 +196,83 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
     rigid.project(&mut loads);
     run.newton.options.absolute_tolerance =
         (run.tolerance * norm(&loads)).max(rounding(residual.solid, run.eigenstrain_size, state));
-    let report = run
-        .newton
-        .solve(&mut residual, step.end(), state, Some(rigid))?;
+    let hints = Hints {
+        null_space: Some(rigid),
+        coarse: run.coarse.space.as_ref(),
+        ..Hints::default()
+    };
+    let report = run.newton.solve(&mut residual, step.end(), state, hints)?;
     Ok(report.krylov_iterations)
+}
+
+/// The coarse space of a body, and what it was made of.
+#[derive(Debug, Default)]
+pub(super) struct Coarse {
+    space: Option<CoarseSpace>,
+    /// Stiffness of the bonds of each point, Pa.
+    stiffness: Vec<f64>,
+    constraint: Vec<f64>,
+    broken: usize,
+}
+
+impl Coarse {
+    /// Makes the space anew where what it is made of changed: never by halves, so that a run that is
+    /// resumed goes on with the same.
+    fn update(&mut self, body: &Body, residual: &Residual<'_>) {
+        let Residual {
+            solid,
+            constraint,
+            volumes,
+            ..
+        } = residual;
+        let (family, dimension) = (solid.family(), body.dimension);
+        let points = 0..body.points.len();
+        let stiffness = points.map(|p| solid.moduli_of(p).bond_stiffness(dimension));
+        let stiffness: Vec<f64> = stiffness.collect();
+        let broken = solid.fracture().map(|f| &f.state.broken);
+        let total = broken.map_or(0, BrokenBonds::total);
+        if self.stiffness == stiffness && self.constraint == *constraint && self.broken == total {
+            return;
+        }
+        let free = constraint.as_chunks::<3>().0.iter().map(|c| {
+            std::array::from_fn(|axis| match c[axis] > 0.0 || axis >= dimension {
+                true => 0.0,
+                false => 1.0,
+            })
+        });
+        let point_in = family.points_of_slots();
+        let mut ends: Vec<Option<(usize, [f64; 3])>> = point_in
+            .iter()
+            .map(|&point| (point != u32::MAX).then_some((point as usize, [1.0; 3])))
+            .collect();
+        for image in family.images(&Continuation::plain(&residual.homogeneous)) {
+            ends[image.slot] = Some((image.point, image.scale));
+        }
+        let springs = |point: usize, receive: &mut dyn FnMut(Spring)| {
+            let volume = volumes.map_or(1.0, |v| v[3 * point]);
+            family.for_each_bond(point, |number, bond, slot| {
+                if broken.is_some_and(|b| b.is_broken(point, number)) {
+                    return;
+                }
+                let other = ends[slot].map_or(stiffness[point], |(other, _)| stiffness[other]);
+                let sum = stiffness[point] * bond.weight + other * bond.dual;
+                receive(Spring {
+                    stiffness: 0.5 * volume * sum / bond.length,
+                    along: bond.xi.map(|xi| xi / bond.length),
+                    to: ends[slot],
+                });
+            });
+        };
+        // patches much smaller than a neighbourhood are not worth their matrix
+        let size = 4.0 / 3.0 * solid.horizon();
+        let position = &body.points.position;
+        *self = Coarse {
+            space: CoarseSpace::new(position, dimension, size, free.collect(), springs),
+            constraint: constraint.to_vec(),
+            broken: total,
+            stiffness,
+        };
+    }
 }
 
 /// The displacement of held components alone: its forces are the loads.

@@ -45,6 +45,7 @@ use perimelt_core::{
     ReadIfProvided, Report, RunError, Setup, SetupError, Step, StepSize, Update, Work, World,
     Write, keys,
 };
+use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -205,6 +206,7 @@ struct Run {
     relaxation: Relaxation,
     /// Rigid motions that nothing hinders, and the number of held components they are for.
     rigid: Option<(usize, NullSpace)>,
+    coarse: equilibrium::Coarse,
     tolerance: f64,
     /// Largest eigenstrain and inelastic strain together.
     eigenstrain_size: f64,
@@ -244,13 +246,14 @@ impl Run {
         self.load_plasticity(world, temperature.as_deref());
         let (constraint, held) = (world.read(self.constraint), world.read(self.held));
         let mut displacement = world.write(self.displacement);
-        for ((u, c), h) in displacement.iter_mut().zip(&*constraint).zip(&*held) {
+        let points = displacement.par_iter_mut().zip(&*constraint).zip(&*held);
+        points.with_min_len(4096).for_each(|((u, c), h)| {
             for axis in 0..3 {
                 if c[axis] > 0.0 {
                     u[axis] = h[axis] / c[axis];
                 }
             }
-        }
+        });
     }
 
     fn load_displacement(&mut self, world: &World) {
@@ -499,6 +502,7 @@ impl Physics for Mechanical {
             newton: Newton::new(newton),
             relaxation: Relaxation::new(options),
             rigid: None,
+            coarse: equilibrium::Coarse::default(),
             tolerance,
             eigenstrain_size: 0.0,
             section_forces: vec![[0.0; 3]; self.sections.len()],

@@ -4,15 +4,17 @@
 //! 9.1 (preconditioned conjugate gradients) and 7.7 (BiCGStab, here preconditioned from
 //! the right so that the residual tested is that of the system itself).
 //!
-//! Not for systems that are nearly singular without a [`NullSpace`], nor for matrices so
-//! ill conditioned that their diagonal is no preconditioner at all: there is no other.
+//! The diagonal preconditions, and for elastic bodies a [`CoarseSpace`] besides. Not for systems that
+//! are nearly singular without a [`NullSpace`].
 
 mod bicgstab;
+mod coarse;
 mod conjugate_gradient;
 mod null_space;
 #[cfg(test)]
 mod tests;
 
+pub use coarse::{CoarseSpace, Spring};
 pub use null_space::NullSpace;
 
 use super::error::{SolverError, same_length};
@@ -72,14 +74,19 @@ pub struct Hints<'a> {
     /// the initial guess along them stays as it is. For BiCGStab the range of the matrix
     /// must be orthogonal to them too, as it is for a symmetric matrix.
     pub null_space: Option<&'a NullSpace>,
+    /// Large patches of points that move as rigid bodies: preconditions together with the diagonal.
+    pub coarse: Option<&'a CoarseSpace>,
 }
 
 impl Hints<'_> {
-    /// `out = P D^-1 residual`.
+    /// `out = P (D^-1 + coarse) residual`.
     fn precondition(&self, residual: &[f64], out: &mut [f64]) {
         match self.diagonal {
             Some(diagonal) => update(out, [residual, diagonal], |_, [r, d]| r / d),
             None => out.copy_from_slice(residual),
+        }
+        if let Some(coarse) = self.coarse {
+            coarse.add_correction(residual, out);
         }
         self.project(out);
     }

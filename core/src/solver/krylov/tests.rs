@@ -46,6 +46,7 @@ fn both_methods_recover_a_known_solution() {
             let hints = Hints {
                 diagonal,
                 null_space: None,
+                ..Hints::default()
             };
             let report = solver(method)
                 .solve(chain(0.1, wind), &b, &mut x, hints)
@@ -72,6 +73,7 @@ fn a_diagonal_of_wide_range_is_worth_its_preconditioner() {
         let hints = Hints {
             diagonal: Some(&diagonal),
             null_space: None,
+            ..Hints::default()
         };
         let report = solver(method)
             .solve(apply, &vec![1.0; n], &mut x, hints)
@@ -87,6 +89,7 @@ fn a_singular_matrix_is_solved_beside_its_null_space() {
     let hints = Hints {
         diagonal: None,
         null_space: Some(&constant),
+        ..Hints::default()
     };
     for method in [KrylovMethod::ConjugateGradient, KrylovMethod::BiCgStab] {
         // the constant part of the load has no answer and is ignored
@@ -193,6 +196,7 @@ fn solutions_have_the_same_bits_for_any_number_of_threads() {
                 let hints = Hints {
                     diagonal: None,
                     null_space: Some(&constant),
+                    ..Hints::default()
                 };
                 solver(method)
                     .solve(chain(0.5, 0.0), &b, &mut x, hints)
