@@ -9,6 +9,12 @@
 //! eq. 7.5). A table of alpha must have been measured from the same T_ref, as handbooks state
 //! it; one for another reference is not converted.
 //!
+//! With a cut-off temperature the strain is that of T <= T_cut: metal so soft that it pushes nothing
+//! does not expand either. In a weld that loses its stress there
+//! (`plasticity.annealing_temperature`), all points then start to shrink from the same strain, whatever
+//! temperature they had when the mechanics last looked; otherwise neighbours that were looked at 1600 K
+//! and at 2500 K differ by a percent of volume in the cold, hundreds of MPa of hydrostatic stress.
+//!
 //! Not for a change of the stress-free state on melting: strain that is relieved in the melt
 //! needs a plastic or viscous solid.
 
@@ -29,6 +35,9 @@ pub struct ThermalExpansion {
     pub body: Option<String>,
     /// Temperature at which the body is free of stress (K).
     pub reference_temperature: f64,
+    /// Temperature above which the body expands no further (K): where it has lost its strength.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cutoff_temperature: Option<f64>,
     #[serde(skip)]
     #[schemars(skip)]
     prepared: Option<Prepared>,
@@ -57,6 +66,13 @@ pub fn thermal_strain(
 impl Coupler for ThermalExpansion {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        if let Some(cutoff) = self.cutoff_temperature
+            && (cutoff.is_nan() || cutoff <= self.reference_temperature)
+        {
+            let expected = format!("above the reference, {} K", self.reference_temperature);
+            let message = format!("{cutoff} K would end the expansion before it starts");
+            return Err(SetupError::value("cutoff_temperature", message, expected));
+        }
         self.prepared = Some(Prepared {
             body,
             expansion: setup.property(body, "thermal_expansion")?,
@@ -77,12 +93,18 @@ impl Coupler for ThermalExpansion {
         let liquid_fraction = world.read_if_provided(p.liquid_fraction);
         let liquid_fraction = liquid_fraction.as_deref();
         let material = &world.body(p.body).material_of_point;
-        let reference = self.reference_temperature;
+        let (reference, cutoff) = (self.reference_temperature, self.cutoff_temperature);
         let mut eigenstrain = world.write(p.eigenstrain);
         let strain = |point: usize| {
-            let liquid = liquid_fraction.map_or(0.0, |f| f[point]);
             let expansion = &p.expansion[material[point] as usize];
-            thermal_strain(expansion, temperature[point], liquid, reference)
+            let (temperature, liquid) = match cutoff {
+                Some(cutoff) if temperature[point] > cutoff => (cutoff, 0.0),
+                _ => (
+                    temperature[point],
+                    liquid_fraction.map_or(0.0, |f| f[point]),
+                ),
+            };
+            thermal_strain(expansion, temperature, liquid, reference)
         };
         let points = eigenstrain.par_iter_mut().enumerate();
         points.for_each(|(point, sum)| *sum += strain(point));
@@ -114,6 +136,33 @@ mod tests {
         for (strain, expected) in values(&world, &keys::EIGENSTRAIN).iter().zip(expected) {
             assert!((strain - expected).abs() < 1e-15, "rounding of 1");
         }
+    }
+
+    #[test]
+    fn expansion_ends_at_the_cutoff() {
+        let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
+        let mut expansion: ThermalExpansion =
+            read("reference_temperature = 300\ncutoff_temperature = 800");
+        prepare(&mut world, &mut expansion, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.consume(0, &keys::EIGENSTRAIN).expect("free");
+        })
+        .expect("valid");
+        set(&world, &keys::TEMPERATURE, |i| [300.0, 800.0, 2800.0][i]);
+        apply(&world, &mut expansion, 0.0);
+        let strain = values(&world, &keys::EIGENSTRAIN);
+        assert_eq!(strain[0], 0.0);
+        assert!(strain[1] > 0.0);
+        assert_eq!(strain[1], strain[2]);
+    }
+
+    #[test]
+    fn a_cutoff_below_the_reference_is_refused() {
+        let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
+        let mut expansion: ThermalExpansion =
+            read("reference_temperature = 300\ncutoff_temperature = 293");
+        let message = refusal(&mut world, &mut expansion);
+        assert!(message.contains("above the reference, 300 K"), "{message}");
     }
 
     #[test]
