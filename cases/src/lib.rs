@@ -17,6 +17,7 @@
 
 pub mod case;
 pub mod commands;
+mod component;
 pub mod export;
 pub mod library;
 pub mod melt_pool;

@@ -7,7 +7,7 @@ use perimelt_core::field::FieldIndex;
 use perimelt_core::{Axis, Body, SetupError, Simulation, World};
 
 use crate::case::sections::{LineProbe, MeltPoolProbe, ProbeKind, ProbeSection, Statistic};
-use crate::plot::scalar::von_mises;
+use crate::component::Number;
 
 /// A probe, ready to measure.
 #[derive(Debug)]
@@ -35,9 +35,7 @@ type Weights = Vec<(usize, f64)>;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Component {
     field: FieldIndex,
-    /// `None`: the value of a scalar, the magnitude of a vector, the von Mises equivalent of a
-    /// tensor.
-    index: Option<usize>,
+    number: Number,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -46,9 +44,6 @@ struct MeltPool {
     /// Axes of length, width and depth.
     axes: [usize; 3],
 }
-
-const VECTOR: [&str; 3] = ["x", "y", "z"];
-const TENSOR: [&str; 9] = ["xx", "yx", "zx", "xy", "yy", "zy", "xz", "yz", "zz"];
 
 impl Probe {
     /// Finds body, field, component and points of a `[[probes]]` table.
@@ -210,50 +205,36 @@ impl Component {
         field: FieldIndex,
         name: Option<&str>,
     ) -> Result<Component, SetupError> {
-        let names: &[&str] = match world.fields().field(field).data().components() {
-            1 => &[],
-            3 => &VECTOR,
-            _ => &TENSOR,
-        };
-        let index = match name {
-            None if names.len() == 9 => {
-                let expected = format!("`component` as von_mises or one of {}", names.join(", "));
-                return Err(SetupError::value(
-                    "field",
-                    "this is a tensor field",
-                    expected,
-                ));
+        let components = world.fields().field(field).data().components();
+        let number = match (name, components) {
+            (None, 1) => Number::Entry(0),
+            (None, 3) => Number::Magnitude,
+            (None, _) => {
+                let expected = format!(
+                    "`component`, one of {}",
+                    Number::names(components).join(", ")
+                );
+                let message = "this is a tensor field";
+                return Err(SetupError::value("field", message, expected));
             }
-            None => None,
-            Some("magnitude") if names.len() == 3 => None,
-            Some("von_mises") if names.len() == 9 => None,
-            Some(name) => Some(names.iter().position(|n| *n == name).ok_or_else(|| {
-                let known = names.iter().map(|n| (*n).to_string()).collect();
+            (Some(name), _) => Number::find(components, name).ok_or_else(|| {
+                let known = Number::names(components).into_iter();
                 let problem = Problem::UnknownName {
                     what: "component of this field",
                     name: name.into(),
-                    known,
+                    known: known.map(String::from).collect(),
                 };
                 SetupError::new("component", problem)
-            })?),
+            })?,
         };
-        Ok(Component { field, index })
+        Ok(Component { field, number })
     }
 
     pub(crate) fn at(self, world: &World, point: usize) -> f64 {
         let data = world.fields().field(self.field).data();
         let components = data.components();
         let values = &data.flat()[point * components..][..components];
-        number(values, self.index)
-    }
-}
-
-fn number(values: &[f64], component: Option<usize>) -> f64 {
-    match (component, values.len()) {
-        (Some(component), _) => values[component],
-        (None, 1) => values[0],
-        (None, 9) => von_mises(values),
-        (None, _) => values.iter().map(|v| v * v).sum::<f64>().sqrt(),
+        self.number.of(values)
     }
 }
 
@@ -452,15 +433,6 @@ mod tests {
         let centre =
             interpolation(&body, &Vector3::new(0.25, 0.25, 0.25), "").expect("on the body");
         assert_eq!(centre, [(0, 1.0)], "a cell centre is that point alone");
-    }
-
-    #[test]
-    fn a_field_gives_its_component_or_its_invariant() {
-        assert_eq!(number(&[3.0, 4.0, 0.0], Some(1)), 4.0);
-        assert_eq!(number(&[3.0, 4.0, 0.0], None), 5.0);
-        // pure shear under pressure: sqrt(3) times the shear stress, whatever the pressure
-        let sheared = [7.0, 2.0, 0.0, 2.0, 7.0, 0.0, 0.0, 0.0, 7.0];
-        assert!((number(&sheared, None) - 12f64.sqrt()).abs() < 1e-14);
     }
 
     #[test]

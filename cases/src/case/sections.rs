@@ -186,8 +186,8 @@ pub struct ProbeSection {
     /// Field, such as "temperature" (a melt pool needs none).
     #[serde(default)]
     pub field: Option<String>,
-    /// "x", "y", "z" or "magnitude" of a vector field, "xx", "yx", ... or "von_mises" of a
-    /// tensor field.
+    /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
+    /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
     #[serde(default)]
     pub component: Option<String>,
     /// What is measured, such as `kind.point = [0, 0, 0]`.

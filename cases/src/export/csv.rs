@@ -8,9 +8,7 @@ use std::{
 use perimelt_core::log::{Cloud, Progress, Series};
 
 use super::fit_f32;
-
-const VECTOR: [&str; 3] = ["x", "y", "z"];
-const TENSOR: [&str; 9] = ["xx", "yx", "zx", "xy", "yy", "zy", "xz", "yz", "zz"];
+use crate::component::{TENSOR, VECTOR};
 
 /// Positions and fields, a line per point.
 pub(super) fn cloud(file: &mut impl Write, cloud: &Cloud) -> io::Result<()> {

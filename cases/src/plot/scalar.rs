@@ -2,6 +2,8 @@
 
 use perimelt_core::log::{Cloud, CloudField};
 
+use crate::component::Number;
+
 /// A scalar made from a field.
 #[derive(Clone, Debug)]
 pub(crate) struct Scalar {
@@ -13,60 +15,37 @@ pub(crate) struct Scalar {
     pub values: Vec<f64>,
 }
 
-const VECTOR: [&str; 3] = ["x", "y", "z"];
-const TENSOR: [&str; 9] = ["xx", "yx", "zx", "xy", "yy", "zy", "xz", "yz", "zz"];
-
 /// The scalar called `name`: a scalar field, the magnitude of a vector field, the von Mises
-/// equivalent `sqrt(3/2 s:s)` (s: deviator) of a tensor field, or a component `field.x`,
-/// `field.xy`. `None` if the cloud has no such field.
+/// equivalent of a tensor field, or one of their numbers such as `field.x`, `field.principal_1`.
+/// `None` if the cloud has no such field.
 pub(crate) fn scalar(cloud: &Cloud, name: &str) -> Option<Scalar> {
     let field = |name: &str| cloud.fields.iter().find(|field| field.name == name);
     let pretty = super::unit::pretty_name;
     if let Some(field) = field(name) {
-        let label = match field.components {
-            3 => format!("{} magnitude", pretty(name)),
-            9 => format!("{} (von Mises)", pretty(name)),
-            _ => pretty(name),
+        let (label, number) = match field.components {
+            3 => (format!("{} magnitude", pretty(name)), Number::Magnitude),
+            9 => (format!("{} (von Mises)", pretty(name)), Number::VonMises),
+            _ => (pretty(name), Number::Entry(0)),
         };
-        let of_point: fn(&[f64]) -> f64 = match field.components {
-            3 => |v| v.iter().map(|x| x * x).sum::<f64>().sqrt(),
-            9 => von_mises,
-            _ => |v| v[0],
-        };
-        return Some(made(field, label, of_point));
+        return Some(made(field, label, number));
     }
     let (base, component) = name.rsplit_once('.')?;
     let field = field(base)?;
-    let suffixes: &[&str] = match field.components {
-        3 => &VECTOR,
-        9 => &TENSOR,
-        _ => return None,
-    };
-    let index = suffixes.iter().position(|suffix| *suffix == component)?;
-    Some(made(field, format!("{} {component}", pretty(base)), |v| {
-        v[index]
-    }))
+    let number = Number::find(field.components, component)?;
+    let label = format!("{} {}", pretty(base), component.replace('_', " "));
+    Some(made(field, label, number))
 }
 
-fn made(field: &CloudField, label: String, of: impl Fn(&[f64]) -> f64) -> Scalar {
+fn made(field: &CloudField, label: String, number: Number) -> Scalar {
     Scalar {
         label,
         unit: field.unit.clone(),
         values: field
             .values
             .chunks_exact(field.components)
-            .map(of)
+            .map(|value| number.of(value))
             .collect(),
     }
-}
-
-pub(crate) fn von_mises(t: &[f64]) -> f64 {
-    let mean = (t[0] + t[4] + t[8]) / 3.0;
-    let contraction: f64 = (0..9)
-        .map(|c| if c % 4 == 0 { t[c] - mean } else { t[c] })
-        .map(|deviator| deviator * deviator)
-        .sum();
-    (1.5 * contraction).sqrt()
 }
 
 #[cfg(test)]
@@ -106,6 +85,7 @@ mod tests {
         assert!((value("stress").expect("there") - 7.0).abs() < 1e-14);
         assert!((value("shear").expect("there") - 3.0_f64.sqrt()).abs() < 1e-14);
         assert_eq!(value("stress.yy"), Some(-2.0));
+        assert_eq!(value("stress.principal_1"), Some(5.0));
         assert_eq!(value("force.q"), None);
         assert_eq!(value("heat"), None);
     }

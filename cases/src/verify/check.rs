@@ -70,8 +70,8 @@ pub struct FieldMeasure {
     pub body: Option<String>,
     /// Field, such as "temperature".
     pub field: String,
-    /// "x", "y", "z" or "magnitude" of a vector field, "xx", "yx", ... or "von_mises" of a
-    /// tensor field.
+    /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
+    /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
     #[serde(default)]
     pub component: Option<String>,
     /// Reference positions, m.
@@ -99,8 +99,8 @@ pub struct HistoryMeasure {
     pub body: Option<String>,
     /// Field, such as "displacement".
     pub field: String,
-    /// "x", "y", "z" or "magnitude" of a vector field, "xx", "yx", ... or "von_mises" of a
-    /// tensor field.
+    /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
+    /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
     #[serde(default)]
     pub component: Option<String>,
     /// Reference position, m.
@@ -183,8 +183,8 @@ pub struct StatisticMeasure {
     pub body: Option<String>,
     /// Field, such as "temperature".
     pub field: String,
-    /// "x", "y", "z" or "magnitude" of a vector field, "xx", "yx", ... or "von_mises" of a
-    /// tensor field.
+    /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
+    /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
     #[serde(default)]
     pub component: Option<String>,
     /// Region; the whole body when left out.

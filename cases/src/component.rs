@@ -1,0 +1,130 @@
+//! Numbers in a field: components of vectors and tensors, and what is made of them.
+
+use nalgebra::Matrix3;
+
+/// Components of a vector.
+pub(crate) const VECTOR: [&str; 3] = ["x", "y", "z"];
+/// Components of a tensor, as they lie in memory.
+pub(crate) const TENSOR: [&str; 9] = ["xx", "yx", "zx", "xy", "yy", "zy", "xz", "yz", "zz"];
+
+/// One number of a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Number {
+    Entry(usize),
+    /// Of a vector.
+    Magnitude,
+    /// `sqrt(3/2 s:s)` with the deviator s of a tensor.
+    VonMises,
+    /// Third of the trace of a tensor.
+    Hydrostatic,
+    /// Principal value of a symmetric tensor, the largest first.
+    Principal(usize),
+}
+
+/// What a tensor has besides its components.
+const OF_TENSOR: [(&str, Number); 5] = [
+    ("von_mises", Number::VonMises),
+    ("hydrostatic", Number::Hydrostatic),
+    ("principal_1", Number::Principal(0)),
+    ("principal_2", Number::Principal(1)),
+    ("principal_3", Number::Principal(2)),
+];
+
+impl Number {
+    /// The number called `name` of a field with so many components.
+    pub(crate) fn find(components: usize, name: &str) -> Option<Number> {
+        let entry = |names: &[&str]| names.iter().position(|n| *n == name).map(Number::Entry);
+        match components {
+            3 if name == "magnitude" => Some(Number::Magnitude),
+            3 => entry(&VECTOR),
+            9 => {
+                let other = OF_TENSOR.iter().find(|(n, _)| *n == name);
+                entry(&TENSOR).or(other.map(|(_, number)| *number))
+            }
+            _ => None,
+        }
+    }
+
+    /// The names that a field with so many components knows.
+    pub(crate) fn names(components: usize) -> Vec<&'static str> {
+        match components {
+            3 => VECTOR.into_iter().chain(["magnitude"]).collect(),
+            9 => {
+                let others = OF_TENSOR.iter().map(|(name, _)| *name);
+                others.chain(TENSOR).collect()
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// The number of a value.
+    pub(crate) fn of(self, value: &[f64]) -> f64 {
+        let mean = |t: &[f64]| (t[0] + t[4] + t[8]) / 3.0;
+        match self {
+            Number::Entry(entry) => value[entry],
+            Number::Magnitude => value.iter().map(|x| x * x).sum::<f64>().sqrt(),
+            Number::Hydrostatic => mean(value),
+            Number::VonMises => {
+                let mean = mean(value);
+                let contraction: f64 = (0..9)
+                    .map(|c| {
+                        if c % 4 == 0 {
+                            value[c] - mean
+                        } else {
+                            value[c]
+                        }
+                    })
+                    .map(|deviator| deviator * deviator)
+                    .sum();
+                (1.5 * contraction).sqrt()
+            }
+            Number::Principal(rank) => {
+                let mut values = Matrix3::from_column_slice(value).symmetric_eigenvalues();
+                values.as_mut_slice().sort_by(|a, b| b.total_cmp(a));
+                values[rank]
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn number(name: &str, value: &[f64]) -> Option<f64> {
+        Number::find(value.len(), name).map(|n| n.of(value))
+    }
+
+    #[test]
+    fn tensors_become_their_textbook_numbers() {
+        // tension of 7 along x and y halfway between them, with a pressure of 2
+        let stress = [1.5, 3.5, 0.0, 3.5, 1.5, 0.0, 0.0, 0.0, -2.0];
+        let expected = [
+            ("xx", 1.5),
+            ("von_mises", 7.0),
+            ("hydrostatic", 1.0 / 3.0),
+            ("principal_1", 5.0),
+            ("principal_2", -2.0),
+            ("principal_3", -2.0),
+        ];
+        for (name, expected) in expected {
+            let found = number(name, &stress).expect("a number of tensors");
+            assert!((found - expected).abs() < 1e-14, "{name}: {found}");
+        }
+        let sheared = [0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let found = number("von_mises", &sheared).expect("a number of tensors");
+        assert!((found - 3f64.sqrt()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn every_name_is_found_and_no_other() {
+        for components in [1, 3, 9] {
+            for name in Number::names(components) {
+                assert!(Number::find(components, name).is_some(), "{name}");
+            }
+            assert_eq!(Number::find(components, "q"), None);
+        }
+        assert_eq!(number("magnitude", &[3.0, 0.0, -4.0]), Some(5.0));
+        assert_eq!(number("z", &[3.0, 0.0, -4.0]), Some(-4.0));
+    }
+}
