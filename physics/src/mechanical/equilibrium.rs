@@ -266,8 +266,11 @@ impl Coarse {
         // patches much smaller than a neighbourhood are not worth their matrix
         let size = 4.0 / 3.0 * solid.horizon();
         let position = &body.points.position;
+        // springs to nothing but the next points along the axes do not resist shear
+        let resists_shear = family.bonds() > 2 * dimension * position.len() || dimension == 1;
+        let space = || CoarseSpace::new(position, dimension, size, free.collect(), springs);
         *self = Coarse {
-            space: CoarseSpace::new(position, dimension, size, free.collect(), springs),
+            space: resists_shear.then(space).flatten(),
             constraint: constraint.to_vec(),
             broken: total,
             stiffness,

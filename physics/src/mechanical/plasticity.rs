@@ -433,15 +433,24 @@ impl Plasticity {
             if temperature[i] < limit {
                 continue;
             }
-            let elastic = elastic_strain(self.stress_state, &stress[i], &moduli(i));
-            settled
-                .strain
-                .iter_mut()
-                .zip(elastic)
-                .for_each(|(e, de)| *e += de);
+            let relieved = relieved_strain(self.stress_state, &stress[i], &moduli(i));
+            let strain = settled.strain.iter_mut().zip(relieved);
+            strain.for_each(|(e, de)| *e += de);
             settled.equivalent = 0.0;
         }
     }
+}
+
+/// The elastic strain that annealing relieves. Where there is no free direction it is that of the
+/// deviator: metal that can flow nowhere keeps its volume, and with it its pressure. To relieve that too
+/// would lose percents of a weld pool that cold metal confines, and leave GPa of hydrostatic stress.
+fn relieved_strain(state: StressState, stress: &[f64; 6], moduli: &Moduli) -> [f64; 6] {
+    let mut strain = elastic_strain(state, stress, moduli);
+    if state == StressState::Full {
+        let mean = (strain[0] + strain[1] + strain[2]) / 3.0;
+        strain[..3].iter_mut().for_each(|e| *e -= mean);
+    }
+    strain
 }
 
 /// Elastic strain of a stress (Pa); in plane stress, of the components in the plane.
@@ -466,6 +475,22 @@ fn elastic_strain(state: StressState, stress: &[f64; 6], moduli: &Moduli) -> [f6
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn annealing_keeps_the_volume_where_no_direction_is_free() {
+        let full = moduli(StressState::Full);
+        let stress = [90e6, -30e6, 60e6, 10e6, 0.0, 0.0];
+        let strain = relieved_strain(StressState::Full, &stress, &full);
+        assert!((strain[0] + strain[1] + strain[2]).abs() < 1e-18);
+        let deviator = [50e6, -70e6, 20e6, 10e6, 0.0, 0.0];
+        for (strain, deviator) in strain.iter().zip(deviator) {
+            assert!((strain - deviator / (2.0 * full.shear)).abs() < 1e-15);
+        }
+        // across a plane in plane stress metal flows freely
+        let (state, plane) = (StressState::Plane, moduli(StressState::Plane));
+        let all = relieved_strain(state, &stress, &plane);
+        assert_eq!(all, elastic_strain(state, &stress, &plane));
+    }
 
     const YIELD: f64 = 250e6;
 
