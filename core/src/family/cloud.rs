@@ -200,11 +200,15 @@ impl Family {
             Rows::joined(&parts)
         };
         let rows = Rows::joined(&rows);
+        let slots = images.position.len();
+        let end_in_slots = |rows: &Rows| rows.column.iter().all(|c| (*c as usize) < slots);
+        // the sweep relies on it
+        assert!(end_in_slots(&rows) && end_in_slots(&layer_rows));
         Ok(Family {
             spec: spec.clone(),
             points,
             bonds: rows.column.len() - ROW_LANES,
-            slots: images.position.len(),
+            slots,
             spans: vec![Span {
                 slot: 0,
                 point: 0,

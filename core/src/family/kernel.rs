@@ -18,9 +18,8 @@ use super::{BrokenBonds, Chunk, Family, Rows, StencilBond};
 /// Points that advance together: two AVX-512 or four AVX2 registers.
 const LANES: usize = 16;
 
-/// Bonds of a row that advance together on a cloud: one AVX2 register. Eight were slower, and small
-/// families would fill them badly.
-pub(super) const ROW_LANES: usize = 4;
+/// Bonds of a row that advance together on a cloud: two AVX2 registers.
+pub(super) const ROW_LANES: usize = 8;
 
 /// A bond of the reference configuration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,10 +104,7 @@ impl Family {
         broken: Option<&BrokenBonds>,
         sums: &mut [[f64; O]],
     ) {
-        assert!(
-            inputs.iter().all(|i| i.len() == self.slots),
-            "inputs are slot arrays"
-        );
+        self.check_inputs(&inputs);
         assert_eq!(sums.len(), self.points, "one sum per point");
         let output = Output {
             first: sums.as_mut_ptr(),
@@ -119,6 +115,11 @@ impl Family {
             .for_each(|chunk| self.sweep(kernel, (&inputs, broken), &output, chunk));
     }
 
+    fn check_inputs<const I: usize>(&self, inputs: &[&[f64]; I]) {
+        let slots = |input: &&[f64]| input.len() == self.slots;
+        assert!(inputs.iter().all(slots), "inputs are slot arrays");
+    }
+
     /// For every point near an audited layer, passes the point and the sum of `kernel` over
     /// its bonds with layer points to `receive`, in order.
     pub fn sum_from_layers<const I: usize, const O: usize>(
@@ -127,6 +128,7 @@ impl Family {
         inputs: [&[f64]; I],
         mut receive: impl FnMut(usize, [f64; O]),
     ) {
+        self.check_inputs(&inputs);
         for row in 0..self.layer_rows.point.len() {
             let sum = self.sum_any_row(kernel, &inputs, (&self.layer_rows, row), Bits::NONE);
             receive(self.layer_rows.point[row] as usize, sum);
@@ -247,7 +249,7 @@ impl Family {
             return self.sweep_plainly(kernel, inputs, output, chunk);
         }
         if self.is_cloud() {
-            // nothing is gained by wider registers: gathering limits
+            // not AVX-512: its gather instructions are slower than loads one by one
             #[cfg(target_arch = "x86_64")]
             if is_x86_feature_detected!("avx2") {
                 // SAFETY: the instruction set was detected.
@@ -364,15 +366,14 @@ impl Family {
     ) {
         let here: [f64; 3] = std::array::from_fn(|a| self.places[a][at]);
         let own: [f64; I] = std::array::from_fn(|i| inputs[i][at]);
-        let columns = &rows.column[first..first + ROW_LANES];
-        // element by element: on many processors faster than gather instructions
-        let gather = |values: &[f64]| -> [f64; ROW_LANES] {
-            std::array::from_fn(|lane| values[columns[lane] as usize])
-        };
+        let columns: [u32; ROW_LANES] = rows.column[first..first + ROW_LANES]
+            .try_into()
+            .expect("the slice has as many elements");
         let weight: [f64; ROW_LANES] = lanes(&rows.weight, first);
         let dual: [f64; ROW_LANES] = lanes(&rows.dual, first);
-        let there: [[f64; ROW_LANES]; 3] = std::array::from_fn(|a| gather(&self.places[a]));
-        let other: [[f64; ROW_LANES]; I] = std::array::from_fn(|i| gather(inputs[i]));
+        let there: [[f64; ROW_LANES]; 3] =
+            std::array::from_fn(|a| gather(&self.places[a], columns));
+        let other: [[f64; ROW_LANES]; I] = std::array::from_fn(|i| gather(inputs[i], columns));
         for lane in 0..ROW_LANES {
             let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
             let bond = Bond {
@@ -525,6 +526,18 @@ fn sum_lanes<const I: usize, const O: usize, const N: usize>(
         }
     }
     std::array::from_fn(|lane| std::array::from_fn(|o| sums[o][lane]))
+}
+
+#[inline(always)]
+fn gather<const N: usize>(values: &[f64], columns: [u32; N]) -> [f64; N] {
+    let mut gathered = [0.0; N];
+    for lane in 0..N {
+        debug_assert!((columns[lane] as usize) < values.len());
+        // SAFETY: columns are slots (asserted by `Family::on_cloud`), and places and inputs are as long
+        // as there are slots (asserted there and by those who sweep).
+        gathered[lane] = unsafe { *values.get_unchecked(columns[lane] as usize) };
+    }
+    gathered
 }
 
 #[inline(always)]

@@ -115,41 +115,75 @@ pub struct Plastic<K>(pub K);
 /// Inputs of [`Plastic`] kernels.
 pub const PLASTIC_INPUTS: usize = INPUTS + 6;
 
-/// Stretch in parts along the axes, whose sum it is, and current direction of a bond.
+/// How a bond is stretched: by `scale sum_a relative_a arm_a`, of which each axis has its part.
+struct Stretched<const D: usize> {
+    relative: [f64; D],
+    arm: [f64; D],
+    scale: f64,
+    /// Along the bond, m.
+    along: [f64; D],
+    /// One over the length of `along`, 1/m.
+    by_length: f64,
+}
+
 #[inline(always)]
-fn stretch<const FINITE: bool, const D: usize, const I: usize>(
+fn stretched<const FINITE: bool, const D: usize, const I: usize>(
     bond: &Bond,
     (own, other): (&[f64; I], &[f64; I]),
-) -> ([f64; D], [f64; D]) {
+) -> Stretched<D> {
     let relative: [f64; D] = std::array::from_fn(|a| other[a] - own[a]);
+    let xi: [f64; D] = std::array::from_fn(|a| bond.xi[a]);
     if FINITE {
-        let current: [f64; D] = std::array::from_fn(|a| bond.xi[a] + relative[a]);
-        let length = current.iter().fold(0.0, |sum, y| sum + y * y).sqrt();
+        let along: [f64; D] = std::array::from_fn(|a| xi[a] + relative[a]);
+        let length = along.iter().fold(0.0, |sum, y| sum + y * y).sqrt();
         // l - l0 = (l^2 - l0^2) / (l + l0): small stretches keep their digits; one division serves
         // both this and the direction
         let sum = (length + bond.length) * bond.length;
         let inverse = 1.0 / (length * sum);
-        let (by_sum, by_length) = (inverse * length, inverse * sum);
-        let part = |a: usize| relative[a] * (bond.xi[a] + current[a]) * by_sum;
-        (std::array::from_fn(part), current.map(|y| y * by_length))
+        Stretched {
+            arm: std::array::from_fn(|a| xi[a] + along[a]),
+            scale: inverse * length,
+            by_length: inverse * sum,
+            relative,
+            along,
+        }
     } else {
         let by_length = 1.0 / bond.length;
-        let direction: [f64; D] = std::array::from_fn(|a| bond.xi[a] * by_length);
-        let part = |a: usize| relative[a] * (direction[a] * by_length);
-        (std::array::from_fn(part), direction)
+        Stretched {
+            arm: xi,
+            scale: by_length * by_length,
+            along: xi,
+            relative,
+            by_length,
+        }
+    }
+}
+
+impl<const D: usize> Stretched<D> {
+    #[inline(always)]
+    fn stretch(&self) -> f64 {
+        self.scale * (0..D).fold(0.0, |sum, a| sum + self.relative[a] * self.arm[a])
+    }
+
+    /// Parts of the stretch along the axes.
+    #[inline(always)]
+    fn parts(&self) -> [f64; D] {
+        std::array::from_fn(|a| self.relative[a] * self.arm[a] * self.scale)
+    }
+
+    /// A vector along the bond.
+    #[inline(always)]
+    fn vector(&self, size: f64) -> [f64; D] {
+        let size = size * self.by_length;
+        self.along.map(|y| size * y)
     }
 }
 
 #[inline(always)]
-fn sum<const D: usize>(parts: &[f64; D]) -> f64 {
-    parts.iter().fold(0.0, |sum, part| sum + part)
-}
-
-#[inline(always)]
-fn stretch_in(finite: bool, bond: &Bond, ends: Ends<'_>) -> ([f64; 3], [f64; 3]) {
+fn stretched_in(finite: bool, bond: &Bond, ends: Ends<'_>) -> Stretched<3> {
     match finite {
-        true => stretch::<true, 3, _>(bond, ends),
-        false => stretch::<false, 3, _>(bond, ends),
+        true => stretched::<true, 3, _>(bond, ends),
+        false => stretched::<false, 3, _>(bond, ends),
     }
 }
 
@@ -164,13 +198,11 @@ impl<const FINITE: bool, const DILATATION: bool, const D: usize> BondKernel<INPU
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
         let ends = (&own, &other);
-        let (parts, direction) = stretch::<FINITE, D, _>(bond, ends);
-        let force = if DILATATION {
-            tension(bond, sum(&parts), ends) + pressure(bond, ends)
-        } else {
-            pair_tension(bond, sum(&parts), ends)
-        };
-        direction.map(|n| force * n)
+        let change = stretched::<FINITE, D, _>(bond, ends);
+        change.vector(match DILATATION {
+            true => tension(bond, change.stretch(), ends) + pressure(bond, ends),
+            false => pair_tension(bond, change.stretch(), ends),
+        })
     }
 }
 
@@ -200,15 +232,16 @@ impl<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: b
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 4] {
         let ends = (&own, &other);
-        let (parts, direction) = stretch::<FINITE, D, _>(bond, ends);
-        let stretch = sum(&parts);
+        let change = stretched::<FINITE, D, _>(bond, ends);
+        let stretch = change.stretch();
         let force = match DILATATION {
             true => tension(bond, stretch, ends) + pressure(bond, ends),
             false => pair_tension(bond, stretch, ends),
         };
         let (pull, limit) = pull_and_limit(ENERGY, bond, (stretch, force), ends);
         let mut sums = [0.0, 0.0, 0.0, (pull - limit).max(0.0)];
-        (0..D).for_each(|axis| sums[axis] = force * direction[axis]);
+        let vector = change.vector(force);
+        (0..D).for_each(|axis| sums[axis] = vector[axis]);
         sums
     }
 }
@@ -219,8 +252,7 @@ impl BondKernel<INPUTS, 2> for Load {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
         let ends = (&own, &other);
-        let (parts, _) = stretch_in(self.finite, bond, ends);
-        let stretch = sum(&parts);
+        let stretch = stretched_in(self.finite, bond, ends).stretch();
         let force = match self.pairs {
             true => pair_tension(bond, stretch, ends),
             false => tension(bond, stretch, ends) + pressure(bond, ends),
@@ -244,8 +276,8 @@ impl<const DILATATION: bool, const D: usize> BondKernel<INPUTS, D> for Stiffness
 impl<const FINITE: bool> BondKernel<3, 3> for Expansion<FINITE> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 3] {
-        let (parts, _) = stretch::<FINITE, 3, _>(bond, (&own, &other));
-        parts.map(|part| bond.weight * part)
+        let change = stretched::<FINITE, 3, _>(bond, (&own, &other));
+        change.parts().map(|part| bond.weight * part)
     }
 }
 
@@ -290,8 +322,7 @@ impl BondKernel<INPUTS, 6> for Block {
 impl<const FINITE: bool> BondKernel<INPUTS, 2> for Energy<FINITE> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
-        let (parts, _) = stretch::<FINITE, 3, _>(bond, (&own, &other));
-        let stretch = sum(&parts);
+        let stretch = stretched::<FINITE, 3, _>(bond, (&own, &other)).stretch();
         let density = 0.25 * own[STIFFNESS] * bond.weight * bond.length * stretch * stretch;
         let force = match self.pairs {
             true => 0.5 * (own[STIFFNESS] + other[STIFFNESS]) * bond.mean(),
@@ -306,10 +337,10 @@ impl BondKernel<INPUTS, 6> for Stress {
 
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 6] {
-        let (parts, direction) = stretch_in(self.finite, bond, (&own, &other));
-        let stretch = sum(&parts) - own[EIGENSTRAIN];
+        let change = stretched_in(self.finite, bond, (&own, &other));
+        let stretch = change.stretch() - own[EIGENSTRAIN];
         let tension = 0.5 * own[STIFFNESS] * stretch * bond.length + own[PRESSURE];
-        dyad(bond.weight * tension, &direction)
+        dyad(bond.weight * tension, &change.vector(1.0))
     }
 }
 
