@@ -114,6 +114,10 @@ mod tests {
         let sheared = [0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let found = number("von_mises", &sheared).expect("a number of tensors");
         assert!((found - 3f64.sqrt()).abs() < 1e-15);
+        // pure shear under pressure: sqrt(3) times the shear stress, whatever the pressure
+        let sheared = [7.0, 2.0, 0.0, 2.0, 7.0, 0.0, 0.0, 0.0, 7.0];
+        let found = number("von_mises", &sheared).expect("a number of tensors");
+        assert!((found - 12f64.sqrt()).abs() < 1e-14);
     }
 
     #[test]
@@ -126,5 +130,6 @@ mod tests {
         }
         assert_eq!(number("magnitude", &[3.0, 0.0, -4.0]), Some(5.0));
         assert_eq!(number("z", &[3.0, 0.0, -4.0]), Some(-4.0));
+        assert_eq!(number("y", &[3.0, 4.0, 0.0]), Some(4.0));
     }
 }

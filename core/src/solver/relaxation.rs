@@ -85,6 +85,7 @@ impl Relaxation {
     /// `force(u, out)` writes the force of all components into `out` (zero for held ones),
     /// after refreshing what follows `u`, such as mirrored boundary layers.
     /// `fictitious_mass`: see [`fictitious_mass`]; positive, in the unit of force per metre.
+    /// `loads`: what the residual is measured against, in its unit; zero for that of the initial guess.
     ///
     /// # Errors
     /// No convergence, numbers that are not finite (the mass is too small), vectors of
@@ -93,6 +94,7 @@ impl Relaxation {
         &mut self,
         displacement: &mut [f64],
         fictitious_mass: &[f64],
+        loads: f64,
         mut force: impl FnMut(&[f64], &mut [f64]) -> Result<(), SolverError>,
     ) -> Result<RelaxationReport, SolverError> {
         let n = displacement.len();
@@ -127,7 +129,8 @@ impl Relaxation {
                 });
             }
             if iteration == 0 {
-                tolerance += options.relative_tolerance * residual;
+                let size = if loads > 0.0 { loads } else { residual };
+                tolerance += options.relative_tolerance * size;
             }
             if residual <= tolerance {
                 return Ok(RelaxationReport {
@@ -213,7 +216,7 @@ mod tests {
             ..Default::default()
         };
         let report = Relaxation::new(options)
-            .solve(&mut u, &mass(n), chain)
+            .solve(&mut u, &mass(n), 0.0, chain)
             .unwrap();
         let mut exact = 0.0;
         for (i, u) in u.iter().enumerate() {
@@ -232,7 +235,7 @@ mod tests {
             max_iterations: 5,
             ..Default::default()
         });
-        let error = relaxation.solve(&mut u, &mass(10), chain).unwrap_err();
+        let error = relaxation.solve(&mut u, &mass(10), 0.0, chain).unwrap_err();
         assert!(
             matches!(error, SolverError::NotConverged { iterations: 5, .. }),
             "{error}"
@@ -242,11 +245,11 @@ mod tests {
             absolute_tolerance: 1e-12,
             ..Default::default()
         };
-        relaxation.solve(&mut u, &mass(10), chain).unwrap();
+        relaxation.solve(&mut u, &mass(10), 0.0, chain).unwrap();
         relaxation.options.absolute_tolerance = 1e-6;
         assert_eq!(
             relaxation
-                .solve(&mut u, &mass(10), chain)
+                .solve(&mut u, &mass(10), 0.0, chain)
                 .unwrap()
                 .iterations,
             0
@@ -257,10 +260,14 @@ mod tests {
     fn a_mass_below_the_stable_one_is_reported_not_returned() {
         let mut u = vec![0.0; 10];
         let light: Vec<f64> = mass(10).iter().map(|d| d / 4.0).collect();
-        assert!(Relaxation::default().solve(&mut u, &light, chain).is_err());
         assert!(
             Relaxation::default()
-                .solve(&mut u, &[0.0; 10], chain)
+                .solve(&mut u, &light, 0.0, chain)
+                .is_err()
+        );
+        assert!(
+            Relaxation::default()
+                .solve(&mut u, &[0.0; 10], 0.0, chain)
                 .is_err()
         );
     }

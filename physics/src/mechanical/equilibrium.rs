@@ -241,12 +241,9 @@ impl Coarse {
             })
         });
         let point_in = family.points_of_slots();
-        let mut ends: Vec<Option<(usize, [f64; 3])>> = point_in
-            .iter()
-            .map(|&point| (point != u32::MAX).then_some((point as usize, [1.0; 3])))
-            .collect();
+        let mut scales = vec![[1.0; 3]; point_in.len()];
         for image in family.images(&Continuation::plain(&residual.homogeneous)) {
-            ends[image.slot] = Some((image.point, image.scale));
+            scales[image.slot] = image.scale;
         }
         let springs = |point: usize, receive: &mut dyn FnMut(Spring)| {
             let volume = volumes.map_or(1.0, |v| v[3 * point]);
@@ -254,12 +251,13 @@ impl Coarse {
                 if broken.is_some_and(|b| b.is_broken(point, number)) {
                     return;
                 }
-                let other = ends[slot].map_or(stiffness[point], |(other, _)| stiffness[other]);
-                let sum = stiffness[point] * bond.weight + other * bond.dual;
+                let other = point_in[slot] as usize;
+                let sum = stiffness[point] * bond.weight + stiffness[other] * bond.dual;
                 receive(Spring {
                     stiffness: 0.5 * volume * sum / bond.length,
                     along: bond.xi.map(|xi| xi / bond.length),
-                    to: ends[slot],
+                    to: other,
+                    scale: scales[slot],
                 });
             });
         };
@@ -337,15 +335,9 @@ pub(super) fn relax(run: &mut Run, world: &World) -> Result<usize, SolverError> 
     unbalanced(&held, &mut loads)?;
     let accelerations = loads.iter_mut().zip(&run.work);
     accelerations.for_each(|(load, mass)| *load /= mass);
-    let options = run.relaxation.options;
-    let by_loads = options.relative_tolerance * norm(&loads);
-    if by_loads > 0.0 {
-        run.relaxation.options.relative_tolerance = 0.0;
-        run.relaxation.options.absolute_tolerance += by_loads;
-    }
-    let report = run.relaxation.solve(state, &run.work, unbalanced);
-    run.relaxation.options = options;
-    let report = report?;
+    let report = run
+        .relaxation
+        .solve(state, &run.work, norm(&loads), unbalanced)?;
     Ok(report.iterations)
 }
 

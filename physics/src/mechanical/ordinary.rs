@@ -557,15 +557,18 @@ impl Solid for Ordinary {
     }
 
     fn set_eigenstrain(&mut self, eigenstrain: &[f64]) {
+        let mut own = std::mem::take(&mut self.eigenstrain);
         let in_plane = |i: usize| eigenstrain[i] * self.moduli(i).swelling;
-        let points = self.eigenstrain.par_iter().enumerate();
-        if points
-            .with_min_len(4096)
-            .all(|(i, now)| *now == in_plane(i))
-        {
+        let points = own.par_iter().enumerate().with_min_len(4096);
+        let unchanged = points.all(|(i, own)| *own == in_plane(i));
+        if !unchanged {
+            let points = own.par_iter_mut().enumerate().with_min_len(4096);
+            points.for_each(|(i, own)| *own = in_plane(i));
+        }
+        self.eigenstrain = own;
+        if unchanged {
             return;
         }
-        self.eigenstrain = (0..eigenstrain.len()).map(in_plane).collect();
         let slots = &mut self.slots[EIGENSTRAIN];
         self.family.scatter(&self.eigenstrain, 1, 0, slots);
         self.family.fill_layers(&[], 0, slots);

@@ -19,15 +19,17 @@ const LEAST_PATCHES: usize = 12;
 /// nothing resists.
 const STIFFENING: f64 = 1e-8;
 
-/// A spring from a point to another or, without one, to the ground.
+/// A spring from a point to another, or to a mirror image.
 #[derive(Clone, Copy, Debug)]
 pub struct Spring {
     /// Force over extension.
     pub stiffness: f64,
     /// Unit vector.
     pub along: [f64; 3],
-    /// The point at the other end, and factors on its displacement: those of its mirror image, or one.
-    pub to: Option<(usize, [f64; 3])>,
+    /// The point at the other end, or whose image is there.
+    pub to: usize,
+    /// Factors on its displacement: those of the image, or one.
+    pub scale: [f64; 3],
 }
 
 /// Rigid motions of patches, and the inverse of the stiffness between them.
@@ -183,13 +185,10 @@ impl Points {
 
     /// Adds a spring of a point to the rows of its patch.
     fn add(&self, rows: &mut [f64], (patch, point): (usize, usize), spring: Spring) {
+        let other = spring.to;
         let whole = |point: usize| self.free[point] == [1.0; 3];
-        if let Some((other, scale)) = spring.to
-            && scale == [1.0; 3]
-            && self.patch[other] as usize == patch
-            && whole(point)
-            && whole(other)
-        {
+        let within = self.patch[other] as usize == patch && spring.scale == [1.0; 3];
+        if within && whole(point) && whole(other) {
             return;
         }
         let motions = self.motions.len();
@@ -203,11 +202,9 @@ impl Points {
             }
         };
         add(patch, spring.stiffness, own);
-        if let Some((other, scale)) = spring.to {
-            let along = std::array::from_fn(|axis| scale[axis] * spring.along[axis]);
-            let end = self.along_motions(other, &along);
-            add(self.patch[other] as usize, -spring.stiffness, end);
-        }
+        let along = std::array::from_fn(|axis| spring.scale[axis] * spring.along[axis]);
+        let end = self.along_motions(other, &along);
+        add(self.patch[other] as usize, -spring.stiffness, end);
     }
 }
 
@@ -244,7 +241,8 @@ mod tests {
                     Some(Spring {
                         stiffness: if soft { softness } else { 1.0 },
                         along: step.map(|s| s as f64 / length),
-                        to: Some((number(other)?, [1.0; 3])),
+                        to: number(other)?,
+                        scale: [1.0; 3],
                     })
                 });
                 ends.collect()
@@ -267,15 +265,10 @@ mod tests {
             let at = |point: usize| Vector3::from_column_slice(&u[3 * point..3 * point + 3]);
             for point in 0..self.position.len() {
                 let mut force = Vector3::zeros();
-                for Spring {
-                    stiffness,
-                    along,
-                    to,
-                } in &self.springs[point]
-                {
-                    let (other, _) = to.expect("no spring goes to the ground");
-                    let along = Vector3::from(*along);
-                    force += *stiffness * along.dot(&(at(point) - at(other))) * along;
+                for spring in &self.springs[point] {
+                    let along = Vector3::from(spring.along);
+                    let change = at(point) - at(spring.to);
+                    force += spring.stiffness * along.dot(&change) * along;
                 }
                 for axis in 0..3 {
                     let free = self.free[point][axis];

@@ -45,7 +45,6 @@ fn both_methods_recover_a_known_solution() {
             chain(0.1, wind)(&exact, &mut b).unwrap();
             let hints = Hints {
                 diagonal,
-                null_space: None,
                 ..Hints::default()
             };
             let report = solver(method)
@@ -72,7 +71,6 @@ fn a_diagonal_of_wide_range_is_worth_its_preconditioner() {
         let mut x = vec![0.0; n];
         let hints = Hints {
             diagonal: Some(&diagonal),
-            null_space: None,
             ..Hints::default()
         };
         let report = solver(method)
@@ -87,7 +85,6 @@ fn a_singular_matrix_is_solved_beside_its_null_space() {
     let n = 101;
     let constant = NullSpace::constant(n);
     let hints = Hints {
-        diagonal: None,
         null_space: Some(&constant),
         ..Hints::default()
     };
@@ -194,7 +191,6 @@ fn solutions_have_the_same_bits_for_any_number_of_threads() {
             pool.install(|| {
                 let mut x = vec![0.0; n];
                 let hints = Hints {
-                    diagonal: None,
                     null_space: Some(&constant),
                     ..Hints::default()
                 };
