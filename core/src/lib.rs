@@ -7,8 +7,9 @@
 //! 3. [`plugin`]: the two traits, [`Physics`] and [`Coupler`], that carry everything else.
 //! 4. [`Setup`]: plugins declare [`field`]s and obtain [`family`]s.
 //! 5. [`Simulation`]: [`schedule`] derives the order, then time goes on.
-//! 6. [`solver`]: time integration and equations for any physics.
-//! 7. [`log`]: the run as an MCAP file, and back.
+//! 6. [`pddo`]: derivatives of fields as sums over families.
+//! 7. [`solver`]: time integration and equations for any physics.
+//! 8. [`log`]: the run as an MCAP file, and back.
 
 mod axis;
 pub mod body;
@@ -18,6 +19,7 @@ pub mod family;
 pub mod field;
 pub mod log;
 pub mod material;
+pub mod pddo;
 pub mod plugin;
 pub mod schedule;
 pub mod setup;
@@ -34,6 +36,7 @@ pub use family::{
     Operator, PartialVolume,
 };
 pub use field::{Key, Read, ReadIfProvided, Write, keys};
+pub use pddo::{Derivatives, Pddo, PddoError};
 pub use plugin::{Balance, Clock, Coupler, Physics, Report, Step, StepSize, Update, Work};
 pub use setup::Setup;
 pub use simulation::Simulation;

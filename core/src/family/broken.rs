@@ -129,6 +129,13 @@ impl Family {
         }
     }
 
+    /// Whether the bonds of a point are those of the stencil, with its weights.
+    pub fn shares_stencil(&self, point: usize) -> bool {
+        let after = self.runs.partition_point(|r| r.point as usize <= point);
+        let run = after.checked_sub(1).map(|run| self.runs[run]);
+        run.is_some_and(|r| point < (r.point + r.len) as usize)
+    }
+
     /// The slot of a point.
     pub fn slot_of(&self, point: usize) -> usize {
         let after = self.spans.partition_point(|s| s.point as usize <= point);

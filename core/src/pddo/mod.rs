@@ -1,0 +1,372 @@
+//! The peridynamic differential operator (PDDO): derivatives of fields as sums over families.
+//!
+//! ```text
+//! D^n f (x_i) = sum_j (f_j - f_i) g^n(xi_ij) V_j,    g^n = w sum_q a^n_q p_q       Gao (2020), eqs. 2.22, 2.23
+//! A a^n = n! e_n,    A = sum_j w p p^T V_j                                        eqs. 2.27, 2.28
+//! ```
+//!
+//! `p` are the monomials of the bond up to the order of the operator, `n` the exponents of one of them,
+//! `w V_j` the weight of the bond in its family, of which a factor common to all cancels. As A belongs to
+//! the point, the sums are evaluated as `D^n f = n! e_n . A^-1 sum_j w p (f_j - f_i) V_j`: the kernel needs
+//! nothing but the bond, whatever the store of the family. Derivatives are exact for polynomials up to the
+//! order on any family that determines them.
+
+mod basis;
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+use rayon::prelude::*;
+
+use crate::body::Body;
+use crate::cell_list::CellList;
+use crate::family::{
+    Bond, BondKernel, Correction, Family, FamilySpec, Horizon, Influence, PartialVolume,
+};
+use basis::{exponents, monomials};
+
+/// A family does not determine the derivatives at its point.
+#[derive(Debug, thiserror::Error)]
+pub enum PddoError {
+    /// Too few members, or members in a line or plane.
+    #[error(
+        "the {bonds} neighbours of the point at ({}, {}, {}) m do not determine the derivatives of order \
+         {order} there: choose a larger horizon",
+        at[0], at[1], at[2]
+    )]
+    Degenerate {
+        /// Members of the family.
+        bonds: usize,
+        /// Order of the operator.
+        order: usize,
+        /// Position, m.
+        at: [f64; 3],
+    },
+    /// No operator of that order.
+    #[error("derivatives of order {0} are not available; orders are 1 to 4")]
+    Order(usize),
+}
+
+/// Pivot of the moment matrix, with ones on its diagonal, below which a family counts as degenerate.
+const SMALLEST_PIVOT: f64 = 1e-12;
+
+/// Evaluates `$body` with `$D` and `$N`, the number of monomials, as constants.
+macro_rules! with_basis {
+    ($dimension:expr, $order:expr, |$D:ident, $N:ident| $body:expr) => {
+        with_basis!(@arms $dimension, $order, $D, $N, $body;
+            (1, 1, 1), (1, 2, 2), (1, 3, 3), (1, 4, 4),
+            (2, 1, 2), (2, 2, 5), (2, 3, 9), (2, 4, 14),
+            (3, 1, 3), (3, 2, 9), (3, 3, 19), (3, 4, 34))
+    };
+    (@arms $dimension:expr, $order:expr, $D:ident, $N:ident, $body:expr; $(($d:literal, $o:literal, $n:literal)),*) => {
+        match ($dimension, $order) {
+            $(($d, $o) => {
+                const $D: usize = $d;
+                const $N: usize = $n;
+                $body
+            })*
+            _ => unreachable!("the order was checked when the operator was built"),
+        }
+    };
+}
+
+/// The operator for all points of a family.
+#[derive(Debug)]
+pub struct Pddo {
+    family: Arc<Family>,
+    dimension: usize,
+    order: usize,
+    exponents: Vec<[u8; 3]>,
+    /// `n! A^-1`, row by row; the first for all points that share their stencil.
+    inverse: Vec<f64>,
+    /// Which inverse belongs to each point.
+    inverse_of_point: Vec<u32>,
+}
+
+/// Derivatives of one field at all points.
+#[derive(Clone, Debug, Default)]
+pub struct Derivatives {
+    dimension: usize,
+    exponents: Vec<[u8; 3]>,
+    values: Vec<f64>,
+}
+
+struct Moments<const D: usize, const N: usize>;
+
+impl<const D: usize, const N: usize> BondKernel<1, N> for Moments<D, N> {
+    const RARE: bool = N > 9;
+
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; N] {
+        let difference = bond.weight * (other - own);
+        monomials::<D, N>(&bond.xi).map(|p| p * difference)
+    }
+}
+
+/// `n! A^-1` of a point; `None` where its family is degenerate.
+fn inverse_of<const D: usize, const N: usize>(
+    family: &Family,
+    point: usize,
+    exponents: &[[u8; 3]],
+) -> Option<[[f64; N]; N]> {
+    let mut moments = SMatrix::<f64, N, N>::zeros();
+    family.for_each_bond(point, |_, bond, _| {
+        let p = monomials::<D, N>(&bond.xi);
+        for q in 0..N {
+            for r in 0..=q {
+                moments[(q, r)] += bond.weight * p[q] * p[r];
+            }
+        }
+    });
+    // ones on the diagonal: lengths have no part in the condition
+    let scale: [f64; N] = std::array::from_fn(|q| moments[(q, q)].sqrt().recip());
+    if scale.iter().any(|s| !s.is_finite()) {
+        return None;
+    }
+    for q in 0..N {
+        for r in 0..=q {
+            moments[(q, r)] *= scale[q] * scale[r];
+        }
+    }
+    let cholesky = moments.cholesky()?;
+    if (0..N).any(|q| cholesky.l_dirty()[(q, q)].powi(2) < SMALLEST_PIVOT) {
+        return None;
+    }
+    let inverse = cholesky.inverse();
+    let factorial = |e: &[u8; 3]| {
+        e.iter()
+            .flat_map(|&e| 1..=e)
+            .map(f64::from)
+            .product::<f64>()
+    };
+    Some(std::array::from_fn(|q| {
+        let factor = factorial(&exponents[q]) * scale[q];
+        std::array::from_fn(|r| factor * inverse[(q, r)] * scale[r])
+    }))
+}
+
+impl Pddo {
+    /// The family of the published operator: Gaussian influence, partial volumes, nothing corrected, and
+    /// `horizon` in spacings of each point (3.015 in most of Gao (2020)).
+    pub fn spec(horizon: Horizon) -> FamilySpec {
+        FamilySpec {
+            horizon,
+            partial_volume: PartialVolume::Half,
+            influence: Influence::Gaussian,
+            correction: Correction::None,
+            ..FamilySpec::new(0.0)
+        }
+    }
+
+    /// The operator up to derivatives of `order` (1 to 4) on a family of `body`.
+    ///
+    /// # Errors
+    /// [`PddoError`] that names the point whose family is degenerate.
+    pub fn build(body: &Body, family: Arc<Family>, order: usize) -> Result<Pddo, PddoError> {
+        if !(1..=4).contains(&order) {
+            return Err(PddoError::Order(order));
+        }
+        let exponents = exponents(body.dimension, order);
+        let degenerate = |point: usize| PddoError::Degenerate {
+            bonds: family.bonds_of(point),
+            order,
+            at: body.points.position[point].into(),
+        };
+        let points = body.points.len();
+        let shared = (0..points).find(|&p| family.shares_stencil(p));
+        let own: Vec<usize> = shared
+            .into_iter()
+            .chain((0..points).filter(|&p| !family.shares_stencil(p)))
+            .collect();
+        let mut inverse_of_point = vec![0; points];
+        for (index, &point) in own.iter().enumerate() {
+            inverse_of_point[point] = index as u32;
+        }
+        let inverse = with_basis!(body.dimension, order, |D, N| {
+            let of = |&p: &usize| inverse_of::<D, N>(&family, p, &exponents).ok_or(p);
+            let all: Vec<Result<[[f64; N]; N], usize>> = own.par_iter().map(of).collect();
+            // one after another: which point an error names must not depend on the threads
+            let all: Result<Vec<[[f64; N]; N]>, usize> = all.into_iter().collect();
+            all.map(|all| all.into_flattened().into_flattened())
+        });
+        Ok(Pddo {
+            inverse: inverse.map_err(degenerate)?,
+            dimension: body.dimension,
+            order,
+            exponents,
+            inverse_of_point,
+            family,
+        })
+    }
+
+    /// The family over which sums are taken.
+    pub fn family(&self) -> &Arc<Family> {
+        &self.family
+    }
+
+    /// All derivatives of a field, whose values by slot are `field`, at all points.
+    ///
+    /// # Panics
+    /// When `field` is not [`Family::slots`] long.
+    pub fn differentiate(&self, field: &[f64], derivatives: &mut Derivatives) {
+        let number = self.exponents.len();
+        derivatives.dimension = self.dimension;
+        derivatives.exponents.clone_from(&self.exponents);
+        let size = number * self.inverse_of_point.len();
+        derivatives.values.resize(size, 0.0);
+        with_basis!(self.dimension, self.order, |D, N| {
+            let (sums, _) = derivatives.values.as_chunks_mut::<N>();
+            let (rows, _) = self.inverse.as_chunks::<N>();
+            let (inverses, _) = rows.as_chunks::<N>();
+            self.family.sum(&Moments::<D, N>, [field], sums);
+            let points = sums.par_iter_mut().zip(&self.inverse_of_point);
+            points.with_min_len(1024).for_each(|(sums, &inverse)| {
+                let rows = &inverses[inverse as usize];
+                let row = |row: &[f64; N]| row.iter().zip(&*sums).map(|(a, s)| a * s).sum();
+                *sums = rows.each_ref().map(row);
+            });
+        });
+    }
+
+    /// Passes slot of the other end and `g^n V` of every bond of a point to `receive`, with the functions in
+    /// the order of [`Pddo::exponents`], 1/m to the power of the derivative.
+    pub fn for_each_bond(&self, point: usize, mut receive: impl FnMut(&Bond, usize, &[f64])) {
+        with_basis!(self.dimension, self.order, |D, N| {
+            let first = self.inverse_of_point[point] as usize * N * N;
+            let (rows, _) = self.inverse[first..first + N * N].as_chunks::<N>();
+            self.family.for_each_bond(point, |_, bond, slot| {
+                let p = monomials::<D, N>(&bond.xi);
+                let g: [f64; N] = std::array::from_fn(|q| {
+                    bond.weight * rows[q].iter().zip(&p).map(|(a, p)| a * p).sum::<f64>()
+                });
+                receive(bond, slot, &g);
+            });
+        });
+    }
+
+    /// Exponents of the derivatives, by axis.
+    pub fn exponents(&self) -> &[[u8; 3]] {
+        &self.exponents
+    }
+
+    /// `sum_j Tr g2 V_j` of a point, 1/m²: explicit diffusion is stable up to the reciprocal of it times the
+    /// diffusivity (spec 05, 1.10). Zero for an operator of first order.
+    pub fn laplacian_sum(&self, point: usize) -> f64 {
+        let twice: Vec<usize> = self.doubles().collect();
+        let mut sum = 0.0;
+        self.for_each_bond(point, |_, _, g| {
+            sum += twice.iter().map(|q| g[*q]).sum::<f64>()
+        });
+        sum
+    }
+
+    /// Largest wave number that the gradient makes of a plane wave along an axis or a diagonal, 1/m
+    /// (kappa of spec 05, 1.1), at a point with a symmetric family.
+    pub fn largest_wave_number(&self, point: usize) -> f64 {
+        const WAVES: u32 = 128;
+        let (mut bonds, mut shortest) = (Vec::new(), f64::INFINITY);
+        self.for_each_bond(point, |bond, _, g| {
+            shortest = bond.length.min(shortest);
+            bonds.push((
+                Vector3::from(bond.xi),
+                Vector3::from_fn(|a, _| g.get(a).copied().unwrap_or(0.0)),
+            ));
+        });
+        let axes = (0..self.dimension).map(|a| Vector3::ith(a, 1.0));
+        let diagonal = axes.clone().sum::<Vector3<f64>>().normalize();
+        let mut largest = 0.0_f64;
+        for direction in axes.chain([diagonal]) {
+            for wave in 1..=WAVES {
+                let number = std::f64::consts::PI * f64::from(wave) / (f64::from(WAVES) * shortest);
+                let response = bonds
+                    .iter()
+                    .map(|(xi, g)| g.dot(&direction) * (number * direction.dot(xi)).sin());
+                largest = largest.max(response.sum::<f64>().abs());
+            }
+        }
+        largest
+    }
+
+    fn doubles(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.exponents.len()).filter(|&q| is_double(&self.exponents[q]))
+    }
+
+    /// Values at other places of a field with the given `values` and `derivatives` at the points of `body`:
+    /// the mean of the Taylor series of all points within whose horizon a place lies (Gao (2020), eqs. 2.34,
+    /// 2.35). `None` where there is no such point.
+    pub fn interpolate(
+        &self,
+        body: &Body,
+        values: &[f64],
+        derivatives: &Derivatives,
+        places: &[Vector3<f64>],
+    ) -> Vec<Option<f64>> {
+        let spacings = &body.points.spacing;
+        let horizon = self.family.spec().horizon;
+        let reach: Vec<f64> = spacings.iter().map(|s| horizon.of(*s)).collect();
+        let list = CellList::new(&body.points.position, &reach);
+        let at = |place: &Vector3<f64>| {
+            let (mut sum, mut number) = (0.0, 0u32);
+            list.visit_near(place, 0.0, |point| {
+                let xi = place - body.points.position[point];
+                if xi.norm() <= reach[point] {
+                    sum += values[point] + derivatives.series(point, &xi);
+                    number += 1;
+                }
+            });
+            (number > 0).then(|| sum / f64::from(number))
+        };
+        places.par_iter().map(at).collect()
+    }
+}
+
+fn is_double(exponents: &[u8; 3]) -> bool {
+    exponents.contains(&2) && exponents.iter().sum::<u8>() == 2
+}
+
+impl Derivatives {
+    /// All derivatives at a point, in the order of [`Pddo::exponents`].
+    pub fn at(&self, point: usize) -> &[f64] {
+        let number = self.exponents.len();
+        &self.values[point * number..][..number]
+    }
+
+    /// First derivatives at a point.
+    pub fn gradient(&self, point: usize) -> Vector3<f64> {
+        let all = self.at(point);
+        Vector3::from_fn(|a, _| if a < self.dimension { all[a] } else { 0.0 })
+    }
+
+    /// Second derivatives at a point; zero for an operator of first order.
+    pub fn second(&self, point: usize) -> Matrix3<f64> {
+        let mut second = Matrix3::zeros();
+        for (exponents, value) in self.exponents.iter().zip(self.at(point)) {
+            if exponents.iter().sum::<u8>() == 2 {
+                let mut axes = (0..3).flat_map(|a| (0..exponents[a]).map(move |_| a));
+                if let (Some(a), Some(b)) = (axes.next(), axes.next()) {
+                    second[(a, b)] = *value;
+                    second[(b, a)] = *value;
+                }
+            }
+        }
+        second
+    }
+
+    /// Sum of the second derivatives along the axes at a point.
+    pub fn laplacian(&self, point: usize) -> f64 {
+        let all = self.exponents.iter().zip(self.at(point));
+        all.filter(|(e, _)| is_double(e)).map(|(_, d)| d).sum()
+    }
+
+    /// What the Taylor series adds to the value of a point at the distance `xi` (m) from it.
+    fn series(&self, point: usize, xi: &Vector3<f64>) -> f64 {
+        let term = |(e, derivative): (&[u8; 3], &f64)| {
+            let axes = e.iter().zip(xi.iter());
+            let power = |(&e, x): (&u8, &f64)| (1..=e).map(|n| x / f64::from(n)).product::<f64>();
+            derivative * axes.map(power).product::<f64>()
+        };
+        self.exponents.iter().zip(self.at(point)).map(term).sum()
+    }
+}

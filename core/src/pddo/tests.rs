@@ -1,0 +1,227 @@
+use super::*;
+use crate::body::{Jitter, Store};
+use crate::shape::{BoxShape, Shape};
+use crate::{Face, Operator};
+use proptest::prelude::*;
+
+fn block(cells: [usize; 3], spacing: f64) -> Body {
+    let dimension = cells.iter().filter(|c| **c > 1).count();
+    let max = cells.map(|c| if c > 1 { c as f64 * spacing } else { spacing });
+    let shape = Shape::Box(BoxShape { min: [0.0; 3], max });
+    Body::fill("block", &shape, dimension, spacing, 1.0).expect("a valid block")
+}
+
+fn operator(body: &Body, horizon: f64, order: usize, mirrored: bool) -> Pddo {
+    let mut spec = Pddo::spec(Horizon::Spacings(horizon));
+    if mirrored {
+        spec.layers = Face::ALL.to_vec();
+    }
+    let family = Family::build(body, &spec).expect("it has neighbours");
+    Pddo::build(body, Arc::new(family), order).expect("not degenerate")
+}
+
+fn derivatives(body: &Body, pddo: &Pddo, f: impl Fn(&Vector3<f64>) -> f64) -> Derivatives {
+    let values: Vec<f64> = body.points.position.iter().map(f).collect();
+    let mut slots = vec![0.0; pddo.family().slots()];
+    pddo.family().scatter(&values, 1, 0, &mut slots);
+    let mut derivatives = Derivatives::default();
+    pddo.differentiate(&slots, &mut derivatives);
+    derivatives
+}
+
+/// Spec 05, table of 1.1: horizon, partial volumes, S, largest wave number.
+#[test]
+fn the_square_lattice_has_the_constants_of_the_specification() {
+    for (horizon, partial, sum, wave) in [
+        (3.0, PartialVolume::Half, 1.1178, 0.6333),
+        (3.015, PartialVolume::Half, 1.1096, 0.6310),
+        (3.015, PartialVolume::None, 1.0484, 0.6139),
+        (3.6, PartialVolume::Half, 0.7739, 0.5291),
+        (4.015, PartialVolume::Half, 0.6181, 0.4706),
+    ] {
+        let spacing = 0.1;
+        let body = block([9, 9, 1], spacing);
+        let mut spec = Pddo::spec(Horizon::Spacings(horizon));
+        spec.partial_volume = partial;
+        spec.layers = Face::ALL.to_vec();
+        let family = Arc::new(Family::build(&body, &spec).expect("it has neighbours"));
+        let pddo = Pddo::build(&body, family, 2).expect("not degenerate");
+        // printed with four digits
+        assert!((pddo.laplacian_sum(40) * spacing * spacing - sum).abs() < 5e-5);
+        assert!((pddo.largest_wave_number(40) * spacing - wave).abs() < 2e-4);
+    }
+}
+
+/// Gao (2020), Table 1: f = x^2 + 2 y^3 on 21 x 21 points with dx = 0.1, at (1, 1).
+#[test]
+fn the_published_derivatives_are_reproduced_and_converge_in_second_order() {
+    let f = |x: &Vector3<f64>| x.x.powi(2) + 2.0 * x.y.powi(3);
+    for (cells, spacing, error) in [(21, 0.1, 0.05362), (41, 0.05, 0.05362 / 4.0)] {
+        let body = block([cells, cells, 1], spacing);
+        let pddo = operator(&body, 3.015, 2, false);
+        // cells are centred; the function is of the corner of the published grid
+        let shift = Vector3::new(0.5, 0.5, 0.0) * spacing;
+        let all = derivatives(&body, &pddo, |x| f(&(x - shift)));
+        let centre = cells * cells / 2;
+        let [fx, fy, fxx, fxy, fyy] = all.at(centre) else {
+            panic!("five derivatives")
+        };
+        for (value, exact, tolerance) in [
+            (fx, 2.0, 1e-10),
+            (fy, 6.0 + error, 1e-5),
+            (fxx, 2.0, 1e-10),
+            (fxy, 0.0, 1e-10),
+            (fyy, 12.0, 1e-10),
+        ] {
+            assert!((value - exact).abs() < tolerance, "{value} {exact}");
+        }
+    }
+}
+
+/// The operator of a disc in closed form (Gao (2020), Appendix D): a fine lattice comes near.
+#[test]
+fn functions_of_a_fine_family_are_those_of_the_disc() {
+    let body = block([41, 41, 1], 1.0);
+    let pddo = operator(&body, 20.0, 2, false);
+    let (delta, e4) = (20.0_f64, 4.0_f64.exp());
+    let scale = |length: f64| {
+        32.0 * (4.0 - (2.0 * length / delta).powi(2)).exp() / (std::f64::consts::PI * delta.powi(4))
+    };
+    let largest = scale(0.5 * delta) * 0.5 * delta / (e4 - 5.0);
+    pddo.for_each_bond(41 * 41 / 2, |bond, _, g| {
+        let ([x, y, _], c) = (bond.xi, scale(bond.length));
+        // away from the edge, where volumes are partial
+        if bond.length < delta - 1.0 {
+            let first = c * x / (e4 - 5.0);
+            assert!((g[0] - first).abs() < 0.01 * largest);
+            let mixed = c * 8.0 * x * y / ((e4 - 13.0) * delta * delta);
+            let trace = 4.0 * c * bond.length.powi(2) / ((e4 - 13.0) * delta * delta);
+            // of the largest second derivative along an axis
+            let bound = 0.01 * 6.0 * scale(0.5 * delta) / (4.0 * (e4 - 13.0));
+            assert!((g[3] - mixed).abs() < bound && (g[2] + g[4] - trace).abs() < bound);
+        }
+    });
+}
+
+#[test]
+fn a_family_in_a_line_is_refused_with_its_place() {
+    let body = block([9, 9, 1], 1.0);
+    let family =
+        Family::build(&body, &Pddo::spec(Horizon::Spacings(1.0))).expect("it has neighbours");
+    let error = Pddo::build(&body, Arc::new(family), 2).expect_err("no mixed derivative");
+    assert_eq!(
+        error.to_string(),
+        "the 4 neighbours of the point at (1.5, 1.5, 0.5) m do not determine the derivatives of order 2 there: \
+         choose a larger horizon"
+    );
+}
+
+#[test]
+fn stores_agree_and_layers_count() {
+    let f = |x: &Vector3<f64>| (0.3 * x.x).sin() + x.y * x.y;
+    let mut body = block([12, 10, 1], 1.0);
+    let lattice = derivatives(&body, &operator(&body, 3.015, 2, true), f);
+    body.store = Store::List;
+    let list = derivatives(&body, &operator(&body, 3.015, 2, true), f);
+    for point in 0..body.points.len() {
+        for (a, b) in lattice.at(point).iter().zip(list.at(point)) {
+            assert!((a - b).abs() < 1e-12);
+        }
+    }
+    // even mirrors: no gradient in the mean of the two points at a wall
+    let wall = [0, 1].map(|row| list.gradient(5 + 12 * row).y);
+    assert!(wall[0].abs() < wall[1].abs());
+    assert_eq!(lattice.second(40)[(0, 1)], lattice.second(40)[(1, 0)]);
+    let sum: f64 = (0..2).map(|a| lattice.second(40)[(a, a)]).sum();
+    assert!((sum - lattice.laplacian(40)).abs() < 1e-14);
+}
+
+#[test]
+fn interpolation_from_displaced_points_is_exact_for_polynomials_of_the_order() {
+    let body = block([15, 15, 1], 0.1)
+        .jittered(Jitter {
+            share: 0.3,
+            seed: 3,
+        })
+        .expect("a valid share");
+    let pddo = operator(&body, 3.015, 2, false);
+    let f = |x: &Vector3<f64>| 1.0 + x.x - 2.0 * x.x * x.y + 0.5 * x.y * x.y;
+    let values: Vec<f64> = body.points.position.iter().map(f).collect();
+    let all = derivatives(&body, &pddo, f);
+    let places = [
+        Vector3::new(0.71, 0.33, 0.0),
+        Vector3::new(0.01, 0.02, 0.0),
+        Vector3::new(9.0, 0.0, 0.0),
+    ];
+    let found = pddo.interpolate(&body, &values, &all, &places);
+    for (place, value) in places.iter().zip(&found).take(2) {
+        assert!((value.expect("inside") - f(place)).abs() < 1e-10);
+    }
+    assert_eq!(found[2], None);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// On clouds, for every dimension and order: derivatives of a random polynomial at its points.
+    #[test]
+    fn polynomials_of_the_order_are_differentiated_exactly(
+        dimension in 1..=3usize,
+        order in 1..=3usize,
+        seed in 0..1000u64,
+        coefficients in prop::collection::vec(-1.0..1.0f64, 19),
+    ) {
+        let horizon = order as f64 + 1.015;
+        let cells = [[24, 1, 1], [11, 11, 1], [8, 8, 8]][dimension - 1];
+        let body = block(cells, 1.0).jittered(Jitter { share: 0.2, seed }).expect("a valid share");
+        let pddo = operator(&body, horizon, order, false);
+        let powers = pddo.exponents().to_vec();
+        let centre = Vector3::new(4.0, 4.0, 4.0);
+        let value = |x: &Vector3<f64>, shift: &[u8; 3]| -> f64 {
+            powers.iter().zip(&coefficients).map(|(e, c)| {
+                let axis = |a: usize| {
+                    let (e, n) = (i32::from(e[a]), i32::from(shift[a]));
+                    let falling: f64 = (0..n).map(|i| f64::from(e - i)).product();
+                    if e < n { 0.0 } else { falling * (x[a] - centre[a]).powi(e - n) }
+                };
+                c * (0..dimension).map(axis).product::<f64>()
+            }).sum()
+        };
+        let all = derivatives(&body, &pddo, |x| value(x, &[0; 3]));
+        for (point, x) in body.points.position.iter().enumerate() {
+            for (n, found) in powers.iter().zip(all.at(point)) {
+                let exact = value(x, n);
+                // one-sided families of third order are worse conditioned
+                prop_assert!((found - exact).abs() < 1e-8 * (1.0 + exact.abs()), "{n:?} {found} {exact}");
+            }
+        }
+    }
+}
+
+/// A derivative is what [`Operator`] computes with a kernel of one's own, too.
+#[test]
+fn the_sums_are_those_of_a_kernel_with_the_functions() {
+    let body = block([10, 10, 1], 0.5);
+    let mut spec = Pddo::spec(Horizon::Spacings(3.015));
+    spec.layers = Face::ALL.to_vec();
+    let family = Arc::new(Family::build(&body, &spec).expect("it has neighbours"));
+    let pddo = Pddo::build(&body, family.clone(), 2).expect("not degenerate");
+    let field: Vec<f64> = body
+        .points
+        .position
+        .iter()
+        .map(|x| x.x * x.y * x.y)
+        .collect();
+    let all = derivatives(&body, &pddo, |x| x.x * x.y * x.y);
+    struct Difference;
+    impl BondKernel<1, 1> for Difference {
+        fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
+            [bond.weight * bond.xi[0] * (other - own)]
+        }
+    }
+    let sums = Operator::new(family).sum(&Difference, [&field]).to_vec();
+    let mut moment = 0.0;
+    pddo.family()
+        .for_each_bond(44, |_, bond, _| moment += bond.weight * bond.xi[0].powi(2));
+    assert!((sums[44][0] / moment - all.gradient(44).x).abs() < 1e-12);
+}
