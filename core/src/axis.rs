@@ -12,3 +12,13 @@ pub enum Axis {
     /// z.
     Z,
 }
+
+impl Axis {
+    /// x, y and z.
+    pub const ALL: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
+
+    /// 0, 1 or 2.
+    pub fn index(self) -> usize {
+        self as usize
+    }
+}

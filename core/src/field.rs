@@ -79,7 +79,7 @@ pub mod keys {
         TEMPERATURE: f64 = "temperature", "K", "temperature";
         /// Enthalpy per reference volume, J/m³.
         ENTHALPY: f64 = "enthalpy", "J/m3", "enthalpy per reference volume";
-        /// Heat added per volume and time, W/m³ (sink field of the thermal physics).
+        /// Heat added per volume and time, W/m³ (sink field of the thermal and fluid physics).
         HEAT_SOURCE: f64 = "heat_source", "W/m3", "heat added per volume and time";
         /// How often a point's temperature is held: 0 where it is free, one for each boundary that
         /// holds it (sink field of the thermal physics; the value is in [`HELD_TEMPERATURE`]).
@@ -101,7 +101,11 @@ pub mod keys {
         HELD_DISPLACEMENT: Vector3<f64> = "held_displacement", "m", "sum of the displacements at which boundaries hold the point";
         /// Velocity, m/s.
         VELOCITY: Vector3<f64> = "velocity", "m/s", "velocity";
-        /// Force per volume, N/m³ (sink field of the mechanical physics).
+        /// Density, kg/m³.
+        DENSITY: f64 = "density", "kg/m3", "density";
+        /// Pressure, Pa.
+        PRESSURE: f64 = "pressure", "Pa", "pressure";
+        /// Force per volume, N/m³ (sink field of the mechanical and fluid physics).
         BODY_FORCE: Vector3<f64> = "body_force", "N/m3", "force per volume";
         /// Isotropic stress-free strain, for example alpha (T - T_ref) (sink field of the mechanical physics).
         EIGENSTRAIN: f64 = "eigenstrain", "1", "isotropic stress-free strain";

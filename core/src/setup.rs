@@ -476,6 +476,11 @@ impl<'w> Setup<'w> {
                 "a face within the body's dimensions",
             ));
         }
+        if self.body(body).periodic[face.axis()] {
+            let message = format!("behind face `{}` the body goes on as a copy", face.name());
+            let expected = "a face along an axis that is not among the `periodic` ones of the body";
+            return Err(SetupError::value("face", message, expected));
+        }
         self.declare(body, key, access)?;
         let layers = self.layers_of(body, &key.name);
         let entry = &mut self.world.layers[layers];

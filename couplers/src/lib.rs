@@ -23,7 +23,9 @@
 //! | `clamp` | [`boundary::Clamp`] | | held displacement, until released |
 //! | `traction` | [`boundary::Traction`] | | body force |
 //! | `gravity` | [`boundary::Gravity`] | | body force |
-//! | `symmetry` | [`boundary::Symmetry`] | | layers of temperature and displacement |
+//! | `symmetry` | [`boundary::Symmetry`] | | layers of temperature, displacement and velocity |
+//! | `wall` | [`boundary::Wall`] | | layers of velocity |
+//! | `buoyancy` | [`buoyancy::Buoyancy`] | temperature | body force |
 //! | `contact` | [`contact::Contact`] | displacement, velocity of one body or two | body force |
 //! | `impactor` | [`contact::Impactor`] | displacement, velocity | body force |
 //! | `insulated_crack` | [`boundary::InsulatedCrack`] | | cuts the families of the body |
@@ -32,6 +34,7 @@
 //! plugins, and [`InTime`], a number that may change in time.
 
 pub mod boundary;
+pub mod buoyancy;
 pub mod contact;
 pub mod deformation_heat;
 pub mod expansion;
@@ -56,7 +59,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 23);
+        assert_eq!(couplers.len(), 25);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

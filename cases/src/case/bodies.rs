@@ -34,9 +34,13 @@ impl Case {
             _ => section.thickness,
         };
         let filled = self.points(name, section, thickness)?;
-        let filled = filled.and_then(|body| match section.jitter {
-            Some(jitter) => body.jittered(jitter),
-            None => Ok(body),
+        let filled = filled.and_then(|body| {
+            let mut body = match section.jitter {
+                Some(jitter) => body.jittered(jitter)?,
+                None => body,
+            };
+            body.repeat(&section.periodic)?;
+            Ok(body)
         });
         let mut body = filled.map_err(|e| {
             let zone = match &e {
@@ -57,6 +61,7 @@ impl Case {
                 BodyError::Zone { .. } => &["zones", &zone],
                 BodyError::NotCovered { .. } => &["zones"],
                 BodyError::Jitter(_) => &["jitter", "share"],
+                BodyError::Repeated { .. } => &["periodic"],
                 BodyError::Table(_) => &["points"],
                 BodyError::Unbounded | BodyError::Shape(_) => &["shape"],
             };

@@ -62,6 +62,9 @@ pub struct BodySection {
     /// Other materials by region: `materials = { insert = "IN625" }`.
     #[serde(default)]
     pub materials: BTreeMap<String, String>,
+    /// Axes along which the body goes on as a copy of itself, such as `["x"]`; it must fill its box.
+    #[serde(default)]
+    pub periodic: Vec<Axis>,
     /// How neighbours are stored; both give the same results. Without effect on bodies of zones,
     /// with jitter or from a table.
     #[serde(default)]

@@ -21,6 +21,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
 
+use crate::axis::Axis;
 use crate::family::Cut;
 use crate::material::Material;
 use crate::shape::{Bounds, Shape};
@@ -108,6 +109,9 @@ pub struct Body {
     pub store: Store,
     /// Cracks, which no bond crosses.
     pub cuts: Vec<Cut>,
+    /// Along which axes the body, which must fill its box, goes on as a copy of itself
+    /// ([`Body::repeat`]).
+    pub periodic: [bool; 3],
 }
 
 /// Mistakes in the description of a body.
@@ -155,6 +159,14 @@ pub enum BodyError {
     /// Points displaced out of their cells.
     #[error("`jitter.share` = {0} must be at least 0 and below 0.5")]
     Jitter(f64),
+    /// A body that cannot be continued by copies of itself.
+    #[error("a {dimension}D body repeated along {} must have that axis and fill its box", ["x", "y", "z"][axis.index()])]
+    Repeated {
+        /// The axis.
+        axis: Axis,
+        /// Of the body.
+        dimension: usize,
+    },
     /// A table of points that cannot be read.
     #[error(transparent)]
     Table(#[from] TableError),
@@ -183,7 +195,23 @@ impl Body {
             regions: BTreeMap::new(),
             store: Store::default(),
             cuts: Vec::new(),
+            periodic: [false; 3],
         }
+    }
+
+    /// Lets the body go on as a copy of itself behind both faces of these axes.
+    ///
+    /// # Errors
+    /// When the body has no such axis or does not fill its box.
+    pub fn repeat(&mut self, axes: &[Axis]) -> Result<(), BodyError> {
+        for &axis in axes {
+            if axis.index() >= self.dimension || !self.fills_box() {
+                let dimension = self.dimension;
+                return Err(BodyError::Repeated { axis, dimension });
+            }
+            self.periodic[axis.index()] = true;
+        }
+        Ok(())
     }
 
     /// The lattice, of a body that is no cloud.
@@ -263,6 +291,12 @@ impl Body {
         }
     }
 
+    /// Length of the bounding box along an axis, m.
+    pub fn extent(&self, axis: usize) -> f64 {
+        let (min, max) = self.bounds();
+        max[axis] - min[axis]
+    }
+
     /// The point whose cell borders on the middle of a face of a point's cell.
     pub fn neighbour(&self, point: usize, face: Face) -> Option<usize> {
         match &self.discretisation {
@@ -276,7 +310,8 @@ impl Body {
     /// Cell faces that border on no material, facing any of `faces`; of a cloud, the bare part of
     /// each.
     pub fn surface(&self, faces: &[Face]) -> Vec<SurfaceCell> {
-        let faces = faces.iter().filter(|f| f.axis() < self.dimension);
+        let bare = |f: &&Face| f.axis() < self.dimension && !self.periodic[f.axis()];
+        let faces = faces.iter().filter(bare);
         let mut surface = Vec::new();
         for point in 0..self.points.len() {
             let whole = self.points.volume[point] / self.points.spacing[point];

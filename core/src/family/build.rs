@@ -106,7 +106,8 @@ impl Family {
         for (point, &slot) in slot_of_point.iter().enumerate() {
             mirror_of[slot as usize] = point as u32;
         }
-        let (ghosts, layers) = mirror(lattice, spec, &padded, reach, &mut mirror_of);
+        let faces = continued_faces(body, spec);
+        let (ghosts, layers) = mirror(body, lattice, (&faces, &padded), reach, &mut mirror_of);
         let grid = Grid::new(
             body,
             lattice,
@@ -262,6 +263,7 @@ impl Family {
             spans,
             ghosts,
             layers,
+            periodic: body.periodic,
             places: Default::default(),
             grid: Some(grid),
             stencil,
@@ -274,12 +276,23 @@ impl Family {
     }
 }
 
-/// The cuts of the body and their images behind the faces where it continues as a mirror.
+/// The faces behind which the body goes on, as a mirror image or as a copy.
+pub(super) fn continued_faces(body: &Body, spec: &FamilySpec) -> Vec<Face> {
+    let goes_on = |f: &Face| spec.layers.contains(f) || body.periodic[f.axis()];
+    let faces = Face::ALL.into_iter().filter(|f| f.axis() < body.dimension);
+    faces.filter(goes_on).collect()
+}
+
+/// The cuts of the body and their images behind the faces where it goes on.
 pub(super) fn cuts(body: &Body, spec: &FamilySpec) -> Vec<Cut> {
     let mut cuts = body.cuts.clone();
-    for &face in spec.layers.iter().filter(|f| f.axis() < body.dimension) {
+    for face in continued_faces(body, spec) {
         let position = body.face_position(face);
-        let images: Vec<Cut> = cuts.iter().map(|c| c.mirrored(face, position)).collect();
+        let image = |cut: &Cut| match body.periodic[face.axis()] {
+            true => cut.shifted(face, body.extent(face.axis())),
+            false => cut.mirrored(face, position),
+        };
+        let images: Vec<Cut> = cuts.iter().map(image).collect();
         cuts.extend(images);
     }
     cuts
@@ -329,13 +342,13 @@ fn stencil(body: &Body, spacing: f64, spec: &FamilySpec) -> Vec<([i64; 3], Bond)
     members
 }
 
-/// Layer points behind the faces of `spec.layers`, each the image of a point or of an
-/// earlier layer point; repeated until edges, corners and bodies thinner than the horizon
+/// Layer points behind `faces`, each the image of a point or of an earlier layer point, a copy where
+/// the body is periodic; repeated until edges, corners and bodies thinner than the horizon
 /// are complete. Returned in the order in which they must be filled.
 fn mirror(
+    body: &Body,
     lattice: &Lattice,
-    spec: &FamilySpec,
-    padded: &Padded,
+    (faces, padded): (&[Face], &Padded),
     reach: i64,
     mirror_of: &mut [u32],
 ) -> (Vec<Ghost>, Vec<(Face, std::ops::Range<usize>)>) {
@@ -344,16 +357,19 @@ fn mirror(
     let mut layers = Vec::new();
     loop {
         let before = ghosts.len();
-        for &face in spec.layers.iter().filter(|f| padded.pad[f.axis()] > 0) {
+        for &face in faces {
             let first = ghosts.len();
             let axis = face.axis();
             for depth in 0..reach {
-                // cells at `depth` behind the face mirror those at the same depth before it
+                // cells at `depth` behind the face mirror those at the same depth before it, or copy those
+                // before the opposite face
                 let size = lattice.cells[axis] as i64;
-                let (outer, inner) = if face.is_upper() {
-                    (size + depth, size - 1 - depth)
-                } else {
-                    (-1 - depth, depth)
+                let periodic = body.periodic[axis];
+                let (outer, inner) = match (face.is_upper(), periodic) {
+                    (true, false) => (size + depth, size - 1 - depth),
+                    (true, true) => (size + depth, depth),
+                    (false, false) => (-1 - depth, depth),
+                    (false, true) => (-1 - depth, size - 1 - depth),
                 };
                 for slot in 0..padded.len() / padded.cells[axis] {
                     let mut cell = plane_cell(padded, axis, slot);
@@ -367,7 +383,7 @@ fn mirror(
                         mirror_of[target] = mirror_of[source];
                         let parent: Option<u32> = ghost_in.get(&source).copied();
                         let mut passes = parent.map_or([0; 6], |g| ghosts[g as usize].passes);
-                        passes[face as usize] += 1;
+                        passes[face as usize] += u8::from(!periodic);
                         ghost_in.insert(target, ghosts.len() as u32);
                         ghosts.push(Ghost {
                             slot: target as u32,

@@ -216,6 +216,7 @@ impl Family {
             }],
             ghosts: images.ghosts,
             layers: images.layers,
+            periodic: body.periodic,
             places: std::array::from_fn(|a| images.position.iter().map(|x| x[a]).collect()),
             grid: None,
             stencil: Vec::new(),

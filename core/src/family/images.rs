@@ -1,4 +1,4 @@
-//! Mirror images of the points of a cloud behind the faces of its box.
+//! Images of the points of a cloud behind the faces of its box: mirrored, or copies where it is periodic.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 
 use crate::body::{Body, Face};
 
+use super::build::continued_faces;
 use super::{FamilySpec, Ghost};
 
 /// Slots of a cloud: its points, then their images in the order in which they must be filled.
@@ -22,8 +23,8 @@ pub(super) struct Images {
     pub audited: Vec<bool>,
 }
 
-/// One image of a coordinate between two mirrors: `n` counts the copies of the box from the
-/// original, odd ones are reversed.
+/// One image of a coordinate: `n` counts the copies of the box from the original; odd ones are reversed
+/// between mirrors.
 #[derive(Clone, Copy)]
 struct Along {
     n: i32,
@@ -44,12 +45,7 @@ impl Images {
     /// Images of all points within `reach` (m) of the box, mirrored repeatedly until edges,
     /// corners and bodies thinner than the reach are complete.
     pub(super) fn new(body: &Body, spec: &FamilySpec, reach: f64) -> Images {
-        let faces: Vec<Face> = spec
-            .layers
-            .iter()
-            .copied()
-            .filter(|f| f.axis() < body.dimension)
-            .collect();
+        let faces = continued_faces(body, spec);
         let positions = &body.points.position;
         let mut images = Vec::new();
         for (point, x) in positions.iter().enumerate() {
@@ -87,7 +83,12 @@ impl Images {
             let (slot, face) = (all.position.len() as u32, faces[image.face]);
             let mut before = image.n;
             let n = &mut before[face.axis()];
-            *n = if face.is_upper() { 1 - *n } else { -1 - *n };
+            *n = match (face.is_upper(), body.periodic[face.axis()]) {
+                (true, false) => 1 - *n,
+                (false, false) => -1 - *n,
+                (true, true) => *n - 1,
+                (false, true) => *n + 1,
+            };
             let source = match before {
                 [0, 0, 0] => image.point,
                 _ => slot_of[&(image.point, before)],
@@ -103,7 +104,7 @@ impl Images {
             }
             let earlier = (source as usize).checked_sub(positions.len());
             let mut passes = earlier.map_or([0; 6], |g| all.ghosts[g].passes);
-            passes[face as usize] += 1;
+            passes[face as usize] += u8::from(!body.periodic[face.axis()]);
             all.ghosts.push(Ghost {
                 slot,
                 source,
@@ -140,7 +141,7 @@ fn along(body: &Body, faces: &[Face], axis: usize, x: f64, reach: f64) -> Vec<Al
             if !is_mirrored || count > 1 && mirrored != [true; 2] {
                 continue;
             }
-            let at = match (n % 2 == 0, n < 0) {
+            let at = match (n % 2 == 0 || body.periodic[axis], n < 0) {
                 (true, _) => x + f64::from(n) * size,
                 (false, true) => 2.0 * low - x + f64::from(n + 1) * size,
                 (false, false) => 2.0 * high - x + f64::from(n - 1) * size,

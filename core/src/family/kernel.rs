@@ -166,7 +166,7 @@ impl Family {
     }
 
     /// Centre of a slot along an axis, m.
-    fn place(&self, slot: usize, axis: usize) -> f64 {
+    pub(super) fn place(&self, slot: usize, axis: usize) -> f64 {
         match &self.grid {
             Some(grid) => grid.position(slot, axis),
             None => self.places[axis][slot],

@@ -213,6 +213,26 @@ impl Family {
         }
     }
 
+    /// Fills the slots of the layer points with the values of their mirror points plus
+    /// `rise(axis, point, distance)`: what the field grows by from the mirror point, the image of `point`,
+    /// over the distance (m) along the axis of the normal. Copies behind periodic faces do not grow.
+    pub fn fill_layers_rising(&self, slots: &mut [f64], rise: impl Fn(usize, usize, f64) -> f64) {
+        for (face, range) in &self.layers {
+            let axis = face.axis();
+            for ghost in &self.ghosts[range.clone()] {
+                let (slot, source) = (ghost.slot as usize, ghost.source as usize);
+                let grown = match self.periodic[axis] {
+                    true => 0.0,
+                    false => {
+                        let distance = self.place(slot, axis) - self.place(source, axis);
+                        rise(axis, ghost.point as usize, distance)
+                    }
+                };
+                slots[slot] = slots[source] + grown;
+            }
+        }
+    }
+
     /// Fills the layer points of a vector field, one slot array for each component, and keeps in
     /// `continuation` how.
     ///

@@ -227,6 +227,8 @@ pub struct Family {
     spans: Vec<Span>,
     ghosts: Vec<Ghost>,
     layers: Vec<(Face, Range<usize>)>,
+    /// Axes along which layers are copies.
+    periodic: [bool; 3],
     /// Reference position of each slot along each axis, m; of clouds only.
     places: [Vec<f64>; 3],
     /// Of lattices only.

@@ -254,10 +254,10 @@ impl Pddo {
     /// `sum_j Tr g2 V_j` of a point, 1/m²: explicit diffusion is stable up to the reciprocal of it times the
     /// diffusivity (spec 05, 1.10). Zero for an operator of first order.
     pub fn laplacian_sum(&self, point: usize) -> f64 {
-        let twice: Vec<usize> = self.doubles().collect();
         let mut sum = 0.0;
         self.for_each_bond(point, |_, _, g| {
-            sum += twice.iter().map(|q| g[*q]).sum::<f64>()
+            let along = |a: usize| g.get(second(self.dimension, a, a)).copied();
+            sum += (0..self.dimension).filter_map(along).sum::<f64>();
         });
         sum
     }
@@ -289,10 +289,6 @@ impl Pddo {
         largest
     }
 
-    fn doubles(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.exponents.len()).filter(|&q| is_double(&self.exponents[q]))
-    }
-
     /// Values at other places of a field with the given `values` and `derivatives` at the points of `body`:
     /// the mean of the Taylor series of all points within whose horizon a place lies (Gao (2020), eqs. 2.34,
     /// 2.35). `None` where there is no such point.
@@ -322,8 +318,13 @@ impl Pddo {
     }
 }
 
-fn is_double(exponents: &[u8; 3]) -> bool {
-    exponents.contains(&2) && exponents.iter().sum::<u8>() == 2
+/// Place of the derivative along axes `a` and `b` among those of a point, for operators of at least second
+/// order.
+#[inline(always)]
+pub const fn second(dimension: usize, a: usize, b: usize) -> usize {
+    let (low, high) = if a < b { (a, b) } else { (b, a) };
+    // rows of an upper triangle, each one shorter than the one before
+    dimension + low * (2 * dimension + 1 - low) / 2 + high - low
 }
 
 impl Derivatives {
@@ -341,23 +342,21 @@ impl Derivatives {
 
     /// Second derivatives at a point; zero for an operator of first order.
     pub fn second(&self, point: usize) -> Matrix3<f64> {
-        let mut second = Matrix3::zeros();
-        for (exponents, value) in self.exponents.iter().zip(self.at(point)) {
-            if exponents.iter().sum::<u8>() == 2 {
-                let mut axes = (0..3).flat_map(|a| (0..exponents[a]).map(move |_| a));
-                if let (Some(a), Some(b)) = (axes.next(), axes.next()) {
-                    second[(a, b)] = *value;
-                    second[(b, a)] = *value;
-                }
-            }
-        }
-        second
+        let all = self.at(point);
+        Matrix3::from_fn(|a, b| match a.max(b) < self.dimension {
+            true => all
+                .get(second(self.dimension, a, b))
+                .copied()
+                .unwrap_or(0.0),
+            false => 0.0,
+        })
     }
 
     /// Sum of the second derivatives along the axes at a point.
     pub fn laplacian(&self, point: usize) -> f64 {
-        let all = self.exponents.iter().zip(self.at(point));
-        all.filter(|(e, _)| is_double(e)).map(|(_, d)| d).sum()
+        let all = self.at(point);
+        let along = |a: usize| all.get(second(self.dimension, a, a)).copied();
+        (0..self.dimension).filter_map(along).sum()
     }
 
     /// What the Taylor series adds to the value of a point at the distance `xi` (m) from it.

@@ -1,7 +1,7 @@
 use super::*;
 use crate::body::{Jitter, Store};
 use crate::shape::{BoxShape, Shape};
-use crate::{Face, Operator};
+use crate::{Axis, Face, Operator};
 use proptest::prelude::*;
 
 fn block(cells: [usize; 3], spacing: f64) -> Body {
@@ -24,6 +24,7 @@ fn derivatives(body: &Body, pddo: &Pddo, f: impl Fn(&Vector3<f64>) -> f64) -> De
     let values: Vec<f64> = body.points.position.iter().map(f).collect();
     let mut slots = vec![0.0; pddo.family().slots()];
     pddo.family().scatter(&values, 1, 0, &mut slots);
+    pddo.family().fill_layers(&[], 0, &mut slots);
     let mut derivatives = Derivatives::default();
     pddo.differentiate(&slots, &mut derivatives);
     derivatives
@@ -196,6 +197,44 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+fn a_periodic_body_sees_itself_behind_its_faces() {
+    let tau = std::f64::consts::TAU;
+    let f = |x: &Vector3<f64>| (tau * x.x / 16.0).sin() * (2.0 * tau * x.y / 12.0).cos();
+    let mut body = block([16, 12, 1], 1.0);
+    body.repeat(&[Axis::X, Axis::Y]).expect("it fills its box");
+    let mut cloud = body
+        .clone()
+        .jittered(Jitter {
+            share: 0.0,
+            seed: 1,
+        })
+        .expect("a valid share");
+    cloud.repeat(&[Axis::X, Axis::Y]).expect("it fills its box");
+    let pddo = operator(&body, 3.015, 2, false);
+    assert_eq!(pddo.family().stencil_share(), 1.0);
+    let lattice = derivatives(&body, &pddo, f);
+    let displaced = derivatives(&cloud, &operator(&cloud, 3.015, 2, false), f);
+    for (point, x) in body.points.position.iter().enumerate() {
+        // half a period on, all derivatives have the other sign
+        let far = (point + 8) % 16 + point / 16 * 16;
+        let other = cloud
+            .points
+            .position
+            .iter()
+            .position(|y| (x - y).norm() < 1e-9)
+            .expect("the same points in another order");
+        for (n, value) in lattice.at(point).iter().enumerate() {
+            assert!((value + lattice.at(far)[n]).abs() < 1e-12);
+            assert!((value - displaced.at(other)[n]).abs() < 1e-12);
+        }
+    }
+    assert!(body.surface(&Face::ALL).is_empty());
+    body.dimension = 1;
+    let error = body.repeat(&[Axis::Y]).expect_err("no such axis");
+    assert!(error.to_string().contains("repeated along y"), "{error}");
 }
 
 /// A derivative is what [`Operator`] computes with a kernel of one's own, too.

@@ -15,6 +15,7 @@ mod prescribed_temperature;
 mod radiation;
 mod symmetry;
 mod traction;
+mod wall;
 
 pub use clamp::Clamp;
 pub use convection::Convection;
@@ -27,6 +28,7 @@ pub use prescribed_temperature::PrescribedTemperature;
 pub use radiation::Radiation;
 pub use symmetry::Symmetry;
 pub use traction::Traction;
+pub use wall::{Wall, WallKind};
 
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Face, Setup, SetupError};

@@ -1,7 +1,7 @@
 //! Plane of symmetry: the body goes on as its mirror image behind a face.
 //!
-//! Temperature is even; of the displacement the normal component is odd and the others are
-//! even. Whichever of the two fields the case has is mirrored.
+//! Temperature is even; of displacement and velocity the normal component is odd and the others are
+//! even. Whichever of these fields the case has is mirrored.
 
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, keys};
@@ -19,7 +19,7 @@ pub struct Symmetry {
     pub face: Face,
     #[serde(skip)]
     #[schemars(skip)]
-    displacement: Option<LayerHandle>,
+    vectors: Vec<LayerHandle>,
 }
 
 #[typetag::serde(name = "symmetry")]
@@ -28,8 +28,10 @@ impl Coupler for Symmetry {
         let body = setup.find_body(self.body.as_deref())?;
         // a fresh layer is even
         setup.layer_if_provided(body, &keys::TEMPERATURE, self.face)?;
-        let displacement = setup.layer_if_provided(body, &keys::DISPLACEMENT, self.face)?;
-        self.displacement = Some(displacement);
+        for vector in [&keys::DISPLACEMENT, &keys::VELOCITY] {
+            self.vectors
+                .push(setup.layer_if_provided(body, vector, self.face)?);
+        }
         Ok(())
     }
 
@@ -38,10 +40,11 @@ impl Coupler for Symmetry {
     }
 
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
-        let layer = self.displacement.expect("prepared before the run");
         let mut scale = [1.0; 3];
         scale[self.face.axis()] = -1.0;
-        world.set_layer(layer, scale, [0.0; 3]);
+        for &layer in &self.vectors {
+            world.set_layer(layer, scale, [0.0; 3]);
+        }
         Ok(())
     }
 }

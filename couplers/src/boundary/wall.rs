@@ -1,0 +1,140 @@
+//! Walls along which a fluid flows.
+//!
+//! The fluid goes on behind the wall as its mirror image: of the velocity relative to the wall, what the wall
+//! holds back changes sign, so that it vanishes on the wall in second order. With `layer = "constant"` the
+//! fluid behind a wall moves with it, as published (Gao (2020), eq. 5.102): first order, as if the wall stood
+//! a fraction of a spacing outside.
+
+use perimelt_core::world::LayerHandle;
+use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::LayerKind;
+
+/// Walls at faces of a fluid body; heat crosses them only where a boundary of temperature says so.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Wall {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Faces of the body's box, such as `["x-", "x+"]`.
+    pub faces: Vec<Face>,
+    /// Velocity of the wall, m/s; across the wall it must be zero.
+    #[serde(default)]
+    pub velocity: [f64; 3],
+    /// Whether the fluid sticks to the wall.
+    #[serde(default)]
+    pub kind: WallKind,
+    /// The layer behind a wall without slip.
+    #[serde(default)]
+    pub layer: LayerKind,
+    #[serde(skip)]
+    #[schemars(skip)]
+    layers: Vec<(Face, LayerHandle)>,
+}
+
+/// Whether a fluid sticks to a wall.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum WallKind {
+    /// It moves with the wall.
+    #[default]
+    NoSlip,
+    /// It slides along the wall without friction.
+    Slip,
+}
+
+#[typetag::serde(name = "wall")]
+impl Coupler for Wall {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        if self.kind == WallKind::Slip && self.layer != LayerKind::default() {
+            let message = "a layer that moves with the wall does not let the fluid slip";
+            return Err(SetupError::value("layer", message, "`kind = \"no_slip\"`"));
+        }
+        for &face in &self.faces {
+            let across = self.velocity[face.axis()];
+            if across != 0.0 {
+                let message = format!(
+                    "the wall at `{}` would move into the fluid or away from it",
+                    face.name()
+                );
+                return Err(SetupError::value(
+                    "velocity",
+                    message,
+                    "a velocity along the wall",
+                ));
+            }
+            self.layers
+                .push((face, setup.layer(body, &keys::VELOCITY, face, true)?));
+        }
+        if self.faces.is_empty() {
+            return Err(SetupError::value(
+                "faces",
+                "there is no face",
+                "faces such as [\"y-\"]",
+            ));
+        }
+        Ok(())
+    }
+
+    fn is_steady(&self) -> bool {
+        true
+    }
+
+    fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
+        for &(face, layer) in &self.layers {
+            let rules: [(f64, f64); 3] = std::array::from_fn(|axis| match self.kind {
+                WallKind::NoSlip => self.layer.rule(self.velocity[axis]),
+                WallKind::Slip if axis == face.axis() => (-1.0, 0.0),
+                WallKind::Slip => (1.0, 0.0),
+            });
+            world.set_layer(layer, rules.map(|r| r.0), rules.map(|r| r.1));
+        }
+        Ok(())
+    }
+}
+
+perimelt_core::register_coupler!("wall", Wall);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, apply, block, prepare, read};
+    use perimelt_core::family::LayerRule;
+
+    fn rule(keys: &str) -> LayerRule {
+        let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
+        let mut wall: Wall = read(keys);
+        let (layers, _, _) = prepare(&mut world, &mut wall, |setup| {
+            setup.own(0, &keys::VELOCITY).expect("free");
+            setup.layers(0, &keys::VELOCITY)
+        })
+        .expect("valid");
+        apply(&world, &mut wall, 0.0);
+        world.layer_rules(layers)[0]
+    }
+
+    #[test]
+    fn the_layer_holds_back_what_the_wall_does() {
+        let moving = rule("faces = ['y+']\nvelocity = [2, 0, 0]");
+        assert_eq!((moving.scale, moving.offset), ([-1.0; 3], [4.0, 0.0, 0.0]));
+        let constant = rule("faces = ['y+']\nvelocity = [2, 0, 0]\nlayer = 'constant'");
+        assert_eq!(
+            (constant.scale, constant.offset),
+            ([0.0; 3], [2.0, 0.0, 0.0])
+        );
+        let slip = rule("faces = ['y+']\nkind = 'slip'");
+        assert_eq!((slip.scale, slip.offset), ([1.0, -1.0, 1.0], [0.0; 3]));
+    }
+
+    #[test]
+    fn a_wall_that_leaves_its_face_is_refused() {
+        let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
+        let mut wall: Wall = read("faces = ['y+']\nvelocity = [0, 1, 0]");
+        let error = prepare(&mut world, &mut wall, |_| ()).expect_err("it would leave");
+        assert_eq!(error.key, "velocity");
+    }
+}

@@ -1,0 +1,101 @@
+//! Buoyancy of a fluid whose density hardly changes with temperature (Boussinesq):
+//! `body_force -= rho0 beta (T - T_ref) g`, with `beta` three times the linear thermal expansion.
+//!
+//! Gao (2020), eqs. 5.128 to 5.136. The weight itself only makes a hydrostatic pressure and is left out; so
+//! would a reference temperature in the middle of those that occur keep pressures small.
+
+use nalgebra::Vector3;
+use perimelt_core::material::Property;
+use perimelt_core::{Coupler, Read, RunError, Setup, SetupError, Step, World, Write, keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Lift of the hot fluid; needs the material properties `density` and `thermal_expansion`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Buoyancy {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Acceleration of gravity (m/s²), such as `[0.0, -9.81, 0.0]`.
+    pub gravity: [f64; 3],
+    /// Temperature without lift, K.
+    pub reference_temperature: f64,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<Prepared>,
+}
+
+#[derive(Debug)]
+struct Prepared {
+    body: usize,
+    density: Vec<f64>,
+    expansion: Vec<Property>,
+    temperature: Read<f64>,
+    body_force: Write<Vector3<f64>>,
+}
+
+#[typetag::serde(name = "buoyancy")]
+impl Coupler for Buoyancy {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        let densities = setup
+            .body(body)
+            .materials
+            .iter()
+            .map(|m| m.reference_density());
+        let density: Result<Vec<f64>, _> = densities.collect();
+        self.prepared = Some(Prepared {
+            body,
+            density: density.map_err(|e| SetupError::other("", e))?,
+            expansion: setup.property(body, "thermal_expansion")?,
+            temperature: setup.read(body, &keys::TEMPERATURE)?,
+            body_force: setup.add(body, &keys::BODY_FORCE)?,
+        });
+        Ok(())
+    }
+
+    fn is_steady(&self) -> bool {
+        true
+    }
+
+    fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_ref().expect("prepared before the run");
+        let gravity = Vector3::from(self.gravity);
+        let material = &world.body(p.body).material_of_point;
+        let temperature = world.read(p.temperature);
+        let mut body_force = world.write(p.body_force);
+        for ((sum, &t), &m) in body_force.iter_mut().zip(&*temperature).zip(material) {
+            let expansion = 3.0 * p.expansion[m as usize].at(t, 1.0);
+            *sum -= p.density[m as usize] * expansion * (t - self.reference_temperature) * gravity;
+        }
+        Ok(())
+    }
+}
+
+perimelt_core::register_coupler!("buoyancy", Buoyancy);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, apply, block, prepare, read, values};
+
+    #[test]
+    fn hot_fluid_rises_by_its_loss_of_weight() {
+        let mut world = World::new(vec![block([1, 1, 1], 3, STEEL)]);
+        let mut buoyancy: Buoyancy = read("gravity = [0, -10, 0]\nreference_temperature = -100");
+        prepare(&mut world, &mut buoyancy, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.consume(0, &keys::BODY_FORCE).expect("free");
+        })
+        .expect("valid");
+        apply(&world, &mut buoyancy, 0.0);
+        // 8000 kg/m3 that expand by 1e-5 per K along each axis, 100 K above the reference
+        let force = values(&world, &keys::BODY_FORCE);
+        assert!(
+            (force[1] - 8000.0 * 3e-5 * 100.0 * 10.0).abs() < 1e-9,
+            "{force:?}"
+        );
+        assert_eq!([force[0], force[2]], [0.0; 2]);
+    }
+}

@@ -1,0 +1,367 @@
+//! Rates of the flow: what a step needs of the fields, their derivatives, and how it uses them.
+
+use nalgebra::Vector3;
+use perimelt_core::family::LayerRule;
+use perimelt_core::material::{EnthalpyCurve, Property};
+use perimelt_core::solver::reduce::max_abs;
+use perimelt_core::{Derivatives, Family, Pddo, pddo::second};
+use rayon::prelude::*;
+
+use super::{Drift, Kick, State};
+
+/// Points that a thread takes at once.
+const SHARE: usize = 1024;
+
+/// Properties of the fluid.
+#[derive(Debug)]
+pub(super) struct Properties {
+    /// By point, kg/m³.
+    pub reference_density: Vec<f64>,
+    /// By material, Pa s.
+    pub viscosity: Vec<Property>,
+    /// By material, W/(m K); none without an energy equation.
+    pub conductivity: Vec<Property>,
+}
+
+/// A field in slot space with its derivatives.
+#[derive(Debug)]
+struct Differentiated {
+    slots: Vec<f64>,
+    derivatives: Derivatives,
+}
+
+impl Differentiated {
+    fn new(family: &Family) -> Self {
+        Differentiated {
+            slots: vec![0.0; family.slots()],
+            derivatives: Derivatives::default(),
+        }
+    }
+
+    fn load(
+        &mut self,
+        family: &Family,
+        (field, components): (&[f64], usize),
+        component: usize,
+        rules: &[LayerRule],
+    ) {
+        family.scatter(field, components, component, &mut self.slots);
+        family.fill_layers(rules, component, &mut self.slots);
+    }
+
+    fn differentiate(&mut self, pddo: &Pddo) {
+        pddo.differentiate(&self.slots, &mut self.derivatives);
+    }
+}
+
+/// A property of the material with its derivatives, where it varies.
+#[derive(Debug)]
+struct Coefficient {
+    value: Vec<f64>,
+    /// Only where the property varies.
+    field: Option<Differentiated>,
+}
+
+impl Coefficient {
+    fn new(family: &Family, properties: &[Property], points: usize) -> Self {
+        let first = properties.first().and_then(Property::constant);
+        let uniform = first.filter(|_| properties.iter().all(|p| p.constant() == first));
+        Coefficient {
+            value: vec![uniform.unwrap_or(0.0); points],
+            field: (uniform.is_none() && !properties.is_empty())
+                .then(|| Differentiated::new(family)),
+        }
+    }
+
+    fn update(&mut self, pddo: &Pddo, value: impl Fn(usize) -> f64 + Sync) {
+        let Some(field) = &mut self.field else {
+            return;
+        };
+        let points = self.value.par_iter_mut().enumerate();
+        points.with_min_len(SHARE).for_each(|(i, v)| *v = value(i));
+        field.load(pddo.family(), (&self.value, 1), 0, &[]);
+        field.differentiate(pddo);
+    }
+
+    fn gradient(&self, point: usize) -> Option<Vector3<f64>> {
+        self.field.as_ref().map(|f| f.derivatives.gradient(point))
+    }
+}
+
+/// Fields of the flow with their derivatives.
+#[derive(Debug)]
+pub(super) struct Flow {
+    pub properties: Properties,
+    pub kinetic_energy: f64,
+    /// Largest `|rho/rho0 - 1|`.
+    pub density_deviation: f64,
+    pddo: Pddo,
+    spacing: Vec<f64>,
+    velocity: Vec<Differentiated>,
+    density: Differentiated,
+    pressure: Differentiated,
+    temperature: Option<Differentiated>,
+    viscosity: Coefficient,
+    conductivity: Coefficient,
+}
+
+impl Flow {
+    pub(super) fn new(pddo: Pddo, properties: Properties, spacing: Vec<f64>) -> Self {
+        let dimension = pddo
+            .exponents()
+            .iter()
+            .filter(|e| e.iter().sum::<u8>() == 1)
+            .count();
+        let points = spacing.len();
+        let family = pddo.family().clone();
+        let field = || Differentiated::new(&family);
+        let coefficient = |p: &[Property]| Coefficient::new(&family, p, points);
+        let mut flow = Flow {
+            velocity: (0..dimension).map(|_| field()).collect(),
+            density: field(),
+            pressure: field(),
+            temperature: (!properties.conductivity.is_empty()).then(field),
+            viscosity: coefficient(&properties.viscosity),
+            conductivity: coefficient(&properties.conductivity),
+            kinetic_energy: 0.0,
+            density_deviation: 0.0,
+            properties,
+            spacing,
+            pddo,
+        };
+        flow.derive_velocity();
+        flow
+    }
+
+    /// Largest stable step, s (spec 05, 1.10): with the frequency `w = kappa (c + |v|)` of sound and the rate
+    /// `r = 2 S nu` of viscosity, a symplectic step is stable for `dt^2 w^2 + 2 dt r < 4`. `capacity` is the
+    /// smallest of each material, J/(m³ K).
+    pub(super) fn stable_step(
+        &self,
+        state: &State,
+        (material, capacity): (&[u16], &[f64]),
+        eulerian: bool,
+    ) -> f64 {
+        // all families are complete
+        let (wave_number, sum) = (self.pddo.largest_wave_number(0), self.pddo.laplacian_sum(0));
+        let largest = |properties: &[Property], m: u16| {
+            properties
+                .get(m as usize)
+                .map_or(0.0, |p| max_abs(&p.values()))
+        };
+        let limit = |(&m, &density): (&u16, &f64)| {
+            let sound = state.sound_speed(density);
+            // an Eulerian fluid carries waves along
+            let frequency = wave_number * sound * if eulerian { 1.1 } else { 1.0 };
+            let rate = 2.0 * sum * largest(&self.properties.viscosity, m) / density;
+            let mechanical = 4.0 / (rate + (rate * rate + 4.0 * frequency * frequency).sqrt());
+            let heat = match capacity.get(m as usize) {
+                Some(capacity) => capacity / (sum * largest(&self.properties.conductivity, m)),
+                None => f64::INFINITY,
+            };
+            mechanical.min(heat)
+        };
+        let points = material.iter().zip(&self.properties.reference_density);
+        points.map(limit).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Takes the velocity to slots; behind faces it goes on by their rules.
+    pub(super) fn load_velocity(&mut self, velocity: &[Vector3<f64>], rules: &[LayerRule]) {
+        let flat: &[f64] = bytemuck::cast_slice(velocity);
+        for (axis, component) in self.velocity.iter_mut().enumerate() {
+            component.load(self.pddo.family(), (flat, 3), axis, rules);
+        }
+    }
+
+    pub(super) fn derive_velocity(&mut self) {
+        let components = self.velocity.iter_mut();
+        components.for_each(|c| c.differentiate(&self.pddo));
+    }
+
+    pub(super) fn derive_temperature(
+        &mut self,
+        temperature: &[f64],
+        rules: &[LayerRule],
+        material: &[u16],
+        curves: &[EnthalpyCurve],
+    ) {
+        let Some(field) = &mut self.temperature else {
+            return;
+        };
+        field.load(self.pddo.family(), (temperature, 1), 0, rules);
+        field.differentiate(&self.pddo);
+        let at = |property: &[Property], i: usize| {
+            let m = material[i] as usize;
+            property[m].at(temperature[i], curves[m].liquid_fraction(temperature[i]))
+        };
+        self.viscosity
+            .update(&self.pddo, |i| at(&self.properties.viscosity, i));
+        self.conductivity
+            .update(&self.pddo, |i| at(&self.properties.conductivity, i));
+    }
+
+    /// Derivatives of the pressure, which goes on behind faces with the weight of the fluid before them.
+    pub(super) fn derive_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
+        load_weighted(
+            self.pddo.family(),
+            pressure,
+            &mut self.pressure.slots,
+            |axis, point, distance| force.map_or(0.0, |f| f[point][axis] * distance),
+        );
+        self.pressure.differentiate(&self.pddo);
+    }
+
+    /// Advances density and pressure by `dt` (s).
+    pub(super) fn drift(
+        &mut self,
+        drift: &Drift<'_>,
+        dt: f64,
+        (density, pressure): (&mut [f64], &mut [f64]),
+        velocity: &[Vector3<f64>],
+        force: Option<&[Vector3<f64>]>,
+    ) {
+        let reference = &self.properties.reference_density;
+        if drift.eulerian || drift.diffusion > 0.0 {
+            // the density that goes with the pressure behind the faces
+            load_weighted(
+                self.pddo.family(),
+                density,
+                &mut self.density.slots,
+                |axis, point, distance| {
+                    let sound = drift.state.sound_speed(reference[point]);
+                    force.map_or(0.0, |f| f[point][axis] * distance / (sound * sound))
+                },
+            );
+            self.density.differentiate(&self.pddo);
+        }
+        let Flow {
+            velocity: gradients,
+            density: of_density,
+            spacing,
+            ..
+        } = &*self;
+        let points = density.par_iter_mut().zip(&mut *pressure).enumerate();
+        points.with_min_len(SHARE).for_each(|(i, (rho, p))| {
+            let divergence: f64 = gradients
+                .iter()
+                .enumerate()
+                .map(|(a, v)| v.derivatives.at(i)[a])
+                .sum();
+            let mut rate = -*rho * divergence;
+            if drift.eulerian {
+                let gradient = of_density.derivatives.at(i);
+                rate -= (0..gradients.len())
+                    .map(|a| velocity[i][a] * gradient[a])
+                    .sum::<f64>();
+            }
+            if drift.diffusion > 0.0 {
+                let sound = drift.state.sound_speed(reference[i]);
+                rate += drift.diffusion * spacing[i] * sound * of_density.derivatives.laplacian(i);
+            }
+            let before = *rho;
+            *rho += dt * rate;
+            *p = drift.state.pressure((before, *rho), *p, reference[i]);
+        });
+    }
+
+    /// Advances the velocity by `dt` (s).
+    pub(super) fn kick(
+        &self,
+        kick: &Kick<'_>,
+        dt: f64,
+        velocity: &mut [Vector3<f64>],
+        density: &[f64],
+    ) {
+        let dimension = self.velocity.len();
+        let points = velocity.par_iter_mut().enumerate();
+        points.with_min_len(SHARE).for_each(|(i, v)| {
+            let of: [&[f64]; 3] = std::array::from_fn(|b| match self.velocity.get(b) {
+                Some(component) => component.derivatives.at(i),
+                None => &[],
+            });
+            let pressure = self.pressure.derivatives.at(i);
+            let viscosity = self.viscosity.value[i];
+            let slope = self.viscosity.gradient(i);
+            let before = *v;
+            for a in 0..dimension {
+                let laplacian: f64 = (0..dimension).map(|b| of[a][second(dimension, b, b)]).sum();
+                let mut force = viscosity * laplacian - pressure[a];
+                if kick.compressible {
+                    let slope: f64 = (0..dimension).map(|b| of[b][second(dimension, a, b)]).sum();
+                    force += viscosity / 3.0 * slope;
+                }
+                if let Some(slope) = slope {
+                    force += (0..dimension)
+                        .map(|b| (of[a][b] + of[b][a]) * slope[b])
+                        .sum::<f64>();
+                }
+                let mut acceleration = force / density[i];
+                if let Some(force) = kick.force {
+                    acceleration += force[i][a] / self.properties.reference_density[i];
+                }
+                if kick.eulerian {
+                    acceleration -= (0..dimension).map(|b| before[b] * of[a][b]).sum::<f64>();
+                }
+                v[a] += dt * kick.share * acceleration;
+            }
+        });
+    }
+
+    /// Advances the enthalpy by `dt` (s), with the velocity that carries it in an Eulerian description,
+    /// sources, and whether friction heats.
+    pub(super) fn heat(
+        &self,
+        enthalpy: &mut [f64],
+        dt: f64,
+        (convected, source, dissipates): (Option<&[Vector3<f64>]>, Option<&[f64]>, bool),
+        temperature: &[f64],
+        material: &[u16],
+        curves: &[EnthalpyCurve],
+    ) {
+        let Some(field) = &self.temperature else {
+            return;
+        };
+        let dimension = self.velocity.len();
+        let points = enthalpy.par_iter_mut().enumerate();
+        points.with_min_len(SHARE).for_each(|(i, h)| {
+            let of = field.derivatives.at(i);
+            let laplacian: f64 = (0..dimension).map(|a| of[second(dimension, a, a)]).sum();
+            let mut rate = self.conductivity.value[i] * laplacian;
+            if let Some(slope) = self.conductivity.gradient(i) {
+                rate += (0..dimension).map(|a| slope[a] * of[a]).sum::<f64>();
+            }
+            if let Some(velocity) = convected {
+                let capacity = curves[material[i] as usize].capacity(temperature[i]);
+                rate -= capacity * (0..dimension).map(|a| velocity[i][a] * of[a]).sum::<f64>();
+            }
+            if dissipates {
+                rate += self.viscosity.value[i] * self.dissipation(i);
+            }
+            rate += source.map_or(0.0, |q| q[i]);
+            *h += dt * rate;
+        });
+    }
+
+    /// Heat of viscous friction over the viscosity, 1/s² (Gao (2020), eq. 5.65).
+    fn dissipation(&self, point: usize) -> f64 {
+        let dimension = self.velocity.len();
+        let of = |a: usize, b: usize| self.velocity[a].derivatives.at(point)[b];
+        let mut sum = 0.0;
+        for a in 0..dimension {
+            sum += 2.0 * of(a, a).powi(2);
+            sum += (0..a).map(|b| (of(a, b) + of(b, a)).powi(2)).sum::<f64>();
+        }
+        sum
+    }
+}
+
+/// Takes a field to slots; behind faces it is mirrored, and `rise(axis, point, distance)` added.
+fn load_weighted(
+    family: &Family,
+    field: &[f64],
+    slots: &mut [f64],
+    rise: impl Fn(usize, usize, f64) -> f64,
+) {
+    family.scatter(field, 1, 0, slots);
+    family.fill_layers_rising(slots, rise);
+}
