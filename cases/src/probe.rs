@@ -98,21 +98,7 @@ impl Probe {
                 (columns, Measure::Positions(component, weights))
             }
             ProbeKind::Region(region) => {
-                let selected = match &region.name {
-                    None => (0..points.points.len() as u32).collect(),
-                    Some(name) => {
-                        let found = points.regions.get(name).ok_or_else(|| {
-                            let known = points.regions.keys().cloned().collect();
-                            let problem = Problem::UnknownName {
-                                what: "region",
-                                name: name.clone(),
-                                known,
-                            };
-                            SetupError::new("kind.region.name", problem)
-                        })?;
-                        found.points.clone()
-                    }
-                };
+                let selected = points_of(points, region.name.as_deref(), "kind.region.name")?;
                 let unit = match (region.statistic, points.dimension) {
                     (Statistic::Integral, _) => format!("{unit} m3"),
                     _ => unit,
@@ -155,6 +141,25 @@ impl Probe {
             }
         }
     }
+}
+
+/// The points of a region, or all.
+///
+/// # Errors
+/// At `key`, when the body has no such region.
+pub fn points_of(body: &Body, region: Option<&str>, key: &str) -> Result<Vec<u32>, SetupError> {
+    let Some(name) = region else {
+        return Ok((0..body.points.len() as u32).collect());
+    };
+    let found = body.regions.get(name).map(|r| r.points.clone());
+    found.ok_or_else(|| {
+        let problem = Problem::UnknownName {
+            what: "region",
+            name: name.into(),
+            known: body.regions.keys().cloned().collect(),
+        };
+        SetupError::new(key, problem)
+    })
 }
 
 pub(crate) fn find_body(world: &World, name: Option<&str>) -> Result<usize, SetupError> {

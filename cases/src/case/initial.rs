@@ -7,10 +7,11 @@ use schemars::JsonSchema;
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
+use super::formula::Formula;
 use super::sections::{Components, ComponentsVisitor};
 
-/// A field at the start: one value, one with others in some regions, or one that grows with the
-/// position.
+/// A field at the start: one value, one with others in some regions, one that grows with the
+/// position, or a formula.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[schemars(untagged)]
 #[serde(untagged)]
@@ -26,6 +27,10 @@ pub enum Initial {
     },
     /// `value + gradient (x - origin)`.
     Linear(Linear),
+    /// A formula, or one for each component, in the position.
+    Formula(Formula),
+    /// As `Formula`, by component.
+    Formulas(Vec<Formula>),
 }
 
 /// A field that grows with the position: `value + gradient (x - origin)`.
@@ -61,12 +66,14 @@ impl Initial {
         match self {
             Initial::Uniform(value) | Initial::ByRegion { value, .. } => value.as_slice().to_vec(),
             Initial::Linear(linear) => linear.at(position),
+            Initial::Formula(formula) => vec![formula.at(position, 0.0)],
+            Initial::Formulas(all) => all.iter().map(|f| f.at(position, 0.0)).collect(),
         }
     }
 
     /// Whether the value outside of all regions depends on the position.
     pub fn varies(&self) -> bool {
-        matches!(self, Initial::Linear(_))
+        !matches!(self, Initial::Uniform(_) | Initial::ByRegion { .. })
     }
 
     /// The exceptions.
@@ -85,7 +92,7 @@ impl<'de> Visitor<'de> for InitialVisitor {
     type Value = Initial;
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("a number, or [x, y, z], or { value = ..., regions = { <region> = ... } }, or { gradient = [...] }")
+        f.write_str("a number, or [x, y, z], or { value = ..., regions = { <region> = ... } }, or { gradient = [...] }, or formulas in x, y and z")
     }
 
     fn visit_f64<E: de::Error>(self, value: f64) -> Result<Initial, E> {
@@ -96,8 +103,33 @@ impl<'de> Visitor<'de> for InitialVisitor {
         ComponentsVisitor.visit_i64(value).map(Initial::Uniform)
     }
 
-    fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Initial, A::Error> {
-        ComponentsVisitor.visit_seq(list).map(Initial::Uniform)
+    fn visit_str<E: de::Error>(self, text: &str) -> Result<Initial, E> {
+        Formula::new(text).map(Initial::Formula).map_err(E::custom)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Initial, A::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged, expecting = "a number or a formula")]
+        enum Part {
+            Number(f64),
+            Formula(String),
+        }
+        let (mut numbers, mut formulas) = (Vec::new(), Vec::new());
+        while let Some(part) = list.next_element()? {
+            let text = match part {
+                Part::Number(number) => {
+                    numbers.push(number);
+                    number.to_string()
+                }
+                Part::Formula(text) => text,
+            };
+            formulas.push(text);
+        }
+        if numbers.len() == formulas.len() {
+            return Ok(Initial::Uniform(Components::List(numbers)));
+        }
+        let formulas: Result<Vec<Formula>, _> = formulas.iter().map(|f| Formula::new(f)).collect();
+        formulas.map(Initial::Formulas).map_err(de::Error::custom)
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Initial, A::Error> {
@@ -156,6 +188,18 @@ mod tests {
             read("[1, 2, 3]").expect("valid").at([9.0; 3]),
             [1.0, 2.0, 3.0]
         );
+    }
+
+    #[test]
+    fn an_initial_field_may_be_a_formula() {
+        let scalar = read("'300 + 10 * x'").expect("valid");
+        assert_eq!(
+            (scalar.at([2.0, 0.0, 0.0]), scalar.varies()),
+            (vec![320.0], true)
+        );
+        let vector = read("['y * z', 0, 'x']").expect("valid");
+        assert_eq!(vector.at([2.0, 3.0, 4.0]), [12.0, 0.0, 2.0]);
+        assert!(read("['q', 0, 0]").is_err());
     }
 
     #[test]

@@ -11,7 +11,8 @@
 mod bodies;
 mod compose;
 mod error;
-pub mod initial;
+pub mod formula;
+mod initial;
 mod locate;
 mod reword;
 pub mod schema;

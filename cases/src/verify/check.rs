@@ -12,6 +12,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::case::formula::Formula;
 use crate::case::sections::{Components, Statistic};
 
 /// A measurement, its reference and how far they may be apart.
@@ -53,6 +54,8 @@ pub enum Measure {
     Tip(TipMeasure),
     /// One number for all points of a region.
     Statistic(StatisticMeasure),
+    /// How far a field is from a formula.
+    Deviation(DeviationMeasure),
     /// How far an isotherm reaches, m.
     MeltPool(MeltPoolMeasure),
     /// The largest relative error of a balance over all logged states.
@@ -198,6 +201,43 @@ pub struct StatisticMeasure {
     /// Added to the number.
     #[serde(default)]
     pub offset: f64,
+}
+
+/// How far a field is from a formula, as a share of the formula.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DeviationMeasure {
+    /// Body; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Field, such as "velocity".
+    pub field: String,
+    /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
+    /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
+    #[serde(default)]
+    pub component: Option<String>,
+    /// What it should be, in the reference position x, y, z (m) and the time t (s).
+    pub expected: Formula,
+    /// Region; the whole body when left out.
+    #[serde(default)]
+    pub region: Option<String>,
+    /// Over the points.
+    #[serde(default)]
+    pub norm: Norm,
+    /// When, s: a multiple of the log interval; the end when left out.
+    #[serde(default)]
+    pub time: Option<f64>,
+}
+
+/// How deviations at points make one number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Norm {
+    /// Root of the sum of squares, over that of the formula.
+    #[default]
+    L2,
+    /// Largest, over the largest of the formula.
+    Largest,
 }
 
 /// How far an isotherm reaches.

@@ -4,12 +4,14 @@ use nalgebra::Vector3;
 use perimelt_core::field::FieldIndex;
 use perimelt_core::{Problem, SetupError, Simulation, World};
 
-use super::check::{BalanceMeasure, Extent, Interpolation, Measure, MeltPoolMeasure};
+use super::check::{
+    BalanceMeasure, DeviationMeasure, Extent, Interpolation, Measure, MeltPoolMeasure, Norm,
+};
 use super::sample::weights;
 use crate::case::sections::{ProbeKind, ProbeSection, RegionProbe, Statistic};
 use crate::melt_pool::{Travel, melt_pool_on};
 use crate::plot::grid::Grid;
-use crate::probe::{Component, Probe, find_body, find_field};
+use crate::probe::{Component, Probe, find_body, find_field, points_of};
 
 /// A measurement under way.
 pub struct Recorder {
@@ -49,6 +51,12 @@ enum Taker {
     Statistic {
         probe: Probe,
         offset: f64,
+    },
+    Deviation {
+        body: usize,
+        component: Component,
+        points: Vec<u32>,
+        section: DeviationMeasure,
     },
     MeltPool {
         body: usize,
@@ -150,6 +158,19 @@ impl Recorder {
                 Taker::Statistic {
                     probe: region_probe(field, (&m.region, m.statistic), simulation)?,
                     offset: m.offset,
+                }
+            }
+            Measure::Deviation(m) => {
+                let body = find_body(world, m.body.as_deref())?;
+                let field = find_field(simulation, body, &m.field, "measure.deviation.field")?;
+                when = m.time;
+                let region = m.region.as_deref();
+                let points = points_of(world.body(body), region, "measure.deviation.region")?;
+                Taker::Deviation {
+                    body,
+                    component: Component::new(world, field, m.component.as_deref())?,
+                    points,
+                    section: m.clone(),
                 }
             }
             Measure::MeltPool(m) => {
@@ -272,6 +293,29 @@ impl Taker {
                 .collect(),
             Taker::Statistic { probe, offset } => {
                 probe.measure(world).iter().map(|v| v + offset).collect()
+            }
+            Taker::Deviation {
+                body,
+                component,
+                points,
+                section,
+            } => {
+                let positions = &world.body(*body).points.position;
+                let pairs = points.iter().map(|&p| {
+                    let expected = section
+                        .expected
+                        .at(positions[p as usize].into(), simulation.time());
+                    (component.at(world, p as usize) - expected, expected)
+                });
+                let [error, size] = match section.norm {
+                    Norm::L2 => pairs
+                        .fold([0.0; 2], |[e, s], (d, x)| [e + d * d, s + x * x])
+                        .map(f64::sqrt),
+                    Norm::Largest => pairs.fold([0.0_f64; 2], |[e, s], (d, x)| {
+                        [e.max(d.abs()), s.max(x.abs())]
+                    }),
+                };
+                vec![error / size]
             }
             Taker::MeltPool {
                 body,

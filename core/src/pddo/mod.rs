@@ -79,7 +79,7 @@ pub struct Pddo {
     dimension: usize,
     order: usize,
     exponents: Vec<[u8; 3]>,
-    /// `n! A^-1`, row by row; the first for all points that share their stencil.
+    /// `n! A^-1`, column by column; the first for all points that share their stencil.
     inverse: Vec<f64>,
     /// Which inverse belongs to each point.
     inverse_of_point: Vec<u32>,
@@ -105,7 +105,7 @@ impl<const D: usize, const N: usize> BondKernel<1, N> for Moments<D, N> {
     }
 }
 
-/// `n! A^-1` of a point; `None` where its family is degenerate.
+/// Columns of `n! A^-1` of a point; `None` where its family is degenerate.
 fn inverse_of<const D: usize, const N: usize>(
     family: &Family,
     point: usize,
@@ -141,10 +141,21 @@ fn inverse_of<const D: usize, const N: usize>(
             .map(f64::from)
             .product::<f64>()
     };
-    Some(std::array::from_fn(|q| {
-        let factor = factorial(&exponents[q]) * scale[q];
-        std::array::from_fn(|r| factor * inverse[(q, r)] * scale[r])
+    Some(std::array::from_fn(|r| {
+        std::array::from_fn(|q| factorial(&exponents[q]) * scale[q] * inverse[(q, r)] * scale[r])
     }))
+}
+
+/// `n! A^-1` times the moments of a field; in columns, so that all derivatives grow side by side.
+#[inline(always)]
+fn times<const N: usize>(columns: &[[f64; N]; N], moments: &[f64; N]) -> [f64; N] {
+    let mut sums = [0.0; N];
+    for (column, moment) in columns.iter().zip(moments) {
+        for q in 0..N {
+            sums[q] += column[q] * moment;
+        }
+    }
+    sums
 }
 
 impl Pddo {
@@ -218,14 +229,12 @@ impl Pddo {
         derivatives.values.resize(size, 0.0);
         with_basis!(self.dimension, self.order, |D, N| {
             let (sums, _) = derivatives.values.as_chunks_mut::<N>();
-            let (rows, _) = self.inverse.as_chunks::<N>();
-            let (inverses, _) = rows.as_chunks::<N>();
+            let (columns, _) = self.inverse.as_chunks::<N>();
+            let (inverses, _) = columns.as_chunks::<N>();
             self.family.sum(&Moments::<D, N>, [field], sums);
             let points = sums.par_iter_mut().zip(&self.inverse_of_point);
             points.with_min_len(1024).for_each(|(sums, &inverse)| {
-                let rows = &inverses[inverse as usize];
-                let row = |row: &[f64; N]| row.iter().zip(&*sums).map(|(a, s)| a * s).sum();
-                *sums = rows.each_ref().map(row);
+                *sums = times(&inverses[inverse as usize], sums);
             });
         });
     }
@@ -234,13 +243,11 @@ impl Pddo {
     /// the order of [`Pddo::exponents`], 1/m to the power of the derivative.
     pub fn for_each_bond(&self, point: usize, mut receive: impl FnMut(&Bond, usize, &[f64])) {
         with_basis!(self.dimension, self.order, |D, N| {
-            let first = self.inverse_of_point[point] as usize * N * N;
-            let (rows, _) = self.inverse[first..first + N * N].as_chunks::<N>();
+            let (columns, _) = self.inverse.as_chunks::<N>();
+            let (inverses, _) = columns.as_chunks::<N>();
+            let inverse = &inverses[self.inverse_of_point[point] as usize];
             self.family.for_each_bond(point, |_, bond, slot| {
-                let p = monomials::<D, N>(&bond.xi);
-                let g: [f64; N] = std::array::from_fn(|q| {
-                    bond.weight * rows[q].iter().zip(&p).map(|(a, p)| a * p).sum::<f64>()
-                });
+                let g = times(inverse, &monomials::<D, N>(&bond.xi)).map(|g| bond.weight * g);
                 receive(bond, slot, &g);
             });
         });
@@ -329,6 +336,7 @@ pub const fn second(dimension: usize, a: usize, b: usize) -> usize {
 
 impl Derivatives {
     /// All derivatives at a point, in the order of [`Pddo::exponents`].
+    #[inline]
     pub fn at(&self, point: usize) -> &[f64] {
         let number = self.exponents.len();
         &self.values[point * number..][..number]
@@ -353,6 +361,7 @@ impl Derivatives {
     }
 
     /// Sum of the second derivatives along the axes at a point.
+    #[inline]
     pub fn laplacian(&self, point: usize) -> f64 {
         let all = self.at(point);
         let along = |a: usize| all.get(second(self.dimension, a, a)).copied();

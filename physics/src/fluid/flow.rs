@@ -7,7 +7,7 @@ use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::{Derivatives, Family, Pddo, pddo::second};
 use rayon::prelude::*;
 
-use super::{Drift, Kick, State};
+use super::{Drift, Kick, State, Warming};
 
 /// Points that a thread takes at once.
 const SHARE: usize = 1024;
@@ -200,6 +200,23 @@ impl Flow {
             .update(&self.pddo, |i| at(&self.properties.conductivity, i));
     }
 
+    /// Conductivity by point at a temperature, W/(m K).
+    pub(super) fn conductivity(
+        &mut self,
+        temperature: &[f64],
+        material: &[u16],
+        curves: &[EnthalpyCurve],
+    ) -> &[f64] {
+        let properties = &self.properties.conductivity;
+        if self.conductivity.field.is_some() {
+            for (i, k) in self.conductivity.value.iter_mut().enumerate() {
+                let m = material[i] as usize;
+                *k = properties[m].at(temperature[i], curves[m].liquid_fraction(temperature[i]));
+            }
+        }
+        &self.conductivity.value
+    }
+
     /// Derivatives of the pressure, which goes on behind faces with the weight of the fluid before them.
     pub(super) fn derive_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
         load_weighted(
@@ -218,7 +235,6 @@ impl Flow {
         dt: f64,
         (density, pressure): (&mut [f64], &mut [f64]),
         velocity: &[Vector3<f64>],
-        force: Option<&[Vector3<f64>]>,
     ) {
         let reference = &self.properties.reference_density;
         if drift.eulerian || drift.diffusion > 0.0 {
@@ -229,34 +245,40 @@ impl Flow {
                 &mut self.density.slots,
                 |axis, point, distance| {
                     let sound = drift.state.sound_speed(reference[point]);
-                    force.map_or(0.0, |f| f[point][axis] * distance / (sound * sound))
+                    drift
+                        .force
+                        .map_or(0.0, |f| f[point][axis] * distance / (sound * sound))
                 },
             );
             self.density.differentiate(&self.pddo);
         }
-        let Flow {
-            velocity: gradients,
-            density: of_density,
-            spacing,
-            ..
-        } = &*self;
-        let points = density.par_iter_mut().zip(&mut *pressure).enumerate();
+        match self.velocity.len() {
+            2 => self.advance_density::<2>(drift, dt, (density, pressure), velocity),
+            _ => self.advance_density::<3>(drift, dt, (density, pressure), velocity),
+        }
+    }
+
+    fn advance_density<const D: usize>(
+        &self,
+        drift: &Drift<'_>,
+        dt: f64,
+        (density, pressure): (&mut [f64], &mut [f64]),
+        velocity: &[Vector3<f64>],
+    ) {
+        let reference = &self.properties.reference_density;
+        let gradients: [&Derivatives; D] = std::array::from_fn(|a| &self.velocity[a].derivatives);
+        let points = density.par_iter_mut().zip(pressure).enumerate();
         points.with_min_len(SHARE).for_each(|(i, (rho, p))| {
-            let divergence: f64 = gradients
-                .iter()
-                .enumerate()
-                .map(|(a, v)| v.derivatives.at(i)[a])
-                .sum();
+            let divergence: f64 = (0..D).map(|a| gradients[a].at(i)[a]).sum();
             let mut rate = -*rho * divergence;
             if drift.eulerian {
-                let gradient = of_density.derivatives.at(i);
-                rate -= (0..gradients.len())
-                    .map(|a| velocity[i][a] * gradient[a])
-                    .sum::<f64>();
+                let gradient = self.density.derivatives.at(i);
+                rate -= (0..D).map(|a| velocity[i][a] * gradient[a]).sum::<f64>();
             }
             if drift.diffusion > 0.0 {
                 let sound = drift.state.sound_speed(reference[i]);
-                rate += drift.diffusion * spacing[i] * sound * of_density.derivatives.laplacian(i);
+                let laplacian = self.density.derivatives.laplacian(i);
+                rate += drift.diffusion * self.spacing[i] * sound * laplacian;
             }
             let before = *rho;
             *rho += dt * rate;
@@ -272,26 +294,35 @@ impl Flow {
         velocity: &mut [Vector3<f64>],
         density: &[f64],
     ) {
-        let dimension = self.velocity.len();
+        match self.velocity.len() {
+            2 => self.accelerate::<2>(kick, dt, velocity, density),
+            _ => self.accelerate::<3>(kick, dt, velocity, density),
+        }
+    }
+
+    fn accelerate<const D: usize>(
+        &self,
+        kick: &Kick<'_>,
+        dt: f64,
+        velocity: &mut [Vector3<f64>],
+        density: &[f64],
+    ) {
         let points = velocity.par_iter_mut().enumerate();
         points.with_min_len(SHARE).for_each(|(i, v)| {
-            let of: [&[f64]; 3] = std::array::from_fn(|b| match self.velocity.get(b) {
-                Some(component) => component.derivatives.at(i),
-                None => &[],
-            });
+            let of: [&[f64]; D] = std::array::from_fn(|b| self.velocity[b].derivatives.at(i));
             let pressure = self.pressure.derivatives.at(i);
             let viscosity = self.viscosity.value[i];
             let slope = self.viscosity.gradient(i);
             let before = *v;
-            for a in 0..dimension {
-                let laplacian: f64 = (0..dimension).map(|b| of[a][second(dimension, b, b)]).sum();
+            for a in 0..D {
+                let laplacian: f64 = (0..D).map(|b| of[a][second(D, b, b)]).sum();
                 let mut force = viscosity * laplacian - pressure[a];
                 if kick.compressible {
-                    let slope: f64 = (0..dimension).map(|b| of[b][second(dimension, a, b)]).sum();
+                    let slope: f64 = (0..D).map(|b| of[b][second(D, a, b)]).sum();
                     force += viscosity / 3.0 * slope;
                 }
                 if let Some(slope) = slope {
-                    force += (0..dimension)
+                    force += (0..D)
                         .map(|b| (of[a][b] + of[b][a]) * slope[b])
                         .sum::<f64>();
                 }
@@ -300,24 +331,15 @@ impl Flow {
                     acceleration += force[i][a] / self.properties.reference_density[i];
                 }
                 if kick.eulerian {
-                    acceleration -= (0..dimension).map(|b| before[b] * of[a][b]).sum::<f64>();
+                    acceleration -= (0..D).map(|b| before[b] * of[a][b]).sum::<f64>();
                 }
                 v[a] += dt * kick.share * acceleration;
             }
         });
     }
 
-    /// Advances the enthalpy by `dt` (s), with the velocity that carries it in an Eulerian description,
-    /// sources, and whether friction heats.
-    pub(super) fn heat(
-        &self,
-        enthalpy: &mut [f64],
-        dt: f64,
-        (convected, source, dissipates): (Option<&[Vector3<f64>]>, Option<&[f64]>, bool),
-        temperature: &[f64],
-        material: &[u16],
-        curves: &[EnthalpyCurve],
-    ) {
+    /// Advances the enthalpy by `dt` (s).
+    pub(super) fn heat(&self, warming: &Warming<'_>, dt: f64, enthalpy: &mut [f64]) {
         let Some(field) = &self.temperature else {
             return;
         };
@@ -325,19 +347,19 @@ impl Flow {
         let points = enthalpy.par_iter_mut().enumerate();
         points.with_min_len(SHARE).for_each(|(i, h)| {
             let of = field.derivatives.at(i);
-            let laplacian: f64 = (0..dimension).map(|a| of[second(dimension, a, a)]).sum();
-            let mut rate = self.conductivity.value[i] * laplacian;
+            let mut rate = self.conductivity.value[i] * field.derivatives.laplacian(i);
             if let Some(slope) = self.conductivity.gradient(i) {
                 rate += (0..dimension).map(|a| slope[a] * of[a]).sum::<f64>();
             }
-            if let Some(velocity) = convected {
-                let capacity = curves[material[i] as usize].capacity(temperature[i]);
-                rate -= capacity * (0..dimension).map(|a| velocity[i][a] * of[a]).sum::<f64>();
+            if let Some(velocity) = warming.carried_by {
+                let curve = &warming.curves[warming.material[i] as usize];
+                let along = (0..dimension).map(|a| velocity[i][a] * of[a]).sum::<f64>();
+                rate -= curve.capacity(warming.temperature[i]) * along;
             }
-            if dissipates {
+            if warming.dissipates {
                 rate += self.viscosity.value[i] * self.dissipation(i);
             }
-            rate += source.map_or(0.0, |q| q[i]);
+            rate += warming.source.map_or(0.0, |q| q[i]);
             *h += dt * rate;
         });
     }

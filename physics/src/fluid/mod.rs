@@ -32,12 +32,14 @@ mod tests;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
+use perimelt_core::body::SurfaceCell;
+use perimelt_core::family::LayerRule;
 use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Balance, Clock, Face, Horizon, PartialVolume, Pddo, Physics, Read, Report, RunError, Setup,
-    SetupError, Step, StepSize, Work, World, Write, keys,
+    Balance, Body, Clock, Face, Horizon, PartialVolume, Pddo, Physics, Read, Report, RunError,
+    Setup, SetupError, Step, StepSize, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -186,6 +188,54 @@ struct Heat {
     source: Option<Read<f64>>,
     layers: LayersHandle,
     curves: Vec<EnthalpyCurve>,
+    faces: Vec<HeatedFace>,
+}
+
+/// A face that exchanges heat.
+#[derive(Debug)]
+struct HeatedFace {
+    face: Face,
+    /// Point at the face, the next one behind it, and area of the cell face, m².
+    cells: Vec<(u32, u32, f64)>,
+    /// Heat that enters, W.
+    inflow: f64,
+}
+
+impl HeatedFace {
+    fn of(body: &Body, face: Face) -> HeatedFace {
+        let opposite = Face::ALL[face as usize ^ 1];
+        let cell = |cell: SurfaceCell| {
+            let next = body.neighbour(cell.point as usize, opposite)?;
+            Some((cell.point, next as u32, cell.area))
+        };
+        HeatedFace {
+            face,
+            cells: body.surface(&[face]).into_iter().filter_map(cell).collect(),
+            inflow: 0.0,
+        }
+    }
+
+    /// Heat that enters at the slope of a parabola through the wall and the two points before it, W.
+    fn measure(
+        &mut self,
+        rule: &LayerRule,
+        temperature: &[f64],
+        conductivity: &[f64],
+        spacing: &[f64],
+    ) {
+        let (scale, offset) = (rule.scale[0], rule.offset[0]);
+        // an even layer insulates
+        let wall = offset / (1.0 - scale);
+        self.inflow = match scale == 1.0 {
+            true => 0.0,
+            false => self.cells.iter().fold(0.0, |sum, &(first, next, area)| {
+                let [first, next] = [first, next].map(|p| p as usize);
+                let slope = (3.0 * temperature[first] - (temperature[next] + 8.0 * wall) / 3.0)
+                    / spacing[first];
+                sum - conductivity[first] * slope * area
+            }),
+        };
+    }
 }
 
 impl State {
@@ -262,12 +312,17 @@ impl Physics for Fluid {
             .filter(|f| f.axis() < dimension)
             .collect();
         let family = setup.family(body, &spec)?;
+        let (temperature_layers, _, heated) = setup.layers(body, &keys::TEMPERATURE);
         let heat = match &self.energy {
             Some(_) => Some(Heat {
+                faces: heated
+                    .iter()
+                    .map(|face| HeatedFace::of(setup.body(body), *face))
+                    .collect(),
                 temperature: setup.own(body, &keys::TEMPERATURE)?,
                 enthalpy: setup.own(body, &keys::ENTHALPY)?,
                 source: setup.consume_if_added(body, &keys::HEAT_SOURCE)?,
-                layers: setup.layers(body, &keys::TEMPERATURE).0,
+                layers: temperature_layers,
                 curves: setup.enthalpy_curves(body)?,
             }),
             None => None,
@@ -405,10 +460,13 @@ impl Physics for Fluid {
             unit: unit.into(),
             value,
         };
-        vec![
+        let mut all = vec![
             report("energy.kinetic", "J", run.flow.kinetic_energy),
             report("density.deviation", "1", run.flow.density_deviation),
-        ]
+        ];
+        let faces = run.heat.iter().flat_map(|h| &h.faces);
+        all.extend(faces.map(|f| report(&format!("heat.{}", f.face.name()), "W", f.inflow)));
+        all
     }
 
     fn observe(&mut self, world: &World) {
@@ -428,6 +486,19 @@ impl Physics for Fluid {
             .zip(reference)
             .map(|(rho, rho0)| (rho / rho0 - 1.0).abs());
         run.flow.density_deviation = deviation.fold(0.0, f64::max);
+        if let Some(heat) = &mut run.heat {
+            let temperature = world.read::<f64>(heat.temperature.into());
+            let rules = world.layer_rules(heat.layers);
+            let body = world.body(run.body);
+            let conductivity =
+                run.flow
+                    .conductivity(&temperature, &body.material_of_point, &heat.curves);
+            for face in &mut heat.faces {
+                if let Some(rule) = rules.iter().find(|r| r.face == face.face) {
+                    face.measure(rule, &temperature, conductivity, &body.points.spacing);
+                }
+            }
+        }
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
@@ -472,6 +543,7 @@ impl Run {
             state: &fluid.state,
             diffusion: fluid.density_diffusion,
             eulerian,
+            force,
         };
         let kick = Kick {
             compressible: fluid.stress == Stress::Compressible,
@@ -492,28 +564,28 @@ impl Run {
             let dissipates = fluid.energy.is_some_and(|e| e.dissipation);
             let (mut temperature, mut enthalpy) =
                 (world.write(heat.temperature), world.write(heat.enthalpy));
-            let convected = eulerian.then_some(&*velocity);
-            flow.heat(
-                &mut enthalpy,
-                dt,
-                (convected, source.as_deref(), dissipates),
-                &temperature,
+            let warming = Warming {
+                carried_by: eulerian.then_some(&*velocity),
+                source: source.as_deref(),
+                dissipates,
+                temperature: &temperature,
                 material,
-                &heat.curves,
-            );
+                curves: &heat.curves,
+            };
+            flow.heat(&warming, dt, &mut enthalpy);
             for ((t, h), &m) in temperature.iter_mut().zip(&*enthalpy).zip(material) {
                 *t = heat.curves[m as usize].temperature(*h);
             }
         }
         match fluid.scheme {
             Scheme::Symplectic => {
-                flow.drift(&drift, dt, (&mut density, &mut pressure), &velocity, force);
+                flow.drift(&drift, dt, (&mut density, &mut pressure), &velocity);
                 flow.derive_pressure(&pressure, force);
                 flow.kick(&kick, dt, &mut velocity, &density);
             }
             Scheme::Published => {
                 flow.derive_pressure(&pressure, force);
-                flow.drift(&drift, dt, (&mut density, &mut pressure), &velocity, force);
+                flow.drift(&drift, dt, (&mut density, &mut pressure), &velocity);
                 flow.kick(&kick, dt, &mut velocity, &density);
             }
             Scheme::KickDriftKick => {
@@ -521,7 +593,7 @@ impl Run {
                 flow.kick(&kick, 0.5 * dt, &mut velocity, &density);
                 flow.load_velocity(&velocity, &rules);
                 flow.derive_velocity();
-                flow.drift(&drift, dt, (&mut density, &mut pressure), &velocity, force);
+                flow.drift(&drift, dt, (&mut density, &mut pressure), &velocity);
                 flow.derive_pressure(&pressure, force);
                 flow.kick(&kick, 0.5 * dt, &mut velocity, &density);
             }
@@ -541,6 +613,20 @@ struct Drift<'a> {
     state: &'a State,
     diffusion: f64,
     eulerian: bool,
+    force: Option<&'a [Vector3<f64>]>,
+}
+
+/// What the enthalpy changes by.
+struct Warming<'a> {
+    /// In an Eulerian description.
+    carried_by: Option<&'a [Vector3<f64>]>,
+    /// W/m³.
+    source: Option<&'a [f64]>,
+    /// Friction heats.
+    dissipates: bool,
+    temperature: &'a [f64],
+    material: &'a [u16],
+    curves: &'a [EnthalpyCurve],
 }
 
 /// What the velocity changes by.
@@ -560,13 +646,22 @@ fn startup(duration: f64, time: f64) -> f64 {
     0.5 * (((time / duration - 0.5) * std::f64::consts::PI).sin() + 1.0)
 }
 
+/// Whole exponents, the usual ones, by multiplication.
+fn power(base: f64, exponent: f64) -> f64 {
+    match exponent {
+        1.0 => base,
+        7.0 => base.powi(7),
+        _ => base.powf(exponent),
+    }
+}
+
 impl State {
     /// Pressure after the density went from `before` to `after` (kg/m³), Pa.
     fn pressure(&self, (before, after): (f64, f64), pressure: f64, reference: f64) -> f64 {
         match self {
             State::Tait(t) => {
                 let stiffness = reference * t.sound_speed.powi(2) / t.exponent;
-                stiffness * ((after / reference).powf(t.exponent) - 1.0) + t.background
+                stiffness * (power(after / reference, t.exponent) - 1.0) + t.background
             }
             State::Rate { bulk_modulus } => pressure + bulk_modulus * (after / before - 1.0),
         }

@@ -139,7 +139,11 @@ fn friction_heats_by_what_the_flow_loses() {
     };
     let before = kinetic(&s);
     run(&mut s);
-    let heat = values(&s, "temperature").iter().map(|t| t - 300.0).sum::<f64>() / 1600.0;
+    let heat = values(&s, "temperature")
+        .iter()
+        .map(|t| t - 300.0)
+        .sum::<f64>()
+        / 1600.0;
     let lost = before - kinetic(&s);
     // squares of gradients and the Laplacian are two sums, each with an error of second order
     assert!(

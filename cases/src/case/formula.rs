@@ -1,0 +1,143 @@
+//! Formulas in case files, such as `"0.04 * sin(2 * PI * x)"`.
+
+use std::borrow::Cow;
+
+use exmex::{Express, FlatEx, FloatOpsFactory, MatchLiteral, literal_matcher_from_pattern};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+
+/// What a formula may depend on.
+const VARIABLES: [&str; 4] = ["x", "y", "z", "t"];
+
+literal_matcher_from_pattern!(
+    ScientificNumber,
+    r"^([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?"
+);
+
+type Expression = FlatEx<f64, FloatOpsFactory<f64>, ScientificNumber>;
+
+/// A formula in the position x, y, z (m) and the time t (s).
+#[derive(Clone, Debug)]
+pub struct Formula {
+    text: String,
+    parsed: Box<Expression>,
+    /// Which of [`VARIABLES`] it uses, in the order of the parser.
+    used: Vec<usize>,
+}
+
+/// A mistake in a formula.
+#[derive(Debug, thiserror::Error)]
+pub enum FormulaError {
+    /// It cannot be read.
+    #[error("the formula `{text}` cannot be read: {cause}")]
+    Syntax {
+        /// The formula.
+        text: String,
+        /// What the parser says.
+        cause: String,
+    },
+    /// A name that means nothing.
+    #[error(
+        "`{name}` in the formula `{text}` is unknown; there are x, y, z, t, PI, E and functions such as sin, exp and sqrt"
+    )]
+    Variable {
+        /// The formula.
+        text: String,
+        /// The name.
+        name: String,
+    },
+}
+
+impl Formula {
+    /// Reads a formula.
+    ///
+    /// # Errors
+    /// [`FormulaError`].
+    pub fn new(text: &str) -> Result<Formula, FormulaError> {
+        let syntax = |e: exmex::ExError| FormulaError::Syntax {
+            text: text.into(),
+            cause: e.msg().into(),
+        };
+        let parsed = Expression::parse(text).map_err(syntax)?;
+        let place = |name: &String| {
+            let known = VARIABLES.iter().position(|v| v == name);
+            known.ok_or_else(|| FormulaError::Variable {
+                text: text.into(),
+                name: name.clone(),
+            })
+        };
+        let used = parsed
+            .var_names()
+            .iter()
+            .map(place)
+            .collect::<Result<_, _>>()?;
+        Ok(Formula {
+            text: text.into(),
+            parsed: Box::new(parsed),
+            used,
+        })
+    }
+
+    /// The value at a position (m) and time (s).
+    pub fn at(&self, [x, y, z]: [f64; 3], time: f64) -> f64 {
+        let all = [x, y, z, time];
+        let used: Vec<f64> = self.used.iter().map(|v| all[*v]).collect();
+        self.parsed
+            .eval(&used)
+            .expect("there is a value for every variable")
+    }
+}
+
+impl PartialEq for Formula {
+    fn eq(&self, other: &Formula) -> bool {
+        self.text == other.text
+    }
+}
+
+impl Serialize for Formula {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.text)
+    }
+}
+
+impl<'de> Deserialize<'de> for Formula {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Formula::new(&String::deserialize(deserializer)?).map_err(de::Error::custom)
+    }
+}
+
+impl JsonSchema for Formula {
+    fn schema_name() -> Cow<'static, str> {
+        "Formula".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        schemars::json_schema!({
+            "type": "string",
+            "description": "formula in x, y, z (m) and t (s), such as \"0.04 * sin(2 * PI * x)\""
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formulas_are_evaluated_at_a_place_and_time() {
+        let formula = Formula::new("y^2 * exp(-t) + sin(PI * x) - 10e-1").expect("valid");
+        let value = formula.at([0.5, 3.0, 7.0], 2.0);
+        assert!((value - 9.0 * (-2.0f64).exp()).abs() < 1e-14);
+        assert_eq!(Formula::new("4").expect("valid").at([0.0; 3], 0.0), 4.0);
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let unknown = Formula::new("2 * r").expect_err("r is unknown").to_string();
+        assert!(unknown.contains("`r`"), "{unknown}");
+        let broken = Formula::new("2 * (x")
+            .expect_err("it does not end")
+            .to_string();
+        assert!(broken.contains("cannot be read"), "{broken}");
+    }
+}
