@@ -18,6 +18,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 use crate::error::{RunError, SetupError};
 use crate::setup::Setup;
+use crate::solver::NewtonReport;
 use crate::world::World;
 
 /// A step in time.
@@ -146,6 +147,27 @@ pub struct Clock {
 pub struct Work {
     /// Solver iterations or stages.
     pub iterations: usize,
+    /// Evaluations of rates or forces and products with their tangent: what solvers compare by.
+    pub evaluations: usize,
+}
+
+impl Work {
+    /// Stages of an explicit step, each with one evaluation.
+    pub fn of_stages(stages: usize) -> Self {
+        Work {
+            iterations: stages,
+            evaluations: stages,
+        }
+    }
+}
+
+impl From<NewtonReport> for Work {
+    fn from(report: NewtonReport) -> Self {
+        Work {
+            iterations: report.krylov_iterations,
+            evaluations: report.evaluations,
+        }
+    }
 }
 
 /// A conserved total of a physics, all since the start of the run.

@@ -66,6 +66,8 @@ pub struct Progress {
     pub sub_steps: Vec<u64>,
     /// Solver iterations so far, by physics.
     pub iterations: Vec<u64>,
+    /// Evaluations of rates or forces so far, by physics.
+    pub evaluations: Vec<u64>,
     /// Passes so far.
     pub passes: u64,
     /// Last macro step, s.
@@ -196,6 +198,7 @@ impl Simulation {
         let progress = Progress {
             sub_steps: vec![0; physics.len()],
             iterations: vec![0; physics.len()],
+            evaluations: vec![0; physics.len()],
             ..Progress::default()
         };
         let clock = ClockState {
@@ -511,6 +514,7 @@ impl Simulation {
             let work = self.physics[p].plugin.advance(&self.world, step)?;
             self.clock.progress.sub_steps[p] += 1;
             self.clock.progress.iterations[p] += work.iterations as u64;
+            self.clock.progress.evaluations[p] += work.evaluations as u64;
             if s % CHECK == CHECK - 1 || s + 1 == count {
                 self.check_state(p, step)?;
             }

@@ -88,6 +88,7 @@ pub(super) fn progress(file: &mut impl Write, progress: &[Progress]) -> io::Resu
     };
     let sub_steps = names(|line| line.sub_steps.keys().collect());
     let iterations = names(|line| line.iterations.keys().collect());
+    let evaluations = names(|line| line.evaluations.keys().collect());
     let mut header: Vec<String> = vec![title("time", "s"), "step".into(), title("step_size", "s")];
     header.extend(
         sub_steps
@@ -98,6 +99,11 @@ pub(super) fn progress(file: &mut impl Write, progress: &[Progress]) -> io::Resu
         iterations
             .iter()
             .map(|name| title(&format!("iterations.{name}"), "1")),
+    );
+    header.extend(
+        evaluations
+            .iter()
+            .map(|name| title(&format!("evaluations.{name}"), "1")),
     );
     header.extend(["coupling_passes".into(), title("wall_time", "s")]);
     writeln!(file, "{}", header.join(","))?;
@@ -111,6 +117,9 @@ pub(super) fn progress(file: &mut impl Write, progress: &[Progress]) -> io::Resu
         }
         for name in &iterations {
             write!(file, ",{}", of(&line.iterations, name))?;
+        }
+        for name in &evaluations {
+            write!(file, ",{}", of(&line.evaluations, name))?;
         }
         writeln!(file, ",{},{}", line.coupling_passes, line.wall_seconds)?;
     }

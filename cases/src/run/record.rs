@@ -201,6 +201,7 @@ impl Recorder {
             step_size: now.last_step,
             sub_steps: by_label(&now.sub_steps, &self.counted.sub_steps),
             iterations: by_label(&now.iterations, &self.counted.iterations),
+            evaluations: by_label(&now.evaluations, &self.counted.evaluations),
             coupling_passes: now.passes - self.counted.passes,
             wall_seconds: self.wall_before + self.started.elapsed().as_secs_f64(),
         };

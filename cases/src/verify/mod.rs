@@ -234,9 +234,12 @@ fn measure(
     );
     let steps = simulation.progress().macro_steps;
     let iterations: u64 = simulation.progress().iterations.iter().sum();
+    let evaluations: u64 = simulation.progress().evaluations.iter().sum();
     let wall = duration(started.elapsed().as_secs_f64());
     match result {
-        Ok(()) => eprintln!("{name}: {steps} steps, {iterations} iterations in {wall}"),
+        Ok(()) => eprintln!(
+            "{name}: {steps} steps, {iterations} iterations, {evaluations} evaluations in {wall}"
+        ),
         Err(Failure::Case(mistake)) => return Err(VerifyError::Case(mistake)),
         Err(failure) => eprintln!("{name}: stopped after {steps} steps and {wall}: {failure}"),
     }

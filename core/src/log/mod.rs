@@ -165,6 +165,9 @@ pub struct Progress {
     pub sub_steps: BTreeMap<String, u64>,
     /// solver iterations of each physics since the last message
     pub iterations: BTreeMap<String, u64>,
+    /// evaluations of rates or forces, and products with their tangent, of each physics since the last
+    /// message
+    pub evaluations: BTreeMap<String, u64>,
     /// passes of the strong coupling since the last message (weak coupling: one a macro step)
     pub coupling_passes: u64,
     /// wall time since the start of the run, s

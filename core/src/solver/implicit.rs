@@ -98,10 +98,11 @@ impl Implicit {
         };
         let report = newton.solve(&mut equation, time + dt, candidate, Hints::default());
         newton.options.absolute_tolerance = asked;
-        let report = report?;
+        let mut report = report?;
 
         // history has served, and holds the new rate from here on
         rhs.rate(time + dt, candidate, history)?;
+        report.evaluations += if old > 0.0 { 2 } else { 1 };
         update(state, [old_rate, history], |y, [f_old, f_new]| {
             y + (old * f_old + new * f_new)
         });

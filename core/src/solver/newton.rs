@@ -55,6 +55,8 @@ pub struct NewtonReport {
     pub iterations: usize,
     /// Krylov iterations spent, all together.
     pub krylov_iterations: usize,
+    /// Evaluations of the function and products with its tangent.
+    pub evaluations: usize,
     /// Norm of the residual at the end, in its own unit.
     pub residual: f64,
 }
@@ -135,6 +137,7 @@ impl Newton {
         weigh(weights, value);
         let mut report = NewtonReport {
             residual: norm(value),
+            evaluations: 1,
             ..Default::default()
         };
         let tolerance = options.relative_tolerance * report.residual + options.absolute_tolerance;
@@ -184,6 +187,7 @@ impl Newton {
             let linear = options.linear;
             let linear_report = krylov.solve(
                 |direction, out| {
+                    report.evaluations += 1;
                     if rhs.tangent(at, direction, out)? {
                         weigh(weights, out);
                     } else {
@@ -204,6 +208,7 @@ impl Newton {
             report.residual = loop {
                 update(trial, [state, step], |_, [y, d]| y + fraction * d);
                 rhs.rate(time, trial, trial_value)?;
+                report.evaluations += 1;
                 weigh(weights, trial_value);
                 let residual = norm(trial_value);
                 if residual <= (1.0 - 1e-4 * fraction) * before {

@@ -7,7 +7,7 @@ use perimelt_core::solver::{
     At, CoarseSpace, Hints, KrylovMethod, NullSpace, Rhs, SolverError, Spring, fictitious_mass,
     largest_eigenvalue,
 };
-use perimelt_core::{Body, BrokenBonds, Step, World};
+use perimelt_core::{Body, BrokenBonds, Step, Work, World};
 
 use super::Run;
 use super::solid::Solid;
@@ -119,31 +119,34 @@ struct Loose {
 }
 
 /// Finds equilibrium by `balance`, breaks the bonds that are loaded most beyond their limit, and goes on
-/// until none exceeds it; returns the sum of the iterations.
+/// until none exceeds it; returns the sum of the work.
 pub(super) fn break_and_balance(
     run: &mut Run,
     world: &World,
-    mut balance: impl FnMut(&mut Run) -> Result<usize, SolverError>,
-) -> Result<usize, SolverError> {
+    mut balance: impl FnMut(&mut Run) -> Result<Work, SolverError>,
+) -> Result<Work, SolverError> {
     /// Bonds loaded to this share of the worst break with it: neighbours at a crack tip, of which one
     /// breaking would soon break the other.
     const TOGETHER: f64 = 0.95;
-    let mut iterations = 0;
+    let mut work = Work::default();
     loop {
-        iterations += balance(run)?;
+        let balanced = balance(run)?;
+        work.iterations += balanced.iterations;
+        work.evaluations += balanced.evaluations;
         if run.damage.is_none() {
-            return Ok(iterations);
+            return Ok(work);
         }
         run.load_displacement(world);
         run.solid.force(&mut run.work);
+        work.evaluations += 1;
         if !run.break_bonds(world, TOGETHER) {
-            return Ok(iterations);
+            return Ok(work);
         }
     }
 }
 
-/// Brings `run` into equilibrium by Newton-Krylov; returns the linear iterations.
-pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, SolverError> {
+/// Brings `run` into equilibrium by Newton-Krylov.
+pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<Work, SolverError> {
     let body_force = run.body_force.map(|b| world.read(b));
     let body_force: &[f64] = body_force
         .as_deref()
@@ -202,7 +205,11 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<usize, 
         ..Hints::default()
     };
     let report = run.newton.solve(&mut residual, step.end(), state, hints)?;
-    Ok(report.krylov_iterations)
+    Ok(Work {
+        iterations: report.krylov_iterations,
+        // and that of the loads
+        evaluations: report.evaluations + 1,
+    })
 }
 
 /// The coarse space of a body, and what it was made of.
@@ -291,8 +298,8 @@ fn rounding(solid: &mut dyn Solid, eigenstrain: f64, displacement: &[f64]) -> f6
     SHARE * norm(&diagonal) * extension
 }
 
-/// Brings `run` into equilibrium by adaptive dynamic relaxation; returns the iterations.
-pub(super) fn relax(run: &mut Run, world: &World) -> Result<usize, SolverError> {
+/// Brings `run` into equilibrium by adaptive dynamic relaxation.
+pub(super) fn relax(run: &mut Run, world: &World) -> Result<Work, SolverError> {
     let body_force = run.body_force.map(|b| world.read(b));
     let body_force: &[f64] = body_force
         .as_deref()
@@ -338,7 +345,11 @@ pub(super) fn relax(run: &mut Run, world: &World) -> Result<usize, SolverError> 
     let report = run
         .relaxation
         .solve(state, &run.work, norm(&loads), unbalanced)?;
-    Ok(report.iterations)
+    Ok(Work {
+        iterations: report.iterations,
+        // that of the loads, and that which found the equilibrium
+        evaluations: report.iterations + 2,
+    })
 }
 
 /// Translations and infinitesimal rotations of the points, three components each.

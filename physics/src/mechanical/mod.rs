@@ -592,7 +592,7 @@ impl Physics for Mechanical {
                 done
             }
         };
-        let iterations = result.map_err(|cause| RunError::Plugin {
+        let work = result.map_err(|cause| RunError::Plugin {
             plugin: "mechanical".into(),
             time: step.end(),
             cause: cause.into(),
@@ -601,7 +601,7 @@ impl Physics for Mechanical {
         if run.eigenstress_wanted {
             run.provide_eigenstress(world);
         }
-        Ok(Work { iterations })
+        Ok(work)
     }
 
     fn observe(&mut self, world: &World) {

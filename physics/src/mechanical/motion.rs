@@ -2,14 +2,14 @@
 
 use nalgebra::Vector3;
 use perimelt_core::solver::{Motion, SolverError};
-use perimelt_core::{Step, World};
+use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
 
 use super::Run;
 
 impl Run {
     /// Moves the body over `step`; held components keep the displacement that was loaded.
-    pub(super) fn move_on(&mut self, world: &World, step: Step) -> Result<usize, SolverError> {
+    pub(super) fn move_on(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
         let body_force = self.body_force.map(|b| world.read(b));
         let body_force: &[f64] = body_force
             .as_deref()
@@ -56,6 +56,6 @@ impl Run {
                 force.iter_mut().zip(body_force).for_each(|(f, b)| *f += b);
                 Ok(())
             })?;
-        Ok(1)
+        Ok(Work::of_stages(1))
     }
 }

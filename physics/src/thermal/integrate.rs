@@ -11,7 +11,7 @@ use perimelt_core::solver::reduce::{norm, sum_of};
 use perimelt_core::solver::{
     At, Implicit, KrylovMethod, Newton, NewtonOptions, Rhs, Rkl2, SolverError, steady_state,
 };
-use perimelt_core::{Family, Step, World};
+use perimelt_core::{Family, Step, Work, World};
 use rayon::prelude::*;
 
 use super::conduction::Conduction;
@@ -183,8 +183,8 @@ impl Rhs for TemperatureRate<'_> {
 }
 
 impl Run {
-    /// Advances temperature and enthalpy over `step`; returns stages or iterations.
-    pub(super) fn advance(&mut self, world: &World, step: Step) -> Result<usize, SolverError> {
+    /// Advances temperature and enthalpy over `step`.
+    pub(super) fn advance(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
         let body = world.body(self.body);
         let (volume, material) = (&body.points.volume[..], &body.material_of_point[..]);
         let source = self.heat_source.map(|s| world.read(s));
@@ -234,7 +234,7 @@ impl Run {
                 .for_each(|(((t, h), [rate]), &m)| {
                     (*t, *h) = curves[m as usize].advance(*t, *h, step.size * rate);
                 });
-            return Ok(1);
+            return Ok(Work::of_stages(1));
         }
         if let Method::Steady(newton, tolerance) = method {
             newton.options.linear = flow.conduction.is_linear();
@@ -258,22 +258,21 @@ impl Run {
                 self.heat.supplied += v * (new - *h);
                 *h = new;
             }
-            return Ok(report.krylov_iterations);
+            return Ok(report.into());
         }
         state.clear();
         state.extend_from_slice(&enthalpy);
         state.push(0.0);
         let mut rate = EnthalpyRate(flow);
-        let iterations = match method {
+        let work = match method {
             Method::Rkl2(rkl2) => {
                 let stages = Rkl2::stages(step.size, *stable_step)?;
                 rkl2.step(&mut rate, step.start, step.size, stages, state)?;
-                stages
+                Work::of_stages(stages)
             }
             Method::Implicit(implicit) => {
-                implicit
-                    .step(&mut rate, step.start, step.size, state)?
-                    .krylov_iterations
+                let report = implicit.step(&mut rate, step.start, step.size, state)?;
+                report.into()
             }
             Method::Explicit | Method::Steady(..) => unreachable!("returned above"),
         };
@@ -281,6 +280,6 @@ impl Run {
         enthalpy.copy_from_slice(&state[..volume.len()]);
         let points = temperature.par_iter_mut().zip(&*enthalpy).zip(material);
         points.for_each(|((t, h), &m)| *t = curves[m as usize].temperature(*h));
-        Ok(iterations)
+        Ok(work)
     }
 }

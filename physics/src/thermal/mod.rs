@@ -321,12 +321,11 @@ impl Physics for Thermal {
             let pairs = world.broken_pairs(run.body);
             cracks.follow(&pairs, &run.family, &mut run.conduction.broken);
         }
-        let iterations = run.advance(world, step).map_err(|cause| RunError::Plugin {
+        run.advance(world, step).map_err(|cause| RunError::Plugin {
             plugin: "thermal".into(),
             time: step.end(),
             cause: cause.into(),
-        })?;
-        Ok(Work { iterations })
+        })
     }
 
     fn balance(&self, world: &World) -> Vec<Balance> {
