@@ -48,7 +48,7 @@ pub enum SolverError {
 
     /// The conjugate gradient method met a direction of zero or negative curvature.
     #[error(
-        "the matrix or its preconditioner is not positive definite: iteration {iteration} of the conjugate gradient method met the curvature {curvature:e}; hold the body against rigid motion or pass its null space, use a positive diagonal, or choose BiCGStab if the matrix is not symmetric"
+        "the matrix or its preconditioner is not positive definite: iteration {iteration} of the conjugate gradient method met the curvature {curvature:e}; hold the body against rigid motion or pass its null space, use a positive diagonal, or choose GMRES if the matrix is not symmetric"
     )]
     NotPositiveDefinite {
         /// Iteration that met it.

@@ -185,7 +185,7 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<Work, S
     let lopsided = rules.iter().any(|r| r.traction.is_some())
         || run.plastic.is_some() && !residual.solid.flows_by_its_own_strain();
     run.newton.options.krylov = match lopsided {
-        true => KrylovMethod::BiCgStab,
+        true => KrylovMethod::Gmres,
         false => KrylovMethod::ConjugateGradient,
     };
     // unbalanced force is measured against the loads: a good first guess must not tighten it
@@ -249,13 +249,24 @@ impl Coarse {
         });
         let point_in = family.points_of_slots();
         let mut scales = vec![[1.0; 3]; point_in.len()];
-        for image in family.images(&Continuation::plain(&residual.homogeneous)) {
+        // points bend the layers of tractions as they go, so that these hardly resist
+        let rules = residual.homogeneous.iter().map(|rule| LayerRule {
+            scale: if rule.traction.is_some() {
+                [0.0; 3]
+            } else {
+                rule.scale
+            },
+            ..*rule
+        });
+        let rules: Vec<LayerRule> = rules.collect();
+        for image in family.images(&Continuation::plain(&rules)) {
             scales[image.slot] = image.scale;
         }
         let springs = |point: usize, receive: &mut dyn FnMut(Spring)| {
             let volume = volumes.map_or(1.0, |v| v[3 * point]);
             family.for_each_bond(point, |number, bond, slot| {
-                if broken.is_some_and(|b| b.is_broken(point, number)) {
+                let bent = scales[slot] == [0.0; 3];
+                if bent || broken.is_some_and(|b| b.is_broken(point, number)) {
                     return;
                 }
                 let other = point_in[slot] as usize;
@@ -268,8 +279,8 @@ impl Coarse {
                 });
             });
         };
-        // patches much smaller than a neighbourhood are not worth their matrix
-        let size = 4.0 / 3.0 * solid.horizon();
+        // cells no smaller than a neighbourhood: those next to each other then have all bonds
+        let size = 1.001 * solid.horizon();
         let position = &body.points.position;
         // springs to nothing but the next points along the axes do not resist shear
         let resists_shear = family.bonds() > 2 * dimension * position.len() || dimension == 1;

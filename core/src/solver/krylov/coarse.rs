@@ -1,22 +1,26 @@
-//! A coarse space for networks of springs: patches of points that move as rigid bodies.
+//! A coarse space for networks of springs: the corners of a coarse grid move, and points between them.
 //!
 //! What neighbours do to each other the diagonal of the stiffness knows; that far ends of a body pull
-//! and bend each other takes conjugate gradients as many iterations as there are neighbourhoods between
-//! them. Patches know it at once. Both together precondition a body whatever its size and slenderness,
-//! and stiff parts beside soft ones: two-level additive Schwarz with aggregates, after Nicolaides (1987),
-//! SIAM J. Numer. Anal. 24, 355-365, with rotations for elasticity.
+//! and bend each other takes Krylov methods as many iterations as there are neighbourhoods between them.
+//! A grid with cells as wide as a neighbourhood knows it at once, and both together precondition a body
+//! whatever its size, and stiff parts beside soft ones: two-level additive Schwarz, see Toselli & Widlund,
+//! Domain Decomposition Methods (2005), chapter 3. Displacements are multilinear within a cell, so that a
+//! uniform strain has the energy that it should.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
-/// Patches at most: their dense matrix has six rows for each.
-const MOST_PATCHES: usize = 160;
+use crate::solver::reduce::dot;
+
+/// Multiplications for the factors of a coarse matrix at most, a few tenths of a second: cells are as wide
+/// as that takes.
+const MOST_WORK: usize = 300_000_000;
 
 /// Below this the diagonal does as well.
-const LEAST_PATCHES: usize = 12;
+const LEAST_NODES: usize = 12;
 
 /// Share by which the coarse matrix is stiffened along its diagonal: a free body has motions that
-/// nothing resists.
+/// nothing resists, and so do nodes with few points around.
 const STIFFENING: f64 = 1e-8;
 
 /// A spring from a point to another, or to a mirror image.
@@ -32,31 +36,42 @@ pub struct Spring {
     pub scale: [f64; 3],
 }
 
-/// Rigid motions of patches, and the inverse of the stiffness between them.
+/// Displacements of the nodes of a coarse grid, and the factors of the stiffness between them.
 #[derive(Clone, Debug)]
 pub struct CoarseSpace {
-    points: Points,
-    inverse: Cholesky<f64, Dyn>,
+    grid: Grid,
+    factor: Banded,
 }
 
-/// Points in their patches.
+/// Points in the cells of a grid.
 #[derive(Clone, Debug)]
-struct Points {
-    /// Those of the motions (three translations, three rotations) that the dimension has.
-    motions: &'static [usize],
-    patch: Vec<u32>,
-    /// From the centre of the patch, in sizes of patches.
-    arm: Vec<Vector3<f64>>,
+struct Grid {
+    dimension: usize,
+    nodes: usize,
+    /// From a node to the next along each axis.
+    stride: [usize; 3],
+    /// Rows between those that springs tie at most.
+    band: usize,
+    /// The cell of each point along each axis.
+    cell: Vec<[usize; 3]>,
+    /// Where the point is in its cell, 0 to 1.
+    within: Vec<[f64; 3]>,
     /// One or, for held components, zero.
     free: Vec<[f64; 3]>,
-    /// Points by patch.
+    /// The points of each cell that has some.
     members: Vec<Vec<u32>>,
 }
 
+/// Nodes along an axis that springs of the points of a cell tie: its own two and the next on both sides.
+const WINDOW: usize = 4;
+
+/// Corners of a cell in three dimensions.
+const CORNERS: usize = 8;
+
 impl CoarseSpace {
     /// The space for points at `position` (m) with the `springs` of each, whose stiffness is that of the
-    /// system to be solved; patches are `size` (m) wide or wider. `free` holds zero for held components.
-    /// `None` for bodies of few patches.
+    /// system to be solved; cells are `size` (m) wide or wider, and longer springs are left out. `free`
+    /// holds zero for held components. `None` for bodies of few cells.
     pub fn new(
         position: &[Vector3<f64>],
         dimension: usize,
@@ -64,61 +79,58 @@ impl CoarseSpace {
         free: Vec<[f64; 3]>,
         springs: impl Fn(usize, &mut dyn FnMut(Spring)) + Sync,
     ) -> Option<Self> {
-        let points = Points::new(position, dimension, size, free)?;
-        let motions = points.motions.len();
-        let rows = motions * points.members.len();
-        let mut matrix = vec![0.0; rows * rows];
-        let patches = matrix.par_chunks_mut(motions * rows).enumerate();
-        patches.for_each(|(patch, stripe)| {
-            for &point in &points.members[patch] {
-                springs(point as usize, &mut |spring| {
-                    points.add(stripe, (patch, point as usize), spring);
-                });
-            }
-        });
-        for diagonal in matrix.iter_mut().step_by(rows + 1) {
-            *diagonal *= 1.0 + STIFFENING;
-            if *diagonal == 0.0 {
-                *diagonal = 1.0;
-            }
+        let grid = Grid::new(position, dimension, size, free)?;
+        let cells = grid.members.par_iter();
+        let blocks: Vec<_> = cells.map(|m| grid.stiffness(m, &springs)).collect();
+        let mut matrix = Banded::new(dimension * grid.nodes, grid.band);
+        for (members, block) in grid.members.iter().zip(&blocks) {
+            grid.add(members, block, &mut matrix);
         }
-        let inverse = Cholesky::new(DMatrix::from_vec(rows, rows, matrix))?;
-        Some(CoarseSpace { points, inverse })
+        let factor = matrix.factors()?;
+        Some(CoarseSpace { grid, factor })
     }
 
     /// Adds the coarse displacement under `residual` to `out`, three components for each point.
     pub(super) fn add_correction(&self, residual: &[f64], out: &mut [f64]) {
-        let points = &self.points;
+        let (grid, dimension) = (&self.grid, self.grid.dimension);
         let (forces, _) = residual.as_chunks::<3>();
-        let motions = points.motions.len();
-        let mut coarse = DVector::zeros(motions * points.members.len());
-        let patches = coarse.as_mut_slice().par_chunks_mut(motions);
-        patches.zip(&points.members).for_each(|(sums, members)| {
+        let sums = grid.members.par_iter().map(|members| {
+            let mut sums = [[0.0; 3]; CORNERS];
             for &point in members {
-                let parts = points.along_motions(point as usize, &forces[point as usize]);
-                let motions = points.motions.iter();
-                sums.iter_mut()
-                    .zip(motions)
-                    .for_each(|(sum, m)| *sum += parts[*m]);
+                let point = point as usize;
+                for (sum, share) in sums.iter_mut().zip(grid.shares(point)) {
+                    for axis in 0..dimension {
+                        sum[axis] += share * grid.free[point][axis] * forces[point][axis];
+                    }
+                }
             }
+            sums
         });
-        self.inverse.solve_mut(&mut coarse);
+        let sums: Vec<_> = sums.collect();
+        let mut nodes = vec![0.0; dimension * grid.nodes];
+        for (members, sums) in grid.members.iter().zip(&sums) {
+            let first = grid.first_node(members[0] as usize);
+            for (corner, sum) in sums.iter().enumerate().take(1 << dimension) {
+                let node = first + grid.node(std::array::from_fn(|axis| corner >> axis & 1));
+                (0..dimension).for_each(|axis| nodes[dimension * node + axis] += sum[axis]);
+            }
+        }
+        self.factor.solve(&mut nodes);
         let (vectors, _) = out.as_chunks_mut::<3>();
         vectors.par_iter_mut().enumerate().for_each(|(point, out)| {
-            let mut motion = [0.0; 6];
-            let values = &coarse.as_slice()[motions * points.patch[point] as usize..][..motions];
-            for (m, value) in points.motions.iter().zip(values) {
-                motion[*m] = *value;
+            let first = grid.first_node(point);
+            let shares = grid.shares(point);
+            for (corner, share) in shares.iter().enumerate().take(1 << dimension) {
+                let node = first + grid.node(std::array::from_fn(|axis| corner >> axis & 1));
+                for axis in 0..dimension {
+                    out[axis] += share * grid.free[point][axis] * nodes[dimension * node + axis];
+                }
             }
-            let [x, y, z, about_x, about_y, about_z] = motion;
-            let turn = Vector3::new(about_x, about_y, about_z).cross(&points.arm[point]);
-            let moved = turn + Vector3::new(x, y, z);
-            (0..3).for_each(|axis| out[axis] += points.free[point][axis] * moved[axis]);
         });
     }
 }
 
-impl Points {
+impl Grid {
     fn new(
         position: &[Vector3<f64>],
         dimension: usize,
@@ -130,81 +142,249 @@ impl Points {
             .iter()
             .fold((first, first), |(low, high), x| (low.inf(x), high.sup(x)));
         let extent = high - low;
-        let along = |size: f64| -> [usize; 3] {
-            std::array::from_fn(|axis| match axis < dimension {
-                true => (extent[axis] / size).round().max(1.0) as usize,
-                false => 1,
-            })
-        };
-        while along(size).iter().product::<usize>() > MOST_PATCHES {
-            size *= 1.05;
-        }
-        let count = along(size);
-        let mut members = vec![Vec::new(); count.iter().product()];
-        for (point, x) in position.iter().enumerate() {
-            let cell: [usize; 3] = std::array::from_fn(|axis| {
-                let share = (x[axis] - low[axis]) / extent[axis].max(f64::MIN_POSITIVE);
-                ((share * count[axis] as f64) as usize).min(count[axis] - 1)
+        loop {
+            let cells: [usize; 3] = std::array::from_fn(|axis| match axis < dimension {
+                true => ((extent[axis] / size) as usize).max(1),
+                false => 0,
             });
-            members[(cell[2] * count[1] + cell[1]) * count[0] + cell[0]].push(point as u32);
-        }
-        members.retain(|m| !m.is_empty());
-        if members.len() < LEAST_PATCHES {
-            return None;
-        }
-        let mut patch = vec![0; position.len()];
-        let mut arm = vec![Vector3::zeros(); position.len()];
-        for (number, members) in members.iter().enumerate() {
-            let of = members.iter().map(|p| &position[*p as usize]);
-            let centre = of.sum::<Vector3<f64>>() / members.len() as f64;
-            for &point in members {
-                patch[point as usize] = number as u32;
-                arm[point as usize] = (position[point as usize] - centre) / size;
+            // steps along the longest axis are the longest: that makes the narrowest band
+            let mut axes = [0, 1, 2];
+            axes.sort_by_key(|axis| cells[*axis]);
+            let (mut stride, mut nodes) = ([0; 3], 1);
+            for axis in axes {
+                stride[axis] = nodes;
+                nodes *= cells[axis] + 1;
             }
+            let reach: usize = (0..dimension).map(|axis| 2 * stride[axis]).sum();
+            let band = dimension * (reach + 1) - 1;
+            if dimension * nodes * band * band > MOST_WORK {
+                size *= 1.05;
+                continue;
+            }
+            if nodes < LEAST_NODES {
+                return None;
+            }
+            let place = |x: &Vector3<f64>, axis: usize| {
+                let share = (x[axis] - low[axis]) / extent[axis].max(f64::MIN_POSITIVE);
+                share * cells[axis] as f64
+            };
+            let cell_at = |x: &Vector3<f64>| -> [usize; 3] {
+                let last = |axis: usize| cells[axis].saturating_sub(1);
+                std::array::from_fn(|axis| (place(x, axis) as usize).min(last(axis)))
+            };
+            let cell: Vec<[usize; 3]> = position.iter().map(cell_at).collect();
+            let within = |(x, cell): (_, &[usize; 3])| {
+                std::array::from_fn(|axis| place(x, axis) - cell[axis] as f64)
+            };
+            let mut grid = Grid {
+                dimension,
+                nodes,
+                stride,
+                band,
+                within: position.iter().zip(&cell).map(within).collect(),
+                cell,
+                free,
+                members: vec![Vec::new(); nodes],
+            };
+            for point in 0..position.len() {
+                let first = grid.first_node(point);
+                grid.members[first].push(point as u32);
+            }
+            grid.members.retain(|members| !members.is_empty());
+            return Some(grid);
         }
-        Some(Points {
-            motions: match dimension {
-                1 => &[0],
-                2 => &[0, 1, 5],
-                _ => &[0, 1, 2, 3, 4, 5],
-            },
-            patch,
-            arm,
-            free,
-            members,
+    }
+
+    /// Number of a node, or of steps between two.
+    fn node(&self, at: [usize; 3]) -> usize {
+        (0..3).map(|axis| at[axis] * self.stride[axis]).sum()
+    }
+
+    fn first_node(&self, point: usize) -> usize {
+        self.node(self.cell[point])
+    }
+
+    /// How far a point follows each corner of its cell; bit `axis` of a corner is set at its upper side.
+    fn shares(&self, point: usize) -> [f64; CORNERS] {
+        let within = &self.within[point];
+        std::array::from_fn(|corner| {
+            let along = |axis: usize| match corner >> axis & 1 {
+                1 => within[axis],
+                _ => 1.0 - within[axis],
+            };
+            (0..self.dimension).map(along).product()
         })
     }
 
-    /// The work of a force at a point along each motion of its patch.
-    fn along_motions(&self, point: usize, force: &[f64; 3]) -> [f64; 6] {
-        let free = &self.free[point];
-        let force = Vector3::from_fn(|axis, _| free[axis] * force[axis]);
-        let moment = self.arm[point].cross(&force);
-        [force.x, force.y, force.z, moment.x, moment.y, moment.z]
+    /// Place of a corner of a cell in the window of another, `shift` cells from there.
+    fn in_window(&self, corner: usize, shift: [isize; 3]) -> usize {
+        let along = |axis: usize| (shift[axis] + 1) as usize + (corner >> axis & 1);
+        let axes = (0..self.dimension).rev();
+        axes.fold(0, |place, axis| WINDOW * place + along(axis))
     }
 
-    /// Adds a spring of a point to the rows of its patch.
-    fn add(&self, rows: &mut [f64], (patch, point): (usize, usize), spring: Spring) {
-        let other = spring.to;
-        let whole = |point: usize| self.free[point] == [1.0; 3];
-        let within = self.patch[other] as usize == patch && spring.scale == [1.0; 3];
-        if within && whole(point) && whole(other) {
-            return;
-        }
-        let motions = self.motions.len();
-        let row = motions * self.members.len();
-        let own = self.along_motions(point, &spring.along);
-        let mut add = |patch: usize, factor: f64, end: [f64; 6]| {
-            for (r, m) in self.motions.iter().enumerate() {
-                for (c, n) in self.motions.iter().enumerate() {
-                    rows[r * row + patch * motions + c] += factor * own[*m] * end[*n];
+    /// Forces on the corners of the cell of `members` by displacements of the nodes in its window.
+    fn stiffness(
+        &self,
+        members: &[u32],
+        springs: impl Fn(usize, &mut dyn FnMut(Spring)),
+    ) -> Vec<f64> {
+        let dimension = self.dimension;
+        let (corners, columns) = (1 << dimension, dimension * WINDOW.pow(dimension as u32));
+        let mut block = vec![0.0; corners * dimension * columns];
+        let mut on_point = vec![0.0; dimension * columns];
+        for &point in members {
+            let point = point as usize;
+            on_point.fill(0.0);
+            let mut follow = |other: usize, shift: [isize; 3], stiffness: [[f64; 3]; 3]| {
+                let shares = self.shares(other);
+                for (corner, share) in shares.iter().enumerate().take(corners) {
+                    let place = dimension * self.in_window(corner, shift);
+                    for (row, stiffness) in on_point.chunks_exact_mut(columns).zip(&stiffness) {
+                        for axis in 0..dimension {
+                            row[place + axis] += share * self.free[other][axis] * stiffness[axis];
+                        }
+                    }
+                }
+            };
+            let mut own = [[0.0; 3]; 3];
+            springs(point, &mut |spring| {
+                let cells = [point, spring.to].map(|point| self.cell[point]);
+                let shift: [isize; 3] = std::array::from_fn(|axis| {
+                    cells[1][axis].wrapping_sub(cells[0][axis]) as isize
+                });
+                if shift.iter().any(|shift| shift.abs() > 1) {
+                    return;
+                }
+                let Spring { along, scale, .. } = spring;
+                let force = along.map(|along| spring.stiffness * along);
+                for (row, force) in own.iter_mut().zip(force) {
+                    (0..3).for_each(|axis| row[axis] += force * along[axis]);
+                }
+                let end = |force: f64| std::array::from_fn(|a| -force * scale[a] * along[a]);
+                follow(spring.to, shift, force.map(end));
+            });
+            follow(point, [0; 3], own);
+            for (corner, share) in self.shares(point).iter().enumerate().take(corners) {
+                for axis in 0..dimension {
+                    let factor = share * self.free[point][axis];
+                    let rows = block[(dimension * corner + axis) * columns..].iter_mut();
+                    let on_point = &on_point[axis * columns..][..columns];
+                    rows.zip(on_point).for_each(|(sum, f)| *sum += factor * f);
                 }
             }
-        };
-        add(patch, spring.stiffness, own);
-        let along = std::array::from_fn(|axis| spring.scale[axis] * spring.along[axis]);
-        let end = self.along_motions(other, &along);
-        add(self.patch[other] as usize, -spring.stiffness, end);
+        }
+        block
+    }
+
+    /// Adds the stiffness of a cell to the rows of its corners.
+    fn add(&self, members: &[u32], block: &[f64], matrix: &mut Banded) {
+        let dimension = self.dimension;
+        let first = self.first_node(members[0] as usize);
+        let window = WINDOW.pow(dimension as u32);
+        for (row, values) in block.chunks_exact(dimension * window).enumerate() {
+            let (corner, axis) = (row / dimension, row % dimension);
+            let node = first + self.node(std::array::from_fn(|axis| corner >> axis & 1));
+            for place in 0..window {
+                let at = |axis: usize| place / WINDOW.pow(axis as u32) % WINDOW * self.stride[axis];
+                let before: usize = self.stride[..dimension].iter().sum();
+                // nodes outside of the grid have no part, and the matrix is symmetric
+                let Some(other) =
+                    (first + (0..dimension).map(at).sum::<usize>()).checked_sub(before)
+                else {
+                    continue;
+                };
+                for (b, value) in values[dimension * place..][..dimension].iter().enumerate() {
+                    if *value != 0.0 {
+                        matrix.add(dimension * node + axis, dimension * other + b, *value);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A symmetric matrix of entries near its diagonal, or its factor by Cholesky: `L L^T`.
+///
+/// By hand, since it is short: nalgebra has dense ones only.
+#[derive(Clone, Debug)]
+struct Banded {
+    band: usize,
+    /// Of each row the diagonal and what is left of it.
+    rows: Vec<f64>,
+}
+
+impl Banded {
+    fn new(rows: usize, band: usize) -> Self {
+        Banded {
+            band,
+            rows: vec![0.0; rows * (band + 1)],
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.rows.len() / (self.band + 1)
+    }
+
+    /// First column of a row, and its entries from there to the diagonal.
+    fn row(&self, row: usize) -> (usize, &[f64]) {
+        let first = row.saturating_sub(self.band);
+        let end = (row + 1) * (self.band + 1);
+        (first, &self.rows[end - 1 - (row - first)..end])
+    }
+
+    /// Adds to an entry, if it is left of the diagonal or on it.
+    fn add(&mut self, row: usize, column: usize, value: f64) {
+        if column <= row {
+            self.rows[(row + 1) * (self.band + 1) - 1 - (row - column)] += value;
+        }
+    }
+
+    /// `L`, with the diagonal stiffened; `None` where that does not make it positive definite.
+    fn factors(mut self) -> Option<Self> {
+        for row in 0..self.len() {
+            let end = (row + 1) * (self.band + 1);
+            self.rows[end - 1] = match self.rows[end - 1] {
+                0.0 => 1.0,
+                diagonal => diagonal * (1.0 + STIFFENING),
+            };
+            let first = row.saturating_sub(self.band);
+            let start = end - 1 - (row - first);
+            for column in first..row {
+                let (from, other) = self.row(column);
+                let before = dot(
+                    &self.rows[start..][..column - first],
+                    &other[first - from..column - from],
+                );
+                let diagonal = other[column - from];
+                let entry = &mut self.rows[start + column - first];
+                *entry = (*entry - before) / diagonal;
+            }
+            let left = &self.rows[start..end - 1];
+            let pivot = self.rows[end - 1] - dot(left, left);
+            if pivot.is_nan() || pivot <= 0.0 {
+                return None;
+            }
+            self.rows[end - 1] = pivot.sqrt();
+        }
+        Some(self)
+    }
+
+    /// Solves `L L^T x = b` in place.
+    fn solve(&self, b: &mut [f64]) {
+        for row in 0..b.len() {
+            let (first, entries) = self.row(row);
+            let (diagonal, left) = entries.split_last().expect("a row has its diagonal");
+            b[row] = (b[row] - dot(left, &b[first..row])) / diagonal;
+        }
+        for row in (0..b.len()).rev() {
+            let (first, entries) = self.row(row);
+            let (diagonal, left) = entries.split_last().expect("a row has its diagonal");
+            b[row] /= diagonal;
+            let value = b[row];
+            let before = b[first..row].iter_mut().zip(left);
+            before.for_each(|(b, entry)| *b -= value * entry);
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Why not faer's (`faer::matrix_free`, 0.24), when a library is to be preferred:
 //! - Measured on 58^3 = 195,112 unknowns and a seven-point operator of 1.7 to 2.4 ms, on
-//!   one core: 3.8 ms per iteration here, 10 ms there (BiCGStab 9.3 against 19.5 ms).
+//!   one core: 3.8 ms per iteration here, 10 ms there (XX).
 //!   Its vector work is a chain of general products of n x 1 matrices that runs on one
 //!   thread, since its parallel form takes a thread pool and an order of summation of its own.
 //! - Its operator takes `&self` and cannot fail; a model function here may do both: change
@@ -24,6 +24,7 @@ pub(super) fn solve(
     solution: &mut [f64],
     hints: Hints,
 ) -> Result<KrylovReport, SolverError> {
+    let tolerance = work.start(options, apply, rhs, solution, hints)?;
     let Work {
         residual: r,
         direction: p,
@@ -31,13 +32,6 @@ pub(super) fn solve(
         image,
         ..
     } = work;
-
-    r.copy_from_slice(rhs);
-    hints.project(r);
-    let tolerance = options.relative_tolerance * norm(r) + options.absolute_tolerance;
-    apply(solution, image)?;
-    update(r, [image], |r, [image]| r - image);
-    hints.project(r);
 
     let mut curvature_of_preconditioner = 0.0;
     for iteration in 0.. {

@@ -1,15 +1,15 @@
 //! Linear systems `A x = b` by Krylov methods, with `A` known only by its action.
 //!
 //! Source: Saad, Iterative Methods for Sparse Linear Systems, 2nd ed. (2003), algorithms
-//! 9.1 (preconditioned conjugate gradients) and 7.7 (BiCGStab, here preconditioned from
-//! the right so that the residual tested is that of the system itself).
+//! 9.1 (preconditioned conjugate gradients) and 9.5 (GMRES, preconditioned from the right so that the
+//! residual tested is that of the system itself).
 //!
 //! The diagonal preconditions, and for elastic bodies a [`CoarseSpace`] besides. Not for systems that
 //! are nearly singular without a [`NullSpace`].
 
-mod bicgstab;
 mod coarse;
 mod conjugate_gradient;
+mod gmres;
 mod null_space;
 #[cfg(test)]
 mod tests;
@@ -18,6 +18,7 @@ pub use coarse::{CoarseSpace, Spring};
 pub use null_space::NullSpace;
 
 use super::error::{SolverError, same_length};
+use super::reduce::norm;
 use super::vector::update;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -28,8 +29,8 @@ use serde::{Deserialize, Serialize};
 pub enum KrylovMethod {
     /// Symmetric positive (semi-)definite matrices: one product with `A` per iteration.
     ConjugateGradient,
-    /// Any matrix: two products with `A` per iteration, convergence not monotone.
-    BiCgStab,
+    /// Any matrix: one product with `A` per iteration too, each of which keeps a vector.
+    Gmres,
 }
 
 /// When a Krylov iteration stops: at `|b - A x| <= relative |b| + absolute`.
@@ -71,10 +72,10 @@ pub struct Hints<'a> {
     pub diagonal: Option<&'a [f64]>,
     /// Vectors that the matrix maps to zero, for instance rigid motions of a free body.
     /// Right-hand side and corrections are kept orthogonal to them, so the component of
-    /// the initial guess along them stays as it is. For BiCGStab the range of the matrix
+    /// the initial guess along them stays as it is. For GMRES the range of the matrix
     /// must be orthogonal to them too, as it is for a symmetric matrix.
     pub null_space: Option<&'a NullSpace>,
-    /// Large patches of points that move as rigid bodies: preconditions together with the diagonal.
+    /// Displacements of a coarse grid: preconditions together with the diagonal.
     pub coarse: Option<&'a CoarseSpace>,
 }
 
@@ -117,9 +118,8 @@ struct Work {
     direction: Vec<f64>,
     preconditioned: Vec<f64>,
     image: Vec<f64>,
-    // of BiCGStab only
-    shadow: Vec<f64>,
-    second_image: Vec<f64>,
+    /// Of GMRES; as many as it needed so far.
+    basis: Vec<Vec<f64>>,
 }
 
 impl Krylov {
@@ -166,7 +166,7 @@ impl Krylov {
                 null_space.dimension().unwrap_or(n),
             )?;
         }
-        self.work.resize(n, self.method);
+        self.work.resize(n);
         match self.method {
             KrylovMethod::ConjugateGradient => conjugate_gradient::solve(
                 &mut self.work,
@@ -176,7 +176,7 @@ impl Krylov {
                 solution,
                 hints,
             ),
-            KrylovMethod::BiCgStab => bicgstab::solve(
+            KrylovMethod::Gmres => gmres::solve(
                 &mut self.work,
                 self.options,
                 &mut apply,
@@ -189,7 +189,7 @@ impl Krylov {
 }
 
 impl Work {
-    fn resize(&mut self, n: usize, method: KrylovMethod) {
+    fn resize(&mut self, n: usize) {
         for vector in [
             &mut self.residual,
             &mut self.direction,
@@ -198,9 +198,28 @@ impl Work {
         ] {
             vector.resize(n, 0.0);
         }
-        if method == KrylovMethod::BiCgStab {
-            self.shadow.resize(n, 0.0);
-            self.second_image.resize(n, 0.0);
+    }
+
+    /// Takes the residual of `solution`; returns the norm at which it is small enough.
+    fn start(
+        &mut self,
+        options: KrylovOptions,
+        apply: &mut impl FnMut(&[f64], &mut [f64]) -> Result<(), SolverError>,
+        rhs: &[f64],
+        solution: &[f64],
+        hints: Hints,
+    ) -> Result<f64, SolverError> {
+        let Work {
+            residual, image, ..
+        } = self;
+        residual.copy_from_slice(rhs);
+        hints.project(residual);
+        let tolerance = options.relative_tolerance * norm(residual) + options.absolute_tolerance;
+        if solution.iter().any(|x| *x != 0.0) {
+            apply(solution, image)?;
+            update(residual, [image], |r, [image]| r - image);
+            hints.project(residual);
         }
+        Ok(tolerance)
     }
 }
