@@ -11,7 +11,7 @@
 //! however loose the tolerance. `y_new` differs from `z` by the residual, within the tolerance.
 //!
 //! Heat with phase change: with the enthalpy as the state, the Jacobian is a symmetric
-//! matrix times `dT/dh`, not symmetric, hence GMRES; it also covers melting at one
+//! matrix times `dT/dh`, not symmetric, hence BiCGStab; it also covers melting at one
 //! temperature, where `dT/dh = 0`. A model without such a plateau may instead solve for the
 //! temperature by [`Newton`] with conjugate gradients, `h(T_new) - h_old = dt f(T_new)`, and
 //! advance the enthalpy by `dt f(T_new)` itself.

@@ -41,7 +41,7 @@ impl Default for NewtonOptions {
             relative_tolerance: 1e-8,
             absolute_tolerance: 0.0,
             max_iterations: 50,
-            krylov: KrylovMethod::Gmres,
+            krylov: KrylovMethod::BiCgStab,
             max_krylov_iterations: 10_000,
             linear: false,
         }
@@ -284,8 +284,12 @@ mod tests {
     }
 
     #[test]
-    fn both_krylov_methods_find_the_nonlinear_equilibrium() {
-        for krylov in [KrylovMethod::ConjugateGradient, KrylovMethod::Gmres] {
+    fn all_krylov_methods_find_the_nonlinear_equilibrium() {
+        for krylov in [
+            KrylovMethod::ConjugateGradient,
+            KrylovMethod::BiCgStab,
+            KrylovMethod::Gmres,
+        ] {
             let mut newton = Newton::new(NewtonOptions {
                 krylov,
                 relative_tolerance: 1e-11,

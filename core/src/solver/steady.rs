@@ -125,7 +125,7 @@ mod tests {
             Ok(())
         });
         let mut newton = solver(false);
-        newton.options.krylov = KrylovMethod::Gmres;
+        newton.options.krylov = KrylovMethod::BiCgStab;
         let mut t = vec![0.5; n];
         steady_state(&mut newton, &mut bar, 0.0, &mut t, false).unwrap();
         for (i, t) in t.iter().enumerate() {

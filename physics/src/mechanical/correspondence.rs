@@ -354,6 +354,10 @@ impl Solid for Correspondence {
         true
     }
 
+    fn bonds_shear(&self) -> bool {
+        true
+    }
+
     fn linearise(&mut self) {
         if let Some(mut plasticity) = self.plasticity.take() {
             plasticity.linearise(self.strains(), |i| self.law(i));

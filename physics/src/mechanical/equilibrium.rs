@@ -8,6 +8,7 @@ use perimelt_core::solver::{
     largest_eigenvalue,
 };
 use perimelt_core::{Body, BrokenBonds, Step, Work, World};
+use rayon::prelude::*;
 
 use super::Run;
 use super::solid::Solid;
@@ -248,13 +249,16 @@ impl Coarse {
             })
         });
         let point_in = family.points_of_slots();
+        /// Scale of the layers that tractions bend.
+        const BENT: [f64; 3] = [0.0; 3];
+        let position = &body.points.position;
         let mut scales = vec![[1.0; 3]; point_in.len()];
-        // points bend the layers of tractions as they go, so that these hardly resist
+        // points bend the layers of tractions as they go, so that these do not resist as mirror images
+        // would; the bonds of the body stand for them
         let rules = residual.homogeneous.iter().map(|rule| LayerRule {
-            scale: if rule.traction.is_some() {
-                [0.0; 3]
-            } else {
-                rule.scale
+            scale: match rule.traction {
+                Some(_) => BENT,
+                None => rule.scale,
             },
             ..*rule
         });
@@ -262,31 +266,43 @@ impl Coarse {
         for image in family.images(&Continuation::plain(&rules)) {
             scales[image.slot] = image.scale;
         }
+        let stand_in = |point: usize| {
+            let [mut all, mut own] = [0.0; 2];
+            family.for_each_bond(point, |_, bond, slot| {
+                all += bond.weight;
+                if scales[slot] != BENT {
+                    own += bond.weight;
+                }
+            });
+            if own > 0.0 { all / own } else { 1.0 }
+        };
+        let stand_in: Vec<f64> = (0..position.len()).into_par_iter().map(stand_in).collect();
+        // springs to nothing but the next points along the axes do not resist shear
+        let only_next = family.bonds() <= 2 * dimension * position.len() && dimension > 1;
+        let across = match only_next && solid.bonds_shear() {
+            true => 0.2,
+            false => 0.0,
+        };
         let springs = |point: usize, receive: &mut dyn FnMut(Spring)| {
             let volume = volumes.map_or(1.0, |v| v[3 * point]);
             family.for_each_bond(point, |number, bond, slot| {
-                let bent = scales[slot] == [0.0; 3];
-                if bent || broken.is_some_and(|b| b.is_broken(point, number)) {
+                if scales[slot] == BENT || broken.is_some_and(|b| b.is_broken(point, number)) {
                     return;
                 }
                 let other = point_in[slot] as usize;
                 let sum = stiffness[point] * bond.weight + stiffness[other] * bond.dual;
                 receive(Spring {
-                    stiffness: 0.5 * volume * sum / bond.length,
+                    stiffness: 0.25 * (stand_in[point] + stand_in[other]) * volume * sum
+                        / bond.length,
+                    across,
                     along: bond.xi.map(|xi| xi / bond.length),
                     to: other,
                     scale: scales[slot],
                 });
             });
         };
-        // cells no smaller than a neighbourhood: those next to each other then have all bonds
-        let size = 1.001 * solid.horizon();
-        let position = &body.points.position;
-        // springs to nothing but the next points along the axes do not resist shear
-        let resists_shear = family.bonds() > 2 * dimension * position.len() || dimension == 1;
-        let space = || CoarseSpace::new(position, dimension, size, free.collect(), springs);
         *self = Coarse {
-            space: resists_shear.then(space).flatten(),
+            space: CoarseSpace::new(position, dimension, free.collect(), springs),
             constraint: constraint.to_vec(),
             broken: total,
             stiffness,

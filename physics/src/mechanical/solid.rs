@@ -49,6 +49,11 @@ pub trait Solid: Debug {
     /// [`Solid::tangent`] is symmetric.
     fn flows_by_its_own_strain(&self) -> bool;
 
+    /// Whether bonds resist motion across them.
+    fn bonds_shear(&self) -> bool {
+        false
+    }
+
     /// Diagonal block of the stiffness of each point, N/m⁵, or a good estimate.
     fn blocks(&mut self) -> &[[f64; 6]];
 

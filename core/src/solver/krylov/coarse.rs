@@ -23,11 +23,23 @@ const LEAST_NODES: usize = 12;
 /// nothing resists, and so do nodes with few points around.
 const STIFFENING: f64 = 1e-8;
 
+/// Share of the coarse displacement that corrects: the diagonal corrects smooth displacements too.
+const SHARE: f64 = 0.7;
+
+/// Cells that a spring spans at most along an axis: where neighbourhoods differ in size, cells are as wide
+/// as this takes.
+const MOST_REACH: f64 = 3.0;
+
+/// Cells whose stiffness is in memory at once.
+const BATCH: usize = 64;
+
 /// A spring from a point to another, or to a mirror image.
 #[derive(Clone, Copy, Debug)]
 pub struct Spring {
     /// Force over extension.
     pub stiffness: f64,
+    /// Share of it against motion across the spring (-).
+    pub across: f64,
     /// Unit vector.
     pub along: [f64; 3],
     /// The point at the other end, or whose image is there.
@@ -50,6 +62,8 @@ struct Grid {
     nodes: usize,
     /// From a node to the next along each axis.
     stride: [usize; 3],
+    /// Cells that springs span at most along an axis.
+    reach: usize,
     /// Rows between those that springs tie at most.
     band: usize,
     /// The cell of each point along each axis.
@@ -62,29 +76,36 @@ struct Grid {
     members: Vec<Vec<u32>>,
 }
 
-/// Nodes along an axis that springs of the points of a cell tie: its own two and the next on both sides.
-const WINDOW: usize = 4;
-
 /// Corners of a cell in three dimensions.
 const CORNERS: usize = 8;
 
 impl CoarseSpace {
     /// The space for points at `position` (m) with the `springs` of each, whose stiffness is that of the
-    /// system to be solved; cells are `size` (m) wide or wider, and longer springs are left out. `free`
-    /// holds zero for held components. `None` for bodies of few cells.
+    /// system to be solved. `free` holds zero for held components. `None` for bodies of few cells.
     pub fn new(
         position: &[Vector3<f64>],
         dimension: usize,
-        size: f64,
         free: Vec<[f64; 3]>,
         springs: impl Fn(usize, &mut dyn FnMut(Spring)) + Sync,
     ) -> Option<Self> {
-        let grid = Grid::new(position, dimension, size, free)?;
-        let cells = grid.members.par_iter();
-        let blocks: Vec<_> = cells.map(|m| grid.stiffness(m, &springs)).collect();
+        let reach_of = |point: usize| {
+            let mut reach: f64 = 0.0;
+            springs(point, &mut |spring| {
+                reach = reach.max((position[spring.to] - position[point]).amax());
+            });
+            reach
+        };
+        let reaches: Vec<f64> = (0..position.len()).into_par_iter().map(reach_of).collect();
+        let longest = reaches.iter().copied().fold(0.0, f64::max);
+        let shortest = reaches.into_iter().fold(longest, f64::min);
+        let grid = Grid::new(position, dimension, [shortest, longest], free)?;
         let mut matrix = Banded::new(dimension * grid.nodes, grid.band);
-        for (members, block) in grid.members.iter().zip(&blocks) {
-            grid.add(members, block, &mut matrix);
+        for cells in grid.members.chunks(BATCH) {
+            let blocks = cells.par_iter().map(|m| grid.stiffness(m, &springs));
+            let blocks: Vec<_> = blocks.collect();
+            for (members, block) in cells.iter().zip(&blocks) {
+                grid.add(members, block, &mut matrix);
+            }
         }
         let factor = matrix.factors()?;
         Some(CoarseSpace { grid, factor })
@@ -123,7 +144,8 @@ impl CoarseSpace {
             for (corner, share) in shares.iter().enumerate().take(1 << dimension) {
                 let node = first + grid.node(std::array::from_fn(|axis| corner >> axis & 1));
                 for axis in 0..dimension {
-                    out[axis] += share * grid.free[point][axis] * nodes[dimension * node + axis];
+                    out[axis] +=
+                        SHARE * share * grid.free[point][axis] * nodes[dimension * node + axis];
                 }
             }
         });
@@ -134,7 +156,7 @@ impl Grid {
     fn new(
         position: &[Vector3<f64>],
         dimension: usize,
-        mut size: f64,
+        [shortest, longest]: [f64; 2],
         free: Vec<[f64; 3]>,
     ) -> Option<Self> {
         let first = *position.first()?;
@@ -142,6 +164,11 @@ impl Grid {
             .iter()
             .fold((first, first), |(low, high), x| (low.inf(x), high.sup(x)));
         let extent = high - low;
+        // cells no smaller than a neighbourhood, with a margin for rounding: next to nothing is gained
+        let mut size = 1.002 * shortest.max(longest / MOST_REACH);
+        if size == 0.0 {
+            return None;
+        }
         loop {
             let cells: [usize; 3] = std::array::from_fn(|axis| match axis < dimension {
                 true => ((extent[axis] / size) as usize).max(1),
@@ -155,8 +182,9 @@ impl Grid {
                 stride[axis] = nodes;
                 nodes *= cells[axis] + 1;
             }
-            let reach: usize = (0..dimension).map(|axis| 2 * stride[axis]).sum();
-            let band = dimension * (reach + 1) - 1;
+            let reach = (1.001 * longest / size).ceil() as usize;
+            let diagonal: usize = stride[..dimension].iter().sum();
+            let band = dimension * ((reach + 1) * diagonal + 1) - 1;
             if dimension * nodes * band * band > MOST_WORK {
                 size *= 1.05;
                 continue;
@@ -180,6 +208,7 @@ impl Grid {
                 dimension,
                 nodes,
                 stride,
+                reach,
                 band,
                 within: position.iter().zip(&cell).map(within).collect(),
                 cell,
@@ -218,9 +247,15 @@ impl Grid {
 
     /// Place of a corner of a cell in the window of another, `shift` cells from there.
     fn in_window(&self, corner: usize, shift: [isize; 3]) -> usize {
-        let along = |axis: usize| (shift[axis] + 1) as usize + (corner >> axis & 1);
+        let along =
+            |axis: usize| (shift[axis] + self.reach as isize) as usize + (corner >> axis & 1);
         let axes = (0..self.dimension).rev();
-        axes.fold(0, |place, axis| WINDOW * place + along(axis))
+        axes.fold(0, |place, axis| self.window() * place + along(axis))
+    }
+
+    /// Nodes along an axis that springs of the points of a cell tie.
+    fn window(&self) -> usize {
+        2 * self.reach + 2
     }
 
     /// Forces on the corners of the cell of `members` by displacements of the nodes in its window.
@@ -230,7 +265,10 @@ impl Grid {
         springs: impl Fn(usize, &mut dyn FnMut(Spring)),
     ) -> Vec<f64> {
         let dimension = self.dimension;
-        let (corners, columns) = (1 << dimension, dimension * WINDOW.pow(dimension as u32));
+        let (corners, columns) = (
+            1 << dimension,
+            dimension * self.window().pow(dimension as u32),
+        );
         let mut block = vec![0.0; corners * dimension * columns];
         let mut on_point = vec![0.0; dimension * columns];
         for &point in members {
@@ -253,16 +291,17 @@ impl Grid {
                 let shift: [isize; 3] = std::array::from_fn(|axis| {
                     cells[1][axis].wrapping_sub(cells[0][axis]) as isize
                 });
-                if shift.iter().any(|shift| shift.abs() > 1) {
-                    return;
+                let stiffness: [[f64; 3]; 3] = std::array::from_fn(|a| {
+                    std::array::from_fn(|b| {
+                        let both = (1.0 - spring.across) * spring.along[a] * spring.along[b];
+                        spring.stiffness * if a == b { both + spring.across } else { both }
+                    })
+                });
+                for (row, stiffness) in own.iter_mut().zip(&stiffness) {
+                    (0..3).for_each(|axis| row[axis] += stiffness[axis]);
                 }
-                let Spring { along, scale, .. } = spring;
-                let force = along.map(|along| spring.stiffness * along);
-                for (row, force) in own.iter_mut().zip(force) {
-                    (0..3).for_each(|axis| row[axis] += force * along[axis]);
-                }
-                let end = |force: f64| std::array::from_fn(|a| -force * scale[a] * along[a]);
-                follow(spring.to, shift, force.map(end));
+                let end = |row: [f64; 3]| std::array::from_fn(|b| -spring.scale[b] * row[b]);
+                follow(spring.to, shift, stiffness.map(end));
             });
             follow(point, [0; 3], own);
             for (corner, share) in self.shares(point).iter().enumerate().take(corners) {
@@ -281,17 +320,16 @@ impl Grid {
     fn add(&self, members: &[u32], block: &[f64], matrix: &mut Banded) {
         let dimension = self.dimension;
         let first = self.first_node(members[0] as usize);
-        let window = WINDOW.pow(dimension as u32);
+        let window = self.window().pow(dimension as u32);
         for (row, values) in block.chunks_exact(dimension * window).enumerate() {
             let (corner, axis) = (row / dimension, row % dimension);
             let node = first + self.node(std::array::from_fn(|axis| corner >> axis & 1));
+            let before = self.reach * self.stride[..dimension].iter().sum::<usize>();
             for place in 0..window {
-                let at = |axis: usize| place / WINDOW.pow(axis as u32) % WINDOW * self.stride[axis];
-                let before: usize = self.stride[..dimension].iter().sum();
+                let along = |axis: usize| place / self.window().pow(axis as u32) % self.window();
+                let after = (0..dimension).map(|axis| along(axis) * self.stride[axis]);
                 // nodes outside of the grid have no part, and the matrix is symmetric
-                let Some(other) =
-                    (first + (0..dimension).map(at).sum::<usize>()).checked_sub(before)
-                else {
+                let Some(other) = (first + after.sum::<usize>()).checked_sub(before) else {
                     continue;
                 };
                 for (b, value) in values[dimension * place..][..dimension].iter().enumerate() {
@@ -420,6 +458,7 @@ mod tests {
                     let soft = 2 * c[0] < cells[0] && 2 * other[0] < cells[0];
                     Some(Spring {
                         stiffness: if soft { softness } else { 1.0 },
+                        across: 0.0,
                         along: step.map(|s| s as f64 / length),
                         to: number(other)?,
                         scale: [1.0; 3],
@@ -461,7 +500,7 @@ mod tests {
             let springs = |point: usize, receive: &mut dyn FnMut(Spring)| {
                 self.springs[point].iter().for_each(|s| receive(*s));
             };
-            let space = CoarseSpace::new(&self.position, 3, 3.0, self.free.clone(), springs)
+            let space = CoarseSpace::new(&self.position, 3, self.free.clone(), springs)
                 .expect("a long beam has many patches");
             let modes = |m: usize| -> Vec<f64> {
                 let axis = Vector3::ith_axis(m % 3).into_inner();
@@ -547,6 +586,6 @@ mod tests {
     fn a_compact_body_has_no_coarse_space() {
         let beam = Beam::new([4, 4, 4], 1.0, |_| false);
         let none = |_: usize, _: &mut dyn FnMut(Spring)| {};
-        assert!(CoarseSpace::new(&beam.position, 3, 3.0, beam.free, none).is_none());
+        assert!(CoarseSpace::new(&beam.position, 3, beam.free, none).is_none());
     }
 }

@@ -33,6 +33,7 @@ pub(super) fn solve(
             preconditioned: z,
             image: w,
             basis,
+            ..
         } = &mut *work;
         let start = norm(r);
         // the triangular system of the least squares: columns, rotations that made them, right side

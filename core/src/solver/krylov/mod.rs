@@ -1,12 +1,13 @@
 //! Linear systems `A x = b` by Krylov methods, with `A` known only by its action.
 //!
 //! Source: Saad, Iterative Methods for Sparse Linear Systems, 2nd ed. (2003), algorithms
-//! 9.1 (preconditioned conjugate gradients) and 9.5 (GMRES, preconditioned from the right so that the
-//! residual tested is that of the system itself).
+//! 9.1 (preconditioned conjugate gradients), 7.7 and 9.5 (BiCGStab and GMRES, preconditioned from the
+//! right so that the residual tested is that of the system itself).
 //!
 //! The diagonal preconditions, and for elastic bodies a [`CoarseSpace`] besides. Not for systems that
 //! are nearly singular without a [`NullSpace`].
 
+mod bicgstab;
 mod coarse;
 mod conjugate_gradient;
 mod gmres;
@@ -29,7 +30,11 @@ use serde::{Deserialize, Serialize};
 pub enum KrylovMethod {
     /// Symmetric positive (semi-)definite matrices: one product with `A` per iteration.
     ConjugateGradient,
-    /// Any matrix: one product with `A` per iteration too, each of which keeps a vector.
+    /// Any matrix: two products with `A` per iteration, convergence not monotone. Bears functions with
+    /// kinks, such as melting, whose differences depend on the direction.
+    BiCgStab,
+    /// Any matrix: one product with `A` per iteration, each of which keeps a vector. For products that cost
+    /// much, and good preconditioners.
     Gmres,
 }
 
@@ -72,7 +77,7 @@ pub struct Hints<'a> {
     pub diagonal: Option<&'a [f64]>,
     /// Vectors that the matrix maps to zero, for instance rigid motions of a free body.
     /// Right-hand side and corrections are kept orthogonal to them, so the component of
-    /// the initial guess along them stays as it is. For GMRES the range of the matrix
+    /// the initial guess along them stays as it is. For the other methods the range of the matrix
     /// must be orthogonal to them too, as it is for a symmetric matrix.
     pub null_space: Option<&'a NullSpace>,
     /// Displacements of a coarse grid: preconditions together with the diagonal.
@@ -118,6 +123,9 @@ struct Work {
     direction: Vec<f64>,
     preconditioned: Vec<f64>,
     image: Vec<f64>,
+    // of BiCGStab only
+    shadow: Vec<f64>,
+    second_image: Vec<f64>,
     /// Of GMRES; as many as it needed so far.
     basis: Vec<Vec<f64>>,
 }
@@ -166,9 +174,17 @@ impl Krylov {
                 null_space.dimension().unwrap_or(n),
             )?;
         }
-        self.work.resize(n);
+        self.work.resize(n, self.method);
         match self.method {
             KrylovMethod::ConjugateGradient => conjugate_gradient::solve(
+                &mut self.work,
+                self.options,
+                &mut apply,
+                rhs,
+                solution,
+                hints,
+            ),
+            KrylovMethod::BiCgStab => bicgstab::solve(
                 &mut self.work,
                 self.options,
                 &mut apply,
@@ -189,7 +205,7 @@ impl Krylov {
 }
 
 impl Work {
-    fn resize(&mut self, n: usize) {
+    fn resize(&mut self, n: usize, method: KrylovMethod) {
         for vector in [
             &mut self.residual,
             &mut self.direction,
@@ -197,6 +213,10 @@ impl Work {
             &mut self.image,
         ] {
             vector.resize(n, 0.0);
+        }
+        if method == KrylovMethod::BiCgStab {
+            self.shadow.resize(n, 0.0);
+            self.second_image.resize(n, 0.0);
         }
     }
 

@@ -1,8 +1,14 @@
-//! Both Krylov methods on chains, rings and diagonals with known answers.
+//! Krylov methods on chains, rings and diagonals with known answers.
 
 use super::*;
 use crate::solver::reduce::sum;
 use rayon::prelude::*;
+
+const ALL: [KrylovMethod; 3] = [
+    KrylovMethod::ConjugateGradient,
+    KrylovMethod::BiCgStab,
+    KrylovMethod::Gmres,
+];
 
 type Outcome = Result<(), SolverError>;
 
@@ -31,12 +37,14 @@ fn solver(method: KrylovMethod) -> Krylov {
 }
 
 #[test]
-fn both_methods_recover_a_known_solution() {
+fn all_methods_recover_a_known_solution() {
     let n = 500;
     let exact: Vec<f64> = (0..n).map(|i| (i as f64 * 0.37).sin()).collect();
     let diagonal = vec![2.1; n];
     for (method, wind) in [
         (KrylovMethod::ConjugateGradient, 0.0),
+        (KrylovMethod::BiCgStab, 0.0),
+        (KrylovMethod::BiCgStab, -0.5),
         (KrylovMethod::Gmres, 0.0),
         (KrylovMethod::Gmres, -0.5),
     ] {
@@ -67,7 +75,7 @@ fn a_diagonal_of_wide_range_is_worth_its_preconditioner() {
         update(out, [x, &diagonal], |_, [x, d]| d * x);
         Ok(())
     };
-    for method in [KrylovMethod::ConjugateGradient, KrylovMethod::Gmres] {
+    for method in ALL {
         let mut x = vec![0.0; n];
         let hints = Hints {
             diagonal: Some(&diagonal),
@@ -88,7 +96,7 @@ fn a_singular_matrix_is_solved_beside_its_null_space() {
         null_space: Some(&constant),
         ..Hints::default()
     };
-    for method in [KrylovMethod::ConjugateGradient, KrylovMethod::Gmres] {
+    for method in ALL {
         // the constant part of the load has no answer and is ignored
         let b: Vec<f64> = (0..n).map(|i| (i as f64).cos() + 7.0).collect();
         let mut x = vec![3.0; n];
@@ -140,7 +148,7 @@ fn wrong_matrices_and_limits_are_reported() {
         matches!(error, SolverError::NotPositiveDefinite { .. }),
         "{error}"
     );
-    for method in [KrylovMethod::ConjugateGradient, KrylovMethod::Gmres] {
+    for method in ALL {
         let mut krylov = solver(method);
         krylov.options.max_iterations = 3;
         let error = krylov.solve(
@@ -182,7 +190,7 @@ fn solutions_have_the_same_bits_for_any_number_of_threads() {
     let n = 100_000;
     let b: Vec<f64> = (0..n).map(|i| (i as f64 * 0.1).sin()).collect();
     let constant = NullSpace::constant(n);
-    for method in [KrylovMethod::ConjugateGradient, KrylovMethod::Gmres] {
+    for method in ALL {
         let solve = |threads| {
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
