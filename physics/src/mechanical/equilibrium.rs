@@ -192,14 +192,22 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<Work, S
     // unbalanced force is measured against the loads: a good first guess must not tighten it
     let held = run.work.iter_mut().zip(held_part(state, constraint));
     held.for_each(|(w, u)| *w = u);
-    let mut loads = vec![0.0; state.len()];
-    residual.rate(step.end(), &run.work, &mut loads)?;
-    for (load, volume) in loads.iter_mut().zip(&run.relative_volume) {
-        *load *= volume;
+    let rounding = rounding(residual.solid, run.eigenstrain_size, state);
+    // where the guess is none, its unbalanced force is the loads
+    let unguessed = rigid.dimension().is_none() && *state == run.work[..];
+    let options = &mut run.newton.options;
+    if unguessed {
+        (options.relative_tolerance, options.absolute_tolerance) = (run.tolerance, rounding);
+    } else {
+        let mut loads = vec![0.0; state.len()];
+        residual.rate(step.end(), &run.work, &mut loads)?;
+        for (load, volume) in loads.iter_mut().zip(&run.relative_volume) {
+            *load *= volume;
+        }
+        rigid.project(&mut loads);
+        options.relative_tolerance = 0.0;
+        options.absolute_tolerance = (run.tolerance * norm(&loads)).max(rounding);
     }
-    rigid.project(&mut loads);
-    run.newton.options.absolute_tolerance =
-        (run.tolerance * norm(&loads)).max(rounding(residual.solid, run.eigenstrain_size, state));
     let hints = Hints {
         null_space: Some(rigid),
         coarse: run.coarse.space.as_ref(),
@@ -209,7 +217,7 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<Work, S
     Ok(Work {
         iterations: report.krylov_iterations,
         // and that of the loads
-        evaluations: report.evaluations + 1,
+        evaluations: report.evaluations + usize::from(!unguessed),
     })
 }
 

@@ -26,9 +26,9 @@ const STIFFENING: f64 = 1e-8;
 /// Share of the coarse displacement that corrects: the diagonal corrects smooth displacements too.
 const SHARE: f64 = 0.7;
 
-/// Cells that a spring spans at most along an axis: where neighbourhoods differ in size, cells are as wide
-/// as this takes.
-const MOST_REACH: f64 = 3.0;
+/// Cells that a spring spans at most along an axis, by dimension: where neighbourhoods differ in size, cells
+/// are as wide as this takes.
+const MOST_REACH: [f64; 3] = [8.0, 8.0, 3.0];
 
 /// Cells whose stiffness is in memory at once.
 const BATCH: usize = 64;
@@ -165,7 +165,7 @@ impl Grid {
             .fold((first, first), |(low, high), x| (low.inf(x), high.sup(x)));
         let extent = high - low;
         // cells no smaller than a neighbourhood, with a margin for rounding: next to nothing is gained
-        let mut size = 1.002 * shortest.max(longest / MOST_REACH);
+        let mut size = 1.002 * shortest.max(longest / MOST_REACH[dimension - 1]);
         if size == 0.0 {
             return None;
         }
