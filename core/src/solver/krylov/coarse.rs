@@ -26,9 +26,9 @@ const STIFFENING: f64 = 1e-8;
 /// Share of the coarse displacement that corrects: the diagonal corrects smooth displacements too.
 const SHARE: f64 = 0.7;
 
-/// Cells that a spring spans at most along an axis, by dimension: where neighbourhoods differ in size, cells
-/// are as wide as this takes.
-const MOST_REACH: [f64; 3] = [8.0, 8.0, 3.0];
+/// Cells that a spring spans at most along an axis: where neighbourhoods differ in size, cells are as wide
+/// as this takes. More gains nothing on spacings that differ eightfold.
+const MOST_REACH: f64 = 3.0;
 
 /// Cells whose stiffness is in memory at once.
 const BATCH: usize = 64;
@@ -68,8 +68,8 @@ struct Grid {
     band: usize,
     /// The cell of each point along each axis.
     cell: Vec<[usize; 3]>,
-    /// Where the point is in its cell, 0 to 1.
-    within: Vec<[f64; 3]>,
+    /// How far each point follows the corners of its cell; bit `axis` of a corner is set at its upper side.
+    shares: Vec<[f64; CORNERS]>,
     /// One or, for held components, zero.
     free: Vec<[f64; 3]>,
     /// The points of each cell that has some.
@@ -119,7 +119,7 @@ impl CoarseSpace {
             let mut sums = [[0.0; 3]; CORNERS];
             for &point in members {
                 let point = point as usize;
-                for (sum, share) in sums.iter_mut().zip(grid.shares(point)) {
+                for (sum, share) in sums.iter_mut().zip(grid.shares[point]) {
                     for axis in 0..dimension {
                         sum[axis] += share * grid.free[point][axis] * forces[point][axis];
                     }
@@ -140,8 +140,7 @@ impl CoarseSpace {
         let (vectors, _) = out.as_chunks_mut::<3>();
         vectors.par_iter_mut().enumerate().for_each(|(point, out)| {
             let first = grid.first_node(point);
-            let shares = grid.shares(point);
-            for (corner, share) in shares.iter().enumerate().take(1 << dimension) {
+            for (corner, share) in grid.shares[point].iter().enumerate().take(1 << dimension) {
                 let node = first + grid.node(std::array::from_fn(|axis| corner >> axis & 1));
                 for axis in 0..dimension {
                     out[axis] +=
@@ -165,7 +164,7 @@ impl Grid {
             .fold((first, first), |(low, high), x| (low.inf(x), high.sup(x)));
         let extent = high - low;
         // cells no smaller than a neighbourhood, with a margin for rounding: next to nothing is gained
-        let mut size = 1.002 * shortest.max(longest / MOST_REACH[dimension - 1]);
+        let mut size = 1.002 * shortest.max(longest / MOST_REACH);
         if size == 0.0 {
             return None;
         }
@@ -201,8 +200,18 @@ impl Grid {
                 std::array::from_fn(|axis| (place(x, axis) as usize).min(last(axis)))
             };
             let cell: Vec<[usize; 3]> = position.iter().map(cell_at).collect();
-            let within = |(x, cell): (_, &[usize; 3])| {
-                std::array::from_fn(|axis| place(x, axis) - cell[axis] as f64)
+            let shares = |(x, cell): (_, &[usize; 3])| {
+                std::array::from_fn(|corner| {
+                    let along = |axis: usize| {
+                        let within = place(x, axis) - cell[axis] as f64;
+                        if corner >> axis & 1 == 1 {
+                            within
+                        } else {
+                            1.0 - within
+                        }
+                    };
+                    (0..dimension).map(along).product()
+                })
             };
             let mut grid = Grid {
                 dimension,
@@ -210,7 +219,7 @@ impl Grid {
                 stride,
                 reach,
                 band,
-                within: position.iter().zip(&cell).map(within).collect(),
+                shares: position.iter().zip(&cell).map(shares).collect(),
                 cell,
                 free,
                 members: vec![Vec::new(); nodes],
@@ -233,18 +242,6 @@ impl Grid {
         self.node(self.cell[point])
     }
 
-    /// How far a point follows each corner of its cell; bit `axis` of a corner is set at its upper side.
-    fn shares(&self, point: usize) -> [f64; CORNERS] {
-        let within = &self.within[point];
-        std::array::from_fn(|corner| {
-            let along = |axis: usize| match corner >> axis & 1 {
-                1 => within[axis],
-                _ => 1.0 - within[axis],
-            };
-            (0..self.dimension).map(along).product()
-        })
-    }
-
     /// Place of a corner of a cell in the window of another, `shift` cells from there.
     fn in_window(&self, corner: usize, shift: [isize; 3]) -> usize {
         let along =
@@ -258,31 +255,33 @@ impl Grid {
         2 * self.reach + 2
     }
 
-    /// Forces on the corners of the cell of `members` by displacements of the nodes in its window.
+    /// Forces on the corners of the cell of `members` by displacements of the nodes in its window, by corner
+    /// and node.
     fn stiffness(
         &self,
         members: &[u32],
         springs: impl Fn(usize, &mut dyn FnMut(Spring)),
-    ) -> Vec<f64> {
-        let dimension = self.dimension;
-        let (corners, columns) = (
-            1 << dimension,
-            dimension * self.window().pow(dimension as u32),
-        );
-        let mut block = vec![0.0; corners * dimension * columns];
-        let mut on_point = vec![0.0; dimension * columns];
+    ) -> Vec<[[f64; 3]; 3]> {
+        let corners = 1 << self.dimension;
+        let window = self.window().pow(self.dimension as u32);
+        let to_corner = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| self.in_window(corner, [0; 3]));
+        let mut block = vec![[[0.0; 3]; 3]; corners * window];
+        let mut on_point = vec![[[0.0; 3]; 3]; window];
         for &point in members {
             let point = point as usize;
-            on_point.fill(0.0);
-            let mut follow = |other: usize, shift: [isize; 3], stiffness: [[f64; 3]; 3]| {
-                let shares = self.shares(other);
-                for (corner, share) in shares.iter().enumerate().take(corners) {
-                    let place = dimension * self.in_window(corner, shift);
-                    for (row, stiffness) in on_point.chunks_exact_mut(columns).zip(&stiffness) {
-                        for axis in 0..dimension {
-                            row[place + axis] += share * self.free[other][axis] * stiffness[axis];
-                        }
-                    }
+            on_point.fill([[0.0; 3]; 3]);
+            let mut follow = |other: usize, shift: [isize; 3], mut stiffness: [[f64; 3]; 3]| {
+                for row in &mut stiffness {
+                    (0..3).for_each(|axis| row[axis] *= self.free[other][axis]);
+                }
+                let from = self.in_window(0, shift);
+                let shares = self.shares[other].iter().zip(to_corner).take(corners);
+                for (share, corner) in shares {
+                    accumulate(
+                        &mut on_point[from + corner - to_corner[0]],
+                        [*share; 3],
+                        &stiffness,
+                    );
                 }
             };
             let mut own = [[0.0; 3]; 3];
@@ -297,48 +296,53 @@ impl Grid {
                         spring.stiffness * if a == b { both + spring.across } else { both }
                     })
                 });
-                for (row, stiffness) in own.iter_mut().zip(&stiffness) {
-                    (0..3).for_each(|axis| row[axis] += stiffness[axis]);
-                }
+                accumulate(&mut own, [1.0; 3], &stiffness);
                 let end = |row: [f64; 3]| std::array::from_fn(|b| -spring.scale[b] * row[b]);
                 follow(spring.to, shift, stiffness.map(end));
             });
             follow(point, [0; 3], own);
-            for (corner, share) in self.shares(point).iter().enumerate().take(corners) {
-                for axis in 0..dimension {
-                    let factor = share * self.free[point][axis];
-                    let rows = block[(dimension * corner + axis) * columns..].iter_mut();
-                    let on_point = &on_point[axis * columns..][..columns];
-                    rows.zip(on_point).for_each(|(sum, f)| *sum += factor * f);
-                }
+            let shares = self.shares[point]
+                .iter()
+                .zip(block.chunks_exact_mut(window));
+            for (share, block) in shares {
+                let factors = self.free[point].map(|free| share * free);
+                let nodes = block.iter_mut().zip(&on_point);
+                nodes.for_each(|(sum, stiffness)| accumulate(sum, factors, stiffness));
             }
         }
         block
     }
 
     /// Adds the stiffness of a cell to the rows of its corners.
-    fn add(&self, members: &[u32], block: &[f64], matrix: &mut Banded) {
+    fn add(&self, members: &[u32], block: &[[[f64; 3]; 3]], matrix: &mut Banded) {
         let dimension = self.dimension;
         let first = self.first_node(members[0] as usize);
+        let before = self.reach * self.stride[..dimension].iter().sum::<usize>();
         let window = self.window().pow(dimension as u32);
-        for (row, values) in block.chunks_exact(dimension * window).enumerate() {
-            let (corner, axis) = (row / dimension, row % dimension);
+        for (index, stiffness) in block.iter().enumerate() {
+            let (corner, place) = (index / window, index % window);
             let node = first + self.node(std::array::from_fn(|axis| corner >> axis & 1));
-            let before = self.reach * self.stride[..dimension].iter().sum::<usize>();
-            for place in 0..window {
-                let along = |axis: usize| place / self.window().pow(axis as u32) % self.window();
-                let after = (0..dimension).map(|axis| along(axis) * self.stride[axis]);
-                // nodes outside of the grid have no part, and the matrix is symmetric
-                let Some(other) = (first + after.sum::<usize>()).checked_sub(before) else {
-                    continue;
-                };
-                for (b, value) in values[dimension * place..][..dimension].iter().enumerate() {
+            let along = |axis: usize| place / self.window().pow(axis as u32) % self.window();
+            let after = (0..dimension).map(|axis| along(axis) * self.stride[axis]);
+            // nodes outside of the grid have no part
+            let Some(other) = (first + after.sum::<usize>()).checked_sub(before) else {
+                continue;
+            };
+            for (a, row) in stiffness.iter().enumerate().take(dimension) {
+                for (b, value) in row.iter().enumerate().take(dimension) {
                     if *value != 0.0 {
-                        matrix.add(dimension * node + axis, dimension * other + b, *value);
+                        matrix.add(dimension * node + a, dimension * other + b, *value);
                     }
                 }
             }
         }
+    }
+}
+
+/// Adds a matrix to another, row by row times a factor.
+fn accumulate(sum: &mut [[f64; 3]; 3], factors: [f64; 3], matrix: &[[f64; 3]; 3]) {
+    for ((sum, factor), row) in sum.iter_mut().zip(factors).zip(matrix) {
+        (0..3).for_each(|axis| sum[axis] += factor * row[axis]);
     }
 }
 
