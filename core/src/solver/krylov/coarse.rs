@@ -340,6 +340,7 @@ impl Grid {
 }
 
 /// Adds a matrix to another, row by row times a factor.
+#[inline(always)]
 fn accumulate(sum: &mut [[f64; 3]; 3], factors: [f64; 3], matrix: &[[f64; 3]; 3]) {
     for ((sum, factor), row) in sum.iter_mut().zip(factors).zip(matrix) {
         (0..3).for_each(|axis| sum[axis] += factor * row[axis]);
