@@ -439,7 +439,7 @@ impl Physics for Fluid {
         let mut run = run.take().expect("prepared before the first step");
         run.advance(self, world, step);
         self.run = Some(run);
-        Ok(Work { iterations: 1 })
+        Ok(Work::of_stages(1))
     }
 
     fn balance(&self, world: &World) -> Vec<Balance> {
