@@ -272,6 +272,7 @@ impl Family {
             rows,
             layer_rows,
             chunks,
+            following: None,
         })
     }
 }

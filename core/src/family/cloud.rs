@@ -225,6 +225,7 @@ impl Family {
             blocks: Blocks::default(),
             rows,
             layer_rows,
+            following: None,
         })
     }
 }
@@ -272,7 +273,7 @@ impl Rows {
     }
 
     /// All rows that have bonds.
-    fn joined(parts: &[Rows]) -> Rows {
+    pub(super) fn joined(parts: &[Rows]) -> Rows {
         let parts = || parts.iter().filter(|p| !p.column.is_empty());
         let mut all = Rows {
             start: vec![0],

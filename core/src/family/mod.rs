@@ -13,7 +13,8 @@
 //! are corrected) have weights of their own for that stencil, in blocks. With
 //! [`Store::List`](crate::body::Store::List) every point has a row of its own. All add the bonds of a point
 //! in the same order, so they agree to rounding. On a cloud every point has a row
-//! over the union of its horizon and its dual horizon.
+//! over the union of its horizon and its dual horizon. Families of points that move ([`Family::moving`]) have
+//! rows, too, which are looked for again as points move.
 
 mod blocks;
 mod broken;
@@ -27,6 +28,7 @@ mod horizon;
 mod images;
 mod kernel;
 mod layer;
+mod moving;
 mod operator;
 
 pub use broken::BrokenBonds;
@@ -239,6 +241,8 @@ pub struct Family {
     rows: Rows,
     layer_rows: Rows,
     chunks: Vec<Chunk>,
+    /// Of families that move only.
+    following: Option<Box<moving::Following>>,
 }
 
 /// Consecutive points in consecutive slots.

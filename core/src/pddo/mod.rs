@@ -113,6 +113,10 @@ fn inverse_of<const D: usize, const N: usize>(
 ) -> Option<[[f64; N]; N]> {
     let mut moments = SMatrix::<f64, N, N>::zeros();
     family.for_each_bond(point, |_, bond, _| {
+        // members in the skin of a moving family
+        if bond.weight == 0.0 {
+            return;
+        }
         let p = monomials::<D, N>(&bond.xi);
         for q in 0..N {
             for r in 0..=q {
@@ -210,6 +214,57 @@ impl Pddo {
             inverse_of_point,
             family,
         })
+    }
+
+    /// Lets the points of a moving family be where they are now (m), with these volumes (m³), and finds the
+    /// operator there.
+    ///
+    /// # Errors
+    /// As [`Pddo::build`].
+    ///
+    /// # Panics
+    /// When the family does not move or is shared.
+    pub fn follow(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) -> Result<(), PddoError> {
+        let family = Arc::get_mut(&mut self.family).expect("a moving family has one owner");
+        family.follow(positions, volumes);
+        self.inverse_of_point.clear();
+        self.inverse_of_point.extend(0..positions.len() as u32);
+        let (family, exponents) = (&*self.family, &self.exponents[..]);
+        let number = exponents.len();
+        self.inverse.resize(positions.len() * number * number, 0.0);
+        let lost = with_basis!(self.dimension, self.order, |D, N| {
+            let (columns, _) = self.inverse.as_chunks_mut::<N>();
+            let (inverses, _) = columns.as_chunks_mut::<N>();
+            let found = inverses.par_iter_mut().enumerate().with_min_len(64);
+            let found =
+                found.map(
+                    |(point, inverse)| match inverse_of::<D, N>(family, point, exponents) {
+                        Some(found) => {
+                            *inverse = found;
+                            usize::MAX
+                        }
+                        None => point,
+                    },
+                );
+            found.reduce(|| usize::MAX, usize::min)
+        });
+        match positions.get(lost) {
+            None => Ok(()),
+            Some(at) => Err(PddoError::Degenerate {
+                bonds: family.bonds_of(lost),
+                order: self.order,
+                at: (*at).into(),
+            }),
+        }
+    }
+
+    /// Looks for neighbours of a moving family at these positions (m): [`Family::look_from`].
+    ///
+    /// # Panics
+    /// As [`Pddo::follow`].
+    pub fn look_from(&mut self, positions: &[Vector3<f64>]) {
+        let family = Arc::get_mut(&mut self.family).expect("a moving family has one owner");
+        family.look_from(positions);
     }
 
     /// The family over which sums are taken.

@@ -237,6 +237,68 @@ fn a_periodic_body_sees_itself_behind_its_faces() {
     assert!(error.to_string().contains("repeated along y"), "{error}");
 }
 
+#[test]
+fn a_moving_family_is_that_of_points_which_lie_there() {
+    let shape = Shape::Box(BoxShape {
+        min: [0.0; 3],
+        max: [12.0, 10.0, 1.0],
+    });
+    let mut body = Body::fill("block", &shape, 2, 1.0, 1.0).expect("a valid block");
+    body.repeat(&[Axis::X]).expect("it fills its box");
+    let mut spec = Pddo::spec(Horizon::Spacings(3.015));
+    spec.layers = vec![Face::YMin, Face::YMax];
+    let mut moving = Pddo::build(
+        &body,
+        Arc::new(Family::moving(&body, &spec).expect("valid")),
+        2,
+    )
+    .expect("not degenerate");
+    let field = |x: &Vector3<f64>| (std::f64::consts::TAU * x.x / 12.0).sin() * x.y;
+    let mut now = body.clone();
+    for step in 1..=8 {
+        // a shear that is small enough for the skin at first, and then not
+        for (x, start) in now.points.position.iter_mut().zip(&body.points.position) {
+            *x = start
+                + Vector3::new(
+                    0.06 * f64::from(step) * (0.7 * start.y).sin(),
+                    0.02 * f64::from(step) * (0.9 * start.x).cos(),
+                    0.0,
+                );
+        }
+        moving
+            .follow(&now.points.position, &body.points.volume)
+            .expect("not degenerate");
+        let family = Family::moving(&now, &spec).expect("valid");
+        let fresh = Pddo::build(&now, Arc::new(family), 2).expect("not degenerate");
+        let (a, b) = (
+            derivatives(&now, &moving, field),
+            derivatives(&now, &fresh, field),
+        );
+        for point in 0..body.points.len() {
+            for (a, b) in a.at(point).iter().zip(b.at(point)) {
+                // lanes of the sums differ with the members in the skin
+                assert!((a - b).abs() < 1e-10 * (1.0 + b.abs()), "{step} {a} {b}");
+            }
+        }
+    }
+    // at rest it is the lattice
+    moving
+        .follow(&body.points.position, &body.points.volume)
+        .expect("not degenerate");
+    let family = Arc::new(Family::build(&body, &spec).expect("valid"));
+    let lattice = derivatives(
+        &body,
+        &Pddo::build(&body, family, 2).expect("not degenerate"),
+        field,
+    );
+    let back = derivatives(&body, &moving, field);
+    for point in 0..body.points.len() {
+        for (a, b) in lattice.at(point).iter().zip(back.at(point)) {
+            assert!((a - b).abs() < 1e-10 * (1.0 + b.abs()), "{a} {b}");
+        }
+    }
+}
+
 /// A derivative is what [`Operator`] computes with a kernel of one's own, too.
 #[test]
 fn the_sums_are_those_of_a_kernel_with_the_functions() {

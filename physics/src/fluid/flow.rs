@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::solver::reduce::max_abs;
-use perimelt_core::{Derivatives, Family, Pddo, pddo::second};
+use perimelt_core::{Bond, BondKernel, Derivatives, Family, Pddo, PddoError, pddo::second};
 use rayon::prelude::*;
 
 use super::{Drift, Kick, State, Warming};
@@ -45,6 +45,7 @@ impl Differentiated {
         component: usize,
         rules: &[LayerRule],
     ) {
+        self.slots.resize(family.slots(), 0.0);
         family.scatter(field, components, component, &mut self.slots);
         family.fill_layers(rules, component, &mut self.slots);
     }
@@ -103,6 +104,21 @@ pub(super) struct Flow {
     temperature: Option<Differentiated>,
     viscosity: Coefficient,
     conductivity: Coefficient,
+    crowding: Vec<[f64; 5]>,
+}
+
+/// Sum of the distances of the neighbours (m), their number, and `sum_j xi / |xi|^3`, 1/m².
+struct Crowding;
+
+impl BondKernel<1, 5> for Crowding {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, _: [f64; 1], _: [f64; 1]) -> [f64; 5] {
+        // members in the skin have no weight
+        let counts = if bond.weight > 0.0 { 1.0 } else { 0.0 };
+        let cube = counts / (bond.length * bond.length * bond.length);
+        let [x, y, z] = bond.xi;
+        [counts * bond.length, counts, cube * x, cube * y, cube * z]
+    }
 }
 
 impl Flow {
@@ -123,6 +139,7 @@ impl Flow {
             temperature: (!properties.conductivity.is_empty()).then(field),
             viscosity: coefficient(&properties.viscosity),
             conductivity: coefficient(&properties.conductivity),
+            crowding: Vec::new(),
             kinetic_energy: 0.0,
             density_deviation: 0.0,
             properties,
@@ -163,6 +180,56 @@ impl Flow {
         };
         let points = material.iter().zip(&self.properties.reference_density);
         points.map(limit).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Finds families and operators of points at these positions (m) with these volumes (m³).
+    pub(super) fn follow(
+        &mut self,
+        positions: &[Vector3<f64>],
+        volumes: &[f64],
+    ) -> Result<(), PddoError> {
+        self.pddo.follow(positions, volumes)
+    }
+
+    /// Where neighbours were last looked for, m.
+    pub(super) fn looked_from(&self) -> &[Vector3<f64>] {
+        self.pddo.family().looked_from()
+    }
+
+    pub(super) fn look_from(&mut self, positions: &[Vector3<f64>]) {
+        self.pddo.look_from(positions);
+    }
+
+    /// Moves points away from where they crowd: by `-C |v|max dt U` with `U = sum_j (r / |xi|)^2 n` and the mean
+    /// distance r of the neighbours, at most a fifth of a spacing; `share` is `C dt` (s).
+    pub(super) fn shift(
+        &mut self,
+        share: f64,
+        velocity: &[Vector3<f64>],
+        displacement: &mut [Vector3<f64>],
+    ) {
+        let fastest = velocity
+            .iter()
+            .map(Vector3::norm_squared)
+            .fold(0.0, f64::max)
+            .sqrt();
+        self.crowding.resize(velocity.len(), [0.0; 5]);
+        let slots = &self.velocity[0].slots;
+        self.pddo
+            .family()
+            .sum(&Crowding, [slots], &mut self.crowding);
+        let points = displacement
+            .par_iter_mut()
+            .zip(&self.crowding)
+            .zip(&self.spacing);
+        points
+            .with_min_len(SHARE)
+            .for_each(|((u, [sum, number, x, y, z]), spacing)| {
+                let mean = sum / number;
+                let shift = Vector3::new(*x, *y, *z) * (-share * fastest * mean * mean);
+                let most = 0.2 * spacing;
+                *u += shift * (most / shift.norm().max(most));
+            });
     }
 
     /// Takes the velocity to slots; behind faces it goes on by their rules.
@@ -381,9 +448,10 @@ impl Flow {
 fn load_weighted(
     family: &Family,
     field: &[f64],
-    slots: &mut [f64],
+    slots: &mut Vec<f64>,
     rise: impl Fn(usize, usize, f64) -> f64,
 ) {
+    slots.resize(family.slots(), 0.0);
     family.scatter(field, 1, 0, slots);
     family.fill_layers_rising(slots, rise);
 }

@@ -12,6 +12,10 @@
 //! `heat_source`. Without the term in brackets the flow counts as incompressible, since its divergence is
 //! small.
 //!
+//! - *Updated Lagrangian*: points move with the fluid and keep their mass; families and operators are found
+//!   again in every step, volumes follow from the density (eqs. 5.89 to 5.98, with `V = m / rho` for 5.98). A
+//!   point that has gone through a wall is put back (eq. 6.45), one that leaves a periodic side enters at the
+//!   other (eq. 5.117).
 //! - *Total Lagrangian*: points move with the fluid, families stay as they were. For small strains, and where
 //!   nothing changes along the flow.
 //! - *Eulerian*: points stay, convective terms are added (eqs. 5.99 to 5.101; corrected, see spec 05, E7).
@@ -38,8 +42,8 @@ use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Balance, Body, Clock, Face, Horizon, PartialVolume, Pddo, Physics, Read, Report, RunError,
-    Setup, SetupError, Step, StepSize, Work, World, Write, keys,
+    Balance, Body, Clock, Face, Family, Horizon, PartialVolume, Pddo, PddoError, Physics, Read,
+    Report, RunError, Setup, SetupError, Step, StepSize, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -53,7 +57,8 @@ pub struct Fluid {
     /// Body that flows; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
-    /// Whether points move.
+    /// Whether points move, and whether they change neighbours.
+    #[serde(default)]
     pub description: Description,
     /// Horizon in spacings of each point, or `{ length = ... }` in m.
     #[serde(default = "usual_horizon")]
@@ -73,6 +78,11 @@ pub struct Fluid {
     /// pressure, at the cost of an error of second order in pressure gradients that change.
     #[serde(default)]
     pub density_diffusion: f64,
+    /// How far points of an updated Lagrangian fluid are moved from where they crowd, as a share of the way
+    /// that the fastest one goes, such as 0.05 (Gao (2020), eqs. 6.46 to 6.50; corrected, see spec 05, E23).
+    /// The fields stay with the points: an error of the order of the shift.
+    #[serde(default)]
+    pub shifting: f64,
     /// Accelerations grow smoothly from zero during this time, s (Gao (2020), eq. 5.110).
     #[serde(default)]
     pub startup: f64,
@@ -91,10 +101,14 @@ fn usual_horizon() -> Horizon {
     Horizon::Spacings(3.015)
 }
 
-/// Whether points move.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+/// Whether points move, and whether they change neighbours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Description {
+    /// With the fluid; families are those of the points where they are.
+    #[default]
+    UpdatedLagrangian,
+
     /// With the fluid; families stay those of the reference configuration.
     TotalLagrangian,
     /// Not at all.
@@ -177,7 +191,19 @@ struct Run {
     heat: Option<Heat>,
     velocity_layers: LayersHandle,
     flow: Flow,
+    moving: Option<Moving>,
     initial_mass: f64,
+}
+
+/// Points of an updated Lagrangian fluid.
+#[derive(Debug)]
+struct Moving {
+    /// kg.
+    mass: Vec<f64>,
+    /// Now, m.
+    position: Vec<Vector3<f64>>,
+    /// Now, m³.
+    volume: Vec<f64>,
 }
 
 /// Fields of the energy equation.
@@ -275,6 +301,7 @@ impl Physics for Fluid {
         for (key, value) in [
             ("density_diffusion", self.density_diffusion),
             ("startup", self.startup),
+            ("shifting", self.shifting),
         ] {
             if !(value.is_finite() && value >= 0.0) {
                 let message = format!("{value} is below zero");
@@ -311,7 +338,14 @@ impl Physics for Fluid {
             .into_iter()
             .filter(|f| f.axis() < dimension)
             .collect();
-        let family = setup.family(body, &spec)?;
+        let updated = self.description == Description::UpdatedLagrangian;
+        let family = match updated {
+            true => {
+                let family = Family::moving(setup.body(body), &spec);
+                Arc::new(family.map_err(|e| SetupError::other("horizon", e))?)
+            }
+            false => setup.family(body, &spec)?,
+        };
         let (temperature_layers, _, heated) = setup.layers(body, &keys::TEMPERATURE);
         let heat = match &self.energy {
             Some(_) => Some(Heat {
@@ -356,10 +390,14 @@ impl Physics for Fluid {
             viscosity,
             conductivity,
         };
-        let pddo = Pddo::build(this, Arc::clone(&family), 2)
-            .map_err(|e| SetupError::other("horizon", e))?;
+        let pddo = Pddo::build(this, family, 2).map_err(|e| SetupError::other("horizon", e))?;
         let spacing = this.points.spacing.clone();
-        let lagrangian = self.description == Description::TotalLagrangian;
+        let lagrangian = self.description != Description::Eulerian;
+        let moving = updated.then(|| Moving {
+            mass: this.points.volume.clone(),
+            position: this.points.position.clone(),
+            volume: this.points.volume.clone(),
+        });
         self.run = Some(Run {
             body,
             velocity,
@@ -373,6 +411,7 @@ impl Physics for Fluid {
             heat,
             velocity_layers,
             flow: Flow::new(pddo, properties, spacing),
+            moving,
             initial_mass: 0.0,
         });
         Ok(())
@@ -395,9 +434,17 @@ impl Physics for Fluid {
                 *h = heat.curves[m as usize].enthalpy(t);
             }
         }
+        if let Some(moving) = &mut run.moving {
+            let points = moving.mass.iter_mut().zip(&*density).zip(&moving.volume);
+            points.for_each(|((m, rho), v)| *m = rho * v);
+        }
         drop(density);
         run.initial_mass = run.mass(world);
-        Ok(())
+        run.follow(world).map_err(|cause| RunError::Plugin {
+            plugin: "fluid".into(),
+            time: 0.0,
+            cause: cause.into(),
+        })
     }
 
     fn clock(&self) -> Clock {
@@ -437,8 +484,13 @@ impl Physics for Fluid {
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
         let Fluid { run, .. } = self;
         let mut run = run.take().expect("prepared before the first step");
-        run.advance(self, world, step);
+        let done = run.advance(self, world, step);
         self.run = Some(run);
+        done.map_err(|cause| RunError::Plugin {
+            plugin: "fluid".into(),
+            time: step.end(),
+            cause: cause.into(),
+        })?;
         Ok(Work::of_stages(1))
     }
 
@@ -503,7 +555,11 @@ impl Physics for Fluid {
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
         let run = self.run.as_ref().expect("prepared before a save");
-        Box::new(run.initial_mass)
+        let moving = run
+            .moving
+            .as_ref()
+            .map(|m| (&m.mass, run.flow.looked_from()));
+        Box::new((run.initial_mass, moving))
     }
 
     fn load(
@@ -511,17 +567,31 @@ impl Physics for Fluid {
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
         let run = self.run.as_mut().expect("prepared before a restart");
-        run.initial_mass = erased_serde::deserialize(state)?;
+        let moving: Option<(Vec<f64>, Vec<Vector3<f64>>)>;
+        (run.initial_mass, moving) = erased_serde::deserialize(state)?;
+        if let (Some(own), Some((mass, looked_from))) = (&mut run.moving, moving) {
+            own.mass = mass;
+            run.flow.look_from(&looked_from);
+        }
         Ok(())
+    }
+
+    fn restored(&mut self, world: &World) {
+        let run = self.run.as_mut().expect("prepared before a restart");
+        // the operator was found before the state was saved
+        let _ = run.follow(world);
     }
 }
 
 perimelt_core::register_physics!("fluid", Fluid);
 
 impl Run {
-    /// Mass in the reference volumes, kg; of Lagrangian points it is kept by definition, and this is how far
-    /// densities drift from the change of their volumes.
+    /// Mass, kg: of points that keep theirs, or in the reference volumes. There, of a total Lagrangian fluid, it
+    /// shows how far densities drift from the change of volumes.
     fn mass(&self, world: &World) -> f64 {
+        if let Some(moving) = &self.moving {
+            return sum_of([&moving.mass], |[m]| m);
+        }
         let density = world.read::<f64>(self.density.into());
         sum_of(
             [&density, &world.body(self.body).points.volume],
@@ -529,7 +599,26 @@ impl Run {
         )
     }
 
-    fn advance(&mut self, fluid: &Fluid, world: &World, step: Step) {
+    /// Finds families and operators where the points are.
+    fn follow(&mut self, world: &World) -> Result<(), PddoError> {
+        let (Some(moving), Some(displacement)) = (&mut self.moving, self.displacement) else {
+            return Ok(());
+        };
+        let reference = &world.body(self.body).points.position;
+        let displacement = world.read::<Vector3<f64>>(displacement.into());
+        let density = world.read::<f64>(self.density.into());
+        let points = moving
+            .position
+            .iter_mut()
+            .zip(reference)
+            .zip(&*displacement);
+        points.for_each(|((x, start), u)| *x = start + u);
+        let volumes = moving.volume.iter_mut().zip(&moving.mass).zip(&*density);
+        volumes.for_each(|((v, m), rho)| *v = m / rho);
+        self.flow.follow(&moving.position, &moving.volume)
+    }
+
+    fn advance(&mut self, fluid: &Fluid, world: &World, step: Step) -> Result<(), PddoError> {
         let flow = &mut self.flow;
         let material = &world.body(self.body).material_of_point;
         let (mut velocity, mut density) = (world.write(self.velocity), world.write(self.density));
@@ -604,6 +693,40 @@ impl Run {
                 .iter_mut()
                 .zip(&*velocity)
                 .for_each(|(u, v)| *u += dt * v);
+            if self.moving.is_some() {
+                if fluid.shifting > 0.0 {
+                    flow.shift(fluid.shifting * dt, &velocity, &mut displacement);
+                }
+                keep_inside(world.body(self.body), &mut displacement, &mut velocity);
+            }
+        }
+        drop((velocity, density, pressure));
+        self.follow(world)
+    }
+}
+
+/// Puts points that left the box of their body back: at the other side where it is periodic, else as reflected.
+fn keep_inside(body: &Body, displacement: &mut [Vector3<f64>], velocity: &mut [Vector3<f64>]) {
+    let (low, high) = body.bounds();
+    let points = displacement
+        .iter_mut()
+        .zip(velocity)
+        .zip(&body.points.position);
+    for ((u, v), start) in points {
+        for axis in 0..body.dimension {
+            let x = start[axis] + u[axis];
+            let beyond = (x - high[axis]).max(0.0) + (x - low[axis]).min(0.0);
+            if beyond == 0.0 {
+                continue;
+            }
+            if body.periodic[axis] {
+                u[axis] -= beyond.signum() * (high[axis] - low[axis]);
+            } else {
+                u[axis] -= 2.0 * beyond;
+                if v[axis] * beyond > 0.0 {
+                    v[axis] = -v[axis];
+                }
+            }
         }
     }
 }
