@@ -263,5 +263,8 @@ fn shifting_keeps_points_apart() {
         16.0 * nearest
     };
     let (plain, shifted) = (nearest(""), nearest("shifting = 0.05"));
-    assert!(shifted > 0.72 && shifted > plain + 0.02, "{shifted} {plain}");
+    assert!(
+        shifted > 0.72 && shifted > plain + 0.02,
+        "{shifted} {plain}"
+    );
 }
