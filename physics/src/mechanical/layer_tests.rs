@@ -122,7 +122,7 @@ fn uniform_tension_by_layers_is_exact_in_every_formulation() {
 }
 
 /// Tractions by layers make the stiffness unsymmetric, and the coarse space takes them for bare surfaces:
-/// with mirror images in their place, or without it, these bodies take 4 to 10 times the evaluations.
+/// with mirror images in their place blocks took four times the evaluations.
 #[test]
 fn newton_krylov_takes_a_tenth_of_the_evaluations_of_relaxation() {
     for (formulation, horizon) in [
