@@ -215,6 +215,28 @@ impl<'w> Setup<'w> {
         Ok(materials.map(|&m| by_material[m as usize]).collect())
     }
 
+    /// Density that fixes the mass of the points of each material of a body, kg/m³
+    /// ([`Material::reference_density`]).
+    ///
+    /// # Errors
+    /// When a material lacks it.
+    pub fn reference_densities(&self, body: BodyIndex) -> Result<Vec<f64>, SetupError> {
+        let materials = self.body(body).materials.iter();
+        let densities = materials.map(Material::reference_density);
+        let densities: Result<_, MaterialError> = densities.collect();
+        densities.map_err(|e| SetupError::other("", e))
+    }
+
+    /// [`Setup::reference_densities`] for each point of the body, kg/m³.
+    ///
+    /// # Errors
+    /// As [`Setup::reference_densities`].
+    pub fn density_at_points(&self, body: BodyIndex) -> Result<Vec<f64>, SetupError> {
+        let by_material = self.reference_densities(body)?;
+        let materials = self.body(body).material_of_point.iter();
+        Ok(materials.map(|&m| by_material[m as usize]).collect())
+    }
+
     /// Cuts a body: no family obtained from now on has bonds across `cut`. Called by crack
     /// couplers, which are prepared before all physics.
     pub fn cut(&mut self, body: BodyIndex, cut: Cut) {

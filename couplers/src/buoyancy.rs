@@ -39,15 +39,10 @@ struct Prepared {
 impl Coupler for Buoyancy {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        let densities = setup
-            .body(body)
-            .materials
-            .iter()
-            .map(|m| m.reference_density());
-        let density: Result<Vec<f64>, _> = densities.collect();
+
         self.prepared = Some(Prepared {
             body,
-            density: density.map_err(|e| SetupError::other("", e))?,
+            density: setup.reference_densities(body)?,
             expansion: setup.property(body, "thermal_expansion")?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             body_force: setup.add(body, &keys::BODY_FORCE)?,

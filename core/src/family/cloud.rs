@@ -15,10 +15,9 @@ use super::build::{chunks, cuts};
 use super::calibration::{Strain, calibration, factor_along};
 use super::images::Images;
 use super::kernel::ROW_LANES;
-use super::{Bond, Correction, Cut, Family, FamilyError, FamilySpec, PartialVolume, Rows, Span};
-
-/// Ties such as |xi| = 3 dx belong to the family whatever the rounding, relative.
-const TIE: f64 = 1e-9;
+use super::{
+    Bond, Correction, Cut, Family, FamilyError, FamilySpec, PartialVolume, Rows, Span, TIE,
+};
 
 /// Bonds of a point beyond which a horizon is taken for a mistake.
 const MOST_BONDS: usize = 65_535;
@@ -42,25 +41,15 @@ type Member = (u32, Bond);
 impl Members<'_> {
     /// How far the family of `owner` holds points like `other`, m.
     fn cut(&self, owner: usize, other: usize) -> f64 {
-        match self.spec.partial_volume {
-            PartialVolume::Full => self.horizon[owner] + (0.5 - TIE) * self.spacing[other],
-            _ => self.horizon[owner] * (1.0 + TIE),
-        }
+        self.spec.reach(self.horizon[owner], self.spacing[other])
     }
 
     /// Influence times partial volume over the moment, of a point like `other` in the family of
     /// `owner`.
     fn share(&self, owner: usize, other: usize, length: f64) -> f64 {
-        if length > self.cut(owner, other) {
-            return 0.0;
-        }
-        let (horizon, spacing) = (self.horizon[owner], self.spacing[other]);
-        let partial = match self.spec.partial_volume {
-            PartialVolume::None => 1.0,
-            _ => ((horizon + 0.5 * spacing - length) / spacing).min(1.0),
-        };
+        let horizon = self.horizon[owner];
         let moment = self.unit_moment * horizon.powi(self.power);
-        partial * self.spec.influence.at(length / horizon) / moment
+        self.spec.share(horizon, self.spacing[other], length) / moment
     }
 
     /// The bond of a point to a slot, uncorrected; `None` beyond both horizons.

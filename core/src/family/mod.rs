@@ -61,6 +61,9 @@ pub enum PartialVolume {
     Full,
 }
 
+/// Ties such as |xi| = 3 dx belong to the family whatever the rounding, relative.
+const TIE: f64 = 1e-9;
+
 /// How the influence of a member falls with its distance (spec 01, 1.4; spec 04, 1.5).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -164,6 +167,27 @@ impl FamilySpec {
             layers: Face::ALL.into_iter().filter(is_mirrored).collect(),
             ..FamilySpec::new(horizon)
         }
+    }
+
+    /// How far a point with this horizon (m) holds others of this spacing (m), m.
+    fn reach(&self, horizon: f64, spacing: f64) -> f64 {
+        match self.partial_volume {
+            PartialVolume::Full => horizon + (0.5 - TIE) * spacing,
+            _ => horizon * (1.0 + TIE),
+        }
+    }
+
+    /// Influence times partial volume of a member of this spacing (m) at a distance (m) in a family
+    /// of this horizon (m); zero beyond.
+    fn share(&self, horizon: f64, spacing: f64, length: f64) -> f64 {
+        if length > self.reach(horizon, spacing) {
+            return 0.0;
+        }
+        let partial = match self.partial_volume {
+            PartialVolume::None => 1.0,
+            _ => ((horizon + 0.5 * spacing - length) / spacing).min(1.0),
+        };
+        partial * self.influence.at(length / horizon)
     }
 
     /// `integral of w |xi| n_m^2 dV` over a full horizon (m) on `body`, along any axis m, with the

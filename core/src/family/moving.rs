@@ -13,16 +13,13 @@ use super::blocks::Blocks;
 use super::build::chunks;
 use super::images::Images;
 use super::kernel::ROW_LANES;
-use super::{Family, FamilyError, FamilySpec, PartialVolume, Rows, Span};
+use super::{Family, FamilyError, FamilySpec, Rows, Span, TIE};
 
 /// Width of the skin, in spacings of the finest points.
 const SKIN: f64 = 0.5;
 
 /// Rows that a thread weighs at once.
 const SHARE: usize = 512;
-
-/// Ties such as |xi| = 3 dx belong to the family whatever the rounding, relative.
-const TIE: f64 = 1e-9;
 
 /// What a family needs to follow its points.
 #[derive(Debug)]
@@ -137,7 +134,11 @@ impl Family {
             ..
         } = &mut **following;
         found_at.clone_from(&body.points.position);
-        let reach: Vec<f64> = horizon.iter().map(|h| h * (1.0 + TIE) + *skin).collect();
+        let coarsest = body.coarsest_spacing();
+        let reach = horizon
+            .iter()
+            .map(|h| self.spec.reach(*h, coarsest) + *skin);
+        let reach: Vec<f64> = reach.collect();
         let widest = reach.iter().copied().fold(0.0, f64::max);
         let images = Images::new(body, &self.spec, widest);
         let reaches: Vec<f64> = images.point.iter().map(|&p| reach[p as usize]).collect();
@@ -253,16 +254,8 @@ impl Family {
                         .map(|a| (places[a][slot] - places[a][point]).powi(2))
                         .sum();
                     let (length, other) = (square.sqrt(), point_in[slot] as usize);
-                    weights[at - offset] = if length > horizon * (1.0 + TIE) {
-                        0.0
-                    } else {
-                        let partial = match spec.partial_volume {
-                            PartialVolume::None => 1.0,
-                            _ => ((horizon + 0.5 * spacing[other] - length) / spacing[other])
-                                .min(1.0),
-                        };
-                        partial * spec.influence.at(length / horizon) * volume[other] / moment
-                    };
+                    let share = spec.share(horizon, spacing[other], length);
+                    weights[at - offset] = share * volume[other] / moment;
                 }
             }
         });

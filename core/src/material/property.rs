@@ -70,6 +70,12 @@ impl Property {
         }
     }
 
+    /// The number that all of `properties` are, if they are one; `None` without any.
+    pub fn common(properties: &[Property]) -> Option<f64> {
+        let first = properties.first()?.constant();
+        first.filter(|_| properties.iter().all(|p| p.constant() == first))
+    }
+
     /// Whether solid and liquid are given apart.
     pub fn is_by_phase(&self) -> bool {
         matches!(self, Self::ByPhase { .. })

@@ -83,6 +83,8 @@ pub struct Pddo {
     inverse: Vec<f64>,
     /// Which inverse belongs to each point.
     inverse_of_point: Vec<u32>,
+    /// The point, or one of them, to which each inverse belongs.
+    point_of_inverse: Vec<u32>,
 }
 
 /// Derivatives of one field at all points.
@@ -183,36 +185,55 @@ impl Pddo {
         if !(1..=4).contains(&order) {
             return Err(PddoError::Order(order));
         }
-        let exponents = exponents(body.dimension, order);
-        let degenerate = |point: usize| PddoError::Degenerate {
-            bonds: family.bonds_of(point),
-            order,
-            at: body.points.position[point].into(),
-        };
-        let points = body.points.len();
-        let shared = (0..points).find(|&p| family.shares_stencil(p));
-        let own: Vec<usize> = shared
-            .into_iter()
-            .chain((0..points).filter(|&p| !family.shares_stencil(p)))
-            .collect();
-        let mut inverse_of_point = vec![0; points];
-        for (index, &point) in own.iter().enumerate() {
-            inverse_of_point[point] = index as u32;
+        let points = 0..body.points.len() as u32;
+        let shares = |p: &u32| family.shares_stencil(*p as usize);
+        let shared = points.clone().find(shares);
+        let own = points.filter(|p| !shares(p));
+        let point_of_inverse: Vec<u32> = shared.into_iter().chain(own).collect();
+        let mut inverse_of_point = vec![0; body.points.len()];
+        for (index, &point) in point_of_inverse.iter().enumerate() {
+            inverse_of_point[point as usize] = index as u32;
         }
-        let inverse = with_basis!(body.dimension, order, |D, N| {
-            let of = |&p: &usize| inverse_of::<D, N>(&family, p, &exponents).ok_or(p);
-            let all: Vec<Result<[[f64; N]; N], usize>> = own.par_iter().map(of).collect();
-            // one after another: which point an error names must not depend on the threads
-            let all: Result<Vec<[[f64; N]; N]>, usize> = all.into_iter().collect();
-            all.map(|all| all.into_flattened().into_flattened())
-        });
-        Ok(Pddo {
-            inverse: inverse.map_err(degenerate)?,
+        let exponents = exponents(body.dimension, order);
+        let mut pddo = Pddo {
+            inverse: vec![0.0; point_of_inverse.len() * exponents.len().pow(2)],
             dimension: body.dimension,
             order,
             exponents,
             inverse_of_point,
+            point_of_inverse,
             family,
+        };
+        pddo.invert(&body.points.position)?;
+        Ok(pddo)
+    }
+
+    /// Finds the inverses for the family as it is, of points at these positions (m).
+    fn invert(&mut self, positions: &[Vector3<f64>]) -> Result<(), PddoError> {
+        let (family, exponents) = (&*self.family, &self.exponents[..]);
+        let points = &self.point_of_inverse;
+        // the first one: which point an error names must not depend on the threads
+        let lost = with_basis!(self.dimension, self.order, |D, N| {
+            let (columns, _) = self.inverse.as_chunks_mut::<N>();
+            let (inverses, _) = columns.as_chunks_mut::<N>();
+            let invert = |(index, (inverse, &point)): (usize, (&mut [[f64; N]; N], &u32))| {
+                let found = inverse_of::<D, N>(family, point as usize, exponents);
+                found.map_or(index, |found| {
+                    *inverse = found;
+                    usize::MAX
+                })
+            };
+            let all = inverses.par_iter_mut().zip(points).enumerate();
+            let all = all.with_min_len(64).map(invert);
+            all.reduce(|| usize::MAX, usize::min)
+        });
+        let Some(&point) = points.get(lost) else {
+            return Ok(());
+        };
+        Err(PddoError::Degenerate {
+            bonds: family.bonds_of(point as usize),
+            order: self.order,
+            at: positions[point as usize].into(),
         })
     }
 
@@ -227,35 +248,7 @@ impl Pddo {
     pub fn follow(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) -> Result<(), PddoError> {
         let family = Arc::get_mut(&mut self.family).expect("a moving family has one owner");
         family.follow(positions, volumes);
-        self.inverse_of_point.clear();
-        self.inverse_of_point.extend(0..positions.len() as u32);
-        let (family, exponents) = (&*self.family, &self.exponents[..]);
-        let number = exponents.len();
-        self.inverse.resize(positions.len() * number * number, 0.0);
-        let lost = with_basis!(self.dimension, self.order, |D, N| {
-            let (columns, _) = self.inverse.as_chunks_mut::<N>();
-            let (inverses, _) = columns.as_chunks_mut::<N>();
-            let found = inverses.par_iter_mut().enumerate().with_min_len(64);
-            let found =
-                found.map(
-                    |(point, inverse)| match inverse_of::<D, N>(family, point, exponents) {
-                        Some(found) => {
-                            *inverse = found;
-                            usize::MAX
-                        }
-                        None => point,
-                    },
-                );
-            found.reduce(|| usize::MAX, usize::min)
-        });
-        match positions.get(lost) {
-            None => Ok(()),
-            Some(at) => Err(PddoError::Degenerate {
-                bonds: family.bonds_of(lost),
-                order: self.order,
-                at: (*at).into(),
-            }),
-        }
+        self.invert(positions)
     }
 
     /// Looks for neighbours of a moving family at these positions (m): [`Family::look_from`].
@@ -306,6 +299,11 @@ impl Pddo {
                 receive(bond, slot, &g);
             });
         });
+    }
+
+    /// Number of axes.
+    pub fn dimension(&self) -> usize {
+        self.dimension
     }
 
     /// Exponents of the derivatives, by axis.

@@ -33,12 +33,13 @@ impl Coupler for Gravity {
         let body = setup.find_body(self.body.as_deref())?;
         setup.property(body, "density")?;
         let acceleration = Vector3::from(self.acceleration);
-        let materials = setup.body(body).materials.iter();
-        let weight = materials.map(|m| Ok(m.reference_density()? * acceleration));
-        let weight = weight.collect::<Result<_, perimelt_core::material::MaterialError>>();
+        let densities = setup.reference_densities(body)?;
         self.prepared = Some(Prepared {
             body,
-            weight: weight.map_err(|e| SetupError::other("", e))?,
+            weight: densities
+                .into_iter()
+                .map(|rho| rho * acceleration)
+                .collect(),
             body_force: setup.add(body, &keys::BODY_FORCE)?,
         });
         Ok(())

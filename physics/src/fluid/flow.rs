@@ -65,8 +65,7 @@ struct Coefficient {
 
 impl Coefficient {
     fn new(family: &Family, properties: &[Property], points: usize) -> Self {
-        let first = properties.first().and_then(Property::constant);
-        let uniform = first.filter(|_| properties.iter().all(|p| p.constant() == first));
+        let uniform = Property::common(properties);
         Coefficient {
             value: vec![uniform.unwrap_or(0.0); points],
             field: (uniform.is_none() && !properties.is_empty())
@@ -74,12 +73,25 @@ impl Coefficient {
         }
     }
 
-    fn update(&mut self, pddo: &Pddo, value: impl Fn(usize) -> f64 + Sync) {
+    fn evaluate(
+        &mut self,
+        properties: &[Property],
+        temperature: &[f64],
+        (material, curves): (&[u16], &[EnthalpyCurve]),
+    ) {
+        if self.field.is_none() {
+            return;
+        }
+        let points = self.value.par_iter_mut().zip(temperature).zip(material);
+        points.with_min_len(SHARE).for_each(|((value, &t), &m)| {
+            *value = properties[m as usize].at(t, curves[m as usize].liquid_fraction(t));
+        });
+    }
+
+    fn differentiate(&mut self, pddo: &Pddo) {
         let Some(field) = &mut self.field else {
             return;
         };
-        let points = self.value.par_iter_mut().enumerate();
-        points.with_min_len(SHARE).for_each(|(i, v)| *v = value(i));
         field.load(pddo.family(), (&self.value, 1), 0, &[]);
         field.differentiate(pddo);
     }
@@ -123,17 +135,12 @@ impl BondKernel<1, 5> for Crowding {
 
 impl Flow {
     pub(super) fn new(pddo: Pddo, properties: Properties, spacing: Vec<f64>) -> Self {
-        let dimension = pddo
-            .exponents()
-            .iter()
-            .filter(|e| e.iter().sum::<u8>() == 1)
-            .count();
         let points = spacing.len();
         let family = pddo.family().clone();
         let field = || Differentiated::new(&family);
         let coefficient = |p: &[Property]| Coefficient::new(&family, p, points);
-        let mut flow = Flow {
-            velocity: (0..dimension).map(|_| field()).collect(),
+        Flow {
+            velocity: (0..pddo.dimension()).map(|_| field()).collect(),
             density: field(),
             pressure: field(),
             temperature: (!properties.conductivity.is_empty()).then(field),
@@ -145,9 +152,7 @@ impl Flow {
             properties,
             spacing,
             pddo,
-        };
-        flow.derive_velocity();
-        flow
+        }
     }
 
     /// Largest stable step, s (spec 05, 1.10): with the frequency `w = kappa (c + |v|)` of sound and the rate
@@ -257,14 +262,18 @@ impl Flow {
         };
         field.load(self.pddo.family(), (temperature, 1), 0, rules);
         field.differentiate(&self.pddo);
-        let at = |property: &[Property], i: usize| {
-            let m = material[i] as usize;
-            property[m].at(temperature[i], curves[m].liquid_fraction(temperature[i]))
-        };
-        self.viscosity
-            .update(&self.pddo, |i| at(&self.properties.viscosity, i));
-        self.conductivity
-            .update(&self.pddo, |i| at(&self.properties.conductivity, i));
+        let Properties {
+            viscosity,
+            conductivity,
+            ..
+        } = &self.properties;
+        for (coefficient, properties) in [
+            (&mut self.viscosity, viscosity),
+            (&mut self.conductivity, conductivity),
+        ] {
+            coefficient.evaluate(properties, temperature, (material, curves));
+            coefficient.differentiate(&self.pddo);
+        }
     }
 
     /// Conductivity by point at a temperature, W/(m K).
@@ -275,12 +284,8 @@ impl Flow {
         curves: &[EnthalpyCurve],
     ) -> &[f64] {
         let properties = &self.properties.conductivity;
-        if self.conductivity.field.is_some() {
-            for (i, k) in self.conductivity.value.iter_mut().enumerate() {
-                let m = material[i] as usize;
-                *k = properties[m].at(temperature[i], curves[m].liquid_fraction(temperature[i]));
-            }
-        }
+        self.conductivity
+            .evaluate(properties, temperature, (material, curves));
         &self.conductivity.value
     }
 

@@ -42,8 +42,8 @@ use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Balance, Body, Clock, Face, Family, Horizon, PartialVolume, Pddo, PddoError, Physics, Read,
-    Report, RunError, Setup, SetupError, Step, StepSize, Work, World, Write, keys,
+    Balance, Body, Clock, Face, Family, FamilySpec, Horizon, PartialVolume, Pddo, PddoError,
+    Physics, Read, Report, RunError, Setup, SetupError, Step, StepSize, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -331,13 +331,11 @@ impl Physics for Fluid {
                 "a `wall` or `symmetry` there, or a body that is `periodic` along that axis";
             return Err(SetupError::value("body", message, expected));
         }
-        let dimension = setup.body(body).dimension;
-        let mut spec = Pddo::spec(self.horizon);
-        spec.partial_volume = self.partial_volume;
-        spec.layers = Face::ALL
-            .into_iter()
-            .filter(|f| f.axis() < dimension)
-            .collect();
+        let spec = FamilySpec {
+            partial_volume: self.partial_volume,
+            layers: walls,
+            ..Pddo::spec(self.horizon)
+        };
         let updated = self.description == Description::UpdatedLagrangian;
         let family = match updated {
             true => {
@@ -375,18 +373,9 @@ impl Physics for Fluid {
             ));
         }
         let this = setup.body(body);
-        let densities: Result<Vec<f64>, _> = this
-            .materials
-            .iter()
-            .map(|m| m.reference_density())
-            .collect();
-        let densities = densities.map_err(|e| SetupError::other("", e))?;
+
         let properties = Properties {
-            reference_density: this
-                .material_of_point
-                .iter()
-                .map(|&m| densities[m as usize])
-                .collect(),
+            reference_density: setup.density_at_points(body)?,
             viscosity,
             conductivity,
         };

@@ -430,15 +430,7 @@ impl Physics for Mechanical {
             let solid = Ordinary::new(this, family, elasticity, finite, plasticity, fracture);
             Box::new(solid.map_err(|e| SetupError::other("", e))?)
         };
-        let densities = this.materials.iter().map(|m| m.reference_density());
-        let densities = densities
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(|e| SetupError::other("", e))?;
-        let density: Vec<f64> = this
-            .material_of_point
-            .iter()
-            .map(|&m| densities[m as usize])
-            .collect();
+        let density = setup.density_at_points(body)?;
         let points = density.len();
         let volume = &this.points.volume;
         let mean = volume.iter().sum::<f64>() / points as f64;

@@ -56,8 +56,7 @@ impl BondKernel<1, 1> for RowSum {
 
 impl Conduction {
     pub(super) fn new(family: &Family, conductivity: Vec<Property>, points: usize) -> Self {
-        let first = conductivity[0].constant();
-        let uniform = first.filter(|_| conductivity.iter().all(|k| k.constant() == first));
+        let uniform = Property::common(&conductivity);
         let varying = if uniform.is_some() { 0 } else { points };
         Conduction {
             conductivity,

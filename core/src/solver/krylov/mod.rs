@@ -175,31 +175,13 @@ impl Krylov {
             )?;
         }
         self.work.resize(n, self.method);
+        let (work, options, apply) = (&mut self.work, self.options, &mut apply);
         match self.method {
-            KrylovMethod::ConjugateGradient => conjugate_gradient::solve(
-                &mut self.work,
-                self.options,
-                &mut apply,
-                rhs,
-                solution,
-                hints,
-            ),
-            KrylovMethod::BiCgStab => bicgstab::solve(
-                &mut self.work,
-                self.options,
-                &mut apply,
-                rhs,
-                solution,
-                hints,
-            ),
-            KrylovMethod::Gmres => gmres::solve(
-                &mut self.work,
-                self.options,
-                &mut apply,
-                rhs,
-                solution,
-                hints,
-            ),
+            KrylovMethod::ConjugateGradient => {
+                conjugate_gradient::solve(work, options, apply, rhs, solution, hints)
+            }
+            KrylovMethod::BiCgStab => bicgstab::solve(work, options, apply, rhs, solution, hints),
+            KrylovMethod::Gmres => gmres::solve(work, options, apply, rhs, solution, hints),
         }
     }
 }
