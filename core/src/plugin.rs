@@ -185,6 +185,10 @@ pub struct Balance {
     pub initial: f64,
     /// What came in through sources and boundaries, negative when it left.
     pub supplied: f64,
+    /// How much there is of it, such as the sum of the sizes of all momenta, where neither changes nor supplies
+    /// say against what an error counts.
+    #[serde(default)]
+    pub size: f64,
 }
 
 impl Balance {
@@ -196,7 +200,13 @@ impl Balance {
             stored,
             initial,
             supplied,
+            size: 0.0,
         }
+    }
+
+    /// The same, with the [`Balance::size`] of the quantity.
+    pub fn of_size(self, size: f64) -> Self {
+        Balance { size, ..self }
     }
 
     /// `stored - initial - supplied`, in the unit of the quantity.
@@ -204,9 +214,10 @@ impl Balance {
         self.stored - self.initial - self.supplied
     }
 
-    /// The error as a share of the larger of what is stored in excess and what was supplied.
+    /// The error as a share of the largest of what is stored in excess, what was supplied, and the size.
     pub fn relative_error(&self) -> f64 {
-        let scale = (self.stored - self.initial).abs().max(self.supplied.abs());
+        let excess = (self.stored - self.initial).abs();
+        let scale = excess.max(self.supplied.abs()).max(self.size);
         if scale == 0.0 {
             self.error().abs()
         } else {

@@ -72,6 +72,8 @@ mistakes! {
     zone_that_cells_do_not_fill: "spacing = 0.001\n" => "zones = [{ min = [0, 0, 0], max = [0.02, 0.01, 0.004], spacing = 0.003 }]\n";
     zones_that_leave_out_a_part: "spacing = 0.001\n" => "zones = [{ min = [0, 0, 0], max = [0.01, 0.01, 0.004], spacing = 0.001 }]\n";
     spacing_beside_zones: "spacing = 0.001\n" => "spacing = 0.001\nzones = [{ min = [0, 0, 0], max = [0.02, 0.01, 0.004], spacing = 0.001 }]\n";
+    tank_that_does_not_hold_the_body: "spacing = 0.001\n" => "spacing = 0.001\ntank = { min = [0, 0, 0], max = [0.03, 0.005, 0.004] }\n";
+    body_in_a_tank_that_stays: "spacing = 0.001\n" => "spacing = 0.001\ntank = { min = [0, 0, 0], max = [0.03, 0.02, 0.01] }\n";
     moving_source_on_zones: "spacing = 0.001\n" => "zones = [{ min = [0, 0, 0], max = [0.02, 0.01, 0.004], spacing = 0.001 }]\n";
     horizon_that_reaches_nobody: "horizon = 2\n" => "horizon = { length = 0.0005 }\n";
     horizon_in_words: "horizon = 2\n" => "horizon = \"wide\"\n";

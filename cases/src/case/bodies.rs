@@ -40,6 +40,9 @@ impl Case {
                 None => body,
             };
             body.repeat(&section.periodic)?;
+            if let Some(tank) = &section.tank {
+                body.enclose(tank.min.into(), tank.max.into())?;
+            }
             Ok(body)
         });
         let mut body = filled.map_err(|e| {
@@ -62,6 +65,7 @@ impl Case {
                 BodyError::NotCovered { .. } => &["zones"],
                 BodyError::Jitter(_) => &["jitter", "share"],
                 BodyError::Repeated { .. } => &["periodic"],
+                BodyError::Tank { .. } => &["tank"],
                 BodyError::Table(_) => &["points"],
                 BodyError::Unbounded | BodyError::Shape(_) => &["shape"],
             };

@@ -65,6 +65,10 @@ pub struct BodySection {
     /// Axes along which the body goes on as a copy of itself, such as `["x"]`; it must fill its box.
     #[serde(default)]
     pub periodic: Vec<Axis>,
+    /// Box whose faces hold the body, where that is larger than its own, such as a fluid with a free surface:
+    /// `tank = { min = [0, 0, 0], max = [0.6, 0.4, 0] }`.
+    #[serde(default)]
+    pub tank: Option<Tank>,
     /// How neighbours are stored; both give the same results. Without effect on bodies of zones,
     /// with jitter or from a table.
     #[serde(default)]
@@ -75,6 +79,16 @@ pub struct BodySection {
     /// Fields at the start, in SI units; those not given are zero.
     #[serde(default)]
     pub initial: BTreeMap<String, Initial>,
+}
+
+/// A box, m.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Tank {
+    /// Lower corner.
+    pub min: [f64; 3],
+    /// Upper corner.
+    pub max: [f64; 3],
 }
 
 fn three() -> usize {

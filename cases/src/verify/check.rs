@@ -43,6 +43,12 @@ pub struct Check {
 pub enum Measure {
     /// A field at positions.
     Field(FieldMeasure),
+    /// A field at places in space that points pass through.
+    Passing(PassingMeasure),
+    /// How far a body reaches now, m.
+    Reach(ReachMeasure),
+    /// Distance of the two points that are nearest to each other now, over the spacing.
+    Nearest(NearestMeasure),
     /// A field at a position, in all logged states but the first.
     History(HistoryMeasure),
     /// The time at which a field first crosses a value, s.
@@ -91,6 +97,56 @@ pub struct FieldMeasure {
     /// Between the points.
     #[serde(default)]
     pub interpolation: Interpolation,
+}
+
+/// A field at places in space: a linear fit to the points that are there now, displaced from their reference
+/// positions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PassingMeasure {
+    /// Body, which must have a displacement; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Field, such as "pressure".
+    pub field: String,
+    /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
+    /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
+    #[serde(default)]
+    pub component: Option<String>,
+    /// Places, m.
+    pub at: Vec<[f64; 3]>,
+    /// The mean over the logged states from this time on, s; the last state alone when left out.
+    #[serde(default)]
+    pub since: Option<f64>,
+    /// When, s: a multiple of the log interval; the end when left out.
+    #[serde(default)]
+    pub time: Option<f64>,
+}
+
+/// How far the cells of a body reach now in a direction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReachMeasure {
+    /// Body, which must have a displacement; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// The direction.
+    pub along: [f64; 3],
+    /// When, s: a multiple of the log interval; the end when left out.
+    #[serde(default)]
+    pub time: Option<f64>,
+}
+
+/// How near points have come to each other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NearestMeasure {
+    /// Body, which must have a displacement; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// When, s: a multiple of the log interval; the end when left out.
+    #[serde(default)]
+    pub time: Option<f64>,
 }
 
 /// A field at a position over time.
@@ -195,6 +251,9 @@ pub struct StatisticMeasure {
     pub region: Option<String>,
     /// Which number.
     pub statistic: Statistic,
+    /// The mean over the logged states from this time on, s; the last state alone when left out.
+    #[serde(default)]
+    pub since: Option<f64>,
     /// When, s: a multiple of the log interval; the end when left out.
     #[serde(default)]
     pub time: Option<f64>,

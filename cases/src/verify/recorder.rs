@@ -1,11 +1,14 @@
 //! Takes a measurement while a simulation runs.
 
 use nalgebra::Vector3;
+use perimelt_core::body::weights_among;
+use perimelt_core::cell_list::CellList;
 use perimelt_core::field::FieldIndex;
 use perimelt_core::{Problem, SetupError, Simulation, World};
 
 use super::check::{
     BalanceMeasure, DeviationMeasure, Extent, Interpolation, Measure, MeltPoolMeasure, Norm,
+    PassingMeasure,
 };
 use super::sample::weights;
 use crate::case::sections::{ProbeKind, ProbeSection, RegionProbe, Statistic};
@@ -18,6 +21,8 @@ pub struct Recorder {
     taker: Taker,
     /// When, s; `None`: at the end.
     time: Option<f64>,
+    /// From when on the mean is taken, s, and the number of states in it so far.
+    since: Option<(f64, u32)>,
     values: Option<Vec<f64>>,
 }
 
@@ -27,6 +32,16 @@ enum Taker {
         weights: Vec<Vec<(usize, f64)>>,
         offset: f64,
     },
+    Passing {
+        component: Component,
+        moved: Moved,
+        section: PassingMeasure,
+    },
+    Reach {
+        moved: Moved,
+        along: Vector3<f64>,
+    },
+    Nearest(Moved),
     History {
         component: Component,
         weights: Vec<(usize, f64)>,
@@ -72,6 +87,30 @@ enum Taker {
     },
 }
 
+/// Points of a body where they are now.
+struct Moved {
+    body: usize,
+    displacement: FieldIndex,
+}
+
+impl Moved {
+    fn new(body: Option<&str>, simulation: &Simulation) -> Result<Moved, SetupError> {
+        let body = find_body(simulation.world(), body)?;
+        let displacement = find_field(simulation, body, "displacement", "measure")?;
+        Ok(Moved { body, displacement })
+    }
+
+    /// m.
+    fn positions(&self, world: &World) -> Vec<Vector3<f64>> {
+        let displacement = world.fields().field(self.displacement).data();
+        let reference = &world.body(self.body).points.position;
+        let moved = reference.iter().zip(displacement.flat().chunks_exact(3));
+        moved
+            .map(|(x, u)| x + Vector3::from_column_slice(u))
+            .collect()
+    }
+}
+
 impl Recorder {
     /// Finds what `measure` names in a composed simulation.
     ///
@@ -79,7 +118,7 @@ impl Recorder {
     /// The key at fault.
     pub fn new(measure: &Measure, simulation: &Simulation) -> Result<Recorder, SetupError> {
         let world = simulation.world();
-        let mut when = None;
+        let (mut when, mut since) = (None, None);
         let taker = match measure {
             Measure::Field(m) => {
                 let body = find_body(world, m.body.as_deref())?;
@@ -104,6 +143,27 @@ impl Recorder {
                         .collect::<Result<_, SetupError>>()?,
                     offset: m.offset,
                 }
+            }
+            Measure::Passing(m) => {
+                let moved = Moved::new(m.body.as_deref(), simulation)?;
+                let field = find_field(simulation, moved.body, &m.field, "measure.passing.field")?;
+                (when, since) = (m.time, m.since);
+                Taker::Passing {
+                    component: Component::new(world, field, m.component.as_deref())?,
+                    moved,
+                    section: m.clone(),
+                }
+            }
+            Measure::Reach(m) => {
+                when = m.time;
+                Taker::Reach {
+                    moved: Moved::new(m.body.as_deref(), simulation)?,
+                    along: m.along.into(),
+                }
+            }
+            Measure::Nearest(m) => {
+                when = m.time;
+                Taker::Nearest(Moved::new(m.body.as_deref(), simulation)?)
             }
             Measure::History(m) => {
                 let body = find_body(world, m.body.as_deref())?;
@@ -154,7 +214,7 @@ impl Recorder {
             }
             Measure::Statistic(m) => {
                 let field = (&m.body, &m.field[..], m.component.clone());
-                when = m.time;
+                (when, since) = (m.time, m.since);
                 Taker::Statistic {
                     probe: region_probe(field, (&m.region, m.statistic), simulation)?,
                     offset: m.offset,
@@ -213,6 +273,7 @@ impl Recorder {
         Ok(Recorder {
             taker,
             time: when,
+            since: since.map(|since| (since, 0)),
             values: None,
         })
     }
@@ -266,8 +327,22 @@ impl Recorder {
             _ => {
                 let end = simulation.options().end;
                 let time = self.time.unwrap_or(end);
-                if (now - time).abs() <= 1e-9 * end {
-                    self.values = Some(self.taker.take(simulation));
+                let near = 1e-9 * end;
+                match &mut self.since {
+                    None if (now - time).abs() <= near => {
+                        self.values = Some(self.taker.take(simulation));
+                    }
+                    Some((since, states)) if now >= *since - near && now <= time + near => {
+                        let taken = self.taker.take(simulation);
+                        let means = self.values.get_or_insert_with(|| vec![0.0; taken.len()]);
+                        *states += 1;
+                        let share = 1.0 / f64::from(*states);
+                        means
+                            .iter_mut()
+                            .zip(taken)
+                            .for_each(|(m, v)| *m += share * (v - *m));
+                    }
+                    _ => {}
                 }
             }
         }
@@ -291,6 +366,42 @@ impl Taker {
                 .iter()
                 .map(|w| sum(*component, w, world) + offset)
                 .collect(),
+            Taker::Passing {
+                component,
+                moved,
+                section,
+            } => {
+                let positions = moved.positions(world);
+                let body = world.body(moved.body);
+                let size = body.finest_spacing();
+                let at = |at: &[f64; 3]| {
+                    let weights =
+                        weights_among(&positions, body.dimension, &Vector3::from(*at), size);
+                    weights.map_or(f64::NAN, |w| sum(*component, &w, world))
+                };
+                section.at.iter().map(at).collect()
+            }
+            Taker::Reach { moved, along } => {
+                let along = along.normalize();
+                let spacings = &world.body(moved.body).points.spacing;
+                let ends = moved.positions(world).into_iter().zip(spacings);
+                let ends = ends.map(|(x, spacing)| x.dot(&along) + 0.5 * spacing);
+                vec![ends.fold(f64::NEG_INFINITY, f64::max)]
+            }
+            Taker::Nearest(moved) => {
+                let positions = moved.positions(world);
+                let spacing = world.body(moved.body).finest_spacing();
+                let list = CellList::new(&positions, &vec![spacing; positions.len()]);
+                let mut nearest = spacing * spacing;
+                for (i, x) in positions.iter().enumerate() {
+                    list.visit_near(x, spacing, |j| {
+                        if j > i {
+                            nearest = nearest.min((positions[j] - x).norm_squared());
+                        }
+                    });
+                }
+                vec![nearest.sqrt() / spacing]
+            }
             Taker::Statistic { probe, offset } => {
                 probe.measure(world).iter().map(|v| v + offset).collect()
             }

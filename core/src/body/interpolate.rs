@@ -24,43 +24,74 @@ impl Cloud {
         let plane = points.position[0];
         (dimension..3).for_each(|a| at[a] = plane[a]);
         let own = self.point_at(&points.spacing, &at, None)?;
+        // points lie within half a spacing of the centres that the list knows
         let size = points.spacing[own];
-        if (points.position[own] - at).norm() < 1e-6 * size {
+        let near = |radius: f64, visit: &mut dyn FnMut(usize)| {
+            self.list.visit_near(&at, radius + 0.9 * size, visit);
+        };
+        let fit = fitted(near, &points.position, dimension, (&at, size));
+        Some(fit.unwrap_or_else(|| vec![(own, 1.0)]))
+    }
+}
+
+/// Points and weights that give a field at a position (m), as [`Cloud::weights`], among points that are where
+/// `positions` says (m), with spacings of `size` (m). `None` where there are too few around.
+pub fn weights_among(
+    positions: &[Vector3<f64>],
+    dimension: usize,
+    at: &Vector3<f64>,
+    size: f64,
+) -> Option<Vec<(usize, f64)>> {
+    let mut at = *at;
+    (dimension..3).for_each(|a| at[a] = positions[0][a]);
+    let all = |_: f64, visit: &mut dyn FnMut(usize)| (0..positions.len()).for_each(visit);
+    fitted(all, positions, dimension, (&at, size))
+}
+
+/// `near` passes all points that may lie within a radius (m).
+fn fitted(
+    near: impl Fn(f64, &mut dyn FnMut(usize)),
+    positions: &[Vector3<f64>],
+    dimension: usize,
+    (at, size): (&Vector3<f64>, f64),
+) -> Option<Vec<(usize, f64)>> {
+    for attempt in 0..ATTEMPTS {
+        let radius = RADIUS * size * GROWTH.powi(attempt);
+        let mut members: Vec<(usize, f64)> = Vec::new();
+        near(radius, &mut |p| {
+            let share = (positions[p] - at).norm() / radius;
+            if share < 1.0 {
+                members.push((p, (1.0_f64 - share * share).powi(2)));
+            }
+        });
+        members.sort_by_key(|(p, _)| *p);
+        if let Some(&(own, _)) = members
+            .iter()
+            .find(|(p, _)| (positions[*p] - at).norm() < 1e-6 * size)
+        {
             return Some(vec![(own, 1.0)]);
         }
-        for attempt in 0..ATTEMPTS {
-            let radius = RADIUS * size * GROWTH.powi(attempt);
-            let mut members: Vec<(usize, f64)> = Vec::new();
-            // points lie within half a spacing of the centres that the list knows
-            self.list.visit_near(&at, radius + 0.9 * size, |p| {
-                let share = (points.position[p] - at).norm() / radius;
-                if share < 1.0 {
-                    members.push((p, (1.0_f64 - share * share).powi(2)));
-                }
-            });
-            members.sort_by_key(|(p, _)| *p);
-            let basis = |p: usize| {
-                let offset = (points.position[p] - at) / radius;
-                Vector4::new(1.0, offset.x, offset.y, offset.z)
-            };
-            let mut moment = Matrix4::zeros();
-            for &(p, weight) in &members {
-                moment += weight * basis(p) * basis(p).transpose();
-            }
-            let total = moment[(0, 0)];
-            (dimension..3).for_each(|a| moment[(a + 1, a + 1)] = total);
-            // a determinant near zero: the points lie on a line or plane
-            if moment.determinant().abs() < 1e-6 * total.powi(4) {
-                continue;
-            }
-            let fit = moment.try_inverse()? * Vector4::x();
-            members
-                .iter_mut()
-                .for_each(|(p, weight)| *weight *= basis(*p).dot(&fit));
-            return Some(members);
+        let basis = |p: usize| {
+            let offset = (positions[p] - at) / radius;
+            Vector4::new(1.0, offset.x, offset.y, offset.z)
+        };
+        let mut moment = Matrix4::zeros();
+        for &(p, weight) in &members {
+            moment += weight * basis(p) * basis(p).transpose();
         }
-        Some(vec![(own, 1.0)])
+        let total = moment[(0, 0)];
+        (dimension..3).for_each(|a| moment[(a + 1, a + 1)] = total);
+        // a determinant near zero: the points lie on a line or plane
+        if moment.determinant().abs() <= 1e-6 * total.powi(4) {
+            continue;
+        }
+        let fit = moment.try_inverse()? * Vector4::x();
+        members
+            .iter_mut()
+            .for_each(|(p, weight)| *weight *= basis(*p).dot(&fit));
+        return Some(members);
     }
+    None
 }
 
 #[cfg(test)]

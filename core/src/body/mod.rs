@@ -13,6 +13,7 @@ mod zones;
 
 pub use cloud::{Cloud, Jitter};
 pub use face::{Face, SurfaceCell};
+pub use interpolate::weights_among;
 pub use lattice::{Lattice, NO_POINT};
 pub use table::TableError;
 pub use zones::{Zone, ZoneError};
@@ -112,6 +113,8 @@ pub struct Body {
     /// Along which axes the body, which must fill its box, goes on as a copy of itself
     /// ([`Body::repeat`]).
     pub periodic: [bool; 3],
+    /// Box whose faces hold the body, m, where that is not its own ([`Body::enclose`]).
+    pub tank: Option<Bounds>,
 }
 
 /// Mistakes in the description of a body.
@@ -167,6 +170,14 @@ pub enum BodyError {
         /// Of the body.
         dimension: usize,
     },
+    /// A tank that does not hold the body.
+    #[error("the tank does not hold the body, which reaches from {low:?} m to {high:?} m")]
+    Tank {
+        /// Lower corner of the body, m.
+        low: [f64; 3],
+        /// Upper corner of the body, m.
+        high: [f64; 3],
+    },
     /// A table of points that cannot be read.
     #[error(transparent)]
     Table(#[from] TableError),
@@ -196,6 +207,7 @@ impl Body {
             store: Store::default(),
             cuts: Vec::new(),
             periodic: [false; 3],
+            tank: None,
         }
     }
 
@@ -211,6 +223,26 @@ impl Body {
             }
             self.periodic[axis.index()] = true;
         }
+        Ok(())
+    }
+
+    /// Lets the faces of a box from `min` to `max` (m), rather than its own, hold the points of the body, which
+    /// must then move.
+    ///
+    /// # Errors
+    /// When the box does not hold the body.
+    pub fn enclose(&mut self, min: Vector3<f64>, max: Vector3<f64>) -> Result<(), BodyError> {
+        let (low, high) = self.bounds();
+        // rounding
+        let near = 1e-6 * self.finest_spacing();
+        let outside = |a: &usize| min[*a] > low[*a] + near || max[*a] < high[*a] - near;
+        if (0..self.dimension).any(|a| outside(&a)) {
+            return Err(BodyError::Tank {
+                low: low.into(),
+                high: high.into(),
+            });
+        }
+        self.tank = Some((min, max));
         Ok(())
     }
 
@@ -281,9 +313,9 @@ impl Body {
         }
     }
 
-    /// Position of a face of the bounding box along its axis, m.
+    /// Position of a face of the tank, or else of the bounding box, along its axis, m.
     pub fn face_position(&self, face: Face) -> f64 {
-        let (min, max) = self.bounds();
+        let (min, max) = self.tank.unwrap_or_else(|| self.bounds());
         if face.is_upper() {
             max[face.axis()]
         } else {
@@ -291,10 +323,9 @@ impl Body {
         }
     }
 
-    /// Length of the bounding box along an axis, m.
+    /// Distance of the two faces of an axis ([`Body::face_position`]), m.
     pub fn extent(&self, axis: usize) -> f64 {
-        let (min, max) = self.bounds();
-        max[axis] - min[axis]
+        self.face_position(Face::ALL[2 * axis + 1]) - self.face_position(Face::ALL[2 * axis])
     }
 
     /// The point whose cell borders on the middle of a face of a point's cell.

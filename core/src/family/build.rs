@@ -55,6 +55,9 @@ impl Family {
     /// # Errors
     /// [`FamilyError`] when the horizon reaches no neighbour or a point has none.
     pub fn build(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
+        if body.tank.is_some() {
+            return Err(FamilyError::Tank);
+        }
         match &body.discretisation {
             Discretisation::Lattice(lattice) => Family::on_lattice(body, lattice, spec),
             Discretisation::Cloud(_) => Family::on_cloud(body, spec),
@@ -265,6 +268,7 @@ impl Family {
             layers,
             periodic: body.periodic,
             places: Default::default(),
+            flat: body.dimension < 3,
             grid: Some(grid),
             stencil,
             runs,

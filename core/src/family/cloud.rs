@@ -206,6 +206,7 @@ impl Family {
             ghosts: images.ghosts,
             layers: images.layers,
             periodic: body.periodic,
+            flat: body.dimension < 3,
             places: std::array::from_fn(|a| images.position.iter().map(|x| x[a]).collect()),
             grid: None,
             stencil: Vec::new(),

@@ -9,11 +9,9 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-#[cfg(doc)]
-use super::FamilySpec;
 use super::blocks::Weights;
 use super::broken::Bits;
-use super::{BrokenBonds, Chunk, Family, Rows, StencilBond};
+use super::{BrokenBonds, Chunk, Family, FamilySpec, Rows, StencilBond};
 
 /// Points that advance together: two AVX-512 or four AVX2 registers.
 const LANES: usize = 16;
@@ -174,7 +172,8 @@ impl Family {
     }
 
     pub(super) fn bond_of_row(&self, slot: usize, at: usize) -> Bond {
-        let (weight, dual) = (self.rows.weight[at], self.rows.dual[at]);
+        let weight = self.rows.weight[at];
+        let dual = self.rows.dual.get(at).copied().unwrap_or(weight);
         if self.is_cloud() {
             let other = self.rows.column[at] as usize;
             let xi: [f64; 3] =
@@ -370,9 +369,11 @@ impl Family {
             .try_into()
             .expect("the slice has as many elements");
         let weight: [f64; ROW_LANES] = lanes(&rows.weight, first);
-        let dual: [f64; ROW_LANES] = lanes(&rows.dual, first);
-        let there: [[f64; ROW_LANES]; 3] =
-            std::array::from_fn(|a| gather(&self.places[a], columns));
+        let dual: [f64; ROW_LANES] = match rows.dual.is_empty() {
+            true => weight,
+            false => lanes(&rows.dual, first),
+        };
+        let there = gather_places(&self.places, (here, self.flat), columns);
         let other: [[f64; ROW_LANES]; I] = std::array::from_fn(|i| gather(inputs[i], columns));
         for lane in 0..ROW_LANES {
             let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
@@ -413,6 +414,91 @@ fn sweep_avx2<const I: usize, const O: usize>(
     chunk: &Chunk,
 ) {
     sweep_lattice(family, kernel, inputs, output, chunk);
+}
+
+/// What the weights of rows are made of.
+pub(super) struct Weighing<'a> {
+    places: &'a [Vec<f64>; 3],
+    volume: &'a [f64],
+    spacing: &'a [f64],
+    spec: &'a FamilySpec,
+    flat: bool,
+}
+
+impl<'a> Weighing<'a> {
+    /// Of places (m; whether all in one plane), volumes (m³) and spacings (m) of each of the slots.
+    ///
+    /// # Panics
+    /// When there is not one of each.
+    pub fn new(
+        spec: &'a FamilySpec,
+        slots: usize,
+        (places, flat): (&'a [Vec<f64>; 3], bool),
+        [volume, spacing]: [&'a [f64]; 2],
+    ) -> Self {
+        let lengths = places.iter().map(Vec::len);
+        let mut lengths = lengths.chain([volume.len(), spacing.len()]);
+        assert!(lengths.all(|n| n == slots), "one for each slot");
+        Weighing {
+            places,
+            volume,
+            spacing,
+            spec,
+            flat,
+        }
+    }
+
+    /// Weights of the bonds of the point in slot `at` to the slots in `columns`, which go on for [`ROW_LANES`]
+    /// beyond the row, with its horizon (m) and the moment of its family.
+    pub fn weigh(
+        &self,
+        (at, horizon, moment): (usize, f64, f64),
+        columns: &[u32],
+        weights: &mut [f64],
+    ) {
+        assert!(columns.len() >= weights.len().next_multiple_of(ROW_LANES));
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the instruction set was detected.
+            return unsafe { weigh_avx2(self, (at, horizon, moment), columns, weights) };
+        }
+        self.weigh_lanes((at, horizon, moment), columns, weights);
+    }
+
+    #[inline(always)]
+    fn weigh_lanes(
+        &self,
+        (at, horizon, moment): (usize, f64, f64),
+        columns: &[u32],
+        weights: &mut [f64],
+    ) {
+        let here: [f64; 3] = std::array::from_fn(|a| self.places[a][at]);
+        let (rows, _) = columns.as_chunks::<ROW_LANES>();
+        for (weights, &columns) in weights.chunks_mut(ROW_LANES).zip(rows) {
+            let there = gather_places(self.places, (here, self.flat), columns);
+            let volume = gather(self.volume, columns);
+            let spacing = gather(self.spacing, columns);
+            let length: [f64; ROW_LANES] = std::array::from_fn(|lane| {
+                let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
+                (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt()
+            });
+            let shares = self.spec.shares(horizon, spacing, length);
+            let all: [f64; ROW_LANES] =
+                std::array::from_fn(|lane| shares[lane] * volume[lane] / moment);
+            weights.copy_from_slice(&all[..weights.len()]);
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn weigh_avx2(
+    weighing: &Weighing<'_>,
+    row: (usize, f64, f64),
+    columns: &[u32],
+    weights: &mut [f64],
+) {
+    weighing.weigh_lanes(row, columns, weights);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -533,11 +619,29 @@ fn gather<const N: usize>(values: &[f64], columns: [u32; N]) -> [f64; N] {
     let mut gathered = [0.0; N];
     for lane in 0..N {
         debug_assert!((columns[lane] as usize) < values.len());
-        // SAFETY: columns are slots (asserted by `Family::on_cloud`), and places and inputs are as long
-        // as there are slots (asserted there and by those who sweep).
+        // SAFETY: columns are slots (asserted by `Family::on_cloud` and `Family::find_rows`), and places, volumes,
+        // spacings and inputs are as long as there are slots (asserted there and by those who sweep or weigh).
         gathered[lane] = unsafe { *values.get_unchecked(columns[lane] as usize) };
     }
     gathered
+}
+
+/// Places of the slots of a row; those of a flat body lie in the plane of `here`.
+#[inline(always)]
+fn gather_places(
+    places: &[Vec<f64>; 3],
+    (here, flat): ([f64; 3], bool),
+    columns: [u32; ROW_LANES],
+) -> [[f64; ROW_LANES]; 3] {
+    let across = match flat {
+        true => [here[2]; ROW_LANES],
+        false => gather(&places[2], columns),
+    };
+    [
+        gather(&places[0], columns),
+        gather(&places[1], columns),
+        across,
+    ]
 }
 
 #[inline(always)]

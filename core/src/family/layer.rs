@@ -233,6 +233,22 @@ impl Family {
         }
     }
 
+    /// Fills the slots of the layer points with the values of their mirror points, with the other sign where
+    /// `turns(axis)` says that a mirror across that axis turns it. Copies behind periodic faces do not turn.
+    pub fn fill_layers_turning(&self, slots: &mut [f64], turns: impl Fn(usize) -> bool) {
+        for (face, range) in &self.layers {
+            let axis = face.axis();
+            let sign = if turns(axis) && !self.periodic[axis] {
+                -1.0
+            } else {
+                1.0
+            };
+            for ghost in &self.ghosts[range.clone()] {
+                slots[ghost.slot as usize] = sign * slots[ghost.source as usize];
+            }
+        }
+    }
+
     /// Fills the layer points of a vector field, one slot array for each component, and keeps in
     /// `continuation` how.
     ///

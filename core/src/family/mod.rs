@@ -75,15 +75,28 @@ pub enum Influence {
     Conical,
     /// `exp(-(2 |xi| / horizon)^2)`.
     Gaussian,
+    /// `(1 - |xi| / horizon)^3`: `w xi` is then the gradient of the kernel of Wendland (1995), C2, with which points
+    /// that move keep apart.
+    Wendland,
 }
 
 impl Influence {
     /// Influence at a distance given as a share of the horizon.
     pub fn at(self, share: f64) -> f64 {
+        self.at_all([share])[0]
+    }
+
+    /// Influence at several distances, side by side.
+    #[inline(always)]
+    fn at_all<const N: usize>(self, shares: [f64; N]) -> [f64; N] {
         match self {
-            Influence::Constant => 1.0,
-            Influence::Conical => (1.0 - share).max(0.0),
-            Influence::Gaussian => (-4.0 * share * share).exp(),
+            Influence::Constant => [1.0; N],
+            Influence::Conical => shares.map(|s| (1.0 - s).max(0.0)),
+            Influence::Gaussian => shares.map(|s| exp_of_few(-4.0 * s * s)),
+            Influence::Wendland => shares.map(|s| {
+                let rest = (1.0 - s).max(0.0);
+                rest * rest * rest
+            }),
         }
     }
 
@@ -100,6 +113,21 @@ impl Influence {
             .sum();
         (value(0) + inner + value(INTERVALS)) / (3.0 * f64::from(INTERVALS))
     }
+}
+
+/// `exp(x)` for x from -8 to 0, to a few units of rounding: the 16th power of the series for `x / 16`, which
+/// vectorises.
+#[inline(always)]
+fn exp_of_few(x: f64) -> f64 {
+    let x = x / 16.0;
+    let mut sum = 1.0;
+    for n in (1..=14).rev() {
+        sum = 1.0 + x / f64::from(n) * sum;
+    }
+    let squared = sum * sum;
+    let fourth = squared * squared;
+    let eighth = fourth * fourth;
+    eighth * eighth
 }
 
 /// What makes a discrete family reproduce the classical energy of conduction, and that of
@@ -170,6 +198,7 @@ impl FamilySpec {
     }
 
     /// How far a point with this horizon (m) holds others of this spacing (m), m.
+    #[inline(always)]
     fn reach(&self, horizon: f64, spacing: f64) -> f64 {
         match self.partial_volume {
             PartialVolume::Full => horizon + (0.5 - TIE) * spacing,
@@ -180,14 +209,29 @@ impl FamilySpec {
     /// Influence times partial volume of a member of this spacing (m) at a distance (m) in a family
     /// of this horizon (m); zero beyond.
     fn share(&self, horizon: f64, spacing: f64, length: f64) -> f64 {
-        if length > self.reach(horizon, spacing) {
-            return 0.0;
+        self.shares(horizon, [spacing], [length])[0]
+    }
+
+    /// [`FamilySpec::share`] of several members, side by side.
+    #[inline(always)]
+    fn shares<const N: usize>(
+        &self,
+        horizon: f64,
+        spacing: [f64; N],
+        length: [f64; N],
+    ) -> [f64; N] {
+        let mut shares = self.influence.at_all(length.map(|l| l / horizon));
+        if self.partial_volume != PartialVolume::None {
+            for n in 0..N {
+                let inside = horizon + 0.5 * spacing[n] - length[n];
+                shares[n] *= (inside / spacing[n]).min(1.0);
+            }
         }
-        let partial = match self.partial_volume {
-            PartialVolume::None => 1.0,
-            _ => ((horizon + 0.5 * spacing - length) / spacing).min(1.0),
-        };
-        partial * self.influence.at(length / horizon)
+        for n in 0..N {
+            let reached = length[n] <= self.reach(horizon, spacing[n]);
+            shares[n] = if reached { shares[n] } else { 0.0 };
+        }
+        shares
     }
 
     /// `integral of w |xi| n_m^2 dV` over a full horizon (m) on `body`, along any axis m, with the
@@ -227,6 +271,9 @@ pub enum FamilyError {
         /// Bonds of a complete family.
         bonds: usize,
     },
+    /// A tank holds the body, whose points stay.
+    #[error("the points of a body in a tank must move, and change neighbours")]
+    Tank,
     /// Two points in one place.
     #[error("two points lie at ({}, {}, {}) m", at[0], at[1], at[2])]
     Coincident {
@@ -257,6 +304,8 @@ pub struct Family {
     periodic: [bool; 3],
     /// Reference position of each slot along each axis, m; of clouds only.
     places: [Vec<f64>; 3],
+    /// Whether all points lie in a plane of constant z.
+    flat: bool,
     /// Of lattices only.
     grid: Option<Grid>,
     stencil: Vec<StencilBond>,
@@ -304,6 +353,7 @@ struct Rows {
     /// Bond of the stencil that each one is a corrected copy of; on a lattice only.
     step: Vec<u16>,
     weight: Vec<f64>,
+    /// Empty where it is the weight, as of families that move.
     dual: Vec<f64>,
 }
 

@@ -12,7 +12,7 @@ use crate::cell_list::CellList;
 use super::blocks::Blocks;
 use super::build::chunks;
 use super::images::Images;
-use super::kernel::ROW_LANES;
+use super::kernel::{ROW_LANES, Weighing};
 use super::{Family, FamilyError, FamilySpec, Rows, Span, TIE};
 
 /// Width of the skin, in spacings of the finest points.
@@ -33,6 +33,10 @@ pub(super) struct Following {
     list: CellList,
     /// Of a family of horizon 1 m; it grows as a power of the horizon.
     unit_moment: f64,
+    /// Of each slot, m³.
+    volume: Vec<f64>,
+    /// Of each slot, m.
+    spacing: Vec<f64>,
 }
 
 impl Family {
@@ -65,6 +69,7 @@ impl Family {
             layers: Vec::new(),
             periodic: body.periodic,
             places: Default::default(),
+            flat: body.dimension < 3,
             grid: None,
             stencil: Vec::new(),
             runs: Vec::new(),
@@ -79,6 +84,8 @@ impl Family {
                 found_at: Vec::new(),
                 list: CellList::default(),
                 unit_moment: spec.moment(body, 1.0),
+                volume: Vec::new(),
+                spacing: Vec::new(),
             })),
         };
         family.find_rows();
@@ -162,7 +169,6 @@ impl Family {
             start,
             column,
             weight,
-            dual,
             ..
         } = &mut self.rows;
         point.clear();
@@ -180,8 +186,6 @@ impl Family {
         column.extend([0; ROW_LANES]);
         weight.clear();
         weight.resize(column.len(), 0.0);
-        dual.clear();
-        dual.resize(column.len(), 0.0);
         self.bonds = bonds;
         self.slots = images.position.len();
         // the sweep relies on it
@@ -218,22 +222,34 @@ impl Family {
 
     /// Weights of all bonds from where their ends are.
     fn weigh(&mut self) {
-        let following = self.following.as_ref().expect("a moving family");
-        let (spacing, volume) = (
-            &following.body.points.spacing,
-            &following.body.points.volume,
+        let following = self.following.as_mut().expect("a moving family");
+        let Following {
+            body,
+            horizon,
+            unit_moment,
+            volume,
+            spacing,
+            ..
+        } = &mut **following;
+        let points = self.points;
+        for (by_slot, by_point) in [
+            (&mut *volume, &body.points.volume),
+            (&mut *spacing, &body.points.spacing),
+        ] {
+            by_slot.clone_from(by_point);
+            by_slot.extend(self.ghosts.iter().map(|g| by_point[g.point as usize]));
+        }
+        let weighing = Weighing::new(
+            &self.spec,
+            self.slots,
+            (&self.places, self.flat),
+            [volume, spacing],
         );
-        let power = following.body.dimension as i32 + 1;
-        let (spec, places, points) = (&self.spec, &self.places, self.points);
-        let point_in: Vec<u32> = {
-            let ghosts = self.ghosts.iter().map(|g| g.point);
-            (0..points as u32).chain(ghosts).collect()
-        };
+        let power = body.dimension as i32 + 1;
         let Rows {
             start,
             column,
             weight,
-            dual,
             ..
         } = &mut self.rows;
         let (mut shares, mut rest, mut done) = (Vec::new(), &mut weight[..], 0);
@@ -246,19 +262,11 @@ impl Family {
         shares.into_par_iter().for_each(|(rows, weights)| {
             let offset = start[rows.start];
             for point in rows {
-                let horizon = following.horizon[point];
-                let moment = following.unit_moment * horizon.powi(power);
-                for at in start[point]..start[point + 1] {
-                    let slot = column[at] as usize;
-                    let square: f64 = (0..3)
-                        .map(|a| (places[a][slot] - places[a][point]).powi(2))
-                        .sum();
-                    let (length, other) = (square.sqrt(), point_in[slot] as usize);
-                    let share = spec.share(horizon, spacing[other], length);
-                    weights[at - offset] = share * volume[other] / moment;
-                }
+                let (from, to) = (start[point], start[point + 1]);
+                let moment = *unit_moment * horizon[point].powi(power);
+                let weights = &mut weights[from - offset..to - offset];
+                weighing.weigh((point, horizon[point], moment), &column[from..], weights);
             }
         });
-        dual.copy_from_slice(weight);
     }
 }

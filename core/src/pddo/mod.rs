@@ -322,31 +322,17 @@ impl Pddo {
         sum
     }
 
-    /// Largest wave number that the gradient makes of a plane wave along an axis or a diagonal, 1/m
-    /// (kappa of spec 05, 1.1), at a point with a symmetric family.
+    /// Largest wave number that the gradient makes of a plane wave ([`largest_wave_number`]) at a point with a
+    /// symmetric family, 1/m.
     pub fn largest_wave_number(&self, point: usize) -> f64 {
-        const WAVES: u32 = 128;
-        let (mut bonds, mut shortest) = (Vec::new(), f64::INFINITY);
-        self.for_each_bond(point, |bond, _, g| {
-            shortest = bond.length.min(shortest);
-            bonds.push((
-                Vector3::from(bond.xi),
-                Vector3::from_fn(|a, _| g.get(a).copied().unwrap_or(0.0)),
-            ));
-        });
-        let axes = (0..self.dimension).map(|a| Vector3::ith(a, 1.0));
-        let diagonal = axes.clone().sum::<Vector3<f64>>().normalize();
-        let mut largest = 0.0_f64;
-        for direction in axes.chain([diagonal]) {
-            for wave in 1..=WAVES {
-                let number = std::f64::consts::PI * f64::from(wave) / (f64::from(WAVES) * shortest);
-                let response = bonds
-                    .iter()
-                    .map(|(xi, g)| g.dot(&direction) * (number * direction.dot(xi)).sin());
-                largest = largest.max(response.sum::<f64>().abs());
-            }
-        }
-        largest
+        largest_wave_number(self.dimension, |receive| {
+            self.for_each_bond(point, |bond, _, g| {
+                receive(
+                    bond,
+                    std::array::from_fn(|a| g.get(a).copied().unwrap_or(0.0)),
+                );
+            });
+        })
     }
 
     /// Values at other places of a field with the given `values` and `derivatives` at the points of `body`:
@@ -376,6 +362,33 @@ impl Pddo {
         };
         places.par_iter().map(at).collect()
     }
+}
+
+/// Largest wave number that a gradient makes of a plane wave along an axis or a diagonal, 1/m (kappa of spec
+/// 05, 1.1). `bonds` passes those of a symmetric family with their parts of the gradient, 1/m.
+pub fn largest_wave_number(
+    dimension: usize,
+    bonds: impl FnOnce(&mut dyn FnMut(&Bond, [f64; 3])),
+) -> f64 {
+    const WAVES: u32 = 128;
+    let (mut parts, mut shortest) = (Vec::new(), f64::INFINITY);
+    bonds(&mut |bond, g| {
+        shortest = bond.length.min(shortest);
+        parts.push((Vector3::from(bond.xi), Vector3::from(g)));
+    });
+    let axes = (0..dimension).map(|a| Vector3::ith(a, 1.0));
+    let diagonal = axes.clone().sum::<Vector3<f64>>().normalize();
+    let mut largest = 0.0_f64;
+    for direction in axes.chain([diagonal]) {
+        for wave in 1..=WAVES {
+            let number = std::f64::consts::PI * f64::from(wave) / (f64::from(WAVES) * shortest);
+            let response = parts
+                .iter()
+                .map(|(xi, g)| g.dot(&direction) * (number * direction.dot(xi)).sin());
+            largest = largest.max(response.sum::<f64>().abs());
+        }
+    }
+    largest
 }
 
 /// Place of the derivative along axes `a` and `b` among those of a point, for operators of at least second

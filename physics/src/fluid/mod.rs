@@ -20,35 +20,45 @@
 //!   nothing changes along the flow.
 //! - *Eulerian*: points stay, convective terms are added (eqs. 5.99 to 5.101; corrected, see spec 05, E7).
 //!
-//! The body must fill its box; every face is a `wall`, a plane of `symmetry`, or periodic. Behind walls the
-//! pressure goes on with the weight of the fluid (eq. 5.106, by mirror images: second order).
+//! Every face of the body's box, or of its `tank`, is a `wall`, a plane of `symmetry`, or periodic; in the
+//! conservative form it may be open, and the body need not fill it: where it ends its surface is free. Behind
+//! walls the pressure goes on with the weight of the fluid (eq. 5.106, by mirror images: second order).
 //!
 //! The speed of sound is a number of the method: pressures, also hydrostatic ones, must stay below a
 //! hundredth of `rho0 c^2`. The derivatives do not see a pressure that changes sign from point to point;
 //! `density_diffusion` removes it.
 //!
-//! Not for: turbulence, free surfaces, points that leave their neighbours.
+//! Not for: turbulence, surface tension.
 
-mod flow;
+mod conservative;
+mod differences;
 #[cfg(test)]
 mod tests;
+mod treatments;
 
 use std::sync::Arc;
 
 use nalgebra::Vector3;
 use perimelt_core::body::SurfaceCell;
-use perimelt_core::family::LayerRule;
+use perimelt_core::family::{FamilyError, LayerRule};
 use perimelt_core::material::{EnthalpyCurve, Property};
-use perimelt_core::solver::reduce::sum_of;
+use perimelt_core::solver::reduce::{max_abs, sum_of};
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{
-    Balance, Body, Clock, Face, Family, FamilySpec, Horizon, PartialVolume, Pddo, PddoError,
-    Physics, Read, Report, RunError, Setup, SetupError, Step, StepSize, Work, World, Write, keys,
+    Balance, Body, Clock, Face, Family, FamilySpec, Horizon, Influence, PartialVolume, Pddo,
+    PddoError, Physics, Read, Report, RunError, Setup, SetupError, Step, StepSize, Work, World,
+    Write, keys,
 };
+use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use flow::{Flow, Properties};
+use conservative::Conservative;
+use differences::Differences;
+use treatments::Treatments;
+
+/// Points that a thread takes at once.
+const SHARE: usize = 1024;
 
 /// Weakly compressible laminar flow; owns `velocity`, `density` and `pressure`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -66,8 +76,18 @@ pub struct Fluid {
     /// Partial volume of neighbours at the edge of the horizon.
     #[serde(default)]
     pub partial_volume: PartialVolume,
+    /// Influence of neighbours by their distance; when left out, "gaussian" as published, and "wendland" in the
+    /// conservative form.
+    #[serde(default)]
+    pub influence: Option<Influence>,
     /// Where the pressure comes from.
     pub state: State,
+    /// How derivatives become sums.
+    #[serde(default)]
+    pub form: Form,
+    /// What a free surface does to the pressure.
+    #[serde(default)]
+    pub surface: Surface,
     /// Viscous stress.
     #[serde(default)]
     pub stress: Stress,
@@ -78,11 +98,30 @@ pub struct Fluid {
     /// pressure, at the cost of an error of second order in pressure gradients that change.
     #[serde(default)]
     pub density_diffusion: f64,
+    /// How fast the density of the conservative form goes towards that of the points, as a share of the speed of
+    /// sound over the spacing: keeps the volume over long times. More makes noise where points are in disorder.
+    #[serde(default = "slowly")]
+    pub volume_relaxation: f64,
     /// How far points of an updated Lagrangian fluid are moved from where they crowd, as a share of the way
     /// that the fastest one goes, such as 0.05 (Gao (2020), eqs. 6.46 to 6.50; corrected, see spec 05, E23).
     /// The fields stay with the points: an error of the order of the shift.
     #[serde(default)]
     pub shifting: f64,
+    /// Part of the way that points of an updated Lagrangian fluid go with the mean velocity around them, from 0
+    /// to 1 (XSPH; Gao (2020), eq. 6.53; corrected, see spec 05, E24): keeps them in order; where the velocity
+    /// bends they do not quite follow the fluid.
+    #[serde(default)]
+    pub xsph: f64,
+    /// Viscosity between points that approach each other, as a share of 1.2 spacings times the speed of sound,
+    /// such as 0.02 (Gao (2020), eq. 6.56; corrected, see spec 05, E26): damps sound and impacts; shear, too,
+    /// by about a tenth of it in two dimensions.
+    #[serde(default)]
+    pub artificial_viscosity: f64,
+    /// After how many steps velocity and density are smoothed by moving least squares, such as 20 (Gao (2020),
+    /// eqs. 5.111 to 5.114; corrected, see spec 05, E12); 0: never. Linear fields stay; each time is a diffusion
+    /// by about a tenth of the squared horizon, and mass is that of the points, not of the densities.
+    #[serde(default)]
+    pub smoothing: u32,
     /// Accelerations grow smoothly from zero during this time, s (Gao (2020), eq. 5.110).
     #[serde(default)]
     pub startup: f64,
@@ -95,6 +134,10 @@ pub struct Fluid {
     #[serde(skip)]
     #[schemars(skip)]
     run: Option<Run>,
+}
+
+fn slowly() -> f64 {
+    1e-4
 }
 
 fn usual_horizon() -> Horizon {
@@ -146,6 +189,31 @@ fn seven() -> f64 {
     7.0
 }
 
+/// How derivatives become sums.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Form {
+    /// Derivatives of second order, as published: the most accurate on complete families, but momentum is kept
+    /// only as far as they are exact, and families must be complete.
+    #[default]
+    Differences,
+    /// Ours: the divergence of first order and its adjoint, pairwise viscosity. Momentum is kept to rounding,
+    /// surfaces may be free. Of the updated Lagrangian description, for points of one spacing.
+    Conservative,
+}
+
+/// What a free surface does to the pressure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Surface {
+    /// Nothing presses from outside: that is all that the conservative form needs.
+    #[default]
+    Natural,
+    /// Points of the first row have no pressure and the reference density, after Gao (2020), eq. 6.59: what
+    /// presses them does no work, so that impacts may blow up.
+    ZeroPressure,
+}
+
 /// Viscous stress.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -190,9 +258,197 @@ struct Run {
     body_force: Option<Read<Vector3<f64>>>,
     heat: Option<Heat>,
     velocity_layers: LayersHandle,
-    flow: Flow,
+    medium: Medium,
+    rates: Box<dyn Rates>,
+    treatments: Treatments,
+    /// Components of the velocity by slot.
+    slots: Vec<Vec<f64>>,
     moving: Option<Moving>,
+    steps: u64,
     initial_mass: f64,
+    /// Where the box is periodic along all axes: momentum at the start and given by forces since, N s.
+    momentum: Option<[Vector3<f64>; 2]>,
+    /// J.
+    kinetic_energy: f64,
+    /// Largest `|rho/rho0 - 1|`.
+    density_deviation: f64,
+}
+
+/// The fluid and its properties at the temperature that it has.
+#[derive(Debug)]
+struct Medium {
+    state: State,
+    /// By point, kg/m³.
+    reference_density: Vec<f64>,
+    /// By point, m.
+    spacing: Vec<f64>,
+    /// Pa s.
+    viscosity: Coefficient,
+    /// W/(m K).
+    conductivity: Coefficient,
+}
+
+/// A property of the fluid.
+#[derive(Debug)]
+struct Coefficient {
+    /// By material.
+    properties: Vec<Property>,
+    /// By point.
+    value: Vec<f64>,
+    /// Whether it differs from point to point.
+    varies: bool,
+}
+
+impl Coefficient {
+    fn new(properties: Vec<Property>, points: usize) -> Self {
+        let uniform = Property::common(&properties);
+        Coefficient {
+            value: vec![uniform.unwrap_or(0.0); points],
+            varies: uniform.is_none() && !properties.is_empty(),
+            properties,
+        }
+    }
+
+    fn evaluate(&mut self, temperature: &[f64], material: &[u16], curves: &[EnthalpyCurve]) {
+        if !self.varies {
+            return;
+        }
+        let points = self.value.par_iter_mut().zip(temperature).zip(material);
+        points.with_min_len(SHARE).for_each(|((value, &t), &m)| {
+            let liquid = curves[m as usize].liquid_fraction(t);
+            *value = self.properties[m as usize].at(t, liquid);
+        });
+    }
+
+    /// Largest value that a material can have.
+    fn largest(&self, material: u16) -> f64 {
+        let property = self.properties.get(material as usize);
+        property.map_or(0.0, |p| max_abs(&p.values()))
+    }
+}
+
+impl Medium {
+    /// m/s.
+    fn sound_speed(&self, point: usize) -> f64 {
+        self.state.sound_speed(self.reference_density[point])
+    }
+
+    /// Pressure of a point whose density went from `before` to `after` (kg/m³), Pa.
+    fn pressure(&self, point: usize, densities: (f64, f64), pressure: f64) -> f64 {
+        self.state
+            .pressure(densities, pressure, self.reference_density[point])
+    }
+}
+
+/// What a step takes into account.
+struct Terms<'a> {
+    medium: &'a Medium,
+    /// N/m³.
+    force: Option<&'a [Vector3<f64>]>,
+    density_diffusion: f64,
+    volume_relaxation: f64,
+    compressible: bool,
+    eulerian: bool,
+    /// Share of the acceleration that counts.
+    share: f64,
+}
+
+impl Terms<'_> {
+    /// Along an axis, m/s².
+    fn body_acceleration(&self, point: usize, axis: usize) -> f64 {
+        let density = self.medium.reference_density[point];
+        self.force.map_or(0.0, |f| f[point][axis] / density)
+    }
+
+    /// What the weight of the fluid makes of the density along an axis, kg/m⁴.
+    fn density_slope(&self, point: usize, axis: usize) -> f64 {
+        let sound = self.medium.sound_speed(point);
+        self.force.map_or(0.0, |f| f[point][axis] / (sound * sound))
+    }
+
+    /// Of density, m²/s.
+    fn density_diffusivity(&self, point: usize) -> f64 {
+        let medium = self.medium;
+        self.density_diffusion * medium.spacing[point] * medium.sound_speed(point)
+    }
+}
+
+/// What the enthalpy changes by.
+struct Heating<'a> {
+    /// In an Eulerian description.
+    carried_by: Option<&'a [Vector3<f64>]>,
+    /// W/m³.
+    source: Option<&'a [f64]>,
+    /// Friction heats.
+    dissipates: bool,
+    temperature: &'a [f64],
+    material: &'a [u16],
+    curves: &'a [EnthalpyCurve],
+}
+
+/// Rates of the fields in one form of the equations: what they are is seen, then each is advanced by a time dt
+/// (s).
+trait Rates: std::fmt::Debug {
+    /// Over which sums are taken.
+    fn family(&self) -> &Family;
+
+    /// Lets points be at these positions (m) with these volumes (m³).
+    fn follow(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) -> Result<(), PddoError>;
+
+    /// Looks for neighbours at these positions (m).
+    fn look_from(&mut self, positions: &[Vector3<f64>]);
+
+    /// Largest wave number of the gradient (1/m), and sum of the weights of the Laplacian (1/m²).
+    fn stability(&self) -> (f64, f64);
+
+    /// Temperature, and coefficients that depend on it.
+    fn see_temperature(&mut self, temperature: &[f64], rules: &[LayerRule], medium: &Medium);
+
+    /// Components of the velocity by slot.
+    fn see_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>);
+
+    /// Behind faces the pressure goes on with the weight of the fluid before them.
+    fn see_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>);
+
+    /// Advances density and pressure.
+    fn drift(
+        &mut self,
+        terms: &Terms<'_>,
+        dt: f64,
+        fields: (&mut [f64], &mut [f64]),
+        velocity: &[Vector3<f64>],
+    );
+
+    /// Advances the velocity.
+    fn kick(&self, terms: &Terms<'_>, dt: f64, velocity: &mut [Vector3<f64>], density: &[f64]);
+
+    /// Advances the enthalpy.
+    fn heat(&self, heating: &Heating<'_>, medium: &Medium, dt: f64, enthalpy: &mut [f64]);
+}
+
+/// Takes a component of a field to slots; behind faces it goes on by their rules.
+fn load(
+    family: &Family,
+    (field, components): (&[f64], usize),
+    component: usize,
+    rules: &[LayerRule],
+    slots: &mut Vec<f64>,
+) {
+    slots.resize(family.slots(), 0.0);
+    family.scatter(field, components, component, slots);
+    family.fill_layers(rules, component, slots);
+}
+
+/// Takes a field to slots; behind faces it is mirrored, and `rise(axis, point, distance)` added.
+fn load_weighted(
+    family: &Family,
+    field: &[f64],
+    slots: &mut Vec<f64>,
+    rise: impl Fn(usize, usize, f64) -> f64,
+) {
+    slots.resize(family.slots(), 0.0);
+    family.scatter(field, 1, 0, slots);
+    family.fill_layers_rising(slots, rise);
 }
 
 /// Points of an updated Lagrangian fluid.
@@ -302,6 +558,9 @@ impl Physics for Fluid {
             ("density_diffusion", self.density_diffusion),
             ("startup", self.startup),
             ("shifting", self.shifting),
+            ("volume_relaxation", self.volume_relaxation),
+            ("xsph", self.xsph),
+            ("artificial_viscosity", self.artificial_viscosity),
         ] {
             if !(value.is_finite() && value >= 0.0) {
                 let message = format!("{value} is below zero");
@@ -315,34 +574,29 @@ impl Physics for Fluid {
                 "a 2D or 3D body",
             ));
         }
-        if !setup.body(body).fills_box() {
-            let message = "the body does not fill its box";
-            return Err(SetupError::value(
-                "body",
-                message,
-                "a box: walls are its faces",
-            ));
-        }
+        let updated = self.description == Description::UpdatedLagrangian;
+        self.check_form(setup.body(body))?;
         let velocity = setup.own(body, &keys::VELOCITY)?;
         let (velocity_layers, walls, _) = setup.layers(body, &keys::VELOCITY);
-        if let Some(face) = bare_face(setup, body, &walls) {
+        let may_be_free = self.form == Form::Conservative || self.surface == Surface::ZeroPressure;
+        if !may_be_free && !setup.body(body).fills_box() {
+            let message = "the body does not fill its box, so that its surface is free";
+            let expected = "`form = \"conservative\"`, or a body that fills its box";
+            return Err(SetupError::value("form", message, expected));
+        }
+        if let Some(face) = bare_face(setup, body, &walls).filter(|_| !may_be_free) {
             let message = format!("nothing is said of face `{}` of the body", face.name());
-            let expected =
-                "a `wall` or `symmetry` there, or a body that is `periodic` along that axis";
+            let expected = "a `wall` or `symmetry` there, a body that is `periodic` along that axis, or `form = \"conservative\"`";
             return Err(SetupError::value("body", message, expected));
         }
         let spec = FamilySpec {
             partial_volume: self.partial_volume,
+            influence: self.influence.unwrap_or(match self.form {
+                Form::Differences => Influence::Gaussian,
+                Form::Conservative => Influence::Wendland,
+            }),
             layers: walls,
             ..Pddo::spec(self.horizon)
-        };
-        let updated = self.description == Description::UpdatedLagrangian;
-        let family = match updated {
-            true => {
-                let family = Family::moving(setup.body(body), &spec);
-                Arc::new(family.map_err(|e| SetupError::other("horizon", e))?)
-            }
-            false => setup.family(body, &spec)?,
         };
         let (temperature_layers, _, heated) = setup.layers(body, &keys::TEMPERATURE);
         let heat = match &self.energy {
@@ -372,15 +626,35 @@ impl Physics for Fluid {
                 "`energy = {}`, or a constant viscosity",
             ));
         }
-        let this = setup.body(body);
-
-        let properties = Properties {
-            reference_density: setup.density_at_points(body)?,
-            viscosity,
-            conductivity,
+        let mistake = |e: FamilyError| SetupError::other("horizon", e);
+        let family = match updated {
+            true => Arc::new(Family::moving(setup.body(body), &spec).map_err(mistake)?),
+            false => setup.family(body, &spec)?,
         };
-        let pddo = Pddo::build(this, family, 2).map_err(|e| SetupError::other("horizon", e))?;
-        let spacing = this.points.spacing.clone();
+        let this = setup.body(body);
+        let points = this.points.len();
+        let medium = Medium {
+            state: self.state,
+            reference_density: setup.density_at_points(body)?,
+            spacing: this.points.spacing.clone(),
+            viscosity: Coefficient::new(viscosity, points),
+            conductivity: Coefficient::new(conductivity, points),
+        };
+        let treatments = Treatments::new(this, &family);
+        let rates: Box<dyn Rates> = match self.form {
+            Form::Conservative => {
+                let family = Arc::into_inner(family).expect("a moving family has one owner");
+                Box::new(Conservative::new(family, this, &treatments))
+            }
+            Form::Differences => {
+                let pddo = Pddo::build(this, family, 2);
+                Box::new(Differences::new(
+                    pddo.map_err(|e| SetupError::other("horizon", e))?,
+                ))
+            }
+        };
+        let slots = vec![Vec::new(); this.dimension];
+        let is_periodic = this.periodic[..this.dimension] == [true; 3][..this.dimension];
         let lagrangian = self.description != Description::Eulerian;
         let moving = updated.then(|| Moving {
             mass: this.points.volume.clone(),
@@ -399,9 +673,16 @@ impl Physics for Fluid {
             body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
             heat,
             velocity_layers,
-            flow: Flow::new(pddo, properties, spacing),
+            medium,
+            rates,
+            treatments,
+            slots,
             moving,
+            steps: 0,
             initial_mass: 0.0,
+            momentum: is_periodic.then(Default::default),
+            kinetic_energy: 0.0,
+            density_deviation: 0.0,
         });
         Ok(())
     }
@@ -411,7 +692,7 @@ impl Physics for Fluid {
         let run = self.run.as_mut().expect("prepared before the start");
         let pressure = world.read(run.pressure.into());
         let mut density = world.write(run.density);
-        let reference = &run.flow.properties.reference_density;
+        let reference = &run.medium.reference_density;
         for ((rho, &p), &rho0) in density.iter_mut().zip(&*pressure).zip(reference) {
             *rho = self.state.density(p, rho0);
         }
@@ -429,6 +710,9 @@ impl Physics for Fluid {
         }
         drop(density);
         run.initial_mass = run.mass(world);
+        if run.momentum.is_some() {
+            run.momentum = Some([run.momentum_now(world, |v| *v), Vector3::zeros()]);
+        }
         run.follow(world).map_err(|cause| RunError::Plugin {
             plugin: "fluid".into(),
             time: 0.0,
@@ -444,24 +728,42 @@ impl Physics for Fluid {
     }
 
     /// Where sound, viscosity and conduction are stable (spec 05, 1.10), for speeds up to a tenth of that of
-    /// sound.
+    /// sound: with the frequency `w = kappa (c + |v|)` of sound and the rate `r = 2 S nu` of viscosity, a
+    /// symplectic step is stable for `dt^2 w^2 + 2 dt r < 4`.
     fn stable_step(&mut self, world: &World) -> Option<f64> {
-        let run = self.run.as_mut().expect("prepared before the start");
-        let capacity = match &run.heat {
+        let run = self.run.as_ref().expect("prepared before the start");
+        let medium = &run.medium;
+        let capacity: Vec<f64> = match &run.heat {
             Some(heat) => heat.curves.iter().map(|c| c.minimum_capacity()).collect(),
             None => Vec::new(),
         };
-        let material = &world.body(run.body).material_of_point;
-        let eulerian = self.description == Description::Eulerian;
-        Some(
-            run.flow
-                .stable_step(&self.state, (material, &capacity), eulerian),
-        )
+        let (wave_number, sum) = run.rates.stability();
+        let limit = |(i, &m): (usize, &u16)| {
+            let density = medium.reference_density[i];
+            // an Eulerian fluid carries waves along
+            let carried = match self.description {
+                Description::Eulerian => 1.1,
+                _ => 1.0,
+            };
+            let frequency = wave_number * medium.sound_speed(i) * carried;
+            let artificial =
+                self.artificial_viscosity * 1.2 * medium.spacing[i] * medium.sound_speed(i);
+            let viscosity = medium.viscosity.largest(m) / density + artificial;
+            let rate = 2.0 * sum * viscosity;
+            let mechanical = 4.0 / (rate + (rate * rate + 4.0 * frequency * frequency).sqrt());
+            let heat = match capacity.get(m as usize) {
+                Some(capacity) => capacity / (sum * medium.conductivity.largest(m)),
+                None => f64::INFINITY,
+            };
+            mechanical.min(heat)
+        };
+        let points = world.body(run.body).material_of_point.iter().enumerate();
+        Some(points.map(limit).fold(f64::INFINITY, f64::min))
     }
 
     fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {
         let run = self.run.as_ref().expect("prepared before the start");
-        let reference = &run.flow.properties.reference_density;
+        let reference = &run.medium.reference_density;
         let lightest = reference.iter().copied().fold(f64::INFINITY, f64::min);
         let heaviest = reference.iter().copied().fold(0.0, f64::max);
         vec![
@@ -485,13 +787,18 @@ impl Physics for Fluid {
 
     fn balance(&self, world: &World) -> Vec<Balance> {
         let run = self.run.as_ref().expect("prepared before the first step");
-        vec![Balance::new(
-            "mass",
-            "kg",
-            run.mass(world),
-            run.initial_mass,
-            0.0,
-        )]
+        let mass = Balance::new("mass", "kg", run.mass(world), run.initial_mass, 0.0);
+        let mut all = vec![mass.of_size(run.initial_mass)];
+        if let Some([initial, given]) = run.momentum {
+            let now = run.momentum_now(world, |v| *v);
+            let size = run.momentum_now(world, |v| Vector3::repeat(v.norm()));
+            for (axis, name) in ["x", "y", "z"].iter().enumerate().take(run.slots.len()) {
+                let name = format!("momentum.{name}");
+                let balance = Balance::new(&name, "N s", now[axis], initial[axis], given[axis]);
+                all.push(balance.of_size(size[axis]));
+            }
+        }
+        all
     }
 
     fn report(&self) -> Vec<Report> {
@@ -502,8 +809,8 @@ impl Physics for Fluid {
             value,
         };
         let mut all = vec![
-            report("energy.kinetic", "J", run.flow.kinetic_energy),
-            report("density.deviation", "1", run.flow.density_deviation),
+            report("energy.kinetic", "J", run.kinetic_energy),
+            report("density.deviation", "1", run.density_deviation),
         ];
         let faces = run.heat.iter().flat_map(|h| &h.faces);
         all.extend(faces.map(|f| report(&format!("heat.{}", f.face.name()), "W", f.inflow)));
@@ -518,22 +825,22 @@ impl Physics for Fluid {
         );
         let volume = &world.body(run.body).points.volume;
         let square: Vec<f64> = velocity.iter().map(Vector3::norm_squared).collect();
-        run.flow.kinetic_energy = sum_of([&square, &density, volume], |[v2, rho, volume]| {
+        run.kinetic_energy = sum_of([&square, &density, volume], |[v2, rho, volume]| {
             0.5 * v2 * rho * volume
         });
-        let reference = &run.flow.properties.reference_density;
+        let reference = &run.medium.reference_density;
         let deviation = density
             .iter()
             .zip(reference)
             .map(|(rho, rho0)| (rho / rho0 - 1.0).abs());
-        run.flow.density_deviation = deviation.fold(0.0, f64::max);
+        run.density_deviation = deviation.fold(0.0, f64::max);
         if let Some(heat) = &mut run.heat {
             let temperature = world.read::<f64>(heat.temperature.into());
             let rules = world.layer_rules(heat.layers);
             let body = world.body(run.body);
-            let conductivity =
-                run.flow
-                    .conductivity(&temperature, &body.material_of_point, &heat.curves);
+            let conductivity = &mut run.medium.conductivity;
+            conductivity.evaluate(&temperature, &body.material_of_point, &heat.curves);
+            let conductivity = &conductivity.value;
             for face in &mut heat.faces {
                 if let Some(rule) = rules.iter().find(|r| r.face == face.face) {
                     face.measure(rule, &temperature, conductivity, &body.points.spacing);
@@ -544,11 +851,9 @@ impl Physics for Fluid {
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
         let run = self.run.as_ref().expect("prepared before a save");
-        let moving = run
-            .moving
-            .as_ref()
-            .map(|m| (&m.mass, run.flow.looked_from()));
-        Box::new((run.initial_mass, moving))
+        let looked_from = || run.rates.family().looked_from();
+        let moving = run.moving.as_ref().map(|m| (&m.mass, looked_from()));
+        Box::new((run.initial_mass, run.momentum, run.steps, moving))
     }
 
     fn load(
@@ -557,10 +862,10 @@ impl Physics for Fluid {
     ) -> Result<(), erased_serde::Error> {
         let run = self.run.as_mut().expect("prepared before a restart");
         let moving: Option<(Vec<f64>, Vec<Vector3<f64>>)>;
-        (run.initial_mass, moving) = erased_serde::deserialize(state)?;
+        (run.initial_mass, run.momentum, run.steps, moving) = erased_serde::deserialize(state)?;
         if let (Some(own), Some((mass, looked_from))) = (&mut run.moving, moving) {
             own.mass = mass;
-            run.flow.look_from(&looked_from);
+            run.rates.look_from(&looked_from);
         }
         Ok(())
     }
@@ -574,7 +879,63 @@ impl Physics for Fluid {
 
 perimelt_core::register_physics!("fluid", Fluid);
 
+impl Fluid {
+    /// Whether the form fits the body and the other keys.
+    fn check_form(&self, body: &Body) -> Result<(), SetupError> {
+        let updated = self.description == Description::UpdatedLagrangian;
+        if self.form == Form::Conservative {
+            if !updated {
+                let message =
+                    "the conservative form is one of points that move and change neighbours";
+                let expected = "`description = \"updated_lagrangian\"`";
+                return Err(SetupError::value("description", message, expected));
+            }
+            if self.stress == Stress::Compressible {
+                let message = "pairwise viscosity is that of a flow without divergence";
+                return Err(SetupError::value(
+                    "stress",
+                    message,
+                    "`stress = \"incompressible\"`",
+                ));
+            }
+            if body.finest_spacing() < body.coarsest_spacing() {
+                let message = "points of several spacings do not give each other what they take";
+                return Err(SetupError::value("form", message, "points of one spacing"));
+            }
+        }
+        let only_moving = [("shifting", self.shifting), ("xsph", self.xsph)];
+        match only_moving.into_iter().find(|(_, value)| *value > 0.0) {
+            Some((key, _)) if !updated => {
+                let message = "points are put in order only where they change neighbours";
+                let expected = "`description = \"updated_lagrangian\"`";
+                Err(SetupError::value(key, message, expected))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 impl Run {
+    /// Sum of mass times `of(velocity)`, N s.
+    fn momentum_now(
+        &self,
+        world: &World,
+        of: impl Fn(&Vector3<f64>) -> Vector3<f64>,
+    ) -> Vector3<f64> {
+        let velocity = world.read::<Vector3<f64>>(self.velocity.into());
+        let density = world.read::<f64>(self.density.into());
+        let volume = &world.body(self.body).points.volume;
+        let mass = |i: usize| match &self.moving {
+            Some(moving) => moving.mass[i],
+            None => density[i] * volume[i],
+        };
+        velocity
+            .iter()
+            .enumerate()
+            .map(|(i, v)| mass(i) * of(v))
+            .sum()
+    }
+
     /// Mass, kg: of points that keep theirs, or in the reference volumes. There, of a total Lagrangian fluid, it
     /// shows how far densities drift from the change of volumes.
     fn mass(&self, world: &World) -> f64 {
@@ -604,11 +965,11 @@ impl Run {
         points.for_each(|((x, start), u)| *x = start + u);
         let volumes = moving.volume.iter_mut().zip(&moving.mass).zip(&*density);
         volumes.for_each(|((v, m), rho)| *v = m / rho);
-        self.flow.follow(&moving.position, &moving.volume)
+        self.rates.follow(&moving.position, &moving.volume)
     }
 
     fn advance(&mut self, fluid: &Fluid, world: &World, step: Step) -> Result<(), PddoError> {
-        let flow = &mut self.flow;
+        let (medium, rates) = (&mut self.medium, &mut *self.rates);
         let material = &world.body(self.body).material_of_point;
         let (mut velocity, mut density) = (world.write(self.velocity), world.write(self.density));
         let mut pressure = world.write(self.pressure);
@@ -617,64 +978,91 @@ impl Run {
         let rules = world.layer_rules(self.velocity_layers);
         let eulerian = fluid.description == Description::Eulerian;
         let dt = step.size;
-        let drift = Drift {
-            state: &fluid.state,
-            diffusion: fluid.density_diffusion,
-            eulerian,
+
+        if let Some(heat) = &self.heat {
+            let temperature = world.read(heat.temperature.into());
+            for coefficient in [&mut medium.viscosity, &mut medium.conductivity] {
+                coefficient.evaluate(&temperature, material, &heat.curves);
+            }
+            rates.see_temperature(&temperature, &world.layer_rules(heat.layers), medium);
+        }
+        let medium = &*medium;
+        let terms = Terms {
+            medium,
             force,
-        };
-        let kick = Kick {
+            density_diffusion: fluid.density_diffusion,
+            volume_relaxation: fluid.volume_relaxation,
             compressible: fluid.stress == Stress::Compressible,
             eulerian,
             share: startup(fluid.startup, step.middle()),
-            force,
         };
-
-        if let Some(heat) = &self.heat {
-            let rules = world.layer_rules(heat.layers);
-            let temperature = world.read(heat.temperature.into());
-            flow.derive_temperature(&temperature, &rules, material, &heat.curves);
-        }
-        flow.load_velocity(&velocity, &rules);
-        flow.derive_velocity();
+        let treatments = &mut self.treatments;
+        let slots = &mut self.slots;
+        see_velocity(rates, slots, &rules, (&velocity, &density), &terms);
         if let Some(heat) = &self.heat {
             let source = heat.source.map(|s| world.read(s));
-            let dissipates = fluid.energy.is_some_and(|e| e.dissipation);
             let (mut temperature, mut enthalpy) =
                 (world.write(heat.temperature), world.write(heat.enthalpy));
-            let warming = Warming {
+            let heating = Heating {
                 carried_by: eulerian.then_some(&*velocity),
                 source: source.as_deref(),
-                dissipates,
+                dissipates: fluid.energy.is_some_and(|e| e.dissipation),
                 temperature: &temperature,
                 material,
                 curves: &heat.curves,
             };
-            flow.heat(&warming, dt, &mut enthalpy);
+            rates.heat(&heating, medium, dt, &mut enthalpy);
             for ((t, h), &m) in temperature.iter_mut().zip(&*enthalpy).zip(material) {
                 *t = heat.curves[m as usize].temperature(*h);
             }
         }
-        match fluid.scheme {
-            Scheme::Symplectic => {
-                flow.drift(&drift, dt, (&mut density, &mut pressure), &velocity);
-                flow.derive_pressure(&pressure, force);
-                flow.kick(&kick, dt, &mut velocity, &density);
-            }
-            Scheme::Published => {
-                flow.derive_pressure(&pressure, force);
-                flow.drift(&drift, dt, (&mut density, &mut pressure), &velocity);
-                flow.kick(&kick, dt, &mut velocity, &density);
-            }
-            Scheme::KickDriftKick => {
-                flow.derive_pressure(&pressure, force);
-                flow.kick(&kick, 0.5 * dt, &mut velocity, &density);
-                flow.load_velocity(&velocity, &rules);
-                flow.derive_velocity();
-                flow.drift(&drift, dt, (&mut density, &mut pressure), &velocity);
-                flow.derive_pressure(&pressure, force);
-                flow.kick(&kick, 0.5 * dt, &mut velocity, &density);
-            }
+        // while the density is still that of the volumes
+        if fluid.artificial_viscosity > 0.0 {
+            let strength = dt * fluid.artificial_viscosity;
+            let fields = (&mut velocity[..], &density[..]);
+            treatments.brake((rates.family(), medium), strength, slots, fields);
+        }
+        let before = match fluid.scheme {
+            Scheme::Symplectic => 0.0,
+            Scheme::KickDriftKick => 0.5,
+            Scheme::Published => 1.0,
+        };
+        if before > 0.0 {
+            rates.see_pressure(&pressure, force);
+        }
+        if fluid.scheme == Scheme::KickDriftKick {
+            rates.kick(&terms, 0.5 * dt, &mut velocity, &density);
+            see_velocity(rates, slots, &rules, (&velocity, &density), &terms);
+        }
+        rates.drift(&terms, dt, (&mut density, &mut pressure), &velocity);
+        if fluid.surface == Surface::ZeroPressure {
+            let fields = (&mut density[..], &mut pressure[..]);
+            treatments.release((rates.family(), medium), fields);
+        }
+        if before < 1.0 {
+            rates.see_pressure(&pressure, force);
+        }
+        let rest = if fluid.scheme == Scheme::KickDriftKick {
+            0.5 * dt
+        } else {
+            dt
+        };
+        rates.kick(&terms, rest, &mut velocity, &density);
+        self.steps += 1;
+        if fluid.smoothing > 0 && self.steps % u64::from(fluid.smoothing) == 0 {
+            let volume = match &self.moving {
+                Some(moving) => &moving.volume,
+                None => &world.body(self.body).points.volume,
+            };
+            treatments.smooth(
+                rates.family(),
+                volume,
+                &mut velocity,
+                &mut density,
+                |i, densities| {
+                    pressure[i] = medium.pressure(i, densities, pressure[i]);
+                },
+            );
         }
         if let Some(displacement) = self.displacement {
             let mut displacement = world.write(displacement);
@@ -683,10 +1071,35 @@ impl Run {
                 .zip(&*velocity)
                 .for_each(|(u, v)| *u += dt * v);
             if self.moving.is_some() {
-                if fluid.shifting > 0.0 {
-                    flow.shift(fluid.shifting * dt, &velocity, &mut displacement);
+                if fluid.xsph > 0.0 {
+                    treatments.drag(rates.family(), fluid.xsph * dt, slots, &mut displacement);
                 }
-                keep_inside(world.body(self.body), &mut displacement, &mut velocity);
+                if fluid.shifting > 0.0 {
+                    let share = fluid.shifting * dt;
+                    treatments.shift(
+                        (rates.family(), medium),
+                        share,
+                        &velocity,
+                        &mut displacement,
+                    );
+                }
+                let closed: Vec<Face> = rules.iter().map(|r| r.face).collect();
+                keep_inside(
+                    world.body(self.body),
+                    &closed,
+                    &mut displacement,
+                    &mut velocity,
+                );
+            }
+        }
+        if let (Some([_, given]), Some(force)) = (&mut self.momentum, force) {
+            let volume = &world.body(self.body).points.volume;
+            for (i, f) in force.iter().enumerate() {
+                let mass = match &self.moving {
+                    Some(moving) => moving.mass[i],
+                    None => density[i] * volume[i],
+                };
+                *given += dt * terms.share * mass / medium.reference_density[i] * f;
             }
         }
         drop((velocity, density, pressure));
@@ -694,9 +1107,34 @@ impl Run {
     }
 }
 
-/// Puts points that left the box of their body back: at the other side where it is periodic, else as reflected.
-fn keep_inside(body: &Body, displacement: &mut [Vector3<f64>], velocity: &mut [Vector3<f64>]) {
-    let (low, high) = body.bounds();
+/// Takes the velocity to slots and lets the rates see it.
+fn see_velocity(
+    rates: &mut dyn Rates,
+    slots: &mut [Vec<f64>],
+    rules: &[LayerRule],
+    (velocity, density): (&[Vector3<f64>], &[f64]),
+    terms: &Terms<'_>,
+) {
+    let flat = (bytemuck::cast_slice(velocity), 3);
+    for (axis, slots) in slots.iter_mut().enumerate() {
+        load(rates.family(), flat, axis, rules, slots);
+    }
+    rates.see_velocity(slots, density, terms);
+}
+
+/// Puts points that left through closed faces back: at the other side where the body is periodic, else as reflected.
+fn keep_inside(
+    body: &Body,
+    closed: &[Face],
+    displacement: &mut [Vector3<f64>],
+    velocity: &mut [Vector3<f64>],
+) {
+    let end = |face: Face| match body.periodic[face.axis()] || closed.contains(&face) {
+        true => body.face_position(face),
+        false if face.is_upper() => f64::INFINITY,
+        false => f64::NEG_INFINITY,
+    };
+    let [low, high] = [0, 1].map(|side| [0, 1, 2].map(|a| end(Face::ALL[2 * a + side])));
     let points = displacement
         .iter_mut()
         .zip(velocity)
@@ -718,36 +1156,6 @@ fn keep_inside(body: &Body, displacement: &mut [Vector3<f64>], velocity: &mut [V
             }
         }
     }
-}
-
-/// What the density changes by.
-struct Drift<'a> {
-    state: &'a State,
-    diffusion: f64,
-    eulerian: bool,
-    force: Option<&'a [Vector3<f64>]>,
-}
-
-/// What the enthalpy changes by.
-struct Warming<'a> {
-    /// In an Eulerian description.
-    carried_by: Option<&'a [Vector3<f64>]>,
-    /// W/m³.
-    source: Option<&'a [f64]>,
-    /// Friction heats.
-    dissipates: bool,
-    temperature: &'a [f64],
-    material: &'a [u16],
-    curves: &'a [EnthalpyCurve],
-}
-
-/// What the velocity changes by.
-struct Kick<'a> {
-    compressible: bool,
-    eulerian: bool,
-    /// Share of the acceleration that counts.
-    share: f64,
-    force: Option<&'a [Vector3<f64>]>,
 }
 
 /// Share of the acceleration at a time, s (Gao (2020), eq. 5.110).

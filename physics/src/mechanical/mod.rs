@@ -624,12 +624,10 @@ impl Physics for Mechanical {
         }
         let momentum = run.momentum(world);
         let axes = 0..world.body(run.body).dimension;
-        axes.map(|axis| Balance {
-            quantity: format!("momentum.{}", ["x", "y", "z"][axis]),
-            unit: "N s".into(),
-            stored: momentum[axis],
-            initial: run.state.initial_momentum[axis],
-            supplied: run.state.impulse[axis],
+        axes.map(|axis| {
+            let name = format!("momentum.{}", ["x", "y", "z"][axis]);
+            let (initial, impulse) = (run.state.initial_momentum[axis], run.state.impulse[axis]);
+            Balance::new(&name, "N s", momentum[axis], initial, impulse)
         })
         .collect()
     }

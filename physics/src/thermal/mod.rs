@@ -331,13 +331,9 @@ impl Physics for Thermal {
     fn balance(&self, world: &World) -> Vec<Balance> {
         let run = self.run();
         let enthalpy = world.read::<f64>(run.enthalpy.into());
-        vec![Balance {
-            quantity: "heat".into(),
-            unit: "J".into(),
-            stored: weighted_sum(&enthalpy, &world.body(run.body).points.volume),
-            initial: run.heat.initial,
-            supplied: run.heat.supplied,
-        }]
+        let stored = weighted_sum(&enthalpy, &world.body(run.body).points.volume);
+        let (initial, supplied) = (run.heat.initial, run.heat.supplied);
+        vec![Balance::new("heat", "J", stored, initial, supplied)]
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {

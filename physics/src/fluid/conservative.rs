@@ -1,0 +1,431 @@
+//! Rates that keep momentum, also of a fluid with free surfaces (ours).
+//!
+//! The divergence is the operator of first order, exact for linear velocities on any family; the force of the
+//! pressure is its adjoint (spec 05, 1.13):
+//!
+//! ```text
+//! A_i    = sum_j w xi xi^T V_j,   g_ij = A_i^-1 w xi
+//! div v  = sum_j g_ij . (v_j - v_i) V_j
+//! rho a  = sum_j (p_j g_ji - p_i g_ij) V_j  =  -sum_j w (p_i A_i^-1 + p_j A_j^-1) xi V_j
+//! ```
+//!
+//! so that the work of the pressure is what compression takes; behind walls both take mirror images, whether or not
+//! the fluid slips. What moves as a rigid body has no divergence: forces add up to nothing, and so do their moments.
+//! Where a family is cut off, nothing presses from there: a free surface needs no condition. One that is too thin
+//! to tell how the fluid moves across it (a splash, a single point) counts with at least the eigenvalue `SMALLEST`.
+//!
+//! Viscosity, conduction and diffusion of density are pairwise, `lap f = (2/a) sum_j w (f_j - f_i) V_j` with
+//! `A = a I` of a complete family: what one point gets the other one gives. Friction heats by just the work
+//! that it takes. Density diffuses but for what the weight of the fluid makes of it.
+//!
+//! The density of a point is a memory of divergences, which do not see how densely points lie. Over a long time
+//! they may settle closer and closer while no pressure says so. So the density goes slowly towards that of the
+//! points, `sum W m` with the kernel of Wendland (1995), C2, wherever families are complete.
+
+use nalgebra::{Matrix3, Vector3};
+use perimelt_core::family::LayerRule;
+use perimelt_core::pddo::largest_wave_number;
+use perimelt_core::{Body, Bond, BondKernel, Family, PddoError};
+use rayon::prelude::*;
+
+use super::treatments::Treatments;
+use super::{Heating, Medium, Rates, SHARE, Terms, load, load_weighted};
+
+/// Least eigenvalue of `A / a`, that of a flat free surface: where a family has less, as at corners, the fluid is a
+/// little softer, which does no harm where nothing presses.
+const SMALLEST: f64 = 0.5;
+
+/// Product of the eigenvalues of `A / a` from which a family counts as complete: the second row below a flat free
+/// surface has 0.84. Below, one eigenvalue may be as small as [`SMALLEST`].
+const COMPLETE: f64 = 0.85;
+
+/// Components of `A^-1`, in the order in which they are kept: those of two axes come first.
+const COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (0, 1), (2, 2), (1, 2), (0, 2)];
+
+/// Number of them.
+const fn components(dimension: usize) -> usize {
+    dimension * (dimension + 1) / 2
+}
+
+/// Rates of a flow that keeps momentum.
+#[derive(Debug)]
+pub(super) struct Conservative {
+    dimension: usize,
+    family: Family,
+    /// A point with a complete family, if there is one.
+    fullest: usize,
+    /// `a`, m.
+    complete: f64,
+    /// Crowding of a complete family, and what a point itself adds to it, 1/m.
+    crowd: f64,
+    own_crowd: f64,
+    horizon: f64,
+    /// Fields by slot; velocity as mirrored by walls.
+    velocity: Vec<Vec<f64>>,
+    density: Vec<f64>,
+    viscosity: Vec<f64>,
+    pressure: Vec<f64>,
+    inverse: Vec<Vec<f64>>,
+    temperature: Vec<f64>,
+    conductivity: Vec<f64>,
+    /// Of the survey, one row for each point.
+    sums: Vec<f64>,
+    surveyed: Vec<Surveyed>,
+    /// Of the pressure, N/m³, one row for each point.
+    push: Vec<f64>,
+    /// By conduction, W/m³.
+    conducted: Vec<[f64; 1]>,
+}
+
+/// What is found at a point from the velocity and density around it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Surveyed {
+    inverse: [f64; 6],
+    /// 1/s.
+    divergence: f64,
+    /// Of viscosity, N/m³.
+    force: Vector3<f64>,
+    /// W/m³.
+    friction: f64,
+    /// `(2/a) sum w (rho_j - rho_i)`, kg/m⁵.
+    spread: f64,
+    /// `(2/a) sum w xi`, 1/m.
+    lean: Vector3<f64>,
+    /// By how much the points lie closer than their densities say; zero where the family is cut off.
+    crowding: f64,
+}
+
+/// `A`; `sum w xi (v_j - v_i)`; viscous force; friction; `(2/a) sum w (rho_j - rho_i)`; `(2/a) sum w xi`;
+/// crowding. From velocity as mirrored and as held by walls, density, viscosity.
+struct Survey<const D: usize> {
+    /// `2 / a`, 1/m.
+    laplacian: f64,
+    /// m.
+    horizon: f64,
+}
+
+/// Kernel over influence of Wendland, for a share of the horizon.
+#[inline(always)]
+fn kernel_over_influence(share: f64) -> f64 {
+    (1.0 - share) * (1.0 + 4.0 * share)
+}
+
+impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey<D> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
+        let Bond { xi, weight, .. } = *bond;
+        let difference: [f64; I] = std::array::from_fn(|i| other[i] - own[i]);
+        let (mut sums, mut at) = ([0.0; O], 0);
+        let mut put = |value: f64| {
+            sums[at] = value;
+            at += 1;
+        };
+        for &(a, b) in &COMPONENTS[..components(D)] {
+            put(weight * xi[a] * xi[b]);
+        }
+        for a in 0..D {
+            for b in 0..D {
+                put(weight * difference[a] * xi[b]);
+            }
+        }
+        let share = weight * self.laplacian;
+        let viscous = share * 0.5 * (own[2 * D + 1] + other[2 * D + 1]);
+        let mut square = 0.0;
+        for a in D..2 * D {
+            put(viscous * difference[a]);
+            square += difference[a] * difference[a];
+        }
+        // half of the work of a pair goes to each end
+        put(0.5 * viscous * square);
+        put(share * difference[2 * D]);
+        for a in 0..D {
+            put(share * xi[a]);
+        }
+        put(weight * kernel_over_influence(bond.length / self.horizon));
+        sums
+    }
+}
+
+/// `-sum w (p_i A_i^-1 + p_j A_j^-1) xi`, from pressure and `A^-1`.
+struct Push<const D: usize>;
+
+impl<const D: usize, const I: usize> BondKernel<I, D> for Push<D> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; D] {
+        let mut sums = [0.0; D];
+        for (n, &(a, b)) in COMPONENTS[..components(D)].iter().enumerate() {
+            let part = -bond.weight * (own[0] * own[1 + n] + other[0] * other[1 + n]);
+            sums[a] += part * bond.xi[b];
+            if a != b {
+                sums[b] += part * bond.xi[a];
+            }
+        }
+        sums
+    }
+}
+
+/// `(2/a) sum w k (T_j - T_i)` with the mean conductivity of both ends.
+struct Conduction {
+    /// `2 / a`, 1/m.
+    laplacian: f64,
+}
+
+impl BondKernel<2, 1> for Conduction {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 2], other: [f64; 2]) -> [f64; 1] {
+        let conductivity = 0.5 * (own[1] + other[1]);
+        [bond.weight * self.laplacian * conductivity * (other[0] - own[0])]
+    }
+}
+
+/// `A^-1` from the components of `A`, with the eigenvalues of `A / complete` not below [`SMALLEST`], and whether they
+/// are those of a complete family.
+fn inverted<const D: usize>(sums: &[f64], complete: f64) -> (Matrix3<f64>, bool) {
+    // one along an axis that is not there
+    let mut shape = Matrix3::identity();
+    for (sum, &(a, b)) in sums.iter().zip(&COMPONENTS[..components(D)]) {
+        shape[(a, b)] = sum / complete;
+        shape[(b, a)] = sum / complete;
+    }
+    if shape.determinant() > COMPLETE
+        && let Some(inverse) = shape.try_inverse()
+    {
+        return (inverse / complete, true);
+    }
+    let eigen = shape.symmetric_eigen();
+    let kept = eigen.eigenvalues.map(|value| 1.0 / value.max(SMALLEST));
+    let axes = eigen.eigenvectors;
+    let inverse = axes * Matrix3::from_diagonal(&kept) * axes.transpose();
+    (inverse / complete, false)
+}
+
+impl Conservative {
+    pub(super) fn new(family: Family, body: &Body, treatments: &Treatments) -> Self {
+        let dimension = body.dimension;
+        let horizon = family.spec().horizon.of(body.finest_spacing());
+        let (fullest, own_crowd) = (treatments.fullest(), treatments.own_content());
+        let mut crowd = own_crowd;
+        family.for_each_bond(fullest, |_, bond, _| {
+            crowd += bond.weight * kernel_over_influence(bond.length / horizon);
+        });
+        Conservative {
+            dimension,
+            family,
+            fullest,
+            complete: treatments.complete(),
+            crowd,
+            own_crowd,
+            horizon,
+            velocity: vec![Vec::new(); dimension],
+            density: Vec::new(),
+            viscosity: Vec::new(),
+            pressure: Vec::new(),
+            inverse: vec![Vec::new(); components(dimension)],
+            temperature: Vec::new(),
+            conductivity: Vec::new(),
+            sums: Vec::new(),
+            surveyed: Vec::new(),
+            push: Vec::new(),
+            conducted: Vec::new(),
+        }
+    }
+
+    /// In `D` dimensions, with `I` inputs and `O` sums.
+    fn survey<const D: usize, const I: usize, const O: usize>(&mut self, held: &[Vec<f64>]) {
+        let points = self.surveyed.len();
+        self.sums.resize(points * O, 0.0);
+        let inputs: [&[f64]; I] = std::array::from_fn(|i| match i {
+            _ if i < D => &self.velocity[i][..],
+            _ if i < 2 * D => &held[i - D],
+            _ if i == 2 * D => &self.density,
+            _ => &self.viscosity,
+        });
+        let (sums, _) = self.sums.as_chunks_mut::<O>();
+        let laplacian = 2.0 / self.complete;
+        let kernel = Survey::<D> {
+            laplacian,
+            horizon: self.horizon,
+        };
+        self.family.sum(&kernel, inputs, sums);
+
+        let (complete, crowd, own_crowd) = (self.complete, self.crowd, self.own_crowd);
+        let found = self.surveyed.par_iter_mut().zip(&*sums);
+        found.with_min_len(SHARE).for_each(|(found, sums)| {
+            let (shape, rest) = sums.split_at(components(D));
+            let (slopes, rest) = rest.split_at(D * D);
+            let (force, rest) = rest.split_at(D);
+            let (inverse, is_complete) = inverted::<D>(shape, complete);
+            for (kept, &(a, b)) in found.inverse.iter_mut().zip(&COMPONENTS[..components(D)]) {
+                *kept = inverse[(a, b)];
+            }
+            let along = |a: usize| {
+                (0..D)
+                    .map(|b| slopes[a * D + b] * inverse[(b, a)])
+                    .sum::<f64>()
+            };
+            found.divergence = (0..D).map(along).sum();
+            found.friction = rest[0];
+            found.spread = rest[1];
+            for a in 0..D {
+                found.force[a] = force[a];
+                found.lean[a] = rest[2 + a];
+            }
+            found.crowding = match is_complete {
+                true => (rest[2 + D] + own_crowd) / crowd - 1.0,
+                false => 0.0,
+            };
+        });
+    }
+
+    fn push<const D: usize, const I: usize>(&mut self) {
+        self.push.resize(self.surveyed.len() * D, 0.0);
+        let inputs: [&[f64]; I] = std::array::from_fn(|i| match i {
+            0 => &self.pressure[..],
+            _ => &self.inverse[i - 1],
+        });
+        let (sums, _) = self.push.as_chunks_mut::<D>();
+        self.family.sum(&Push::<D>, inputs, sums);
+    }
+}
+
+impl Rates for Conservative {
+    fn family(&self) -> &Family {
+        &self.family
+    }
+
+    fn follow(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) -> Result<(), PddoError> {
+        self.family.follow(positions, volumes);
+        Ok(())
+    }
+
+    fn look_from(&mut self, positions: &[Vector3<f64>]) {
+        self.family.look_from(positions);
+    }
+
+    fn stability(&self) -> (f64, f64) {
+        let number = largest_wave_number(self.dimension, |receive| {
+            self.family.for_each_bond(self.fullest, |_, bond, _| {
+                receive(bond, bond.xi.map(|x| bond.weight * x / self.complete));
+            });
+        });
+        let mut sum = 0.0;
+        self.family.for_each_bond(self.fullest, |_, bond, _| {
+            sum += 2.0 / self.complete * bond.weight
+        });
+        // families that are cut off or crowded answer more strongly
+        (2.0 * number, sum)
+    }
+
+    fn see_temperature(&mut self, temperature: &[f64], rules: &[LayerRule], medium: &Medium) {
+        load(
+            &self.family,
+            (temperature, 1),
+            0,
+            rules,
+            &mut self.temperature,
+        );
+        let conductivity = (&medium.conductivity.value[..], 1);
+        load(&self.family, conductivity, 0, &[], &mut self.conductivity);
+        self.conducted.resize(temperature.len(), [0.0]);
+        let laplacian = 2.0 / self.complete;
+        let inputs = [&self.temperature[..], &self.conductivity];
+        self.family
+            .sum(&Conduction { laplacian }, inputs, &mut self.conducted);
+    }
+
+    fn see_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>) {
+        let medium = terms.medium;
+        load_weighted(
+            &self.family,
+            density,
+            &mut self.density,
+            |axis, point, distance| terms.density_slope(point, axis) * distance,
+        );
+        let viscosity = (&medium.viscosity.value[..], 1);
+        load(&self.family, viscosity, 0, &[], &mut self.viscosity);
+        for (a, (mirrored, held)) in self.velocity.iter_mut().zip(velocity).enumerate() {
+            mirrored.clone_from(held);
+            self.family.fill_layers_turning(mirrored, |axis| axis == a);
+        }
+        self.surveyed.resize(density.len(), Surveyed::default());
+        match self.dimension {
+            2 => self.survey::<2, 6, 14>(velocity),
+            _ => self.survey::<3, 8, 24>(velocity),
+        }
+        // a mirror turns the sign of components that mix its normal with another axis
+        for (n, (slots, &(a, b))) in self.inverse.iter_mut().zip(&COMPONENTS).enumerate() {
+            slots.resize(self.family.slots(), 0.0);
+            let found = slots.iter_mut().zip(&self.surveyed);
+            found.for_each(|(slot, found)| *slot = found.inverse[n]);
+            self.family
+                .fill_layers_turning(slots, |axis| a != b && [a, b].contains(&axis));
+        }
+    }
+
+    fn see_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
+        load_weighted(
+            &self.family,
+            pressure,
+            &mut self.pressure,
+            |axis, point, distance| force.map_or(0.0, |f| f[point][axis] * distance),
+        );
+        match self.dimension {
+            2 => self.push::<2, 4>(),
+            _ => self.push::<3, 7>(),
+        }
+    }
+
+    fn drift(
+        &mut self,
+        terms: &Terms<'_>,
+        dt: f64,
+        (density, pressure): (&mut [f64], &mut [f64]),
+        _velocity: &[Vector3<f64>],
+    ) {
+        let medium = terms.medium;
+        let points = density.par_iter_mut().zip(pressure).zip(&self.surveyed);
+        let points = points.enumerate().with_min_len(SHARE);
+        points.for_each(|(i, ((rho, p), found))| {
+            let before = *rho;
+            let mut rate = -before * found.divergence;
+            if terms.density_diffusion > 0.0 {
+                let slope = Vector3::from_fn(|a, _| terms.density_slope(i, a));
+                let spread = found.spread - slope.dot(&found.lean);
+                rate += terms.density_diffusivity(i) * spread;
+            }
+            let sound = medium.sound_speed(i) / medium.spacing[i];
+            rate += terms.volume_relaxation * sound * before * found.crowding;
+            *rho += dt * rate;
+            *p = medium.pressure(i, (before, *rho), *p);
+        });
+    }
+
+    fn kick(&self, terms: &Terms<'_>, dt: f64, velocity: &mut [Vector3<f64>], _density: &[f64]) {
+        let dimension = self.dimension;
+        let push = self.push.par_chunks_exact(dimension);
+        let points = velocity.par_iter_mut().zip(push).zip(&self.surveyed);
+        let points = points.enumerate().with_min_len(SHARE);
+        points.for_each(|(i, ((v, push), found))| {
+            for a in 0..dimension {
+                // momentum is kept with the density that belongs to the volumes of the sums
+                let acceleration = (push[a] + found.force[a]) / self.density[i];
+                v[a] += dt * terms.share * (acceleration + terms.body_acceleration(i, a));
+            }
+        });
+    }
+
+    fn heat(&self, heating: &Heating<'_>, _: &Medium, dt: f64, enthalpy: &mut [f64]) {
+        let points = enthalpy
+            .par_iter_mut()
+            .zip(&self.conducted)
+            .zip(&self.surveyed);
+        let points = points.enumerate().with_min_len(SHARE);
+        points.for_each(|(i, ((h, [conducted]), found))| {
+            let mut rate = conducted + heating.source.map_or(0.0, |q| q[i]);
+            if heating.dissipates {
+                rate += found.friction;
+            }
+            *h += dt * rate;
+        });
+    }
+}

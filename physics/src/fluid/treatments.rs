@@ -1,0 +1,280 @@
+//! Treatments of the sources that keep a flow smooth and its points apart, each at a cost in accuracy.
+//!
+//! Their sums are not corrected where families are cut off: pairs give each other what they take.
+
+use nalgebra::{Matrix4, Vector3, Vector4};
+use perimelt_core::{Body, Bond, BondKernel, Family};
+use rayon::prelude::*;
+
+use super::{Medium, SHARE};
+
+/// Share of a complete family below which a point lies at a free surface: the first row below a flat one has
+/// 0.69, the next one 0.93.
+const AT_SURFACE: f64 = 0.8;
+
+/// Share below which a point is not smoothed: linear fields through a thread or a splash are guesses.
+const THIN: f64 = 0.55;
+
+/// Share below which points are not shifted: a surface is no void.
+const NEAR_SURFACE: f64 = 0.97;
+
+/// What a complete family has, and memory.
+#[derive(Debug)]
+pub(super) struct Treatments {
+    dimension: usize,
+    /// `sum w |xi|^2 V / dimension`, m.
+    complete: f64,
+    /// `sum w V` of the neighbours, 1/m.
+    content: f64,
+    /// A point with a complete family, if there is one.
+    fullest: usize,
+    /// Weight of a point in its own family over its volume, 1/m⁴ (3D).
+    own_weight: f64,
+    /// Weight of a point in its own family, 1/m.
+    own_content: f64,
+    sums: Vec<f64>,
+    crowding: Vec<[f64; 6]>,
+    smooth: Vec<Vector4<f64>>,
+}
+
+/// Sum of the distances of the neighbours (m), their number, `sum_j xi / |xi|^3` (1/m²), `sum w` (1/m).
+struct Crowding;
+
+impl BondKernel<0, 6> for Crowding {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, _: [f64; 0], _: [f64; 0]) -> [f64; 6] {
+        // members in the skin have no weight
+        let counts = if bond.weight > 0.0 { 1.0 } else { 0.0 };
+        let cube = counts / (bond.length * bond.length * bond.length);
+        let [x, y, z] = bond.xi;
+        let length = counts * bond.length;
+        [length, counts, cube * x, cube * y, cube * z, bond.weight]
+    }
+}
+
+/// `sum w (v_j - v_i)`.
+struct Difference;
+
+impl<const D: usize> BondKernel<D, D> for Difference {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; D], other: [f64; D]) -> [f64; D] {
+        std::array::from_fn(|a| bond.weight * (other[a] - own[a]))
+    }
+}
+
+/// `sum w min((v_j - v_i) . xi, 0) / (|xi|^2 + e) xi`.
+struct Approach {
+    /// `(0.1 h)^2`, m².
+    softening: f64,
+}
+
+impl<const D: usize> BondKernel<D, D> for Approach {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; D], other: [f64; D]) -> [f64; D] {
+        let approach: f64 = (0..D).map(|a| (other[a] - own[a]) * bond.xi[a]).sum();
+        let square = bond.length * bond.length + self.softening;
+        let part = bond.weight * approach.min(0.0) / square;
+        std::array::from_fn(|a| part * bond.xi[a])
+    }
+}
+
+impl Treatments {
+    pub(super) fn new(body: &Body, family: &Family) -> Self {
+        let (mut complete, mut content, mut fullest) = (0.0_f64, 0.0_f64, 0);
+        for point in 0..body.points.len() {
+            let (mut square, mut sum) = (0.0, 0.0);
+            family.for_each_bond(point, |_, bond, _| {
+                square += bond.weight * bond.length * bond.length;
+                sum += bond.weight;
+            });
+            // rounding must not choose
+            if square > complete * (1.0 + 1e-9) {
+                (complete, content, fullest) = (square, sum, point);
+            }
+        }
+        let horizon = family.spec().horizon.of(body.finest_spacing());
+        let own_weight = 1.0 / family.spec().moment(body, horizon);
+        Treatments {
+            dimension: body.dimension,
+            complete: complete / body.dimension as f64,
+            content,
+            fullest,
+            own_weight,
+            own_content: own_weight * body.points.volume[0],
+            sums: Vec::new(),
+            crowding: Vec::new(),
+            smooth: Vec::new(),
+        }
+    }
+
+    /// `sum w |xi|^2 V / dimension` of a complete family, m.
+    pub(super) fn complete(&self) -> f64 {
+        self.complete
+    }
+
+    /// Weight of a point in its own family, 1/m.
+    pub(super) fn own_content(&self) -> f64 {
+        self.own_content
+    }
+
+    /// A point with a complete family, if there is one.
+    pub(super) fn fullest(&self) -> usize {
+        self.fullest
+    }
+
+    /// Sums of a kernel over velocities by slot; `D` of them for each point.
+    fn sum<K>(&mut self, family: &Family, kernel: &K, velocity: &[Vec<f64>], points: usize)
+    where
+        K: BondKernel<2, 2> + BondKernel<3, 3>,
+    {
+        self.sums.resize(points * self.dimension, 0.0);
+        match velocity {
+            [x, y] => family.sum(kernel, [x, y], self.sums.as_chunks_mut::<2>().0),
+            [x, y, z] => family.sum(kernel, [x, y, z], self.sums.as_chunks_mut::<3>().0),
+            _ => unreachable!("a fluid has two or three dimensions"),
+        }
+    }
+
+    /// Slows down points that approach each other, by `alpha h c` with h = 1.2
+    /// spacings; `strength` is `alpha dt` (Gao (2020), eq. 6.56; corrected, see spec 05, E26).
+    pub(super) fn brake(
+        &mut self,
+        (family, medium): (&Family, &Medium),
+        strength: f64,
+        slots: &[Vec<f64>],
+        (velocity, density): (&mut [Vector3<f64>], &[f64]),
+    ) {
+        let size = 1.2 * medium.spacing[0];
+        let kernel = Approach {
+            softening: (0.1 * size).powi(2),
+        };
+        self.sum(family, &kernel, slots, density.len());
+        for (i, (v, sum)) in velocity
+            .iter_mut()
+            .zip(self.sums.chunks_exact(self.dimension))
+            .enumerate()
+        {
+            let share = strength * size * medium.sound_speed(i) / self.complete
+                * medium.reference_density[i]
+                / density[i];
+            (0..self.dimension).for_each(|a| v[a] += share * sum[a]);
+        }
+    }
+
+    /// Lets points move a little with their neighbours: `share` is `chi dt` (s) (Gao (2020), eq. 6.53;
+    /// corrected, see spec 05, E24).
+    pub(super) fn drag(
+        &mut self,
+        family: &Family,
+        share: f64,
+        slots: &[Vec<f64>],
+        displacement: &mut [Vector3<f64>],
+    ) {
+        self.sum(family, &Difference, slots, displacement.len());
+        let share = share / (self.content + self.own_content);
+        let points = displacement
+            .iter_mut()
+            .zip(self.sums.chunks_exact(self.dimension));
+        for (u, sum) in points {
+            (0..self.dimension).for_each(|a| u[a] += share * sum[a]);
+        }
+    }
+
+    fn look_around(&mut self, family: &Family, points: usize) {
+        self.crowding.resize(points, [0.0; 6]);
+        family.sum(&Crowding, [], &mut self.crowding);
+    }
+
+    /// Moves points away from where they crowd: by `-C |v|max dt U` with `U = sum_j (r / |xi|)^2 n` and the mean
+    /// distance r of the neighbours, at most a fifth of a spacing; `share` is `C dt` (s). Not at free surfaces.
+    pub(super) fn shift(
+        &mut self,
+        (family, medium): (&Family, &Medium),
+        share: f64,
+        velocity: &[Vector3<f64>],
+        displacement: &mut [Vector3<f64>],
+    ) {
+        let square = velocity.iter().map(Vector3::norm_squared);
+        let fastest = square.fold(0.0, f64::max).sqrt();
+        self.look_around(family, velocity.len());
+        let least = NEAR_SURFACE * self.content;
+        let points = displacement
+            .par_iter_mut()
+            .zip(&self.crowding)
+            .zip(&medium.spacing);
+        let points = points.with_min_len(SHARE);
+        points.for_each(|((u, &[sum, number, x, y, z, content]), spacing)| {
+            if content < least {
+                return;
+            }
+            let mean = sum / number;
+            let shift = Vector3::new(x, y, z) * (-share * fastest * mean * mean);
+            let most = 0.2 * spacing;
+            *u += shift * (most / shift.norm().max(most));
+        });
+    }
+
+    /// Takes the pressure from points at free surfaces (Gao (2020), eq. 6.59), which get the reference density: it
+    /// would wander where no pressure holds it.
+    pub(super) fn release(
+        &mut self,
+        (family, medium): (&Family, &Medium),
+        (density, pressure): (&mut [f64], &mut [f64]),
+    ) {
+        self.look_around(family, pressure.len());
+        let least = AT_SURFACE * self.content;
+        for (i, [.., content]) in self.crowding.iter().enumerate() {
+            if *content < least {
+                (density[i], pressure[i]) = (medium.reference_density[i], 0.0);
+            }
+        }
+    }
+
+    /// Velocity and density by moving least squares over points and their neighbours, without images (Gao
+    /// (2020), eqs. 5.111 to 5.114; corrected, see spec 05, E12). Points with too few of them keep theirs.
+    /// `changed` gets each point with its density before and after.
+    pub(super) fn smooth(
+        &mut self,
+        family: &Family,
+        volume: &[f64],
+        velocity: &mut [Vector3<f64>],
+        density: &mut [f64],
+        mut changed: impl FnMut(usize, (f64, f64)),
+    ) {
+        let dimension = self.dimension;
+        let at = |point: usize| {
+            let own = self.own_weight * volume[point];
+            let mut moments = Matrix4::zeros();
+            moments[(0, 0)] = own;
+            // axes that are not there
+            (dimension..3).for_each(|a| moments[(a + 1, a + 1)] = 1.0);
+            family.for_each_bond(point, |_, bond, slot| {
+                if slot < density.len() {
+                    let p = Vector4::new(1.0, bond.xi[0], bond.xi[1], bond.xi[2]);
+                    moments += bond.weight * p * p.transpose();
+                }
+            });
+            let value = |p: usize| velocity[p].push(density[p]);
+            let is_thin = moments[(0, 0)] - own < THIN * self.content;
+            let share = moments.cholesky().filter(|_| !is_thin);
+            let Some(share) = share.map(|c| c.solve(&Vector4::x())) else {
+                return value(point);
+            };
+            let mut sum = own * share[0] * value(point);
+            family.for_each_bond(point, |_, bond, slot| {
+                if slot < density.len() {
+                    let p = Vector4::new(1.0, bond.xi[0], bond.xi[1], bond.xi[2]);
+                    sum += bond.weight * p.dot(&share) * value(slot);
+                }
+            });
+            sum
+        };
+        let smooth = (0..density.len()).into_par_iter().with_min_len(64).map(at);
+        smooth.collect_into_vec(&mut self.smooth);
+        for (i, smooth) in self.smooth.iter().enumerate() {
+            velocity[i] = smooth.xyz();
+            changed(i, (density[i], smooth.w));
+            density[i] = smooth.w;
+        }
+    }
+}
