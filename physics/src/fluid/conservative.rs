@@ -115,6 +115,7 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
         let Bond { xi, weight, .. } = *bond;
         let difference: [f64; I] = std::array::from_fn(|i| other[i] - own[i]);
+        let (along, mirrored, held) = (&xi[..D], &difference[..D], &difference[D..2 * D]);
         let (mut sums, mut at) = ([0.0; O], 0);
         let mut put = |value: f64| {
             sums[at] = value;
@@ -123,23 +124,23 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey
         for &(a, b) in &COMPONENTS[..components(D)] {
             put(weight * xi[a] * xi[b]);
         }
-        for a in 0..D {
-            for b in 0..D {
-                put(weight * difference[a] * xi[b]);
+        for v in mirrored {
+            for x in along {
+                put(weight * v * x);
             }
         }
         let share = weight * self.laplacian;
         let viscous = share * 0.5 * (own[2 * D + 1] + other[2 * D + 1]);
         let mut square = 0.0;
-        for a in D..2 * D {
-            put(viscous * difference[a]);
-            square += difference[a] * difference[a];
+        for v in held {
+            put(viscous * v);
+            square += v * v;
         }
         // half of the work of a pair goes to each end
         put(0.5 * viscous * square);
         put(share * difference[2 * D]);
-        for a in 0..D {
-            put(share * xi[a]);
+        for x in along {
+            put(share * x);
         }
         put(weight * kernel_over_influence(bond.length / self.horizon));
         sums

@@ -1049,7 +1049,7 @@ impl Run {
         };
         rates.kick(&terms, rest, &mut velocity, &density);
         self.steps += 1;
-        if fluid.smoothing > 0 && self.steps % u64::from(fluid.smoothing) == 0 {
+        if fluid.smoothing > 0 && self.steps.is_multiple_of(u64::from(fluid.smoothing)) {
             let volume = match &self.moving {
                 Some(moving) => &moving.volume,
                 None => &world.body(self.body).points.volume,
