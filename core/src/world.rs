@@ -2,9 +2,11 @@
 
 use std::cell::{Ref, RefCell, RefMut};
 
+use nalgebra::Vector3;
+
 use crate::body::{Body, Face};
 use crate::family::{LayerRule, Traction};
-use crate::field::{Fields, Read, ReadIfProvided, Value, Write};
+use crate::field::{Fields, Read, ReadIfProvided, Value, Write, keys};
 use crate::material::{LatentHeatForm, MushyCapacity};
 use crate::solver::reduce::weighted_sum;
 
@@ -79,6 +81,19 @@ impl World {
     /// One body.
     pub fn body(&self, index: BodyIndex) -> &Body {
         &self.bodies[index]
+    }
+
+    /// Where the points of a body are now, m: displaced, if it has a displacement.
+    pub fn positions(&self, body: BodyIndex) -> Vec<Vector3<f64>> {
+        let mut positions = self.bodies[body].points.position.clone();
+        if let Some(index) = self.fields.find(body, &keys::DISPLACEMENT.name) {
+            let displacement = self.fields.field(index).data();
+            let points = positions
+                .iter_mut()
+                .zip(displacement.flat().chunks_exact(3));
+            points.for_each(|(x, u)| *x += Vector3::from_column_slice(u));
+        }
+        positions
     }
 
     /// All fields, whatever their type: for logs, plots and checkpoints.

@@ -39,7 +39,6 @@ struct Prepared {
 impl Coupler for Buoyancy {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-
         self.prepared = Some(Prepared {
             body,
             density: setup.reference_densities(body)?,

@@ -8,7 +8,7 @@ use perimelt_core::Axis;
 use perimelt_core::StepSize;
 use perimelt_core::body::{Jitter, Store, Zone};
 use perimelt_core::log::Precision;
-use perimelt_core::shape::Shape;
+use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::simulation::Iteration;
 use schemars::JsonSchema;
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
@@ -68,7 +68,7 @@ pub struct BodySection {
     /// Box whose faces hold the body, where that is larger than its own, such as a fluid with a free surface:
     /// `tank = { min = [0, 0, 0], max = [0.6, 0.4, 0] }`.
     #[serde(default)]
-    pub tank: Option<Tank>,
+    pub tank: Option<BoxShape>,
     /// How neighbours are stored; both give the same results. Without effect on bodies of zones,
     /// with jitter or from a table.
     #[serde(default)]
@@ -79,16 +79,6 @@ pub struct BodySection {
     /// Fields at the start, in SI units; those not given are zero.
     #[serde(default)]
     pub initial: BTreeMap<String, Initial>,
-}
-
-/// A box, m.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Tank {
-    /// Lower corner.
-    pub min: [f64; 3],
-    /// Upper corner.
-    pub max: [f64; 3],
 }
 
 fn three() -> usize {

@@ -97,14 +97,8 @@ impl Recorder {
     fn record_points(&mut self, simulation: &Simulation, body: usize) -> Result<(), Failure> {
         let world = simulation.world();
         let points = world.body(body);
-        let mut positions: Vec<[f64; 3]> =
-            points.points.position.iter().map(|p| (*p).into()).collect();
-        if let Some(index) = world.fields().find(body, "displacement") {
-            let data = world.fields().field(index).data();
-            for (position, moved) in positions.iter_mut().zip(data.flat().chunks_exact(3)) {
-                position.iter_mut().zip(moved).for_each(|(x, u)| *x += u);
-            }
-        }
+        let positions = world.positions(body).into_iter();
+        let positions: Vec<[f64; 3]> = positions.map(Into::into).collect();
         let data: Vec<_> = self.fields[body]
             .iter()
             .map(|&f| {

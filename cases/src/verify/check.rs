@@ -47,7 +47,7 @@ pub enum Measure {
     Passing(PassingMeasure),
     /// How far a body reaches now, m.
     Reach(ReachMeasure),
-    /// Distance of the two points that are nearest to each other now, over the spacing.
+    /// Distance of the two points that are nearest to each other now, over the spacing; at most one.
     Nearest(NearestMeasure),
     /// A field at a position, in all logged states but the first.
     History(HistoryMeasure),

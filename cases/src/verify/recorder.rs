@@ -33,15 +33,17 @@ enum Taker {
         offset: f64,
     },
     Passing {
+        body: usize,
         component: Component,
-        moved: Moved,
         section: PassingMeasure,
     },
     Reach {
-        moved: Moved,
+        body: usize,
         along: Vector3<f64>,
     },
-    Nearest(Moved),
+    Nearest {
+        body: usize,
+    },
     History {
         component: Component,
         weights: Vec<(usize, f64)>,
@@ -87,28 +89,11 @@ enum Taker {
     },
 }
 
-/// Points of a body where they are now.
-struct Moved {
-    body: usize,
-    displacement: FieldIndex,
-}
-
-impl Moved {
-    fn new(body: Option<&str>, simulation: &Simulation) -> Result<Moved, SetupError> {
-        let body = find_body(simulation.world(), body)?;
-        let displacement = find_field(simulation, body, "displacement", "measure")?;
-        Ok(Moved { body, displacement })
-    }
-
-    /// m.
-    fn positions(&self, world: &World) -> Vec<Vector3<f64>> {
-        let displacement = world.fields().field(self.displacement).data();
-        let reference = &world.body(self.body).points.position;
-        let moved = reference.iter().zip(displacement.flat().chunks_exact(3));
-        moved
-            .map(|(x, u)| x + Vector3::from_column_slice(u))
-            .collect()
-    }
+/// The body called `name`, which must have a displacement.
+fn find_moving_body(simulation: &Simulation, name: Option<&str>) -> Result<usize, SetupError> {
+    let body = find_body(simulation.world(), name)?;
+    find_field(simulation, body, "displacement", "measure")?;
+    Ok(body)
 }
 
 impl Recorder {
@@ -145,25 +130,27 @@ impl Recorder {
                 }
             }
             Measure::Passing(m) => {
-                let moved = Moved::new(m.body.as_deref(), simulation)?;
-                let field = find_field(simulation, moved.body, &m.field, "measure.passing.field")?;
+                let body = find_moving_body(simulation, m.body.as_deref())?;
+                let field = find_field(simulation, body, &m.field, "measure.passing.field")?;
                 (when, since) = (m.time, m.since);
                 Taker::Passing {
+                    body,
                     component: Component::new(world, field, m.component.as_deref())?,
-                    moved,
                     section: m.clone(),
                 }
             }
             Measure::Reach(m) => {
                 when = m.time;
                 Taker::Reach {
-                    moved: Moved::new(m.body.as_deref(), simulation)?,
+                    body: find_moving_body(simulation, m.body.as_deref())?,
                     along: m.along.into(),
                 }
             }
             Measure::Nearest(m) => {
                 when = m.time;
-                Taker::Nearest(Moved::new(m.body.as_deref(), simulation)?)
+                Taker::Nearest {
+                    body: find_moving_body(simulation, m.body.as_deref())?,
+                }
             }
             Measure::History(m) => {
                 let body = find_body(world, m.body.as_deref())?;
@@ -367,12 +354,12 @@ impl Taker {
                 .map(|w| sum(*component, w, world) + offset)
                 .collect(),
             Taker::Passing {
+                body,
                 component,
-                moved,
                 section,
             } => {
-                let positions = moved.positions(world);
-                let body = world.body(moved.body);
+                let positions = world.positions(*body);
+                let body = world.body(*body);
                 let size = body.finest_spacing();
                 let at = |at: &[f64; 3]| {
                     let weights =
@@ -381,16 +368,16 @@ impl Taker {
                 };
                 section.at.iter().map(at).collect()
             }
-            Taker::Reach { moved, along } => {
+            Taker::Reach { body, along } => {
                 let along = along.normalize();
-                let spacings = &world.body(moved.body).points.spacing;
-                let ends = moved.positions(world).into_iter().zip(spacings);
+                let spacings = &world.body(*body).points.spacing;
+                let ends = world.positions(*body).into_iter().zip(spacings);
                 let ends = ends.map(|(x, spacing)| x.dot(&along) + 0.5 * spacing);
                 vec![ends.fold(f64::NEG_INFINITY, f64::max)]
             }
-            Taker::Nearest(moved) => {
-                let positions = moved.positions(world);
-                let spacing = world.body(moved.body).finest_spacing();
+            Taker::Nearest { body } => {
+                let positions = world.positions(*body);
+                let spacing = world.body(*body).finest_spacing();
                 let list = CellList::new(&positions, &vec![spacing; positions.len()]);
                 let mut nearest = spacing * spacing;
                 for (i, x) in positions.iter().enumerate() {

@@ -15,9 +15,7 @@ use super::build::{chunks, cuts};
 use super::calibration::{Strain, calibration, factor_along};
 use super::images::Images;
 use super::kernel::ROW_LANES;
-use super::{
-    Bond, Correction, Cut, Family, FamilyError, FamilySpec, PartialVolume, Rows, Span, TIE,
-};
+use super::{Bond, Correction, Cut, Family, FamilyError, FamilySpec, Rows, Span, TIE};
 
 /// Bonds of a point beyond which a horizon is taken for a mistake.
 const MOST_BONDS: usize = 65_535;
@@ -124,11 +122,8 @@ impl Family {
             .iter()
             .map(|s| spec.horizon.of(*s))
             .collect();
-        let margin = match spec.partial_volume {
-            PartialVolume::Full => 0.5 * body.coarsest_spacing(),
-            _ => 0.0,
-        };
-        let reach = |horizon: f64| (horizon + margin) * (1.0 + TIE);
+        let coarsest = body.coarsest_spacing();
+        let reach = |horizon: f64| spec.reach(horizon, coarsest);
         let widest = reach(horizon.iter().copied().fold(0.0, f64::max));
         let members = Members {
             spec,
@@ -189,25 +184,33 @@ impl Family {
             Rows::joined(&parts)
         };
         let rows = Rows::joined(&rows);
-        let slots = images.position.len();
-        let end_in_slots = |rows: &Rows| rows.column.iter().all(|c| (*c as usize) < slots);
-        // the sweep relies on it
-        assert!(end_in_slots(&rows) && end_in_slots(&layer_rows));
-        Ok(Family {
+        let mut family = Family::of_rows(body, spec, (rows, layer_rows));
+        family.take_images(images);
+        Ok(family)
+    }
+
+    /// A family with a row for every point, without slots yet ([`Family::take_images`]).
+    pub(super) fn of_rows(
+        body: &Body,
+        spec: &FamilySpec,
+        (rows, layer_rows): (Rows, Rows),
+    ) -> Family {
+        let points = body.points.len();
+        Family {
             spec: spec.clone(),
             points,
-            bonds: rows.column.len() - ROW_LANES,
-            slots,
+            bonds: 0,
+            slots: 0,
             spans: vec![Span {
                 slot: 0,
                 point: 0,
                 len: points as u32,
             }],
-            ghosts: images.ghosts,
-            layers: images.layers,
+            ghosts: Vec::new(),
+            layers: Vec::new(),
             periodic: body.periodic,
             flat: body.dimension < 3,
-            places: std::array::from_fn(|a| images.position.iter().map(|x| x[a]).collect()),
+            places: Default::default(),
             grid: None,
             stencil: Vec::new(),
             runs: Vec::new(),
@@ -216,7 +219,19 @@ impl Family {
             rows,
             layer_rows,
             following: None,
-        })
+        }
+    }
+
+    /// Lets the columns of the rows be slots of these images.
+    pub(super) fn take_images(&mut self, images: Images) {
+        self.bonds = self.rows.column.len() - ROW_LANES;
+        self.slots = images.position.len();
+        let end_in_slots = |rows: &Rows| rows.column.iter().all(|c| (*c as usize) < self.slots);
+        // the sweep relies on it
+        assert!(end_in_slots(&self.rows) && end_in_slots(&self.layer_rows));
+        self.places = std::array::from_fn(|a| images.position.iter().map(|x| x[a]).collect());
+        self.ghosts = images.ghosts;
+        self.layers = images.layers;
     }
 }
 

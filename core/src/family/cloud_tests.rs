@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 
 use super::{
-    Bond, BondKernel, Correction, Cut, Family, FamilyError, FamilySpec, Horizon, LayerRule,
-    PartialVolume,
+    Bond, BondKernel, Correction, Cut, Family, FamilyError, FamilySpec, Horizon, Influence,
+    LayerRule, PartialVolume,
 };
 use crate::body::{Body, Face, Jitter, Zone};
 use crate::shape::{BoxShape, Shape};
@@ -370,4 +370,15 @@ fn horizons_that_reach_nobody_and_points_in_one_place_are_refused() {
             .to_string()
             .contains("two points lie at (0.5, 0.5, 0.5) m")
     );
+}
+
+#[test]
+fn the_gaussian_is_exact_to_rounding() {
+    for n in 0..=1000 {
+        let share = f64::from(n) / 1000.0;
+        let exact = (-4.0 * share * share).exp();
+        let error = (Influence::Gaussian.at(share) / exact - 1.0).abs();
+        // the sixteenth power of a sum that is exact to a unit or two
+        assert!(error < 32.0 * f64::EPSILON, "{share}: {error}");
+    }
 }

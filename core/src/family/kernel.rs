@@ -619,8 +619,8 @@ fn gather<const N: usize>(values: &[f64], columns: [u32; N]) -> [f64; N] {
     let mut gathered = [0.0; N];
     for lane in 0..N {
         debug_assert!((columns[lane] as usize) < values.len());
-        // SAFETY: columns are slots (asserted by `Family::on_cloud` and `Family::find_rows`), and places, volumes,
-        // spacings and inputs are as long as there are slots (asserted there and by those who sweep or weigh).
+        // SAFETY: columns are slots (asserted by `Family::take_images`), and places, volumes, spacings and inputs
+        // are as long as there are slots (so made there, asserted by those who sweep or weigh).
         gathered[lane] = unsafe { *values.get_unchecked(columns[lane] as usize) };
     }
     gathered

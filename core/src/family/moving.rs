@@ -9,11 +9,9 @@ use rayon::prelude::*;
 use crate::body::Body;
 use crate::cell_list::CellList;
 
-use super::blocks::Blocks;
-use super::build::chunks;
 use super::images::Images;
 use super::kernel::{ROW_LANES, Weighing};
-use super::{Family, FamilyError, FamilySpec, Rows, Span, TIE};
+use super::{Family, FamilyError, FamilySpec, Rows, TIE};
 
 /// Width of the skin, in spacings of the finest points.
 const SKIN: f64 = 0.5;
@@ -54,40 +52,17 @@ impl Family {
                 spacing: spacings[i],
             });
         }
-        let points = body.points.len();
-        let mut family = Family {
-            spec: spec.clone(),
-            points,
-            bonds: 0,
-            slots: points,
-            spans: vec![Span {
-                slot: 0,
-                point: 0,
-                len: points as u32,
-            }],
-            ghosts: Vec::new(),
-            layers: Vec::new(),
-            periodic: body.periodic,
-            places: Default::default(),
-            flat: body.dimension < 3,
-            grid: None,
-            stencil: Vec::new(),
-            runs: Vec::new(),
-            chunks: chunks(&[], 0, points),
-            blocks: Blocks::default(),
-            rows: Rows::default(),
-            layer_rows: Rows::joined(&[]),
-            following: Some(Box::new(Following {
-                body: body.clone(),
-                horizon,
-                skin: SKIN * body.finest_spacing(),
-                found_at: Vec::new(),
-                list: CellList::default(),
-                unit_moment: spec.moment(body, 1.0),
-                volume: Vec::new(),
-                spacing: Vec::new(),
-            })),
-        };
+        let mut family = Family::of_rows(body, spec, (Rows::default(), Rows::joined(&[])));
+        family.following = Some(Box::new(Following {
+            body: body.clone(),
+            horizon,
+            skin: SKIN * body.finest_spacing(),
+            found_at: Vec::new(),
+            list: CellList::default(),
+            unit_moment: spec.moment(body, 1.0),
+            volume: Vec::new(),
+            spacing: Vec::new(),
+        }));
         family.find_rows();
         family.weigh();
         Ok(family)
@@ -186,13 +161,7 @@ impl Family {
         column.extend([0; ROW_LANES]);
         weight.clear();
         weight.resize(column.len(), 0.0);
-        self.bonds = bonds;
-        self.slots = images.position.len();
-        // the sweep relies on it
-        assert!(self.rows.column.iter().all(|c| (*c as usize) < self.slots));
-        self.ghosts = images.ghosts;
-        self.layers = images.layers;
-        self.places = std::array::from_fn(|a| images.position.iter().map(|x| x[a]).collect());
+        self.take_images(images);
     }
 
     /// Moves the images with their points.

@@ -28,8 +28,8 @@ use perimelt_core::pddo::largest_wave_number;
 use perimelt_core::{Body, Bond, BondKernel, Family, PddoError};
 use rayon::prelude::*;
 
-use super::treatments::Treatments;
-use super::{Heating, Medium, Rates, SHARE, Terms, load, load_weighted};
+use super::treatments::CompleteFamily;
+use super::{Heating, Medium, Rates, SHARE, Stability, Terms, load, load_weighted};
 
 /// Least eigenvalue of `A / a`, that of a flat free surface: where a family has less, as at corners, the fluid is a
 /// little softer, which does no harm where nothing presses.
@@ -52,13 +52,10 @@ const fn components(dimension: usize) -> usize {
 pub(super) struct Conservative {
     dimension: usize,
     family: Family,
-    /// A point with a complete family, if there is one.
-    fullest: usize,
-    /// `a`, m.
-    complete: f64,
-    /// Crowding of a complete family, and what a point itself adds to it, 1/m.
+    complete: CompleteFamily,
+    /// Crowding of a complete family, 1/m.
     crowd: f64,
-    own_crowd: f64,
+    /// m.
     horizon: f64,
     /// Fields by slot; velocity as mirrored by walls.
     velocity: Vec<Vec<f64>>,
@@ -201,21 +198,18 @@ fn inverted<const D: usize>(sums: &[f64], complete: f64) -> (Matrix3<f64>, bool)
 }
 
 impl Conservative {
-    pub(super) fn new(family: Family, body: &Body, treatments: &Treatments) -> Self {
+    pub(super) fn new(family: Family, body: &Body, complete: CompleteFamily) -> Self {
         let dimension = body.dimension;
         let horizon = family.spec().horizon.of(body.finest_spacing());
-        let (fullest, own_crowd) = (treatments.fullest(), treatments.own_content());
-        let mut crowd = own_crowd;
-        family.for_each_bond(fullest, |_, bond, _| {
+        let mut crowd = complete.own_content;
+        family.for_each_bond(complete.point, |_, bond, _| {
             crowd += bond.weight * kernel_over_influence(bond.length / horizon);
         });
         Conservative {
             dimension,
             family,
-            fullest,
-            complete: treatments.complete(),
+            complete,
             crowd,
-            own_crowd,
             horizon,
             velocity: vec![Vec::new(); dimension],
             density: Vec::new(),
@@ -231,8 +225,17 @@ impl Conservative {
         }
     }
 
+    /// `2 / a`, 1/m.
+    fn laplacian(&self) -> f64 {
+        2.0 / self.complete.moment
+    }
+
     /// In `D` dimensions, with `I` inputs and `O` sums.
     fn survey<const D: usize, const I: usize, const O: usize>(&mut self, held: &[Vec<f64>]) {
+        let kernel = Survey::<D> {
+            laplacian: self.laplacian(),
+            horizon: self.horizon,
+        };
         let points = self.surveyed.len();
         self.sums.resize(points * O, 0.0);
         let inputs: [&[f64]; I] = std::array::from_fn(|i| match i {
@@ -242,20 +245,15 @@ impl Conservative {
             _ => &self.viscosity,
         });
         let (sums, _) = self.sums.as_chunks_mut::<O>();
-        let laplacian = 2.0 / self.complete;
-        let kernel = Survey::<D> {
-            laplacian,
-            horizon: self.horizon,
-        };
         self.family.sum(&kernel, inputs, sums);
 
-        let (complete, crowd, own_crowd) = (self.complete, self.crowd, self.own_crowd);
+        let (complete, crowd) = (self.complete, self.crowd);
         let found = self.surveyed.par_iter_mut().zip(&*sums);
         found.with_min_len(SHARE).for_each(|(found, sums)| {
             let (shape, rest) = sums.split_at(components(D));
             let (slopes, rest) = rest.split_at(D * D);
             let (force, rest) = rest.split_at(D);
-            let (inverse, is_complete) = inverted::<D>(shape, complete);
+            let (inverse, is_complete) = inverted::<D>(shape, complete.moment);
             for (kept, &(a, b)) in found.inverse.iter_mut().zip(&COMPONENTS[..components(D)]) {
                 *kept = inverse[(a, b)];
             }
@@ -272,7 +270,7 @@ impl Conservative {
                 found.lean[a] = rest[2 + a];
             }
             found.crowding = match is_complete {
-                true => (rest[2 + D] + own_crowd) / crowd - 1.0,
+                true => (rest[2 + D] + complete.own_content) / crowd - 1.0,
                 false => 0.0,
             };
         });
@@ -303,18 +301,23 @@ impl Rates for Conservative {
         self.family.look_from(positions);
     }
 
-    fn stability(&self) -> (f64, f64) {
-        let number = largest_wave_number(self.dimension, |receive| {
-            self.family.for_each_bond(self.fullest, |_, bond, _| {
-                receive(bond, bond.xi.map(|x| bond.weight * x / self.complete));
+    fn stability(&self) -> Stability {
+        let CompleteFamily {
+            point,
+            moment,
+            content,
+            ..
+        } = self.complete;
+        let wave_number = largest_wave_number(self.dimension, |receive| {
+            self.family.for_each_bond(point, |_, bond, _| {
+                receive(bond, bond.xi.map(|x| bond.weight * x / moment));
             });
         });
-        let mut sum = 0.0;
-        self.family.for_each_bond(self.fullest, |_, bond, _| {
-            sum += 2.0 / self.complete * bond.weight
-        });
-        // families that are cut off or crowded answer more strongly
-        (2.0 * number, sum)
+        Stability {
+            // families that are cut off or crowded answer more strongly
+            wave_number: 2.0 * wave_number,
+            laplacian: self.laplacian() * content,
+        }
     }
 
     fn see_temperature(&mut self, temperature: &[f64], rules: &[LayerRule], medium: &Medium) {
@@ -325,25 +328,27 @@ impl Rates for Conservative {
             rules,
             &mut self.temperature,
         );
-        let conductivity = (&medium.conductivity.value[..], 1);
-        load(&self.family, conductivity, 0, &[], &mut self.conductivity);
+        medium
+            .conductivity
+            .load(&self.family, &mut self.conductivity);
         self.conducted.resize(temperature.len(), [0.0]);
-        let laplacian = 2.0 / self.complete;
+        let laplacian = self.laplacian();
         let inputs = [&self.temperature[..], &self.conductivity];
         self.family
             .sum(&Conduction { laplacian }, inputs, &mut self.conducted);
     }
 
     fn see_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>) {
-        let medium = terms.medium;
         load_weighted(
             &self.family,
             density,
             &mut self.density,
             |axis, point, distance| terms.density_slope(point, axis) * distance,
         );
-        let viscosity = (&medium.viscosity.value[..], 1);
-        load(&self.family, viscosity, 0, &[], &mut self.viscosity);
+        terms
+            .medium
+            .viscosity
+            .load(&self.family, &mut self.viscosity);
         for (a, (mirrored, held)) in self.velocity.iter_mut().zip(velocity).enumerate() {
             mirrored.clone_from(held);
             self.family.fill_layers_turning(mirrored, |axis| axis == a);

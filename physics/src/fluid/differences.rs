@@ -7,7 +7,7 @@ use perimelt_core::pddo::second;
 use perimelt_core::{Derivatives, Family, Pddo, PddoError};
 use rayon::prelude::*;
 
-use super::{Coefficient, Heating, Medium, Rates, SHARE, Terms, load, load_weighted};
+use super::{Coefficient, Heating, Medium, Rates, SHARE, Stability, Terms, load, load_weighted};
 
 /// A field in slot space with its derivatives.
 #[derive(Debug, Default)]
@@ -24,13 +24,7 @@ impl Differentiated {
     /// Of a coefficient; nothing where it is uniform.
     fn differentiate_coefficient(&mut self, coefficient: &Coefficient, pddo: &Pddo) {
         if coefficient.varies {
-            load(
-                pddo.family(),
-                (&coefficient.value, 1),
-                0,
-                &[],
-                &mut self.slots,
-            );
+            coefficient.load(pddo.family(), &mut self.slots);
             self.differentiate(pddo);
         }
     }
@@ -149,9 +143,12 @@ impl Rates for Differences {
         self.pddo.look_from(positions);
     }
 
-    fn stability(&self) -> (f64, f64) {
+    fn stability(&self) -> Stability {
         // all families are complete
-        (self.pddo.largest_wave_number(0), self.pddo.laplacian_sum(0))
+        Stability {
+            wave_number: self.pddo.largest_wave_number(0),
+            laplacian: self.pddo.laplacian_sum(0),
+        }
     }
 
     fn see_temperature(&mut self, temperature: &[f64], rules: &[LayerRule], medium: &Medium) {

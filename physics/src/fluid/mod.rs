@@ -55,7 +55,7 @@ use serde::{Deserialize, Serialize};
 
 use conservative::Conservative;
 use differences::Differences;
-use treatments::Treatments;
+use treatments::{CompleteFamily, Treatments};
 
 /// Points that a thread takes at once.
 const SHARE: usize = 1024;
@@ -260,6 +260,8 @@ struct Run {
     velocity_layers: LayersHandle,
     medium: Medium,
     rates: Box<dyn Rates>,
+    /// Of the rates at the start: a restart must come to the same steps.
+    stability: Stability,
     treatments: Treatments,
     /// Components of the velocity by slot.
     slots: Vec<Vec<f64>>,
@@ -320,6 +322,13 @@ impl Coefficient {
         });
     }
 
+    /// Takes it to slots; where it does not vary only when their number changed.
+    fn load(&self, family: &Family, slots: &mut Vec<f64>) {
+        if self.varies || slots.len() != family.slots() {
+            load(family, (&self.value, 1), 0, &[], slots);
+        }
+    }
+
     /// Largest value that a material can have.
     fn largest(&self, material: u16) -> f64 {
         let property = self.properties.get(material as usize);
@@ -331,6 +340,11 @@ impl Medium {
     /// m/s.
     fn sound_speed(&self, point: usize) -> f64 {
         self.state.sound_speed(self.reference_density[point])
+    }
+
+    /// Length h of Gao (2020), chapter 6: 1.2 spacings, m.
+    fn smoothing_length(&self, point: usize) -> f64 {
+        1.2 * self.spacing[point]
     }
 
     /// Pressure of a point whose density went from `before` to `after` (kg/m³), Pa.
@@ -386,6 +400,15 @@ struct Heating<'a> {
     curves: &'a [EnthalpyCurve],
 }
 
+/// What the largest stable step depends on.
+#[derive(Clone, Copy, Debug)]
+struct Stability {
+    /// Largest wave number of the gradient, 1/m.
+    wave_number: f64,
+    /// Sum of the weights of the Laplacian, 1/m².
+    laplacian: f64,
+}
+
 /// Rates of the fields in one form of the equations: what they are is seen, then each is advanced by a time dt
 /// (s).
 trait Rates: std::fmt::Debug {
@@ -398,8 +421,8 @@ trait Rates: std::fmt::Debug {
     /// Looks for neighbours at these positions (m).
     fn look_from(&mut self, positions: &[Vector3<f64>]);
 
-    /// Largest wave number of the gradient (1/m), and sum of the weights of the Laplacian (1/m²).
-    fn stability(&self) -> (f64, f64);
+    /// Where they are stable.
+    fn stability(&self) -> Stability;
 
     /// Temperature, and coefficients that depend on it.
     fn see_temperature(&mut self, temperature: &[f64], rules: &[LayerRule], medium: &Medium);
@@ -640,11 +663,11 @@ impl Physics for Fluid {
             viscosity: Coefficient::new(viscosity, points),
             conductivity: Coefficient::new(conductivity, points),
         };
-        let treatments = Treatments::new(this, &family);
+        let treatments = Treatments::new(CompleteFamily::of(this, &family), this.dimension);
         let rates: Box<dyn Rates> = match self.form {
             Form::Conservative => {
                 let family = Arc::into_inner(family).expect("a moving family has one owner");
-                Box::new(Conservative::new(family, this, &treatments))
+                Box::new(Conservative::new(family, this, treatments.complete))
             }
             Form::Differences => {
                 let pddo = Pddo::build(this, family, 2);
@@ -674,6 +697,7 @@ impl Physics for Fluid {
             heat,
             velocity_layers,
             medium,
+            stability: rates.stability(),
             rates,
             treatments,
             slots,
@@ -737,7 +761,10 @@ impl Physics for Fluid {
             Some(heat) => heat.curves.iter().map(|c| c.minimum_capacity()).collect(),
             None => Vec::new(),
         };
-        let (wave_number, sum) = run.rates.stability();
+        let Stability {
+            wave_number,
+            laplacian,
+        } = run.stability;
         let limit = |(i, &m): (usize, &u16)| {
             let density = medium.reference_density[i];
             // an Eulerian fluid carries waves along
@@ -747,12 +774,12 @@ impl Physics for Fluid {
             };
             let frequency = wave_number * medium.sound_speed(i) * carried;
             let artificial =
-                self.artificial_viscosity * 1.2 * medium.spacing[i] * medium.sound_speed(i);
+                self.artificial_viscosity * medium.smoothing_length(i) * medium.sound_speed(i);
             let viscosity = medium.viscosity.largest(m) / density + artificial;
-            let rate = 2.0 * sum * viscosity;
+            let rate = 2.0 * laplacian * viscosity;
             let mechanical = 4.0 / (rate + (rate * rate + 4.0 * frequency * frequency).sqrt());
             let heat = match capacity.get(m as usize) {
-                Some(capacity) => capacity / (sum * medium.conductivity.largest(m)),
+                Some(capacity) => capacity / (laplacian * medium.conductivity.largest(m)),
                 None => f64::INFINITY,
             };
             mechanical.min(heat)
@@ -924,11 +951,7 @@ impl Run {
     ) -> Vector3<f64> {
         let velocity = world.read::<Vector3<f64>>(self.velocity.into());
         let density = world.read::<f64>(self.density.into());
-        let volume = &world.body(self.body).points.volume;
-        let mass = |i: usize| match &self.moving {
-            Some(moving) => moving.mass[i],
-            None => density[i] * volume[i],
-        };
+        let mass = mass_of(&self.moving, world.body(self.body), &density);
         velocity
             .iter()
             .enumerate()
@@ -1022,16 +1045,15 @@ impl Run {
             let fields = (&mut velocity[..], &density[..]);
             treatments.brake((rates.family(), medium), strength, slots, fields);
         }
-        let before = match fluid.scheme {
-            Scheme::Symplectic => 0.0,
-            Scheme::KickDriftKick => 0.5,
-            Scheme::Published => 1.0,
+        let (first_kick, last_kick) = match fluid.scheme {
+            Scheme::KickDriftKick => (0.5 * dt, 0.5 * dt),
+            Scheme::Symplectic | Scheme::Published => (0.0, dt),
         };
-        if before > 0.0 {
+        if fluid.scheme != Scheme::Symplectic {
             rates.see_pressure(&pressure, force);
         }
-        if fluid.scheme == Scheme::KickDriftKick {
-            rates.kick(&terms, 0.5 * dt, &mut velocity, &density);
+        if first_kick > 0.0 {
+            rates.kick(&terms, first_kick, &mut velocity, &density);
             see_velocity(rates, slots, &rules, (&velocity, &density), &terms);
         }
         rates.drift(&terms, dt, (&mut density, &mut pressure), &velocity);
@@ -1039,15 +1061,10 @@ impl Run {
             let fields = (&mut density[..], &mut pressure[..]);
             treatments.release((rates.family(), medium), fields);
         }
-        if before < 1.0 {
+        if fluid.scheme != Scheme::Published {
             rates.see_pressure(&pressure, force);
         }
-        let rest = if fluid.scheme == Scheme::KickDriftKick {
-            0.5 * dt
-        } else {
-            dt
-        };
-        rates.kick(&terms, rest, &mut velocity, &density);
+        rates.kick(&terms, last_kick, &mut velocity, &density);
         self.steps += 1;
         if fluid.smoothing > 0 && self.steps.is_multiple_of(u64::from(fluid.smoothing)) {
             let volume = match &self.moving {
@@ -1083,27 +1100,26 @@ impl Run {
                         &mut displacement,
                     );
                 }
-                let closed: Vec<Face> = rules.iter().map(|r| r.face).collect();
-                keep_inside(
-                    world.body(self.body),
-                    &closed,
-                    &mut displacement,
-                    &mut velocity,
-                );
+                let body = world.body(self.body);
+                keep_inside(body, &rules, &mut displacement, &mut velocity);
             }
         }
         if let (Some([_, given]), Some(force)) = (&mut self.momentum, force) {
-            let volume = &world.body(self.body).points.volume;
+            let mass = mass_of(&self.moving, world.body(self.body), &density);
             for (i, f) in force.iter().enumerate() {
-                let mass = match &self.moving {
-                    Some(moving) => moving.mass[i],
-                    None => density[i] * volume[i],
-                };
-                *given += dt * terms.share * mass / medium.reference_density[i] * f;
+                *given += dt * terms.share * mass(i) / medium.reference_density[i] * f;
             }
         }
         drop((velocity, density, pressure));
         self.follow(world)
+    }
+}
+
+/// Mass of a point, kg: its own, or that in its reference volume.
+fn mass_of(moving: &Option<Moving>, body: &Body, density: &[f64]) -> impl Fn(usize) -> f64 {
+    move |point| match moving {
+        Some(moving) => moving.mass[point],
+        None => density[point] * body.points.volume[point],
     }
 }
 
@@ -1122,14 +1138,15 @@ fn see_velocity(
     rates.see_velocity(slots, density, terms);
 }
 
-/// Puts points that left through closed faces back: at the other side where the body is periodic, else as reflected.
+/// Puts points that left through periodic faces or those with a rule back: at the other side, or as reflected.
 fn keep_inside(
     body: &Body,
-    closed: &[Face],
+    rules: &[LayerRule],
     displacement: &mut [Vector3<f64>],
     velocity: &mut [Vector3<f64>],
 ) {
-    let end = |face: Face| match body.periodic[face.axis()] || closed.contains(&face) {
+    let is_closed = |face: Face| body.periodic[face.axis()] || rules.iter().any(|r| r.face == face);
+    let end = |face: Face| match is_closed(face) {
         true => body.face_position(face),
         false if face.is_upper() => f64::INFINITY,
         false => f64::NEG_INFINITY,

@@ -5,7 +5,7 @@ use perimelt_core::body::{Body, Store};
 use perimelt_core::{Axis, Family, Horizon, Pddo, Simulation};
 
 use super::Fluid;
-use super::treatments::Treatments;
+use super::treatments::{CompleteFamily, Treatments};
 use crate::testing::{block, read, run, set, simulation, values};
 
 /// A square of 1 m, periodic along both axes, with `n` points along each.
@@ -418,7 +418,8 @@ fn smoothing_leaves_linear_fields_as_they_are() {
     );
     let spec = Pddo::spec(Horizon::Spacings(2.015));
     let family = Family::moving(&body, &spec).expect("valid");
-    let mut treatments = Treatments::new(&body, &family);
+    let complete = CompleteFamily::of(&body, &family);
+    let mut treatments = Treatments::new(complete, 3);
     let place = &body.points.position;
     let linear = |x: &Vector3<f64>| 1.0 + x.x - 2.0 * x.y + 0.5 * x.z;
     let mut velocity: Vec<_> = place
@@ -463,4 +464,24 @@ fn a_free_surface_needs_the_conservative_form() {
         let error = perimelt_core::Physics::prepare(&mut fluid, &mut setup).expect_err(keys);
         assert_eq!(error.key, key, "{error}");
     }
+}
+
+#[test]
+fn a_restart_comes_to_the_same_steps() {
+    let crowded = || {
+        let keys = "form = 'conservative'\nstate.tait.sound_speed = 10";
+        let body = periodic(16, "density = 2\nviscosity = 0.05");
+        let mut s = flow(body, keys, 0.4);
+        set(&mut s, "velocity", |[_, y, _]| {
+            [0.5 * (TAU * y).sin(), 0.0, 0.0]
+        });
+        s
+    };
+    let mut whole = crowded();
+    run(&mut whole);
+    let mut resumed = crowded();
+    resumed
+        .load(&whole.save().expect("it can be saved"))
+        .expect("its own");
+    assert_eq!(resumed.stable_steps(), whole.stable_steps());
 }

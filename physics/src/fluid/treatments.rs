@@ -18,20 +18,26 @@ const THIN: f64 = 0.55;
 /// Share below which points are not shifted: a surface is no void.
 const NEAR_SURFACE: f64 = 0.97;
 
-/// What a complete family has, and memory.
+/// A complete family, or the fullest one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CompleteFamily {
+    /// The point that has it.
+    pub point: usize,
+    /// `sum w |xi|^2 V / dimension`, m.
+    pub moment: f64,
+    /// `sum w V` of the neighbours, 1/m.
+    pub content: f64,
+    /// Weight of a point in its own family over its volume, 1/m⁴ (3D).
+    pub own_weight: f64,
+    /// Weight of a point in its own family, 1/m.
+    pub own_content: f64,
+}
+
+/// What the treatments need, and memory.
 #[derive(Debug)]
 pub(super) struct Treatments {
     dimension: usize,
-    /// `sum w |xi|^2 V / dimension`, m.
-    complete: f64,
-    /// `sum w V` of the neighbours, 1/m.
-    content: f64,
-    /// A point with a complete family, if there is one.
-    fullest: usize,
-    /// Weight of a point in its own family over its volume, 1/m⁴ (3D).
-    own_weight: f64,
-    /// Weight of a point in its own family, 1/m.
-    own_content: f64,
+    pub complete: CompleteFamily,
     sums: Vec<f64>,
     crowding: Vec<[f64; 6]>,
     smooth: Vec<Vector4<f64>>,
@@ -78,48 +84,41 @@ impl<const D: usize> BondKernel<D, D> for Approach {
     }
 }
 
-impl Treatments {
-    pub(super) fn new(body: &Body, family: &Family) -> Self {
-        let (mut complete, mut content, mut fullest) = (0.0_f64, 0.0_f64, 0);
-        for point in 0..body.points.len() {
-            let (mut square, mut sum) = (0.0, 0.0);
-            family.for_each_bond(point, |_, bond, _| {
-                square += bond.weight * bond.length * bond.length;
-                sum += bond.weight;
+impl CompleteFamily {
+    pub(super) fn of(body: &Body, family: &Family) -> Self {
+        let (mut square, mut content, mut point) = (0.0_f64, 0.0, 0);
+        for candidate in 0..body.points.len() {
+            let (mut own_square, mut own_content) = (0.0, 0.0);
+            family.for_each_bond(candidate, |_, bond, _| {
+                own_square += bond.weight * bond.length * bond.length;
+                own_content += bond.weight;
             });
             // rounding must not choose
-            if square > complete * (1.0 + 1e-9) {
-                (complete, content, fullest) = (square, sum, point);
+            if own_square > square * (1.0 + 1e-9) {
+                (square, content, point) = (own_square, own_content, candidate);
             }
         }
         let horizon = family.spec().horizon.of(body.finest_spacing());
         let own_weight = 1.0 / family.spec().moment(body, horizon);
-        Treatments {
-            dimension: body.dimension,
-            complete: complete / body.dimension as f64,
+        CompleteFamily {
+            point,
+            moment: square / body.dimension as f64,
             content,
-            fullest,
             own_weight,
             own_content: own_weight * body.points.volume[0],
+        }
+    }
+}
+
+impl Treatments {
+    pub(super) fn new(complete: CompleteFamily, dimension: usize) -> Self {
+        Treatments {
+            dimension,
+            complete,
             sums: Vec::new(),
             crowding: Vec::new(),
             smooth: Vec::new(),
         }
-    }
-
-    /// `sum w |xi|^2 V / dimension` of a complete family, m.
-    pub(super) fn complete(&self) -> f64 {
-        self.complete
-    }
-
-    /// Weight of a point in its own family, 1/m.
-    pub(super) fn own_content(&self) -> f64 {
-        self.own_content
-    }
-
-    /// A point with a complete family, if there is one.
-    pub(super) fn fullest(&self) -> usize {
-        self.fullest
     }
 
     /// Sums of a kernel over velocities by slot; `D` of them for each point.
@@ -135,8 +134,8 @@ impl Treatments {
         }
     }
 
-    /// Slows down points that approach each other, by `alpha h c` with h = 1.2
-    /// spacings; `strength` is `alpha dt` (Gao (2020), eq. 6.56; corrected, see spec 05, E26).
+    /// Slows down points that approach each other, by `alpha h c`; `strength` is `alpha dt`, s (Gao (2020),
+    /// eq. 6.56; corrected, see spec 05, E26).
     pub(super) fn brake(
         &mut self,
         (family, medium): (&Family, &Medium),
@@ -144,7 +143,7 @@ impl Treatments {
         slots: &[Vec<f64>],
         (velocity, density): (&mut [Vector3<f64>], &[f64]),
     ) {
-        let size = 1.2 * medium.spacing[0];
+        let size = medium.smoothing_length(0);
         let kernel = Approach {
             softening: (0.1 * size).powi(2),
         };
@@ -154,7 +153,7 @@ impl Treatments {
             .zip(self.sums.chunks_exact(self.dimension))
             .enumerate()
         {
-            let share = strength * size * medium.sound_speed(i) / self.complete
+            let share = strength * size * medium.sound_speed(i) / self.complete.moment
                 * medium.reference_density[i]
                 / density[i];
             (0..self.dimension).for_each(|a| v[a] += share * sum[a]);
@@ -171,7 +170,7 @@ impl Treatments {
         displacement: &mut [Vector3<f64>],
     ) {
         self.sum(family, &Difference, slots, displacement.len());
-        let share = share / (self.content + self.own_content);
+        let share = share / (self.complete.content + self.complete.own_content);
         let points = displacement
             .iter_mut()
             .zip(self.sums.chunks_exact(self.dimension));
@@ -197,7 +196,7 @@ impl Treatments {
         let square = velocity.iter().map(Vector3::norm_squared);
         let fastest = square.fold(0.0, f64::max).sqrt();
         self.look_around(family, velocity.len());
-        let least = NEAR_SURFACE * self.content;
+        let least = NEAR_SURFACE * self.complete.content;
         let points = displacement
             .par_iter_mut()
             .zip(&self.crowding)
@@ -222,7 +221,7 @@ impl Treatments {
         (density, pressure): (&mut [f64], &mut [f64]),
     ) {
         self.look_around(family, pressure.len());
-        let least = AT_SURFACE * self.content;
+        let least = AT_SURFACE * self.complete.content;
         for (i, [.., content]) in self.crowding.iter().enumerate() {
             if *content < least {
                 (density[i], pressure[i]) = (medium.reference_density[i], 0.0);
@@ -243,7 +242,7 @@ impl Treatments {
     ) {
         let dimension = self.dimension;
         let at = |point: usize| {
-            let own = self.own_weight * volume[point];
+            let own = self.complete.own_weight * volume[point];
             let mut moments = Matrix4::zeros();
             moments[(0, 0)] = own;
             // axes that are not there
@@ -255,7 +254,7 @@ impl Treatments {
                 }
             });
             let value = |p: usize| velocity[p].push(density[p]);
-            let is_thin = moments[(0, 0)] - own < THIN * self.content;
+            let is_thin = moments[(0, 0)] - own < THIN * self.complete.content;
             let share = moments.cholesky().filter(|_| !is_thin);
             let Some(share) = share.map(|c| c.solve(&Vector4::x())) else {
                 return value(point);
