@@ -55,9 +55,11 @@ impl BondKernel<1, 1> for Heat {
 }
 
 /// Bond force with finite stretch.
-struct Force;
+struct Force<const PAIRS: bool>;
 
-impl BondKernel<3, 3> for Force {
+impl<const PAIRS: bool> BondKernel<3, 3> for Force<PAIRS> {
+    const PAIRED: usize = if PAIRS { 3 } else { 0 };
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 3] {
         let y: [f64; 3] = std::array::from_fn(|a| bond.xi[a] + other[a] - own[a]);
@@ -104,12 +106,32 @@ fn heat_list(bencher: Bencher<'_, '_>, threads: usize) {
 
 #[divan::bench(args = [1, 2])]
 fn force_lattice(bencher: Bencher<'_, '_>, threads: usize) {
-    sweep(bencher, &Force, Points::Lattice(Store::Lattice), threads);
+    sweep(
+        bencher,
+        &Force::<true>,
+        Points::Lattice(Store::Lattice),
+        threads,
+    );
+}
+
+#[divan::bench(args = [1, 2])]
+fn force_lattice_from_both_ends(bencher: Bencher<'_, '_>, threads: usize) {
+    sweep(
+        bencher,
+        &Force::<false>,
+        Points::Lattice(Store::Lattice),
+        threads,
+    );
 }
 
 #[divan::bench(args = [1, 2])]
 fn force_list(bencher: Bencher<'_, '_>, threads: usize) {
-    sweep(bencher, &Force, Points::Lattice(Store::List), threads);
+    sweep(
+        bencher,
+        &Force::<true>,
+        Points::Lattice(Store::List),
+        threads,
+    );
 }
 
 #[divan::bench(args = [1, 2])]
@@ -119,5 +141,5 @@ fn heat_cloud(bencher: Bencher<'_, '_>, threads: usize) {
 
 #[divan::bench(args = [1, 2])]
 fn force_cloud(bencher: Bencher<'_, '_>, threads: usize) {
-    sweep(bencher, &Force, Points::Cloud, threads);
+    sweep(bencher, &Force::<true>, Points::Cloud, threads);
 }

@@ -28,7 +28,7 @@ pub(super) struct Head {
     pub(super) point: u32,
     pub(super) slot: u32,
     pub(super) len: u32,
-    pattern: u32,
+    pub(super) pattern: u32,
 }
 
 impl Blocks {
@@ -36,6 +36,13 @@ impl Blocks {
     #[inline(always)]
     pub(super) fn weights(&self, block: usize) -> &[Weights] {
         &self.weights[self.head[block].pattern as usize * self.stencil..][..self.stencil]
+    }
+
+    /// The pattern of these weights and duals in all lanes, if any block has it.
+    pub(super) fn pattern_of(&self, bonds: impl Iterator<Item = [f64; 2]>) -> Option<u32> {
+        let wanted: Vec<Weights> = bonds.map(|bond| bond.map(|w| [w; BLOCK])).collect();
+        let mut patterns = self.weights.chunks_exact(self.stencil);
+        patterns.position(|p| p == wanted).map(|p| p as u32)
     }
 
     /// Block and lane of a point.
@@ -78,6 +85,11 @@ impl Builder {
             open: vec![[[0.0; BLOCK]; 2]; stencil],
             known: HashMap::new(),
         }
+    }
+
+    /// Number of blocks.
+    pub(super) fn len(&self) -> usize {
+        self.blocks.head.len()
     }
 
     /// Adds a point with its bonds (number in the stencil, weight, dual), after those before it.

@@ -1,6 +1,7 @@
 //! Construction of a family: slots, mirrored layers, completeness, corrections, rows, chunks.
 
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 use nalgebra::Vector3;
 
@@ -277,6 +278,7 @@ impl Family {
             layer_rows,
             chunks,
             following: None,
+            pairs: OnceLock::new(),
         })
     }
 }

@@ -4,6 +4,8 @@
 //! (Wang (2025), eqs. 5.5, 5.12, 5.13; spec 01, 1.10; Khoshrou, eq. 82). The partial volume of a
 //! bond belongs to the owner of the horizon: its horizon and the spacing of the other end.
 
+use std::sync::OnceLock;
+
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -219,6 +221,7 @@ impl Family {
             rows,
             layer_rows,
             following: None,
+            pairs: OnceLock::new(),
         }
     }
 

@@ -13,6 +13,10 @@ use super::blocks::Weights;
 use super::broken::Bits;
 use super::{BrokenBonds, Chunk, Family, FamilySpec, Rows, StencilBond};
 
+mod pairs;
+
+pub(super) use pairs::Pairs;
+
 /// Points that advance together: two AVX-512 or four AVX2 registers.
 const LANES: usize = 16;
 
@@ -52,8 +56,20 @@ pub trait BondKernel<const I: usize, const O: usize>: Sync {
     /// Evaluated rarely: compiled once, without vectors.
     const RARE: bool = false;
 
+    /// How many of the sums, from the first, the bond adds to at both of its ends ([`BondKernel::ends`]). On a
+    /// lattice it is then visited from one end only, to which it adds the others. Without weight, and from inputs of
+    /// zero, it must add nothing to both.
+    const PAIRED: usize = 0;
+
     /// The contributions of one bond.
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O];
+
+    /// The contributions of one bond to its own and its other end, which are opposite unless said otherwise.
+    #[inline(always)]
+    fn ends(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [[f64; O]; 2] {
+        let part = self.bond(bond, own, other);
+        [part, std::array::from_fn(|o| -part[o])]
+    }
 }
 
 /// Output shared by the threads of a sweep; each point is written by exactly one of them.
@@ -95,9 +111,9 @@ impl Family {
     ///
     /// # Panics
     /// As [`Family::sum`], and when `broken` belongs to another family.
-    pub fn sum_unbroken<const I: usize, const O: usize>(
+    pub fn sum_unbroken<const I: usize, const O: usize, K: BondKernel<I, O>>(
         &self,
-        kernel: &impl BondKernel<I, O>,
+        kernel: &K,
         inputs: [&[f64]; I],
         broken: Option<&BrokenBonds>,
         sums: &mut [[f64; O]],
@@ -108,6 +124,11 @@ impl Family {
             first: sums.as_mut_ptr(),
             len: sums.len(),
         };
+        if const { K::PAIRED > 0 }
+            && let Some(pairs) = self.pairs.get_or_init(|| Pairs::new(self))
+        {
+            return self.sum_pairs((kernel, pairs), (&inputs, broken), &output);
+        }
         self.chunks
             .par_iter()
             .for_each(|chunk| self.sweep(kernel, (&inputs, broken), &output, chunk));

@@ -151,6 +151,11 @@ impl Grid {
         }
     }
 
+    /// Slots along each axis.
+    pub(super) fn cells(&self) -> [usize; 3] {
+        self.cells
+    }
+
     fn stride(&self, axis: usize) -> usize {
         self.cells[..axis].iter().product()
     }

@@ -39,12 +39,15 @@ pub use layer::{Continuation, Image, LayerRule, Traction};
 pub use operator::Operator;
 
 use std::ops::Range;
+use std::sync::OnceLock;
 
+use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::body::{Body, Face};
 use blocks::Blocks;
+use kernel::Pairs;
 use layer::Grid;
 
 /// Partial volume of members near the edge of the horizon (spec 02, 1.3; Wang (2025), eq. 4.2).
@@ -60,6 +63,9 @@ pub enum PartialVolume {
     /// Members with `|xi| < horizon + spacing / 2`; the volume falls linearly to zero.
     Full,
 }
+
+/// Slots that a thread fills at a time.
+const SLOTS: usize = 1 << 14;
 
 /// Ties such as |xi| = 3 dx belong to the family whatever the rounding, relative.
 const TIE: f64 = 1e-9;
@@ -316,6 +322,8 @@ pub struct Family {
     chunks: Vec<Chunk>,
     /// Of families that move only.
     following: Option<Box<moving::Following>>,
+    /// Made by the first kernel that asks for them.
+    pairs: OnceLock<Option<Pairs>>,
 }
 
 /// Consecutive points in consecutive slots.
@@ -405,23 +413,38 @@ impl Family {
             + size_of_val(&*self.ghosts)
             + size_of_val(&*self.spans)
             + self.places.iter().map(|x| size_of_val(&**x)).sum::<usize>()
+            + self
+                .pairs
+                .get()
+                .and_then(Option::as_ref)
+                .map_or(0, Pairs::memory)
     }
 
     /// Copies one component of a field (point-major, `components` per point) to the slots
     /// of its points.
     pub fn scatter(&self, field: &[f64], components: usize, component: usize, slots: &mut [f64]) {
-        for span in &self.spans {
-            let (first, len) = (span.point as usize, span.len as usize);
-            let target = &mut slots[span.slot as usize..][..len];
-            if components == 1 {
-                target.copy_from_slice(&field[first..][..len]);
-            } else {
-                let source = field[first * components + component..]
-                    .iter()
-                    .step_by(components);
-                target.iter_mut().zip(source).for_each(|(t, s)| *t = *s);
+        let parts = slots.par_chunks_mut(SLOTS).enumerate();
+        parts.for_each(|(number, part)| {
+            let (start, end) = (number * SLOTS, number * SLOTS + part.len());
+            let from = self
+                .spans
+                .partition_point(|s| (s.slot + s.len) as usize <= start);
+            let spans = self.spans[from..].iter();
+            for span in spans.take_while(|s| (s.slot as usize) < end) {
+                let (slot, point) = (span.slot as usize, span.point as usize);
+                let here = slot.max(start)..(slot + span.len as usize).min(end);
+                let first = point + here.start - slot;
+                let target = &mut part[here.start - start..here.end - start];
+                if components == 1 {
+                    target.copy_from_slice(&field[first..][..target.len()]);
+                } else {
+                    let source = field[first * components + component..]
+                        .iter()
+                        .step_by(components);
+                    target.iter_mut().zip(source).for_each(|(t, s)| *t = *s);
+                }
             }
-        }
+        });
     }
 }
 

@@ -9,6 +9,8 @@
 //!
 //! Limited by memory bandwidth from about 10^5 entries on.
 
+use rayon::prelude::*;
+
 /// Entries summed by one task without being split.
 pub const CHUNK: usize = 4096;
 
@@ -25,7 +27,7 @@ pub fn sum_of<const N: usize>(inputs: [&[f64]; N], f: impl Fn([f64; N]) -> f64 +
         inputs.iter().all(|input| input.len() == inputs[0].len()),
         "vectors of a sum must have equal lengths"
     );
-    tree(inputs, &f, &|a, b| a + b)
+    tree(inputs, &f)
 }
 
 /// `sum_i a_i`.
@@ -44,6 +46,32 @@ pub fn weighted_sum(values: &[f64], weights: &[f64]) -> f64 {
     dot(values, weights)
 }
 
+/// `sum_i w_i v_i` of vectors, three entries each, for instance the total of a force density over point volumes.
+/// Panics if there is not a weight for each.
+pub fn weighted_vectors(vectors: &[f64], weights: &[f64]) -> [f64; 3] {
+    let (vectors, _) = vectors.as_chunks::<3>();
+    assert_eq!(vectors.len(), weights.len(), "a weight for each vector");
+    vector_tree(vectors, weights)
+}
+
+fn vector_tree(vectors: &[[f64; 3]], weights: &[f64]) -> [f64; 3] {
+    let len = weights.len();
+    let mut sums = [0.0; 3];
+    if len <= CHUNK {
+        for (vector, weight) in vectors.iter().zip(weights) {
+            (0..3).for_each(|axis| sums[axis] += weight * vector[axis]);
+        }
+        return sums;
+    }
+    let middle = (len / 2).next_multiple_of(CHUNK);
+    let (vectors, weights) = (vectors.split_at(middle), weights.split_at(middle));
+    let (left, right) = rayon::join(
+        || vector_tree(vectors.0, weights.0),
+        || vector_tree(vectors.1, weights.1),
+    );
+    std::array::from_fn(|axis| left[axis] + right[axis])
+}
+
 /// Euclidean norm `sqrt(sum_i a_i^2)`.
 ///
 /// Entries are squared as they are: it overflows above 1e154 and loses digits below 1e-154.
@@ -53,7 +81,34 @@ pub fn norm(values: &[f64]) -> f64 {
 
 /// `max_i |a_i|`, 0 for an empty vector, not a number if an entry is not a number.
 pub fn max_abs(values: &[f64]) -> f64 {
-    tree([values], &|[value]| value.abs(), &larger)
+    let parts = values.par_chunks(CHUNK).with_min_len(PARALLEL / CHUNK);
+    parts.map(max_abs_of_chunk).reduce(|| 0.0, larger)
+}
+
+/// Comparisons that vectorise pass over what is not a number: it is looked for beside them.
+fn max_abs_of_chunk(values: &[f64]) -> f64 {
+    let mut lanes = [0.0; LANES];
+    let mut numbers = true;
+    let mut note = |lane: usize, value: f64| {
+        let size = value.abs();
+        lanes[lane] = if size > lanes[lane] {
+            size
+        } else {
+            lanes[lane]
+        };
+        numbers &= !size.is_nan();
+    };
+    let (eights, rest) = values.as_chunks::<LANES>();
+    for eight in eights {
+        (0..LANES).for_each(|lane| note(lane, eight[lane]));
+    }
+    rest.iter()
+        .enumerate()
+        .for_each(|(lane, value)| note(lane, *value));
+    match numbers {
+        true => lanes.into_iter().fold(0.0, larger),
+        false => f64::NAN,
+    }
 }
 
 /// The larger of two non-negative numbers; unlike `f64::max` it passes on what is not a number.
@@ -61,45 +116,37 @@ fn larger(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }
 
-fn tree<const N: usize>(
-    inputs: [&[f64]; N],
-    f: &(impl Fn([f64; N]) -> f64 + Sync),
-    join: &(impl Fn(f64, f64) -> f64 + Sync),
-) -> f64 {
+fn tree<const N: usize>(inputs: [&[f64]; N], f: &(impl Fn([f64; N]) -> f64 + Sync)) -> f64 {
     let len = inputs[0].len();
     if len <= CHUNK {
-        return chunk(inputs, f, join);
+        return chunk(inputs, f);
     }
     let middle = (len / 2).next_multiple_of(CHUNK);
     let left = inputs.map(|input| &input[..middle]);
     let right = inputs.map(|input| &input[middle..]);
     let (left, right) = if len < PARALLEL {
-        (tree(left, f, join), tree(right, f, join))
+        (tree(left, f), tree(right, f))
     } else {
-        rayon::join(|| tree(left, f, join), || tree(right, f, join))
+        rayon::join(|| tree(left, f), || tree(right, f))
     };
-    join(left, right)
+    left + right
 }
 
-fn chunk<const N: usize>(
-    inputs: [&[f64]; N],
-    f: &impl Fn([f64; N]) -> f64,
-    join: &impl Fn(f64, f64) -> f64,
-) -> f64 {
+fn chunk<const N: usize>(inputs: [&[f64]; N], f: &impl Fn([f64; N]) -> f64) -> f64 {
     let len = inputs[0].len();
     let blocks = inputs.map(|input| input[..len].as_chunks::<LANES>());
     let mut lanes = [0.0; LANES];
     for block in 0..len / LANES {
         let values = blocks.map(|(full, _)| full[block]);
         for (lane, partial) in lanes.iter_mut().enumerate() {
-            *partial = join(*partial, f(values.map(|value| value[lane])));
+            *partial += f(values.map(|value| value[lane]));
         }
     }
     for rest in 0..len % LANES {
-        lanes[rest] = join(lanes[rest], f(blocks.map(|(_, remainder)| remainder[rest])));
+        lanes[rest] += f(blocks.map(|(_, remainder)| remainder[rest]));
     }
     let [a, b, c, d, e, f, g, h] = lanes;
-    join(join(join(a, b), join(c, d)), join(join(e, f), join(g, h)))
+    ((a + b) + (c + d)) + ((e + f) + (g + h))
 }
 
 #[cfg(test)]

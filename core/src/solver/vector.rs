@@ -29,3 +29,28 @@ pub(crate) fn update<const N: usize>(
             .for_each(|(chunk, out)| piece(chunk * CHUNK, out));
     }
 }
+
+/// As [`update`], of two vectors of one length at once.
+pub(crate) fn update_both<const N: usize>(
+    [first, second]: [&mut [f64]; 2],
+    inputs: [&[f64]; N],
+    f: impl Fn([f64; 2], [f64; N]) -> [f64; 2] + Sync,
+) {
+    let piece = |start: usize, first: &mut [f64], second: &mut [f64]| {
+        let inputs = inputs.map(|input| &input[start..start + first.len()]);
+        for i in 0..first.len() {
+            let inputs = std::array::from_fn(|k| inputs[k][i]);
+            [first[i], second[i]] = f([first[i], second[i]], inputs);
+        }
+    };
+    if first.len() < PARALLEL {
+        piece(0, first, second);
+    } else {
+        let parts = first
+            .par_chunks_mut(CHUNK)
+            .zip(second.par_chunks_mut(CHUNK));
+        parts
+            .enumerate()
+            .for_each(|(chunk, (first, second))| piece(chunk * CHUNK, first, second));
+    }
+}

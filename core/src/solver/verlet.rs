@@ -5,7 +5,7 @@
 //! add up to zero.
 
 use super::error::{SolverError, positive, same_length};
-use super::vector::update;
+use super::vector::{update, update_both};
 use serde::{Deserialize, Serialize};
 
 /// The moving state, all vectors of one length: components of all points, in any order.
@@ -86,27 +86,31 @@ impl Verlet {
         }
         let loss = 0.25 * self.damping * dt;
         let (kept, gain) = ((1.0 - loss) / (1.0 + loss), 0.5 * dt / (1.0 + loss));
-        let kick = |velocity: &mut [f64], force: &[f64]| {
-            update(
-                velocity,
-                [force, inverse_mass],
-                |v, [force, inverse_mass]| {
-                    // held and driven components are not damped either
-                    if inverse_mass == 0.0 {
-                        v
-                    } else {
-                        kept * v + gain * force * inverse_mass
-                    }
-                },
-            );
+        let kicked = |v: f64, force: f64, inverse_mass: f64| {
+            // held and driven components are not damped either
+            if inverse_mass == 0.0 {
+                v
+            } else {
+                kept * v + gain * force * inverse_mass
+            }
         };
-        kick(velocity, &self.force);
-        update(displacement, [velocity], |u, [v]| u + dt * v);
+        update_both(
+            [velocity, displacement],
+            [&self.force, inverse_mass],
+            |[v, u], [force, inverse_mass]| {
+                let v = kicked(v, force, inverse_mass);
+                [v, u + dt * v]
+            },
+        );
         if let Err(error) = force(time + dt, displacement, &mut self.force) {
             self.forget_force();
             return Err(error);
         }
-        kick(velocity, &self.force);
+        update(
+            velocity,
+            [&self.force, inverse_mass],
+            |v, [force, inverse_mass]| kicked(v, force, inverse_mass),
+        );
         Ok(())
     }
 }

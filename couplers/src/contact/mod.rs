@@ -48,6 +48,9 @@ fn fifteen() -> f64 {
     15.0
 }
 
+/// Points that a thread takes at a time.
+const POINTS: usize = 4096;
+
 /// Distance at which unbonded points meet, in spacings.
 const REACH: f64 = 1.35;
 /// Distance at which bonded points meet, as a share of that at rest.
@@ -107,10 +110,9 @@ impl Motion {
         out: &mut [Vector3<f64>],
     ) {
         let (displacement, velocity) = (world.read(self.displacement), world.read(self.velocity));
-        let points = out.iter_mut().zip(reference).zip(&*displacement);
-        for (((y, x), u), v) in points.zip(&*velocity) {
-            *y = x + u + time * v;
-        }
+        let points = out.par_iter_mut().zip(reference).zip(&*displacement);
+        let points = points.zip(&*velocity).with_min_len(POINTS);
+        points.for_each(|(((y, x), u), v)| *y = x + u + time * v);
     }
 }
 
@@ -152,6 +154,8 @@ struct Candidates {
     made_for: Vec<Vector3<f64>>,
     start: Vec<u32>,
     other: Vec<u32>,
+    /// Square of the distance at which each is met, m².
+    square: Vec<f64>,
 }
 
 impl Prepared {
@@ -168,8 +172,8 @@ impl Prepared {
         let moved = |(i, (y, old)): (usize, (&Vector3<f64>, &Vector3<f64>))| {
             (y - old).norm_squared() > (0.5 * skin(i)).powi(2)
         };
-        let pairs = self.position.iter().zip(&list.made_for).enumerate();
-        if list.made_for.is_empty() || pairs.into_iter().any(moved) {
+        let pairs = self.position.par_iter().zip(&list.made_for).enumerate();
+        if list.made_for.is_empty() || pairs.with_min_len(POINTS).any(moved) {
             list.reach.clear();
             list.reach
                 .extend(self.spacing.iter().map(|s| (REACH + SKIN) * s));
@@ -178,6 +182,7 @@ impl Prepared {
             list.made_for.extend_from_slice(&self.position);
             list.start.clear();
             list.other.clear();
+            list.square.clear();
             list.start.push(0);
             for (i, y) in self.position.iter().enumerate() {
                 let own = list.other.len();
@@ -195,6 +200,9 @@ impl Prepared {
                 });
                 // in an order that does not depend on when the list was made
                 list.other[own..].sort_unstable();
+                let squares = list.other[own..].iter();
+                list.square
+                    .extend(squares.map(|&j| self.distance(i, j as usize).powi(2)));
                 list.start.push(list.other.len() as u32);
             }
         }
@@ -213,16 +221,18 @@ impl Prepared {
         self.update_candidates();
         let mut force = std::mem::take(&mut self.force);
         let list = &self.candidates;
-        force.par_iter_mut().enumerate().for_each(|(i, force)| {
+        let points = force.par_iter_mut().enumerate().with_min_len(POINTS / 4);
+        points.for_each(|(i, force)| {
             *force = Vector3::zeros();
-            for &j in &list.other[list.start[i] as usize..list.start[i + 1] as usize] {
+            let range = list.start[i] as usize..list.start[i + 1] as usize;
+            for (&j, &limit) in list.other[range.clone()].iter().zip(&list.square[range]) {
                 let j = j as usize;
                 let apart = self.position[i] - self.position[j];
-                let (square, distance) = (apart.norm_squared(), self.distance(i, j));
-                if square < distance * distance && square > 0.0 {
+                let square = apart.norm_squared();
+                if square < limit && square > 0.0 {
                     let apart_by = square.sqrt();
                     let stiffness = 0.5 * (self.stiffness[i] + self.stiffness[j]);
-                    let size = stiffness * (distance - apart_by) * self.volume[j];
+                    let size = stiffness * (limit.sqrt() - apart_by) * self.volume[j];
                     *force += apart * (size / apart_by);
                 }
             }
@@ -295,10 +305,8 @@ impl Coupler for Contact {
         for side in &p.sides {
             let mut body_force = world.write(side.body_force);
             let (own, others) = rest.split_at(body_force.len());
-            body_force
-                .iter_mut()
-                .zip(own)
-                .for_each(|(sum, f)| *sum += f);
+            let points = body_force.par_iter_mut().zip(own).with_min_len(POINTS);
+            points.for_each(|(sum, f)| *sum += f);
             rest = others;
         }
         Ok(())

@@ -49,6 +49,8 @@ impl BondKernel<3, 1> for SquaredExtension {
 struct Force;
 
 impl<const D: usize> BondKernel<INPUTS, D> for Force {
+    const PAIRED: usize = D;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
         let sum = |i: usize| bond.weight * own[i] + bond.dual * other[i];

@@ -152,11 +152,10 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<Work, S
     let body_force: &[f64] = body_force
         .as_deref()
         .map_or(&[], |b| bytemuck::cast_slice(b));
-    let constraint = world.read(run.constraint);
+    let constraint = &run.constraints(world)[..];
     let rules = world.layer_rules(run.layers);
     let mut displacement = world.write(run.displacement);
     let state: &mut [f64] = bytemuck::cast_slice_mut(&mut displacement);
-    let constraint: &[f64] = bytemuck::cast_slice(&constraint);
     let body = world.body(run.body);
     let mut residual = Residual {
         solid: &mut *run.solid,
@@ -339,8 +338,7 @@ pub(super) fn relax(run: &mut Run, world: &World) -> Result<Work, SolverError> {
     let body_force: &[f64] = body_force
         .as_deref()
         .map_or(&[], |b| bytemuck::cast_slice(b));
-    let constraint = world.read(run.constraint);
-    let constraint: &[f64] = bytemuck::cast_slice(&constraint);
+    let constraint = &run.constraints(world)[..];
     let rules = world.layer_rules(run.layers);
     let mut displacement = world.write(run.displacement);
     let dimension = world.body(run.body).dimension;

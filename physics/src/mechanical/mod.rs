@@ -191,13 +191,13 @@ struct Run {
     plastic: Option<PlasticFields>,
     /// Where bonds break.
     damage: Option<Write<f64>>,
-    eigenstrain: Read<f64>,
+    eigenstrain: Option<Read<f64>>,
     body_force: Option<Read<Vector3<f64>>>,
-    constraint: Read<Vector3<f64>>,
-    held: Read<Vector3<f64>>,
+    hold: Option<Hold>,
     temperature: ReadIfProvided<f64>,
     /// kg/m³, by point.
     density: Vec<f64>,
+    /// m³/kg, by component; zero where it is held.
     free_inverse_density: Vec<f64>,
     /// Volume over mean volume of each component, where points differ; else empty.
     relative_volume: Vec<f64>,
@@ -213,6 +213,13 @@ struct Run {
     /// By section, N.
     section_forces: Vec<[f64; 3]>,
     state: State,
+}
+
+/// Boundaries that hold points, where there are any.
+#[derive(Clone, Copy, Debug)]
+struct Hold {
+    constraint: Read<Vector3<f64>>,
+    held: Read<Vector3<f64>>,
 }
 
 #[derive(Debug)]
@@ -240,11 +247,17 @@ impl Run {
         let body = world.body(self.body);
         let temperature = world.read_if_provided(self.temperature);
         self.solid.set_moduli(body, temperature.as_deref());
-        let eigenstrain = world.read(self.eigenstrain);
-        self.solid.set_eigenstrain(&eigenstrain);
-        self.eigenstrain_size = max_abs(&eigenstrain);
+        self.eigenstrain_size = 0.0;
+        if let Some(eigenstrain) = self.eigenstrain {
+            let eigenstrain = world.read(eigenstrain);
+            self.solid.set_eigenstrain(&eigenstrain);
+            self.eigenstrain_size = max_abs(&eigenstrain);
+        }
         self.load_plasticity(world, temperature.as_deref());
-        let (constraint, held) = (world.read(self.constraint), world.read(self.held));
+        let Some(Hold { constraint, held }) = self.hold else {
+            return;
+        };
+        let (constraint, held) = (world.read(constraint), world.read(held));
         let mut displacement = world.write(self.displacement);
         let points = displacement.par_iter_mut().zip(&*constraint).zip(&*held);
         points.with_min_len(4096).for_each(|((u, c), h)| {
@@ -254,6 +267,14 @@ impl Run {
                 }
             }
         });
+    }
+
+    /// Number of boundaries that hold each component of the displacement.
+    fn constraints(&self, world: &World) -> Vec<f64> {
+        match self.hold {
+            Some(hold) => bytemuck::cast_slice(&world.read(hold.constraint)).to_vec(),
+            None => vec![0.0; self.work.len()],
+        }
     }
 
     fn load_displacement(&mut self, world: &World) {
@@ -327,7 +348,9 @@ impl Run {
     }
 
     fn provide_stress(&mut self, world: &World) {
-        self.solid.set_eigenstrain(&world.read(self.eigenstrain));
+        if let Some(eigenstrain) = self.eigenstrain {
+            self.solid.set_eigenstrain(&world.read(eigenstrain));
+        }
         self.load_displacement(world);
         let stress = self.solid.stress();
         for (sigma, components) in world.write(self.stress).iter_mut().zip(stress) {
@@ -457,6 +480,14 @@ impl Physics for Mechanical {
             linear: !(finite || plastic),
             ..NewtonOptions::default()
         };
+        let constraint = setup.consume_if_added(body, &keys::CONSTRAINT)?;
+        let hold = match constraint {
+            Some(constraint) => Some(Hold {
+                constraint,
+                held: setup.consume(body, &keys::HELD_DISPLACEMENT)?,
+            }),
+            None => None,
+        };
         self.run = Some(Run {
             body,
             layers,
@@ -481,14 +512,13 @@ impl Physics for Mechanical {
             },
             eigenstress_wanted: setup.is_read(body, &keys::EIGENSTRESS),
             eigenstress: setup.own(body, &keys::EIGENSTRESS)?,
-            eigenstrain: setup.consume(body, &keys::EIGENSTRAIN)?,
+            eigenstrain: setup.consume_if_added(body, &keys::EIGENSTRAIN)?,
             body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
-            constraint: setup.consume(body, &keys::CONSTRAINT)?,
-            held: setup.consume(body, &keys::HELD_DISPLACEMENT)?,
+            hold,
             temperature: setup.read_if_provided(body, &keys::TEMPERATURE)?,
             solid,
+            free_inverse_density: density.iter().flat_map(|rho| [1.0 / rho; 3]).collect(),
             density,
-            free_inverse_density: vec![0.0; 3 * points],
             relative_volume,
             work: vec![0.0; 3 * points],
             newton: Newton::new(newton),

@@ -1,6 +1,7 @@
 //! Motion by velocity Verlet.
 
 use nalgebra::Vector3;
+use perimelt_core::solver::reduce::weighted_vectors;
 use perimelt_core::solver::{Motion, SolverError};
 use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
@@ -14,8 +15,6 @@ impl Run {
         let body_force: &[f64] = body_force
             .as_deref()
             .map_or(&[], |b| bytemuck::cast_slice(b));
-        let constraint = world.read(self.constraint);
-        let constraint: &[f64] = bytemuck::cast_slice(&constraint);
         let mut displacement = world.write(self.displacement);
         let mut velocity = world.write(self.velocity.expect("owned by the explicit solver"));
         let (rules, volume) = (
@@ -24,7 +23,9 @@ impl Run {
         );
 
         let velocity: &mut [f64] = bytemuck::cast_slice_mut(&mut velocity);
-        if !step.repeated {
+        if let Some(hold) = self.hold.filter(|_| !step.repeated) {
+            let constraint = world.read(hold.constraint);
+            let constraint: &[f64] = bytemuck::cast_slice(&constraint);
             let inverses = self.free_inverse_density.par_chunks_mut(3);
             let points = inverses.zip(velocity.par_chunks_mut(3)).zip(&self.density);
             let points = points.zip(constraint.par_chunks(3)).with_min_len(4096);
@@ -36,11 +37,10 @@ impl Run {
                 }
             });
         }
-        let impulse = body_force.chunks_exact(3).zip(volume);
-        for (b, volume) in impulse {
-            for (impulse, b) in self.state.impulse.iter_mut().zip(b) {
-                *impulse += b * volume * step.size;
-            }
+        if !body_force.is_empty() {
+            let total = weighted_vectors(body_force, volume);
+            let impulse = self.state.impulse.iter_mut().zip(total);
+            impulse.for_each(|(impulse, force)| *impulse += force * step.size);
         }
         let solid = &mut self.solid;
         let motion = Motion {
@@ -53,7 +53,8 @@ impl Run {
             .step(step.start, step.size, motion, |_, u, force| {
                 solid.set_displacement(u, &rules);
                 solid.force(force);
-                force.iter_mut().zip(body_force).for_each(|(f, b)| *f += b);
+                let forces = force.par_iter_mut().zip(body_force);
+                forces.with_min_len(4096).for_each(|(f, b)| *f += b);
                 Ok(())
             })?;
         Ok(Work::of_stages(1))

@@ -175,7 +175,7 @@ impl<const D: usize> Stretched<D> {
     #[inline(always)]
     fn vector(&self, size: f64) -> [f64; D] {
         let size = size * self.by_length;
-        self.along.map(|y| size * y)
+        std::array::from_fn(|a| size * self.along[a])
     }
 }
 
@@ -195,6 +195,8 @@ fn dyad(factor: f64, &[x, y, z]: &[f64; 3]) -> [f64; 6] {
 impl<const FINITE: bool, const DILATATION: bool, const D: usize> BondKernel<INPUTS, D>
     for Force<FINITE, DILATATION>
 {
+    const PAIRED: usize = if FINITE { D } else { 0 };
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
         let ends = (&own, &other);
@@ -229,6 +231,8 @@ fn pull_and_limit(
 impl<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: bool>
     BondKernel<INPUTS, 4> for Breaking<D, FINITE, DILATATION, ENERGY>
 {
+    const PAIRED: usize = if FINITE { D } else { 0 };
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 4] {
         let ends = (&own, &other);
@@ -274,10 +278,21 @@ impl<const DILATATION: bool, const D: usize> BondKernel<INPUTS, D> for Stiffness
 }
 
 impl<const FINITE: bool> BondKernel<3, 3> for Expansion<FINITE> {
+    const PAIRED: usize = if FINITE { 3 } else { 0 };
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 3] {
-        let change = stretched::<FINITE, 3, _>(bond, (&own, &other));
-        change.parts().map(|part| bond.weight * part)
+        let [here, _] = self.ends(bond, own, other);
+        here
+    }
+
+    #[inline(always)]
+    fn ends(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [[f64; 3]; 2] {
+        let parts = stretched::<FINITE, 3, _>(bond, (&own, &other)).parts();
+        [
+            std::array::from_fn(|a| bond.weight * parts[a]),
+            std::array::from_fn(|a| bond.dual * parts[a]),
+        ]
     }
 }
 
@@ -349,18 +364,29 @@ where
     K: BondKernel<INPUTS, O>,
 {
     const RARE: bool = K::RARE;
+    const PAIRED: usize = K::PAIRED;
 
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
-        let Uniform(kernel, point) = self;
-        let end =
-            |first: [f64; I]| std::array::from_fn(|i| if i < I { first[i] } else { point[i] });
-        kernel.bond(bond, end(own), end(other))
+        self.0.bond(bond, self.all(own), self.all(other))
+    }
+
+    #[inline(always)]
+    fn ends(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [[f64; O]; 2] {
+        self.0.ends(bond, self.all(own), self.all(other))
+    }
+}
+
+impl<K> Uniform<'_, K> {
+    #[inline(always)]
+    fn all<const I: usize>(&self, first: [f64; I]) -> [f64; INPUTS] {
+        std::array::from_fn(|i| if i < I { first[i] } else { self.1[i] })
     }
 }
 
 impl<K: BondKernel<INPUTS, O>, const O: usize> BondKernel<PLASTIC_INPUTS, O> for Plastic<K> {
     const RARE: bool = K::RARE;
+    const PAIRED: usize = K::PAIRED;
 
     #[inline(always)]
     fn bond(
@@ -369,15 +395,32 @@ impl<K: BondKernel<INPUTS, O>, const O: usize> BondKernel<PLASTIC_INPUTS, O> for
         own: [f64; PLASTIC_INPUTS],
         other: [f64; PLASTIC_INPUTS],
     ) -> [f64; O] {
-        let [x, y, z] = bond.xi.map(|xi| xi / bond.length);
-        let along = [x * x, y * y, z * z, 2.0 * x * y, 2.0 * y * z, 2.0 * z * x];
-        let end = |inputs: [f64; PLASTIC_INPUTS]| -> [f64; INPUTS] {
-            let mut end = std::array::from_fn(|i| inputs[i]);
-            for (n, e) in along.iter().zip(&inputs[INPUTS..]) {
-                end[EIGENSTRAIN] += n * e;
-            }
-            end
-        };
-        self.0.bond(bond, end(own), end(other))
+        let [own, other] = strained(bond, [own, other]);
+        self.0.bond(bond, own, other)
     }
+
+    #[inline(always)]
+    fn ends(
+        &self,
+        bond: &Bond,
+        own: [f64; PLASTIC_INPUTS],
+        other: [f64; PLASTIC_INPUTS],
+    ) -> [[f64; O]; 2] {
+        let [own, other] = strained(bond, [own, other]);
+        self.0.ends(bond, own, other)
+    }
+}
+
+/// Inputs of both ends, with their plastic strain along the bond in the eigenstrain.
+#[inline(always)]
+fn strained(bond: &Bond, ends: [[f64; PLASTIC_INPUTS]; 2]) -> [[f64; INPUTS]; 2] {
+    let [x, y, z] = bond.xi.map(|xi| xi / bond.length);
+    let along = [x * x, y * y, z * z, 2.0 * x * y, 2.0 * y * z, 2.0 * z * x];
+    ends.map(|inputs| {
+        let mut end = std::array::from_fn(|i| inputs[i]);
+        for (n, e) in along.iter().zip(&inputs[INPUTS..]) {
+            end[EIGENSTRAIN] += n * e;
+        }
+        end
+    })
 }

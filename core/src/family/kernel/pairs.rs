@@ -1,0 +1,536 @@
+//! Every bond visited once: the sweep of lattices by kernels that give both ends of a bond their part.
+//!
+//! A bond under finite displacements costs a square root and a division, so it is evaluated once, from the end
+//! in the lower slot: *ahead*. Eight points advance together, with their own sums in registers and those of
+//! the other ends in memory. They are gathered in boxes of rows; boxes of one colour write to rows of their own,
+//! so all of them may run at once. Boxes and colours know nothing of threads: neither do the bits.
+//!
+//! Layer points do not look ahead: bonds with those *behind* a point are evaluated from the point.
+
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
+
+use rayon::prelude::*;
+
+use super::{Bits, Bond, BondKernel, Inputs, Output, bits, lanes};
+use crate::family::blocks::{BLOCK, Blocks, Builder, Head, Weights};
+use crate::family::{BrokenBonds, Family, StencilBond};
+
+/// Blocks of layer bonds, and points, that a thread takes at a time.
+const CHUNK: usize = 64;
+
+/// Rows of a box, side by side: more of them read less twice, fewer keep more threads busy.
+const ROWS: usize = 16;
+
+/// The bonds of a lattice, each once.
+#[derive(Debug)]
+pub(in crate::family) struct Pairs {
+    ahead: Half,
+    /// The weights of blocks whose bonds are those of the stencil.
+    complete: Option<u32>,
+    /// Of points and layer points.
+    behind: Half,
+    /// Blocks of `ahead` by colour and box.
+    colours: Vec<Vec<Range<usize>>>,
+    /// By slot.
+    holds_point: Vec<bool>,
+    /// Sums by slot, in planes.
+    work: Mutex<Vec<f64>>,
+}
+
+/// Bonds to one side of their points.
+#[derive(Debug)]
+struct Half {
+    stencil: Vec<StencilBond>,
+    blocks: Blocks,
+}
+
+/// Sums by slot, shared by the threads of a sweep.
+struct Planes {
+    first: *mut f64,
+    slots: usize,
+}
+
+// SAFETY: threads that run at the same time write to different slots: boxes of one colour to rows of their own (checked
+// by `colours`), blocks of `behind` to their own points; nobody reads before they have joined.
+unsafe impl Sync for Planes {}
+
+impl Planes {
+    #[inline(always)]
+    fn add<const N: usize>(&self, plane: usize, slot: usize, parts: [f64; N]) {
+        assert!(slot + N <= self.slots, "within the plane");
+        // SAFETY: `Family::sum_pairs` made a plane for each sum; no other thread writes there, see above.
+        let sums =
+            unsafe { std::slice::from_raw_parts_mut(self.first.add(plane * self.slots + slot), N) };
+        for lane in 0..N {
+            sums[lane] += parts[lane];
+        }
+    }
+}
+
+impl Pairs {
+    /// The pairs of a family; none of a cloud, of rows, and on a line, whose points are few.
+    pub fn new(family: &Family) -> Option<Pairs> {
+        let cells = family.grid.as_ref()?.cells();
+        let half = family.stencil.len() / 2;
+        let (behind, ahead) = family.stencil.split_at(half);
+        let is_plane = cells[2] == 1;
+        if !family.rows.point.is_empty() || cells[0] < BLOCK || (is_plane && cells[1] == 1) {
+            return None;
+        }
+        let row_of = |slot: usize| (slot / cells[0] % cells[1], slot / cells[0] / cells[1]);
+        // how many rows and planes of rows the other ends of bonds are away, at most
+        let far = ahead[ahead.len() - 1].offset as usize;
+        let reach = match is_plane {
+            true => (far + cells[0] / 2) / cells[0],
+            false => (far / cells[0] + cells[1] / 2) / cells[1],
+        };
+        // rows that a bond reaches, and the one after, into which a block may run
+        let box_of = |slot: usize| match (is_plane, row_of(slot)) {
+            (true, (y, _)) => [y / (reach + 1), 0],
+            (false, (y, z)) => [y / ROWS.max(2 * reach + 1), z / (reach + 1)],
+        };
+        let mut points: Vec<(usize, [usize; 2], u32, u32)> = Vec::with_capacity(family.points);
+        let mut holds_point = vec![false; family.slots];
+        for span in &family.spans {
+            for (slot, point) in (span.slot..).zip(span.point..span.point + span.len) {
+                let place = box_of(slot as usize);
+                let colour = place[0] % 2 + 2 * (place[1] % 2);
+                points.push((colour, place, slot, point));
+                holds_point[slot as usize] = true;
+            }
+        }
+        points.sort_unstable();
+        // neighbours in a row come far apart: a sum just written cannot be read again at once
+        let mut order: Vec<usize> = (0..half).collect();
+        order.sort_by(|&a, &b| ahead[a].bond.xi[0].total_cmp(&ahead[b].bond.xi[0]));
+        let mut rank = vec![0; half];
+        order
+            .iter()
+            .enumerate()
+            .for_each(|(at, &bond)| rank[bond] = at);
+
+        let mut blocks = [Builder::new(half), Builder::new(half)];
+        let mut colours: Vec<Vec<Range<usize>>> = vec![Vec::new(); 4];
+        for of_box in points.chunk_by(|a, b| a.1 == b.1) {
+            let first = blocks[1].len();
+            for &(_, _, slot, point) in of_box {
+                let mut bonds = [Vec::new(), Vec::new()];
+                family.for_each_bond(point as usize, |number, bond, other| {
+                    let side = usize::from(number >= half);
+                    let weights = [bond.weight, bond.dual];
+                    if side == 1 {
+                        bonds[1].push((rank[number - half], weights));
+                    } else if !holds_point[other] {
+                        bonds[0].push((number, weights));
+                    }
+                });
+                let [back, forth] = bonds;
+                if !back.is_empty() {
+                    blocks[0].push((point, slot), back.into_iter());
+                }
+                blocks[1].push((point, slot), forth.into_iter());
+            }
+            colours[of_box[0].0].push(first..blocks[1].len());
+        }
+        let [back, forth] = blocks.map(Builder::finish);
+        let ahead: Vec<StencilBond> = order.iter().map(|&bond| ahead[bond]).collect();
+        let pairs = Pairs {
+            complete: forth.pattern_of(ahead.iter().map(|b| [b.bond.weight, b.bond.dual])),
+            ahead: Half {
+                stencil: ahead,
+                blocks: forth,
+            },
+            behind: Half {
+                stencil: behind.to_vec(),
+                blocks: back,
+            },
+            colours,
+            holds_point,
+            work: Mutex::default(),
+        };
+        pairs.check(cells[0]);
+        Some(pairs)
+    }
+
+    /// Boxes of one colour write to different rows.
+    fn check(&self, row: usize) {
+        let rows = self.holds_point.len().div_ceil(row);
+        for boxes in &self.colours {
+            let mut writer = vec![None; rows];
+            for (number, blocks) in boxes.iter().enumerate() {
+                for head in &self.ahead.blocks.head[blocks.clone()] {
+                    let ends = self.ahead.stencil.iter().map(|bond| bond.offset as usize);
+                    for first in ends.chain([0]).map(|offset| head.slot as usize + offset) {
+                        for row in first / row..=(first + BLOCK - 1) / row {
+                            let writer = writer[row].get_or_insert(number);
+                            assert_eq!(*writer, number, "rows of boxes of one colour");
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    pub fn memory(&self) -> usize {
+        self.ahead.blocks.memory() + self.behind.blocks.memory() + self.holds_point.len()
+    }
+}
+
+impl Family {
+    /// [`Family::sum_unbroken`], every bond visited once.
+    pub(super) fn sum_pairs<const I: usize, const O: usize, K: BondKernel<I, O>>(
+        &self,
+        (kernel, pairs): (&K, &Pairs),
+        inputs: Inputs<'_, I>,
+        output: &Output<O>,
+    ) {
+        let lock = || pairs.work.lock().unwrap_or_else(PoisonError::into_inner);
+        // a second sweep at the same time finds none, and takes its own
+        let mut work = std::mem::take(&mut *lock());
+        work.resize(O * self.slots, 0.0);
+        work.par_chunks_mut(1 << 14).for_each(|part| part.fill(0.0));
+        let planes = Planes {
+            first: work.as_mut_ptr(),
+            slots: self.slots,
+        };
+        for boxes in &pairs.colours {
+            boxes.par_iter().for_each(|blocks| {
+                self.sweep_box(kernel, pairs, inputs, (&planes, blocks.clone()))
+            });
+        }
+        let layers = pairs.behind.blocks.head.par_iter().enumerate();
+        layers.with_min_len(CHUNK).for_each(|(block, _)| {
+            self.add_layers((kernel, pairs), inputs, (&planes, block));
+        });
+        let heads = pairs.ahead.blocks.head.par_iter().with_min_len(CHUNK);
+        heads.for_each(|head| {
+            for lane in 0..head.len as usize {
+                let slot = head.slot as usize + lane;
+                let sum = std::array::from_fn(|o| work[o * self.slots + slot]);
+                output.set(head.point as usize + lane, sum);
+            }
+        });
+        *lock() = work;
+    }
+
+    fn sweep_box<const I: usize, const O: usize, K: BondKernel<I, O>>(
+        &self,
+        kernel: &K,
+        pairs: &Pairs,
+        inputs: Inputs<'_, I>,
+        target: (&Planes, Range<usize>),
+    ) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
+                // SAFETY: the instruction set was detected.
+                return unsafe { sweep_box_avx512(self, (kernel, pairs), inputs, target) };
+            }
+            if is_x86_feature_detected!("avx2") {
+                // SAFETY: the instruction set was detected.
+                return unsafe { sweep_box_avx2(self, (kernel, pairs), inputs, target) };
+            }
+        }
+        sweep_box(self, (kernel, pairs), inputs, target);
+    }
+
+    /// Adds what the bonds ahead of a point give both of their ends, bond by bond: for points beside cracks.
+    #[inline(never)]
+    fn add_unbroken<const I: usize, const O: usize, K: BondKernel<I, O>>(
+        &self,
+        (kernel, pairs): (&K, &Pairs),
+        inputs: &[&[f64]; I],
+        (point, broken): (usize, &BrokenBonds),
+        planes: &Planes,
+    ) {
+        let half = pairs.ahead.stencil.len();
+        let (slot, broken) = (self.slot_of(point), broken.bits(point));
+        let own = std::array::from_fn(|i| inputs[i][slot]);
+        self.for_each_bond(point, |number, bond, at| {
+            if number < half || broken.is_broken(number) {
+                return;
+            }
+            let [here, there] = kernel.ends(bond, own, inputs.map(|i| i[at]));
+            (0..O).for_each(|o| planes.add(o, slot, [here[o]]));
+            (0..K::PAIRED).for_each(|o| planes.add(o, at, [there[o]]));
+        });
+    }
+
+    /// Adds what bonds with layer points behind them give the points of a block.
+    #[inline(always)]
+    fn add_layers<const I: usize, const O: usize, K: BondKernel<I, O>>(
+        &self,
+        (kernel, pairs): (&K, &Pairs),
+        (inputs, broken): Inputs<'_, I>,
+        (planes, block): (&Planes, usize),
+    ) {
+        let Half { stencil, blocks } = &pairs.behind;
+        let head = blocks.head[block];
+        let slot = head.slot as usize;
+        let own: [[f64; BLOCK]; I] = std::array::from_fn(|i| lanes(inputs[i], slot));
+        let broken: [Bits<'_>; BLOCK] =
+            std::array::from_fn(|lane| match lane < head.len as usize {
+                true => bits(broken, head.point as usize + lane),
+                false => Bits::NONE,
+            });
+        let whole = !broken.iter().any(|b| b.any());
+        let mut sums = [[0.0; BLOCK]; O];
+        let bonds = stencil.iter().zip(blocks.weights(block)).enumerate();
+        for (number, (&StencilBond { offset, bond }, weights)) in bonds {
+            if *weights == [[0.0; BLOCK]; 2] {
+                continue;
+            }
+            let at = slot.wrapping_add_signed(offset);
+            let other: [[f64; BLOCK]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
+            for lane in 0..BLOCK {
+                let bond = Bond {
+                    weight: weights[0][lane],
+                    dual: weights[1][lane],
+                    ..bond
+                };
+                let part = kernel.bond(
+                    &bond,
+                    std::array::from_fn(|i| own[i][lane]),
+                    std::array::from_fn(|i| other[i][lane]),
+                );
+                let counts =
+                    bond.weight + bond.dual != 0.0 && (whole || !broken[lane].is_broken(number));
+                for o in 0..O {
+                    sums[o][lane] += if counts { part[o] } else { 0.0 };
+                }
+            }
+        }
+        for (o, sums) in sums.iter().enumerate() {
+            let points = sums.iter().enumerate().take(head.len as usize);
+            points.for_each(|(lane, sum)| planes.add(o, slot + lane, [*sum]));
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl")]
+fn sweep_box_avx512<const I: usize, const O: usize, K: BondKernel<I, O>>(
+    family: &Family,
+    kernel: (&K, &Pairs),
+    inputs: Inputs<'_, I>,
+    target: (&Planes, Range<usize>),
+) {
+    sweep_box(family, kernel, inputs, target);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn sweep_box_avx2<const I: usize, const O: usize, K: BondKernel<I, O>>(
+    family: &Family,
+    kernel: (&K, &Pairs),
+    inputs: Inputs<'_, I>,
+    target: (&Planes, Range<usize>),
+) {
+    sweep_box(family, kernel, inputs, target);
+}
+
+#[inline(always)]
+fn sweep_box<const I: usize, const O: usize, K: BondKernel<I, O>>(
+    family: &Family,
+    (kernel, pairs): (&K, &Pairs),
+    (values, broken): Inputs<'_, I>,
+    (planes, blocks): (&Planes, Range<usize>),
+) {
+    // of one length, for all the compiler knows: one check of bounds for all
+    let inputs = &values.map(|input| &input[..family.slots]);
+    let Half {
+        stencil,
+        blocks: all,
+    } = &pairs.ahead;
+    for block in blocks {
+        let head = all.head[block];
+        let points = head.point as usize..(head.point + head.len) as usize;
+        match broken {
+            Some(broken) if !broken.is_whole(points.clone()) => {
+                for point in points {
+                    family.add_unbroken((kernel, pairs), inputs, (point, broken), planes);
+                }
+            }
+            _ if Some(head.pattern) == pairs.complete => {
+                add_block(kernel, (stencil, None), inputs, (planes, head));
+            }
+            _ => {
+                let bonds = (&stencil[..], Some(all.weights(block)));
+                add_block(kernel, bonds, inputs, (planes, head));
+            }
+        }
+    }
+}
+
+/// Adds what the bonds ahead of a block give both of their ends; lanes that are no points give nothing.
+#[inline(always)]
+fn add_block<const I: usize, const O: usize, K: BondKernel<I, O>>(
+    kernel: &K,
+    (stencil, weights): (&[StencilBond], Option<&[Weights]>),
+    inputs: &[&[f64]; I],
+    (planes, head): (&Planes, Head),
+) {
+    let slot = head.slot as usize;
+    let own: [[f64; BLOCK]; I] = std::array::from_fn(|i| lanes(inputs[i], slot));
+    let mut sums = [[0.0; BLOCK]; O];
+    for (number, &StencilBond { offset, bond }) in stencil.iter().enumerate() {
+        let at = slot.wrapping_add_signed(offset);
+        let other: [[f64; BLOCK]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
+        let mut parts = [[0.0; BLOCK]; O];
+        for lane in 0..BLOCK {
+            let bond = weights.map_or(bond, |weights| Bond {
+                weight: weights[number][0][lane],
+                dual: weights[number][1][lane],
+                ..bond
+            });
+            let [here, there] = kernel.ends(
+                &bond,
+                std::array::from_fn(|i| own[i][lane]),
+                std::array::from_fn(|i| other[i][lane]),
+            );
+            for o in 0..O {
+                // sums of both ends ask nothing: they are nothing without weight
+                let counts = o < K::PAIRED || weights.is_none() || bond.weight + bond.dual != 0.0;
+                sums[o][lane] += if counts { here[o] } else { 0.0 };
+                parts[o][lane] = there[o];
+            }
+        }
+        for (o, &parts) in parts.iter().enumerate().take(K::PAIRED) {
+            planes.add(o, at, parts);
+        }
+    }
+    for (o, &sums) in sums.iter().enumerate() {
+        planes.add(o, slot, sums);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::{Body, Face, Store};
+    use crate::family::{Correction, FamilySpec};
+    use crate::shape::{BoxShape, Shape};
+
+    /// Something that pulls ends together, of finite length, and a sum for one end only.
+    struct Pull;
+
+    impl BondKernel<3, 4> for Pull {
+        const PAIRED: usize = 3;
+
+        #[inline(always)]
+        fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 4] {
+            let y: [f64; 3] = std::array::from_fn(|a| bond.xi[a] + other[a] - own[a]);
+            let length = (y[0] * y[0] + y[1] * y[1] + y[2] * y[2]).sqrt();
+            let pull = bond.mean() * (1.0 / bond.length - 1.0 / length);
+            [pull * y[0], pull * y[1], pull * y[2], bond.length]
+        }
+    }
+
+    /// Each end gets its own weight.
+    struct Weigh;
+
+    impl BondKernel<0, 1> for Weigh {
+        const PAIRED: usize = 1;
+
+        #[inline(always)]
+        fn bond(&self, bond: &Bond, _: [f64; 0], _: [f64; 0]) -> [f64; 1] {
+            [bond.weight]
+        }
+
+        #[inline(always)]
+        fn ends(&self, bond: &Bond, _: [f64; 0], _: [f64; 0]) -> [[f64; 1]; 2] {
+            [[bond.weight], [bond.dual]]
+        }
+    }
+
+    fn families(dimension: usize, layers: &[Face]) -> [Family; 2] {
+        let max = [19.0, 23.0, if dimension == 3 { 17.0 } else { 1.0 }];
+        let min = [0.0; 3];
+        let shape = Shape::Box(BoxShape { min, max });
+        let mut body = Body::fill("block", &shape, dimension, 1.0, 1.0).expect("valid");
+        let spec = FamilySpec {
+            correction: Correction::Point,
+            layers: layers.to_vec(),
+            ..FamilySpec::new(3.0)
+        };
+        [Store::Lattice, Store::List].map(|store| {
+            body.store = store;
+            Family::build(&body, &spec).expect("valid")
+        })
+    }
+
+    /// Displacements that differ from slot to slot of points, and go on behind the faces.
+    fn displacement(family: &Family) -> [Vec<f64>; 3] {
+        std::array::from_fn(|axis| {
+            let value = |point: usize| 0.05 * ((point * (axis + 3)) as f64).sin();
+            let values: Vec<f64> = (0..family.points).map(value).collect();
+            let mut slots = vec![0.0; family.slots()];
+            family.scatter(&values, 1, 0, &mut slots);
+            family.fill_layers(&[], 0, &mut slots);
+            slots
+        })
+    }
+
+    fn forces(family: &Family, broken: Option<&BrokenBonds>) -> Vec<[f64; 4]> {
+        let slots = displacement(family);
+        let mut sums = vec![[0.0; 4]; family.points];
+        let inputs = slots.each_ref().map(|s| &s[..]);
+        family.sum_unbroken(&Pull, inputs, broken, &mut sums);
+        sums
+    }
+
+    #[test]
+    fn ends_get_what_each_gets_from_its_own_bonds() {
+        for dimension in [2, 3] {
+            for layers in [&[][..], &[Face::XMin, Face::YMax], &Face::ALL[..4]] {
+                let [lattice, list] = families(dimension, layers);
+                assert!(Pairs::new(&lattice).is_some() && Pairs::new(&list).is_none());
+                let mut broken = [lattice.unbroken(), list.unbroken()];
+                for crack in [false, true] {
+                    if crack {
+                        for (family, broken) in [&lattice, &list].into_iter().zip(&mut broken) {
+                            let point_in = family.points_of_slots();
+                            for point in (40..200).step_by(7) {
+                                for other in [point + 1, point + 2, point + 19, point + 37] {
+                                    family.break_pair([point, other], &point_in, broken);
+                                }
+                            }
+                        }
+                    }
+                    let [ours, rows] = [(&lattice, &broken[0]), (&list, &broken[1])]
+                        .map(|(family, broken)| forces(family, Some(broken)));
+                    for (point, (a, b)) in ours.iter().zip(&rows).enumerate() {
+                        for axis in 0..3 {
+                            assert!((a[axis] - b[axis]).abs() < 1e-14, "{point}: {a:?} {b:?}");
+                        }
+                    }
+                    if layers.is_empty() {
+                        let total =
+                            |sums: &[[f64; 4]], o: usize| sums.iter().map(|s| s[o]).sum::<f64>();
+                        (0..3).for_each(|axis| assert!(total(&ours, axis).abs() < 1e-12));
+                        let lengths = [total(&ours, 3), total(&rows, 3) / 2.0];
+                        assert!((lengths[0] / lengths[1] - 1.0).abs() < 1e-12, "{lengths:?}");
+                    }
+                }
+                let weights = [&lattice, &list].map(|family| {
+                    let mut sums = vec![[0.0]; family.points];
+                    family.sum(&Weigh, [], &mut sums);
+                    sums
+                });
+                let differ = weights[0].iter().zip(&weights[1]);
+                assert!(differ.clone().all(|([a], [b])| (a - b).abs() < 1e-14));
+            }
+        }
+    }
+
+    #[test]
+    fn sums_do_not_depend_on_the_number_of_threads() {
+        let [family, _] = families(3, &[Face::ZMin]);
+        let sums = [1, 2, 5].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.expect("threads").install(|| forces(&family, None))
+        });
+        assert!(sums[0] == sums[1] && sums[0] == sums[2]);
+    }
+}
