@@ -19,8 +19,8 @@ use crate::family::{BrokenBonds, Family, StencilBond};
 /// Blocks of layer bonds, and points, that a thread takes at a time.
 const CHUNK: usize = 64;
 
-/// Rows of a box, side by side: more of them read less twice, fewer keep more threads busy.
-const ROWS: usize = 16;
+/// Rows of a box, side by side, about: more of them read less twice, fewer keep more threads busy.
+const ROWS: usize = 12;
 
 /// The bonds of a lattice, each once.
 #[derive(Debug)]
@@ -85,10 +85,15 @@ impl Pairs {
             true => (far + cells[0] / 2) / cells[0],
             false => (far / cells[0] + cells[1] / 2) / cells[1],
         };
-        // rows that a bond reaches, and the one after, into which a block may run
+        // rows that a bond reaches, and the one after, into which a block may run. That after the last row is the
+        // first of the next plane: the first and the last box of a plane must differ in colour, too
+        let across = match cells[1] / ROWS.max(2 * reach + 1) {
+            0 | 1 => 1,
+            boxes => boxes & !1,
+        };
         let box_of = |slot: usize| match (is_plane, row_of(slot)) {
             (true, (y, _)) => [y / (reach + 1), 0],
-            (false, (y, z)) => [y / ROWS.max(2 * reach + 1), z / (reach + 1)],
+            (false, (y, z)) => [y * across / cells[1], z / (reach + 1)],
         };
         let mut points: Vec<(usize, [usize; 2], u32, u32)> = Vec::with_capacity(family.points);
         let mut holds_point = vec![false; family.slots];
@@ -520,6 +525,31 @@ mod tests {
                 });
                 let differ = weights[0].iter().zip(&weights[1]);
                 assert!(differ.clone().all(|([a], [b])| (a - b).abs() < 1e-14));
+            }
+        }
+    }
+
+    #[test]
+    fn boxes_of_one_colour_keep_apart_in_bodies_of_all_sizes() {
+        for dimension in [2, 3] {
+            for horizon in [1.0, 2.0, 3.0, 4.0] {
+                for rows in (1..75).step_by(if dimension == 2 { 1 } else { 3 }) {
+                    let max = [
+                        9.0,
+                        f64::from(rows),
+                        if dimension == 3 { 13.0 } else { 1.0 },
+                    ];
+                    let min = [0.0; 3];
+                    let shape = Shape::Box(BoxShape { min, max });
+                    let body = Body::fill("block", &shape, dimension, 1.0, 1.0).expect("valid");
+                    let spec = FamilySpec {
+                        correction: Correction::Lattice,
+                        ..FamilySpec::new(horizon)
+                    };
+                    let family = Family::build(&body, &spec).expect("valid");
+                    // checked there
+                    assert!(Pairs::new(&family).is_some());
+                }
             }
         }
     }
