@@ -6,6 +6,7 @@
 //! such as those along an edge, share them: most stay in the cache.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// Points of a block: one AVX-512 register.
 pub(super) const BLOCK: usize = 8;
@@ -29,6 +30,13 @@ pub(super) struct Head {
     pub(super) slot: u32,
     pub(super) len: u32,
     pub(super) pattern: u32,
+}
+
+impl Head {
+    #[inline(always)]
+    pub(super) fn points(&self) -> Range<usize> {
+        self.point as usize..(self.point + self.len) as usize
+    }
 }
 
 impl Blocks {

@@ -580,7 +580,7 @@ fn sweep_lattice<const I: usize, const O: usize>(
     }
     for block in chunk.blocks.clone() {
         let head = family.blocks.head[block];
-        let points = head.point as usize..(head.point + head.len) as usize;
+        let points = head.points();
         if is_whole(points.clone()) {
             let bonds = (stencil, Some(family.blocks.weights(block)));
             let sums = sum_lanes(kernel, bonds, inputs, head.slot as usize);
@@ -612,6 +612,9 @@ fn sum_lanes<const I: usize, const O: usize, const N: usize>(
     let mut sums = [[0.0; N]; O];
     // a copy of each bond: from behind a reference its parts would be gathered lane by lane
     for (number, &StencilBond { offset, bond }) in stencil.iter().enumerate() {
+        if weights.is_some_and(|weights| weights[number] == [[0.0; N]; 2]) {
+            continue;
+        }
         let at = slot.wrapping_add_signed(offset);
         let other: [[f64; N]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
         for lane in 0..N {

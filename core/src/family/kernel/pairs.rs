@@ -12,11 +12,11 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::{Bits, Bond, BondKernel, Inputs, Output, bits, lanes};
+use super::{Bits, Bond, BondKernel, Inputs, Output, bits, lanes, sum_lanes};
 use crate::family::blocks::{BLOCK, Blocks, Builder, Head, Weights};
-use crate::family::{BrokenBonds, Family, StencilBond};
+use crate::family::{Family, StencilBond};
 
-/// Blocks of layer bonds, and points, that a thread takes at a time.
+/// Blocks whose sums a thread hands over at a time.
 const CHUNK: usize = 64;
 
 /// Rows of a box, side by side, about: more of them read less twice, fewer keep more threads busy.
@@ -30,12 +30,19 @@ pub(in crate::family) struct Pairs {
     complete: Option<u32>,
     /// Of points and layer points.
     behind: Half,
-    /// Blocks of `ahead` by colour and box.
-    colours: Vec<Vec<Range<usize>>>,
+    /// By colour.
+    boxes: [Vec<Section>; 4],
     /// By slot.
     holds_point: Vec<bool>,
     /// Sums by slot, in planes.
     work: Mutex<Vec<f64>>,
+}
+
+/// The blocks of a box.
+#[derive(Debug)]
+struct Section {
+    ahead: Range<usize>,
+    behind: Range<usize>,
 }
 
 /// Bonds to one side of their points.
@@ -51,8 +58,8 @@ struct Planes {
     slots: usize,
 }
 
-// SAFETY: threads that run at the same time write to different slots: boxes of one colour to rows of their own (checked
-// by `colours`), blocks of `behind` to their own points; nobody reads before they have joined.
+// SAFETY: threads that run at the same time sweep boxes of one colour, which write to rows of their own (checked by
+// `Pairs::check`); nobody reads before they have joined.
 unsafe impl Sync for Planes {}
 
 impl Planes {
@@ -106,26 +113,16 @@ impl Pairs {
             }
         }
         points.sort_unstable();
-        // neighbours in a row come far apart: a sum just written cannot be read again at once
-        let mut order: Vec<usize> = (0..half).collect();
-        order.sort_by(|&a, &b| ahead[a].bond.xi[0].total_cmp(&ahead[b].bond.xi[0]));
-        let mut rank = vec![0; half];
-        order
-            .iter()
-            .enumerate()
-            .for_each(|(at, &bond)| rank[bond] = at);
-
         let mut blocks = [Builder::new(half), Builder::new(half)];
-        let mut colours: Vec<Vec<Range<usize>>> = vec![Vec::new(); 4];
+        let mut boxes: [Vec<Section>; 4] = Default::default();
         for of_box in points.chunk_by(|a, b| a.1 == b.1) {
-            let first = blocks[1].len();
+            let first = blocks.each_ref().map(Builder::len);
             for &(_, _, slot, point) in of_box {
                 let mut bonds = [Vec::new(), Vec::new()];
                 family.for_each_bond(point as usize, |number, bond, other| {
-                    let side = usize::from(number >= half);
                     let weights = [bond.weight, bond.dual];
-                    if side == 1 {
-                        bonds[1].push((rank[number - half], weights));
+                    if number >= half {
+                        bonds[1].push((number - half, weights));
                     } else if !holds_point[other] {
                         bonds[0].push((number, weights));
                     }
@@ -136,21 +133,23 @@ impl Pairs {
                 }
                 blocks[1].push((point, slot), forth.into_iter());
             }
-            colours[of_box[0].0].push(first..blocks[1].len());
+            boxes[of_box[0].0].push(Section {
+                ahead: first[1]..blocks[1].len(),
+                behind: first[0]..blocks[0].len(),
+            });
         }
         let [back, forth] = blocks.map(Builder::finish);
-        let ahead: Vec<StencilBond> = order.iter().map(|&bond| ahead[bond]).collect();
         let pairs = Pairs {
             complete: forth.pattern_of(ahead.iter().map(|b| [b.bond.weight, b.bond.dual])),
             ahead: Half {
-                stencil: ahead,
+                stencil: ahead.to_vec(),
                 blocks: forth,
             },
             behind: Half {
                 stencil: behind.to_vec(),
                 blocks: back,
             },
-            colours,
+            boxes,
             holds_point,
             work: Mutex::default(),
         };
@@ -161,10 +160,11 @@ impl Pairs {
     /// Boxes of one colour write to different rows.
     fn check(&self, row: usize) {
         let rows = self.holds_point.len().div_ceil(row);
-        for boxes in &self.colours {
+        for boxes in &self.boxes {
             let mut writer = vec![None; rows];
-            for (number, blocks) in boxes.iter().enumerate() {
-                for head in &self.ahead.blocks.head[blocks.clone()] {
+            for (number, section) in boxes.iter().enumerate() {
+                // blocks behind hold points of these
+                for head in &self.ahead.blocks.head[section.ahead.clone()] {
                     let ends = self.ahead.stencil.iter().map(|bond| bond.offset as usize);
                     for first in ends.chain([0]).map(|offset| head.slot as usize + offset) {
                         for row in first / row..=(first + BLOCK - 1) / row {
@@ -199,15 +199,11 @@ impl Family {
             first: work.as_mut_ptr(),
             slots: self.slots,
         };
-        for boxes in &pairs.colours {
-            boxes.par_iter().for_each(|blocks| {
-                self.sweep_box(kernel, pairs, inputs, (&planes, blocks.clone()))
-            });
+        for boxes in &pairs.boxes {
+            boxes
+                .par_iter()
+                .for_each(|section| self.sweep_box((kernel, pairs), inputs, (&planes, section)));
         }
-        let layers = pairs.behind.blocks.head.par_iter().enumerate();
-        layers.with_min_len(CHUNK).for_each(|(block, _)| {
-            self.add_layers((kernel, pairs), inputs, (&planes, block));
-        });
         let heads = pairs.ahead.blocks.head.par_iter().with_min_len(CHUNK);
         heads.for_each(|head| {
             for lane in 0..head.len as usize {
@@ -221,95 +217,51 @@ impl Family {
 
     fn sweep_box<const I: usize, const O: usize, K: BondKernel<I, O>>(
         &self,
-        kernel: &K,
-        pairs: &Pairs,
+        kernel: (&K, &Pairs),
         inputs: Inputs<'_, I>,
-        target: (&Planes, Range<usize>),
+        target: (&Planes, &Section),
     ) {
         #[cfg(target_arch = "x86_64")]
         {
             if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
                 // SAFETY: the instruction set was detected.
-                return unsafe { sweep_box_avx512(self, (kernel, pairs), inputs, target) };
+                return unsafe { sweep_box_avx512(self, kernel, inputs, target) };
             }
             if is_x86_feature_detected!("avx2") {
                 // SAFETY: the instruction set was detected.
-                return unsafe { sweep_box_avx2(self, (kernel, pairs), inputs, target) };
+                return unsafe { sweep_box_avx2(self, kernel, inputs, target) };
             }
         }
-        sweep_box(self, (kernel, pairs), inputs, target);
+        sweep_box(self, kernel, inputs, target);
     }
 
-    /// Adds what the bonds ahead of a point give both of their ends, bond by bond: for points beside cracks.
+    /// Adds what the bonds of a point give, bond by bond, for points beside cracks: those ahead to both of their ends,
+    /// or those with layer points behind.
     #[inline(never)]
     fn add_unbroken<const I: usize, const O: usize, K: BondKernel<I, O>>(
         &self,
         (kernel, pairs): (&K, &Pairs),
         inputs: &[&[f64]; I],
-        (point, broken): (usize, &BrokenBonds),
+        (point, broken, is_ahead): (usize, Bits<'_>, bool),
         planes: &Planes,
     ) {
         let half = pairs.ahead.stencil.len();
-        let (slot, broken) = (self.slot_of(point), broken.bits(point));
+        let slot = self.slot_of(point);
         let own = std::array::from_fn(|i| inputs[i][slot]);
         self.for_each_bond(point, |number, bond, at| {
-            if number < half || broken.is_broken(number) {
+            if (number >= half) != is_ahead || broken.is_broken(number) {
                 return;
             }
-            let [here, there] = kernel.ends(bond, own, inputs.map(|i| i[at]));
-            (0..O).for_each(|o| planes.add(o, slot, [here[o]]));
-            (0..K::PAIRED).for_each(|o| planes.add(o, at, [there[o]]));
+            let other = std::array::from_fn(|i| inputs[i][at]);
+            if is_ahead {
+                let [here, there] = kernel.ends(bond, own, other);
+                (0..O).for_each(|o| planes.add(o, slot, [here[o]]));
+                (0..K::PAIRED).for_each(|o| planes.add(o, at, [there[o]]));
+            } else if !pairs.holds_point[at] {
+                let part = kernel.bond(bond, own, other);
+                (0..O).for_each(|o| planes.add(o, slot, [part[o]]));
+            }
         });
-    }
-
-    /// Adds what bonds with layer points behind them give the points of a block.
-    #[inline(always)]
-    fn add_layers<const I: usize, const O: usize, K: BondKernel<I, O>>(
-        &self,
-        (kernel, pairs): (&K, &Pairs),
-        (inputs, broken): Inputs<'_, I>,
-        (planes, block): (&Planes, usize),
-    ) {
-        let Half { stencil, blocks } = &pairs.behind;
-        let head = blocks.head[block];
-        let slot = head.slot as usize;
-        let own: [[f64; BLOCK]; I] = std::array::from_fn(|i| lanes(inputs[i], slot));
-        let broken: [Bits<'_>; BLOCK] =
-            std::array::from_fn(|lane| match lane < head.len as usize {
-                true => bits(broken, head.point as usize + lane),
-                false => Bits::NONE,
-            });
-        let whole = !broken.iter().any(|b| b.any());
-        let mut sums = [[0.0; BLOCK]; O];
-        let bonds = stencil.iter().zip(blocks.weights(block)).enumerate();
-        for (number, (&StencilBond { offset, bond }, weights)) in bonds {
-            if *weights == [[0.0; BLOCK]; 2] {
-                continue;
-            }
-            let at = slot.wrapping_add_signed(offset);
-            let other: [[f64; BLOCK]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
-            for lane in 0..BLOCK {
-                let bond = Bond {
-                    weight: weights[0][lane],
-                    dual: weights[1][lane],
-                    ..bond
-                };
-                let part = kernel.bond(
-                    &bond,
-                    std::array::from_fn(|i| own[i][lane]),
-                    std::array::from_fn(|i| other[i][lane]),
-                );
-                let counts =
-                    bond.weight + bond.dual != 0.0 && (whole || !broken[lane].is_broken(number));
-                for o in 0..O {
-                    sums[o][lane] += if counts { part[o] } else { 0.0 };
-                }
-            }
-        }
-        for (o, sums) in sums.iter().enumerate() {
-            let points = sums.iter().enumerate().take(head.len as usize);
-            points.for_each(|(lane, sum)| planes.add(o, slot + lane, [*sum]));
-        }
     }
 }
 
@@ -319,7 +271,7 @@ fn sweep_box_avx512<const I: usize, const O: usize, K: BondKernel<I, O>>(
     family: &Family,
     kernel: (&K, &Pairs),
     inputs: Inputs<'_, I>,
-    target: (&Planes, Range<usize>),
+    target: (&Planes, &Section),
 ) {
     sweep_box(family, kernel, inputs, target);
 }
@@ -330,7 +282,7 @@ fn sweep_box_avx2<const I: usize, const O: usize, K: BondKernel<I, O>>(
     family: &Family,
     kernel: (&K, &Pairs),
     inputs: Inputs<'_, I>,
-    target: (&Planes, Range<usize>),
+    target: (&Planes, &Section),
 ) {
     sweep_box(family, kernel, inputs, target);
 }
@@ -340,30 +292,40 @@ fn sweep_box<const I: usize, const O: usize, K: BondKernel<I, O>>(
     family: &Family,
     (kernel, pairs): (&K, &Pairs),
     (values, broken): Inputs<'_, I>,
-    (planes, blocks): (&Planes, Range<usize>),
+    (planes, section): (&Planes, &Section),
 ) {
     // of one length, for all the compiler knows: one check of bounds for all
     let inputs = &values.map(|input| &input[..family.slots]);
-    let Half {
-        stencil,
-        blocks: all,
-    } = &pairs.ahead;
-    for block in blocks {
-        let head = all.head[block];
-        let points = head.point as usize..(head.point + head.len) as usize;
-        match broken {
-            Some(broken) if !broken.is_whole(points.clone()) => {
-                for point in points {
-                    family.add_unbroken((kernel, pairs), inputs, (point, broken), planes);
-                }
-            }
-            _ if Some(head.pattern) == pairs.complete => {
-                add_block(kernel, (stencil, None), inputs, (planes, head));
-            }
-            _ => {
-                let bonds = (&stencil[..], Some(all.weights(block)));
-                add_block(kernel, bonds, inputs, (planes, head));
-            }
+    let is_whole = |points: Range<usize>| broken.is_none_or(|b| b.is_whole(points));
+    let add_points = |points: Range<usize>, is_ahead: bool| {
+        for point in points {
+            let point = (point, bits(broken, point), is_ahead);
+            family.add_unbroken((kernel, pairs), inputs, point, planes);
+        }
+    };
+    let Half { stencil, blocks } = &pairs.ahead;
+    for block in section.ahead.clone() {
+        let head = blocks.head[block];
+        if !is_whole(head.points()) {
+            add_points(head.points(), true);
+        } else if Some(head.pattern) == pairs.complete {
+            add_block(kernel, (stencil, None), inputs, (planes, head));
+        } else {
+            let bonds = (&stencil[..], Some(blocks.weights(block)));
+            add_block(kernel, bonds, inputs, (planes, head));
+        }
+    }
+    let Half { stencil, blocks } = &pairs.behind;
+    for block in section.behind.clone() {
+        let head = blocks.head[block];
+        if !is_whole(head.points()) {
+            add_points(head.points(), false);
+            continue;
+        }
+        let bonds = (&stencil[..], Some(blocks.weights(block)));
+        let sums = sum_lanes::<I, O, BLOCK>(kernel, bonds, inputs, head.slot as usize);
+        for (lane, sums) in sums.iter().enumerate().take(head.len as usize) {
+            (0..O).for_each(|o| planes.add(o, head.slot as usize + lane, [sums[o]]));
         }
     }
 }
@@ -414,7 +376,7 @@ fn add_block<const I: usize, const O: usize, K: BondKernel<I, O>>(
 mod tests {
     use super::*;
     use crate::body::{Body, Face, Store};
-    use crate::family::{Correction, FamilySpec};
+    use crate::family::{BrokenBonds, Correction, FamilySpec};
     use crate::shape::{BoxShape, Shape};
 
     /// Something that pulls ends together, of finite length, and a sum for one end only.
