@@ -137,6 +137,7 @@ benchmarks!(
     "gao-5.5.5-cavity-re1-conservative-n60",
     "gao-5.5.5-cavity-re1-n60",
     "gao-5.5.5-cavity-re1-n100",
+    "gao-5.5.5-cavity-re1-constant-n100",
     "gao-5.5.5-cavity-re100-n50",
     "gao-5.5.5-cavity-re100-n100",
     "gao-5.5.5-cavity-re400-n200",

@@ -265,6 +265,7 @@ impl Family {
             // lanes of the last block that are no points reach a little beyond
             slots: slots + BLOCK,
             spans,
+            corners: ghosts.iter().copied().filter(Ghost::is_corner).collect(),
             ghosts,
             layers,
             periodic: body.periodic,

@@ -210,6 +210,7 @@ impl Family {
             }],
             ghosts: Vec::new(),
             layers: Vec::new(),
+            corners: Vec::new(),
             periodic: body.periodic,
             flat: body.dimension < 3,
             places: Default::default(),
@@ -233,6 +234,8 @@ impl Family {
         // the sweep relies on it
         assert!(end_in_slots(&self.rows) && end_in_slots(&self.layer_rows));
         self.places = std::array::from_fn(|a| images.position.iter().map(|x| x[a]).collect());
+        let corners = images.ghosts.iter().copied();
+        self.corners = corners.filter(super::Ghost::is_corner).collect();
         self.ghosts = images.ghosts;
         self.layers = images.layers;
     }

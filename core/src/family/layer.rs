@@ -54,6 +54,12 @@ impl LayerRule {
         }
     }
 
+    /// The value on the face, where the rule prescribes one.
+    fn prescribed(&self, component: usize) -> Option<f64> {
+        let (scale, offset) = (self.scale[component], self.offset[component]);
+        (scale != 1.0).then(|| offset / (1.0 - scale))
+    }
+
     /// The rule without what it prescribes: for differences of two fields.
     pub fn homogeneous(&self) -> Self {
         let none = Traction {
@@ -206,7 +212,8 @@ impl Family {
     }
 
     /// Fills the slots of the layer points of one `component` from their mirror points.
-    /// Layers without a rule mirror the value as it is; tractions are left out.
+    /// Layers without a rule mirror the value as it is; tractions are left out. Where faces that meet prescribe
+    /// different values the field jumps; its value there is taken to be their mean.
     pub fn fill_layers(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
         for (face, range) in &self.layers {
             let rule = rules.iter().find(|r| r.face == *face);
@@ -214,6 +221,29 @@ impl Family {
                 rule.map_or((1.0, 0.0), |r| (r.scale[component], r.offset[component]));
             for ghost in &self.ghosts[range.clone()] {
                 slots[ghost.slot as usize] = scale * slots[ghost.source as usize] + offset;
+            }
+        }
+        if rules.iter().any(|r| r.offset[component] != 0.0) {
+            self.fill_corners(rules, component, slots);
+        }
+    }
+
+    /// Continues a field behind corners at which faces disagree: odd about the mean of what they prescribe, or
+    /// constant where their layers are. One face after the other would let the last one go on beyond the corner.
+    fn fill_corners(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
+        let mut prescribed = [None; 6];
+        for rule in rules {
+            let of_face = rule.prescribed(component);
+            prescribed[rule.face as usize] = of_face.map(|value| (value, rule.scale[component]));
+        }
+        for corner in &self.corners {
+            let passed = Face::ALL.iter().filter(|f| corner.passes[**f as usize] > 0);
+            let faces = || passed.clone().filter_map(|f| prescribed[*f as usize]);
+            if faces().any(|(value, _)| faces().any(|(other, _)| other != value)) {
+                let mean = faces().map(|(value, _)| value).sum::<f64>() / faces().count() as f64;
+                let scale = faces().map(|(_, scale)| scale).product::<f64>().abs();
+                let image = slots[self.slot_of(corner.point as usize)];
+                slots[corner.slot as usize] = mean + scale * (mean - image);
             }
         }
     }
@@ -283,12 +313,16 @@ impl Family {
         let mut done = 0;
         for (face, range) in &self.layers {
             let axis = face.axis();
-            // plain mirror images hold already, bent layers in the order in which they are filled
+            // plain mirror images hold already, bent layers from the order in which they are filled
             let usable = |faces: u8| faces & bent == 0 || faces & !done == 0;
             let even = LayerRule::even(*face);
             let rule = rules.iter().find(|r| r.face == *face).unwrap_or(&even);
             for ghost in &self.ghosts[range.clone()] {
                 let (slot, source) = (ghost.slot as usize, ghost.source as usize);
+                if grid.mirrored[slot] & bent == 0 {
+                    bends.push(Matrix3::zeros());
+                    continue;
+                }
                 for (a, slots) in slots.iter_mut().enumerate() {
                     slots[slot] = rule.scale[a] * slots[source] + rule.offset[a];
                 }
@@ -338,5 +372,64 @@ impl Family {
             }
             image
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::family::FamilySpec;
+    use crate::shape::{BoxShape, Shape};
+
+    #[test]
+    fn where_faces_disagree_none_comes_first() {
+        let rule = |face, scale, value| LayerRule {
+            scale: [scale; 3],
+            offset: [(1.0 - scale) * value; 3],
+            ..LayerRule::even(face)
+        };
+        let rules = [
+            rule(Face::XMax, -1.0, 1.0),
+            rule(Face::YMin, -1.0, 7.0),
+            rule(Face::YMax, -1.0, 1.0),
+            rule(Face::ZMax, 0.0, 4.0),
+            rule(Face::ZMin, 1.0, 0.0),
+        ];
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [0.4; 3],
+        });
+        let body = Body::fill("block", &shape, 3, 0.1, 0.5).expect("valid");
+        let spec = FamilySpec {
+            layers: rules.iter().map(|r| r.face).collect(),
+            ..FamilySpec::new(0.2)
+        };
+        let families = [Family::build(&body, &spec), Family::moving(&body, &spec)];
+        for family in families.map(|f| f.expect("valid")) {
+            let values: Vec<f64> = (0..body.points.len()).map(|i| i as f64).collect();
+            let mut slots = vec![0.0; family.slots()];
+            family.scatter(&values, 1, 0, &mut slots);
+            family.fill_layers(&rules, 0, &mut slots);
+            let behind = |faces: &[Face]| {
+                let is = |g: &&Ghost| {
+                    let passed = |f: &Face| faces.contains(f) == (g.passes[*f as usize] > 0);
+                    Face::ALL.iter().all(passed)
+                };
+                let ghost = family.ghosts.iter().find(is).expect("behind each corner");
+                (slots[ghost.slot as usize], f64::from(ghost.point))
+            };
+            use Face::{XMax, YMax, YMin, ZMax, ZMin};
+            for faces in [&[XMax, YMin][..], &[XMax, YMin, ZMin]] {
+                let (value, point) = behind(faces);
+                assert_eq!(value, 8.0 - point);
+            }
+            assert_eq!(behind(&[XMax, ZMax]).0, 2.5);
+            assert_eq!(behind(&[XMax, YMin, ZMax]).0, 4.0);
+            // where they agree, or one has nothing to say, it is the image
+            let (value, point) = behind(&[XMax, YMax]);
+            assert_eq!(value, point);
+            let (value, point) = behind(&[XMax, ZMin]);
+            assert_eq!(value, 2.0 - point);
+        }
     }
 }

@@ -306,6 +306,8 @@ pub struct Family {
     spans: Vec<Span>,
     ghosts: Vec<Ghost>,
     layers: Vec<(Face, Range<usize>)>,
+    /// Layer points that faces of several axes mirrored.
+    corners: Vec<Ghost>,
     /// Axes along which layers are copies.
     periodic: [bool; 3],
     /// Reference position of each slot along each axis, m; of clouds only.
@@ -343,6 +345,15 @@ struct Ghost {
     parent: Option<u32>,
     point: u32,
     passes: [u8; 6],
+}
+
+impl Ghost {
+    /// Whether faces of several axes mirrored it, each once.
+    fn is_corner(&self) -> bool {
+        let along = self.passes.as_chunks::<2>().0.iter();
+        let along = along.map(|[lower, upper]| lower + upper);
+        along.clone().filter(|n| *n > 0).count() > 1 && along.max() == Some(1)
+    }
 }
 
 #[derive(Clone, Copy, Debug)]

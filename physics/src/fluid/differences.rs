@@ -68,7 +68,7 @@ impl Differences {
         points.with_min_len(SHARE).for_each(|(i, (rho, p))| {
             let divergence: f64 = (0..D).map(|a| gradients[a].at(i)[a]).sum();
             let mut rate = -*rho * divergence;
-            if terms.eulerian {
+            if terms.convection.is_some() {
                 let gradient = self.density.derivatives.at(i);
                 rate -= (0..D).map(|a| velocity[i][a] * gradient[a]).sum::<f64>();
             }
@@ -89,14 +89,18 @@ impl Differences {
         velocity: &mut [Vector3<f64>],
         density: &[f64],
     ) {
-        let viscosity = &terms.medium.viscosity;
+        let medium = terms.medium;
+        let viscosity = &medium.viscosity;
         let points = velocity.par_iter_mut().enumerate();
         points.with_min_len(SHARE).for_each(|(i, v)| {
             let of: [&[f64]; D] = std::array::from_fn(|b| self.velocity[b].at(i));
             let pressure = self.pressure.derivatives.at(i);
             let slope = viscosity.varies.then(|| self.viscosity.derivatives.at(i));
-            let viscosity = viscosity.value[i];
             let before = *v;
+            let least = terms
+                .convection
+                .map_or(0.0, |c| medium.least_diffusivity(c, i, before.norm()));
+            let viscosity = viscosity.value[i].max(least * density[i]);
             for a in 0..D {
                 let laplacian: f64 = (0..D).map(|b| of[a][second(D, b, b)]).sum();
                 let mut force = viscosity * laplacian - pressure[a];
@@ -110,7 +114,7 @@ impl Differences {
                         .sum::<f64>();
                 }
                 let mut acceleration = force / density[i] + terms.body_acceleration(i, a);
-                if terms.eulerian {
+                if terms.convection.is_some() {
                     acceleration -= (0..D).map(|b| before[b] * of[a][b]).sum::<f64>();
                 }
                 v[a] += dt * terms.share * acceleration;
@@ -186,7 +190,7 @@ impl Rates for Differences {
         (density, pressure): (&mut [f64], &mut [f64]),
         velocity: &[Vector3<f64>],
     ) {
-        if terms.eulerian || terms.density_diffusion > 0.0 {
+        if terms.convection.is_some() || terms.density_diffusion > 0.0 {
             // the density that goes with the pressure behind the faces
             let slots = &mut self.density.slots;
             load_weighted(
@@ -216,15 +220,19 @@ impl Rates for Differences {
         points.with_min_len(SHARE).for_each(|(i, h)| {
             let derivatives = &self.temperature.derivatives;
             let of = derivatives.at(i);
-            let mut rate = medium.conductivity.value[i] * derivatives.laplacian(i);
+            let carried = heating.carried_by.map(|(convection, velocity)| {
+                let curve = &heating.curves[heating.material[i] as usize];
+                let capacity = curve.capacity(heating.temperature[i]);
+                let least = medium.least_diffusivity(convection, i, velocity[i].norm());
+                let along = (0..dimension).map(|a| velocity[i][a] * of[a]).sum::<f64>();
+                (capacity * least, capacity * along)
+            });
+            let (least, carried) = carried.unwrap_or_default();
+            let conductivity = medium.conductivity.value[i].max(least);
+            let mut rate = conductivity * derivatives.laplacian(i) - carried;
             if medium.conductivity.varies {
                 let slope = self.conductivity.derivatives.at(i);
                 rate += (0..dimension).map(|a| slope[a] * of[a]).sum::<f64>();
-            }
-            if let Some(velocity) = heating.carried_by {
-                let curve = &heating.curves[heating.material[i] as usize];
-                let along = (0..dimension).map(|a| velocity[i][a] * of[a]).sum::<f64>();
-                rate -= curve.capacity(heating.temperature[i]) * along;
             }
             if heating.dissipates {
                 rate += medium.viscosity.value[i] * self.dissipation(i);

@@ -18,7 +18,8 @@
 //!   other (eq. 5.117).
 //! - *Total Lagrangian*: points move with the fluid, families stay as they were. For small strains, and where
 //!   nothing changes along the flow.
-//! - *Eulerian*: points stay, convective terms are added (eqs. 5.99 to 5.101; corrected, see spec 05, E7).
+//! - *Eulerian*: points stay, convective terms are added (eqs. 5.99 to 5.101; corrected, see spec 05, E7), with
+//!   so much viscosity and conduction where they are weak that the terms stay stable ([`Convection`]).
 //!
 //! Every face of the body's box, or of its `tank`, is a `wall`, a plane of `symmetry`, or periodic; in the
 //! conservative form it may be open, and the body need not fill it: where it ends its surface is free. Behind
@@ -94,6 +95,9 @@ pub struct Fluid {
     /// Order in which a step does things.
     #[serde(default)]
     pub scheme: Scheme,
+    /// What the convective terms of an Eulerian fluid add.
+    #[serde(default)]
+    pub convection: Convection,
     /// Diffusion of density, as a share of spacing times speed of sound, such as 0.05: smooths the
     /// pressure, at the cost of an error of second order in pressure gradients that change.
     #[serde(default)]
@@ -239,6 +243,19 @@ pub enum Scheme {
     Published,
 }
 
+/// What the convective terms of an Eulerian fluid add.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Convection {
+    /// Ours: where the viscosity is below half of speed times spacing it counts as that, and so does the
+    /// conductivity over the heat capacity (the hybrid scheme of Spalding (1972)). Short waves do not grow; first
+    /// order there.
+    #[default]
+    Hybrid,
+    /// Nothing: derivatives as published. Short waves grow where speed times spacing is several times the viscosity.
+    Central,
+}
+
 /// How temperature flows along.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -342,6 +359,19 @@ impl Medium {
         self.state.sound_speed(self.reference_density[point])
     }
 
+    /// What viscosity over density and diffusivity of heat count as at least where the fluid passes, m²/s.
+    fn least_diffusivity(&self, convection: Convection, point: usize, speed: f64) -> f64 {
+        match convection {
+            Convection::Hybrid => 0.5 * speed * self.spacing[point],
+            Convection::Central => 0.0,
+        }
+    }
+
+    /// Spacing times speed of sound, m²/s.
+    fn sound_diffusivity(&self, point: usize) -> f64 {
+        self.spacing[point] * self.sound_speed(point)
+    }
+
     /// Length h of Gao (2020), chapter 6: 1.2 spacings, m.
     fn smoothing_length(&self, point: usize) -> f64 {
         1.2 * self.spacing[point]
@@ -362,7 +392,8 @@ struct Terms<'a> {
     density_diffusion: f64,
     volume_relaxation: f64,
     compressible: bool,
-    eulerian: bool,
+    /// Of an Eulerian fluid.
+    convection: Option<Convection>,
     /// Share of the acceleration that counts.
     share: f64,
 }
@@ -382,15 +413,14 @@ impl Terms<'_> {
 
     /// Of density, m²/s.
     fn density_diffusivity(&self, point: usize) -> f64 {
-        let medium = self.medium;
-        self.density_diffusion * medium.spacing[point] * medium.sound_speed(point)
+        self.density_diffusion * self.medium.sound_diffusivity(point)
     }
 }
 
 /// What the enthalpy changes by.
 struct Heating<'a> {
     /// In an Eulerian description.
-    carried_by: Option<&'a [Vector3<f64>]>,
+    carried_by: Option<(Convection, &'a [Vector3<f64>])>,
     /// W/m³.
     source: Option<&'a [f64]>,
     /// Friction heats.
@@ -752,8 +782,10 @@ impl Physics for Fluid {
     }
 
     /// Where sound, viscosity and conduction are stable (spec 05, 1.10), for speeds up to a tenth of that of
-    /// sound: with the frequency `w = kappa (c + |v|)` of sound and the rate `r = 2 S nu` of viscosity, a
-    /// symplectic step is stable for `dt^2 w^2 + 2 dt r < 4`.
+    /// sound: with the frequency `w = kappa c` of sound and the rate `r = 2 S (nu + D)` of viscosity and density
+    /// diffusion, a symplectic step is stable for `dt^2 w^2 + 2 dt r < 4`. In an Eulerian fluid (ours) `w` is
+    /// `kappa (c + |v|)`, and convection by old values lets sound grow by `kappa^2 c |v| dt^2 / (1 - (w dt/2)^2)^1/2`
+    /// a step while it is damped by `kappa^2 (nu + D) dt`.
     fn stable_step(&mut self, world: &World) -> Option<f64> {
         let run = self.run.as_ref().expect("prepared before the start");
         let medium = &run.medium;
@@ -766,23 +798,26 @@ impl Physics for Fluid {
             laplacian,
         } = run.stability;
         let limit = |(i, &m): (usize, &u16)| {
-            let density = medium.reference_density[i];
-            // an Eulerian fluid carries waves along
-            let carried = match self.description {
-                Description::Eulerian => 1.1,
-                _ => 1.0,
-            };
-            let frequency = wave_number * medium.sound_speed(i) * carried;
-            let artificial =
-                self.artificial_viscosity * medium.smoothing_length(i) * medium.sound_speed(i);
-            let viscosity = medium.viscosity.largest(m) / density + artificial;
-            let rate = 2.0 * laplacian * viscosity;
-            let mechanical = 4.0 / (rate + (rate * rate + 4.0 * frequency * frequency).sqrt());
-            let heat = match capacity.get(m as usize) {
-                Some(capacity) => capacity / (laplacian * medium.conductivity.largest(m)),
-                None => f64::INFINITY,
-            };
-            mechanical.min(heat)
+            let sound = medium.sound_speed(i);
+            let passing = self.convection().map(|c| (c, 0.1 * sound));
+            let speed = passing.map_or(0.0, |(_, speed)| speed);
+            let least = passing.map_or(0.0, |(c, speed)| medium.least_diffusivity(c, i, speed));
+            let artificial = self.artificial_viscosity * medium.smoothing_length(i) * sound;
+            let viscosity = medium.viscosity.largest(m) / medium.reference_density[i] + artificial;
+            let damping =
+                viscosity.max(least) + self.density_diffusion * medium.sound_diffusivity(i);
+            let frequency = wave_number * (sound + speed);
+            let rate = 2.0 * laplacian * damping;
+            let at_rest = 4.0 / (rate + (rate * rate + 4.0 * frequency * frequency).sqrt());
+            let carried = passing.map_or(f64::INFINITY, |(_, speed)| {
+                let slowly = damping / (sound * speed);
+                slowly / (1.0 + (0.5 * frequency * slowly).powi(2)).sqrt()
+            });
+            let heat = capacity.get(m as usize).map_or(f64::INFINITY, |capacity| {
+                let diffusivity = medium.conductivity.largest(m) / capacity;
+                1.0 / (laplacian * diffusivity.max(least))
+            });
+            at_rest.min(carried).min(heat)
         };
         let points = world.body(run.body).material_of_point.iter().enumerate();
         Some(points.map(limit).fold(f64::INFINITY, f64::min))
@@ -908,6 +943,11 @@ perimelt_core::register_physics!("fluid", Fluid);
 
 impl Fluid {
     /// Whether the form fits the body and the other keys.
+    /// Of an Eulerian fluid.
+    fn convection(&self) -> Option<Convection> {
+        (self.description == Description::Eulerian).then_some(self.convection)
+    }
+
     fn check_form(&self, body: &Body) -> Result<(), SetupError> {
         let updated = self.description == Description::UpdatedLagrangian;
         if self.form == Form::Conservative {
@@ -929,6 +969,11 @@ impl Fluid {
                 let message = "points of several spacings do not give each other what they take";
                 return Err(SetupError::value("form", message, "points of one spacing"));
             }
+        }
+        if self.convection != Convection::default() && self.convection().is_none() {
+            let message = "nothing passes points that move with the fluid";
+            let expected = "`description = \"eulerian\"`";
+            return Err(SetupError::value("convection", message, expected));
         }
         let only_moving = [("shifting", self.shifting), ("xsph", self.xsph)];
         match only_moving.into_iter().find(|(_, value)| *value > 0.0) {
@@ -999,7 +1044,7 @@ impl Run {
         let force = self.body_force.map(|f| world.read(f));
         let force = force.as_deref();
         let rules = world.layer_rules(self.velocity_layers);
-        let eulerian = fluid.description == Description::Eulerian;
+        let convection = fluid.convection();
         let dt = step.size;
 
         if let Some(heat) = &self.heat {
@@ -1016,7 +1061,7 @@ impl Run {
             density_diffusion: fluid.density_diffusion,
             volume_relaxation: fluid.volume_relaxation,
             compressible: fluid.stress == Stress::Compressible,
-            eulerian,
+            convection,
             share: startup(fluid.startup, step.middle()),
         };
         let treatments = &mut self.treatments;
@@ -1027,7 +1072,7 @@ impl Run {
             let (mut temperature, mut enthalpy) =
                 (world.write(heat.temperature), world.write(heat.enthalpy));
             let heating = Heating {
-                carried_by: eulerian.then_some(&*velocity),
+                carried_by: convection.map(|c| (c, &*velocity)),
                 source: source.as_deref(),
                 dissipates: fluid.energy.is_some_and(|e| e.dissipation),
                 temperature: &temperature,

@@ -456,6 +456,7 @@ fn a_free_surface_needs_the_conservative_form() {
         ),
         ("form = 'conservative'\nstress = 'compressible'", "stress"),
         ("description = 'eulerian'\nxsph = 0.5", "xsph"),
+        ("convection = 'central'", "convection"),
         ("artificial_viscosity = -1", "artificial_viscosity"),
     ] {
         let mut setup = perimelt_core::Setup::new(&mut world, std::path::Path::new("."));
@@ -484,4 +485,33 @@ fn a_restart_comes_to_the_same_steps() {
         .load(&whole.save().expect("it can be saved"))
         .expect("its own");
     assert_eq!(resumed.stable_steps(), whole.stable_steps());
+}
+
+#[test]
+fn convection_smooths_only_what_is_not_resolved() {
+    let start = |viscosity: f64, keys: &str, end: f64| {
+        let keys = format!("description = 'eulerian'\nstate.tait.sound_speed = 10\n{keys}");
+        let body = periodic(16, &format!("density = 1\nviscosity = {viscosity}"));
+        let mut s = flow(body, &keys, end);
+        set(&mut s, "velocity", |x| taylor_green(x).map(|v| 25.0 * v));
+        s.start().expect("starts");
+        s
+    };
+    let to_the_end = |mut s: Simulation| {
+        while !s.is_finished() && s.step().is_ok() {}
+        (s.is_finished(), values(&s, "velocity"))
+    };
+    // speed times spacing is at most twice the viscosity
+    let keys = ["", "convection = 'central'"];
+    let [hybrid, central] = keys.map(|keys| to_the_end(start(0.05, keys, 0.05)));
+    assert_eq!(hybrid, central);
+    // it is 62 times the viscosity; automatic steps for one, the same for the other
+    let hybrid = start(1e-3, "density_diffusion = 0.1", 10.0);
+    let step = hybrid.stable_steps()[0].expect("a limit");
+    let (finished, velocity) = to_the_end(hybrid);
+    let largest = velocity.into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    assert!(finished && largest < 1.0, "{largest}");
+    let keys = format!("density_diffusion = 0.1\nconvection = 'central'\nstep = {step}");
+    let (finished, _) = to_the_end(start(1e-3, &keys, 10.0));
+    assert!(!finished, "it blows up");
 }
