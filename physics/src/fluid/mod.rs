@@ -809,7 +809,9 @@ impl Physics for Fluid {
             let frequency = wave_number * (sound + speed);
             let rate = 2.0 * laplacian * damping;
             let at_rest = 4.0 / (rate + (rate * rate + 4.0 * frequency * frequency).sqrt());
-            let carried = passing.map_or(f64::INFINITY, |(_, speed)| {
+            // whether it is that fast is a guess, by which no given step is refused
+            let guessed = passing.filter(|_| self.step == StepSize::Auto);
+            let carried = guessed.map_or(f64::INFINITY, |(_, speed)| {
                 let slowly = damping / (sound * speed);
                 slowly / (1.0 + (0.5 * frequency * slowly).powi(2)).sqrt()
             });
