@@ -165,7 +165,7 @@ impl Points {
 }
 
 /// Points along a Z-order curve of their cells: families then lie close together in memory.
-fn spatial_order(position: &[Vector3<f64>], spacing: &[f64]) -> Vec<u32> {
+pub(crate) fn spatial_order(position: &[Vector3<f64>], spacing: &[f64]) -> Vec<u32> {
     let low = position
         .iter()
         .fold(Vector3::repeat(f64::INFINITY), |low, x| low.inf(x));

@@ -11,6 +11,7 @@ mod lattice;
 mod table;
 mod zones;
 
+pub(crate) use cloud::spatial_order;
 pub use cloud::{Cloud, Jitter};
 pub use face::{Face, SurfaceCell};
 pub use interpolate::weights_among;

@@ -102,7 +102,11 @@ impl Family {
     /// All bonds of a point: number in its family, bond, slot of the other end.
     pub fn for_each_bond(&self, point: usize, mut receive: impl FnMut(usize, &Bond, usize)) {
         let here = self.slot_of(point);
-        if let Ok(row) = self.rows.point.binary_search(&(point as u32)) {
+        let row = match self.order.slot_of.is_empty() {
+            true => self.rows.point.binary_search(&(point as u32)).ok(),
+            false => Some(here),
+        };
+        if let Some(row) = row {
             let range = self.rows.start[row]..self.rows.start[row + 1];
             for (number, at) in range.enumerate() {
                 let other = self.rows.column[at] as usize;
@@ -138,6 +142,9 @@ impl Family {
 
     /// The slot of a point.
     pub fn slot_of(&self, point: usize) -> usize {
+        if let Some(&slot) = self.order.slot_of.get(point) {
+            return slot as usize;
+        }
         let after = self.spans.partition_point(|s| s.point as usize <= point);
         let span = self.spans[after - 1];
         span.slot as usize + point - span.point as usize
@@ -145,6 +152,9 @@ impl Family {
 
     /// The point in a slot, unless there is a layer point or nothing.
     pub fn point_in(&self, slot: usize) -> Option<usize> {
+        if !self.order.point_in.is_empty() {
+            return self.order.point_in.get(slot).map(|&p| p as usize);
+        }
         let after = self.spans.partition_point(|s| s.slot as usize <= slot);
         let span = self.spans.get(after.checked_sub(1)?)?;
         let along = slot - span.slot as usize;
@@ -158,6 +168,7 @@ impl Family {
             let slots = &mut points[span.slot as usize..][..span.len as usize];
             slots.iter_mut().zip(span.point..).for_each(|(s, p)| *s = p);
         }
+        points[..self.order.point_in.len()].copy_from_slice(&self.order.point_in);
         for ghost in &self.ghosts {
             points[ghost.slot as usize] = ghost.point;
         }

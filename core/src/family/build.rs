@@ -11,8 +11,8 @@ use super::blocks::{self, BLOCK};
 use super::calibration::{Strain, calibration, factor_along};
 use super::layer::Grid;
 use super::{
-    Bond, Chunk, Correction, Cut, Family, FamilyError, FamilySpec, Ghost, PartialVolume, Rows,
-    Span, StencilBond,
+    Bond, Chunk, Correction, Cut, Family, FamilyError, FamilySpec, Ghost, Order, PartialVolume,
+    Rows, Span, StencilBond,
 };
 
 /// Points per chunk: small enough to balance two to many cores, large enough to amortise.
@@ -278,6 +278,7 @@ impl Family {
             rows,
             layer_rows,
             chunks,
+            order: Order::default(),
             following: None,
             pairs: OnceLock::new(),
         })

@@ -17,7 +17,7 @@ use super::build::{chunks, cuts};
 use super::calibration::{Strain, calibration, factor_along};
 use super::images::Images;
 use super::kernel::ROW_LANES;
-use super::{Bond, Correction, Cut, Family, FamilyError, FamilySpec, Rows, Span, TIE};
+use super::{Bond, Correction, Cut, Family, FamilyError, FamilySpec, Order, Rows, Span, TIE};
 
 /// Bonds of a point beyond which a horizon is taken for a mistake.
 const MOST_BONDS: usize = 65_535;
@@ -221,6 +221,7 @@ impl Family {
             blocks: Blocks::default(),
             rows,
             layer_rows,
+            order: Order::default(),
             following: None,
             pairs: OnceLock::new(),
         }

@@ -164,23 +164,21 @@ impl Family {
         mut receive: impl FnMut(usize, [f64; O]),
     ) {
         let above = |slot: usize| self.place(slot, axis) > at;
-        for span in &self.spans {
-            for i in 0..span.len {
-                let (point, slot) = ((span.point + i) as usize, (span.slot + i) as usize);
-                if above(slot) {
-                    continue;
-                }
-                let mut sums = [0.0; O];
-                let bits = broken.map_or(Bits::NONE, |b| b.bits(point));
-                self.for_each_bond(point, |number, bond, other| {
-                    if above(other) && !bits.is_broken(number) {
-                        let ends = [slot, other].map(|s| inputs.each_ref().map(|i| i[s]));
-                        let part = kernel.bond(bond, ends[0], ends[1]);
-                        (0..O).for_each(|o| sums[o] += part[o]);
-                    }
-                });
-                receive(point, sums);
+        for point in 0..self.points {
+            let slot = self.slot_of(point);
+            if above(slot) {
+                continue;
             }
+            let mut sums = [0.0; O];
+            let bits = broken.map_or(Bits::NONE, |b| b.bits(point));
+            self.for_each_bond(point, |number, bond, other| {
+                if above(other) && !bits.is_broken(number) {
+                    let ends = [slot, other].map(|s| inputs.each_ref().map(|i| i[s]));
+                    let part = kernel.bond(bond, ends[0], ends[1]);
+                    (0..O).for_each(|o| sums[o] += part[o]);
+                }
+            });
+            receive(point, sums);
         }
     }
 

@@ -322,6 +322,8 @@ pub struct Family {
     rows: Rows,
     layer_rows: Rows,
     chunks: Vec<Chunk>,
+    /// Of families that move, whose slots follow the points in space; else empty, and `spans` tell.
+    order: Order,
     /// Of families that move only.
     following: Option<Box<moving::Following>>,
     /// Made by the first kernel that asks for them.
@@ -334,6 +336,30 @@ struct Span {
     slot: u32,
     point: u32,
     len: u32,
+}
+
+/// Points by slot and slots by point.
+#[derive(Debug, Default)]
+struct Order {
+    point_in: Vec<u32>,
+    slot_of: Vec<u32>,
+}
+
+impl Order {
+    fn new(point_in: Vec<u32>) -> Self {
+        let mut slot_of = vec![0; point_in.len()];
+        for (slot, &point) in (0..).zip(&point_in) {
+            slot_of[point as usize] = slot;
+        }
+        Order { point_in, slot_of }
+    }
+
+    /// Values by slot of values by point.
+    fn arrange<T: Copy + Send + Sync>(&self, by_point: &[T], by_slot: &mut [T]) {
+        let slots = by_slot.par_iter_mut().zip(&self.point_in);
+        let slots = slots.with_min_len(SLOTS);
+        slots.for_each(|(value, &point)| *value = by_point[point as usize]);
+    }
 }
 
 /// A layer point: its slot and the slot that it mirrors, the layer point in that slot if it is one,
@@ -423,6 +449,8 @@ impl Family {
             + self.layer_rows.memory()
             + size_of_val(&*self.ghosts)
             + size_of_val(&*self.spans)
+            + size_of_val(&*self.order.point_in)
+            + size_of_val(&*self.order.slot_of)
             + self.places.iter().map(|x| size_of_val(&**x)).sum::<usize>()
             + self
                 .pairs
@@ -434,6 +462,12 @@ impl Family {
     /// Copies one component of a field (point-major, `components` per point) to the slots
     /// of its points.
     pub fn scatter(&self, field: &[f64], components: usize, component: usize, slots: &mut [f64]) {
+        if !self.order.point_in.is_empty() {
+            let slots = slots.par_iter_mut().zip(&self.order.point_in);
+            return slots.with_min_len(SLOTS).for_each(|(value, &point)| {
+                *value = field[point as usize * components + component];
+            });
+        }
         let parts = slots.par_chunks_mut(SLOTS).enumerate();
         parts.for_each(|(number, part)| {
             let (start, end) = (number * SLOTS, number * SLOTS + part.len());

@@ -1,17 +1,19 @@
 //! Families that follow their points: neighbours, images and weights change as points move.
 //!
 //! Rows hold all members within the horizon and a skin; those beyond the horizon have no weight. So rows stay
-//! as they are until a point has moved by half the skin ([`Family::follow`]).
+//! as they are until a point has moved by half the skin ([`Family::follow`]). Then slots and rows are also put in
+//! the order in which points lie in space now, so that those of neighbours stay close together in memory however much
+//! points mix.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use crate::body::Body;
+use crate::body::{Body, spatial_order};
 use crate::cell_list::CellList;
 
 use super::images::Images;
 use super::kernel::{ROW_LANES, Weighing};
-use super::{Family, FamilyError, FamilySpec, Rows, TIE};
+use super::{Family, FamilyError, FamilySpec, Order, Rows, TIE};
 
 /// Width of the skin, in spacings of the finest points.
 const SKIN: f64 = 0.5;
@@ -22,11 +24,14 @@ const SHARE: usize = 512;
 /// What a family needs to follow its points.
 #[derive(Debug)]
 pub(super) struct Following {
-    /// With positions and volumes as they are now.
+    /// With positions and volumes as they are now, by slot.
     body: Body,
+    /// By point, m.
+    spacing_of_point: Vec<f64>,
+    /// By slot, m.
     horizon: Vec<f64>,
     skin: f64,
-    /// Positions at which the rows were found, m.
+    /// Positions of the points at which the rows were found, m.
     found_at: Vec<Vector3<f64>>,
     list: CellList,
     /// Of a family of horizon 1 m; it grows as a power of the horizon.
@@ -55,6 +60,7 @@ impl Family {
         let mut family = Family::of_rows(body, spec, (Rows::default(), Rows::joined(&[])));
         family.following = Some(Box::new(Following {
             body: body.clone(),
+            spacing_of_point: spacings.clone(),
             horizon,
             skin: SKIN * body.finest_spacing(),
             found_at: Vec::new(),
@@ -63,8 +69,8 @@ impl Family {
             volume: Vec::new(),
             spacing: Vec::new(),
         }));
-        family.find_rows();
-        family.weigh();
+        family.find_rows(&body.points.position);
+        family.weigh(&body.points.volume);
         Ok(family)
     }
 
@@ -75,17 +81,17 @@ impl Family {
     /// When the family does not move, or for another number of points.
     pub fn follow(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) {
         let following = self.following.as_mut().expect("a moving family");
-        following.body.points.position.copy_from_slice(positions);
-        following.body.points.volume.copy_from_slice(volumes);
         let moved = positions.par_iter().zip(&following.found_at);
         let moved = moved.map(|(x, before)| (x - before).norm_squared());
         let farthest = moved.reduce(|| 0.0, f64::max);
         if 4.0 * farthest > following.skin * following.skin {
-            self.find_rows();
+            self.find_rows(positions);
         } else {
+            let places = &mut following.body.points.position;
+            self.order.arrange(positions, places);
             self.place_images();
         }
-        self.weigh();
+        self.weigh(volumes);
     }
 
     /// Positions at which the neighbours were last looked for (m): with [`Family::look_from`] a restart comes to the
@@ -100,22 +106,28 @@ impl Family {
     /// # Panics
     /// As [`Family::follow`].
     pub fn look_from(&mut self, positions: &[Vector3<f64>]) {
-        let following = self.following.as_mut().expect("a moving family");
-        following.body.points.position.copy_from_slice(positions);
-        self.find_rows();
+        self.find_rows(positions);
     }
 
-    fn find_rows(&mut self) {
+    fn find_rows(&mut self, positions: &[Vector3<f64>]) {
         let following = self.following.as_mut().expect("a moving family");
         let Following {
             body,
+            spacing_of_point,
             horizon,
             skin,
             found_at,
             list,
             ..
         } = &mut **following;
-        found_at.clone_from(&body.points.position);
+        found_at.clear();
+        found_at.extend_from_slice(positions);
+        self.order = Order::new(spatial_order(positions, spacing_of_point));
+        self.order.arrange(positions, &mut body.points.position);
+        self.order
+            .arrange(spacing_of_point, &mut body.points.spacing);
+        let spacings = horizon.iter_mut().zip(&body.points.spacing);
+        spacings.for_each(|(h, s)| *h = self.spec.horizon.of(*s));
         let coarsest = body.coarsest_spacing();
         let reach = horizon
             .iter()
@@ -146,9 +158,9 @@ impl Family {
             weight,
             ..
         } = &mut self.rows;
-        point.clear();
-        point.extend(0..self.points as u32);
-        slot.clone_from(point);
+        point.clone_from(&self.order.point_in);
+        slot.clear();
+        slot.extend(0..self.points as u32);
         column.clear();
         column.reserve(bonds + ROW_LANES);
         start.clear();
@@ -162,6 +174,8 @@ impl Family {
         weight.clear();
         weight.resize(column.len(), 0.0);
         self.take_images(images);
+        let ghosts = self.ghosts.iter_mut().chain(&mut self.corners);
+        ghosts.for_each(|g| g.point = self.order.point_in[g.point as usize]);
     }
 
     /// Moves the images with their points.
@@ -189,8 +203,8 @@ impl Family {
         }
     }
 
-    /// Weights of all bonds from where their ends are.
-    fn weigh(&mut self) {
+    /// Weights of all bonds from where their ends are, for points of these volumes (m³).
+    fn weigh(&mut self, volumes: &[f64]) {
         let following = self.following.as_mut().expect("a moving family");
         let Following {
             body,
@@ -201,12 +215,15 @@ impl Family {
             ..
         } = &mut **following;
         let points = self.points;
-        for (by_slot, by_point) in [
+        self.order.arrange(volumes, &mut body.points.volume);
+        for (by_slot, own) in [
             (&mut *volume, &body.points.volume),
             (&mut *spacing, &body.points.spacing),
         ] {
-            by_slot.clone_from(by_point);
-            by_slot.extend(self.ghosts.iter().map(|g| by_point[g.point as usize]));
+            by_slot.clone_from(own);
+            for ghost in &self.ghosts {
+                by_slot.push(by_slot[ghost.source as usize]);
+            }
         }
         let weighing = Weighing::new(
             &self.spec,
@@ -237,5 +254,81 @@ impl Family {
                 weighing.weigh((point, horizon[point], moment), &column[from..], weights);
             }
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::{Face, Jitter};
+    use crate::family::{Bond, BondKernel};
+    use crate::shape::{BoxShape, Shape};
+
+    struct Pull;
+
+    impl BondKernel<1, 3> for Pull {
+        #[inline(always)]
+        fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 3] {
+            bond.xi.map(|xi| bond.weight * xi * (other - own))
+        }
+    }
+
+    #[test]
+    fn the_order_of_the_points_does_not_matter() {
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [0.8, 0.6, 0.5],
+        });
+        let body = Body::fill("block", &shape, 3, 0.1, 0.5).expect("valid");
+        let body = body.jittered(Jitter {
+            share: 0.3,
+            seed: 5,
+        });
+        let mut body = body.expect("valid");
+        let spec = FamilySpec {
+            layers: vec![Face::XMin, Face::ZMax],
+            ..FamilySpec::new(0.25)
+        };
+        let sums = |body: &Body| {
+            let mut family = Family::moving(body, &spec).expect("valid");
+            // near enough to keep the rows, then far enough for new ones
+            let mut all = Vec::new();
+            for way in [0.01, 0.2] {
+                let moved = body.points.position.iter();
+                let moved: Vec<_> = moved.map(|x| x + Vector3::x() * way * x.y).collect();
+                family.follow(&moved, &body.points.volume);
+                let values: Vec<f64> = moved.iter().map(|x| (x.x * x.y).exp() + x.z).collect();
+                let mut slots = vec![0.0; family.slots()];
+                family.scatter(&values, 1, 0, &mut slots);
+                family.fill_layers(&[], 0, &mut slots);
+                let mut sums = vec![[0.0; 3]; values.len()];
+                family.sum(&Pull, [&slots], &mut sums);
+                let bonds = (0..values.len()).map(|p| family.bonds_of(p) as f64);
+                let slots = (0..values.len()).map(|p| slots[family.slot_of(p)]);
+                let rest = bonds
+                    .zip(slots)
+                    .zip(&values)
+                    .map(|((b, s), v)| [b, s - v, 0.0]);
+                all.push(sums.iter().copied().zip(rest).collect::<Vec<_>>());
+            }
+            all
+        };
+        let expected = sums(&body);
+        let points = body.points.len();
+        // 7 and the number of points have no common divisor
+        let order: Vec<usize> = (0..points).map(|i| 7 * i % points).collect();
+        let (position, volume) = (body.points.position.clone(), body.points.volume.clone());
+        for (at, &from) in order.iter().enumerate() {
+            body.points.position[at] = position[from];
+            body.points.volume[at] = volume[from];
+        }
+        for (found, expected) in sums(&body).iter().zip(&expected) {
+            for (found, from) in found.iter().zip(&order) {
+                let (sum, rest) = expected[*from];
+                assert_eq!(found.1, rest);
+                assert_eq!(rest[1], 0.0, "a slot holds its point");
+                assert!((0..3).all(|a| (found.0[a] - sum[a]).abs() < 1e-12));
+            }
+        }
     }
 }
