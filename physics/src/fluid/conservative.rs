@@ -361,8 +361,9 @@ impl Rates for Conservative {
         // a mirror turns the sign of components that mix its normal with another axis
         for (n, (slots, &(a, b))) in self.inverse.iter_mut().zip(&COMPONENTS).enumerate() {
             slots.resize(self.family.slots(), 0.0);
-            let found = slots.iter_mut().zip(&self.surveyed);
-            found.for_each(|(slot, found)| *slot = found.inverse[n]);
+            for (point, found) in self.surveyed.iter().enumerate() {
+                slots[self.family.slot_of(point)] = found.inverse[n];
+            }
             self.family
                 .fill_layers_turning(slots, |axis| a != b && [a, b].contains(&axis));
         }
@@ -412,9 +413,10 @@ impl Rates for Conservative {
         let points = velocity.par_iter_mut().zip(push).zip(&self.surveyed);
         let points = points.enumerate().with_min_len(SHARE);
         points.for_each(|(i, ((v, push), found))| {
+            // momentum is kept with the density that belongs to the volumes of the sums
+            let density = self.density[self.family.slot_of(i)];
             for a in 0..dimension {
-                // momentum is kept with the density that belongs to the volumes of the sums
-                let acceleration = (push[a] + found.force[a]) / self.density[i];
+                let acceleration = (push[a] + found.force[a]) / density;
                 v[a] += dt * terms.share * (acceleration + terms.body_acceleration(i, a));
             }
         });

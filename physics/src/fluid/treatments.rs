@@ -248,7 +248,7 @@ impl Treatments {
             // axes that are not there
             (dimension..3).for_each(|a| moments[(a + 1, a + 1)] = 1.0);
             family.for_each_bond(point, |_, bond, slot| {
-                if slot < density.len() {
+                if family.point_in(slot).is_some() {
                     let p = Vector4::new(1.0, bond.xi[0], bond.xi[1], bond.xi[2]);
                     moments += bond.weight * p * p.transpose();
                 }
@@ -261,9 +261,9 @@ impl Treatments {
             };
             let mut sum = own * share[0] * value(point);
             family.for_each_bond(point, |_, bond, slot| {
-                if slot < density.len() {
+                if let Some(other) = family.point_in(slot) {
                     let p = Vector4::new(1.0, bond.xi[0], bond.xi[1], bond.xi[2]);
-                    sum += bond.weight * p.dot(&share) * value(slot);
+                    sum += bond.weight * p.dot(&share) * value(other);
                 }
             });
             sum
