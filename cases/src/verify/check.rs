@@ -60,6 +60,8 @@ pub enum Measure {
     Tip(TipMeasure),
     /// One number for all points of a region.
     Statistic(StatisticMeasure),
+    /// Where the largest or smallest value of a region lies: x, y and z in the reference configuration, m.
+    Place(PlaceMeasure),
     /// How far a field is from a formula.
     Deviation(DeviationMeasure),
     /// How far an isotherm reaches, m.
@@ -260,6 +262,39 @@ pub struct StatisticMeasure {
     /// Added to the number.
     #[serde(default)]
     pub offset: f64,
+}
+
+/// Where the largest or smallest value of a region lies.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlaceMeasure {
+    /// Body; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Field, such as "velocity".
+    pub field: String,
+    /// "x", "y", "z" or "magnitude" of a vector field; "xx", "yx", ..., "von_mises", "hydrostatic",
+    /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
+    #[serde(default)]
+    pub component: Option<String>,
+    /// Region; the whole body when left out.
+    #[serde(default)]
+    pub region: Option<String>,
+    /// Which value.
+    pub of: Extreme,
+    /// When, s: a multiple of the log interval; the end when left out.
+    #[serde(default)]
+    pub time: Option<f64>,
+}
+
+/// One end of a range of values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Extreme {
+    /// Largest.
+    Max,
+    /// Smallest.
+    Min,
 }
 
 /// How far a field is from a formula, as a share of the formula.

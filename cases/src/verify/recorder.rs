@@ -7,8 +7,8 @@ use perimelt_core::field::FieldIndex;
 use perimelt_core::{Problem, SetupError, Simulation, World};
 
 use super::check::{
-    BalanceMeasure, DeviationMeasure, Extent, Interpolation, Measure, MeltPoolMeasure, Norm,
-    PassingMeasure,
+    BalanceMeasure, DeviationMeasure, Extent, Extreme, Interpolation, Measure, MeltPoolMeasure,
+    Norm, PassingMeasure,
 };
 use super::sample::weights;
 use crate::case::sections::{ProbeKind, ProbeSection, RegionProbe, Statistic};
@@ -68,6 +68,12 @@ enum Taker {
     Statistic {
         probe: Probe,
         offset: f64,
+    },
+    Place {
+        body: usize,
+        component: Component,
+        points: Vec<u32>,
+        of: Extreme,
     },
     Deviation {
         body: usize,
@@ -205,6 +211,18 @@ impl Recorder {
                 Taker::Statistic {
                     probe: region_probe(field, (&m.region, m.statistic), simulation)?,
                     offset: m.offset,
+                }
+            }
+            Measure::Place(m) => {
+                let body = find_body(world, m.body.as_deref())?;
+                let field = find_field(simulation, body, &m.field, "measure.place.field")?;
+                when = m.time;
+                let region = m.region.as_deref();
+                Taker::Place {
+                    body,
+                    component: Component::new(world, field, m.component.as_deref())?,
+                    points: points_of(world.body(body), region, "measure.place.region")?,
+                    of: m.of,
                 }
             }
             Measure::Deviation(m) => {
@@ -391,6 +409,22 @@ impl Taker {
             }
             Taker::Statistic { probe, offset } => {
                 probe.measure(world).iter().map(|v| v + offset).collect()
+            }
+            Taker::Place {
+                body,
+                component,
+                points,
+                of,
+            } => {
+                let value = |&&p: &&u32| match of {
+                    Extreme::Max => component.at(world, p as usize),
+                    Extreme::Min => -component.at(world, p as usize),
+                };
+                let place = points.iter().max_by(|a, b| value(a).total_cmp(&value(b)));
+                let positions = &world.body(*body).points.position;
+                place
+                    .map_or([f64::NAN; 3], |&p| positions[p as usize].into())
+                    .into()
             }
             Taker::Deviation {
                 body,

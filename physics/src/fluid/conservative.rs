@@ -382,13 +382,7 @@ impl Rates for Conservative {
         }
     }
 
-    fn drift(
-        &mut self,
-        terms: &Terms<'_>,
-        dt: f64,
-        (density, pressure): (&mut [f64], &mut [f64]),
-        _velocity: &[Vector3<f64>],
-    ) {
+    fn drift(&mut self, terms: &Terms<'_>, dt: f64, (density, pressure): (&mut [f64], &mut [f64])) {
         let medium = terms.medium;
         let points = density.par_iter_mut().zip(pressure).zip(&self.surveyed);
         let points = points.enumerate().with_min_len(SHARE);
@@ -422,7 +416,7 @@ impl Rates for Conservative {
         });
     }
 
-    fn heat(&self, heating: &Heating<'_>, _: &Medium, dt: f64, enthalpy: &mut [f64]) {
+    fn heat(&mut self, heating: &Heating<'_>, _: &Medium, dt: f64, enthalpy: &mut [f64]) {
         let points = enthalpy
             .par_iter_mut()
             .zip(&self.conducted)

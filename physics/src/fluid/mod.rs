@@ -18,12 +18,14 @@
 //!   other (eq. 5.117).
 //! - *Total Lagrangian*: points move with the fluid, families stay as they were. For small strains, and where
 //!   nothing changes along the flow.
-//! - *Eulerian*: points stay, convective terms are added (eqs. 5.99 to 5.101; corrected, see spec 05, E7), with
-//!   so much viscosity and conduction where they are weak that the terms stay stable ([`Convection`]).
+//! - *Eulerian*: points stay, convective terms are added (eqs. 5.99 to 5.101; corrected, see spec 05, E7), as
+//!   fluxes that keep mass and momentum to rounding (ours), with so much viscosity and conduction where they are
+//!   weak that the terms stay stable ([`Convection`]).
 //!
 //! Every face of the body's box, or of its `tank`, is a `wall`, a plane of `symmetry`, or periodic; in the
 //! conservative form it may be open, and the body need not fill it: where it ends its surface is free. Behind
-//! walls the pressure goes on with the weight of the fluid (eq. 5.106, by mirror images: second order).
+//! walls the pressure goes on with the weight of the fluid (eq. 5.106, by mirror images: second order). The
+//! divergence takes mirror images, too, also where the fluid sticks to the wall: nothing flows through.
 //!
 //! The speed of sound is a number of the method: pressures, also hydrostatic ones, must stay below a
 //! hundredth of `rho0 c^2`. The derivatives do not see a pressure that changes sign from point to point;
@@ -247,12 +249,12 @@ pub enum Scheme {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Convection {
-    /// Ours: where the viscosity is below half of speed times spacing it counts as that, and so does the
-    /// conductivity over the heat capacity (the hybrid scheme of Spalding (1972)). Short waves do not grow; first
-    /// order there.
+    /// Ours: where the viscosity is below a fifth of speed times spacing it counts as that, and so does the
+    /// conductivity over the heat capacity (after the hybrid scheme of Spalding (1972), who takes a half). Short
+    /// waves do not grow; first order there.
     #[default]
     Hybrid,
-    /// Nothing: derivatives as published. Short waves grow where speed times spacing is several times the viscosity.
+    /// Nothing. Short waves grow where speed times spacing is more than some ten times the viscosity.
     Central,
 }
 
@@ -362,7 +364,7 @@ impl Medium {
     /// What viscosity over density and diffusivity of heat count as at least where the fluid passes, m²/s.
     fn least_diffusivity(&self, convection: Convection, point: usize, speed: f64) -> f64 {
         match convection {
-            Convection::Hybrid => 0.5 * speed * self.spacing[point],
+            Convection::Hybrid => 0.2 * speed * self.spacing[point],
             Convection::Central => 0.0,
         }
     }
@@ -417,10 +419,18 @@ impl Terms<'_> {
     }
 }
 
+/// Fluid that passes points.
+#[derive(Clone, Copy)]
+struct Passing<'a> {
+    convection: Convection,
+    velocity: &'a [Vector3<f64>],
+    density: &'a [f64],
+}
+
 /// What the enthalpy changes by.
 struct Heating<'a> {
     /// In an Eulerian description.
-    carried_by: Option<(Convection, &'a [Vector3<f64>])>,
+    carried_by: Option<Passing<'a>>,
     /// W/m³.
     source: Option<&'a [f64]>,
     /// Friction heats.
@@ -464,19 +474,13 @@ trait Rates: std::fmt::Debug {
     fn see_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>);
 
     /// Advances density and pressure.
-    fn drift(
-        &mut self,
-        terms: &Terms<'_>,
-        dt: f64,
-        fields: (&mut [f64], &mut [f64]),
-        velocity: &[Vector3<f64>],
-    );
+    fn drift(&mut self, terms: &Terms<'_>, dt: f64, fields: (&mut [f64], &mut [f64]));
 
     /// Advances the velocity.
     fn kick(&self, terms: &Terms<'_>, dt: f64, velocity: &mut [Vector3<f64>], density: &[f64]);
 
     /// Advances the enthalpy.
-    fn heat(&self, heating: &Heating<'_>, medium: &Medium, dt: f64, enthalpy: &mut [f64]);
+    fn heat(&mut self, heating: &Heating<'_>, medium: &Medium, dt: f64, enthalpy: &mut [f64]);
 }
 
 /// Takes a component of a field to slots; behind faces it goes on by their rules.
@@ -534,6 +538,8 @@ struct HeatedFace {
     cells: Vec<(u32, u32, f64)>,
     /// Heat that enters, W.
     inflow: f64,
+    /// Smallest and largest heat flux into the body, W/m².
+    flux: [f64; 2],
 }
 
 impl HeatedFace {
@@ -547,10 +553,11 @@ impl HeatedFace {
             face,
             cells: body.surface(&[face]).into_iter().filter_map(cell).collect(),
             inflow: 0.0,
+            flux: [0.0; 2],
         }
     }
 
-    /// Heat that enters at the slope of a parabola through the wall and the two points before it, W.
+    /// Heat that enters at the slope of a parabola through the wall and the two points before it.
     fn measure(
         &mut self,
         rule: &LayerRule,
@@ -561,15 +568,19 @@ impl HeatedFace {
         let (scale, offset) = (rule.scale[0], rule.offset[0]);
         // an even layer insulates
         let wall = offset / (1.0 - scale);
-        self.inflow = match scale == 1.0 {
-            true => 0.0,
-            false => self.cells.iter().fold(0.0, |sum, &(first, next, area)| {
-                let [first, next] = [first, next].map(|p| p as usize);
-                let slope = (3.0 * temperature[first] - (temperature[next] + 8.0 * wall) / 3.0)
-                    / spacing[first];
-                sum - conductivity[first] * slope * area
-            }),
-        };
+        if scale == 1.0 || self.cells.is_empty() {
+            (self.inflow, self.flux) = (0.0, [0.0; 2]);
+            return;
+        }
+        (self.inflow, self.flux) = (0.0, [f64::INFINITY, f64::NEG_INFINITY]);
+        for &(first, next, area) in &self.cells {
+            let [first, next] = [first, next].map(|p| p as usize);
+            let slope = (3.0 * temperature[first] - (temperature[next] + 8.0 * wall) / 3.0)
+                / spacing[first];
+            let flux = -conductivity[first] * slope;
+            self.inflow += flux * area;
+            self.flux = [self.flux[0].min(flux), self.flux[1].max(flux)];
+        }
     }
 }
 
@@ -877,7 +888,14 @@ impl Physics for Fluid {
             report("density.deviation", "1", run.density_deviation),
         ];
         let faces = run.heat.iter().flat_map(|h| &h.faces);
-        all.extend(faces.map(|f| report(&format!("heat.{}", f.face.name()), "W", f.inflow)));
+        all.extend(faces.flat_map(|f| {
+            let ([least, most], face) = (f.flux, f.face.name());
+            [
+                report(&format!("heat.{face}"), "W", f.inflow),
+                report(&format!("heat_flux.{face}.min"), "W/m2", least),
+                report(&format!("heat_flux.{face}.max"), "W/m2", most),
+            ]
+        }));
         all
     }
 
@@ -1074,7 +1092,11 @@ impl Run {
             let (mut temperature, mut enthalpy) =
                 (world.write(heat.temperature), world.write(heat.enthalpy));
             let heating = Heating {
-                carried_by: convection.map(|c| (c, &*velocity)),
+                carried_by: convection.map(|convection| Passing {
+                    convection,
+                    velocity: &velocity,
+                    density: &density,
+                }),
                 source: source.as_deref(),
                 dissipates: fluid.energy.is_some_and(|e| e.dissipation),
                 temperature: &temperature,
@@ -1103,7 +1125,7 @@ impl Run {
             rates.kick(&terms, first_kick, &mut velocity, &density);
             see_velocity(rates, slots, &rules, (&velocity, &density), &terms);
         }
-        rates.drift(&terms, dt, (&mut density, &mut pressure), &velocity);
+        rates.drift(&terms, dt, (&mut density, &mut pressure));
         if fluid.surface == Surface::ZeroPressure {
             let fields = (&mut density[..], &mut pressure[..]);
             treatments.release((rates.family(), medium), fields);

@@ -92,19 +92,20 @@ fn sound_keeps_its_energy_but_in_the_published_scheme() {
 }
 
 #[test]
-fn mass_in_a_periodic_box_is_kept_to_rounding() {
+fn an_eulerian_fluid_keeps_mass_and_momentum_in_a_periodic_box_to_rounding() {
     let keys = "description = 'eulerian'\nstate.tait.sound_speed = 0.4\ndensity_diffusion = 0.1\nstep = 1e-3";
-    let mut s = flow(periodic(12, "density = 1000\nviscosity = 1"), keys, 0.1);
+    let mut s = flow(periodic(12, "density = 1000\nviscosity = 20"), keys, 0.1);
     set(&mut s, "velocity", |[x, y, _]| {
         [0.03 * (TAU * x).sin(), 0.02 * (TAU * (x + y)).cos(), 0.0]
     });
     run(&mut s);
-    let mass = values(&s, "density").iter().sum::<f64>() / 144.0;
     let spread = values(&s, "density")
         .iter()
         .fold(0.0_f64, |m, rho| m.max((rho - 1000.0).abs()));
-    assert!((mass - 1000.0).abs() < 1e-11 * 1000.0, "{mass}");
     assert!(spread > 1.0, "it was compressed: {spread}");
+    for balance in &s.balances()[0].1 {
+        assert!(balance.relative_error() < 1e-12, "{balance:?}");
+    }
 }
 
 #[test]
@@ -498,20 +499,23 @@ fn convection_smooths_only_what_is_not_resolved() {
         s
     };
     let to_the_end = |mut s: Simulation| {
-        while !s.is_finished() && s.step().is_ok() {}
-        (s.is_finished(), values(&s, "velocity"))
+        while !s.is_finished() {
+            s.step().expect("steps");
+        }
+        values(&s, "velocity")
     };
-    // speed times spacing is at most twice the viscosity
+    // speed times spacing is at most five times the viscosity
     let keys = ["", "convection = 'central'"];
-    let [hybrid, central] = keys.map(|keys| to_the_end(start(0.05, keys, 0.05)));
+    let [hybrid, central] = keys.map(|keys| to_the_end(start(0.02, keys, 0.05)));
     assert_eq!(hybrid, central);
-    // it is 62 times the viscosity; automatic steps for one, the same for the other
-    let hybrid = start(1e-3, "density_diffusion = 0.1", 10.0);
-    let step = hybrid.stable_steps()[0].expect("a limit");
-    let (finished, velocity) = to_the_end(hybrid);
-    let largest = velocity.into_iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-    assert!(finished && largest < 1.0, "{largest}");
-    let keys = format!("density_diffusion = 0.1\nconvection = 'central'\nstep = {step}");
-    let (finished, _) = to_the_end(start(1e-3, &keys, 10.0));
-    assert!(!finished, "it blows up");
+    // it is 62 times the viscosity
+    let keys = keys.map(|keys| format!("density_diffusion = 0.1\n{keys}"));
+    let [hybrid, central] = keys.map(|keys| {
+        let velocity = to_the_end(start(1e-3, &keys, 1.0));
+        velocity.iter().map(|v| v * v).sum::<f64>() / 128.0
+    });
+    assert!(
+        central < 1.0 && hybrid < 0.8 * central,
+        "{hybrid} {central}"
+    );
 }
