@@ -135,7 +135,6 @@ benchmarks!(
     "gao-5.5.5-cavity-re1-n40",
     "gao-5.5.5-cavity-re1-conservative-n40",
     "gao-5.5.5-cavity-re1-conservative-n60",
-    "gao-5.5.5-cavity-re1-conservative-n100",
     "gao-5.5.5-cavity-re1-updated-n40",
     "gao-5.5.5-cavity-re1-updated-n100",
     "gao-5.5.5-cavity-re1-n60",

@@ -109,7 +109,7 @@ pub struct Fluid {
     #[serde(default = "slowly")]
     pub volume_relaxation: f64,
     /// How far points of an updated Lagrangian fluid are moved from where they crowd, as a share of the way
-    /// that the fastest one goes, such as 0.05 (Gao (2020), eqs. 6.46 to 6.50; corrected, see spec 05, E23).
+    /// that the fastest one goes, such as 0.05, or 0.5 where a lid stirs (Gao (2020), eqs. 6.46 to 6.50; corrected, see spec 05, E23).
     /// The fields stay with the points: an error of the order of the shift.
     #[serde(default)]
     pub shifting: f64,
