@@ -130,6 +130,7 @@ benchmarks!(
     "gao-5.6.2-heat-conduction-n200",
     "gao-5.6.3-convection-1e3-n40",
     "gao-5.6.3-convection-1e3-n100",
+    "gao-5.6.3-convection-1e3-constant-n200",
     "gao-5.6.3-convection-1e4-n100",
     "gao-5.6.3-convection-1e5-n100",
     "gao-5.5.5-cavity-re1-n40",
