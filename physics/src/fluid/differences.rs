@@ -4,8 +4,8 @@
 //! - What flows through space is taken as mirrored by walls, also where the fluid sticks to them: nothing goes
 //!   through. With the velocity that walls hold, a lid drags fluid in and out at its corners, which makes pressure
 //!   there; the cavity at Re = 1 was off by 0.02 of the speed of the lid with 40 x 40 points, in place of 0.002.
-//! - An Eulerian fluid carries density by `div(rho v)`, and what the density has by `div(rho v f) - f div(rho v)`:
-//!   mass and momentum are kept to rounding where nothing acts, and what stays the same all over stays.
+//! - An Eulerian fluid carries density by `div(rho v)`, velocity and temperature `f` by
+//!   `(div(rho v f) - f div(rho v)) / rho`: mass and momentum are kept to rounding, and what is uniform stays so.
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
@@ -39,7 +39,7 @@ fn row(rows: &[f64], width: usize, point: usize) -> &[f64] {
 }
 
 /// What flows through space, and how much of it comes to lie at each point.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Flux {
     /// By slot, one array for each axis.
     slots: Vec<Vec<f64>>,
@@ -118,9 +118,7 @@ impl Differences {
             velocity: vec![Vec::new(); pddo.dimension()],
             slope_of_divergence: Vec::new(),
             flux: Flux::new(pddo.dimension()),
-            carried_momentum: (0..pddo.dimension())
-                .map(|_| Flux::new(pddo.dimension()))
-                .collect(),
+            carried_momentum: vec![Flux::new(pddo.dimension()); pddo.dimension()],
             carried_temperature: Flux::new(pddo.dimension()),
             density: Vec::new(),
             density_laplacian: Vec::new(),
