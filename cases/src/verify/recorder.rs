@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use perimelt_core::body::weights_among;
 use perimelt_core::cell_list::CellList;
 use perimelt_core::field::FieldIndex;
-use perimelt_core::{Problem, SetupError, Simulation, World};
+use perimelt_core::{Body, Problem, SetupError, Simulation, World};
 
 use super::check::{
     BalanceMeasure, DeviationMeasure, Extent, Extreme, Interpolation, Measure, MeltPoolMeasure,
@@ -416,15 +416,12 @@ impl Taker {
                 points,
                 of,
             } => {
-                let value = |&&p: &&u32| match of {
-                    Extreme::Max => component.at(world, p as usize),
-                    Extreme::Min => -component.at(world, p as usize),
+                let sign = match of {
+                    Extreme::Max => 1.0,
+                    Extreme::Min => -1.0,
                 };
-                let place = points.iter().max_by(|a, b| value(a).total_cmp(&value(b)));
-                let positions = &world.body(*body).points.position;
-                place
-                    .map_or([f64::NAN; 3], |&p| positions[p as usize].into())
-                    .into()
+                let points = points.iter().map(|&p| p as usize);
+                place_of_largest(world.body(*body), points, |p| sign * component.at(world, p))
             }
             Taker::Deviation {
                 body,
@@ -485,10 +482,10 @@ impl Taker {
                 above,
                 along,
             } => {
-                let positions = world.body(*body).points.position.iter().enumerate();
-                let beyond = positions.filter(|(i, _)| component.at(world, *i) > *above);
-                let far = beyond.max_by(|(_, a), (_, b)| a.dot(along).total_cmp(&b.dot(along)));
-                far.map_or(vec![f64::NAN; 3], |(_, x)| x.as_slice().to_vec())
+                let body = world.body(*body);
+                let points = 0..body.points.len();
+                let beyond = points.filter(|&p| component.at(world, p) > *above);
+                place_of_largest(body, beyond, |p| body.points.position[p].dot(along))
             }
             Taker::History { .. }
             | Taker::Crossing { .. }
@@ -498,6 +495,18 @@ impl Taker {
             }
         }
     }
+}
+
+/// Where the point lies at which something is largest; not a number where there is none.
+fn place_of_largest(
+    body: &Body,
+    points: impl Iterator<Item = usize>,
+    of: impl Fn(usize) -> f64,
+) -> Vec<f64> {
+    let place = points.max_by(|&a, &b| of(a).total_cmp(&of(b)));
+    place.map_or(vec![f64::NAN; 3], |p| {
+        body.points.position[p].as_slice().to_vec()
+    })
 }
 
 fn region_probe(

@@ -392,10 +392,8 @@ impl Pddo {
         rows: &mut Vec<f64>,
     ) {
         assert_eq!(field.len(), self.dimension, "components");
-        assert!(self.order > 1, "an operator of second order");
-        let second = |a, b| [second(self.dimension, a, b)];
         let all: [[[usize; 1]; 3]; 3] =
-            std::array::from_fn(|a| std::array::from_fn(|b| second(a, b)));
+            std::array::from_fn(|a| std::array::from_fn(|b| [self.second(a, b)]));
         let [a, b, c] = all.each_ref().map(|row| row.each_ref().map(|at| &at[..]));
         match field {
             [x] => self.contract([x], [[a[0]]], work, rows),
@@ -405,10 +403,15 @@ impl Pddo {
         }
     }
 
+    /// Place of the derivative along axes `a` and `b`.
+    fn second(&self, a: usize, b: usize) -> usize {
+        assert!(self.order > 1, "an operator of second order");
+        second(self.dimension, a, b)
+    }
+
     /// Places of the second derivatives along the axes.
     fn along_axes(&self) -> [usize; 3] {
-        assert!(self.order > 1, "an operator of second order");
-        std::array::from_fn(|a| second(self.dimension, a, a))
+        std::array::from_fn(|a| self.second(a, a))
     }
 
     /// Sums of derivatives, given by their places for each field; one row for each point.

@@ -109,8 +109,8 @@ pub struct Fluid {
     #[serde(default = "slowly")]
     pub volume_relaxation: f64,
     /// How far points of an updated Lagrangian fluid are moved from where they crowd, as a share of the way
-    /// that the fastest one goes, such as 0.05, or 0.5 where a lid stirs (Gao (2020), eqs. 6.46 to 6.50; corrected, see spec 05, E23).
-    /// The fields stay with the points: an error of the order of the shift.
+    /// that the fastest one goes, such as 0.05, or 0.5 where a lid stirs (Gao (2020), eqs. 6.46 to 6.50; corrected,
+    /// see spec 05, E23). The fields stay with the points: an error of the order of the shift.
     #[serde(default)]
     pub shifting: f64,
     /// Part of the way that points of an updated Lagrangian fluid go with the mean velocity around them, from 0
@@ -962,12 +962,12 @@ impl Physics for Fluid {
 perimelt_core::register_physics!("fluid", Fluid);
 
 impl Fluid {
-    /// Whether the form fits the body and the other keys.
     /// Of an Eulerian fluid.
     fn convection(&self) -> Option<Convection> {
         (self.description == Description::Eulerian).then_some(self.convection)
     }
 
+    /// Whether the form fits the body and the other keys.
     fn check_form(&self, body: &Body) -> Result<(), SetupError> {
         let updated = self.description == Description::UpdatedLagrangian;
         if self.form == Form::Conservative {
