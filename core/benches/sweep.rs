@@ -17,6 +17,8 @@ fn main() {
 #[derive(Clone, Copy)]
 enum Points {
     Lattice(Store),
+    /// Without layers, each point with weights of its own at the surface.
+    Bare,
     Cloud,
 }
 
@@ -28,6 +30,7 @@ fn family(points: Points) -> (Body, Family) {
     let mut body = Body::fill("block", &shape, 3, 1.0, 1.0).expect("a valid block");
     match points {
         Points::Lattice(store) => body.store = store,
+        Points::Bare => body.store = Store::Lattice,
         Points::Cloud => {
             let jitter = Jitter {
                 share: 0.2,
@@ -36,9 +39,14 @@ fn family(points: Points) -> (Body, Family) {
             body = body.jittered(jitter).expect("a valid share");
         }
     }
+    let bare = matches!(points, Points::Bare);
     let spec = FamilySpec {
-        correction: Correction::Lattice,
-        layers: Face::ALL.to_vec(),
+        correction: if bare {
+            Correction::Point
+        } else {
+            Correction::Lattice
+        },
+        layers: if bare { Vec::new() } else { Face::ALL.to_vec() },
         ..FamilySpec::new(3.015)
     };
     let family = Family::build(&body, &spec).expect("a valid family");
@@ -50,7 +58,7 @@ struct Heat;
 impl BondKernel<1, 1> for Heat {
     #[inline(always)]
     fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
-        [bond.mean() / bond.length * (other - own)]
+        [bond.mean() * bond.by_length * (other - own)]
     }
 }
 
@@ -64,7 +72,7 @@ impl<const PAIRS: bool> BondKernel<3, 3> for Force<PAIRS> {
     fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 3] {
         let y: [f64; 3] = std::array::from_fn(|a| bond.xi[a] + other[a] - own[a]);
         let length = (y[0] * y[0] + y[1] * y[1] + y[2] * y[2]).sqrt();
-        let force = bond.mean() * (1.0 / bond.length - 1.0 / length);
+        let force = bond.mean() * (bond.by_length - 1.0 / length);
         y.map(|y| force * y)
     }
 }
@@ -112,6 +120,11 @@ fn force_lattice(bencher: Bencher<'_, '_>, threads: usize) {
         Points::Lattice(Store::Lattice),
         threads,
     );
+}
+
+#[divan::bench(args = [1, 2])]
+fn force_bare_lattice(bencher: Bencher<'_, '_>, threads: usize) {
+    sweep(bencher, &Force::<true>, Points::Bare, threads);
 }
 
 #[divan::bench(args = [1, 2])]

@@ -471,7 +471,7 @@ impl Simulation {
         self.clock.progress.passes += 1;
         for p in 0..self.physics.len() {
             if self.is_due(p, logging) {
-                self.advance(p, end)?;
+                self.advance(p, end, logging)?;
                 self.clock.advanced_to[p] = end;
             }
         }
@@ -482,7 +482,7 @@ impl Simulation {
         logging || self.physics[physics].plugin.clock().update == Update::Step
     }
 
-    fn advance(&mut self, p: usize, end: f64) -> Result<(), RunError> {
+    fn advance(&mut self, p: usize, end: f64, logging: bool) -> Result<(), RunError> {
         let start = self.clock.advanced_to[p];
         let count = ((end - start) / self.sub_step[p] * (1.0 - 1e-9))
             .ceil()
@@ -498,7 +498,8 @@ impl Simulation {
         }
         let size = (end - start) / count;
         let count = count as u64;
-        /// Between checks for blow-up: rare enough to cost nothing, often enough to name the time.
+        /// Between checks for blow-up: rare enough to cost nothing, often enough to name the time. What others see
+        /// is always checked: the culprit is to be named, not its victim.
         const CHECK: u64 = 64;
         let steady = |&c: &usize| self.couplers[c].plugin.is_steady();
         let repeatable = self.plan.one_way[p] && self.plan.before[p].iter().all(steady);
@@ -515,7 +516,9 @@ impl Simulation {
             self.clock.progress.sub_steps[p] += 1;
             self.clock.progress.iterations[p] += work.iterations as u64;
             self.clock.progress.evaluations[p] += work.evaluations as u64;
-            if s % CHECK == CHECK - 1 || s + 1 == count {
+            let is_single = count == 1 && work.evaluations <= 1 && !logging;
+            let is_last = s + 1 == count && !(is_single && self.physics.len() == 1);
+            if is_last || self.clock.progress.sub_steps[p].is_multiple_of(CHECK) {
                 self.check_state(p, step)?;
             }
         }
@@ -599,7 +602,7 @@ impl Simulation {
                     self.restore_physics(p, &before[p])?;
                     self.clock.advanced_to[p] = advanced_to[p];
                 }
-                self.advance(p, end)?;
+                self.advance(p, end, logging)?;
                 self.clock.advanced_to[p] = end;
             }
             self.clock.progress.passes += 1;

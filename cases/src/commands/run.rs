@@ -73,7 +73,8 @@ pub fn run(args: &RunArgs) -> Done {
     {
         return Err(ArgumentError::OverwritesCase(out).into());
     }
-    let summary = run::run(&case, &args.common.options(out))?;
+    let options = args.common.options(out);
+    let summary = run::on_workers(|| run::run(&case, &options))?;
     args.common.tell(&summary);
     Ok(())
 }
@@ -81,7 +82,8 @@ pub fn run(args: &RunArgs) -> Done {
 pub fn resume(args: &ResumeArgs) -> Done {
     set_threads(args.common.threads)?;
     let out = args.out.clone().unwrap_or_else(|| args.log.clone());
-    let summary = run::resume(&args.log, &args.common.options(out))?;
+    let options = args.common.options(out);
+    let summary = run::on_workers(|| run::resume(&args.log, &options))?;
     args.common.tell(&summary);
     Ok(())
 }

@@ -96,6 +96,12 @@ impl From<StartError> for Failure {
     }
 }
 
+/// Does something on one of the threads that share work. From any other, each of the dozens of parts of a step that
+/// are shared would be handed over by the system, and waited for.
+pub fn on_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    rayon::scope(|_| work())
+}
+
 /// Runs a case from its start.
 ///
 /// # Errors

@@ -17,8 +17,8 @@ use std::time::Instant;
 use perimelt_core::{RunError, SetupError};
 
 use crate::case::{Case, CaseError};
-use crate::run::Failure;
 use crate::run::display::{Display, duration};
+use crate::run::{Failure, on_workers};
 use check::{Check, Level};
 use recorder::Recorder;
 use table::{Outcome, Table};
@@ -121,7 +121,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
             .num_threads(threads)
             .build_global()?;
     }
-    let outcomes = verify(args)?;
+    let outcomes = on_workers(|| verify(args))?;
     let mut out = std::io::stdout().lock();
     write!(out, "{}", Table(&outcomes))?;
     let failed = outcomes.iter().filter(|o| !o.passed).count();

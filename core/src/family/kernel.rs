@@ -2,9 +2,10 @@
 //!
 //! Complete families: [`LANES`] neighbouring points advance together through the shared
 //! stencil, their sums in registers; per bond and point one load of each input. The
-//! compiler vectorises the lane loop for the instruction set chosen at run time. No fused
-//! multiply-add: all instruction sets then give the same bits.
+//! compiler vectorises the lane loop for the instruction set chosen at run time. Fused multiply-adds are used only
+//! where bonds are visited once ([`BondKernel::add_ends`]), as they give other bits than machines without them.
 
+use std::marker::PhantomData;
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -30,6 +31,8 @@ pub struct Bond {
     pub xi: [f64; 3],
     /// Length of `xi`, m.
     pub length: f64,
+    /// One over it, 1/m.
+    pub by_length: f64,
     /// Weight of the neighbour in the family of the point, 1/m: its volume times influence,
     /// partial volume and correction, over the moment of the family ([`FamilySpec::moment`]).
     /// Corrected families have `sum_j weight |xi| = dimension`.
@@ -70,25 +73,72 @@ pub trait BondKernel<const I: usize, const O: usize>: Sync {
         let part = self.bond(bond, own, other);
         [part, std::array::from_fn(|o| -part[o])]
     }
+
+    /// Adds what [`BondKernel::ends`] gives to the sums of both ends. Called only where the machine has fused
+    /// multiply-adds: a kernel that uses them has fewer instructions, and other last bits than without.
+    #[inline(always)]
+    fn add_ends(
+        &self,
+        bond: &Bond,
+        own: [f64; I],
+        other: [f64; I],
+        [here, there]: [&mut [f64; O]; 2],
+    ) {
+        let parts = self.ends(bond, own, other);
+        for o in 0..O {
+            here[o] += parts[0][o];
+            there[o] += parts[1][o];
+        }
+    }
 }
 
 /// Output shared by the threads of a sweep; each point is written by exactly one of them.
-struct Output<const O: usize> {
-    first: *mut [f64; O],
+struct Output<'a, const O: usize> {
+    /// Where each sum of the first point goes, and how far behind those of the next one follow.
+    sums: [(*mut f64, usize); O],
     len: usize,
+    borrowed: PhantomData<&'a mut f64>,
 }
 
 // SAFETY: `chunks` partition the points (checked by `Family::build`), so no two threads
 // write the same element, and nobody reads before the sweep has joined.
-unsafe impl<const O: usize> Sync for Output<O> {}
+unsafe impl<const O: usize> Sync for Output<'_, O> {}
 
-impl<const O: usize> Output<O> {
+impl<'a, const O: usize> Output<'a, O> {
+    fn new(sums: &'a mut [[f64; O]]) -> Self {
+        let first = sums.as_mut_ptr().cast::<f64>();
+        Output {
+            sums: std::array::from_fn(|o| (first.wrapping_add(o), O)),
+            len: sums.len(),
+            borrowed: PhantomData,
+        }
+    }
+
     #[inline(always)]
     fn set(&self, point: usize, value: [f64; O]) {
         debug_assert!(point < self.len);
-        // SAFETY: `point` indexes a point of the family and `Family::sum` asserts that the
-        // output has one element per point; exclusive by the partition named above.
-        unsafe { *self.first.add(point) = value }
+        for ((first, stride), value) in self.sums.into_iter().zip(value) {
+            // SAFETY: `point` indexes a point of the family and `Family::sum_to` asserts that the
+            // output has one element per point; exclusive by the partition named above.
+            unsafe { *first.add(point * stride) = value }
+        }
+    }
+}
+
+impl<'a> Output<'a, 4> {
+    /// Three sums to `vectors`, the fourth to `last`.
+    fn apart(vectors: &'a mut [[f64; 3]], last: &'a mut [f64]) -> Self {
+        let Output {
+            sums: [x, y, z],
+            len,
+            borrowed,
+        } = Output::new(vectors);
+        assert_eq!(last.len(), len, "as many as vectors");
+        Output {
+            sums: [x, y, z, (last.as_mut_ptr(), 1)],
+            len,
+            borrowed,
+        }
     }
 }
 
@@ -118,12 +168,32 @@ impl Family {
         broken: Option<&BrokenBonds>,
         sums: &mut [[f64; O]],
     ) {
+        self.sum_to(kernel, inputs, broken, Output::new(sums));
+    }
+
+    /// As [`Family::sum_unbroken`], with the first three sums in `vectors` and the fourth in `last`.
+    ///
+    /// # Panics
+    /// As [`Family::sum_unbroken`].
+    pub fn sum_apart<const I: usize>(
+        &self,
+        kernel: &impl BondKernel<I, 4>,
+        inputs: [&[f64]; I],
+        broken: Option<&BrokenBonds>,
+        (vectors, last): (&mut [[f64; 3]], &mut [f64]),
+    ) {
+        self.sum_to(kernel, inputs, broken, Output::apart(vectors, last));
+    }
+
+    fn sum_to<const I: usize, const O: usize, K: BondKernel<I, O>>(
+        &self,
+        kernel: &K,
+        inputs: [&[f64]; I],
+        broken: Option<&BrokenBonds>,
+        output: Output<'_, O>,
+    ) {
         self.check_inputs(&inputs);
-        assert_eq!(sums.len(), self.points, "one sum per point");
-        let output = Output {
-            first: sums.as_mut_ptr(),
-            len: sums.len(),
-        };
+        assert_eq!(output.len, self.points, "one sum per point");
         if const { K::PAIRED > 0 }
             && let Some(pairs) = self.pairs.get_or_init(|| Pairs::new(self))
         {
@@ -201,6 +271,7 @@ impl Family {
             return Bond {
                 xi,
                 length,
+                by_length: 1.0 / length,
                 weight,
                 dual,
             };
@@ -216,7 +287,7 @@ impl Family {
         &self,
         kernel: &impl BondKernel<I, O>,
         (inputs, broken): Inputs<'_, I>,
-        output: &Output<O>,
+        output: &Output<'_, O>,
         chunk: &Chunk,
     ) {
         for row in chunk.rows.clone() {
@@ -260,7 +331,7 @@ impl Family {
         &self,
         kernel: &K,
         inputs @ (values, broken): Inputs<'_, I>,
-        output: &Output<O>,
+        output: &Output<'_, O>,
         chunk: &Chunk,
     ) {
         if const { K::RARE } {
@@ -396,9 +467,11 @@ impl Family {
         let other: [[f64; ROW_LANES]; I] = std::array::from_fn(|i| gather(inputs[i], columns));
         for lane in 0..ROW_LANES {
             let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
+            let length = (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt();
             let bond = Bond {
                 xi,
-                length: (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt(),
+                length,
+                by_length: 1.0 / length,
                 weight: weight[lane],
                 dual: dual[lane],
             };
@@ -417,7 +490,7 @@ fn sweep_avx512<const I: usize, const O: usize>(
     family: &Family,
     kernel: &impl BondKernel<I, O>,
     inputs: Inputs<'_, I>,
-    output: &Output<O>,
+    output: &Output<'_, O>,
     chunk: &Chunk,
 ) {
     sweep_lattice(family, kernel, inputs, output, chunk);
@@ -429,7 +502,7 @@ fn sweep_avx2<const I: usize, const O: usize>(
     family: &Family,
     kernel: &impl BondKernel<I, O>,
     inputs: Inputs<'_, I>,
-    output: &Output<O>,
+    output: &Output<'_, O>,
     chunk: &Chunk,
 ) {
     sweep_lattice(family, kernel, inputs, output, chunk);
@@ -526,7 +599,7 @@ fn sweep_cloud_avx2<const I: usize, const O: usize>(
     family: &Family,
     kernel: &impl BondKernel<I, O>,
     inputs: Inputs<'_, I>,
-    output: &Output<O>,
+    output: &Output<'_, O>,
     chunk: &Chunk,
 ) {
     sweep_cloud(family, kernel, inputs, output, chunk);
@@ -537,7 +610,7 @@ fn sweep_cloud<const I: usize, const O: usize>(
     family: &Family,
     kernel: &impl BondKernel<I, O>,
     (inputs, broken): Inputs<'_, I>,
-    output: &Output<O>,
+    output: &Output<'_, O>,
     chunk: &Chunk,
 ) {
     for row in chunk.rows.clone() {
@@ -552,7 +625,7 @@ fn sweep_lattice<const I: usize, const O: usize>(
     family: &Family,
     kernel: &impl BondKernel<I, O>,
     (values, broken): Inputs<'_, I>,
-    output: &Output<O>,
+    output: &Output<'_, O>,
     chunk: &Chunk,
 ) {
     // of one length, for all the compiler knows: one check of bounds for all

@@ -347,6 +347,11 @@ impl Family {
         }
     }
 
+    /// Whether there are layer points.
+    pub fn has_layers(&self) -> bool {
+        !self.ghosts.is_empty()
+    }
+
     /// The layer points as images of points, for the vector field of `continuation`.
     pub fn images<'a>(
         &'a self,

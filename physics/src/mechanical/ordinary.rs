@@ -15,8 +15,8 @@ use super::moduli::{Elasticity, Moduli};
 use super::plasticity::{Plasticity, Strains};
 use super::solid::{Of, Solid, continue_displacement};
 use super::stretch::{
-    Block, Breaking, CRITICAL, Directions, EIGENSTRAIN, Energy, Expansion, Force, INPUTS, Load,
-    PLASTIC_INPUTS, PRESSURE, Plastic, STIFFNESS, Stiffness, Stress, TotalWeight, Uniform,
+    Block, Breaking, CRITICAL, Dilation, Directions, EIGENSTRAIN, Energy, Expansion, Force, INPUTS,
+    Load, PLASTIC_INPUTS, PRESSURE, Plastic, STIFFNESS, Stiffness, Stress, TotalWeight, Uniform,
     WeightOverLength,
 };
 
@@ -52,7 +52,9 @@ pub struct Ordinary {
     slots: [Vec<f64>; INPUTS],
     /// Stands for inputs that there are not.
     zeros: Vec<f64>,
-    /// `sum_j w s` of each point in parts along the axes.
+    /// `sum_j w s` of each point.
+    dilation: Vec<[f64; 1]>,
+    /// Its parts along the axes, of which images of points need each; empty without layers.
     expansion: Vec<[f64; 3]>,
     pressure: Vec<f64>,
     padded: Vec<f64>,
@@ -103,7 +105,15 @@ impl Ordinary {
             directions: Vec::new(),
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
             zeros: vec![0.0; slots],
-            expansion: vec![[0.0; 3]; if dilatation { points } else { 0 }],
+            dilation: vec![[0.0]; if dilatation { points } else { 0 }],
+            expansion: vec![
+                [0.0; 3];
+                if dilatation && family.has_layers() {
+                    points
+                } else {
+                    0
+                }
+            ],
             pressure: vec![0.0; points],
             padded: Vec::new(),
             energy: vec![[0.0; 2]; points],
@@ -113,11 +123,7 @@ impl Ordinary {
             same: None,
             family,
         };
-        this.padded = match (&this.fracture, dimension) {
-            (Some(_), _) => vec![0.0; 4 * points],
-            (None, 2) => vec![0.0; 2 * points],
-            (None, _) => Vec::new(),
-        };
+        this.padded = vec![0.0; if dimension == 2 { 2 * points } else { 0 }];
         this.load_moduli();
         this.load_strength(body, None);
         this.compare_points();
@@ -199,13 +205,13 @@ impl Ordinary {
         let mut pressure = std::mem::take(&mut self.pressure);
         let pressures = pressure.par_iter_mut().enumerate();
         pressures.for_each(|(i, p)| {
-            *p = self.pressure_of(i, self.expansion[i], self.inelastic_of(i, of), of);
+            *p = self.pressure_of(i, self.dilation[i], self.inelastic_of(i, of), of);
         });
         self.pressure = pressure;
         let mut slots = std::mem::take(&mut self.slots[PRESSURE]);
         self.family.scatter(&self.pressure, 1, 0, &mut slots);
         if self.continuation.is_bent() && self.directions.is_empty() {
-            let mut directions = vec![[0.0; 6]; self.expansion.len()];
+            let mut directions = vec![[0.0; 6]; self.dilation.len()];
             self.run(&Directions, &mut directions);
             self.directions = directions;
         }
@@ -222,7 +228,7 @@ impl Ordinary {
                 let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
                 image_of(&scale, &strain, &mirror)
             });
-            slots[image.slot] = self.pressure_of(image.point, sums, inelastic, of);
+            slots[image.slot] = self.pressure_of(image.point, [sums.iter().sum()], inelastic, of);
         }
         self.slots[PRESSURE] = slots;
     }
@@ -232,14 +238,14 @@ impl Ordinary {
     fn pressure_of(
         &self,
         point: usize,
-        expansion: [f64; 3],
+        [dilation]: [f64; 1],
         inelastic: Option<[f64; 6]>,
         of: Of,
     ) -> f64 {
         let moduli = self.moduli(point);
         let d = self.dimension as f64;
         let normaliser = self.normaliser[point];
-        let dilatation = normaliser * expansion.iter().sum::<f64>();
+        let dilatation = normaliser * dilation;
         let pressure = 2.0 * moduli.dilatation_stiffness(self.dimension);
         let eigenstrain = match of {
             Of::Elastic => self.eigenstrain[point],
@@ -332,12 +338,18 @@ impl Ordinary {
     }
 
     fn expand(&mut self) {
+        let mut dilation = std::mem::take(&mut self.dilation);
         let mut expansion = std::mem::take(&mut self.expansion);
-        match self.finite {
-            false => self.run_first(&Expansion::<false>, &mut expansion),
-            true => self.run_first(&Expansion::<true>, &mut expansion),
+        match (self.finite, expansion.is_empty()) {
+            (false, true) => self.run_first(&Dilation::<false>, &mut dilation),
+            (true, true) => self.run_first(&Dilation::<true>, &mut dilation),
+            (false, false) => self.run_first(&Expansion::<false>, &mut expansion),
+            (true, false) => self.run_first(&Expansion::<true>, &mut expansion),
         }
-        self.expansion = expansion;
+        for (sum, parts) in dilation.iter_mut().zip(&expansion) {
+            *sum = [parts.iter().sum()];
+        }
+        (self.dilation, self.expansion) = (dilation, expansion);
     }
 
     fn sum_forces(&mut self, out: &mut [f64], stiffness: bool) {
@@ -400,34 +412,28 @@ impl Ordinary {
             self.energy = loads;
             return;
         }
-        let mut padded = std::mem::take(&mut self.padded);
-        let (sums, _) = padded.as_chunks_mut::<4>();
+        let fracture = self.fracture.as_mut().expect("there are bonds to watch");
+        let mut excess = std::mem::take(&mut fracture.excess);
+        let (vectors, _) = out.as_chunks_mut::<3>();
+        let sums = (vectors, &mut excess[..]);
         match (energy, self.finite, self.dilatation) {
-            (false, false, false) => self.run_forces(&Breaking::<D, false, false, false>, sums),
-            (false, false, true) => self.run_forces(&Breaking::<D, false, true, false>, sums),
-            (false, true, false) => self.run_forces(&Breaking::<D, true, false, false>, sums),
-            (false, true, true) => self.run_forces(&Breaking::<D, true, true, false>, sums),
-            (true, false, false) => self.run(&Breaking::<D, false, false, true>, sums),
-            (true, false, true) => self.run(&Breaking::<D, false, true, true>, sums),
-            (true, true, false) => self.run(&Breaking::<D, true, false, true>, sums),
-            (true, true, true) => self.run(&Breaking::<D, true, true, true>, sums),
+            (false, false, false) => self.run_apart(&Breaking::<D, false, false, false>, sums),
+            (false, false, true) => self.run_apart(&Breaking::<D, false, true, false>, sums),
+            (false, true, false) => self.run_apart(&Breaking::<D, true, false, false>, sums),
+            (false, true, true) => self.run_apart(&Breaking::<D, true, true, false>, sums),
+            (true, false, false) => self.run_apart(&Breaking::<D, false, false, true>, sums),
+            (true, false, true) => self.run_apart(&Breaking::<D, false, true, true>, sums),
+            (true, true, false) => self.run_apart(&Breaking::<D, true, false, true>, sums),
+            (true, true, true) => self.run_apart(&Breaking::<D, true, true, true>, sums),
         }
         let fracture = self.fracture.as_mut().expect("there are bonds to watch");
-        let (vectors, _) = out.as_chunks_mut::<3>();
-        let points = vectors.par_iter_mut().zip(&mut fracture.excess).zip(sums);
-        points
-            .with_min_len(4096)
-            .for_each(|((out, excess), &mut [x, y, z, beyond])| {
-                *out = [x, y, z];
-                *excess = beyond;
-            });
-        self.padded = padded;
+        fracture.excess = excess;
     }
 
-    /// Stress conjugate to the eigenstrain by the dilatation of these `sum_j w s`, Pa.
-    fn conjugate_pressure(&self, point: usize, expansion: [f64; 3]) -> f64 {
+    /// Stress conjugate to the eigenstrain by the dilatation of this `sum_j w s`, Pa.
+    fn conjugate_pressure(&self, point: usize, [dilation]: [f64; 1]) -> f64 {
         let a = self.moduli(point).dilatation_stiffness(self.dimension);
-        let theta = self.normaliser[point] * expansion.iter().sum::<f64>();
+        let theta = self.normaliser[point] * dilation;
         2.0 * a * theta * self.dimension as f64
     }
 
@@ -477,7 +483,7 @@ impl Ordinary {
         }
     }
 
-    fn inputs(&self) -> [&[f64]; INPUTS] {
+    fn first_inputs<const I: usize>(&self) -> [&[f64]; I] {
         std::array::from_fn(|i| self.input(i))
     }
 
@@ -496,20 +502,35 @@ impl Ordinary {
         }
     }
 
+    /// As [`Ordinary::run_forces`], with forces and the excess of bonds apart.
+    fn run_apart(&self, kernel: &impl BondKernel<INPUTS, 4>, sums: (&mut [[f64; 3]], &mut [f64])) {
+        let (family, broken) = (&self.family, self.broken());
+        match self.same {
+            Some(point) if self.dilatation => {
+                let inputs = self.first_inputs::<{ PRESSURE + 1 }>();
+                family.sum_apart(&Uniform(kernel, point), inputs, broken, sums);
+            }
+            Some(point) => {
+                let inputs = self.first_inputs::<PRESSURE>();
+                family.sum_apart(&Uniform(kernel, point), inputs, broken, sums);
+            }
+            None => family.sum_apart(kernel, self.first_inputs(), broken, sums),
+        }
+    }
+
     /// Runs a kernel of the first `I` inputs.
     fn run_first<const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,
         sums: &mut [[f64; O]],
     ) {
-        let inputs = std::array::from_fn(|i| self.input(i));
         self.family
-            .sum_unbroken(kernel, inputs, self.broken(), sums);
+            .sum_unbroken(kernel, self.first_inputs(), self.broken(), sums);
     }
 
     fn run<const O: usize>(&self, kernel: &impl BondKernel<INPUTS, O>, sums: &mut [[f64; O]]) {
         self.family
-            .sum_unbroken(kernel, self.inputs(), self.broken(), sums);
+            .sum_unbroken(kernel, self.first_inputs(), self.broken(), sums);
     }
 }
 
@@ -610,7 +631,7 @@ impl Solid for Ordinary {
         };
         let load = self.load_kernel(fracture.compares_energy());
         let pairs = !self.dilatation;
-        let inputs = self.inputs();
+        let inputs = self.first_inputs();
         let ends = |own, other| [own, other].map(|slot: usize| inputs.map(|i| i[slot]));
         let conjugate = |point: usize, bond: &Bond, other: usize| {
             let [own, other] = ends(self.family.slot_of(point), other);
@@ -622,11 +643,11 @@ impl Solid for Ordinary {
                 return stress;
             }
             let [own, other] = [own, other].map(|[x, y, z, ..]| [x, y, z]);
-            let expansion = match self.finite {
-                true => Expansion::<true>.bond(bond, own, other),
-                false => Expansion::<false>.bond(bond, own, other),
+            let dilation = match self.finite {
+                true => Dilation::<true>.bond(bond, own, other),
+                false => Dilation::<false>.bond(bond, own, other),
             };
-            stress + self.conjugate_pressure(point, expansion)
+            stress + self.conjugate_pressure(point, dilation)
         };
         let family = &self.family;
         let broken = if self.plasticity.is_some() {
@@ -751,9 +772,9 @@ impl Solid for Ordinary {
             self.expand();
             for (i, [density, conjugate]) in energy.iter_mut().enumerate() {
                 let a = self.moduli(i).dilatation_stiffness(self.dimension);
-                let theta = self.normaliser[i] * self.expansion[i].iter().sum::<f64>();
+                let theta = self.normaliser[i] * self.dilation[i][0];
                 *density += a * theta * theta;
-                *conjugate += self.conjugate_pressure(i, self.expansion[i]);
+                *conjugate += self.conjugate_pressure(i, self.dilation[i]);
             }
         }
         for (i, [_, conjugate]) in energy.iter_mut().enumerate() {
@@ -786,7 +807,7 @@ impl Solid for Ordinary {
             (false, false, false) => {
                 family.sum_across(
                     &Force::<false, false>,
-                    (self.inputs(), broken),
+                    (self.first_inputs(), broken),
                     plane,
                     receive,
                 );
@@ -794,7 +815,7 @@ impl Solid for Ordinary {
             (false, false, true) => {
                 family.sum_across(
                     &Force::<false, true>,
-                    (self.inputs(), broken),
+                    (self.first_inputs(), broken),
                     plane,
                     receive,
                 );
@@ -802,7 +823,7 @@ impl Solid for Ordinary {
             (false, true, false) => {
                 family.sum_across(
                     &Force::<true, false>,
-                    (self.inputs(), broken),
+                    (self.first_inputs(), broken),
                     plane,
                     receive,
                 );
@@ -810,7 +831,7 @@ impl Solid for Ordinary {
             (false, true, true) => {
                 family.sum_across(
                     &Force::<true, true>,
-                    (self.inputs(), broken),
+                    (self.first_inputs(), broken),
                     plane,
                     receive,
                 );

@@ -41,16 +41,23 @@ fn pair_tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
 /// Force density along the bond from the stretch of both ends, N/m³.
 #[inline(always)]
 fn tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
-    let end = |weight: f64, point: &[f64; INPUTS]| {
-        0.5 * weight * point[STIFFNESS] * (stretch - point[EIGENSTRAIN])
-    };
-    end(bond.weight, own) + end(bond.dual, other)
+    // the same at both ends where points differ in what moves them only
+    let end = |point: &[f64; INPUTS]| 0.5 * point[STIFFNESS] * (stretch - point[EIGENSTRAIN]);
+    bond.weight * end(own) + bond.dual * end(other)
 }
 
 #[inline(always)]
 fn pressure(bond: &Bond, (own, other): Ends<'_>) -> f64 {
-    // not divided: on a lattice the reciprocal is the same for all points
-    (bond.weight * own[PRESSURE] + bond.dual * other[PRESSURE]) * (1.0 / bond.length)
+    (bond.weight * own[PRESSURE] + bond.dual * other[PRESSURE]) * bond.by_length
+}
+
+/// Force density along the bond of either solid, N/m³.
+#[inline(always)]
+fn pull<const DILATATION: bool>(bond: &Bond, stretch: f64, ends: Ends<'_>) -> f64 {
+    match DILATATION {
+        true => tension(bond, stretch, ends) + pressure(bond, ends),
+        false => pair_tension(bond, stretch, ends),
+    }
 }
 
 /// Force density of the bonds, N/m³.
@@ -78,7 +85,10 @@ pub struct Stiffness<const DILATATION: bool>;
 /// (2 |xi|) n n^T`, as xx, yy, zz, xy, yz, zx, N/m⁵.
 pub struct Block;
 
-/// `sum_j w s` in parts along the axes, whose sum it is.
+/// `sum_j w s`.
+pub struct Dilation<const FINITE: bool>;
+
+/// [`Dilation`] in parts along the axes, whose sum it is.
 pub struct Expansion<const FINITE: bool>;
 
 /// `sum_j w`.
@@ -129,13 +139,22 @@ struct Stretched<const D: usize> {
 #[inline(always)]
 fn stretched<const FINITE: bool, const D: usize, const I: usize>(
     bond: &Bond,
+    ends: (&[f64; I], &[f64; I]),
+) -> Stretched<D> {
+    stretched_by::<FINITE, false, D, I>(bond, ends)
+}
+
+/// [`stretched`], by fused multiply-adds if `FUSED`.
+#[inline(always)]
+fn stretched_by<const FINITE: bool, const FUSED: bool, const D: usize, const I: usize>(
+    bond: &Bond,
     (own, other): (&[f64; I], &[f64; I]),
 ) -> Stretched<D> {
     let relative: [f64; D] = std::array::from_fn(|a| other[a] - own[a]);
     let xi: [f64; D] = std::array::from_fn(|a| bond.xi[a]);
     if FINITE {
         let along: [f64; D] = std::array::from_fn(|a| xi[a] + relative[a]);
-        let length = along.iter().fold(0.0, |sum, y| sum + y * y).sqrt();
+        let length = dot::<FUSED, D>(along, along).sqrt();
         // l - l0 = (l^2 - l0^2) / (l + l0): small stretches keep their digits; one division serves
         // both this and the direction
         let sum = (length + bond.length) * bond.length;
@@ -148,27 +167,50 @@ fn stretched<const FINITE: bool, const D: usize, const I: usize>(
             along,
         }
     } else {
-        let by_length = 1.0 / bond.length;
         Stretched {
             arm: xi,
-            scale: by_length * by_length,
+            scale: bond.by_length * bond.by_length,
             along: xi,
             relative,
-            by_length,
+            by_length: bond.by_length,
         }
     }
+}
+
+/// Not begun from zero: a compiler has to add it.
+#[inline(always)]
+fn dot<const FUSED: bool, const D: usize>(a: [f64; D], b: [f64; D]) -> f64 {
+    (1..D).fold(a[0] * b[0], |sum, axis| match FUSED {
+        true => a[axis].mul_add(b[axis], sum),
+        false => sum + a[axis] * b[axis],
+    })
 }
 
 impl<const D: usize> Stretched<D> {
     #[inline(always)]
     fn stretch(&self) -> f64 {
-        self.scale * (0..D).fold(0.0, |sum, a| sum + self.relative[a] * self.arm[a])
+        self.stretch_by::<false>()
+    }
+
+    #[inline(always)]
+    fn stretch_by<const FUSED: bool>(&self) -> f64 {
+        self.scale * dot::<FUSED, D>(self.relative, self.arm)
     }
 
     /// Parts of the stretch along the axes.
     #[inline(always)]
     fn parts(&self) -> [f64; D] {
         std::array::from_fn(|a| self.relative[a] * self.arm[a] * self.scale)
+    }
+
+    /// Adds a vector along the bond to one end, and takes it from the other.
+    #[inline(always)]
+    fn add_pull<const O: usize>(&self, size: f64, [here, there]: [&mut [f64; O]; 2]) {
+        let size = size * self.by_length;
+        for axis in 0..D {
+            here[axis] = size.mul_add(self.along[axis], here[axis]);
+            there[axis] = (-size).mul_add(self.along[axis], there[axis]);
+        }
     }
 
     /// A vector along the bond.
@@ -201,17 +243,30 @@ impl<const FINITE: bool, const DILATATION: bool, const D: usize> BondKernel<INPU
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; D] {
         let ends = (&own, &other);
         let change = stretched::<FINITE, D, _>(bond, ends);
-        change.vector(match DILATATION {
-            true => tension(bond, change.stretch(), ends) + pressure(bond, ends),
-            false => pair_tension(bond, change.stretch(), ends),
-        })
+        change.vector(pull::<DILATATION>(bond, change.stretch(), ends))
+    }
+
+    #[inline(always)]
+    fn add_ends(
+        &self,
+        bond: &Bond,
+        own: [f64; INPUTS],
+        other: [f64; INPUTS],
+        sums: [&mut [f64; D]; 2],
+    ) {
+        let ends = (&own, &other);
+        let change = stretched_by::<FINITE, true, D, _>(bond, ends);
+        change.add_pull(
+            pull::<DILATATION>(bond, change.stretch_by::<true>(), ends),
+            sums,
+        );
     }
 }
 
 /// What is compared with the limit of a bond, and the limit: thermo-elastic stretch, or energy and limit
 /// both times the weight; not above zero unless the bond is pulled. `force` along the bond in N/m³.
 #[inline(always)]
-fn pull_and_limit(
+fn load_and_limit(
     energy: bool,
     bond: &Bond,
     (stretch, force): (f64, f64),
@@ -238,15 +293,29 @@ impl<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: b
         let ends = (&own, &other);
         let change = stretched::<FINITE, D, _>(bond, ends);
         let stretch = change.stretch();
-        let force = match DILATATION {
-            true => tension(bond, stretch, ends) + pressure(bond, ends),
-            false => pair_tension(bond, stretch, ends),
-        };
-        let (pull, limit) = pull_and_limit(ENERGY, bond, (stretch, force), ends);
-        let mut sums = [0.0, 0.0, 0.0, (pull - limit).max(0.0)];
+        let force = pull::<DILATATION>(bond, stretch, ends);
+        let (load, limit) = load_and_limit(ENERGY, bond, (stretch, force), ends);
+        let mut sums = [0.0, 0.0, 0.0, (load - limit).max(0.0)];
         let vector = change.vector(force);
         (0..D).for_each(|axis| sums[axis] = vector[axis]);
         sums
+    }
+
+    #[inline(always)]
+    fn add_ends(
+        &self,
+        bond: &Bond,
+        own: [f64; INPUTS],
+        other: [f64; INPUTS],
+        [here, there]: [&mut [f64; 4]; 2],
+    ) {
+        let ends = (&own, &other);
+        let change = stretched_by::<FINITE, true, D, _>(bond, ends);
+        let stretch = change.stretch_by::<true>();
+        let force = pull::<DILATATION>(bond, stretch, ends);
+        let (load, limit) = load_and_limit(ENERGY, bond, (stretch, force), ends);
+        here[3] += (load - limit).max(0.0);
+        change.add_pull(force, [here, there]);
     }
 }
 
@@ -258,11 +327,11 @@ impl BondKernel<INPUTS, 2> for Load {
         let ends = (&own, &other);
         let stretch = stretched_in(self.finite, bond, ends).stretch();
         let force = match self.pairs {
-            true => pair_tension(bond, stretch, ends),
-            false => tension(bond, stretch, ends) + pressure(bond, ends),
+            true => pull::<false>(bond, stretch, ends),
+            false => pull::<true>(bond, stretch, ends),
         };
-        let (pull, limit) = pull_and_limit(self.energy, bond, (stretch, force), ends);
-        [pull / limit, (pull - limit).max(0.0)]
+        let (load, limit) = load_and_limit(self.energy, bond, (stretch, force), ends);
+        [load / limit, (load - limit).max(0.0)]
     }
 }
 
@@ -274,6 +343,36 @@ impl<const DILATATION: bool, const D: usize> BondKernel<INPUTS, D> for Stiffness
         Force::<false, DILATATION>
             .bond(bond, own, other)
             .map(|f: f64| -f)
+    }
+}
+
+impl<const FINITE: bool> BondKernel<3, 1> for Dilation<FINITE> {
+    const PAIRED: usize = if FINITE { 1 } else { 0 };
+
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 1] {
+        let [here, _] = self.ends(bond, own, other);
+        here
+    }
+
+    #[inline(always)]
+    fn ends(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [[f64; 1]; 2] {
+        let stretch = stretched::<FINITE, 3, _>(bond, (&own, &other)).stretch();
+        [[bond.weight * stretch], [bond.dual * stretch]]
+    }
+
+    #[inline(always)]
+    fn add_ends(
+        &self,
+        bond: &Bond,
+        own: [f64; 3],
+        other: [f64; 3],
+        [[here], [there]]: [&mut [f64; 1]; 2],
+    ) {
+        let change = stretched_by::<FINITE, true, 3, _>(bond, (&own, &other));
+        let stretch = change.stretch_by::<true>();
+        *here = bond.weight.mul_add(stretch, *here);
+        *there = bond.dual.mul_add(stretch, *there);
     }
 }
 
@@ -375,6 +474,11 @@ where
     fn ends(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [[f64; O]; 2] {
         self.0.ends(bond, self.all(own), self.all(other))
     }
+
+    #[inline(always)]
+    fn add_ends(&self, bond: &Bond, own: [f64; I], other: [f64; I], sums: [&mut [f64; O]; 2]) {
+        self.0.add_ends(bond, self.all(own), self.all(other), sums);
+    }
 }
 
 impl<K> Uniform<'_, K> {
@@ -408,6 +512,18 @@ impl<K: BondKernel<INPUTS, O>, const O: usize> BondKernel<PLASTIC_INPUTS, O> for
     ) -> [[f64; O]; 2] {
         let [own, other] = strained(bond, [own, other]);
         self.0.ends(bond, own, other)
+    }
+
+    #[inline(always)]
+    fn add_ends(
+        &self,
+        bond: &Bond,
+        own: [f64; PLASTIC_INPUTS],
+        other: [f64; PLASTIC_INPUTS],
+        sums: [&mut [f64; O]; 2],
+    ) {
+        let [own, other] = strained(bond, [own, other]);
+        self.0.add_ends(bond, own, other, sums);
     }
 }
 

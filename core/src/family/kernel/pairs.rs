@@ -34,7 +34,7 @@ pub(in crate::family) struct Pairs {
     boxes: [Vec<Section>; 4],
     /// By slot.
     holds_point: Vec<bool>,
-    /// Sums by slot, in planes.
+    /// Sums by slot, in planes: zero for points, between sweeps.
     work: Mutex<Vec<f64>>,
 }
 
@@ -59,20 +59,51 @@ struct Planes {
 }
 
 // SAFETY: threads that run at the same time sweep boxes of one colour, which write to rows of their own (checked by
-// `Pairs::check`); nobody reads before they have joined.
+// `Pairs::check`); nobody takes before they have joined.
 unsafe impl Sync for Planes {}
 
 impl Planes {
     #[inline(always)]
-    fn add<const N: usize>(&self, plane: usize, slot: usize, parts: [f64; N]) {
+    fn at<const N: usize>(&self, plane: usize, slot: usize) -> *mut [f64; N] {
         assert!(slot + N <= self.slots, "within the plane");
-        // SAFETY: `Family::sum_pairs` made a plane for each sum; no other thread writes there, see above.
-        let sums =
-            unsafe { std::slice::from_raw_parts_mut(self.first.add(plane * self.slots + slot), N) };
-        for lane in 0..N {
-            sums[lane] += parts[lane];
-        }
+        // SAFETY: `Family::sum_pairs` made a plane for each sum.
+        unsafe { self.first.add(plane * self.slots + slot).cast() }
     }
+
+    #[inline(always)]
+    fn get<const N: usize>(&self, plane: usize, slot: usize) -> [f64; N] {
+        // SAFETY: no other thread writes there, see above.
+        unsafe { *self.at(plane, slot) }
+    }
+
+    #[inline(always)]
+    fn set<const N: usize>(&self, plane: usize, slot: usize, sums: [f64; N]) {
+        // SAFETY: as in `get`.
+        unsafe { *self.at(plane, slot) = sums }
+    }
+
+    #[inline(always)]
+    fn add<const N: usize>(&self, plane: usize, slot: usize, parts: [f64; N]) {
+        let sums: [f64; N] = self.get(plane, slot);
+        let sums = std::array::from_fn(|lane| sums[lane] + parts[lane]);
+        self.set::<N>(plane, slot, sums);
+    }
+
+    /// The sum of a point, which leaves zero behind. After the sweep: each point is taken by one thread.
+    #[inline(always)]
+    fn take(&self, plane: usize, slot: usize) -> f64 {
+        let [sum] = self.get(plane, slot);
+        self.set(plane, slot, [0.0]);
+        sum
+    }
+}
+
+/// The bonds of a stencil, column by column of x: those to one row follow each other at a distance. What a bond reads
+/// that the one before wrote in part has to wait until it is written, for longer than the bond takes.
+fn order_of(ahead: &[StencilBond]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..ahead.len()).collect();
+    order.sort_by(|&a, &b| ahead[a].bond.xi[0].total_cmp(&ahead[b].bond.xi[0]));
+    order
 }
 
 impl Pairs {
@@ -81,6 +112,7 @@ impl Pairs {
         let cells = family.grid.as_ref()?.cells();
         let half = family.stencil.len() / 2;
         let (behind, ahead) = family.stencil.split_at(half);
+        let order = order_of(ahead);
         let is_plane = cells[2] == 1;
         if !family.rows.point.is_empty() || cells[0] < BLOCK || (is_plane && cells[1] == 1) {
             return None;
@@ -102,6 +134,10 @@ impl Pairs {
             (true, (y, _)) => [y / (reach + 1), 0],
             (false, (y, z)) => [y * across / cells[1], z / (reach + 1)],
         };
+        let mut place_of = vec![0; half];
+        for (place, &number) in order.iter().enumerate() {
+            place_of[number] = place;
+        }
         let mut points: Vec<(usize, [usize; 2], u32, u32)> = Vec::with_capacity(family.points);
         let mut holds_point = vec![false; family.slots];
         for span in &family.spans {
@@ -122,7 +158,7 @@ impl Pairs {
                 family.for_each_bond(point as usize, |number, bond, other| {
                     let weights = [bond.weight, bond.dual];
                     if number >= half {
-                        bonds[1].push((number - half, weights));
+                        bonds[1].push((place_of[number - half], weights));
                     } else if !holds_point[other] {
                         bonds[0].push((number, weights));
                     }
@@ -139,10 +175,11 @@ impl Pairs {
             });
         }
         let [back, forth] = blocks.map(Builder::finish);
+        let ahead: Vec<StencilBond> = order.iter().map(|&number| ahead[number]).collect();
         let pairs = Pairs {
             complete: forth.pattern_of(ahead.iter().map(|b| [b.bond.weight, b.bond.dual])),
             ahead: Half {
-                stencil: ahead.to_vec(),
+                stencil: ahead,
                 blocks: forth,
             },
             behind: Half {
@@ -188,13 +225,12 @@ impl Family {
         &self,
         (kernel, pairs): (&K, &Pairs),
         inputs: Inputs<'_, I>,
-        output: &Output<O>,
+        output: &Output<'_, O>,
     ) {
         let lock = || pairs.work.lock().unwrap_or_else(PoisonError::into_inner);
         // a second sweep at the same time finds none, and takes its own
         let mut work = std::mem::take(&mut *lock());
         work.resize(O * self.slots, 0.0);
-        work.par_chunks_mut(1 << 14).for_each(|part| part.fill(0.0));
         let planes = Planes {
             first: work.as_mut_ptr(),
             slots: self.slots,
@@ -208,7 +244,7 @@ impl Family {
         heads.for_each(|head| {
             for lane in 0..head.len as usize {
                 let slot = head.slot as usize + lane;
-                let sum = std::array::from_fn(|o| work[o * self.slots + slot]);
+                let sum = std::array::from_fn(|o| planes.take(o, slot));
                 output.set(head.point as usize + lane, sum);
             }
         });
@@ -223,16 +259,20 @@ impl Family {
     ) {
         #[cfg(target_arch = "x86_64")]
         {
-            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
+            let fused = is_x86_feature_detected!("fma");
+            if fused && is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl")
+            {
                 // SAFETY: the instruction set was detected.
                 return unsafe { sweep_box_avx512(self, kernel, inputs, target) };
             }
-            if is_x86_feature_detected!("avx2") {
+            if fused && is_x86_feature_detected!("avx2") {
                 // SAFETY: the instruction set was detected.
                 return unsafe { sweep_box_avx2(self, kernel, inputs, target) };
             }
         }
-        sweep_box(self, kernel, inputs, target);
+        // all machines of other kinds have them
+        const FUSED: bool = cfg!(target_arch = "aarch64");
+        sweep_box::<I, O, FUSED, K>(self, kernel, inputs, target);
     }
 
     /// Adds what the bonds of a point give, bond by bond, for points beside cracks: those ahead to both of their ends,
@@ -266,29 +306,29 @@ impl Family {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl")]
+#[target_feature(enable = "avx512f,avx512vl,fma")]
 fn sweep_box_avx512<const I: usize, const O: usize, K: BondKernel<I, O>>(
     family: &Family,
     kernel: (&K, &Pairs),
     inputs: Inputs<'_, I>,
     target: (&Planes, &Section),
 ) {
-    sweep_box(family, kernel, inputs, target);
+    sweep_box::<I, O, true, K>(family, kernel, inputs, target);
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
+#[target_feature(enable = "avx2,fma")]
 fn sweep_box_avx2<const I: usize, const O: usize, K: BondKernel<I, O>>(
     family: &Family,
     kernel: (&K, &Pairs),
     inputs: Inputs<'_, I>,
     target: (&Planes, &Section),
 ) {
-    sweep_box(family, kernel, inputs, target);
+    sweep_box::<I, O, true, K>(family, kernel, inputs, target);
 }
 
 #[inline(always)]
-fn sweep_box<const I: usize, const O: usize, K: BondKernel<I, O>>(
+fn sweep_box<const I: usize, const O: usize, const FUSED: bool, K: BondKernel<I, O>>(
     family: &Family,
     (kernel, pairs): (&K, &Pairs),
     (values, broken): Inputs<'_, I>,
@@ -309,10 +349,10 @@ fn sweep_box<const I: usize, const O: usize, K: BondKernel<I, O>>(
         if !is_whole(head.points()) {
             add_points(head.points(), true);
         } else if Some(head.pattern) == pairs.complete {
-            add_block(kernel, (stencil, None), inputs, (planes, head));
+            add_block::<I, O, FUSED, K>(kernel, (stencil, None), inputs, (planes, head));
         } else {
             let bonds = (&stencil[..], Some(blocks.weights(block)));
-            add_block(kernel, bonds, inputs, (planes, head));
+            add_block::<I, O, FUSED, K>(kernel, bonds, inputs, (planes, head));
         }
     }
     let Half { stencil, blocks } = &pairs.behind;
@@ -332,7 +372,7 @@ fn sweep_box<const I: usize, const O: usize, K: BondKernel<I, O>>(
 
 /// Adds what the bonds ahead of a block give both of their ends; lanes that are no points give nothing.
 #[inline(always)]
-fn add_block<const I: usize, const O: usize, K: BondKernel<I, O>>(
+fn add_block<const I: usize, const O: usize, const FUSED: bool, K: BondKernel<I, O>>(
     kernel: &K,
     (stencil, weights): (&[StencilBond], Option<&[Weights]>),
     inputs: &[&[f64]; I],
@@ -344,27 +384,42 @@ fn add_block<const I: usize, const O: usize, K: BondKernel<I, O>>(
     for (number, &StencilBond { offset, bond }) in stencil.iter().enumerate() {
         let at = slot.wrapping_add_signed(offset);
         let other: [[f64; BLOCK]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
-        let mut parts = [[0.0; BLOCK]; O];
+        let mut others: [[f64; BLOCK]; O] = std::array::from_fn(|o| match o < K::PAIRED {
+            true => planes.get(o, at),
+            false => [0.0; BLOCK],
+        });
         for lane in 0..BLOCK {
             let bond = weights.map_or(bond, |weights| Bond {
                 weight: weights[number][0][lane],
                 dual: weights[number][1][lane],
                 ..bond
             });
-            let [here, there] = kernel.ends(
-                &bond,
-                std::array::from_fn(|i| own[i][lane]),
-                std::array::from_fn(|i| other[i][lane]),
-            );
-            for o in 0..O {
-                // sums of both ends ask nothing: they are nothing without weight
-                let counts = o < K::PAIRED || weights.is_none() || bond.weight + bond.dual != 0.0;
+            let mut here: [f64; O] =
+                std::array::from_fn(|o| if o < K::PAIRED { sums[o][lane] } else { 0.0 });
+            let mut there: [f64; O] = std::array::from_fn(|o| others[o][lane]);
+            let own = std::array::from_fn(|i| own[i][lane]);
+            let other = std::array::from_fn(|i| other[i][lane]);
+            if FUSED {
+                kernel.add_ends(&bond, own, other, [&mut here, &mut there]);
+            } else {
+                let parts = kernel.ends(&bond, own, other);
+                for o in 0..O {
+                    here[o] += parts[0][o];
+                    there[o] += parts[1][o];
+                }
+            }
+            for o in 0..K::PAIRED {
+                sums[o][lane] = here[o];
+                others[o][lane] = there[o];
+            }
+            // sums of both ends are nothing without weight, these need not be
+            let counts = weights.is_none() || bond.weight + bond.dual != 0.0;
+            for o in K::PAIRED..O {
                 sums[o][lane] += if counts { here[o] } else { 0.0 };
-                parts[o][lane] = there[o];
             }
         }
-        for (o, &parts) in parts.iter().enumerate().take(K::PAIRED) {
-            planes.add(o, at, parts);
+        for (o, others) in others.into_iter().enumerate().take(K::PAIRED) {
+            planes.set(o, at, others);
         }
     }
     for (o, &sums) in sums.iter().enumerate() {
