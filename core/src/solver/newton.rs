@@ -176,12 +176,12 @@ impl Newton {
                 diagonal: has_diagonal.then_some(&**diagonal),
                 ..hints
             };
-            // solving the linear system better than the tolerance asks is wasted work
-            let enough = 0.5 * tolerance / report.residual;
+            // solving the linear system better than the tolerance asks is wasted work; what is left to the
+            // tolerance is for rounding, or for what is not linear
             krylov.options.relative_tolerance = if options.linear {
-                enough
+                0.9 * tolerance / report.residual
             } else {
-                forcing.max(enough)
+                forcing.max(0.5 * tolerance / report.residual)
             };
             step.fill(0.0);
             let linear = options.linear;
