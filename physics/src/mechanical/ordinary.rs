@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use perimelt_core::family::{Continuation, LayerRule};
-use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Family};
+use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Family, Horizon};
 use rayon::prelude::*;
 
 use super::classical::{Point, diagonal, image_of, symmetric};
@@ -28,6 +28,7 @@ pub struct Ordinary {
     finite: bool,
     /// Largest, m.
     horizon: f64,
+    horizons_differ: bool,
     elasticity: Elasticity,
     /// Whether Poisson's ratio is free: an ordinary state-based solid.
     dilatation: bool,
@@ -88,6 +89,8 @@ impl Ordinary {
             dimension,
             finite,
             horizon: family.spec().horizon.of(body.coarsest_spacing()),
+            horizons_differ: matches!(family.spec().horizon, Horizon::Spacings(_))
+                && body.points.spacing.windows(2).any(|s| s[0] != s[1]),
             dilatation,
             moduli: vec![elasticity.at(0, 0.0); if uniform.is_some() { 0 } else { points }],
             eigenstrain: vec![0.0; points],
@@ -449,6 +452,7 @@ impl Ordinary {
         let mut stress = std::mem::take(&mut self.tensors);
         let kernel = Stress {
             finite: self.finite,
+            symmetric: self.horizons_differ,
         };
         match self.plasticity {
             Some(_) => self.run_plastic(kernel, &mut stress),

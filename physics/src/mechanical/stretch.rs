@@ -109,10 +109,12 @@ pub struct Energy<const FINITE: bool> {
 }
 
 /// Peridynamic stress `sum_j T_ij (x) xi` (Pa) as xx, yy, zz, xy, yz, zx (spec 07, 1.8, S1): the
-/// momentum that the point's own bonds carry.
+/// momentum that the point's own bonds carry; or half of that of both ends, `1/2 sum_j (T_ij - T_ji) (x) xi` (S2).
 pub struct Stress {
     /// Finite kinematics.
     pub finite: bool,
+    /// S2: where horizons change, S1 is farther off within a horizon. Both add up to the same over a body.
+    pub symmetric: bool,
 }
 
 /// A kernel for points that differ in their first inputs only, and take the others from one point.
@@ -452,9 +454,15 @@ impl BondKernel<INPUTS, 6> for Stress {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 6] {
         let change = stretched_in(self.finite, bond, (&own, &other));
-        let stretch = change.stretch() - own[EIGENSTRAIN];
-        let tension = 0.5 * own[STIFFNESS] * stretch * bond.length + own[PRESSURE];
-        dyad(bond.weight * tension, &change.vector(1.0))
+        let carried = |weight: f64, point: &[f64; INPUTS]| {
+            let stretch = change.stretch() - point[EIGENSTRAIN];
+            weight * (0.5 * point[STIFFNESS] * stretch * bond.length + point[PRESSURE])
+        };
+        let tension = match self.symmetric {
+            true => 0.5 * (carried(bond.weight, &own) + carried(bond.dual, &other)),
+            false => carried(bond.weight, &own),
+        };
+        dyad(tension, &change.vector(1.0))
     }
 }
 
