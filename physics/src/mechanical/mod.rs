@@ -50,7 +50,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use correspondence::Correspondence;
-use fracture::{Fracture, FractureSection, FractureState};
+use fracture::{Criterion, Fracture, FractureSection, FractureState};
 use moduli::{Elasticity, Moduli, Plane};
 use ordinary::Ordinary;
 use plasticity::{Inelastic, Plasticity, PlasticitySection};
@@ -434,10 +434,10 @@ impl Physics for Mechanical {
         };
         let plastic = plasticity.is_some();
         let fracture = match &self.fracture {
-            Some(_) if correspondence => {
-                let message = "bonds of a correspondence solid do not break";
-                let expected = "`formulation` \"bond\" or \"ordinary\"";
-                return Err(SetupError::value("fracture", message, expected));
+            Some(section) if correspondence && section.criterion == Criterion::Energy => {
+                let message = "a bond of a correspondence solid has no energy of its own";
+                let expected = "\"stretch\", or `formulation` \"bond\" or \"ordinary\"";
+                return Err(SetupError::value("fracture.criterion", message, expected));
             }
             Some(section) => Some(Fracture::of(section, setup, body, &family)?),
             None => None,
@@ -446,8 +446,8 @@ impl Physics for Mechanical {
         let this = setup.body(body);
         let finite = self.kinematics == Kinematics::Finite;
         let solid: Box<dyn Solid> = if correspondence {
-            let g = self.stabilisation;
-            let solid = Correspondence::new(this, family, elasticity, finite, g, plasticity);
+            let (g, flow_and_break) = (self.stabilisation, (plasticity, fracture));
+            let solid = Correspondence::new(this, family, elasticity, finite, g, flow_and_break);
             Box::new(solid.map_err(|e| SetupError::other("", e))?)
         } else {
             let solid = Ordinary::new(this, family, elasticity, finite, plasticity, fracture);
