@@ -28,7 +28,7 @@ use rayon::prelude::*;
 
 use super::classical::{COMPONENTS, Point, diagonal, image_of};
 use super::fracture::Fracture;
-use super::gradient::{FlatFamily, Gradient};
+use super::gradient::{FlatFamily, Gradient, RISE};
 use super::moduli::{Elasticity, Moduli};
 use super::ordinary::{flat, unflatten};
 use super::plasticity::{Plasticity, Strains};
@@ -491,6 +491,10 @@ impl Solid for Correspondence {
             .sum_unbroken(&Block, inputs, self.broken(), &mut tensors);
         self.tensors = tensors;
         &self.tensors
+    }
+
+    fn rise_by_damage(&self) -> f64 {
+        self.fracture.as_ref().map_or(1.0, |_| RISE)
     }
 
     fn energy(&mut self) -> &[[f64; 2]] {
