@@ -164,6 +164,7 @@ benchmarks!(
     "gao-3.6.2a-cracked-plate",
     "gao-3.6.2b-tearing-plate-uncoupled",
     "gao-3.6.2b-tearing-plate-coupled",
+    "gao-3.6.2b-tearing-plate-nosb",
     "gao-3.6.3-kalthoff",
 );
 

@@ -27,6 +27,16 @@ impl Point {
         }
     }
 
+    /// A point whose bonds are too few for a strain: it has no stress, whatever its inelastic strain.
+    pub(super) fn loose(moduli: Moduli, dimension: usize) -> Self {
+        let moduli = Moduli {
+            shear: 0.0,
+            lame: 0.0,
+            ..moduli
+        };
+        Point::new(moduli, 0.0, dimension)
+    }
+
     /// `C : (strain - eigenstrain - inelastic strain)`, Pa, in the dimensions that there are.
     pub(super) fn stress(&self, strain: &Matrix3<f64>) -> Matrix3<f64> {
         let d = self.dimension;

@@ -12,20 +12,28 @@
 //! `w` is the weight of the bond in the family of the owner, `g z` holds back the modes without
 //! strain (Silling 2017) and vanishes in every affine deformation. Any uniform strain is exact on any
 //! cloud, also at surfaces, and needs no calibration.
+//!
+//! Bonds break at their critical stretch ([`fracture`](super::fracture)). All sums run over those that are
+//! left, K too, so that uniform strain stays exact beside cracks. A *loose* point, whose bonds do not
+//! span the dimensions any more ([`gradient`](super::gradient)), has no strain, no stress and no `g z` of its
+//! own; it follows what its neighbours do to it. Not for breaking by the energy of bonds: the stress is
+//! that of points, and no bond has an energy of its own.
 
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
 use perimelt_core::family::{Continuation, LayerRule};
-use perimelt_core::{Body, Bond, BondKernel, Family};
+use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Family};
 use rayon::prelude::*;
 
 use super::classical::{COMPONENTS, Point, diagonal, image_of};
-use super::gradient::{FlatFamily, Gradient};
+use super::fracture::Fracture;
+use super::gradient::{FlatFamily, Gradient, RISE};
 use super::moduli::{Elasticity, Moduli};
 use super::ordinary::{flat, unflatten};
 use super::plasticity::{Plasticity, Strains};
 use super::solid::{Of, Solid, continue_displacement};
+use super::stretch::{EXCESS_INPUTS, Excess};
 
 /// Inputs of the kernels, in slot space: nine components of `P K^-1 - g H` by rows, the
 /// displacement, g.
@@ -110,8 +118,11 @@ pub struct Correspondence {
     moduli: Vec<Moduli>,
     eigenstrain: Vec<f64>,
     plasticity: Option<Plasticity>,
+    fracture: Option<Fracture>,
     continuation: Continuation,
     slots: [Vec<f64>; INPUTS],
+    /// Eigenstrain and critical stretch in slot space; empty where no bond breaks.
+    strength: [Vec<f64>; 2],
     /// H of each point.
     gradient: Gradient,
     /// `P K^-1 - g H` of each point.
@@ -119,6 +130,7 @@ pub struct Correspondence {
     padded: Vec<f64>,
     energy: Vec<[f64; 2]>,
     tensors: Vec<[f64; 6]>,
+    excess: Vec<[f64; 1]>,
 }
 
 impl Correspondence {
@@ -132,10 +144,11 @@ impl Correspondence {
         elasticity: Elasticity,
         finite: bool,
         stabilisation: f64,
-        plasticity: Option<Plasticity>,
+        (plasticity, fracture): (Option<Plasticity>, Option<Fracture>),
     ) -> Result<Self, FlatFamily> {
         let (points, dimension) = (body.points.len(), body.dimension);
         let slots = family.slots();
+        let breaking = if fracture.is_some() { slots } else { 0 };
         let gradient = Gradient::new(body, family.clone())?;
         let needed = |i: usize| match i {
             STABILISATION => true,
@@ -161,19 +174,27 @@ impl Correspondence {
             plasticity,
             continuation: Continuation::default(),
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
+            strength: std::array::from_fn(|_| vec![0.0; breaking]),
             gradient,
             drive: vec![Matrix3::zeros(); points],
             padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
             energy: vec![[0.0; 2]; points],
             tensors: vec![[0.0; 6]; points],
+            excess: vec![[0.0]; if fracture.is_some() { points } else { 0 }],
+            fracture,
             elasticity,
             family,
         };
         this.load_stabilisation();
+        this.load_strength(body, None);
         Ok(this)
     }
 
+    /// g; loose points have none.
     fn spring(&self, point: usize) -> f64 {
+        if self.gradient.is_loose(point) {
+            return 0.0;
+        }
         let bond_stiffness = 2.0 * self.dimension as f64 * self.moduli[point].bulk;
         self.stabilisation * bond_stiffness / self.horizon[point]
     }
@@ -184,6 +205,20 @@ impl Correspondence {
             .scatter(&springs, 1, 0, &mut self.slots[STABILISATION]);
         self.family
             .fill_layers(&[], 0, &mut self.slots[STABILISATION]);
+    }
+
+    fn load_strength(&mut self, body: &Body, temperature: Option<&[f64]>) {
+        let Some(fracture) = &mut self.fracture else {
+            return;
+        };
+        fracture.load(body, temperature, |i| self.moduli[i]);
+        let slots = &mut self.strength[1];
+        self.family.scatter(&fracture.critical, 1, 0, slots);
+        self.family.fill_layers(&[], 0, slots);
+    }
+
+    fn broken(&self) -> Option<&BrokenBonds> {
+        self.fracture.as_ref().map(|f| &f.state.broken)
     }
 
     fn point(&self, i: usize, of: Of) -> Point {
@@ -200,7 +235,10 @@ impl Correspondence {
 
     /// The elastic law of a point.
     fn law(&self, i: usize) -> Point {
-        Point::new(self.moduli[i], self.eigenstrain[i], self.dimension)
+        match self.gradient.is_loose(i) {
+            true => Point::loose(self.moduli[i], self.dimension),
+            false => Point::new(self.moduli[i], self.eigenstrain[i], self.dimension),
+        }
     }
 
     fn strains(&self) -> Strains<'_> {
@@ -222,7 +260,10 @@ impl Correspondence {
     /// Evaluates H of the displacement that was set.
     fn load_gradient(&mut self) {
         let axes = std::array::from_fn(|axis| &self.slots[DISPLACEMENT + axis][..]);
-        self.gradient.evaluate(axes);
+        let broken = self.fracture.as_ref().map(|f| &f.state.broken);
+        if self.gradient.evaluate(axes, broken) {
+            self.load_stabilisation();
+        }
     }
 
     /// Evaluates the stress and loads what drives the bonds.
@@ -288,23 +329,60 @@ impl Correspondence {
         let mut padded = std::mem::take(&mut self.padded);
         let inputs = self.inputs();
         let sums = flat::<D>(&mut padded, bytemuck::cast_slice_mut(out));
-        self.family.sum(&Force, inputs, sums);
+        self.family
+            .sum_unbroken(&Force, inputs, self.broken(), sums);
         unflatten::<D>(&padded, out);
         self.padded = padded;
+    }
+
+    /// Sums up by how much bonds exceed their critical stretch.
+    fn watch_bonds(&mut self) {
+        let Some(mut fracture) = self.fracture.take() else {
+            return;
+        };
+        let mut sums = std::mem::take(&mut self.excess);
+        let (inputs, broken) = (self.watched(), Some(&fracture.state.broken));
+        match self.finite {
+            true => {
+                let kernel = Excess::<true>;
+                self.family.sum_unbroken(&kernel, inputs, broken, &mut sums);
+            }
+            false => {
+                let kernel = Excess::<false>;
+                self.family.sum_unbroken(&kernel, inputs, broken, &mut sums);
+            }
+        }
+        let excess = fracture.excess.iter_mut().zip(&sums);
+        excess.for_each(|(excess, [sum])| *excess = *sum);
+        (self.excess, self.fracture) = (sums, Some(fracture));
+    }
+
+    /// Inputs of [`Excess`].
+    fn watched(&self) -> [&[f64]; EXCESS_INPUTS] {
+        let inputs = self.inputs();
+        let [eigenstrain, critical] = &self.strength;
+        std::array::from_fn(|i| match i {
+            3 => &eigenstrain[..],
+            4 => critical,
+            axis => inputs[DISPLACEMENT + axis],
+        })
     }
 }
 
 impl Solid for Correspondence {
     fn set_moduli(&mut self, body: &Body, temperature: Option<&[f64]>) {
-        if self.elasticity.uniform().is_some() {
-            return;
+        let constant = self.elasticity.uniform().is_some();
+        if !constant {
+            let elasticity = &self.elasticity;
+            let points = self.moduli.par_iter_mut().zip(&body.material_of_point);
+            points.enumerate().for_each(|(i, (moduli, &m))| {
+                *moduli = elasticity.at(m as usize, temperature.map_or(0.0, |t| t[i]));
+            });
+            self.load_stabilisation();
         }
-        let elasticity = &self.elasticity;
-        let points = self.moduli.par_iter_mut().zip(&body.material_of_point);
-        points.enumerate().for_each(|(i, (moduli, &m))| {
-            *moduli = elasticity.at(m as usize, temperature.map_or(0.0, |t| t[i]));
-        });
-        self.load_stabilisation();
+        if !(constant && self.fracture.as_ref().is_some_and(Fracture::is_constant)) {
+            self.load_strength(body, temperature);
+        }
     }
 
     fn set_stiffest_moduli(&mut self, body: &Body) {
@@ -322,6 +400,11 @@ impl Solid for Correspondence {
             .zip(&self.moduli)
         {
             *own = e * moduli.swelling;
+        }
+        if self.fracture.is_some() {
+            let slots = &mut self.strength[0];
+            self.family.scatter(&self.eigenstrain, 1, 0, slots);
+            self.family.fill_layers(&[], 0, slots);
         }
     }
 
@@ -343,6 +426,7 @@ impl Solid for Correspondence {
         self.flow();
         self.load_drive(Of::Elastic, self.finite);
         self.sum_forces(out);
+        self.watch_bonds();
     }
 
     fn stiffness(&mut self, out: &mut [f64]) {
@@ -378,6 +462,10 @@ impl Solid for Correspondence {
     }
 
     fn blocks(&mut self) -> &[[f64; 6]] {
+        let broken = self.fracture.as_ref().map(|f| &f.state.broken);
+        if self.gradient.follow(broken) {
+            self.load_stabilisation();
+        }
         let points = self.moduli.len();
         let mut slots: [Vec<f64>; 9] = std::array::from_fn(|_| vec![0.0; self.family.slots()]);
         let mut field = vec![0.0; points];
@@ -397,9 +485,16 @@ impl Solid for Correspondence {
             self.family.fill_layers(&[], 0, &mut slots[6 + which]);
         }
         slots[8].copy_from_slice(&self.slots[STABILISATION]);
+        let mut tensors = std::mem::take(&mut self.tensors);
+        let inputs = slots.each_ref().map(|s| &s[..]);
         self.family
-            .sum(&Block, slots.each_ref().map(|s| &s[..]), &mut self.tensors);
+            .sum_unbroken(&Block, inputs, self.broken(), &mut tensors);
+        self.tensors = tensors;
         &self.tensors
+    }
+
+    fn rise_by_damage(&self) -> f64 {
+        self.fracture.as_ref().map_or(1.0, |_| RISE)
     }
 
     fn energy(&mut self) -> &[[f64; 2]] {
@@ -408,7 +503,8 @@ impl Solid for Correspondence {
         let mut extension = vec![[0.0]; points];
         let inputs = self.inputs();
         let inputs = std::array::from_fn(|axis| inputs[DISPLACEMENT + axis]);
-        self.family.sum(&SquaredExtension, inputs, &mut extension);
+        self.family
+            .sum_unbroken(&SquaredExtension, inputs, self.broken(), &mut extension);
         let mut energy = std::mem::take(&mut self.energy);
         for (i, energy) in energy.iter_mut().enumerate() {
             let (gradient, point) = (&self.gradient.values[i], self.point(i, Of::Total));
@@ -417,10 +513,10 @@ impl Solid for Correspondence {
             // sum_j w |z|^2 = sum_j w |u_j - u_i|^2 - H : H K, with K the inverse of its inverse
             let mut shape = self.gradient.inverse_shape[i];
             (self.dimension..3).for_each(|a| shape[(a, a)] = 1.0);
-            let shape = shape
+            // none of a loose point, which has no springs either
+            let affine = shape
                 .try_inverse()
-                .expect("the inverse of a regular tensor");
-            let affine = gradient.dot(&(gradient * shape));
+                .map_or(0.0, |shape| gradient.dot(&(gradient * shape)));
             let modes = 0.5 * self.spring(i) * (extension[i][0] - affine).max(0.0);
             let conjugate = (0..self.dimension).map(|a| stress[(a, a)]).sum::<f64>();
             *energy = [
@@ -438,6 +534,34 @@ impl Solid for Correspondence {
 
     fn plasticity(&mut self) -> Option<&mut Plasticity> {
         self.plasticity.as_mut()
+    }
+
+    fn fracture(&self) -> Option<&Fracture> {
+        self.fracture.as_ref()
+    }
+
+    fn fracture_mut(&mut self) -> Option<&mut Fracture> {
+        self.gradient.forget();
+        self.fracture.as_mut()
+    }
+
+    /// Nothing is frozen: the conjugate stress is that of points, which follows the bonds that are left.
+    fn break_bonds(&mut self, share: f64, damage: &mut [f64]) -> (Vec<[u32; 2]>, bool) {
+        let Some(mut fracture) = self.fracture.take() else {
+            return (Vec::new(), false);
+        };
+        let inputs = self.watched();
+        let ratio = |bond: &Bond, own: usize, other: usize| {
+            let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
+            let (stretch, limit) = match self.finite {
+                true => Excess::<true>::stretch_and_limit(bond, own, other),
+                false => Excess::<false>::stretch_and_limit(bond, own, other),
+            };
+            stretch / limit
+        };
+        let broken = fracture.break_bonds(&self.family, share, damage, ratio, |_, _, _| 0.0);
+        self.fracture = Some(fracture);
+        broken
     }
 
     fn family(&self) -> &Family {
@@ -476,6 +600,6 @@ impl Solid for Correspondence {
         self.load_gradient();
         self.load_drive(Of::Elastic, self.finite);
         self.family
-            .sum_across(&Force, (self.inputs(), None), plane, receive);
+            .sum_across(&Force, (self.inputs(), self.broken()), plane, receive);
     }
 }

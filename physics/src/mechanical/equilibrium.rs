@@ -346,7 +346,9 @@ pub(super) fn relax(run: &mut Run, world: &World) -> Result<Work, SolverError> {
     // a mass of the shape of the stiffness, scaled for stability with dt = 1
     for (mass, block) in work.chunks_exact_mut(3).zip(solid.blocks()) {
         let trace: f64 = block[..3].iter().sum();
-        (0..3).for_each(|axis| mass[axis] = block[axis] + trace);
+        // a point that lost its bonds stays where it is, whatever its mass
+        let least = if trace > 0.0 { trace } else { 1.0 };
+        (0..3).for_each(|axis| mass[axis] = block[axis] + least);
     }
     let free = |i: usize| constraint[i] == 0.0 && i % 3 < dimension;
     let inverse: Vec<f64> = (0..work.len())

@@ -16,7 +16,8 @@
 //! ```
 //!
 //! with the dilatation stiffness a. A is derived for any influence function w; with the constant one it
-//! gives the published 6 mu/pi and 3 mu. B is that of the source, for the constant influence.
+//! gives the published 6 mu/pi and 3 mu. B is that of the source, for the constant influence. Correspondence
+//! solids break by stretch, at the limit of the ordinary ones.
 
 use perimelt_core::family::BrokenBonds;
 use perimelt_core::material::Property;
@@ -44,7 +45,8 @@ pub enum Criterion {
     /// Its thermo-elastic stretch.
     #[default]
     Stretch,
-    /// The energy that it stores; needs the `fracture_energy`.
+    /// The energy that it stores; needs the `fracture_energy`. Not of `correspondence`, whose stress is
+    /// that of points.
     Energy,
 }
 

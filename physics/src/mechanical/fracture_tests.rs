@@ -12,6 +12,8 @@ use perimelt_core::{Family, FamilySpec, Setup, World};
 const BRITTLE: &str =
     "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.25\ncritical_stretch = 1e-3";
 
+const FORMULATIONS: [&str; 3] = ["bond", "ordinary", "correspondence"];
+
 /// Strength of a square or cube of 1 mm spacing.
 fn strength(dimension: usize, material: &str, spec: &FamilySpec, criterion: Criterion) -> f64 {
     let cells = std::array::from_fn(|a| if a < dimension { 9 } else { 1 });
@@ -116,7 +118,7 @@ const EXPLICIT: &str = "solver.explicit = {}\nkinematics = 'finite'\n";
 
 #[test]
 fn a_body_that_flies_apart_keeps_its_momentum_whatever_the_store() {
-    for formulation in ["bond", "ordinary"] {
+    for formulation in FORMULATIONS {
         let keys = format!("{EXPLICIT}formulation = '{formulation}'\nfracture = {{}}");
         let mut damages = Vec::new();
         for store in [Store::Lattice, Store::List] {
@@ -156,7 +158,13 @@ fn regions_that_cannot_fail_hold() {
 
 #[test]
 fn a_state_that_was_saved_goes_on_with_the_same_bits() {
-    let keys = format!("{EXPLICIT}formulation = 'ordinary'\nfracture = {{ }}");
+    for formulation in &FORMULATIONS[1..] {
+        goes_on_with_the_same_bits(formulation);
+    }
+}
+
+fn goes_on_with_the_same_bits(formulation: &str) {
+    let keys = format!("{EXPLICIT}formulation = '{formulation}'\nfracture = {{ }}");
     let start = || {
         let mut s = pulled(&keys, Store::Lattice, [40, 12, 1]);
         set(&mut s, "velocity", |[x, y, _]| {
@@ -200,12 +208,14 @@ proptest! {
 
     #[test]
     fn static_bodies_break_where_they_are_weak_and_not_before(
-        strain in 0.7e-3..1.4e-3f64, store in prop::bool::ANY,
+        strain in 0.7e-3..1.4e-3f64, store in prop::bool::ANY, formulation in 0..3usize,
     ) {
         // a bar held at its left end and stretched at its right one breaks at its critical stretch
         let store = if store { Store::List } else { Store::Lattice };
         let body = block([30, 1, 1], 1, 1e-3, store, BRITTLE);
-        let mechanical: Mechanical = read("fracture = {}");
+        let formulation = FORMULATIONS[formulation];
+        let keys = format!("fracture = {{}}\nformulation = '{formulation}'");
+        let mechanical: Mechanical = read(&keys);
         let pull = Pull { strain, ..Pull::default() };
         let mut s = simulation(body, vec![Box::new(mechanical)], vec![Box::new(pull)], 1.0);
         run(&mut s);

@@ -16,6 +16,8 @@
 
 mod classical;
 pub mod correspondence;
+#[cfg(test)]
+mod correspondence_tests;
 mod equilibrium;
 pub mod fracture;
 #[cfg(test)]
@@ -50,7 +52,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use correspondence::Correspondence;
-use fracture::{Fracture, FractureSection, FractureState};
+use fracture::{Criterion, Fracture, FractureSection, FractureState};
 use moduli::{Elasticity, Moduli, Plane};
 use ordinary::Ordinary;
 use plasticity::{Inelastic, Plasticity, PlasticitySection};
@@ -347,6 +349,33 @@ impl Run {
         any
     }
 
+    /// The highest frequency by its bound or by power iteration, rad/s.
+    fn largest_frequency(&mut self, world: &World) -> f64 {
+        if let Some(bound) = self.solid.frequency_bound(&self.density) {
+            return bound;
+        }
+        let dimension = world.body(self.body).dimension;
+        let inverse_density: Vec<f64> = (0..3 * self.density.len())
+            .map(|i| {
+                if i % 3 < dimension {
+                    1.0 / self.density[i / 3]
+                } else {
+                    0.0
+                }
+            })
+            .collect();
+        let rules: Vec<LayerRule> = world
+            .layer_rules(self.layers)
+            .iter()
+            .map(LayerRule::homogeneous)
+            .collect();
+        let square = largest_eigenvalue(&inverse_density, |u, out| {
+            self.solid.set_displacement(u, &rules);
+            self.solid.stiffness(out);
+        });
+        square.sqrt()
+    }
+
     fn provide_stress(&mut self, world: &World) {
         if let Some(eigenstrain) = self.eigenstrain {
             self.solid.set_eigenstrain(&world.read(eigenstrain));
@@ -434,10 +463,10 @@ impl Physics for Mechanical {
         };
         let plastic = plasticity.is_some();
         let fracture = match &self.fracture {
-            Some(_) if correspondence => {
-                let message = "bonds of a correspondence solid do not break";
-                let expected = "`formulation` \"bond\" or \"ordinary\"";
-                return Err(SetupError::value("fracture", message, expected));
+            Some(section) if correspondence && section.criterion == Criterion::Energy => {
+                let message = "a bond of a correspondence solid has no energy of its own";
+                let expected = "\"stretch\", or `formulation` \"bond\" or \"ordinary\"";
+                return Err(SetupError::value("fracture.criterion", message, expected));
             }
             Some(section) => Some(Fracture::of(section, setup, body, &family)?),
             None => None,
@@ -446,8 +475,8 @@ impl Physics for Mechanical {
         let this = setup.body(body);
         let finite = self.kinematics == Kinematics::Finite;
         let solid: Box<dyn Solid> = if correspondence {
-            let g = self.stabilisation;
-            let solid = Correspondence::new(this, family, elasticity, finite, g, plasticity);
+            let (g, flow_and_break) = (self.stabilisation, (plasticity, fracture));
+            let solid = Correspondence::new(this, family, elasticity, finite, g, flow_and_break);
             Box::new(solid.map_err(|e| SetupError::other("", e))?)
         } else {
             let solid = Ordinary::new(this, family, elasticity, finite, plasticity, fracture);
@@ -556,36 +585,24 @@ impl Physics for Mechanical {
         }
     }
 
-    /// `2 / omega`, with the highest frequency by its bound or by power iteration.
+    /// `2 / omega`, with the highest frequency.
     fn stable_step(&mut self, world: &World) -> Option<f64> {
         let run = self.run.as_mut().expect("prepared before the start");
         if !matches!(self.solver, MechanicalSolver::Explicit { .. }) {
             return None;
         }
         run.solid.set_stiffest_moduli(world.body(run.body));
-        if let Some(bound) = run.solid.frequency_bound(&run.density) {
-            return Some(2.0 / bound);
-        }
-        let dimension = world.body(run.body).dimension;
-        let inverse_density: Vec<f64> = (0..3 * run.density.len())
-            .map(|i| {
-                if i % 3 < dimension {
-                    1.0 / run.density[i / 3]
-                } else {
-                    0.0
-                }
-            })
-            .collect();
-        let rules: Vec<LayerRule> = world
-            .layer_rules(run.layers)
-            .iter()
-            .map(LayerRule::homogeneous)
-            .collect();
-        let square = largest_eigenvalue(&inverse_density, |u, out| {
-            run.solid.set_displacement(u, &rules);
-            run.solid.stiffness(out);
-        });
-        Some(2.0 / square.sqrt())
+        // of the whole body, so that a run that is resumed takes the same steps
+        let mut broken = run.solid.fracture().map(|_| run.solid.family().unbroken());
+        let mut swap = |solid: &mut dyn Solid| {
+            if let (Some(fracture), Some(broken)) = (solid.fracture_mut(), &mut broken) {
+                std::mem::swap(&mut fracture.state.broken, broken);
+            }
+        };
+        swap(&mut *run.solid);
+        let largest = run.largest_frequency(world);
+        swap(&mut *run.solid);
+        Some(2.0 / (largest * run.solid.rise_by_damage().sqrt()))
     }
 
     fn plausible(&self, world: &World) -> Vec<(&'static str, f64)> {

@@ -300,9 +300,12 @@ impl Ordinary {
         self.inelastic = slots;
     }
 
-    /// The elastic law of a point.
-    fn law(&self, i: usize) -> Point {
-        Point::new(self.moduli(i), self.eigenstrain[i], self.dimension)
+    /// The elastic law by which a point flows; a loose one does not.
+    fn law(&self, gradient: &Gradient, i: usize) -> Point {
+        match gradient.is_loose(i) {
+            true => Point::loose(self.moduli(i), self.dimension),
+            false => Point::new(self.moduli(i), self.eigenstrain[i], self.dimension),
+        }
     }
 
     fn strains<'a>(&self, gradient: &'a Gradient) -> Strains<'a> {
@@ -320,8 +323,9 @@ impl Ordinary {
         else {
             return;
         };
-        gradient.evaluate(std::array::from_fn(|axis| &self.slots[axis][..]));
-        plasticity.try_strains(self.strains(&gradient), |i| self.law(i));
+        let axes = std::array::from_fn(|axis| &self.slots[axis][..]);
+        gradient.evaluate(axes, self.broken());
+        plasticity.try_strains(self.strains(&gradient), |i| self.law(&gradient, i));
         (self.plasticity, self.gradient) = (Some(plasticity), Some(gradient));
     }
 
@@ -680,7 +684,7 @@ impl Solid for Ordinary {
         let (Some(plasticity), Some(gradient)) = (&self.plasticity, &self.gradient) else {
             return Vec::new();
         };
-        plasticity.tried_stress(self.strains(gradient), |i| self.law(i))
+        plasticity.tried_stress(self.strains(gradient), |i| self.law(gradient, i))
     }
 
     fn moduli_of(&self, point: usize) -> Moduli {
@@ -710,7 +714,7 @@ impl Solid for Ordinary {
         else {
             return;
         };
-        plasticity.linearise(self.strains(gradient), |i| self.law(i));
+        plasticity.linearise(self.strains(gradient), |i| self.law(gradient, i));
         self.plasticity = Some(plasticity);
     }
 
@@ -718,7 +722,9 @@ impl Solid for Ordinary {
         let (Some(plasticity), Some(gradient)) = (&mut self.plasticity, &mut self.gradient) else {
             return self.stiffness(out);
         };
-        gradient.evaluate(std::array::from_fn(|axis| &self.slots[axis][..]));
+        let broken = self.fracture.as_ref().map(|f| &f.state.broken);
+        let axes = std::array::from_fn(|axis| &self.slots[axis][..]);
+        gradient.evaluate(axes, broken);
         plasticity.follow(&gradient.values);
         let finite = std::mem::replace(&mut self.finite, false);
         self.load_inelastic(Of::Change);

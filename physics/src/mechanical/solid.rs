@@ -63,6 +63,11 @@ pub trait Solid: Debug {
         None
     }
 
+    /// By how much lost bonds may raise the square of the largest frequency of the whole body.
+    fn rise_by_damage(&self) -> f64 {
+        1.0
+    }
+
     /// Plastic state, where there is one. [`Solid::force`] leaves the state that it tried there.
     fn plasticity(&mut self) -> Option<&mut Plasticity>;
 

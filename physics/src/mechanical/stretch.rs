@@ -77,6 +77,32 @@ pub struct Load {
     pub pairs: bool,
 }
 
+/// By how much the bonds that are to break exceed their critical stretch, in all, of a solid whose bonds do
+/// not pull along themselves. Inputs: the displacement, eigenstrain, critical stretch.
+pub struct Excess<const FINITE: bool>;
+
+/// Inputs of [`Excess`].
+pub const EXCESS_INPUTS: usize = 5;
+
+impl<const FINITE: bool> Excess<FINITE> {
+    /// Thermo-elastic stretch of a bond, and the critical one.
+    #[inline(always)]
+    pub fn stretch_and_limit(
+        bond: &Bond,
+        own: [f64; EXCESS_INPUTS],
+        other: [f64; EXCESS_INPUTS],
+    ) -> (f64, f64) {
+        let [own, other] = [own, other].map(|[x, y, z, eigenstrain, critical]| {
+            let mut end = [x, y, z, 0.0, 0.0, 0.0, 0.0];
+            (end[EIGENSTRAIN], end[CRITICAL]) = (eigenstrain, critical);
+            end
+        });
+        let ends = (&own, &other);
+        let stretch = stretched::<FINITE, 3, _>(bond, ends).stretch();
+        load_and_limit(false, bond, (stretch, 0.0), ends)
+    }
+}
+
 /// Stiffness times displacement, N/m³: the linear part of minus [`Force`], with the pressure that the
 /// displacement makes.
 pub struct Stiffness<const DILATATION: bool>;
@@ -318,6 +344,19 @@ impl<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: b
         let (load, limit) = load_and_limit(ENERGY, bond, (stretch, force), ends);
         here[3] += (load - limit).max(0.0);
         change.add_pull(force, [here, there]);
+    }
+}
+
+impl<const FINITE: bool> BondKernel<EXCESS_INPUTS, 1> for Excess<FINITE> {
+    #[inline(always)]
+    fn bond(
+        &self,
+        bond: &Bond,
+        own: [f64; EXCESS_INPUTS],
+        other: [f64; EXCESS_INPUTS],
+    ) -> [f64; 1] {
+        let (stretch, limit) = Self::stretch_and_limit(bond, own, other);
+        [(stretch - limit).max(0.0)]
     }
 }
 
