@@ -15,7 +15,7 @@
 //!
 //! Bonds break at their critical stretch ([`fracture`](super::fracture)). All sums run over those that are
 //! left, K too, so that uniform strain stays exact beside cracks. A *loose* point, whose bonds do not
-//! span the dimensions any more ([`gradient`](super::gradient)), has no strain, no stress and no `g z` of its
+//! span the dimensions any more, has no strain, no stress and no `g z` of its
 //! own; it follows what its neighbours do to it. Not for breaking by the energy of bonds: the stress is
 //! that of points, and no bond has an energy of its own.
 

@@ -630,6 +630,9 @@ impl Solid for Ordinary {
     }
 
     fn fracture_mut(&mut self) -> Option<&mut Fracture> {
+        if let Some(gradient) = &mut self.gradient {
+            gradient.forget();
+        }
         self.fracture.as_mut()
     }
 
