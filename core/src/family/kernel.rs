@@ -84,11 +84,16 @@ pub trait BondKernel<const I: usize, const O: usize>: Sync {
         other: [f64; I],
         [here, there]: [&mut [f64; O]; 2],
     ) {
-        let parts = self.ends(bond, own, other);
-        for o in 0..O {
-            here[o] += parts[0][o];
-            there[o] += parts[1][o];
-        }
+        add_parts([here, there], self.ends(bond, own, other));
+    }
+}
+
+/// Adds what a bond gives to the sums of its ends.
+#[inline(always)]
+fn add_parts<const O: usize>([here, there]: [&mut [f64; O]; 2], parts: [[f64; O]; 2]) {
+    for o in 0..O {
+        here[o] += parts[0][o];
+        there[o] += parts[1][o];
     }
 }
 

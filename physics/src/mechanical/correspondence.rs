@@ -130,7 +130,6 @@ pub struct Correspondence {
     padded: Vec<f64>,
     energy: Vec<[f64; 2]>,
     tensors: Vec<[f64; 6]>,
-    excess: Vec<[f64; 1]>,
 }
 
 impl Correspondence {
@@ -180,7 +179,6 @@ impl Correspondence {
             padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
             energy: vec![[0.0; 2]; points],
             tensors: vec![[0.0; 6]; points],
-            excess: vec![[0.0]; if fracture.is_some() { points } else { 0 }],
             fracture,
             elasticity,
             family,
@@ -340,21 +338,13 @@ impl Correspondence {
         let Some(mut fracture) = self.fracture.take() else {
             return;
         };
-        let mut sums = std::mem::take(&mut self.excess);
         let (inputs, broken) = (self.watched(), Some(&fracture.state.broken));
+        let sums = bytemuck::cast_slice_mut(&mut fracture.excess);
         match self.finite {
-            true => {
-                let kernel = Excess::<true>;
-                self.family.sum_unbroken(&kernel, inputs, broken, &mut sums);
-            }
-            false => {
-                let kernel = Excess::<false>;
-                self.family.sum_unbroken(&kernel, inputs, broken, &mut sums);
-            }
+            true => (self.family).sum_unbroken(&Excess::<true>, inputs, broken, sums),
+            false => (self.family).sum_unbroken(&Excess::<false>, inputs, broken, sums),
         }
-        let excess = fracture.excess.iter_mut().zip(&sums);
-        excess.for_each(|(excess, [sum])| *excess = *sum);
-        (self.excess, self.fracture) = (sums, Some(fracture));
+        self.fracture = Some(fracture);
     }
 
     /// Inputs of [`Excess`].

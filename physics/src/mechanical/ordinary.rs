@@ -353,9 +353,8 @@ impl Ordinary {
             (false, false) => self.run_first(&Expansion::<false>, &mut expansion),
             (true, false) => self.run_first(&Expansion::<true>, &mut expansion),
         }
-        for (sum, parts) in dilation.iter_mut().zip(&expansion) {
-            *sum = [parts.iter().sum()];
-        }
+        let sums = dilation.par_iter_mut().zip(&expansion).with_min_len(4096);
+        sums.for_each(|(sum, parts)| *sum = [parts.iter().sum()]);
         (self.dilation, self.expansion) = (dilation, expansion);
     }
 

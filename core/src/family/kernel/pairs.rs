@@ -12,7 +12,7 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::{Bits, Bond, BondKernel, Inputs, Output, bits, lanes, sum_lanes};
+use super::{Bits, Bond, BondKernel, Inputs, Output, add_parts, bits, lanes, sum_lanes};
 use crate::family::blocks::{BLOCK, Blocks, Builder, Head, Weights};
 use crate::family::{Family, StencilBond};
 
@@ -270,7 +270,7 @@ impl Family {
                 return unsafe { sweep_box_avx2(self, kernel, inputs, target) };
             }
         }
-        // all machines of other kinds have them
+        // of other kinds of machines, all of this one have them
         const FUSED: bool = cfg!(target_arch = "aarch64");
         sweep_box::<I, O, FUSED, K>(self, kernel, inputs, target);
     }
@@ -399,14 +399,10 @@ fn add_block<const I: usize, const O: usize, const FUSED: bool, K: BondKernel<I,
             let mut there: [f64; O] = std::array::from_fn(|o| others[o][lane]);
             let own = std::array::from_fn(|i| own[i][lane]);
             let other = std::array::from_fn(|i| other[i][lane]);
-            if FUSED {
-                kernel.add_ends(&bond, own, other, [&mut here, &mut there]);
-            } else {
-                let parts = kernel.ends(&bond, own, other);
-                for o in 0..O {
-                    here[o] += parts[0][o];
-                    there[o] += parts[1][o];
-                }
+            let both = [&mut here, &mut there];
+            match FUSED {
+                true => kernel.add_ends(&bond, own, other, both),
+                false => add_parts(both, kernel.ends(&bond, own, other)),
             }
             for o in 0..K::PAIRED {
                 sums[o][lane] = here[o];
