@@ -107,6 +107,10 @@ pub mod keys {
         PRESSURE: f64 = "pressure", "Pa", "pressure";
         /// Force per volume, N/m³ (sink field of the mechanical and fluid physics).
         BODY_FORCE: Vector3<f64> = "body_force", "N/m3", "force per volume";
+        /// Momentum per reference volume that a body gets at the start of a step, N s/m³ (sink field of explicit
+        /// mechanics, rigid bodies and fluids; [`crate::Setup::take_if_added`]). What two bodies do to each other is an
+        /// impulse, so that it is equal and opposite whatever steps they take.
+        IMPULSE: Vector3<f64> = "impulse", "N s/m3", "momentum per volume given at the start of a step";
         /// Isotropic stress-free strain, for example alpha (T - T_ref) (sink field of the mechanical physics).
         EIGENSTRAIN: f64 = "eigenstrain", "1", "isotropic stress-free strain";
         /// Plastic strain, with what was relieved by annealing.

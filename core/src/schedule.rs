@@ -69,7 +69,7 @@ impl Plan {
             plan.before
                 .push(order.iter().copied().filter(|&c| needed[c]).collect());
             needed.iter().zip(&mut used).for_each(|(f, u)| *u |= f);
-            let mut sinks = fields(p, |a| a == Access::Consume);
+            let mut sinks = fields(p, Access::consumes);
             sinks.retain(|f| writes.iter().any(|w| w.contains(f)));
             plan.sinks.push(sinks);
             let feeding = (0..couplers).filter(|&c| needed[c]);

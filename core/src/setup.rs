@@ -20,6 +20,9 @@ pub enum Access {
     Own,
     /// Sums that it takes up; zeroed before each round of additions.
     Consume,
+    /// Amounts that it takes up once, at the start of a step; zeroed before each round of additions and before a
+    /// further sub-step.
+    Take,
     /// Derived values that it computes.
     Write,
     /// Adds into a sink.
@@ -42,8 +45,12 @@ impl Access {
     pub(crate) fn reads(self) -> bool {
         matches!(
             self,
-            Access::Read | Access::ReadIfProvided | Access::Consume
+            Access::Read | Access::ReadIfProvided | Access::Consume | Access::Take
         )
+    }
+
+    pub(crate) fn consumes(self) -> bool {
+        matches!(self, Access::Consume | Access::Take)
     }
 
     pub(crate) fn writes(self) -> bool {
@@ -327,7 +334,7 @@ impl<'w> Setup<'w> {
         let rival = |d: &&Declaration| {
             d.field == field
                 && (d.access.provides() && access.provides()
-                    || d.access == Access::Consume && access == Access::Consume)
+                    || d.access.consumes() && access.consumes())
         };
         if let Some(first) = self.declarations.iter().find(rival) {
             let problem = Problem::TwoWriters {
@@ -375,13 +382,36 @@ impl<'w> Setup<'w> {
         body: BodyIndex,
         key: &Key<T>,
     ) -> Result<Option<Read<T>>, SetupError> {
+        match self.is_added(body, key) {
+            true => self.consume(body, key).map(Some),
+            false => Ok(None),
+        }
+    }
+
+    /// A sink field of amounts, such as [`keys::IMPULSE`](crate::field::keys::IMPULSE), that the calling physics takes up
+    /// once at the start of a step, where a coupler adds into it. When the physics takes several sub-steps while its
+    /// couplers are applied once, the sink is zero from the second sub-step on.
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    pub fn take_if_added<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<Option<Read<T>>, SetupError> {
+        match self.is_added(body, key) {
+            true => self
+                .declare(body, key, Access::Take)
+                .map(Read::new)
+                .map(Some),
+            false => Ok(None),
+        }
+    }
+
+    fn is_added<T: Value>(&self, body: BodyIndex, key: &Key<T>) -> bool {
         let field = self.world.fields.find(body, &key.name);
         let added = |d: &Declaration| Some(d.field) == field && d.access == Access::Add;
-        if self.declarations.iter().any(added) {
-            self.consume(body, key).map(Some)
-        } else {
-            Ok(None)
-        }
+        self.declarations.iter().any(added)
     }
 
     /// A derived field that the calling plugin computes.
@@ -556,7 +586,7 @@ impl<'w> Setup<'w> {
             found
         };
         let provided = with(Access::provides);
-        let consumed = with(|a| a == Access::Consume);
+        let consumed = with(Access::consumes);
         for d in &self.declarations {
             let field = self.world.fields.field(d.field);
             let (name, body) = (

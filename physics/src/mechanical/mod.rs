@@ -195,6 +195,8 @@ struct Run {
     damage: Option<Write<f64>>,
     eigenstrain: Option<Read<f64>>,
     body_force: Option<Read<Vector3<f64>>>,
+    /// Of the explicit solver.
+    impulse: Option<Read<Vector3<f64>>>,
     hold: Option<Hold>,
     temperature: ReadIfProvided<f64>,
     /// kg/m³, by point.
@@ -543,6 +545,10 @@ impl Physics for Mechanical {
             eigenstress: setup.own(body, &keys::EIGENSTRESS)?,
             eigenstrain: setup.consume_if_added(body, &keys::EIGENSTRAIN)?,
             body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
+            impulse: match explicit {
+                true => setup.take_if_added(body, &keys::IMPULSE)?,
+                false => None,
+            },
             hold,
             temperature: setup.read_if_provided(body, &keys::TEMPERATURE)?,
             solid,

@@ -37,6 +37,18 @@ impl Run {
                 }
             });
         }
+        if let Some(impulse) = self.impulse {
+            let impulse = world.read(impulse);
+            let impulse: &[f64] = bytemuck::cast_slice(&impulse);
+            let total = weighted_vectors(impulse, volume);
+            let given = self.state.impulse.iter_mut().zip(total);
+            given.for_each(|(given, impulse)| *given += impulse);
+            let components = velocity.par_iter_mut().zip(impulse);
+            let components = components
+                .zip(&self.free_inverse_density)
+                .with_min_len(4096);
+            components.for_each(|((v, j), inverse)| *v += j * inverse);
+        }
         if !body_force.is_empty() {
             let total = weighted_vectors(body_force, volume);
             let impulse = self.state.impulse.iter_mut().zip(total);
