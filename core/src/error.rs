@@ -123,6 +123,20 @@ pub enum Problem {
         /// Largest stable one, s.
         stable: f64,
     },
+    /// A fixed step above the stable one of a coupler.
+    #[error(
+        "the step {fixed:.6e} s of `{physics}` is above the largest stable step {stable:.6e} s of `{coupler}`; use `step = \"auto\"` or a smaller value"
+    )]
+    UnstableExchange {
+        /// The physics.
+        physics: String,
+        /// As asked for, s.
+        fixed: f64,
+        /// The coupler.
+        coupler: String,
+        /// Its largest stable step, s.
+        stable: f64,
+    },
     /// A value that does not make sense.
     #[error("{message}; expected {expected}")]
     Value {
@@ -224,6 +238,21 @@ pub enum RunError {
         time: f64,
         /// Its reason.
         cause: Cause,
+    },
+    /// Strong coupling that does not converge.
+    #[error(
+        "the coupling did not converge at t = {time:e} s: after {passes} passes the state still changed by {change:.3e}, the tolerance is {tolerance:e}; \
+         allow more passes, use smaller steps, or set `iteration.unconverged = \"continue\"`"
+    )]
+    Unconverged {
+        /// Passes taken.
+        passes: usize,
+        /// Largest relative change in the last pass.
+        change: f64,
+        /// As asked for.
+        tolerance: f64,
+        /// Simulated time, s.
+        time: f64,
     },
     /// A checkpoint that does not fit the case.
     #[error("the checkpoint does not fit the case: {0}")]

@@ -297,6 +297,10 @@ impl Field {
         self.data.borrow_mut()
     }
 
+    pub(crate) fn fill(&self, value: f64) {
+        self.data.borrow_mut().flat_mut().fill(value);
+    }
+
     pub(crate) fn read<T: Value>(&self) -> Ref<'_, [T]> {
         Ref::map(self.data.borrow(), |data| bytemuck::cast_slice(data.flat()))
     }

@@ -19,6 +19,7 @@ pub mod family;
 pub mod field;
 pub mod log;
 pub mod material;
+pub mod pair_list;
 pub mod pddo;
 pub mod plugin;
 pub mod schedule;
@@ -36,9 +37,10 @@ pub use family::{
     Operator, PartialVolume,
 };
 pub use field::{Key, Read, ReadIfProvided, Write, keys};
+pub use pair_list::PairList;
 pub use pddo::{Derivatives, Pddo, PddoError};
 pub use plugin::{Balance, Clock, Coupler, Physics, Report, Step, StepSize, Update, Work};
-pub use setup::Setup;
+pub use setup::{Setup, Wall};
 pub use simulation::Simulation;
 pub use world::World;
 

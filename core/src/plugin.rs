@@ -347,6 +347,13 @@ pub trait Coupler {
         None
     }
 
+    /// Largest stable step of its action, s, such as an exchange of heat or a contact: steps of the physics that take up
+    /// what it adds are not longer, and a fixed one that is longer is refused. Asked once, before the first step, also
+    /// on resume.
+    fn stable_step(&mut self, _world: &World) -> Option<f64> {
+        None
+    }
+
     /// Numbers for the progress log.
     fn report(&self) -> Vec<Report> {
         Vec::new()

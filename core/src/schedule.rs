@@ -1,12 +1,19 @@
-//! The order of couplers, derived from what plugins declare.
+//! The order of couplers and physics, derived from what plugins declare.
 //!
 //! A coupler runs right before the physics that takes up what it writes, at every sub-step,
 //! after the couplers whose results it reads. Couplers whose results no physics takes up
 //! (fields for logs and probes) run at the end of the macro step.
+//!
+//! **Groups.** A coupler that adds into sinks of two bodies (an *exchange*), and a physics that gives amounts to another
+//! body, tie the physics that take them up: these advance together. In each step of a group its exchanges are
+//! applied once, with all members at one time; then every member advances to the end of the step, in sub-steps of its own
+//! where it must. What an exchange adds holds for all sub-steps (rates) or is taken up in the first one (amounts), so
+//! that what one body loses the other one gets, whatever steps they take.
 
 use crate::error::Problem;
 use crate::field::FieldIndex;
 use crate::setup::{Access, Declaration};
+use crate::world::BodyIndex;
 
 /// Which couplers run when, by their position in the case file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -17,48 +24,83 @@ pub struct Plan {
     pub after: Vec<usize>,
     /// For each physics, the sinks to zero before each round of additions: those that somebody adds to.
     pub sinks: Vec<Vec<FieldIndex>>,
+    /// For each physics, the sinks of amounts that it takes up once ([`Access::Take`]).
+    pub amounts: Vec<Vec<FieldIndex>>,
     /// For each physics, the fields that it owns.
     pub owned: Vec<Vec<FieldIndex>>,
     /// For each physics, whether none of its couplers reads a field that it owns.
     pub one_way: Vec<bool>,
+    /// All physics in the order in which they advance, those that advance together in one group.
+    pub groups: Vec<Group>,
+}
+
+/// Physics that advance together; most groups have one member and no exchange.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Group {
+    /// Physics in the order in which they advance: one that reads the state of another body or gives amounts to it comes
+    /// before the physics of that body.
+    pub members: Vec<usize>,
+    /// Couplers to apply once in each step of the group, in order: exchanges, and what they read from.
+    pub couplers: Vec<usize>,
+    /// Members that give amounts to others: the step of the group is not longer than theirs.
+    pub givers: Vec<usize>,
+    /// Sinks of members, not of amounts, that `couplers` add to.
+    pub rates: Vec<FieldIndex>,
+}
+
+/// Declarations with what is asked of them.
+struct Declared<'a> {
+    all: &'a [Declaration],
+    body_of_field: &'a [BodyIndex],
+}
+
+impl Declared<'_> {
+    fn fields(&self, plugin: usize, test: fn(Access) -> bool) -> Vec<FieldIndex> {
+        let of_plugin = self.all.iter();
+        let of_plugin = of_plugin.filter(|d| d.plugin == plugin && test(d.access));
+        of_plugin.map(|d| d.field).collect()
+    }
+
+    /// Whether a coupler adds into sinks of several bodies.
+    fn is_exchange(&self, coupler: usize) -> bool {
+        let added = self.fields(coupler, |a| a == Access::Add);
+        let mut bodies = added.iter().map(|f| self.body_of_field[*f]);
+        let first = bodies.next();
+        bodies.any(|b| Some(b) != first)
+    }
+}
+
+fn shares(a: &[FieldIndex], b: &[FieldIndex]) -> bool {
+    a.iter().any(|f| b.contains(f))
 }
 
 impl Plan {
     /// Orders `couplers` (the first plugins) around the `physics` (the plugins after them).
     ///
     /// # Errors
-    /// The couplers that wait for each other, by `labels`.
+    /// The plugins that wait for each other, by `labels`.
     pub fn derive(
-        couplers: usize,
-        physics: usize,
+        (couplers, physics): (usize, usize),
         declarations: &[Declaration],
+        body_of_field: &[BodyIndex],
         labels: &[String],
     ) -> Result<Plan, Problem> {
-        let fields = |plugin: usize, test: fn(Access) -> bool| {
-            let of_plugin = declarations
-                .iter()
-                .filter(move |d| d.plugin == plugin && test(d.access));
-            of_plugin.map(|d| d.field).collect::<Vec<_>>()
+        let declared = Declared {
+            all: declarations,
+            body_of_field,
         };
-        let writes: Vec<_> = (0..couplers).map(|c| fields(c, Access::writes)).collect();
-        let derived: Vec<_> = (0..couplers)
-            .map(|c| fields(c, |a| a == Access::Write))
-            .collect();
-        let reads: Vec<_> = (0..couplers).map(|c| fields(c, Access::reads)).collect();
-        let shares = |a: &[FieldIndex], b: &[FieldIndex]| a.iter().any(|f| b.contains(f));
+        let each = |test: fn(Access) -> bool| -> Vec<Vec<FieldIndex>> {
+            (0..couplers).map(|c| declared.fields(c, test)).collect()
+        };
+        let (writes, reads) = (each(Access::writes), each(Access::reads));
+        let derived = each(|a| a == Access::Write);
         let feeds = |a: usize, b: usize| a != b && shares(&derived[a], &reads[b]);
-
-        let order = topological(couplers, &feeds)
-            .map_err(|cycle| Problem::Cycle(cycle.iter().map(|&c| labels[c].clone()).collect()))?;
-        let mut plan = Plan::default();
-        let mut used = vec![false; couplers];
-        for p in couplers..couplers + physics {
-            let owned = fields(p, |a| a == Access::Own);
-            let mut wanted = fields(p, Access::reads);
-            wanted.extend(&owned);
-            let mut needed: Vec<bool> =
-                (0..couplers).map(|c| shares(&writes[c], &wanted)).collect();
-            // backwards through the order, feeders of feeders are reached in one pass
+        let named = |cycle: Vec<usize>, first: usize| {
+            Problem::Cycle(cycle.iter().map(|&c| labels[first + c].clone()).collect())
+        };
+        let order = topological(couplers, &feeds).map_err(|cycle| named(cycle, 0))?;
+        // backwards through the order, feeders of feeders are reached in one pass
+        let with_feeders = |mut needed: Vec<bool>| -> Vec<usize> {
             for &b in order.iter().rev() {
                 if needed[b] {
                     (0..couplers)
@@ -66,19 +108,101 @@ impl Plan {
                         .for_each(|a| needed[a] = true);
                 }
             }
-            plan.before
-                .push(order.iter().copied().filter(|&c| needed[c]).collect());
-            needed.iter().zip(&mut used).for_each(|(f, u)| *u |= f);
-            let mut sinks = fields(p, Access::consumes);
+            order.iter().copied().filter(|&c| needed[c]).collect()
+        };
+        let is_exchange: Vec<bool> = (0..couplers).map(|c| declared.is_exchange(c)).collect();
+
+        let mut plan = Plan::default();
+        let mut used = vec![false; couplers];
+        for p in couplers..couplers + physics {
+            let owned = declared.fields(p, |a| a == Access::Own);
+            let mut wanted = declared.fields(p, Access::reads);
+            wanted.extend(&owned);
+            let needed = (0..couplers).map(|c| !is_exchange[c] && shares(&writes[c], &wanted));
+            let before = with_feeders(needed.collect());
+            before.iter().for_each(|&c| used[c] = true);
+            let feeding = before.iter();
+            plan.one_way
+                .push(feeding.clone().all(|&c| !shares(&reads[c], &owned)));
+            plan.before.push(before);
+            let mut sinks = declared.fields(p, |a| a == Access::Consume);
             sinks.retain(|f| writes.iter().any(|w| w.contains(f)));
             plan.sinks.push(sinks);
-            let feeding = (0..couplers).filter(|&c| needed[c]);
-            plan.one_way
-                .push(feeding.into_iter().all(|c| !shares(&reads[c], &owned)));
+            plan.amounts.push(declared.fields(p, |a| a == Access::Take));
             plan.owned.push(owned);
+        }
+        plan.groups = plan.derive_groups(&declared, (couplers, &is_exchange), |cycle| {
+            named(cycle, couplers)
+        })?;
+        for group in &mut plan.groups {
+            let taken = |c: usize| {
+                let takes = |p: &usize| {
+                    shares(&writes[c], &plan.sinks[*p]) || shares(&writes[c], &plan.amounts[*p])
+                };
+                is_exchange[c] && group.members.iter().any(takes)
+            };
+            group.couplers = with_feeders((0..couplers).map(taken).collect());
+            group.couplers.iter().for_each(|&c| used[c] = true);
+            let sinks = group.members.iter().flat_map(|&p| &plan.sinks[p]);
+            let added = |f: &&FieldIndex| group.couplers.iter().any(|&c| writes[c].contains(f));
+            group.rates = sinks.filter(added).copied().collect();
         }
         plan.after = order.into_iter().filter(|&c| !used[c]).collect();
         Ok(plan)
+    }
+
+    fn derive_groups(
+        &self,
+        declared: &Declared<'_>,
+        (couplers, is_exchange): (usize, &[bool]),
+        cycle: impl Fn(Vec<usize>) -> Problem,
+    ) -> Result<Vec<Group>, Problem> {
+        let physics = self.owned.len();
+        let takes = |p: usize, fields: &[FieldIndex]| {
+            shares(fields, &self.sinks[p]) || shares(fields, &self.amounts[p])
+        };
+        let given: Vec<_> = (0..physics)
+            .map(|p| declared.fields(couplers + p, |a| a == Access::Give))
+            .collect();
+        // the least physics of each group
+        let mut group_of: Vec<usize> = (0..physics).collect();
+        let mut tie = |tied: Vec<usize>| {
+            let groups: Vec<usize> = tied.iter().map(|&p| group_of[p]).collect();
+            if let Some(&least) = groups.iter().min() {
+                let member = |g: &&mut usize| groups.contains(g);
+                group_of.iter_mut().filter(member).for_each(|g| *g = least);
+            }
+        };
+        for c in (0..couplers).filter(|&c| is_exchange[c]) {
+            let added = declared.fields(c, |a| a == Access::Add);
+            tie((0..physics).filter(|&p| takes(p, &added)).collect());
+        }
+        for (p, given) in given.iter().enumerate() {
+            tie((0..physics)
+                .filter(|&q| q == p || takes(q, given))
+                .collect());
+        }
+        let mut groups = Vec::new();
+        for first in (0..physics).filter(|&p| group_of[p] == p) {
+            let members: Vec<usize> = (first..physics).filter(|&p| group_of[p] == first).collect();
+            let sees = |p: usize, q: usize| {
+                let own = declared.fields(couplers + p, |a| a == Access::Own);
+                let home: Vec<_> = own.iter().map(|f| declared.body_of_field[*f]).collect();
+                let mut seen = declared.fields(couplers + p, Access::reads);
+                seen.retain(|f| !home.contains(&declared.body_of_field[*f]));
+                p != q && (shares(&seen, &self.owned[q]) || takes(q, &given[p]))
+            };
+            let order = topological(members.len(), &|a, b| sees(members[a], members[b]));
+            let order = order.map_err(|c| cycle(c.iter().map(|&m| members[m]).collect()))?;
+            let members: Vec<usize> = order.into_iter().map(|m| members[m]).collect();
+            let gives = |p: &usize| !given[*p].is_empty();
+            groups.push(Group {
+                givers: members.iter().copied().filter(gives).collect(),
+                members,
+                ..Group::default()
+            });
+        }
+        Ok(groups)
     }
 }
 
@@ -142,7 +266,7 @@ mod tests {
             (3, Access::Consume, 0),
             (3, Access::Own, 3),
         ]);
-        let plan = Plan::derive(3, 1, &d, &labels(4)).expect("no cycle");
+        let plan = Plan::derive((3, 1), &d, &[0; 4], &labels(4)).expect("no cycle");
         assert_eq!(plan.before, [[1, 0]]);
         assert_eq!(plan.after, [2]);
         assert_eq!(
@@ -158,7 +282,7 @@ mod tests {
             (1, Access::Own, 4),
             (2, Access::Own, 5),
         ]);
-        let plan = Plan::derive(1, 2, &d, &labels(3)).expect("no cycle");
+        let plan = Plan::derive((1, 2), &d, &[0; 6], &labels(3)).expect("no cycle");
         assert_eq!(plan.before, [vec![], vec![0]]);
     }
 
@@ -172,9 +296,52 @@ mod tests {
             (2, Access::Write, 2),
             (2, Access::Read, 1),
         ]);
-        let Err(Problem::Cycle(cycle)) = Plan::derive(3, 0, &d, &labels(3)) else {
+        let Err(Problem::Cycle(cycle)) = Plan::derive((3, 0), &d, &[0; 3], &labels(3)) else {
             panic!("a cycle must be found");
         };
         assert_eq!(cycle, ["c0", "c1", "c2", "c0"]);
+    }
+
+    #[test]
+    fn exchanges_and_givers_tie_physics_in_the_order_of_what_they_see() {
+        // bodies 0 and 1; physics: p0 owns 0 and takes 1 on body 0, p1 owns 2 and takes 3 on body 1, p2 owns 4 on body 0
+        let own = [
+            (2, Access::Own, 0),
+            (2, Access::Take, 1),
+            (3, Access::Own, 2),
+            (3, Access::Take, 3),
+            (4, Access::Own, 4),
+        ];
+        let body_of_field = [0, 0, 1, 1, 0];
+        // c0 adds to both bodies, c1 to one of them
+        let exchange = [
+            (0, Access::Read, 0),
+            (0, Access::Read, 2),
+            (0, Access::Add, 1),
+            (0, Access::Add, 3),
+            (1, Access::Add, 3),
+        ];
+        let d = declare(&[&own[..], &exchange].concat());
+        let plan = Plan::derive((2, 3), &d, &body_of_field, &labels(5)).expect("no cycle");
+        let groups: Vec<_> = plan
+            .groups
+            .iter()
+            .map(|g| (&g.members[..], &g.couplers[..]))
+            .collect();
+        assert_eq!(groups, [(&[0, 1][..], &[0][..]), (&[2][..], &[][..])]);
+        assert_eq!(plan.before, [vec![], vec![1], vec![]]);
+        assert!(plan.after.is_empty());
+
+        // p1 sees the state of p0 and gives to it: it advances before p0, and in step with it
+        let gives = [(3, Access::Read, 0), (3, Access::Give, 1)];
+        let d = declare(&[&own[..], &gives].concat());
+        let plan = Plan::derive((2, 3), &d, &body_of_field, &labels(5)).expect("no cycle");
+        assert_eq!(plan.groups[0].members, [1, 0]);
+        assert_eq!(plan.groups[0].givers, [1]);
+
+        // who see each other cannot advance one after the other
+        let both = [&own[..], &gives, &[(2, Access::Read, 2)]].concat();
+        let found = Plan::derive((2, 3), &declare(&both), &body_of_field, &labels(5));
+        assert!(matches!(found, Err(Problem::Cycle(_))));
     }
 }

@@ -6,10 +6,12 @@
 
 use std::path::{Path, PathBuf};
 
+use nalgebra::Vector3;
+
 use crate::body::{Body, Face, Region};
 use crate::error::{Problem, SetupError};
 use crate::family::{Cut, Family, FamilySpec, LayerRule};
-use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write};
+use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write, keys};
 use crate::material::{EnthalpyCurve, Material, MaterialError, Property};
 use crate::world::{BodyIndex, LayerHandle, Layers, LayersHandle, PhaseChange, World};
 
@@ -27,6 +29,8 @@ pub enum Access {
     Write,
     /// Adds into a sink.
     Add,
+    /// Adds amounts to another body, of a physics that advances before the one that takes them up.
+    Give,
     /// Reads.
     Read,
     /// Reads if provided.
@@ -61,6 +65,15 @@ impl Access {
     }
 }
 
+/// A body whose points are walls for the material of another body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wall {
+    /// The body that is the wall.
+    pub other: BodyIndex,
+    /// Whether the material slips along the wall; else it sticks.
+    pub slip: bool,
+}
+
 /// A declared access.
 #[derive(Clone, Debug)]
 pub struct Declaration {
@@ -79,6 +92,10 @@ pub struct Setup<'w> {
     plugins: Vec<String>,
     declarations: Vec<Declaration>,
     families: Vec<(BodyIndex, FamilySpec, std::sync::Arc<Family>)>,
+    /// Bodies that are walls for others.
+    walls: Vec<(BodyIndex, Wall)>,
+    /// Number of plugins before the first physics, once there is one.
+    first_physics: Option<usize>,
 }
 
 impl<'w> Setup<'w> {
@@ -90,12 +107,20 @@ impl<'w> Setup<'w> {
             plugins: Vec::new(),
             declarations: Vec::new(),
             families: Vec::new(),
+            walls: Vec::new(),
+            first_physics: None,
         }
     }
 
     /// The next plugin, by the name that messages use; declarations are its own from here on.
     pub fn next_plugin(&mut self, label: &str) {
         self.plugins.push(label.to_string());
+    }
+
+    /// As [`Setup::next_plugin`], for a physics; couplers come before all of them.
+    pub fn next_physics(&mut self, label: &str) {
+        self.first_physics.get_or_insert(self.plugins.len());
+        self.next_plugin(label);
     }
 
     /// A path of the case file, relative to the file's folder.
@@ -411,7 +436,9 @@ impl<'w> Setup<'w> {
     fn is_added<T: Value>(&self, body: BodyIndex, key: &Key<T>) -> bool {
         let field = self.world.fields.find(body, &key.name);
         let added = |d: &Declaration| Some(d.field) == field && d.access == Access::Add;
+        let is_impulse = key.name == keys::IMPULSE.name;
         self.declarations.iter().any(added)
+            || is_impulse && self.walls.iter().any(|(_, wall)| wall.other == body)
     }
 
     /// A derived field that the calling plugin computes.
@@ -429,9 +456,39 @@ impl<'w> Setup<'w> {
     /// A sink field that the calling coupler adds into.
     ///
     /// # Errors
-    /// As [`Setup::own`].
+    /// As [`Setup::own`], and when a physics asks: sinks are zeroed before couplers add, not before physics do.
     pub fn add<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> Result<Write<T>, SetupError> {
+        if self.first_physics.is_some() {
+            let message = format!(
+                "a physics adds to `{}`, but only couplers add into sinks, which are zeroed before them",
+                key.name
+            );
+            let expected = "a derived field of the physics and a coupler that adds it";
+            return Err(SetupError::value("", message, expected));
+        }
         self.declare(body, key, Access::Add).map(Write::new)
+    }
+
+    /// Lets the points of `wall.other` be walls for the material of `body` ([`Wall`]); called by couplers. The
+    /// physics of `body` then gives impulses to the other body.
+    pub fn set_wall(&mut self, body: BodyIndex, wall: Wall) {
+        self.walls.push((body, wall));
+    }
+
+    /// The bodies that are walls for `body`.
+    pub fn walls(&self, body: BodyIndex) -> Vec<Wall> {
+        let own = self.walls.iter().filter(|(b, _)| *b == body);
+        own.map(|(_, wall)| *wall).collect()
+    }
+
+    /// The impulses that the calling physics gives to the points of a wall, as momentum per reference volume of the
+    /// other body (N s/m³).
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    pub fn give_impulses(&mut self, wall: &Wall) -> Result<Write<Vector3<f64>>, SetupError> {
+        self.declare(wall.other, &keys::IMPULSE, Access::Give)
+            .map(Write::new)
     }
 
     /// A field that the calling plugin reads.
@@ -613,7 +670,7 @@ impl<'w> Setup<'w> {
                         provided: provided.collect(),
                     }
                 }
-                Access::Add if !consumed[d.field] => Problem::NobodyConsumes {
+                Access::Add | Access::Give if !consumed[d.field] => Problem::NobodyConsumes {
                     field: name,
                     body,
                     plugin,

@@ -58,6 +58,8 @@ pub struct World {
     pub(crate) fields: Fields,
     pub(crate) layers: Vec<Layers>,
     pub(crate) provided: Vec<bool>,
+    /// By field: the time to which its owner has advanced it, s.
+    times: Vec<f64>,
     pub(crate) phase_change: Vec<Option<PhaseChange>>,
     broken: Vec<RefCell<BrokenPairs>>,
 }
@@ -85,7 +87,14 @@ impl World {
 
     /// Where the points of a body are now, m: displaced, if it has a displacement.
     pub fn positions(&self, body: BodyIndex) -> Vec<Vector3<f64>> {
-        let mut positions = self.bodies[body].points.position.clone();
+        let mut positions = vec![Vector3::zeros(); self.bodies[body].points.len()];
+        self.positions_into(body, &mut positions);
+        positions
+    }
+
+    /// As [`World::positions`], into memory of the caller: one place for each point.
+    pub fn positions_into(&self, body: BodyIndex, positions: &mut [Vector3<f64>]) {
+        positions.copy_from_slice(&self.bodies[body].points.position);
         if let Some(index) = self.fields.find(body, &keys::DISPLACEMENT.name) {
             let displacement = self.fields.field(index).data();
             let points = positions
@@ -93,7 +102,6 @@ impl World {
                 .zip(displacement.flat().chunks_exact(3));
             points.for_each(|(x, u)| *x += Vector3::from_column_slice(u));
         }
-        positions
     }
 
     /// All fields, whatever their type: for logs, plots and checkpoints.
@@ -104,6 +112,16 @@ impl World {
     /// Values of a field.
     pub fn read<T: Value>(&self, handle: Read<T>) -> Ref<'_, [T]> {
         self.fields.field(handle.field).read()
+    }
+
+    /// The time level of a field: that to which its owner has advanced it, s.
+    pub fn time_of<T>(&self, handle: Read<T>) -> f64 {
+        self.times.get(handle.field).copied().unwrap_or(0.0)
+    }
+
+    pub(crate) fn set_times(&mut self, fields: &[usize], time: f64) {
+        self.times.resize(self.fields.iter().count(), 0.0);
+        fields.iter().for_each(|&f| self.times[f] = time);
     }
 
     /// Integral of a scalar field over the reference volume of a body.

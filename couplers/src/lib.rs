@@ -26,8 +26,9 @@
 //! | `symmetry` | [`boundary::Symmetry`] | | layers of temperature, displacement and velocity |
 //! | `wall` | [`boundary::Wall`] | | layers of velocity |
 //! | `buoyancy` | [`buoyancy::Buoyancy`] | temperature | body force |
-//! | `contact` | [`contact::Contact`] | displacement, velocity of one body or two | body force |
+//! | `contact` | [`contact::Contact`] | displacement, velocity of one body or two | impulse |
 //! | `impactor` | [`contact::Impactor`] | displacement, velocity | body force |
+//! | `heat_interface` | [`heat_interface::HeatInterface`] | temperature of two bodies | heat source |
 //! | `insulated_crack` | [`boundary::InsulatedCrack`] | | cuts the families of the body |
 //!
 //! Underneath lie the mathematics of [`source`]s and [`toolpath`]s, which know nothing of
@@ -38,6 +39,7 @@ pub mod buoyancy;
 pub mod contact;
 pub mod deformation_heat;
 pub mod expansion;
+pub mod heat_interface;
 pub mod heat_source;
 pub mod in_time;
 pub mod phase_change;

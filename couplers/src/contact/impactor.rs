@@ -4,11 +4,12 @@
 //! the body's own material lay at its surface: `f = k V depth n`, with k as for the contact of points.
 
 use nalgebra::Vector3;
-use perimelt_core::{Coupler, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{Coupler, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Motion, check_stiffness, fifteen, stiffness};
+use super::{check_stiffness, fifteen, stiffness};
 
 /// A rigid ball (a disc in 2D) that moves on its way or, with a `mass`, as the body pushes back.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -45,6 +46,35 @@ struct Prepared {
     ball: Ball,
     /// On the ball, N.
     force: Vector3<f64>,
+}
+
+/// Where the points of a body are and how they move.
+#[derive(Debug)]
+struct Motion {
+    displacement: Read<Vector3<f64>>,
+    velocity: Read<Vector3<f64>>,
+}
+
+impl Motion {
+    fn of(setup: &mut Setup<'_>, body: usize) -> Result<Motion, SetupError> {
+        Ok(Motion {
+            displacement: setup.read(body, &keys::DISPLACEMENT)?,
+            velocity: setup.read(body, &keys::VELOCITY)?,
+        })
+    }
+
+    /// Positions after `time` (s) at the present velocities, m.
+    fn extrapolate(
+        &self,
+        world: &World,
+        (reference, time): (&[Vector3<f64>], f64),
+        out: &mut [Vector3<f64>],
+    ) {
+        let (displacement, velocity) = (world.read(self.displacement), world.read(self.velocity));
+        let points = out.par_iter_mut().zip(reference).zip(&*displacement);
+        let points = points.zip(&*velocity).with_min_len(4096);
+        points.for_each(|(((y, x), u), v)| *y = x + u + time * v);
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

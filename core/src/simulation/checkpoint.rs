@@ -1,0 +1,169 @@
+//! Checkpoints: everything needed to go on bit by bit; and the copies that repeated passes start from.
+
+use serde::{Deserialize, Serialize};
+
+use super::{ClockState, Named, Simulation};
+use crate::error::RunError;
+use crate::field::FieldIndex;
+use crate::plugin::{Coupler, Physics};
+
+/// Values of the owned fields of a physics, and its packed internal state.
+pub(super) type SavedPhysics = (Vec<Vec<f64>>, Vec<u8>);
+
+#[derive(Serialize, Deserialize)]
+struct SavedField {
+    body: usize,
+    name: String,
+    #[serde(with = "serde_bytes")]
+    values: Vec<u8>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Checkpoint {
+    clock: ClockState,
+    fields: Vec<SavedField>,
+    physics: Vec<serde_bytes::ByteBuf>,
+    couplers: Vec<serde_bytes::ByteBuf>,
+}
+
+impl Simulation {
+    pub(super) fn save_physics(&self) -> Result<Vec<SavedPhysics>, RunError> {
+        let save = |(p, owned): (&Named<dyn Physics>, &Vec<FieldIndex>)| {
+            let fields = owned
+                .iter()
+                .map(|&f| self.world.fields.field(f).data().flat().to_vec())
+                .collect();
+            Ok((fields, pack(&*p.plugin.save())?))
+        };
+        self.physics
+            .iter()
+            .zip(&self.plan.owned)
+            .map(save)
+            .collect()
+    }
+
+    pub(super) fn restore_physics(
+        &mut self,
+        p: usize,
+        saved: &SavedPhysics,
+    ) -> Result<(), RunError> {
+        for (&f, values) in self.plan.owned[p].iter().zip(&saved.0) {
+            self.world
+                .fields
+                .field(f)
+                .data_mut()
+                .flat_mut()
+                .copy_from_slice(values);
+        }
+        let label = self.physics[p].label.clone();
+        let mut source = rmp_serde::Deserializer::from_read_ref(&saved.1);
+        let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
+        let broken =
+            |e: erased_serde::Error| RunError::Checkpoint(format!("state of {label}: {e}"));
+        let physics = &mut self.physics[p].plugin;
+        physics.load(&mut erased).map_err(broken)?;
+        physics.restored(&self.world);
+        Ok(())
+    }
+
+    pub(super) fn save_couplers(&self) -> Result<Vec<serde_bytes::ByteBuf>, RunError> {
+        let save = |c: &Named<dyn Coupler>| Ok(pack(&*c.plugin.save())?.into());
+        self.couplers.iter().map(save).collect()
+    }
+
+    pub(super) fn restore_couplers(
+        &mut self,
+        saved: &[serde_bytes::ByteBuf],
+    ) -> Result<(), RunError> {
+        for (c, state) in self.couplers.iter_mut().zip(saved) {
+            let mut source = rmp_serde::Deserializer::from_read_ref(state);
+            let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
+            let broken = |e| RunError::Checkpoint(format!("state of {}: {e}", c.label));
+            c.plugin.load(&mut erased).map_err(broken)?;
+        }
+        Ok(())
+    }
+
+    /// Everything needed to go on, bit by bit.
+    ///
+    /// # Errors
+    /// When a plugin's state cannot be serialised.
+    pub fn save(&self) -> Result<Vec<u8>, RunError> {
+        let fields = self.lasting().map(|f| SavedField {
+            body: f.body,
+            name: f.name.clone(),
+            values: f
+                .data()
+                .flat()
+                .iter()
+                .flat_map(|v| v.to_le_bytes())
+                .collect(),
+        });
+        let checkpoint = Checkpoint {
+            clock: self.clock.clone(),
+            fields: fields.collect(),
+            physics: self
+                .physics
+                .iter()
+                .map(|p| Ok(pack(&*p.plugin.save())?.into()))
+                .collect::<Result<_, RunError>>()?,
+            couplers: self.save_couplers()?,
+        };
+        rmp_serde::to_vec(&checkpoint).map_err(|e| RunError::Checkpoint(e.to_string()))
+    }
+
+    /// Restores what [`Simulation::save`] gave, instead of [`Simulation::start`].
+    ///
+    /// # Errors
+    /// When the data are damaged or belong to another case.
+    pub fn load(&mut self, checkpoint: &[u8]) -> Result<(), RunError> {
+        let misfit = |what: String| RunError::Checkpoint(what);
+        let saved: Checkpoint =
+            rmp_serde::from_slice(checkpoint).map_err(|e| misfit(e.to_string()))?;
+        if saved.physics.len() != self.physics.len() || saved.couplers.len() != self.couplers.len()
+        {
+            return Err(misfit("it has other plugins".into()));
+        }
+        for f in &saved.fields {
+            let index = self.world.fields.find(f.body, &f.name);
+            let field = index.map(|i| self.world.fields.field(i));
+            let field = field.ok_or_else(|| misfit(format!("it has a field `{}`", f.name)))?;
+            let mut data = field.data_mut();
+            let values = data.flat_mut();
+            if values.len() * 8 != f.values.len() {
+                return Err(misfit(format!(
+                    "field `{}` has another number of points",
+                    f.name
+                )));
+            }
+            for (v, bytes) in values.iter_mut().zip(f.values.chunks_exact(8)) {
+                *v = f64::from_le_bytes(bytes.try_into().expect("chunks of eight"));
+            }
+        }
+        for (p, state) in self.physics.iter_mut().zip(&saved.physics) {
+            let mut source = rmp_serde::Deserializer::from_read_ref(state);
+            let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
+            p.plugin
+                .load(&mut erased)
+                .map_err(|e| misfit(format!("state of {}: {e}", p.label)))?;
+            p.plugin.restored(&self.world);
+        }
+        self.restore_couplers(&saved.couplers)?;
+        self.clock = saved.clock;
+        for (owned, &time) in self.plan.owned.iter().zip(&self.clock.advanced_to) {
+            self.world.set_times(owned, time);
+        }
+        self.find_steps();
+        Ok(())
+    }
+}
+
+fn pack(state: &dyn erased_serde::Serialize) -> Result<Vec<u8>, RunError> {
+    let mut bytes = Vec::new();
+    let mut target = rmp_serde::Serializer::new(&mut bytes);
+    let mut erased = <dyn erased_serde::Serializer>::erase(&mut target);
+    state
+        .erased_serialize(&mut erased)
+        .map_err(|e| RunError::Checkpoint(e.to_string()))?;
+    Ok(bytes)
+}

@@ -1,0 +1,157 @@
+//! Strong coupling: the pass is repeated until the state at its end stands still.
+
+use serde::{Deserialize, Serialize};
+
+use super::Simulation;
+use crate::error::RunError;
+use crate::solver::reduce::{dot, max_abs};
+
+/// Repetition of the staggered pass.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Iteration {
+    /// Largest relative change of any state field between passes.
+    pub tolerance: f64,
+    /// Largest number of passes.
+    pub passes: usize,
+    /// What happens when the passes end before the tolerance is met.
+    #[serde(default)]
+    pub unconverged: Unconverged,
+}
+
+/// What happens when repeated passes do not meet their tolerance.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Unconverged {
+    /// The run stops with an error.
+    #[default]
+    Stop,
+    /// The run goes on; `unconverged` in the progress log counts such steps.
+    Continue,
+}
+
+/// Values of all owned fields, in the order of the plan.
+type State = Vec<Vec<f64>>;
+
+/// Aitken's relaxation of a sequence of states.
+#[derive(Default)]
+struct Aitken {
+    last_residual: Vec<f64>,
+    factor: Option<f64>,
+}
+
+impl Aitken {
+    /// The state to go on from, after a pass went from `old` to `new`.
+    fn relax(&mut self, new: &State, old: &State) -> State {
+        let residual: Vec<f64> = new
+            .iter()
+            .zip(old)
+            .flat_map(|(n, o)| {
+                // fields of all units count alike
+                let scale = max_abs(n).max(f64::MIN_POSITIVE);
+                n.iter().zip(o).map(move |(n, o)| (n - o) / scale)
+            })
+            .collect();
+        let mut factor = self.factor.unwrap_or(1.0);
+        if !self.last_residual.is_empty() {
+            let pairs = residual.iter().zip(&self.last_residual);
+            let difference: Vec<f64> = pairs.map(|(r, l)| r - l).collect();
+            let curvature = dot(&difference, &difference);
+            if curvature > 0.0 {
+                factor *= -dot(&self.last_residual, &difference) / curvature;
+                factor = factor.clamp(0.05, 1.5);
+            }
+        }
+        self.factor = Some(factor);
+        self.last_residual = residual;
+        let relaxed = |(n, o): (&Vec<f64>, &Vec<f64>)| {
+            let values = n.iter().zip(o);
+            values.map(|(n, o)| o + factor * (n - o)).collect()
+        };
+        new.iter().zip(old).map(relaxed).collect()
+    }
+}
+
+/// Largest relative change of any field.
+fn largest_change(new: &State, old: &State) -> f64 {
+    let change = |(new, old): (&Vec<f64>, &Vec<f64>)| {
+        let pairs = new.iter().zip(old);
+        let worst = pairs.map(|(n, o)| (n - o).abs()).fold(0.0, f64::max);
+        worst / max_abs(new).max(f64::MIN_POSITIVE)
+    };
+    new.iter().zip(old).map(change).fold(0.0, f64::max)
+}
+
+impl Simulation {
+    /// Repeats the pass from the same start until the end state stands still. The state that
+    /// a physics sees of later ones is that of the pass before, relaxed by Aitken's rule; the
+    /// last pass is not relaxed, so that balances hold. Physics of one group start again together.
+    pub(super) fn iterate(
+        &mut self,
+        end: f64,
+        logging: bool,
+        iteration: Iteration,
+    ) -> Result<(), RunError> {
+        let before = self.save_physics()?;
+        let couplers_before = self.save_couplers()?;
+        let advanced_to = self.clock.advanced_to.clone();
+        let mut guess: Option<State> = None;
+        let mut aitken = Aitken::default();
+        let mut change = f64::INFINITY;
+        for pass in 1..=iteration.passes {
+            if pass > 1 {
+                self.restore_couplers(&couplers_before)?;
+            }
+            for g in 0..self.plan.groups.len() {
+                if pass > 1 {
+                    for m in 0..self.plan.groups[g].members.len() {
+                        let p = self.plan.groups[g].members[m];
+                        if self.clock.advanced_to[p] > advanced_to[p] {
+                            self.restore_physics(p, &before[p])?;
+                            self.clock.advanced_to[p] = advanced_to[p];
+                        }
+                    }
+                }
+                self.advance_group(g, end, logging)?;
+            }
+            self.clock.progress.passes += 1;
+            let result = self.owned_state();
+            let Some(old) = guess else {
+                guess = Some(result);
+                continue;
+            };
+            change = largest_change(&result, &old);
+            if change <= iteration.tolerance {
+                return Ok(());
+            }
+            if pass == iteration.passes {
+                break;
+            }
+            let relaxed = aitken.relax(&result, &old);
+            for (&f, values) in self.plan.owned.iter().flatten().zip(&relaxed) {
+                let field = self.world.fields.field(f);
+                field.data_mut().flat_mut().copy_from_slice(values);
+            }
+            guess = Some(relaxed);
+        }
+        self.clock.progress.unconverged += 1;
+        match iteration.unconverged {
+            Unconverged::Continue => Ok(()),
+            Unconverged::Stop => Err(RunError::Unconverged {
+                passes: iteration.passes,
+                change,
+                tolerance: iteration.tolerance,
+                time: end,
+            }),
+        }
+    }
+
+    fn owned_state(&self) -> State {
+        let fields = self.plan.owned.iter().flatten();
+        fields
+            .map(|&f| self.world.fields.field(f).data().flat().to_vec())
+            .collect()
+    }
+}

@@ -1,0 +1,392 @@
+//! A simulation: a world, its plugins, and the clock that steps them.
+//!
+//! 1. [`Simulation::prepare`] lets every plugin declare and obtain, and derives the order.
+//! 2. Initial fields are set, then [`Simulation::start`] completes the initial state, or
+//!    [`Simulation::load`] restores one.
+//! 3. [`Simulation::step`] takes macro steps: each physics in case order advances by
+//!    sub-steps of its own, before each of which its couplers are applied; physics that exchange something advance
+//!    together, in the steps of their group ([`crate::schedule`]). Macro steps land exactly on log times and on
+//!    events of couplers.
+//!
+//! Weak coupling is one pass in case order (Gauss-Seidel). With [`Iteration`] the pass is
+//! repeated until the state at the end of the macro step stands still, relaxed by Aitken's
+//! rule.
+
+mod advance;
+mod checkpoint;
+mod iteration;
+mod steps;
+
+pub use iteration::{Iteration, Unconverged};
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Problem, RunError, SetupError};
+use crate::family::Horizon;
+use crate::field::FieldIndex;
+use crate::plugin::{Balance, Coupler, Physics, Report, Step, StepSize, Update};
+use crate::schedule::Plan;
+use crate::setup::Setup;
+use crate::world::World;
+
+/// A plugin with the name that messages use.
+pub struct Named<P: ?Sized> {
+    /// Such as `thermal` or `goldak on plate`.
+    pub label: String,
+    /// The plugin.
+    pub plugin: Box<P>,
+}
+
+/// When to step, log and stop.
+#[derive(Clone, Debug)]
+pub struct TimeOptions {
+    /// End, s.
+    pub end: f64,
+    /// Macro step.
+    pub step: StepSize,
+    /// Automatic steps are this share of the largest stable one.
+    pub safety: f64,
+    /// Simulated time between logged states, s.
+    pub log_interval: f64,
+    /// Repetition of passes, if any.
+    pub iteration: Option<Iteration>,
+}
+
+/// Counters of the work done.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Progress {
+    /// Macro steps so far.
+    pub macro_steps: u64,
+    /// Sub-steps so far, by physics.
+    pub sub_steps: Vec<u64>,
+    /// Solver iterations so far, by physics.
+    pub iterations: Vec<u64>,
+    /// Evaluations of rates or forces so far, by physics.
+    pub evaluations: Vec<u64>,
+    /// Passes so far.
+    pub passes: u64,
+    /// Macro steps so far whose repeated passes did not meet their tolerance.
+    #[serde(default)]
+    pub unconverged: u64,
+    /// Last macro step, s.
+    pub last_step: f64,
+}
+
+/// State of the clock, saved with every checkpoint.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct ClockState {
+    time: f64,
+    logs: u64,
+    advanced_to: Vec<f64>,
+    progress: Progress,
+}
+
+/// A world, its plugins and the clock that steps them.
+pub struct Simulation {
+    world: World,
+    couplers: Vec<Named<dyn Coupler>>,
+    physics: Vec<Named<dyn Physics>>,
+    plan: Plan,
+    options: TimeOptions,
+    clock: ClockState,
+    sub_step: Vec<f64>,
+    stable_step: Vec<Option<f64>>,
+    /// By coupler, s.
+    stable_exchange: Vec<Option<f64>>,
+    /// By group, s.
+    group_steps: Vec<f64>,
+    /// What the exchanges of each group added in its present step, by sink.
+    rates: Vec<Vec<Vec<f64>>>,
+    plausible: Vec<Vec<(FieldIndex, f64)>>,
+    family_sizes: Vec<FamilySize>,
+}
+
+/// Size of a family, for `check`.
+#[derive(Clone, Debug)]
+pub struct FamilySize {
+    /// The body.
+    pub body: usize,
+    /// Horizon, m.
+    pub horizon: Horizon,
+    /// Directed bonds.
+    pub bonds: usize,
+    /// Bytes held.
+    pub memory: usize,
+}
+
+/// A plugin at fault, by its kind and position in the case.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Culprit {
+    /// The n-th physics.
+    Physics(usize),
+    /// The n-th coupler.
+    Coupler(usize),
+}
+
+impl Simulation {
+    /// Prepares every plugin and derives the order. `folder` is where relative paths start.
+    ///
+    /// # Errors
+    /// The plugin at fault and its mistake.
+    pub fn prepare(
+        mut world: World,
+        mut couplers: Vec<Named<dyn Coupler>>,
+        mut physics: Vec<Named<dyn Physics>>,
+        options: TimeOptions,
+        folder: &Path,
+    ) -> Result<Simulation, (Culprit, SetupError)> {
+        let culprit = |plugin: usize, couplers: usize| match plugin.checked_sub(couplers) {
+            Some(physics) => Culprit::Physics(physics),
+            None => Culprit::Coupler(plugin),
+        };
+        let mut setup = Setup::new(&mut world, folder);
+        for (i, c) in couplers.iter_mut().enumerate() {
+            setup.next_plugin(&c.label);
+            c.plugin
+                .prepare(&mut setup)
+                .map_err(|e| (Culprit::Coupler(i), e))?;
+        }
+        for (i, p) in physics.iter_mut().enumerate() {
+            setup.next_physics(&p.label);
+            p.plugin
+                .prepare(&mut setup)
+                .map_err(|e| (Culprit::Physics(i), e))?;
+        }
+        let size = |(body, f): (usize, &crate::family::Family)| FamilySize {
+            body,
+            horizon: f.spec().horizon,
+            bonds: f.bonds(),
+            memory: f.memory(),
+        };
+        let family_sizes = setup.families().map(size).collect();
+        let declarations = setup
+            .finish()
+            .map_err(|(plugin, e)| (culprit(plugin, couplers.len()), e))?;
+        let labels: Vec<String> = couplers
+            .iter()
+            .map(|c| &c.label)
+            .chain(physics.iter().map(|p| &p.label))
+            .cloned()
+            .collect();
+        let body_of_field: Vec<usize> = world.fields.iter().map(|f| f.body).collect();
+        let counts = (couplers.len(), physics.len());
+        let plan = Plan::derive(counts, &declarations, &body_of_field, &labels);
+        let plan = plan.map_err(|problem| {
+            let first = match &problem {
+                Problem::Cycle(names) => labels.iter().position(|l| Some(l) == names.first()),
+                _ => None,
+            };
+            let culprit = culprit(first.unwrap_or(0), couplers.len());
+            (culprit, SetupError::new("", problem))
+        })?;
+        check_updates(&plan, &physics)?;
+        world.set_times(&(0..body_of_field.len()).collect::<Vec<_>>(), 0.0);
+        let progress = Progress {
+            sub_steps: vec![0; physics.len()],
+            iterations: vec![0; physics.len()],
+            evaluations: vec![0; physics.len()],
+            ..Progress::default()
+        };
+        let clock = ClockState {
+            time: 0.0,
+            logs: 0,
+            advanced_to: vec![0.0; physics.len()],
+            progress,
+        };
+        let count = physics.len();
+        let rates = plan.groups.iter();
+        let rates = rates.map(|g| vec![Vec::new(); g.rates.len()]).collect();
+        Ok(Simulation {
+            world,
+            couplers,
+            physics,
+            plan,
+            options,
+            clock,
+            sub_step: vec![f64::INFINITY; count],
+            stable_step: vec![None; count],
+            stable_exchange: Vec::new(),
+            group_steps: Vec::new(),
+            rates,
+            plausible: vec![Vec::new(); count],
+            family_sizes,
+        })
+    }
+
+    /// The world.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// Simulated time, s.
+    pub fn time(&self) -> f64 {
+        self.clock.time
+    }
+
+    /// When to step, log and stop.
+    pub fn options(&self) -> &TimeOptions {
+        &self.options
+    }
+
+    /// Counters of the work done.
+    pub fn progress(&self) -> &Progress {
+        &self.clock.progress
+    }
+
+    /// The order of couplers.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Names of physics in case order.
+    pub fn physics_labels(&self) -> impl Iterator<Item = &str> {
+        self.physics.iter().map(|p| p.label.as_str())
+    }
+
+    /// Names of couplers in case order.
+    pub fn coupler_labels(&self) -> impl Iterator<Item = &str> {
+        self.couplers.iter().map(|c| c.label.as_str())
+    }
+
+    /// Families by size.
+    pub fn family_sizes(&self) -> &[FamilySize] {
+        &self.family_sizes
+    }
+
+    /// Sub-step of each physics, s (infinite: as long as the macro step).
+    pub fn sub_steps(&self) -> &[f64] {
+        &self.sub_step
+    }
+
+    /// Largest stable step of each physics, s.
+    pub fn stable_steps(&self) -> &[Option<f64>] {
+        &self.stable_step
+    }
+
+    /// Sets an initial field, by component, on some points of a body.
+    ///
+    /// # Errors
+    /// When the body has no such field or the number of components differs.
+    pub fn set_initial(
+        &mut self,
+        body: usize,
+        field: &str,
+        points: impl Iterator<Item = usize>,
+        value: &[f64],
+    ) -> Result<(), Problem> {
+        let fields = &self.world.fields;
+        let Some(index) = fields.find(body, field) else {
+            let known = fields
+                .iter()
+                .filter(|f| f.body == body)
+                .map(|f| f.name.clone())
+                .collect();
+            return Err(Problem::UnknownName {
+                what: "field",
+                name: field.into(),
+                known,
+            });
+        };
+        let mut data = fields.field(index).data_mut();
+        let components = data.components();
+        if components != value.len() {
+            return Err(Problem::FieldType {
+                field: field.into(),
+                asked: value.len(),
+                present: components,
+            });
+        }
+        let values = data.flat_mut();
+        for point in points {
+            values[point * components..][..components].copy_from_slice(value);
+        }
+        Ok(())
+    }
+
+    /// Completes the initial state from the initial fields, and the step sizes.
+    ///
+    /// # Errors
+    /// A physics that cannot start.
+    pub fn start(&mut self) -> Result<(), RunError> {
+        for p in &mut self.physics {
+            p.plugin.start(&self.world)?;
+        }
+        self.find_steps();
+        self.apply_all(Step::new(0.0, 0.0))?;
+        self.observe();
+        Ok(())
+    }
+
+    /// Whether the end is reached.
+    pub fn is_finished(&self) -> bool {
+        self.clock.time >= self.options.end
+    }
+
+    fn observe(&mut self) {
+        for p in &mut self.physics {
+            p.plugin.observe(&self.world);
+        }
+    }
+
+    /// Conserved totals of all physics: label and balances.
+    pub fn balances(&self) -> Vec<(&str, Vec<Balance>)> {
+        self.physics
+            .iter()
+            .map(|p| (p.label.as_str(), p.plugin.balance(&self.world)))
+            .collect()
+    }
+
+    /// What plugins report: label and numbers.
+    pub fn reports(&self) -> Vec<(&str, Vec<Report>)> {
+        let couplers = self.couplers.iter();
+        let couplers = couplers.map(|c| (c.label.as_str(), c.plugin.report()));
+        let physics = self.physics.iter();
+        couplers
+            .chain(physics.map(|p| (p.label.as_str(), p.plugin.report())))
+            .collect()
+    }
+
+    /// Fields that somebody provides: state or derived values, not sums that are rebuilt in
+    /// every step.
+    pub fn lasting(&self) -> impl Iterator<Item = &crate::field::Field> {
+        let is_sink = |i: &usize| self.plan.sinks.iter().any(|s| s.contains(i));
+        let fields = self.world.fields.iter().enumerate();
+        fields
+            .filter(move |(i, _)| self.world.provided[*i] && !is_sink(i))
+            .map(|(_, f)| f)
+    }
+
+    /// The plugins as composed, all defaults filled in: `{"physics": [...], "couplers": [...]}`.
+    pub fn composition(&self) -> serde_json::Value {
+        let physics: Vec<_> = self
+            .physics
+            .iter()
+            .map(|p| serde_json::to_value(&p.plugin).unwrap_or_default())
+            .collect();
+        let couplers: Vec<_> = self
+            .couplers
+            .iter()
+            .map(|c| serde_json::to_value(&c.plugin).unwrap_or_default())
+            .collect();
+        serde_json::json!({ "physics": physics, "couplers": couplers })
+    }
+}
+
+/// Refuses physics that advance together although one of them advances only once per log interval.
+fn check_updates(plan: &Plan, physics: &[Named<dyn Physics>]) -> Result<(), (Culprit, SetupError)> {
+    let coupled = plan.groups.iter().filter(|g| g.members.len() > 1);
+    let rare = |p: &&usize| physics[**p].plugin.clock().update == Update::Log;
+    match coupled.flat_map(|g| &g.members).find(rare) {
+        Some(&p) => {
+            let message = format!(
+                "`{}` exchanges something with another body, so that both advance together",
+                physics[p].label
+            );
+            let mistake = SetupError::value("update", message, "`update = \"step\"`");
+            Err((Culprit::Physics(p), mistake))
+        }
+        None => Ok(()),
+    }
+}

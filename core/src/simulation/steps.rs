@@ -1,0 +1,164 @@
+//! Sizes of steps: what is stable, what was asked for, and macro steps that land on log times and events.
+
+use super::{Culprit, Named, Simulation};
+use crate::error::{Problem, RunError, SetupError};
+use crate::plugin::{Coupler, Step, StepSize};
+use crate::schedule::Group;
+
+impl Simulation {
+    pub(super) fn find_steps(&mut self) {
+        let ask = |c: &mut Named<dyn Coupler>| c.plugin.stable_step(&self.world);
+        self.stable_exchange = self.couplers.iter_mut().map(ask).collect();
+        for (i, p) in self.physics.iter_mut().enumerate() {
+            let stable = p.plugin.stable_step(&self.world);
+            self.stable_step[i] = stable;
+            let exchanges = self.plan.before[i].iter();
+            let exchanges = exchanges.filter_map(|&c| self.stable_exchange[c]);
+            let stable = exchanges.chain(stable).fold(f64::INFINITY, f64::min);
+            self.sub_step[i] = match p.plugin.clock().step {
+                StepSize::Fixed(step) => step,
+                StepSize::Auto => self.options.safety * stable,
+            };
+            let find = |(name, limit): (&str, f64)| {
+                let owned = self.plan.owned[i].iter().copied();
+                let named = owned.filter(|&f| self.world.fields.field(f).name == name);
+                named.map(|f| (f, limit)).collect::<Vec<_>>()
+            };
+            self.plausible[i] = p
+                .plugin
+                .plausible(&self.world)
+                .into_iter()
+                .flat_map(find)
+                .collect();
+        }
+        let step = |group: &Group| {
+            let finite = group.members.iter().map(|&p| self.sub_step[p]);
+            let longest = finite.filter(|s| s.is_finite()).fold(0.0, f64::max);
+            let longest = if longest > 0.0 {
+                longest
+            } else {
+                f64::INFINITY
+            };
+            let stable = |&c: &usize| self.stable_exchange[c].map(|s| self.options.safety * s);
+            let exchanges = group.couplers.iter().filter_map(stable);
+            let givers = group.givers.iter().map(|&p| self.sub_step[p]);
+            exchanges.chain(givers).fold(longest, f64::min)
+        };
+        self.group_steps = self.plan.groups.iter().map(step).collect();
+    }
+
+    /// Refuses fixed steps above the stable ones, those of physics and of the couplers before them.
+    ///
+    /// # Errors
+    /// The physics at fault, with both numbers.
+    pub fn check_steps(&self) -> Result<(), (Culprit, SetupError)> {
+        for (i, p) in self.physics.iter().enumerate() {
+            let StepSize::Fixed(fixed) = p.plugin.clock().step else {
+                continue;
+            };
+            let exceeds = |stable: &f64| fixed > stable * (1.0 + 1e-9);
+            let refuse = |problem| Err((Culprit::Physics(i), SetupError::new("step", problem)));
+            if let Some(stable) = self.stable_step[i].filter(exceeds) {
+                return refuse(Problem::UnstableStep {
+                    physics: p.label.clone(),
+                    fixed,
+                    stable,
+                });
+            }
+            let group = self.plan.groups.iter().find(|g| g.members.contains(&i));
+            let exchanges = group.map_or(&[][..], |g| &g.couplers);
+            for &c in self.plan.before[i].iter().chain(exchanges) {
+                if let Some(stable) = self.stable_exchange[c].filter(exceeds) {
+                    return refuse(Problem::UnstableExchange {
+                        physics: p.label.clone(),
+                        fixed,
+                        coupler: self.couplers[c].label.clone(),
+                        stable,
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Largest macro step, s: as asked for, or the longest sub-step that the couplers allow.
+    pub fn macro_step(&self) -> f64 {
+        if let StepSize::Fixed(step) = self.options.step {
+            return step;
+        }
+        let longest = self
+            .sub_step
+            .iter()
+            .copied()
+            .filter(|s| s.is_finite())
+            .fold(0.0, f64::max);
+        let longest = if longest > 0.0 {
+            longest
+        } else {
+            self.options.log_interval
+        };
+        self.couplers
+            .iter()
+            .filter_map(|c| c.plugin.step_limit())
+            .fold(longest, f64::min)
+    }
+
+    /// The next time at which the state is to be logged, s.
+    pub fn next_log(&self) -> f64 {
+        ((self.clock.logs + 1) as f64 * self.options.log_interval).min(self.options.end)
+    }
+
+    /// Takes a macro step. Returns whether the state is now to be logged.
+    ///
+    /// # Errors
+    /// What stops the run.
+    pub fn step(&mut self) -> Result<bool, RunError> {
+        let time = self.clock.time;
+        let log = self.next_log();
+        let limit = self.macro_step();
+        // an event within rounding of now, or of the log, is as good as reached
+        let tolerance = 1e-9 * limit.min(log - time);
+        let after = time + tolerance;
+        let couplers = self
+            .couplers
+            .iter()
+            .filter_map(|c| c.plugin.next_event(after));
+        let physics = self
+            .physics
+            .iter()
+            .filter_map(|p| p.plugin.next_event(after));
+        let event = couplers.chain(physics).fold(log, f64::min);
+        let target = if log - event <= tolerance { log } else { event };
+        let steps = ((target - time) / limit * (1.0 - 1e-9)).ceil().max(1.0);
+        let end = if steps == 1.0 {
+            target
+        } else {
+            time + (target - time) / steps
+        };
+        let logging = steps == 1.0 && target == log;
+        if end <= time {
+            let count = (self.options.end - time) / limit;
+            let physics = "the schedule".to_string();
+            return Err(RunError::StepTooSmall {
+                physics,
+                step: end - time,
+                time,
+                count,
+            });
+        }
+
+        match self.options.iteration {
+            None => self.pass(end, logging)?,
+            Some(iteration) => self.iterate(end, logging, iteration)?,
+        }
+        self.apply_rest(Step::new(time, end - time))?;
+        self.clock.time = end;
+        self.clock.progress.macro_steps += 1;
+        self.clock.progress.last_step = end - time;
+        if logging {
+            self.observe();
+            self.clock.logs += 1;
+        }
+        Ok(logging)
+    }
+}

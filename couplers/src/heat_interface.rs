@@ -1,0 +1,385 @@
+//! Heat between two bodies that touch.
+//!
+//! Cell faces of the two bodies that lie against each other exchange
+//!
+//! ```text
+//! P_ij = A_ij (T_j - T_i) / (s_i / (2 k_i) + 1 / h + s_j / (2 k_j))     W
+//! ```
+//!
+//! over the area A_ij in which they overlap now: the resistances of half a cell of spacing s and conductivity k on either
+//! side, in series with that of the contact, of conductance h (W/(m² K)); without h the contact is perfect. The
+//! series is the harmonic mean of the conductivities, exact for steady flux across the interface. What one body loses the
+//! other one gets, pair by pair, at one time: heat is kept to rounding whatever steps the two bodies take.
+//!
+//! Bodies may be at rest, deform or slide; faces keep the direction of their normals, so that they must not turn by more
+//! than a few degrees. Cells of different size may meet.
+
+use nalgebra::Vector3;
+use perimelt_core::body::SurfaceCell;
+use perimelt_core::cell_list::CellList;
+use perimelt_core::material::{EnthalpyCurve, Property};
+use perimelt_core::solver::reduce::max_abs;
+use perimelt_core::{
+    Body, Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Fraction of the time constant of the exchange that a step may take.
+const STEP_FRACTION: f64 = 0.5;
+
+/// Two bodies that touch exchange heat.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HeatInterface {
+    /// One body.
+    pub body: String,
+    /// The other body.
+    pub other: String,
+    /// Contact conductance, W/(m² K); left out: perfect contact.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub conductance: Option<f64>,
+    /// Largest distance of two surfaces in contact, m; left out: half of the smaller spacing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gap: Option<f64>,
+    #[serde(skip)]
+    #[schemars(skip)]
+    state: Option<Interface>,
+}
+
+#[derive(Debug)]
+struct Interface {
+    sides: [Side; 2],
+    dimension: usize,
+    /// 1 / h, m² K/W.
+    resistance: f64,
+    /// m.
+    gap: f64,
+    cells: CellList,
+    overlaps: Vec<Overlap>,
+    /// From the other body into the first one in the last step, W.
+    power: f64,
+}
+
+/// One of the two bodies.
+#[derive(Debug)]
+struct Side {
+    body: usize,
+    temperature: Read<f64>,
+    heat_source: Write<f64>,
+    conductivity: Vec<Property>,
+    curves: Vec<EnthalpyCurve>,
+    cells: Vec<SurfaceCell>,
+    /// Centres of the cell faces now, m.
+    centre: Vec<Vector3<f64>>,
+    /// Positions of the points for which the overlaps were found, m.
+    position: Vec<Vector3<f64>>,
+    moved: bool,
+}
+
+/// Cell faces, by their place in the lists of both sides, that lie against each other.
+#[derive(Clone, Copy, Debug)]
+struct Overlap {
+    cells: [u32; 2],
+    /// m².
+    area: f64,
+}
+
+impl Side {
+    fn new(setup: &mut Setup<'_>, body: usize) -> Result<Side, SetupError> {
+        let this = setup.body(body);
+        let faces = Face::ALL.into_iter().filter(|f| f.axis() < this.dimension);
+        let cells = this.surface(&faces.collect::<Vec<_>>());
+        Ok(Side {
+            body,
+            centre: vec![Vector3::zeros(); cells.len()],
+            position: this.points.position.clone(),
+            cells,
+            temperature: setup.read(body, &keys::TEMPERATURE)?,
+            heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
+            conductivity: setup.property(body, "conductivity")?,
+            curves: setup.enthalpy_curves(body).unwrap_or_default(),
+            moved: true,
+        })
+    }
+
+    /// Takes the positions of the moment.
+    fn follow(&mut self, world: &World) {
+        let body = world.body(self.body);
+        let position = world.positions(self.body);
+        self.moved |= position != self.position;
+        if self.moved {
+            self.position = position;
+            for (centre, cell) in self.centre.iter_mut().zip(&self.cells) {
+                let point = cell.point as usize;
+                let half = 0.5 * body.points.spacing[point];
+                *centre = self.position[point] + half * cell.face.normal();
+            }
+        }
+    }
+
+    /// Half a cell over its conductivity at its temperature, m² K/W.
+    fn resistance(&self, body: &Body, cell: u32, temperature: &[f64]) -> f64 {
+        let point = self.cells[cell as usize].point as usize;
+        let (material, t) = (body.material_of_point[point] as usize, temperature[point]);
+        let curve = self.curves.get(material);
+        let liquid = curve.map_or(0.0, |c| c.liquid_fraction(t));
+        0.5 * body.points.spacing[point] / self.conductivity[material].at(t, liquid)
+    }
+
+    /// Least resistance of half a cell, m² K/W.
+    fn least_resistance(&self, body: &Body) -> f64 {
+        let cell = |cell: &SurfaceCell| {
+            let point = cell.point as usize;
+            let conductivity = &self.conductivity[body.material_of_point[point] as usize];
+            0.5 * body.points.spacing[point] / max_abs(&conductivity.values())
+        };
+        self.cells.iter().map(cell).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Least heat capacity over the area of a cell face, J/(m² K).
+    fn least_capacity(&self, body: &Body) -> f64 {
+        let mut area = vec![0.0; body.points.len()];
+        for cell in &self.cells {
+            area[cell.point as usize] += cell.area;
+        }
+        let points = (0..area.len()).filter(|&i| area[i] > 0.0);
+        let capacity = |i: usize| {
+            let curve = self.curves.get(body.material_of_point[i] as usize);
+            let capacity = curve.map_or(f64::INFINITY, EnthalpyCurve::minimum_capacity);
+            capacity * body.points.volume[i] / area[i]
+        };
+        points.map(capacity).fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl Interface {
+    /// Finds the cell faces that lie against each other, if any point has moved.
+    fn find_overlaps(&mut self, world: &World) {
+        self.sides.iter_mut().for_each(|side| side.follow(world));
+        if self.sides.iter().all(|side| !side.moved) {
+            return;
+        }
+        let [first, second] = &self.sides;
+        let bodies = [first, second].map(|side| world.body(side.body));
+        let spacing = |k: usize, cell: usize| {
+            bodies[k].points.spacing[self.sides[k].cells[cell].point as usize]
+        };
+        let reach = |k: usize, cell: usize| self.gap + spacing(k, cell);
+        let reaches: Vec<f64> = (0..second.cells.len()).map(|c| reach(1, c)).collect();
+        self.cells.update(&second.centre, &reaches);
+        self.overlaps.clear();
+        for (a, cell) in first.cells.iter().enumerate() {
+            let centre = first.centre[a];
+            let opposite = Face::ALL[cell.face as usize ^ 1];
+            let normal = cell.face.axis();
+            let start = self.overlaps.len();
+            let overlaps = &mut self.overlaps;
+            self.cells.visit_near(&centre, reach(0, a), |b| {
+                let between = second.centre[b] - centre;
+                if second.cells[b].face != opposite || between[normal].abs() > self.gap {
+                    return;
+                }
+                let (sa, sb) = (spacing(0, a), spacing(1, b));
+                let fraction = (0..self.dimension)
+                    .filter(|axis| *axis != normal)
+                    .map(|axis| {
+                        let common = 0.5 * (sa + sb) - between[axis].abs();
+                        common.clamp(0.0, sa.min(sb)) / sa
+                    });
+                // of the part of the cell of the other body that is bare
+                let whole = bodies[1].points.volume[second.cells[b].point as usize] / sb;
+                let bare = second.cells[b].area / whole;
+                let area = fraction.product::<f64>() * cell.area * bare;
+                if area > 0.0 {
+                    let cells = [a as u32, b as u32];
+                    overlaps.push(Overlap { cells, area });
+                }
+            });
+            self.overlaps[start..].sort_unstable_by_key(|o| o.cells[1]);
+        }
+        self.sides.iter_mut().for_each(|side| side.moved = false);
+    }
+
+    fn exchange(&mut self, world: &World) {
+        let [first, second] = &self.sides;
+        let temperatures = [first, second].map(|side| world.read(side.temperature));
+        let bodies = [first, second].map(|side| world.body(side.body));
+        let mut sources = [first, second].map(|side| world.write(side.heat_source));
+        self.power = 0.0;
+        for overlap in &self.overlaps {
+            let resistance =
+                |k: usize| self.sides[k].resistance(bodies[k], overlap.cells[k], &temperatures[k]);
+            let points: [usize; 2] = std::array::from_fn(|k| {
+                self.sides[k].cells[overlap.cells[k] as usize].point as usize
+            });
+            let difference = temperatures[1][points[1]] - temperatures[0][points[0]];
+            let power =
+                overlap.area * difference / (resistance(0) + self.resistance + resistance(1));
+            sources[0][points[0]] += power / bodies[0].points.volume[points[0]];
+            sources[1][points[1]] -= power / bodies[1].points.volume[points[1]];
+            self.power += power;
+        }
+    }
+}
+
+impl HeatInterface {
+    fn check(&self) -> Result<(), SetupError> {
+        for (key, value) in [("conductance", self.conductance), ("gap", self.gap)] {
+            if let Some(value) = value.filter(|v| !(*v > 0.0 && v.is_finite())) {
+                let message = format!("the {key} is {value}");
+                return Err(SetupError::value(key, message, "a number above 0"));
+            }
+        }
+        match self.body == self.other {
+            true => {
+                let message = format!("`body` and `other` are both `{}`", self.body);
+                Err(SetupError::value("other", message, "another body"))
+            }
+            false => Ok(()),
+        }
+    }
+}
+
+#[typetag::serde(name = "heat_interface")]
+impl Coupler for HeatInterface {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        self.check()?;
+        let body = setup.find_body(Some(&self.body))?;
+        let other = setup.find_body(Some(&self.other)).map_err(|e| SetupError {
+            key: "other".into(),
+            ..e
+        })?;
+        let dimensions = [body, other].map(|b| setup.body(b).dimension);
+        if dimensions[0] != dimensions[1] {
+            let message = format!(
+                "a {}D body cannot touch a {}D body",
+                dimensions[0], dimensions[1]
+            );
+            return Err(SetupError::value(
+                "other",
+                message,
+                "bodies of one dimension",
+            ));
+        }
+        let spacings = [body, other].map(|b| setup.body(b).finest_spacing());
+        let gap = self.gap.unwrap_or(0.5 * spacings[0].min(spacings[1]));
+        self.state = Some(Interface {
+            sides: [Side::new(setup, body)?, Side::new(setup, other)?],
+            dimension: dimensions[0],
+            resistance: self.conductance.map_or(0.0, |h| 1.0 / h),
+            gap,
+            cells: CellList::default(),
+            overlaps: Vec::new(),
+            power: 0.0,
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
+        let interface = self.state.as_mut().expect("prepared before the run");
+        interface.find_overlaps(world);
+        interface.exchange(world);
+        Ok(())
+    }
+
+    /// Half of the shortest time constant of a cell whose whole face is in contact.
+    fn stable_step(&mut self, world: &World) -> Option<f64> {
+        let interface = self.state.as_ref().expect("prepared before the run");
+        let bodies = interface.sides.each_ref().map(|s| world.body(s.body));
+        let resistance: f64 = interface.resistance
+            + (0..2)
+                .map(|k| interface.sides[k].least_resistance(bodies[k]))
+                .sum::<f64>();
+        let capacity = (0..2).map(|k| interface.sides[k].least_capacity(bodies[k]));
+        let capacity = capacity.fold(f64::INFINITY, f64::min);
+        Some(STEP_FRACTION * capacity * resistance)
+    }
+
+    fn report(&self) -> Vec<Report> {
+        let Some(interface) = &self.state else {
+            return Vec::new();
+        };
+        let report = |name: &str, unit: &str, value: f64| Report {
+            name: name.into(),
+            unit: unit.into(),
+            value,
+        };
+        let area = interface.overlaps.iter().map(|o| o.area).sum();
+        vec![
+            report("power into the body", "W", interface.power),
+            report("area", "m2", area),
+        ]
+    }
+}
+
+perimelt_core::register_coupler!("heat_interface", HeatInterface);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, block, prepare, read, refusal};
+
+    /// Two blocks of unit cells, the second one above the first and moved by `along` in x.
+    fn two(along: f64) -> World {
+        let mut upper = block([3, 3, 2], 3, STEEL);
+        upper.name = "upper".into();
+        let offset = Vector3::new(along, 0.0, 2.0);
+        upper.points.position.iter_mut().for_each(|x| *x += offset);
+        World::new(vec![block([3, 3, 2], 3, STEEL), upper])
+    }
+
+    fn exchanged(along: f64, keys: &str) -> (Vec<f64>, f64) {
+        let mut world = two(along);
+        let table = format!("body = 'block'\nother = 'upper'\n{keys}");
+        let mut interface: HeatInterface = read(&table);
+        let handles = prepare(&mut world, &mut interface, |setup| {
+            [0, 1].map(|body| {
+                setup.consume(body, &keys::HEAT_SOURCE).expect("free");
+                setup.own(body, &keys::TEMPERATURE).expect("free")
+            })
+        });
+        let temperatures = handles.expect("valid");
+        world.write(temperatures[0]).fill(300.0);
+        world.write(temperatures[1]).fill(400.0);
+        interface
+            .apply(&world, Step::new(0.0, 1.0))
+            .expect("applies");
+        let sums = [0, 1].map(|body| {
+            let index = world.fields().find(body, "heat_source").expect("a sink");
+            let field = world.fields().field(index).data();
+            field.flat().iter().sum::<f64>()
+        });
+        (sums.to_vec(), interface.report()[1].value)
+    }
+
+    #[test]
+    fn faces_exchange_over_their_common_area_through_resistances_in_series() {
+        // half a metre of 40 W/(m K) on either side
+        let series = 0.5 / 40.0 + 0.5 / 40.0;
+        for (along, area) in [(0.0, 9.0), (0.25, 8.25), (1.5, 4.5), (3.5, 0.0)] {
+            let (power, found) = exchanged(along, "");
+            assert!((found - area).abs() < 1e-12, "{found} {area}");
+            assert!((power[0] - area * 100.0 / series).abs() < 1e-8, "{power:?}");
+            assert!((power[0] + power[1]).abs() < 1e-9);
+        }
+        let (power, _) = exchanged(0.0, "conductance = 50");
+        assert!((power[0] - 9.0 * 100.0 / (series + 1.0 / 50.0)).abs() < 1e-8);
+    }
+
+    #[test]
+    fn mistakes_are_refused() {
+        for (keys, message) in [
+            ("body = 'block'\nother = 'block'", "are both `block`"),
+            ("body = 'block'\nother = 'uper'", "did you mean `upper`?"),
+            (
+                "body = 'block'\nother = 'upper'\nconductance = 0",
+                "the conductance is 0",
+            ),
+        ] {
+            let mut interface: HeatInterface = read(keys);
+            let found = refusal(&mut two(0.0), &mut interface);
+            assert!(found.contains(message), "{found}");
+        }
+    }
+}
