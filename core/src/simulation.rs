@@ -136,6 +136,8 @@ struct Checkpoint {
     fields: Vec<SavedField>,
     physics: Vec<serde_bytes::ByteBuf>,
     couplers: Vec<serde_bytes::ByteBuf>,
+    /// Where the rows of moving families were found, m.
+    rows_found_at: Vec<Vec<nalgebra::Vector3<f64>>>,
 }
 
 impl Simulation {
@@ -167,7 +169,7 @@ impl Simulation {
                 .prepare(&mut setup)
                 .map_err(|e| (Culprit::Physics(i), e))?;
         }
-        let size = |(body, f): (usize, &crate::family::Family)| FamilySize {
+        let size = |(body, f): (usize, std::sync::Arc<crate::family::Family>)| FamilySize {
             body,
             horizon: f.spec().horizon,
             bonds: f.bonds(),
@@ -358,6 +360,17 @@ impl Simulation {
         }
     }
 
+    /// Takes up a stable step that changes during the run.
+    fn limit_step(&mut self, p: usize) {
+        let plugin = &self.physics[p].plugin;
+        if let Some(stable) = plugin.changed_stable_step() {
+            self.stable_step[p] = Some(stable);
+            if plugin.clock().step == StepSize::Auto {
+                self.sub_step[p] = self.options.safety * stable;
+            }
+        }
+    }
+
     /// Refuses fixed steps above the stable ones.
     ///
     /// # Errors
@@ -413,6 +426,7 @@ impl Simulation {
     /// # Errors
     /// What stops the run.
     pub fn step(&mut self) -> Result<bool, RunError> {
+        (0..self.physics.len()).for_each(|p| self.limit_step(p));
         let time = self.clock.time;
         let log = self.next_log();
         let limit = self.macro_step();
@@ -512,7 +526,12 @@ impl Simulation {
             if !step.repeated {
                 self.apply(p, step)?;
             }
-            let work = self.physics[p].plugin.advance(&self.world, step)?;
+            let advanced = self.physics[p].plugin.advance(&self.world, step);
+            if advanced.is_err() {
+                // a state that is not finite is the cause of whatever failed
+                self.check_state(p, step)?;
+            }
+            let work = advanced?;
             self.clock.progress.sub_steps[p] += 1;
             self.clock.progress.iterations[p] += work.iterations as u64;
             self.clock.progress.evaluations[p] += work.evaluations as u64;
@@ -705,8 +724,7 @@ impl Simulation {
             |e: erased_serde::Error| RunError::Checkpoint(format!("state of {label}: {e}"));
         let physics = &mut self.physics[p].plugin;
         physics.load(&mut erased).map_err(broken)?;
-        physics.restored(&self.world);
-        Ok(())
+        physics.restored(&self.world)
     }
 
     fn save_couplers(&self) -> Result<Vec<serde_bytes::ByteBuf>, RunError> {
@@ -776,6 +794,7 @@ impl Simulation {
                 .map(|p| Ok(pack(&*p.plugin.save())?.into()))
                 .collect::<Result<_, RunError>>()?,
             couplers: self.save_couplers()?,
+            rows_found_at: self.world.rows_found_at(),
         };
         rmp_serde::to_vec(&checkpoint).map_err(|e| RunError::Checkpoint(e.to_string()))
     }
@@ -808,13 +827,16 @@ impl Simulation {
                 *v = f64::from_le_bytes(bytes.try_into().expect("chunks of eight"));
             }
         }
+        if !self.world.find_rows_at(saved.rows_found_at) {
+            return Err(misfit("it has other families of moving points".into()));
+        }
         for (p, state) in self.physics.iter_mut().zip(&saved.physics) {
             let mut source = rmp_serde::Deserializer::from_read_ref(state);
             let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
             p.plugin
                 .load(&mut erased)
                 .map_err(|e| misfit(format!("state of {}: {e}", p.label)))?;
-            p.plugin.restored(&self.world);
+            p.plugin.restored(&self.world)?;
         }
         self.restore_couplers(&saved.couplers)?;
         self.clock = saved.clock;
