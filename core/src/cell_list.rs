@@ -2,7 +2,8 @@
 //!
 //! Points are sorted into a grid of bins by a counting sort; [`CellList::update`] keeps its
 //! memory, so that moving points cost no allocation. Every point carries a reach (m), so that
-//! points with horizons of their own find each other from either side.
+//! points with horizons of their own find each other from either side. Points without a finite position, as of a
+//! run that has blown up, are in no bin and near nothing.
 
 use nalgebra::Vector3;
 
@@ -11,6 +12,16 @@ const BINS_PER_POINT: f64 = 4.0;
 
 /// Rounding of distances, relative.
 const NEAR: f64 = 1e-8;
+
+/// Coordinates beyond this (m) count as infinite, so that squares of distances stay finite.
+const FARTHEST: f64 = 1e100;
+
+/// Bin of a point without a finite position.
+const NO_BIN: u32 = u32::MAX;
+
+fn is_somewhere(position: &Vector3<f64>) -> bool {
+    position.iter().all(|x| x.abs() < FARTHEST)
+}
 
 /// Points by bins.
 #[derive(Clone, Debug, Default)]
@@ -42,16 +53,13 @@ impl CellList {
     /// When there is not one reach for each position.
     pub fn update(&mut self, positions: &[Vector3<f64>], reach: &[f64]) {
         assert_eq!(positions.len(), reach.len(), "one reach for each point");
-        let low = positions
-            .iter()
-            .fold(Vector3::repeat(f64::INFINITY), |low, x| low.inf(x));
-        let high = positions
-            .iter()
-            .fold(Vector3::repeat(f64::NEG_INFINITY), |high, x| high.sup(x));
-        if positions.is_empty() {
+        let placed = || positions.iter().filter(|x| is_somewhere(x));
+        if placed().next().is_none() {
             *self = CellList::default();
             return;
         }
+        let low = placed().fold(Vector3::repeat(f64::INFINITY), |low, x| low.inf(x));
+        let high = placed().fold(Vector3::repeat(f64::NEG_INFINITY), |high, x| high.sup(x));
         let extent = high - low;
         // bins of half the shortest reach: a ball is covered closely
         let shortest = reach.iter().copied().fold(f64::INFINITY, f64::min);
@@ -68,14 +76,18 @@ impl CellList {
 
         self.bin_of_point.clear();
         for x in positions {
-            let bin = self.index(self.bin(x));
-            self.bin_of_point.push(bin as u32);
+            let bin = match is_somewhere(x) {
+                true => self.index(self.bin(x)) as u32,
+                false => NO_BIN,
+            };
+            self.bin_of_point.push(bin);
         }
         self.start.clear();
         self.start.resize(bins + 1, 0);
         self.reach.clear();
         self.reach.resize(bins, -1.0);
-        for (&bin, &reach) in self.bin_of_point.iter().zip(reach) {
+        let reaches = self.bin_of_point.iter().zip(reach);
+        for (&bin, &reach) in reaches.filter(|(bin, _)| **bin != NO_BIN) {
             self.start[bin as usize + 1] += 1;
             let largest = &mut self.reach[bin as usize];
             *largest = largest.max(reach);
@@ -84,22 +96,24 @@ impl CellList {
             self.start[bin + 1] += self.start[bin];
         }
         self.member.clear();
-        self.member.resize(positions.len(), 0);
+        let members = self.start[bins];
+        self.member.resize(members as usize, 0);
         // filled from the back: `start` ends as the first member of each bin
-        for (point, &bin) in self.bin_of_point.iter().enumerate().rev() {
+        let points = self.bin_of_point.iter().enumerate().rev();
+        for (point, &bin) in points.filter(|(_, bin)| **bin != NO_BIN) {
             let end = &mut self.start[bin as usize + 1];
             *end -= 1;
             self.member[*end as usize] = point as u32;
         }
         self.start.rotate_left(1);
-        self.start[bins] = positions.len() as u32;
+        self.start[bins] = members;
         self.largest_reach = self.reach.iter().copied().fold(0.0, f64::max);
     }
 
     /// Passes all points that may lie within `reach` (m) of `at`, or `at` within theirs, to
     /// `visit`, and some others: distances are for the caller to check.
     pub fn visit_near(&self, at: &Vector3<f64>, reach: f64, mut visit: impl FnMut(usize)) {
-        if self.member.is_empty() {
+        if self.member.is_empty() || !is_somewhere(at) {
             return;
         }
         let widest = reach.max(self.largest_reach) * (1.0 + NEAR);
@@ -174,5 +188,23 @@ mod tests {
                 prop_assert_eq!(found, (0..points.len()).filter(near).collect::<Vec<_>>());
             }
         }
+    }
+
+    #[test]
+    fn points_without_a_finite_position_are_near_nothing() {
+        let far = [f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 1e300];
+        let mut positions = vec![Vector3::zeros(), Vector3::x()];
+        positions.extend(far.map(|x| Vector3::new(0.5, x, 0.0)));
+        let list = CellList::new(&positions, &[2.0; 6]);
+        for (at, expected) in positions.iter().zip([2, 2, 0, 0, 0, 0]) {
+            let mut found = 0;
+            list.visit_near(at, 2.0, |point| {
+                assert!(point < 2, "{point} lies nowhere");
+                found += 1;
+            });
+            assert_eq!(found, expected);
+        }
+        let list = CellList::new(&positions[2..], &[2.0; 4]);
+        list.visit_near(&Vector3::zeros(), 2.0, |_| panic!("the list is empty"));
     }
 }

@@ -5,7 +5,7 @@
 //! access needs a handle, so reading or writing what was not declared cannot be written.
 
 use std::borrow::Cow;
-use std::cell::{Ref, RefCell, RefMut};
+use std::cell::{Cell, Ref, RefCell, RefMut};
 use std::marker::PhantomData;
 
 use nalgebra::{Matrix3, Vector3};
@@ -231,6 +231,7 @@ pub struct Field {
     /// SI unit.
     pub unit: String,
     data: RefCell<Data>,
+    changes: Cell<u64>,
 }
 
 /// All fields of all bodies of a world.
@@ -281,6 +282,7 @@ impl Fields {
             name: key.name.to_string(),
             unit: key.unit.to_string(),
             data: RefCell::new(Data::zeros(T::COMPONENTS, points)),
+            changes: Cell::new(0),
         });
         Ok(self.fields.len() - 1)
     }
@@ -294,6 +296,7 @@ impl Field {
 
     /// The values, whatever their type (for initial values and checkpoints).
     pub fn data_mut(&self) -> RefMut<'_, Data> {
+        self.changes.set(self.changes.get() + 1);
         self.data.borrow_mut()
     }
 
@@ -301,12 +304,17 @@ impl Field {
         self.data.borrow_mut().flat_mut().fill(value);
     }
 
+    /// How often the values were handed out to be changed.
+    pub(crate) fn changes(&self) -> u64 {
+        self.changes.get()
+    }
+
     pub(crate) fn read<T: Value>(&self) -> Ref<'_, [T]> {
         Ref::map(self.data.borrow(), |data| bytemuck::cast_slice(data.flat()))
     }
 
     pub(crate) fn write<T: Value>(&self) -> RefMut<'_, [T]> {
-        RefMut::map(self.data.borrow_mut(), |data| {
+        RefMut::map(self.data_mut(), |data| {
             bytemuck::cast_slice_mut(data.flat_mut())
         })
     }

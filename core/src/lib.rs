@@ -14,6 +14,7 @@
 mod axis;
 pub mod body;
 pub mod cell_list;
+pub mod configuration;
 pub mod error;
 pub mod family;
 pub mod field;
@@ -31,6 +32,7 @@ pub mod world;
 
 pub use axis::Axis;
 pub use body::{Body, Face, Region};
+pub use configuration::{Configuration, MovingFamily, PointMover};
 pub use error::{Problem, RunError, SetupError};
 pub use family::{
     Bond, BondKernel, BrokenBonds, Correction, Cut, Family, FamilySpec, Horizon, Image, Influence,

@@ -100,7 +100,7 @@ impl PairList {
         let mut rest = &mut self.position[..];
         for &body in &self.bodies {
             let (own, others) = rest.split_at_mut(world.body(body).points.len());
-            world.positions_into(body, own);
+            own.copy_from_slice(world.configuration(body).positions());
             rest = others;
         }
         let moved = |((y, old), reach): ((&Vector3<f64>, &Vector3<f64>), &f64)| {

@@ -265,6 +265,13 @@ pub trait Physics {
         None
     }
 
+    /// Largest stable step (s) of a physics where it changes with the state, such as with the arrangement of moving
+    /// points; asked before each macro step. It must follow from what [`Physics::save`] keeps, so that a resumed run
+    /// takes the same steps.
+    fn changed_stable_step(&self) -> Option<f64> {
+        None
+    }
+
     /// The next time after `after` (s) that a macro step must end on.
     fn next_event(&self, _after: f64) -> Option<f64> {
         None
@@ -312,7 +319,12 @@ pub trait Physics {
 
     /// Called once a state was restored by [`Physics::load`], to publish what others read besides
     /// the fields.
-    fn restored(&mut self, _world: &World) {}
+    ///
+    /// # Errors
+    /// [`RunError`] when the state that was restored cannot be completed.
+    fn restored(&mut self, _world: &World) -> Result<(), RunError> {
+        Ok(())
+    }
 }
 
 /// Something that carries what fields do to others, on one body or between two.

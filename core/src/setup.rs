@@ -5,10 +5,12 @@
 //! read is provided and what is added is consumed.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use nalgebra::Vector3;
 
 use crate::body::{Body, Face, Region};
+use crate::configuration::{MovingFamily, PointMover};
 use crate::error::{Problem, SetupError};
 use crate::family::{Cut, Family, FamilySpec, LayerRule};
 use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write, keys};
@@ -91,11 +93,19 @@ pub struct Setup<'w> {
     folder: PathBuf,
     plugins: Vec<String>,
     declarations: Vec<Declaration>,
-    families: Vec<(BodyIndex, FamilySpec, std::sync::Arc<Family>)>,
+    families: Vec<ObtainedFamily>,
     /// Bodies that are walls for others.
     walls: Vec<(BodyIndex, Wall)>,
     /// Number of plugins before the first physics, once there is one.
     first_physics: Option<usize>,
+}
+
+/// A family of points that stay, and the plugin that asked for it first.
+struct ObtainedFamily {
+    body: BodyIndex,
+    plugin: usize,
+    spec: FamilySpec,
+    family: Arc<Family>,
 }
 
 impl<'w> Setup<'w> {
@@ -306,34 +316,102 @@ impl<'w> Setup<'w> {
             .map_err(|e| SetupError::other("", e))
     }
 
-    /// A family of a body; equal requests share one.
+    /// A family of the reference positions of a body; equal requests share one.
     ///
     /// # Errors
-    /// When the horizon reaches no neighbour.
+    /// When the horizon reaches no neighbour, or a physics moves the points ([`Setup::moving_family`]).
     pub fn family(
         &mut self,
         body: BodyIndex,
         spec: &FamilySpec,
-    ) -> Result<std::sync::Arc<Family>, SetupError> {
-        if let Some((.., family)) = self
-            .families
-            .iter()
-            .find(|(b, s, _)| *b == body && s == spec)
-        {
-            return Ok(family.clone());
+    ) -> Result<Arc<Family>, SetupError> {
+        if let Some(mover) = self.world.configurations.mover(body) {
+            let message = format!(
+                "`{}` moves the points of body `{}`, which change neighbours",
+                self.plugins[mover],
+                self.body(body).name
+            );
+            let expected = "a physics whose families follow their points";
+            return Err(SetupError::value("body", message, expected));
+        }
+        let same = |f: &&ObtainedFamily| f.body == body && f.spec == *spec;
+        if let Some(present) = self.families.iter().find(same) {
+            return Ok(present.family.clone());
         }
         let family =
             Family::build(self.body(body), spec).map_err(|e| SetupError::new("horizon", e))?;
-        let family = std::sync::Arc::new(family);
-        self.families.push((body, spec.clone(), family.clone()));
+        let family = Arc::new(family);
+        self.families.push(ObtainedFamily {
+            body,
+            plugin: self.plugins.len() - 1,
+            spec: spec.clone(),
+            family: family.clone(),
+        });
         Ok(family)
     }
 
-    /// All families built so far.
-    pub fn families(&self) -> impl Iterator<Item = (BodyIndex, &Family)> {
-        self.families
-            .iter()
-            .map(|(body, _, family)| (*body, &**family))
+    /// Declares that the calling physics moves the points of a body, which change neighbours. It sets the
+    /// configuration with the handle ([`World::set_configuration`]).
+    ///
+    /// # Errors
+    /// When another physics moves them, or a plugin has a family of the points at rest.
+    pub fn move_points(&mut self, body: BodyIndex) -> Result<PointMover, SetupError> {
+        let name = &self.body(body).name;
+        if let Some(first) = self.world.configurations.mover(body) {
+            let message = format!(
+                "`{}` already moves the points of body `{name}`",
+                self.plugins[first]
+            );
+            let expected = "one physics that moves them";
+            return Err(SetupError::value("body", message, expected));
+        }
+        if let Some(at_rest) = self.families.iter().find(|f| f.body == body) {
+            let label = &self.plugins[at_rest.plugin];
+            let message = format!(
+                "`{label}` comes before the physics that moves the points of body `{name}`, and would act between \
+                 their initial neighbours"
+            );
+            let expected = format!("`{label}` after it in the case file");
+            return Err(SetupError::value("body", message, expected));
+        }
+        let plugin = self.plugins.len() - 1;
+        Ok(self.world.configurations.set_mover(body, plugin))
+    }
+
+    /// Whether a physics prepared before moves the points of a body.
+    pub fn points_move(&self, body: BodyIndex) -> bool {
+        self.world.configurations.mover(body).is_some()
+    }
+
+    /// A family that follows the points of a body; equal requests share one. [`Setup::current_family`] and
+    /// [`World::moving_family`] give it as it is.
+    ///
+    /// # Errors
+    /// When the horizon reaches no neighbour, or the family is one that [`Family::moving`] does not support.
+    pub fn moving_family(
+        &mut self,
+        body: BodyIndex,
+        spec: &FamilySpec,
+    ) -> Result<MovingFamily, SetupError> {
+        let World {
+            bodies,
+            configurations,
+            ..
+        } = &mut *self.world;
+        let family = configurations.follow((body, &bodies[body]), spec);
+        family.map_err(|e| SetupError::new("horizon", e))
+    }
+
+    /// A moving family as it is at set-up, where all points have their reference positions.
+    pub fn current_family(&self, family: MovingFamily) -> Arc<Family> {
+        self.world.moving_family(family)
+    }
+
+    /// All families obtained so far.
+    pub fn families(&self) -> impl Iterator<Item = (BodyIndex, Arc<Family>)> {
+        let at_rest = self.families.iter();
+        let at_rest = at_rest.map(|f| (f.body, f.family.clone()));
+        at_rest.chain(self.world.configurations.families())
     }
 
     fn declare<T: Value>(

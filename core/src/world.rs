@@ -5,8 +5,9 @@ use std::cell::{Ref, RefCell, RefMut};
 use nalgebra::Vector3;
 
 use crate::body::{Body, Face};
+use crate::configuration::Configurations;
 use crate::family::{LayerRule, Traction};
-use crate::field::{Fields, Read, ReadIfProvided, Value, Write, keys};
+use crate::field::{Fields, Read, ReadIfProvided, Value, Write};
 use crate::material::{LatentHeatForm, MushyCapacity};
 use crate::solver::reduce::weighted_sum;
 
@@ -61,6 +62,7 @@ pub struct World {
     /// By field: the time to which its owner has advanced it, s.
     times: Vec<f64>,
     pub(crate) phase_change: Vec<Option<PhaseChange>>,
+    pub(crate) configurations: Configurations,
     broken: Vec<RefCell<BrokenPairs>>,
 }
 
@@ -69,6 +71,7 @@ impl World {
     pub fn new(bodies: Vec<Body>) -> World {
         World {
             phase_change: vec![None; bodies.len()],
+            configurations: Configurations::new(bodies.len()),
             broken: bodies.iter().map(|_| RefCell::default()).collect(),
             bodies,
             ..World::default()
@@ -85,23 +88,9 @@ impl World {
         &self.bodies[index]
     }
 
-    /// Where the points of a body are now, m: displaced, if it has a displacement.
+    /// Where the points of a body are now, m: [`World::configuration`] as a list of its own.
     pub fn positions(&self, body: BodyIndex) -> Vec<Vector3<f64>> {
-        let mut positions = vec![Vector3::zeros(); self.bodies[body].points.len()];
-        self.positions_into(body, &mut positions);
-        positions
-    }
-
-    /// As [`World::positions`], into memory of the caller: one place for each point.
-    pub fn positions_into(&self, body: BodyIndex, positions: &mut [Vector3<f64>]) {
-        positions.copy_from_slice(&self.bodies[body].points.position);
-        if let Some(index) = self.fields.find(body, &keys::DISPLACEMENT.name) {
-            let displacement = self.fields.field(index).data();
-            let points = positions
-                .iter_mut()
-                .zip(displacement.flat().chunks_exact(3));
-            points.for_each(|(x, u)| *x += Vector3::from_column_slice(u));
-        }
+        self.configuration(body).positions().to_vec()
     }
 
     /// All fields, whatever their type: for logs, plots and checkpoints.

@@ -106,10 +106,10 @@ impl Side {
     /// Takes the positions of the moment.
     fn follow(&mut self, world: &World) {
         let body = world.body(self.body);
-        let position = world.positions(self.body);
-        self.moved |= position != self.position;
+        let now = world.configuration(self.body);
+        self.moved |= now.positions() != self.position;
         if self.moved {
-            self.position = position;
+            self.position.copy_from_slice(now.positions());
             for (centre, cell) in self.centre.iter_mut().zip(&self.cells) {
                 let point = cell.point as usize;
                 let half = 0.5 * body.points.spacing[point];

@@ -203,7 +203,7 @@ impl Family {
                 members().count()
             };
             if count == 0 {
-                return Err(FamilyError::Lonely {
+                return Err(FamilyError::NoNeighbours {
                     at: body.points.position[point].into(),
                     horizon,
                 });

@@ -97,7 +97,7 @@ impl Members<'_> {
         let own = || members.iter().map(|(_, b)| b).filter(|b| b.weight > 0.0);
         let trace: f64 = own().map(|b| b.weight * b.length).sum();
         if trace <= 0.0 {
-            return Err(self.lonely(body, point));
+            return Err(self.no_neighbours(body, point));
         }
         Ok(match self.spec.correction {
             Correction::None => [1.0; 3],
@@ -108,8 +108,8 @@ impl Members<'_> {
         })
     }
 
-    fn lonely(&self, body: &Body, point: usize) -> FamilyError {
-        FamilyError::Lonely {
+    fn no_neighbours(&self, body: &Body, point: usize) -> FamilyError {
+        FamilyError::NoNeighbours {
             at: body.points.position[point].into(),
             horizon: self.horizon[point],
         }
@@ -172,7 +172,7 @@ impl Family {
             })
             .collect();
         if let Some(p) = rows.iter().position(|row| row.column.is_empty()) {
-            return Err(members.lonely(body, p));
+            return Err(members.no_neighbours(body, p));
         }
 
         let images = members.images;

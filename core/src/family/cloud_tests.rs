@@ -263,7 +263,7 @@ proptest! {
         // some clouds leave a point without a neighbour, which is refused
         let family = match Family::build(&body, &spec) {
             Ok(family) => family,
-            Err(FamilyError::Lonely { .. }) => return Ok(()),
+            Err(FamilyError::NoNeighbours { .. }) => return Ok(()),
             Err(e) => panic!("{e}"),
         };
         let wave = |k: usize| body.points.position.iter().map(move |x| (x.dot(&Vector3::new(5.0, 7.0 + k as f64, 3.0))).sin() * 0.01);

@@ -383,7 +383,7 @@ impl Family {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::family::FamilySpec;
+    use crate::family::{Correction, FamilySpec};
     use crate::shape::{BoxShape, Shape};
 
     #[test]
@@ -407,6 +407,7 @@ mod tests {
         let body = Body::fill("block", &shape, 3, 0.1, 0.5).expect("valid");
         let spec = FamilySpec {
             layers: rules.iter().map(|r| r.face).collect(),
+            correction: Correction::None,
             ..FamilySpec::new(0.2)
         };
         let families = [Family::build(&body, &spec), Family::moving(&body, &spec)];

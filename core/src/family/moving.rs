@@ -1,9 +1,10 @@
 //! Families that follow their points: neighbours, images and weights change as points move.
 //!
-//! Rows hold all members within the horizon and a skin; those beyond the horizon have no weight. So rows stay
-//! as they are until a point has moved by half the skin ([`Family::follow`]). Then slots and rows are also put in
-//! the order in which points lie in space now, so that those of neighbours stay close together in memory however much
-//! points mix.
+//! Rows hold all members within the horizon and a skin; members in the skin have weight zero. Rows stay as they are
+//! until a point has moved by half the skin. Then [`Family::look_from`] finds new rows and puts slots and rows in
+//! the order in which the points lie in space, so that neighbours stay close together in memory however much the
+//! points mix. [`Family::place_at`] moves the images behind faces with their points and computes the weights; it is
+//! called for every new configuration. The [`World`](crate::World) owns the families of moving bodies and calls both.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -13,13 +14,63 @@ use crate::cell_list::CellList;
 
 use super::images::Images;
 use super::kernel::{ROW_LANES, Weighing};
-use super::{Family, FamilyError, FamilySpec, Order, Rows, TIE};
+use super::{Correction, Family, FamilyError, FamilySpec, Order, Rows, TIE};
 
 /// Width of the skin, in spacings of the finest points.
 const SKIN: f64 = 0.5;
 
 /// Rows that a thread weighs at once.
-const SHARE: usize = 512;
+const ROWS_PER_TASK: usize = 512;
+
+/// Width of the skin of families of a body, m.
+pub(crate) fn skin(body: &Body) -> f64 {
+    SKIN * body.finest_spacing()
+}
+
+/// Whether a point has moved so far from where the rows were found (m) that new rows are needed for its present
+/// position (m).
+pub(crate) fn must_look_again(
+    found_at: &[Vector3<f64>],
+    positions: &[Vector3<f64>],
+    skin: f64,
+) -> bool {
+    let moved = positions.par_iter().zip(found_at);
+    let moved = moved.map(|(x, before)| (x - before).norm_squared());
+    let farthest = moved.reduce(|| 0.0, f64::max);
+    4.0 * farthest > skin * skin
+}
+
+/// Refuses what a family of moving points does not support.
+fn check(body: &Body, spec: &FamilySpec) -> Result<(), FamilyError> {
+    let refuse = |what, expected| Err(FamilyError::Moving { what, expected });
+    if spec.correction != Correction::None {
+        return refuse("corrections of its bonds", "`correction = \"none\"`");
+    }
+    if !spec.audited.is_empty() {
+        return refuse(
+            "faces whose exchange with the body is summed",
+            "faces that exchange nothing, such as insulated ones",
+        );
+    }
+    if !body.cuts.is_empty() {
+        return refuse("bonds that a `crack` cuts", "a body without cracks");
+    }
+    let horizon = |spacing: f64| spec.horizon.of(spacing);
+    let (finest, coarsest) = (body.finest_spacing(), body.coarsest_spacing());
+    if horizon(finest) < horizon(coarsest) {
+        return refuse(
+            "horizons that differ from point to point",
+            "points of one spacing, or `horizon = { length = ... }`",
+        );
+    }
+    if horizon(finest) < coarsest * (1.0 - TIE) {
+        return Err(FamilyError::HorizonTooSmall {
+            horizon: horizon(finest),
+            spacing: coarsest,
+        });
+    }
+    Ok(())
+}
 
 /// What a family needs to follow its points.
 #[derive(Debug)]
@@ -43,65 +94,61 @@ pub(super) struct Following {
 }
 
 impl Family {
-    /// A family of the points of `body`, by position whatever their store, that can
-    /// [`follow`](Family::follow) them. Weights are not corrected, and cuts have no part in it.
+    /// A family of the points of `body`, found by position whatever the store of the body, that can
+    /// [`follow`](Family::follow) them.
     ///
     /// # Errors
-    /// As [`Family::build`].
+    /// As [`Family::build`]; and for cuts, corrections, audited faces and horizons that differ, which families of
+    /// moving points do not support.
     pub fn moving(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
+        check(body, spec)?;
         let spacings = &body.points.spacing;
-        let horizon: Vec<f64> = spacings.iter().map(|s| spec.horizon.of(*s)).collect();
-        if let Some(i) = (0..horizon.len()).find(|&i| horizon[i] < spacings[i] * (1.0 - TIE)) {
-            return Err(FamilyError::HorizonTooSmall {
-                horizon: horizon[i],
-                spacing: spacings[i],
-            });
-        }
         let mut family = Family::of_rows(body, spec, (Rows::default(), Rows::joined(&[])));
         family.following = Some(Box::new(Following {
             body: body.clone(),
             spacing_of_point: spacings.clone(),
-            horizon,
-            skin: SKIN * body.finest_spacing(),
+            horizon: spacings.iter().map(|s| spec.horizon.of(*s)).collect(),
+            skin: skin(body),
             found_at: Vec::new(),
             list: CellList::default(),
             unit_moment: spec.moment(body, 1.0),
             volume: Vec::new(),
             spacing: Vec::new(),
         }));
-        family.find_rows(&body.points.position);
+        family.look_from(&body.points.position);
         family.weigh(&body.points.volume);
         Ok(family)
     }
 
-    /// Lets points be where they are now (m), with the volumes (m³) that they have now. Slots change with
-    /// the images behind faces, so that [`Family::slots`] must be asked again.
+    /// Lets points be where they are now (m), with the volumes (m³) that they have now: [`Family::look_from`] where a
+    /// point has moved by half the skin, then [`Family::place_at`].
     ///
     /// # Panics
     /// When the family does not move, or for another number of points.
     pub fn follow(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) {
-        let following = self.following.as_mut().expect("a moving family");
-        let moved = positions.par_iter().zip(&following.found_at);
-        let moved = moved.map(|(x, before)| (x - before).norm_squared());
-        let farthest = moved.reduce(|| 0.0, f64::max);
-        if 4.0 * farthest > following.skin * following.skin {
-            self.find_rows(positions);
-        } else {
-            let places = &mut following.body.points.position;
-            self.order.arrange(positions, places);
-            self.place_images();
+        let following = self.following.as_ref().expect("a moving family");
+        if must_look_again(&following.found_at, positions, following.skin) {
+            self.look_from(positions);
         }
+        self.place_at(positions, volumes);
+    }
+
+    /// Moves points and their images to these positions (m) and computes the weights of all bonds, for these volumes
+    /// (m³). No point may be farther than half the skin from where the rows were found.
+    ///
+    /// # Panics
+    /// As [`Family::follow`].
+    pub fn place_at(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) {
+        let following = self.following.as_mut().expect("a moving family");
+        self.order
+            .arrange(positions, &mut following.body.points.position);
+        self.place_images();
         self.weigh(volumes);
     }
 
-    /// Positions at which the neighbours were last looked for (m): with [`Family::look_from`] a restart comes to the
-    /// same bits.
-    pub fn looked_from(&self) -> &[Vector3<f64>] {
-        let following = self.following.as_ref().expect("a moving family");
-        &following.found_at
-    }
-
-    /// Looks for neighbours at these positions (m).
+    /// Finds the neighbours of all points at these positions (m). Slots change with the images behind faces, so
+    /// that [`Family::slots`] must be asked again. The weights are those of no configuration until
+    /// [`Family::place_at`] is called.
     ///
     /// # Panics
     /// As [`Family::follow`].
@@ -239,8 +286,8 @@ impl Family {
             ..
         } = &mut self.rows;
         let (mut shares, mut rest, mut done) = (Vec::new(), &mut weight[..], 0);
-        for first in (0..points).step_by(SHARE) {
-            let last = (first + SHARE).min(points);
+        for first in (0..points).step_by(ROWS_PER_TASK) {
+            let last = (first + ROWS_PER_TASK).min(points);
             let (share, left) = rest.split_at_mut(start[last] - done);
             shares.push((first..last, share));
             (rest, done) = (left, start[last]);
@@ -287,6 +334,7 @@ mod tests {
         let mut body = body.expect("valid");
         let spec = FamilySpec {
             layers: vec![Face::XMin, Face::ZMax],
+            correction: Correction::None,
             ..FamilySpec::new(0.25)
         };
         let sums = |body: &Body| {
@@ -329,6 +377,30 @@ mod tests {
                 assert_eq!(rest[1], 0.0, "a slot holds its point");
                 assert!((0..3).all(|a| (found.0[a] - sum[a]).abs() < 1e-12));
             }
+        }
+    }
+
+    #[test]
+    fn what_a_moving_family_does_not_support_is_refused() {
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [0.8, 0.6, 0.1],
+        });
+        let body = Body::fill("block", &shape, 2, 0.1, 0.5).expect("valid");
+        let plain = FamilySpec {
+            correction: Correction::None,
+            ..FamilySpec::new(0.25)
+        };
+        Family::moving(&body, &plain).expect("supported");
+        let corrected = FamilySpec::new(0.25);
+        let audited = FamilySpec {
+            layers: vec![Face::XMin],
+            audited: vec![Face::XMin],
+            ..plain.clone()
+        };
+        for (spec, word) in [(corrected, "correction"), (audited, "exchange")] {
+            let error = Family::moving(&body, &spec).expect_err(word).to_string();
+            assert!(error.contains(word), "{error}");
         }
     }
 }

@@ -279,13 +279,19 @@ impl Pddo {
         self.invert(positions)
     }
 
-    /// Looks for neighbours of a moving family at these positions (m): [`Family::look_from`].
+    /// Finds the operator on another family of the same points, which lie at these positions (m) now. The family so
+    /// far is released before `family` is called, so that its owner can update it in place.
     ///
-    /// # Panics
-    /// As [`Pddo::follow`].
-    pub fn look_from(&mut self, positions: &[Vector3<f64>]) {
-        let family = Arc::get_mut(&mut self.family).expect("a moving family has one owner");
-        family.look_from(positions);
+    /// # Errors
+    /// As [`Pddo::build`].
+    pub fn rebuild(
+        &mut self,
+        positions: &[Vector3<f64>],
+        family: impl FnOnce() -> Arc<Family>,
+    ) -> Result<(), PddoError> {
+        self.family = Arc::default();
+        self.family = family();
+        self.invert(positions)
     }
 
     /// The family over which sums are taken.

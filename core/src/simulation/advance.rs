@@ -124,7 +124,12 @@ impl Simulation {
             if !step.repeated {
                 self.apply(p, step)?;
             }
-            let work = self.physics[p].plugin.advance(&self.world, step)?;
+            let advanced = self.physics[p].plugin.advance(&self.world, step);
+            if advanced.is_err() {
+                // a state that is not finite is the cause of whatever failed
+                self.check_state(p, step)?;
+            }
+            let work = advanced?;
             self.clock.progress.sub_steps[p] += 1;
             self.clock.progress.iterations[p] += work.iterations as u64;
             self.clock.progress.evaluations[p] += work.evaluations as u64;

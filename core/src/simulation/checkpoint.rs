@@ -24,6 +24,8 @@ struct Checkpoint {
     fields: Vec<SavedField>,
     physics: Vec<serde_bytes::ByteBuf>,
     couplers: Vec<serde_bytes::ByteBuf>,
+    /// Where the rows of moving families were found, m.
+    rows_found_at: Vec<Vec<nalgebra::Vector3<f64>>>,
 }
 
 impl Simulation {
@@ -62,8 +64,7 @@ impl Simulation {
             |e: erased_serde::Error| RunError::Checkpoint(format!("state of {label}: {e}"));
         let physics = &mut self.physics[p].plugin;
         physics.load(&mut erased).map_err(broken)?;
-        physics.restored(&self.world);
-        Ok(())
+        physics.restored(&self.world)
     }
 
     pub(super) fn save_couplers(&self) -> Result<Vec<serde_bytes::ByteBuf>, RunError> {
@@ -108,6 +109,7 @@ impl Simulation {
                 .map(|p| Ok(pack(&*p.plugin.save())?.into()))
                 .collect::<Result<_, RunError>>()?,
             couplers: self.save_couplers()?,
+            rows_found_at: self.world.rows_found_at(),
         };
         rmp_serde::to_vec(&checkpoint).map_err(|e| RunError::Checkpoint(e.to_string()))
     }
@@ -140,13 +142,16 @@ impl Simulation {
                 *v = f64::from_le_bytes(bytes.try_into().expect("chunks of eight"));
             }
         }
+        if !self.world.find_rows_at(saved.rows_found_at) {
+            return Err(misfit("it has other families of moving points".into()));
+        }
         for (p, state) in self.physics.iter_mut().zip(&saved.physics) {
             let mut source = rmp_serde::Deserializer::from_read_ref(state);
             let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
             p.plugin
                 .load(&mut erased)
                 .map_err(|e| misfit(format!("state of {}: {e}", p.label)))?;
-            p.plugin.restored(&self.world);
+            p.plugin.restored(&self.world)?;
         }
         self.restore_couplers(&saved.couplers)?;
         self.clock = saved.clock;

@@ -154,7 +154,7 @@ impl Simulation {
                 .prepare(&mut setup)
                 .map_err(|e| (Culprit::Physics(i), e))?;
         }
-        let size = |(body, f): (usize, &crate::family::Family)| FamilySize {
+        let size = |(body, f): (usize, std::sync::Arc<crate::family::Family>)| FamilySize {
             body,
             horizon: f.spec().horizon,
             bonds: f.bonds(),

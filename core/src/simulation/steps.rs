@@ -31,6 +31,11 @@ impl Simulation {
                 .flat_map(find)
                 .collect();
         }
+        self.find_group_steps();
+    }
+
+    /// A group advances by the longest step of its members, as far as exchanges and members that give amounts allow.
+    fn find_group_steps(&mut self) {
         let step = |group: &Group| {
             let finite = group.members.iter().map(|&p| self.sub_step[p]);
             let longest = finite.filter(|s| s.is_finite()).fold(0.0, f64::max);
@@ -45,6 +50,25 @@ impl Simulation {
             exchanges.chain(givers).fold(longest, f64::min)
         };
         self.group_steps = self.plan.groups.iter().map(step).collect();
+    }
+
+    /// Takes up stable steps that change during the run.
+    fn limit_steps(&mut self) {
+        let mut any = false;
+        for (i, p) in self.physics.iter().enumerate() {
+            let Some(stable) = p.plugin.changed_stable_step() else {
+                continue;
+            };
+            any |= self.stable_step[i].replace(stable) != Some(stable);
+            if p.plugin.clock().step == StepSize::Auto {
+                let exchanges = self.plan.before[i].iter();
+                let exchanges = exchanges.filter_map(|&c| self.stable_exchange[c]);
+                self.sub_step[i] = self.options.safety * exchanges.fold(stable, f64::min);
+            }
+        }
+        if any {
+            self.find_group_steps();
+        }
     }
 
     /// Refuses fixed steps above the stable ones, those of physics and of the couplers before them.
@@ -113,6 +137,7 @@ impl Simulation {
     /// # Errors
     /// What stops the run.
     pub fn step(&mut self) -> Result<bool, RunError> {
+        self.limit_steps();
         let time = self.clock.time;
         let log = self.next_log();
         let limit = self.macro_step();

@@ -22,14 +22,17 @@
 //! they may settle closer and closer while no pressure says so. So the density goes slowly towards that of the
 //! points, `sum W m` with the kernel of Wendland (1995), C2, wherever families are complete.
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::LayerRule;
 use perimelt_core::pddo::largest_wave_number;
 use perimelt_core::{Body, Bond, BondKernel, Family, PddoError};
 use rayon::prelude::*;
 
+use super::medium::Medium;
+use super::rates::{Heating, POINTS_PER_TASK, Rates, Stability, Terms, load, load_weighted};
 use super::treatments::CompleteFamily;
-use super::{Heating, Medium, Rates, SHARE, Stability, Terms, load, load_weighted};
 
 /// Least eigenvalue of `A / a`, that of a flat free surface: where a family has less, as at corners, the fluid is a
 /// little softer, which does no harm where nothing presses.
@@ -51,7 +54,7 @@ const fn components(dimension: usize) -> usize {
 #[derive(Debug)]
 pub(super) struct Conservative {
     dimension: usize,
-    family: Family,
+    family: Arc<Family>,
     complete: CompleteFamily,
     /// Crowding of a complete family, 1/m.
     crowd: f64,
@@ -85,9 +88,9 @@ struct Surveyed {
     /// W/m³.
     friction: f64,
     /// `(2/a) sum w (rho_j - rho_i)`, kg/m⁵.
-    spread: f64,
+    density_laplacian: f64,
     /// `(2/a) sum w xi`, 1/m.
-    lean: Vector3<f64>,
+    kernel_asymmetry: Vector3<f64>,
     /// By how much the points lie closer than their densities say; zero where the family is cut off.
     crowding: f64,
 }
@@ -198,7 +201,7 @@ fn inverted<const D: usize>(sums: &[f64], complete: f64) -> (Matrix3<f64>, bool)
 }
 
 impl Conservative {
-    pub(super) fn new(family: Family, body: &Body, complete: CompleteFamily) -> Self {
+    pub(super) fn new(family: Arc<Family>, body: &Body, complete: CompleteFamily) -> Self {
         let dimension = body.dimension;
         let horizon = family.spec().horizon.of(body.finest_spacing());
         let mut crowd = complete.own_content;
@@ -249,31 +252,33 @@ impl Conservative {
 
         let (complete, crowd) = (self.complete, self.crowd);
         let found = self.surveyed.par_iter_mut().zip(&*sums);
-        found.with_min_len(SHARE).for_each(|(found, sums)| {
-            let (shape, rest) = sums.split_at(components(D));
-            let (slopes, rest) = rest.split_at(D * D);
-            let (force, rest) = rest.split_at(D);
-            let (inverse, is_complete) = inverted::<D>(shape, complete.moment);
-            for (kept, &(a, b)) in found.inverse.iter_mut().zip(&COMPONENTS[..components(D)]) {
-                *kept = inverse[(a, b)];
-            }
-            let along = |a: usize| {
-                (0..D)
-                    .map(|b| slopes[a * D + b] * inverse[(b, a)])
-                    .sum::<f64>()
-            };
-            found.divergence = (0..D).map(along).sum();
-            found.friction = rest[0];
-            found.spread = rest[1];
-            for a in 0..D {
-                found.force[a] = force[a];
-                found.lean[a] = rest[2 + a];
-            }
-            found.crowding = match is_complete {
-                true => (rest[2 + D] + complete.own_content) / crowd - 1.0,
-                false => 0.0,
-            };
-        });
+        found
+            .with_min_len(POINTS_PER_TASK)
+            .for_each(|(found, sums)| {
+                let (shape, rest) = sums.split_at(components(D));
+                let (slopes, rest) = rest.split_at(D * D);
+                let (force, rest) = rest.split_at(D);
+                let (inverse, is_complete) = inverted::<D>(shape, complete.moment);
+                for (kept, &(a, b)) in found.inverse.iter_mut().zip(&COMPONENTS[..components(D)]) {
+                    *kept = inverse[(a, b)];
+                }
+                let along = |a: usize| {
+                    (0..D)
+                        .map(|b| slopes[a * D + b] * inverse[(b, a)])
+                        .sum::<f64>()
+                };
+                found.divergence = (0..D).map(along).sum();
+                found.friction = rest[0];
+                found.density_laplacian = rest[1];
+                for a in 0..D {
+                    found.force[a] = force[a];
+                    found.kernel_asymmetry[a] = rest[2 + a];
+                }
+                found.crowding = match is_complete {
+                    true => (rest[2 + D] + complete.own_content) / crowd - 1.0,
+                    false => 0.0,
+                };
+            });
     }
 
     fn push<const D: usize, const I: usize>(&mut self) {
@@ -292,13 +297,14 @@ impl Rates for Conservative {
         &self.family
     }
 
-    fn follow(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) -> Result<(), PddoError> {
-        self.family.follow(positions, volumes);
+    fn follow(
+        &mut self,
+        _positions: &[Vector3<f64>],
+        family: &dyn Fn() -> Arc<Family>,
+    ) -> Result<(), PddoError> {
+        self.family = Arc::default();
+        self.family = family();
         Ok(())
-    }
-
-    fn look_from(&mut self, positions: &[Vector3<f64>]) {
-        self.family.look_from(positions);
     }
 
     fn stability(&self) -> Stability {
@@ -320,7 +326,7 @@ impl Rates for Conservative {
         }
     }
 
-    fn see_temperature(&mut self, temperature: &[f64], rules: &[LayerRule], medium: &Medium) {
+    fn set_temperature(&mut self, temperature: &[f64], rules: &[LayerRule], medium: &Medium) {
         load(
             &self.family,
             (temperature, 1),
@@ -338,7 +344,7 @@ impl Rates for Conservative {
             .sum(&Conduction { laplacian }, inputs, &mut self.conducted);
     }
 
-    fn see_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>) {
+    fn set_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>) {
         load_weighted(
             &self.family,
             density,
@@ -369,7 +375,7 @@ impl Rates for Conservative {
         }
     }
 
-    fn see_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
+    fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
         load_weighted(
             &self.family,
             pressure,
@@ -382,17 +388,22 @@ impl Rates for Conservative {
         }
     }
 
-    fn drift(&mut self, terms: &Terms<'_>, dt: f64, (density, pressure): (&mut [f64], &mut [f64])) {
+    fn advance_density(
+        &mut self,
+        terms: &Terms<'_>,
+        dt: f64,
+        (density, pressure): (&mut [f64], &mut [f64]),
+    ) {
         let medium = terms.medium;
         let points = density.par_iter_mut().zip(pressure).zip(&self.surveyed);
-        let points = points.enumerate().with_min_len(SHARE);
+        let points = points.enumerate().with_min_len(POINTS_PER_TASK);
         points.for_each(|(i, ((rho, p), found))| {
             let before = *rho;
             let mut rate = -before * found.divergence;
             if terms.density_diffusion > 0.0 {
                 let slope = Vector3::from_fn(|a, _| terms.density_slope(i, a));
-                let spread = found.spread - slope.dot(&found.lean);
-                rate += terms.density_diffusivity(i) * spread;
+                let laplacian = found.density_laplacian - slope.dot(&found.kernel_asymmetry);
+                rate += terms.density_diffusivity(i) * laplacian;
             }
             let sound = medium.sound_speed(i) / medium.spacing[i];
             rate += terms.volume_relaxation * sound * before * found.crowding;
@@ -401,17 +412,25 @@ impl Rates for Conservative {
         });
     }
 
-    fn kick(&self, terms: &Terms<'_>, dt: f64, velocity: &mut [Vector3<f64>], _density: &[f64]) {
+    fn advance_velocity(
+        &self,
+        terms: &Terms<'_>,
+        dt: f64,
+        velocity: &mut [Vector3<f64>],
+        _density: &[f64],
+    ) {
         let dimension = self.dimension;
         let push = self.push.par_chunks_exact(dimension);
         let points = velocity.par_iter_mut().zip(push).zip(&self.surveyed);
-        let points = points.enumerate().with_min_len(SHARE);
+        let points = points.enumerate().with_min_len(POINTS_PER_TASK);
         points.for_each(|(i, ((v, push), found))| {
             // momentum is kept with the density that belongs to the volumes of the sums
             let density = self.density[self.family.slot_of(i)];
             for a in 0..dimension {
                 let acceleration = (push[a] + found.force[a]) / density;
-                v[a] += dt * terms.share * (acceleration + terms.body_acceleration(i, a));
+                v[a] += dt
+                    * terms.acceleration_fraction
+                    * (acceleration + terms.body_acceleration(i, a));
             }
         });
     }
@@ -421,7 +440,7 @@ impl Rates for Conservative {
             .par_iter_mut()
             .zip(&self.conducted)
             .zip(&self.surveyed);
-        let points = points.enumerate().with_min_len(SHARE);
+        let points = points.enumerate().with_min_len(POINTS_PER_TASK);
         points.for_each(|(i, ((h, [conducted]), found))| {
             let mut rate = conducted + heating.source.map_or(0.0, |q| q[i]);
             if heating.dissipates {

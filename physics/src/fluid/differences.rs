@@ -7,12 +7,15 @@
 //! - An Eulerian fluid carries density by `div(rho v)`, velocity and temperature `f` by
 //!   `(div(rho v f) - f div(rho v)) / rho`: mass and momentum are kept to rounding, and what is uniform stays so.
 
+use std::sync::Arc;
+
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::{Derivatives, Family, Pddo, PddoError};
 use rayon::prelude::*;
 
-use super::{Coefficient, Heating, Medium, Rates, SHARE, Stability, Terms, load, load_weighted};
+use super::medium::{Coefficient, Medium};
+use super::rates::{Heating, POINTS_PER_TASK, Rates, Stability, Terms, load, load_weighted};
 
 /// A field in slot space, and some of its derivatives.
 #[derive(Debug, Default)]
@@ -24,7 +27,7 @@ struct Differentiated {
 
 impl Differentiated {
     /// Of a coefficient; nothing where it is uniform.
-    fn see_coefficient(&mut self, coefficient: &Coefficient, pddo: &Pddo, work: &mut Derivatives) {
+    fn set_coefficient(&mut self, coefficient: &Coefficient, pddo: &Pddo, work: &mut Derivatives) {
         if coefficient.varies {
             coefficient.load(pddo.family(), &mut self.slots);
             pddo.gradient(&self.slots, work, &mut self.rows);
@@ -141,7 +144,7 @@ impl Differences {
         let medium = terms.medium;
         let viscosity = &medium.viscosity;
         let points = velocity.par_iter_mut().enumerate();
-        points.with_min_len(SHARE).for_each(|(i, v)| {
+        points.with_min_len(POINTS_PER_TASK).for_each(|(i, v)| {
             let of: [&[f64]; D] = std::array::from_fn(|b| row(&self.velocity[b], D + 1, i));
             let pressure = row(&self.pressure.rows, D, i);
             let slope = viscosity.varies.then(|| row(&self.viscosity.rows, D, i));
@@ -165,7 +168,7 @@ impl Differences {
                     acceleration +=
                         self.carried_momentum[a].net(&self.flux, i, before[a]) / density[i];
                 }
-                v[a] += dt * terms.share * acceleration;
+                v[a] += dt * terms.acceleration_fraction * acceleration;
             }
         });
     }
@@ -188,12 +191,12 @@ impl Rates for Differences {
         self.pddo.family()
     }
 
-    fn follow(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) -> Result<(), PddoError> {
-        self.pddo.follow(positions, volumes)
-    }
-
-    fn look_from(&mut self, positions: &[Vector3<f64>]) {
-        self.pddo.look_from(positions);
+    fn follow(
+        &mut self,
+        positions: &[Vector3<f64>],
+        family: &dyn Fn() -> Arc<Family>,
+    ) -> Result<(), PddoError> {
+        self.pddo.rebuild(positions, family)
     }
 
     fn stability(&self) -> Stability {
@@ -204,18 +207,18 @@ impl Rates for Differences {
         }
     }
 
-    fn see_temperature(&mut self, temperature: &[f64], rules: &[LayerRule], medium: &Medium) {
+    fn set_temperature(&mut self, temperature: &[f64], rules: &[LayerRule], medium: &Medium) {
         let (pddo, work) = (&self.pddo, &mut self.work);
         let Differentiated { slots, rows } = &mut self.temperature;
         load(pddo.family(), (temperature, 1), 0, rules, slots);
         pddo.gradient_and_laplacian(slots, work, rows);
         self.viscosity
-            .see_coefficient(&medium.viscosity, pddo, work);
+            .set_coefficient(&medium.viscosity, pddo, work);
         self.conductivity
-            .see_coefficient(&medium.conductivity, pddo, work);
+            .set_coefficient(&medium.conductivity, pddo, work);
     }
 
-    fn see_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>) {
+    fn set_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>) {
         let is_eulerian = terms.convection.is_some();
         let (pddo, work) = (&self.pddo, &mut self.work);
         for (slots, rows) in velocity.iter().zip(&mut self.velocity) {
@@ -245,7 +248,7 @@ impl Rates for Differences {
         }
     }
 
-    fn see_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
+    fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
         let slots = &mut self.pressure.slots;
         load_weighted(
             self.pddo.family(),
@@ -257,24 +260,37 @@ impl Rates for Differences {
             .gradient(slots, &mut self.work, &mut self.pressure.rows);
     }
 
-    fn drift(&mut self, terms: &Terms<'_>, dt: f64, (density, pressure): (&mut [f64], &mut [f64])) {
+    fn advance_density(
+        &mut self,
+        terms: &Terms<'_>,
+        dt: f64,
+        (density, pressure): (&mut [f64], &mut [f64]),
+    ) {
         let medium = terms.medium;
         let points = density.par_iter_mut().zip(pressure).enumerate();
-        points.with_min_len(SHARE).for_each(|(i, (rho, p))| {
-            let before = *rho;
-            let mut rate = match terms.convection {
-                Some(_) => -self.flux.divergence[i],
-                None => -before * self.flux.divergence[i],
-            };
-            if terms.density_diffusion > 0.0 {
-                rate += terms.density_diffusivity(i) * self.density_laplacian[i];
-            }
-            *rho += dt * rate;
-            *p = medium.pressure(i, (before, *rho), *p);
-        });
+        points
+            .with_min_len(POINTS_PER_TASK)
+            .for_each(|(i, (rho, p))| {
+                let before = *rho;
+                let mut rate = match terms.convection {
+                    Some(_) => -self.flux.divergence[i],
+                    None => -before * self.flux.divergence[i],
+                };
+                if terms.density_diffusion > 0.0 {
+                    rate += terms.density_diffusivity(i) * self.density_laplacian[i];
+                }
+                *rho += dt * rate;
+                *p = medium.pressure(i, (before, *rho), *p);
+            });
     }
 
-    fn kick(&self, terms: &Terms<'_>, dt: f64, velocity: &mut [Vector3<f64>], density: &[f64]) {
+    fn advance_velocity(
+        &self,
+        terms: &Terms<'_>,
+        dt: f64,
+        velocity: &mut [Vector3<f64>],
+        density: &[f64],
+    ) {
         match self.velocity.len() {
             2 => self.accelerate::<2>(terms, dt, velocity, density),
             _ => self.accelerate::<3>(terms, dt, velocity, density),
@@ -291,7 +307,7 @@ impl Rates for Differences {
         let this = &*self;
         let dimension = this.velocity.len();
         let points = enthalpy.par_iter_mut().enumerate();
-        points.with_min_len(SHARE).for_each(|(i, h)| {
+        points.with_min_len(POINTS_PER_TASK).for_each(|(i, h)| {
             let of = row(&this.temperature.rows, dimension + 1, i);
             let carried = heating.carried_by.map(|by| {
                 let curve = &heating.curves[heating.material[i] as usize];

@@ -6,7 +6,8 @@ use nalgebra::{Matrix4, Vector3, Vector4};
 use perimelt_core::{Body, Bond, BondKernel, Family};
 use rayon::prelude::*;
 
-use super::{Medium, SHARE};
+use super::medium::Medium;
+use super::rates::POINTS_PER_TASK;
 
 /// Share of a complete family below which a point lies at a free surface: the first row below a flat one has
 /// 0.69, the next one 0.93.
@@ -136,7 +137,7 @@ impl Treatments {
 
     /// Slows down points that approach each other, by `alpha h c`; `strength` is `alpha dt`, s (Gao (2020),
     /// eq. 6.56; corrected, see spec 05, E26).
-    pub(super) fn brake(
+    pub(super) fn artificial_viscosity(
         &mut self,
         (family, medium): (&Family, &Medium),
         strength: f64,
@@ -162,7 +163,7 @@ impl Treatments {
 
     /// Lets points move a little with their neighbours: `share` is `chi dt` (s) (Gao (2020), eq. 6.53;
     /// corrected, see spec 05, E24).
-    pub(super) fn drag(
+    pub(super) fn xsph(
         &mut self,
         family: &Family,
         share: f64,
@@ -179,7 +180,7 @@ impl Treatments {
         }
     }
 
-    fn look_around(&mut self, family: &Family, points: usize) {
+    fn sum_crowding(&mut self, family: &Family, points: usize) {
         self.crowding.resize(points, [0.0; 6]);
         family.sum(&Crowding, [], &mut self.crowding);
     }
@@ -195,13 +196,13 @@ impl Treatments {
     ) {
         let square = velocity.iter().map(Vector3::norm_squared);
         let fastest = square.fold(0.0, f64::max).sqrt();
-        self.look_around(family, velocity.len());
+        self.sum_crowding(family, velocity.len());
         let least = NEAR_SURFACE * self.complete.content;
         let points = displacement
             .par_iter_mut()
             .zip(&self.crowding)
             .zip(&medium.spacing);
-        let points = points.with_min_len(SHARE);
+        let points = points.with_min_len(POINTS_PER_TASK);
         points.for_each(|((u, &[sum, number, x, y, z, content]), spacing)| {
             if content < least {
                 return;
@@ -215,12 +216,12 @@ impl Treatments {
 
     /// Takes the pressure from points at free surfaces (Gao (2020), eq. 6.59), which get the reference density: it
     /// would wander where no pressure holds it.
-    pub(super) fn release(
+    pub(super) fn zero_surface_pressure(
         &mut self,
         (family, medium): (&Family, &Medium),
         (density, pressure): (&mut [f64], &mut [f64]),
     ) {
-        self.look_around(family, pressure.len());
+        self.sum_crowding(family, pressure.len());
         let least = AT_SURFACE * self.complete.content;
         for (i, [.., content]) in self.crowding.iter().enumerate() {
             if *content < least {
@@ -234,8 +235,7 @@ impl Treatments {
     /// `changed` gets each point with its density before and after.
     pub(super) fn smooth(
         &mut self,
-        family: &Family,
-        volume: &[f64],
+        (family, volume): (&Family, &[f64]),
         velocity: &mut [Vector3<f64>],
         density: &mut [f64],
         mut changed: impl FnMut(usize, (f64, f64)),

@@ -703,13 +703,14 @@ impl Physics for Mechanical {
         Ok(())
     }
 
-    fn restored(&mut self, world: &World) {
+    fn restored(&mut self, world: &World) -> Result<(), RunError> {
         let run = self.run.as_ref().expect("prepared before a restart");
         if let Some(fracture) = run.solid.fracture() {
             let mut broken = world.broken_pairs_mut(run.body);
             broken.pairs = fracture.broken_pairs(run.solid.family());
             broken.replaced += 1;
         }
+        Ok(())
     }
 }
 

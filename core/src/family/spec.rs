@@ -1,0 +1,200 @@
+//! What a physics asks for when it obtains a family, and what is refused.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::body::{Body, Face};
+
+use super::{Horizon, Influence};
+
+/// Ties such as |xi| = 3 dx belong to the family whatever the rounding, relative.
+pub(super) const TIE: f64 = 1e-9;
+
+/// Partial volume of members near the edge of the horizon (spec 02, 1.3; Wang (2025), eq. 4.2).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PartialVolume {
+    /// Members with `|xi| <= horizon`, full volumes.
+    None,
+    /// Members with `|xi| <= horizon`; within half a spacing of the edge the volume falls
+    /// linearly to one half.
+    #[default]
+    Half,
+    /// Members with `|xi| < horizon + spacing / 2`; the volume falls linearly to zero.
+    Full,
+}
+
+/// What makes a discrete family reproduce the classical energy of conduction, and that of
+/// elasticity under isotropic strain; other strains then differ from the continuum by the
+/// anisotropy of the lattice.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Correction {
+    /// The continuum constants as they are.
+    None,
+    /// One factor for all bonds, so that a complete family is exact.
+    Lattice,
+    /// Factors for each point, so that its own family is exact also where a bare surface cuts it
+    /// (after Wang (2025), eqs. 4.4 to 4.8); a bond takes the mean of its ends.
+    #[default]
+    Point,
+    /// As `point`, but elasticity is exact under uniaxial strain along each axis, as published.
+    Uniaxial,
+}
+
+impl Correction {
+    /// Whether each point has factors of its own.
+    pub(super) fn is_by_point(self) -> bool {
+        matches!(self, Correction::Point | Correction::Uniaxial)
+    }
+}
+
+/// What a physics asks for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FamilySpec {
+    /// Radius.
+    pub horizon: Horizon,
+    /// Rule for members at the edge.
+    pub partial_volume: PartialVolume,
+    /// Influence of members by their distance.
+    pub influence: Influence,
+    /// Correction of the bonds.
+    pub correction: Correction,
+    /// Faces behind which the body continues as a mirrored layer.
+    pub layers: Vec<Face>,
+    /// Those of `layers` whose exchange with the body is wanted ([`Family::sum_from_layers`]).
+    pub audited: Vec<Face>,
+}
+
+impl Default for FamilySpec {
+    /// A family that reaches nothing.
+    fn default() -> Self {
+        FamilySpec::new(0.0)
+    }
+}
+
+impl FamilySpec {
+    /// A family with a horizon in m, all else by default, and nothing behind the faces.
+    pub fn new(horizon: f64) -> Self {
+        FamilySpec {
+            horizon: Horizon::Length(horizon),
+            partial_volume: PartialVolume::default(),
+            influence: Influence::default(),
+            correction: Correction::default(),
+            layers: Vec::new(),
+            audited: Vec::new(),
+        }
+    }
+
+    /// The usual family: a horizon in spacings of each point, default partial volumes and
+    /// correction, and, where the body fills its box, mirrored layers behind all faces.
+    pub fn mirrored(body: &Body, horizon: f64) -> Self {
+        let fills_box = body.fills_box();
+        let is_mirrored = |face: &Face| fills_box && face.axis() < body.dimension;
+        FamilySpec {
+            horizon: Horizon::Spacings(horizon),
+            layers: Face::ALL.into_iter().filter(is_mirrored).collect(),
+            ..FamilySpec::new(horizon)
+        }
+    }
+
+    /// How far a point with this horizon (m) holds others of this spacing (m), m.
+    #[inline(always)]
+    pub(super) fn reach(&self, horizon: f64, spacing: f64) -> f64 {
+        match self.partial_volume {
+            PartialVolume::Full => horizon + (0.5 - TIE) * spacing,
+            _ => horizon * (1.0 + TIE),
+        }
+    }
+
+    /// Influence times partial volume of a member of this spacing (m) at a distance (m) in a family
+    /// of this horizon (m); zero beyond.
+    pub(super) fn share(&self, horizon: f64, spacing: f64, length: f64) -> f64 {
+        self.shares(horizon, [spacing], [length])[0]
+    }
+
+    /// [`FamilySpec::share`] of several members, side by side.
+    #[inline(always)]
+    pub(super) fn shares<const N: usize>(
+        &self,
+        horizon: f64,
+        spacing: [f64; N],
+        length: [f64; N],
+    ) -> [f64; N] {
+        let mut shares = self.influence.at_all(length.map(|l| l / horizon));
+        if self.partial_volume != PartialVolume::None {
+            for n in 0..N {
+                let inside = horizon + 0.5 * spacing[n] - length[n];
+                shares[n] *= (inside / spacing[n]).min(1.0);
+            }
+        }
+        for n in 0..N {
+            let reached = length[n] <= self.reach(horizon, spacing[n]);
+            shares[n] = if reached { shares[n] } else { 0.0 };
+        }
+        shares
+    }
+
+    /// `integral of w |xi| n_m^2 dV` over a full horizon (m) on `body`, along any axis m, with the
+    /// influence function w: what weights of bonds are divided by, and what [`Correction`]
+    /// restores, m⁴ (3D). It is that of the energy of conduction under a uniform gradient and of
+    /// elasticity under isotropic strain.
+    pub fn moment(&self, body: &Body, horizon: f64) -> f64 {
+        use std::f64::consts::PI;
+        let solid_angle = [2.0, 2.0 * PI, 4.0 * PI][body.dimension - 1];
+        let radial = self.influence.radial_moment(body.dimension as i32 + 1);
+        let size = horizon.powi(body.dimension as i32 + 1);
+        let thickness = if body.dimension == 3 {
+            1.0
+        } else {
+            body.thickness
+        };
+        solid_angle / body.dimension as f64 * radial * size * thickness
+    }
+}
+
+/// Mistakes in a family's description.
+#[derive(Debug, thiserror::Error)]
+pub enum FamilyError {
+    /// The horizon is smaller than the distance to the nearest neighbour.
+    #[error(
+        "the horizon {horizon} m is below the spacing {spacing} m: every family would be empty"
+    )]
+    HorizonTooSmall {
+        /// Horizon, m.
+        horizon: f64,
+        /// Spacing, m.
+        spacing: f64,
+    },
+    /// More bonds than anybody can compute with.
+    #[error("the horizon holds {bonds} neighbours of every point: choose a smaller one")]
+    HorizonTooLarge {
+        /// Bonds of a complete family.
+        bonds: usize,
+    },
+    /// A tank holds the body, whose points stay.
+    #[error("the points of a body in a tank must move, and change neighbours")]
+    Tank,
+    /// A family of moving points was asked for something that it does not support.
+    #[error("a family of moving points does not support {what}; expected {expected}")]
+    Moving {
+        /// What is not supported.
+        what: &'static str,
+        /// What is supported.
+        expected: &'static str,
+    },
+    /// Two points in one place.
+    #[error("two points lie at ({}, {}, {}) m", at[0], at[1], at[2])]
+    Coincident {
+        /// Position, m.
+        at: [f64; 3],
+    },
+    /// A point without a bond.
+    #[error("the point at ({}, {}, {}) m has no neighbour within the horizon {horizon} m", at[0], at[1], at[2])]
+    NoNeighbours {
+        /// Position, m.
+        at: [f64; 3],
+        /// Horizon, m.
+        horizon: f64,
+    },
+}

@@ -1,0 +1,86 @@
+//! Fields of the energy equation and the heat that crosses faces.
+
+use perimelt_core::body::SurfaceCell;
+use perimelt_core::family::LayerRule;
+use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::world::LayersHandle;
+use perimelt_core::{Body, Face, Read, Report, Write};
+
+/// Fields of the energy equation.
+#[derive(Debug)]
+pub(super) struct Heat {
+    pub(super) temperature: Write<f64>,
+    pub(super) enthalpy: Write<f64>,
+    pub(super) source: Option<Read<f64>>,
+    pub(super) layers: LayersHandle,
+    pub(super) curves: Vec<EnthalpyCurve>,
+    pub(super) faces: Vec<HeatedFace>,
+}
+
+/// A face that exchanges heat.
+#[derive(Debug)]
+pub(super) struct HeatedFace {
+    pub(super) face: Face,
+    /// Point at the face, the next one behind it, and area of the cell face, m².
+    cells: Vec<(u32, u32, f64)>,
+    /// Heat that enters, W.
+    inflow: f64,
+    /// Smallest and largest heat flux into the body, W/m².
+    flux: [f64; 2],
+}
+
+impl HeatedFace {
+    pub(super) fn of(body: &Body, face: Face) -> HeatedFace {
+        let opposite = Face::ALL[face as usize ^ 1];
+        let cell = |cell: SurfaceCell| {
+            let next = body.neighbour(cell.point as usize, opposite)?;
+            Some((cell.point, next as u32, cell.area))
+        };
+        HeatedFace {
+            face,
+            cells: body.surface(&[face]).into_iter().filter_map(cell).collect(),
+            inflow: 0.0,
+            flux: [0.0; 2],
+        }
+    }
+
+    /// Heat that enters at the slope of a parabola through the wall and the two points before it.
+    pub(super) fn measure(
+        &mut self,
+        rule: &LayerRule,
+        temperature: &[f64],
+        conductivity: &[f64],
+        spacing: &[f64],
+    ) {
+        let (scale, offset) = (rule.scale[0], rule.offset[0]);
+        // an even layer insulates
+        let wall = offset / (1.0 - scale);
+        if scale == 1.0 || self.cells.is_empty() {
+            (self.inflow, self.flux) = (0.0, [0.0; 2]);
+            return;
+        }
+        (self.inflow, self.flux) = (0.0, [f64::INFINITY, f64::NEG_INFINITY]);
+        for &(first, next, area) in &self.cells {
+            let [first, next] = [first, next].map(|p| p as usize);
+            let slope = (3.0 * temperature[first] - (temperature[next] + 8.0 * wall) / 3.0)
+                / spacing[first];
+            let flux = -conductivity[first] * slope;
+            self.inflow += flux * area;
+            self.flux = [self.flux[0].min(flux), self.flux[1].max(flux)];
+        }
+    }
+
+    pub(super) fn reports(&self) -> [Report; 3] {
+        let report = |name: String, unit: &str, value: f64| Report {
+            name,
+            unit: unit.into(),
+            value,
+        };
+        let ([least, most], face) = (self.flux, self.face.name());
+        [
+            report(format!("heat.{face}"), "W", self.inflow),
+            report(format!("heat_flux.{face}.min"), "W/m2", least),
+            report(format!("heat_flux.{face}.max"), "W/m2", most),
+        ]
+    }
+}

@@ -1,0 +1,263 @@
+//! Keys of the `[[physics]]` table of a fluid, and which of them fit together.
+
+use perimelt_core::{Body, Horizon, Influence, PartialVolume, SetupError, StepSize};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::run::Run;
+use super::state::State;
+
+/// Weakly compressible laminar flow; owns `velocity`, `density` and `pressure`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Fluid {
+    /// Body that flows; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Whether points move, and whether they change neighbours.
+    #[serde(default)]
+    pub description: Description,
+    /// Horizon in spacings of each point, or `{ length = ... }` in m.
+    #[serde(default = "usual_horizon")]
+    pub horizon: Horizon,
+    /// Partial volume of neighbours at the edge of the horizon.
+    #[serde(default)]
+    pub partial_volume: PartialVolume,
+    /// Influence of neighbours by their distance; when left out, "gaussian" as published, and "wendland" in the
+    /// conservative form.
+    #[serde(default)]
+    pub influence: Option<Influence>,
+    /// Equation of state: how the pressure follows from the flow.
+    pub state: State,
+    /// How derivatives become sums.
+    #[serde(default)]
+    pub form: Form,
+    /// Condition at a free surface.
+    #[serde(default)]
+    pub surface: Surface,
+    /// Viscous stress.
+    #[serde(default)]
+    pub stress: Stress,
+    /// Order of the parts of a step.
+    #[serde(default)]
+    pub scheme: Scheme,
+    /// Stabilisation of the convective terms of an Eulerian fluid.
+    #[serde(default)]
+    pub convection: Convection,
+    /// Diffusion of density, as a fraction of spacing times speed of sound, such as 0.05: smooths the
+    /// pressure, with an error of second order in pressure gradients that change.
+    #[serde(default)]
+    pub density_diffusion: f64,
+    /// Rate at which the density of the conservative form approaches the kernel sum of the masses, as a fraction of
+    /// the speed of sound over the spacing. It keeps the volume over long times; larger values add noise where points
+    /// are in disorder.
+    #[serde(default = "usual_volume_relaxation")]
+    pub volume_relaxation: f64,
+    /// Distance by which points of an updated Lagrangian fluid are moved away from crowded places, as a fraction of
+    /// the distance that the fastest point moves, such as 0.05, or 0.5 where a lid stirs (Gao (2020), eqs. 6.46 to
+    /// 6.50; corrected, see spec 05, E23). The fields stay with the points: an error of the order of the shift.
+    #[serde(default)]
+    pub shifting: f64,
+    /// Fraction of the mean velocity of the neighbours with which points of an updated Lagrangian fluid move, from 0
+    /// to 1 (XSPH; Gao (2020), eq. 6.53; corrected, see spec 05, E24). It keeps the points in order; where the
+    /// velocity has a curvature, they do not follow the fluid exactly.
+    #[serde(default)]
+    pub xsph: f64,
+    /// Viscosity between points that approach each other, as a fraction of 1.2 spacings times the speed of sound,
+    /// such as 0.02 (Gao (2020), eq. 6.56; corrected, see spec 05, E26). It damps sound and impacts, and also shear,
+    /// by about a tenth of it in two dimensions.
+    #[serde(default)]
+    pub artificial_viscosity: f64,
+    /// Number of steps after which velocity and density are smoothed by moving least squares, such as 20 (Gao (2020),
+    /// eqs. 5.111 to 5.114; corrected, see spec 05, E12); 0: never. Linear fields do not change; each smoothing acts
+    /// as a diffusion by about a tenth of the squared horizon.
+    #[serde(default)]
+    pub smoothing: u32,
+    /// Time during which accelerations grow smoothly from zero, s (Gao (2020), eq. 5.110).
+    #[serde(default)]
+    pub startup: f64,
+    /// Temperature with conduction, convection and sources; the fluid then owns `temperature`.
+    #[serde(default)]
+    pub energy: Option<Energy>,
+    /// Step in s, or "auto".
+    #[serde(default)]
+    pub step: StepSize,
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub(super) run: Option<Run>,
+}
+
+fn usual_volume_relaxation() -> f64 {
+    1e-4
+}
+
+fn usual_horizon() -> Horizon {
+    Horizon::Spacings(3.015)
+}
+
+/// Whether points move, and whether they change neighbours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Description {
+    /// Points move with the fluid; families are those of their current positions.
+    #[default]
+    UpdatedLagrangian,
+
+    /// Points move with the fluid; families stay those of the reference configuration.
+    TotalLagrangian,
+    /// Points stay and the fluid flows through them.
+    Eulerian,
+}
+
+/// How derivatives become sums.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Form {
+    /// Derivatives of second order, as published: the most accurate form on complete families. Momentum is kept
+    /// only as far as the derivatives are exact, and families must be complete.
+    #[default]
+    Differences,
+    /// The divergence of first order and its adjoint, with pairwise viscosity (spec 05, 1.13). Momentum is kept to
+    /// rounding, surfaces may be free. For the updated Lagrangian description and points of one spacing.
+    Conservative,
+}
+
+/// Condition at a free surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Surface {
+    /// No external pressure, which follows from the conservative form without a condition.
+    #[default]
+    Natural,
+    /// Points of the first row have no pressure and the reference density (Gao (2020), eq. 6.59). Their
+    /// compression does no work, so that impacts may become unstable.
+    ZeroPressure,
+}
+
+/// Viscous stress.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Stress {
+    /// That of a flow without divergence.
+    #[default]
+    Incompressible,
+    /// With `mu/3 grad div v`.
+    Compressible,
+}
+
+/// Order of the parts of a step; all but `published` keep the amplitude of sound waves (spec 05, 1.5).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Scheme {
+    /// New density and pressure, then the velocity from them.
+    #[default]
+    Symplectic,
+    /// Velocity by half a step before and after the density: second order for sound, twice the work.
+    KickDriftKick,
+    /// Velocity from the pressure before the step, as printed (eq. 5.83): sound waves grow unless viscosity
+    /// damps them.
+    Published,
+}
+
+/// Stabilisation of the convective terms of an Eulerian fluid.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Convection {
+    /// The kinematic viscosity is at least a fifth of speed times spacing (after the hybrid scheme of
+    /// Spalding (1972), with a half). Short waves do not grow; first order where the bound applies.
+    #[default]
+    Hybrid,
+    /// No stabilisation. Short waves grow where speed times spacing is more than some ten times the kinematic
+    /// viscosity.
+    Central,
+}
+
+/// The energy equation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Energy {
+    /// Viscous friction heats the fluid.
+    #[serde(default)]
+    pub dissipation: bool,
+}
+
+impl Fluid {
+    /// Stabilisation of the convective terms; `None` for points that move with the fluid.
+    pub(super) fn eulerian_convection(&self) -> Option<Convection> {
+        (self.description == Description::Eulerian).then_some(self.convection)
+    }
+
+    /// Whether surfaces without a wall are allowed.
+    pub(super) fn may_have_free_surface(&self) -> bool {
+        self.form == Form::Conservative || self.surface == Surface::ZeroPressure
+    }
+
+    /// Refuses keys that fit neither the body nor each other.
+    pub(super) fn check(&self, body: &Body) -> Result<(), SetupError> {
+        self.horizon.check(body)?;
+        self.state.check()?;
+        self.check_numbers()?;
+        if body.dimension == 1 {
+            let message = "a fluid needs two or three dimensions";
+            return Err(SetupError::value("body", message, "a 2D or 3D body"));
+        }
+        if self.form == Form::Conservative {
+            self.check_conservative(body)?;
+        }
+        self.check_description()
+    }
+
+    fn check_numbers(&self) -> Result<(), SetupError> {
+        let numbers = [
+            ("density_diffusion", self.density_diffusion),
+            ("startup", self.startup),
+            ("shifting", self.shifting),
+            ("volume_relaxation", self.volume_relaxation),
+            ("xsph", self.xsph),
+            ("artificial_viscosity", self.artificial_viscosity),
+        ];
+        let wrong = |(_, value): &(&str, f64)| !(value.is_finite() && *value >= 0.0);
+        match numbers.into_iter().find(wrong) {
+            None => Ok(()),
+            Some((key, value)) => {
+                let message = format!("`{key}` is {value}");
+                Err(SetupError::value(key, message, "zero or above"))
+            }
+        }
+    }
+
+    fn check_conservative(&self, body: &Body) -> Result<(), SetupError> {
+        if self.description != Description::UpdatedLagrangian {
+            let message = "the conservative form is defined for points that change neighbours";
+            let expected = "`description = \"updated_lagrangian\"`";
+            return Err(SetupError::value("description", message, expected));
+        }
+        if self.stress == Stress::Compressible {
+            let message = "the pairwise viscosity of the conservative form is incompressible";
+            let expected = "`stress = \"incompressible\"`";
+            return Err(SetupError::value("stress", message, expected));
+        }
+        if body.finest_spacing() < body.coarsest_spacing() {
+            let message = "the conservative form needs a uniform spacing";
+            return Err(SetupError::value("form", message, "points of one spacing"));
+        }
+        Ok(())
+    }
+
+    fn check_description(&self) -> Result<(), SetupError> {
+        if self.convection != Convection::default() && self.eulerian_convection().is_none() {
+            let message = "`convection` applies to the Eulerian description only";
+            let expected = "`description = \"eulerian\"`";
+            return Err(SetupError::value("convection", message, expected));
+        }
+        let only_updated = [("shifting", self.shifting), ("xsph", self.xsph)];
+        match only_updated.into_iter().find(|(_, value)| *value > 0.0) {
+            Some((key, _)) if self.description != Description::UpdatedLagrangian => {
+                let message = format!("`{key}` applies to the updated Lagrangian description only");
+                let expected = "`description = \"updated_lagrangian\"`";
+                Err(SetupError::value(key, message, expected))
+            }
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! Set-up of a fluid: fields, family, operators, properties.
+
+use std::sync::Arc;
+
+use perimelt_core::material::Property;
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{
+    Face, Family, FamilySpec, Influence, MovingFamily, Pddo, PointMover, Setup, SetupError, World,
+    keys,
+};
+
+use super::boundaries::check_closed;
+use super::conservative::Conservative;
+use super::differences::Differences;
+use super::heat::{Heat, HeatedFace};
+use super::keys::{Description, Fluid, Form};
+use super::medium::{Coefficient, Medium};
+use super::rates::{LargestSums, Rates};
+use super::run::{Moving, Run};
+use super::treatments::{CompleteFamily, Treatments};
+
+/// Where the points are: a family, and what moves them.
+struct Neighbours {
+    family: Arc<Family>,
+    moving: Option<(PointMover, MovingFamily)>,
+}
+
+impl Run {
+    pub(super) fn prepare(fluid: &Fluid, setup: &mut Setup<'_>) -> Result<Run, SetupError> {
+        let body = setup.find_body(fluid.body.as_deref())?;
+        fluid.check(setup.body(body))?;
+        let velocity = setup.own(body, &keys::VELOCITY)?;
+        let density = setup.own(body, &keys::DENSITY)?;
+        let pressure = setup.own(body, &keys::PRESSURE)?;
+        let displacement = match fluid.description {
+            Description::Eulerian => None,
+            _ => Some(setup.own(body, &keys::DISPLACEMENT)?),
+        };
+        let body_force = setup.consume_if_added(body, &keys::BODY_FORCE)?;
+        let (velocity_layers, walls, _) = setup.layers(body, &keys::VELOCITY);
+        if !fluid.may_have_free_surface() {
+            check_closed(setup, body, &walls)?;
+        }
+        let heat = prepare_heat(fluid, setup, body)?;
+        let medium = prepare_medium(fluid, setup, body, heat.is_some())?;
+        let Neighbours { family, moving } = neighbours(fluid, setup, body, walls)?;
+        let this = setup.body(body);
+        let sums = LargestSums::of(&family, this.points.len());
+        let treatments = Treatments::new(CompleteFamily::of(this, &family), this.dimension);
+        let rates: Box<dyn Rates> = match fluid.form {
+            Form::Conservative => Box::new(Conservative::new(family, this, treatments.complete)),
+            Form::Differences => {
+                let pddo = Pddo::build(this, family, 2);
+                let pddo = pddo.map_err(|e| SetupError::other("horizon", e))?;
+                Box::new(Differences::new(pddo))
+            }
+        };
+        let is_periodic = this.periodic[..this.dimension] == [true; 3][..this.dimension];
+        Ok(Run {
+            body,
+            velocity,
+            density,
+            pressure,
+            displacement,
+            body_force,
+            heat,
+            velocity_layers,
+            medium,
+            initial_stability: rates.stability(),
+            stability: rates.stability(),
+            stable_step: 0.0,
+            rates,
+            treatments,
+            slots: vec![Vec::new(); this.dimension],
+            moving: moving.map(|(mover, family)| Moving {
+                mover,
+                family,
+                initial_sums: sums,
+                mass: Vec::new(),
+                position: Vec::new(),
+                volume: Vec::new(),
+            }),
+            steps: 0,
+            initial_mass: 0.0,
+            momentum: is_periodic.then(Default::default),
+            kinetic_energy: 0.0,
+            density_deviation: 0.0,
+        })
+    }
+
+    /// Density from the pressure at the start, enthalpy from the temperature.
+    pub(super) fn complete_state(&mut self, world: &World) {
+        let pressure = world.read(self.pressure.into());
+        let mut density = world.write(self.density);
+        let medium = &self.medium;
+        let points = density
+            .iter_mut()
+            .zip(&*pressure)
+            .zip(&medium.reference_density);
+        for ((rho, &p), &rho0) in points {
+            *rho = medium.state.density(p, rho0);
+        }
+        if let Some(heat) = &self.heat {
+            let temperature = world.read(heat.temperature.into());
+            let material = &world.body(self.body).material_of_point;
+            let mut enthalpy = world.write(heat.enthalpy);
+            for ((h, &t), &m) in enthalpy.iter_mut().zip(&*temperature).zip(material) {
+                *h = heat.curves[m as usize].enthalpy(t);
+            }
+        }
+    }
+}
+
+/// The family of the points, which follows them in the updated Lagrangian description.
+fn neighbours(
+    fluid: &Fluid,
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+    walls: Vec<Face>,
+) -> Result<Neighbours, SetupError> {
+    let spec = FamilySpec {
+        partial_volume: fluid.partial_volume,
+        influence: fluid.influence.unwrap_or(match fluid.form {
+            Form::Differences => Influence::Gaussian,
+            Form::Conservative => Influence::Wendland,
+        }),
+        layers: walls,
+        ..Pddo::spec(fluid.horizon)
+    };
+    if fluid.description != Description::UpdatedLagrangian {
+        let family = setup.family(body, &spec)?;
+        return Ok(Neighbours {
+            family,
+            moving: None,
+        });
+    }
+    let mover = setup.move_points(body)?;
+    let family = setup.moving_family(body, &spec)?;
+    Ok(Neighbours {
+        family: setup.current_family(family),
+        moving: Some((mover, family)),
+    })
+}
+
+fn prepare_heat(
+    fluid: &Fluid,
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+) -> Result<Option<Heat>, SetupError> {
+    if fluid.energy.is_none() {
+        return Ok(None);
+    }
+    let (layers, _, heated) = setup.layers(body, &keys::TEMPERATURE);
+    let faces = heated.iter();
+    let faces = faces.map(|face| HeatedFace::of(setup.body(body), *face));
+    Ok(Some(Heat {
+        faces: faces.collect(),
+        temperature: setup.own(body, &keys::TEMPERATURE)?,
+        enthalpy: setup.own(body, &keys::ENTHALPY)?,
+        source: setup.consume_if_added(body, &keys::HEAT_SOURCE)?,
+        layers,
+        curves: setup.enthalpy_curves(body)?,
+    }))
+}
+
+fn prepare_medium(
+    fluid: &Fluid,
+    setup: &Setup<'_>,
+    body: BodyIndex,
+    has_temperature: bool,
+) -> Result<Medium, SetupError> {
+    let conductivity: Vec<Property> = match has_temperature {
+        true => setup.property(body, "conductivity")?,
+        false => Vec::new(),
+    };
+    let viscosity = setup.property(body, "viscosity")?;
+    if !has_temperature && viscosity.iter().any(|v| !v.is_constant()) {
+        let message = "the viscosity depends on temperature, which the fluid does not have";
+        let expected = "`energy = {}`, or a constant viscosity";
+        return Err(SetupError::value("energy", message, expected));
+    }
+    let this = setup.body(body);
+    Ok(Medium {
+        state: fluid.state,
+        reference_density: setup.density_at_points(body)?,
+        spacing: this.points.spacing.clone(),
+        viscosity: Coefficient::new(viscosity, &this.material_of_point),
+        conductivity: Coefficient::new(conductivity, &this.material_of_point),
+    })
+}

@@ -1,0 +1,182 @@
+//! Rates of the fields: what every form of the equations offers to a step, and what it needs.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use perimelt_core::family::LayerRule;
+use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::{Family, PddoError};
+use rayon::prelude::*;
+
+use super::keys::Convection;
+use super::medium::Medium;
+
+/// Least number of points that a thread takes at once.
+pub(super) const POINTS_PER_TASK: usize = 1024;
+
+/// What a step takes into account.
+pub(super) struct Terms<'a> {
+    pub(super) medium: &'a Medium,
+    /// N/m³.
+    pub(super) force: Option<&'a [Vector3<f64>]>,
+    pub(super) density_diffusion: f64,
+    pub(super) volume_relaxation: f64,
+    pub(super) compressible: bool,
+    /// `None` for points that move with the fluid.
+    pub(super) convection: Option<Convection>,
+    /// Fraction of the acceleration that counts during the start-up.
+    pub(super) acceleration_fraction: f64,
+}
+
+impl Terms<'_> {
+    /// Along an axis, m/s².
+    pub(super) fn body_acceleration(&self, point: usize, axis: usize) -> f64 {
+        let density = self.medium.reference_density[point];
+        self.force.map_or(0.0, |f| f[point][axis] / density)
+    }
+
+    /// Derivative of the density along an axis in the hydrostatic pressure of the body force, kg/m⁴.
+    pub(super) fn density_slope(&self, point: usize, axis: usize) -> f64 {
+        let sound = self.medium.sound_speed(point);
+        self.force.map_or(0.0, |f| f[point][axis] / (sound * sound))
+    }
+
+    /// Diffusivity of the density, m²/s.
+    pub(super) fn density_diffusivity(&self, point: usize) -> f64 {
+        self.density_diffusion * self.medium.sound_diffusivity(point)
+    }
+}
+
+/// Fluid that flows through the points.
+#[derive(Clone, Copy)]
+pub(super) struct Passing<'a> {
+    pub(super) convection: Convection,
+    pub(super) velocity: &'a [Vector3<f64>],
+    pub(super) density: &'a [f64],
+}
+
+/// What the enthalpy changes by.
+pub(super) struct Heating<'a> {
+    /// In an Eulerian description.
+    pub(super) carried_by: Option<Passing<'a>>,
+    /// W/m³.
+    pub(super) source: Option<&'a [f64]>,
+    /// Friction heats.
+    pub(super) dissipates: bool,
+    pub(super) temperature: &'a [f64],
+    pub(super) material: &'a [u16],
+    pub(super) curves: &'a [EnthalpyCurve],
+}
+
+/// What the largest stable step depends on.
+#[derive(Clone, Copy, Debug, serde::Serialize, serde::Deserialize)]
+pub(super) struct Stability {
+    /// Largest wave number of the gradient, 1/m.
+    pub(super) wave_number: f64,
+    /// Sum of the weights of the Laplacian, 1/m².
+    pub(super) laplacian: f64,
+}
+
+impl Stability {
+    /// The same operators where their largest sums went from `initial` to `now`.
+    pub(super) fn scaled(self, initial: LargestSums, now: LargestSums) -> Self {
+        let growth = |initial: f64, now: f64| (now / initial).max(1.0);
+        Stability {
+            wave_number: self.wave_number * growth(initial.first, now.first),
+            laplacian: self.laplacian * growth(initial.second, now.second),
+        }
+    }
+}
+
+/// Largest sums over the bonds of a point, in units that only their ratio matters.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LargestSums {
+    /// Of the weights of bonds times their lengths: bounds the response of first derivatives.
+    first: f64,
+    /// Of the weights: bounds the response of second derivatives.
+    second: f64,
+}
+
+impl LargestSums {
+    pub(super) fn of(family: &Family, points: usize) -> Self {
+        let sums = |point: usize| {
+            let (mut first, mut second) = (0.0, 0.0);
+            family.for_each_bond(point, |_, bond, _| {
+                first += bond.weight * bond.length;
+                second += bond.weight;
+            });
+            (first, second)
+        };
+        let points = (0..points).into_par_iter().with_min_len(POINTS_PER_TASK);
+        let largest = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
+        let (first, second) = points.map(sums).reduce(|| (0.0, 0.0), largest);
+        LargestSums { first, second }
+    }
+}
+
+/// Rates of the fields in one form of the equations. A step first sets the fields on which the rates depend, then
+/// advances others by a time dt (s).
+pub(super) trait Rates: std::fmt::Debug {
+    /// The family over which sums are taken.
+    fn family(&self) -> &Family;
+
+    /// Takes the family of the points at their current positions (m). The family so far is released before `family`
+    /// is called, so that the world can update it in place.
+    fn follow(
+        &mut self,
+        positions: &[Vector3<f64>],
+        family: &dyn Fn() -> Arc<Family>,
+    ) -> Result<(), PddoError>;
+
+    /// What the largest stable step depends on, for the points at their reference positions.
+    fn stability(&self) -> Stability;
+
+    /// Sets the temperature, and the coefficients that depend on it.
+    fn set_temperature(&mut self, temperature: &[f64], rules: &[LayerRule], medium: &Medium);
+
+    /// Sets the velocity, by slot and component, and the density.
+    fn set_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>);
+
+    /// Sets the pressure; behind faces it grows with the weight of the fluid before them.
+    fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>);
+
+    /// Advances density and pressure.
+    fn advance_density(&mut self, terms: &Terms<'_>, dt: f64, fields: (&mut [f64], &mut [f64]));
+
+    /// Advances the velocity.
+    fn advance_velocity(
+        &self,
+        terms: &Terms<'_>,
+        dt: f64,
+        velocity: &mut [Vector3<f64>],
+        density: &[f64],
+    );
+
+    /// Advances the enthalpy.
+    fn heat(&mut self, heating: &Heating<'_>, medium: &Medium, dt: f64, enthalpy: &mut [f64]);
+}
+
+/// Copies a component of a field to slots and continues it behind faces by their rules.
+pub(super) fn load(
+    family: &Family,
+    (field, components): (&[f64], usize),
+    component: usize,
+    rules: &[LayerRule],
+    slots: &mut Vec<f64>,
+) {
+    slots.resize(family.slots(), 0.0);
+    family.scatter(field, components, component, slots);
+    family.fill_layers(rules, component, slots);
+}
+
+/// Copies a field to slots; behind faces it is mirrored, and `rise(axis, point, distance)` is added.
+pub(super) fn load_weighted(
+    family: &Family,
+    field: &[f64],
+    slots: &mut Vec<f64>,
+    rise: impl Fn(usize, usize, f64) -> f64,
+) {
+    slots.resize(family.slots(), 0.0);
+    family.scatter(field, 1, 0, slots);
+    family.fill_layers_rising(slots, rise);
+}

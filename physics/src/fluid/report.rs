@@ -1,0 +1,80 @@
+//! Conserved totals of a fluid and the numbers that it reports.
+
+use nalgebra::Vector3;
+use perimelt_core::solver::reduce::sum_of;
+use perimelt_core::{Balance, Report, World};
+
+use super::heat::HeatedFace;
+use super::run::Run;
+
+impl Run {
+    /// Mass, and momentum where the box is periodic along all axes.
+    pub(super) fn balances(&self, world: &World) -> Vec<Balance> {
+        let mass = Balance::new("mass", "kg", self.mass(world), self.initial_mass, 0.0);
+        let mut all = vec![mass.of_size(self.initial_mass)];
+        if let Some([initial, given]) = self.momentum {
+            let now = self.momentum_now(world, |v| *v);
+            let size = self.momentum_now(world, |v| Vector3::repeat(v.norm()));
+            for (axis, name) in ["x", "y", "z"].iter().enumerate().take(self.slots.len()) {
+                let name = format!("momentum.{name}");
+                let balance = Balance::new(&name, "N s", now[axis], initial[axis], given[axis]);
+                all.push(balance.of_size(size[axis]));
+            }
+        }
+        all
+    }
+
+    pub(super) fn reports(&self) -> Vec<Report> {
+        let report = |name: &str, unit: &str, value: f64| Report {
+            name: name.into(),
+            unit: unit.into(),
+            value,
+        };
+        let mut all = vec![
+            report("energy.kinetic", "J", self.kinetic_energy),
+            report("density.deviation", "1", self.density_deviation),
+        ];
+        let faces = self.heat.iter().flat_map(|h| &h.faces);
+        all.extend(faces.flat_map(HeatedFace::reports));
+        all
+    }
+
+    /// Finds what is reported.
+    pub(super) fn observe(&mut self, world: &World) {
+        let velocity = world.read::<Vector3<f64>>(self.velocity.into());
+        let density = world.read::<f64>(self.density.into());
+        let square: Vec<f64> = velocity.iter().map(Vector3::norm_squared).collect();
+        self.kinetic_energy = match &self.moving {
+            Some(moving) => sum_of([&square, &moving.mass], |[v2, m]| 0.5 * v2 * m),
+            None => {
+                let volume = &world.body(self.body).points.volume;
+                let energy = |[v2, rho, volume]: [f64; 3]| 0.5 * v2 * rho * volume;
+                sum_of([&square, &density, volume], energy)
+            }
+        };
+        let reference = &self.medium.reference_density;
+        let deviation = density
+            .iter()
+            .zip(reference)
+            .map(|(rho, rho0)| (rho / rho0 - 1.0).abs());
+        self.density_deviation = deviation.fold(0.0, f64::max);
+        self.observe_heat(world);
+    }
+
+    fn observe_heat(&mut self, world: &World) {
+        let Some(heat) = &mut self.heat else {
+            return;
+        };
+        let temperature = world.read::<f64>(heat.temperature.into());
+        let rules = world.layer_rules(heat.layers);
+        let body = world.body(self.body);
+        let conductivity = &mut self.medium.conductivity;
+        conductivity.evaluate(&temperature, &body.material_of_point, &heat.curves);
+        let conductivity = &conductivity.value;
+        for face in &mut heat.faces {
+            if let Some(rule) = rules.iter().find(|r| r.face == face.face) {
+                face.measure(rule, &temperature, conductivity, &body.points.spacing);
+            }
+        }
+    }
+}

@@ -1,0 +1,260 @@
+//! One step of the flow.
+//!
+//! 1. Artificial viscosity slows points that approach each other.
+//! 2. Density, pressure and velocity advance in the order of the [`Scheme`].
+//! 3. Velocity and density are smoothed, in every n-th step.
+//! 4. Points that move are displaced, put in order and put back into their box; the configuration of the body is set.
+
+use nalgebra::Vector3;
+use perimelt_core::family::LayerRule;
+use perimelt_core::{PddoError, Step, World};
+
+use super::boundaries::keep_inside;
+use super::heat::Heat;
+use super::keys::{Fluid, Scheme, Stress, Surface};
+use super::medium::Medium;
+use super::rates::{Heating, Passing, Rates, Terms, load};
+use super::run::Run;
+use super::treatments::Treatments;
+
+/// Fields of the flow during a step.
+struct Flow<'a> {
+    velocity: &'a mut [Vector3<f64>],
+    density: &'a mut [f64],
+    pressure: &'a mut [f64],
+    /// How the velocity continues behind faces.
+    rules: &'a [LayerRule],
+}
+
+/// What advances them.
+struct Advance<'a> {
+    rates: &'a mut dyn Rates,
+    treatments: &'a mut Treatments,
+    /// Components of the velocity by slot.
+    slots: &'a mut [Vec<f64>],
+    terms: Terms<'a>,
+    /// s.
+    dt: f64,
+}
+
+impl Run {
+    pub(super) fn advance(
+        &mut self,
+        fluid: &Fluid,
+        world: &World,
+        step: Step,
+    ) -> Result<(), PddoError> {
+        self.set_temperature(world);
+        self.advance_flow(fluid, world, step);
+        self.steps += 1;
+        self.smooth(fluid, world);
+        self.move_points(fluid, world, step.size);
+        self.count_momentum(fluid, world, step);
+        self.set_configuration(world)
+    }
+
+    /// Evaluates what depends on the temperature.
+    fn set_temperature(&mut self, world: &World) {
+        let Some(heat) = &self.heat else {
+            return;
+        };
+        let material = &world.body(self.body).material_of_point;
+        let temperature = world.read(heat.temperature.into());
+        let medium = &mut self.medium;
+        for coefficient in [&mut medium.viscosity, &mut medium.conductivity] {
+            coefficient.evaluate(&temperature, material, &heat.curves);
+        }
+        let rules = world.layer_rules(heat.layers);
+        self.rates.set_temperature(&temperature, &rules, medium);
+    }
+
+    fn advance_flow(&mut self, fluid: &Fluid, world: &World, step: Step) {
+        let mut velocity = world.write(self.velocity);
+        let mut density = world.write(self.density);
+        let mut pressure = world.write(self.pressure);
+        let rules = world.layer_rules(self.velocity_layers);
+        let force = self.body_force.map(|f| world.read(f));
+        let mut advance = Advance {
+            rates: &mut *self.rates,
+            treatments: &mut self.treatments,
+            slots: &mut self.slots,
+            terms: Terms {
+                medium: &self.medium,
+                force: force.as_deref(),
+                density_diffusion: fluid.density_diffusion,
+                volume_relaxation: fluid.volume_relaxation,
+                compressible: fluid.stress == Stress::Compressible,
+                convection: fluid.eulerian_convection(),
+                acceleration_fraction: startup(fluid.startup, step.middle()),
+            },
+            dt: step.size,
+        };
+        let mut flow = Flow {
+            velocity: &mut velocity,
+            density: &mut density,
+            pressure: &mut pressure,
+            rules: &rules,
+        };
+        advance.set_velocity(&flow);
+        if let Some(heat) = &self.heat {
+            let material = &world.body(self.body).material_of_point;
+            advance.heat(fluid, (heat, material), world, &flow);
+        }
+        // while the density is still that of the volumes
+        if fluid.artificial_viscosity > 0.0 {
+            let strength = step.size * fluid.artificial_viscosity;
+            advance.artificial_viscosity(strength, &mut flow);
+        }
+        advance.flow(fluid, &mut flow);
+    }
+
+    /// Smooths velocity and density in every n-th step.
+    fn smooth(&mut self, fluid: &Fluid, world: &World) {
+        if fluid.smoothing == 0 || !self.steps.is_multiple_of(u64::from(fluid.smoothing)) {
+            return;
+        }
+        let mut pressure = world.write(self.pressure);
+        let volume = match &self.moving {
+            Some(moving) => &moving.volume,
+            None => &world.body(self.body).points.volume,
+        };
+        let medium = &self.medium;
+        self.treatments.smooth(
+            (self.rates.family(), volume),
+            &mut world.write(self.velocity),
+            &mut world.write(self.density),
+            |i, densities| {
+                pressure[i] = medium.pressure(i, densities, pressure[i]);
+            },
+        );
+    }
+
+    /// Displaces points that move by a step of `dt` (s).
+    fn move_points(&mut self, fluid: &Fluid, world: &World, dt: f64) {
+        let Some(displacement) = self.displacement else {
+            return;
+        };
+        let mut displacement = world.write(displacement);
+        let mut velocity = world.write(self.velocity);
+        let points = displacement.iter_mut().zip(&*velocity);
+        points.for_each(|(u, v)| *u += dt * v);
+        if self.moving.is_none() {
+            return;
+        }
+        let family = self.rates.family();
+        if fluid.xsph > 0.0 {
+            let fraction = fluid.xsph * dt;
+            self.treatments
+                .xsph(family, fraction, &self.slots, &mut displacement);
+        }
+        if fluid.shifting > 0.0 {
+            let fraction = fluid.shifting * dt;
+            let medium = &self.medium;
+            self.treatments
+                .shift((family, medium), fraction, &velocity, &mut displacement);
+        }
+        let rules = world.layer_rules(self.velocity_layers);
+        let body = world.body(self.body);
+        keep_inside(body, &rules, &mut displacement, &mut velocity);
+    }
+
+    /// Adds what the body force gave to the momentum, where it is balanced.
+    fn count_momentum(&mut self, fluid: &Fluid, world: &World, step: Step) {
+        let (Some([initial, mut given]), Some(force)) = (self.momentum, self.body_force) else {
+            return;
+        };
+        let density = world.read::<f64>(self.density.into());
+        let mass = self.mass_of_points(world, &density);
+        let dt = step.size * startup(fluid.startup, step.middle());
+        for (i, f) in world.read(force).iter().enumerate() {
+            given += dt * mass(i) / self.medium.reference_density[i] * f;
+        }
+        drop(mass);
+        self.momentum = Some([initial, given]);
+    }
+}
+
+impl Advance<'_> {
+    /// Copies the velocity to slots and passes it to the rates.
+    fn set_velocity(&mut self, flow: &Flow<'_>) {
+        let flat = (bytemuck::cast_slice(flow.velocity), 3);
+        for (axis, slots) in self.slots.iter_mut().enumerate() {
+            load(self.rates.family(), flat, axis, flow.rules, slots);
+        }
+        self.rates
+            .set_velocity(self.slots, flow.density, &self.terms);
+    }
+
+    fn heat(
+        &mut self,
+        fluid: &Fluid,
+        (heat, material): (&Heat, &[u16]),
+        world: &World,
+        flow: &Flow<'_>,
+    ) {
+        let source = heat.source.map(|s| world.read(s));
+        let mut temperature = world.write(heat.temperature);
+        let mut enthalpy = world.write(heat.enthalpy);
+        let heating = Heating {
+            carried_by: self.terms.convection.map(|convection| Passing {
+                convection,
+                velocity: flow.velocity,
+                density: flow.density,
+            }),
+            source: source.as_deref(),
+            dissipates: fluid.energy.is_some_and(|e| e.dissipation),
+            temperature: &temperature,
+            material,
+            curves: &heat.curves,
+        };
+        self.rates
+            .heat(&heating, self.terms.medium, self.dt, &mut enthalpy);
+        for ((t, h), &m) in temperature.iter_mut().zip(&*enthalpy).zip(material) {
+            *t = heat.curves[m as usize].temperature(*h);
+        }
+    }
+
+    fn artificial_viscosity(&mut self, strength: f64, flow: &mut Flow<'_>) {
+        let fields = (&mut *flow.velocity, &*flow.density);
+        let family: (_, &Medium) = (self.rates.family(), self.terms.medium);
+        self.treatments
+            .artificial_viscosity(family, strength, self.slots, fields);
+    }
+
+    /// Advances density, pressure and velocity.
+    fn flow(&mut self, fluid: &Fluid, flow: &mut Flow<'_>) {
+        let (dt, force) = (self.dt, self.terms.force);
+        let (first, last) = match fluid.scheme {
+            Scheme::KickDriftKick => (0.5 * dt, 0.5 * dt),
+            Scheme::Symplectic | Scheme::Published => (0.0, dt),
+        };
+        if fluid.scheme != Scheme::Symplectic {
+            self.rates.set_pressure(flow.pressure, force);
+        }
+        if first > 0.0 {
+            self.rates
+                .advance_velocity(&self.terms, first, flow.velocity, flow.density);
+            self.set_velocity(flow);
+        }
+        let fields = (&mut *flow.density, &mut *flow.pressure);
+        self.rates.advance_density(&self.terms, dt, fields);
+        if fluid.surface == Surface::ZeroPressure {
+            let family = (self.rates.family(), self.terms.medium);
+            let fields = (&mut *flow.density, &mut *flow.pressure);
+            self.treatments.zero_surface_pressure(family, fields);
+        }
+        if fluid.scheme != Scheme::Published {
+            self.rates.set_pressure(flow.pressure, force);
+        }
+        self.rates
+            .advance_velocity(&self.terms, last, flow.velocity, flow.density);
+    }
+}
+
+/// Fraction of the acceleration at a time, s (Gao (2020), eq. 5.110).
+fn startup(duration: f64, time: f64) -> f64 {
+    if time >= duration {
+        return 1.0;
+    }
+    0.5 * (((time / duration - 0.5) * std::f64::consts::PI).sin() + 1.0)
+}
