@@ -95,9 +95,17 @@ pub struct Setup<'w> {
     declarations: Vec<Declaration>,
     families: Vec<ObtainedFamily>,
     /// Bodies that are walls for others.
-    walls: Vec<(BodyIndex, Wall)>,
+    walls: Vec<DeclaredWall>,
     /// Number of plugins before the first physics, once there is one.
     first_physics: Option<usize>,
+}
+
+/// A wall that a plugin declared, and whether a physics takes it into account.
+struct DeclaredWall {
+    plugin: usize,
+    body: BodyIndex,
+    wall: Wall,
+    taken: bool,
 }
 
 /// A family of points that stay, and the plugin that asked for it first.
@@ -516,7 +524,7 @@ impl<'w> Setup<'w> {
         let added = |d: &Declaration| Some(d.field) == field && d.access == Access::Add;
         let is_impulse = key.name == keys::IMPULSE.name;
         self.declarations.iter().any(added)
-            || is_impulse && self.walls.iter().any(|(_, wall)| wall.other == body)
+            || is_impulse && self.walls.iter().any(|w| w.wall.other == body)
     }
 
     /// A derived field that the calling plugin computes.
@@ -550,13 +558,23 @@ impl<'w> Setup<'w> {
     /// Lets the points of `wall.other` be walls for the material of `body` ([`Wall`]); called by couplers. The
     /// physics of `body` then gives impulses to the other body.
     pub fn set_wall(&mut self, body: BodyIndex, wall: Wall) {
-        self.walls.push((body, wall));
+        let plugin = self.plugins.len() - 1;
+        self.walls.push(DeclaredWall {
+            plugin,
+            body,
+            wall,
+            taken: false,
+        });
     }
 
-    /// The bodies that are walls for `body`.
-    pub fn walls(&self, body: BodyIndex) -> Vec<Wall> {
-        let own = self.walls.iter().filter(|(b, _)| *b == body);
-        own.map(|(_, wall)| *wall).collect()
+    /// The bodies that are walls for `body`, for the physics of the body.
+    pub fn walls(&mut self, body: BodyIndex) -> Vec<Wall> {
+        let own = self.walls.iter_mut().filter(|w| w.body == body);
+        let take = |w: &mut DeclaredWall| {
+            w.taken = true;
+            w.wall
+        };
+        own.map(take).collect()
     }
 
     /// The impulses that the calling physics gives to the points of a wall, as momentum per reference volume of the
@@ -756,6 +774,12 @@ impl<'w> Setup<'w> {
                 _ => continue,
             };
             return Err((d.plugin, SetupError::new("", problem)));
+        }
+        if let Some(wall) = self.walls.iter().find(|w| !w.taken) {
+            let name = &self.world.bodies[wall.body].name;
+            let message = format!("no physics of body `{name}` has walls");
+            let expected = "a `fluid` of that body with `form = \"conservative\"`";
+            return Err((wall.plugin, SetupError::value("fluid", message, expected)));
         }
         self.world.provided = provided;
         Ok(self.declarations)

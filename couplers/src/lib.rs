@@ -27,6 +27,7 @@
 //! | `wall` | [`boundary::Wall`] | | layers of velocity |
 //! | `buoyancy` | [`buoyancy::Buoyancy`] | temperature | body force |
 //! | `contact` | [`contact::Contact`] | displacement, velocity of one body or two | impulse |
+//! | `fluid_structure` | [`fluid_structure::FluidStructure`] | displacement, velocity of the solid | impulse, by way of the fluid |
 //! | `impactor` | [`contact::Impactor`] | displacement, velocity | body force |
 //! | `heat_interface` | [`heat_interface::HeatInterface`] | temperature of two bodies | heat source |
 //! | `insulated_crack` | [`boundary::InsulatedCrack`] | | cuts the families of the body |
@@ -39,6 +40,7 @@ pub mod buoyancy;
 pub mod contact;
 pub mod deformation_heat;
 pub mod expansion;
+pub mod fluid_structure;
 pub mod heat_interface;
 pub mod heat_source;
 pub mod in_time;

@@ -24,6 +24,7 @@ mod cloud;
 #[cfg(test)]
 mod cloud_tests;
 mod cut;
+mod foreign;
 mod horizon;
 mod images;
 mod influence;
@@ -35,6 +36,7 @@ mod spec;
 
 pub use broken::BrokenBonds;
 pub use cut::Cut;
+pub use foreign::{ForeignBonds, ForeignGhost, Places};
 pub use horizon::Horizon;
 pub use influence::Influence;
 pub use kernel::{Bond, BondKernel};

@@ -27,12 +27,14 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::LayerRule;
 use perimelt_core::pddo::largest_wave_number;
-use perimelt_core::{Body, Bond, BondKernel, Family, PddoError};
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Body, Bond, BondKernel, Family, PddoError, World};
 use rayon::prelude::*;
 
 use super::medium::Medium;
 use super::rates::{Heating, POINTS_PER_TASK, Rates, Stability, Terms, load, load_weighted};
 use super::treatments::CompleteFamily;
+use super::walls::{FluidAtWall, Walls};
 
 /// Least eigenvalue of `A / a`, that of a flat free surface: where a family has less, as at corners, the fluid is a
 /// little softer, which does no harm where nothing presses.
@@ -45,6 +47,11 @@ const COMPLETE: f64 = 0.85;
 /// Components of `A^-1`, in the order in which they are kept: those of two axes come first.
 const COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (0, 1), (2, 2), (1, 2), (0, 2)];
 
+/// Whether a component stands on the diagonal.
+pub(super) fn is_diagonal(component: usize) -> bool {
+    COMPONENTS[component].0 == COMPONENTS[component].1
+}
+
 /// Number of them.
 const fn components(dimension: usize) -> usize {
     dimension * (dimension + 1) / 2
@@ -56,6 +63,9 @@ pub(super) struct Conservative {
     dimension: usize,
     family: Arc<Family>,
     complete: CompleteFamily,
+    walls: Walls,
+    /// 1 for viscous forces along bonds, else 0.
+    central: f64,
     /// Crowding of a complete family, 1/m.
     crowd: f64,
     /// m.
@@ -102,6 +112,8 @@ struct Survey<const D: usize> {
     laplacian: f64,
     /// m.
     horizon: f64,
+    /// 1 for viscous forces along bonds, `(d + 2) (v_j - v_i) . e e` in place of `v_j - v_i`, else 0.
+    central: f64,
 }
 
 /// Kernel over influence of Wendland, for a share of the horizon.
@@ -131,10 +143,14 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey
         }
         let share = weight * self.laplacian;
         let viscous = share * 0.5 * (own[2 * D + 1] + other[2 * D + 1]);
-        let mut square = 0.0;
-        for v in held {
-            put(viscous * v);
-            square += v * v;
+        let plain = 1.0 - self.central;
+        let stretch: f64 = (0..D).map(|a| held[a] * xi[a]).sum();
+        let along_bond =
+            self.central * (D as f64 + 2.0) * stretch * bond.by_length * bond.by_length;
+        let mut square = along_bond * stretch;
+        for (v, x) in held.iter().zip(along) {
+            put(viscous * (plain * v + along_bond * x));
+            square += plain * v * v;
         }
         // half of the work of a pair goes to each end
         put(0.5 * viscous * square);
@@ -201,7 +217,12 @@ fn inverted<const D: usize>(sums: &[f64], complete: f64) -> (Matrix3<f64>, bool)
 }
 
 impl Conservative {
-    pub(super) fn new(family: Arc<Family>, body: &Body, complete: CompleteFamily) -> Self {
+    pub(super) fn new(
+        family: Arc<Family>,
+        body: &Body,
+        complete: CompleteFamily,
+        (walls, is_central): (Walls, bool),
+    ) -> Self {
         let dimension = body.dimension;
         let horizon = family.spec().horizon.of(body.finest_spacing());
         let mut crowd = complete.own_content;
@@ -212,6 +233,8 @@ impl Conservative {
             dimension,
             family,
             complete,
+            walls,
+            central: if is_central { 1.0 } else { 0.0 },
             crowd,
             horizon,
             velocity: vec![Vec::new(); dimension],
@@ -233,22 +256,33 @@ impl Conservative {
         2.0 / self.complete.moment
     }
 
-    /// In `D` dimensions, with `I` inputs and `O` sums.
-    fn survey<const D: usize, const I: usize, const O: usize>(&mut self, held: &[Vec<f64>]) {
-        let kernel = Survey::<D> {
+    /// The kernel of [`Conservative::survey`].
+    fn survey_kernel<const D: usize>(&self) -> Survey<D> {
+        Survey {
             laplacian: self.laplacian(),
             horizon: self.horizon,
-        };
-        let points = self.surveyed.len();
-        self.sums.resize(points * O, 0.0);
+            central: self.central,
+        }
+    }
+
+    /// In `D` dimensions, with `I` inputs and `O` sums.
+    fn survey<const D: usize, const I: usize, const O: usize>(&mut self, held: &[Vec<f64>]) {
+        let kernel = self.survey_kernel::<D>();
+        let mut all_sums = std::mem::take(&mut self.sums);
+        all_sums.resize(self.surveyed.len() * O, 0.0);
         let inputs: [&[f64]; I] = std::array::from_fn(|i| match i {
             _ if i < D => &self.velocity[i][..],
             _ if i < 2 * D => &held[i - D],
             _ if i == 2 * D => &self.density,
             _ => &self.viscosity,
         });
-        let (sums, _) = self.sums.as_chunks_mut::<O>();
+        let (sums, _) = all_sums.as_chunks_mut::<O>();
         self.family.sum(&kernel, inputs, sums);
+        if !self.walls.is_empty() {
+            let own = |point: usize| inputs.map(|input| input[self.family.slot_of(point)]);
+            self.walls
+                .add_velocity::<D, I, O>(&kernel, own, viscous_sums::<D>(), sums);
+        }
 
         let (complete, crowd) = (self.complete, self.crowd);
         let found = self.surveyed.par_iter_mut().zip(&*sums);
@@ -279,6 +313,51 @@ impl Conservative {
                     false => 0.0,
                 };
             });
+        self.sums = all_sums;
+        let surveyed = &mut self.surveyed;
+        self.walls
+            .for_each_compression(|point, extra| surveyed[point].divergence += extra);
+    }
+
+    /// Gives the walls the opposite of what pressure and viscosity do to the fluid in a time (s).
+    fn give<const D: usize, const I: usize, const O: usize, const P: usize>(
+        &mut self,
+        world: &World,
+        held: &[Vec<f64>],
+        time: f64,
+    ) {
+        let mut walls = std::mem::take(&mut self.walls);
+        let (survey, moment) = (self.survey_kernel::<D>(), self.complete.moment);
+        let moving = |point: usize| -> [f64; I] {
+            let slot = self.family.slot_of(point);
+            std::array::from_fn(|i| match i {
+                _ if i < D => self.velocity[i][slot],
+                _ if i < 2 * D => held[i - D][slot],
+                _ if i == 2 * D => self.density[slot],
+                _ => self.viscosity[slot],
+            })
+        };
+        let pressed = |point: usize| self.pressed::<P>(point);
+        walls.give(world, time, |wall, n| {
+            let forces = viscous_sums::<D>();
+            let viscous: [f64; O] = wall.velocity_part::<D, I, O>(n, &survey, &moving, &forces);
+            let pressure: [f64; D] = wall.pressure_part(n, &Push::<D>, &pressed, moment);
+            let mut force = Vector3::zeros();
+            for a in 0..D {
+                force[a] = pressure[a] + viscous[forces.start + a];
+            }
+            force
+        });
+        self.walls = walls;
+    }
+
+    /// Pressure and `A^-1` of a point: inputs of [`Push`].
+    fn pressed<const P: usize>(&self, point: usize) -> [f64; P] {
+        let slot = self.family.slot_of(point);
+        std::array::from_fn(|i| match i {
+            0 => self.pressure[slot],
+            _ => self.inverse[i - 1][slot],
+        })
     }
 
     fn push<const D: usize, const I: usize>(&mut self) {
@@ -287,9 +366,22 @@ impl Conservative {
             0 => &self.pressure[..],
             _ => &self.inverse[i - 1],
         });
-        let (sums, _) = self.push.as_chunks_mut::<D>();
+        let mut push = std::mem::take(&mut self.push);
+        let (sums, _) = push.as_chunks_mut::<D>();
         self.family.sum(&Push::<D>, inputs, sums);
+        if !self.walls.is_empty() {
+            let own = |point: usize| self.pressed::<I>(point);
+            let (walls, moment) = (&self.walls, self.complete.moment);
+            walls.add_pressure(&Push::<D>, own, moment, sums);
+        }
+        self.push = push;
     }
+}
+
+/// The sums of [`Survey`] that are the force of viscosity and its heat.
+fn viscous_sums<const D: usize>() -> std::ops::Range<usize> {
+    let first = components(D) + D * D;
+    first..first + D + 1
 }
 
 impl Rates for Conservative {
@@ -305,6 +397,22 @@ impl Rates for Conservative {
         self.family = Arc::default();
         self.family = family();
         Ok(())
+    }
+
+    fn follow_walls(&mut self, world: &World, body: BodyIndex) {
+        self.walls.follow(world, body);
+    }
+
+    fn give_impulses(&mut self, world: &World, velocity: &[Vec<f64>], time: f64) {
+        match self.dimension {
+            _ if self.walls.is_empty() => (),
+            2 => self.give::<2, 6, 14, 4>(world, velocity, time),
+            _ => self.give::<3, 8, 24, 7>(world, velocity, time),
+        }
+    }
+
+    fn walls(&self) -> Option<&Walls> {
+        Some(&self.walls)
     }
 
     fn stability(&self) -> Stability {
@@ -360,6 +468,15 @@ impl Rates for Conservative {
             self.family.fill_layers_turning(mirrored, |axis| axis == a);
         }
         self.surveyed.resize(density.len(), Surveyed::default());
+        let slope = |i: usize| Vector3::from_fn(|a, _| terms.density_slope(i, a));
+        self.walls.set_velocity(&FluidAtWall {
+            slot_of: |point| self.family.slot_of(point),
+            velocity: &self.velocity,
+            density: &self.density,
+            viscosity: &self.viscosity,
+            slope,
+            moment: self.complete.moment,
+        });
         match self.dimension {
             2 => self.survey::<2, 6, 14>(velocity),
             _ => self.survey::<3, 8, 24>(velocity),
@@ -381,6 +498,12 @@ impl Rates for Conservative {
             pressure,
             &mut self.pressure,
             |axis, point, distance| force.map_or(0.0, |f| f[point][axis] * distance),
+        );
+        let family = &self.family;
+        self.walls.set_pressure(
+            |point| family.slot_of(point),
+            &self.pressure,
+            |point| force.map_or_else(Vector3::zeros, |f| f[point]),
         );
         match self.dimension {
             2 => self.push::<2, 4>(),

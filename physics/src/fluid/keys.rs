@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::run::Run;
 use super::state::State;
+use super::walls::Walls;
 
 /// Weakly compressible laminar flow; owns `velocity`, `density` and `pressure`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -143,6 +144,9 @@ pub enum Stress {
     Incompressible,
     /// With `mu/3 grad div v`.
     Compressible,
+    /// Along the bonds, `mu (lap v + 2 grad div v)`: keeps angular momentum to rounding and lets a fluid with a free
+    /// surface turn without friction. Conservative form only.
+    Central,
 }
 
 /// Order of the parts of a step; all but `published` keep the amplitude of sound waves (spec 05, 1.5).
@@ -226,6 +230,34 @@ impl Fluid {
         }
     }
 
+    /// Refuses bodies as walls where the form does not know them.
+    pub(super) fn check_walls(&self, walls: &Walls) -> Result<(), SetupError> {
+        if !walls.is_empty() && self.form != Form::Conservative {
+            let message = "a body is a wall for this fluid, which only the conservative form knows";
+            let expected = "`form = \"conservative\"`";
+            return Err(SetupError::value("form", message, expected));
+        }
+        if !walls.is_empty() && self.surface != Surface::Natural {
+            let message = "zero pressure at surfaces would also act at the body that is a wall";
+            return Err(SetupError::value(
+                "surface",
+                message,
+                "`surface = \"natural\"`",
+            ));
+        }
+        Ok(())
+    }
+
+    /// Whether forces act along bonds or keep moments, and points move with their own velocity.
+    pub(super) fn keeps_angular_momentum(&self) -> bool {
+        self.form == Form::Conservative
+            && self.stress == Stress::Central
+            && self.surface == Surface::Natural
+            && self.smoothing == 0
+            && self.xsph == 0.0
+            && self.shifting == 0.0
+    }
+
     fn check_conservative(&self, body: &Body) -> Result<(), SetupError> {
         if self.description != Description::UpdatedLagrangian {
             let message = "the conservative form is defined for points that change neighbours";
@@ -234,7 +266,7 @@ impl Fluid {
         }
         if self.stress == Stress::Compressible {
             let message = "the pairwise viscosity of the conservative form is incompressible";
-            let expected = "`stress = \"incompressible\"`";
+            let expected = "`stress = \"incompressible\"` or `\"central\"`";
             return Err(SetupError::value("stress", message, expected));
         }
         if body.finest_spacing() < body.coarsest_spacing() {
@@ -245,6 +277,11 @@ impl Fluid {
     }
 
     fn check_description(&self) -> Result<(), SetupError> {
+        if self.stress == Stress::Central && self.form != Form::Conservative {
+            let message = "forces along bonds belong to the conservative form";
+            let expected = "`form = \"conservative\"`, or another `stress`";
+            return Err(SetupError::value("stress", message, expected));
+        }
         if self.convection != Convection::default() && self.eulerian_convection().is_none() {
             let message = "`convection` applies to the Eulerian description only";
             let expected = "`description = \"eulerian\"`";

@@ -48,6 +48,7 @@ mod step;
 #[cfg(test)]
 mod tests;
 mod treatments;
+mod walls;
 
 pub use keys::{Convection, Description, Energy, Fluid, Form, Scheme, Stress, Surface};
 pub use state::{State, Tait};
@@ -79,6 +80,10 @@ impl Physics for Fluid {
         run.initial_mass = run.mass(world);
         if run.momentum.is_some() {
             run.momentum = Some([run.momentum_now(world, |v| *v), Vector3::zeros()]);
+        }
+        if run.angular_momentum.is_some() {
+            let now = run.angular_momentum_now(world, |x, v| x.cross(v));
+            run.angular_momentum = Some([now, Vector3::zeros()]);
         }
         run.set_configuration(world).map_err(|e| failed(e, 0.0))
     }
@@ -142,7 +147,7 @@ impl Physics for Fluid {
         let mass = run.moving.as_ref().map(|m| &m.mass);
         Box::new((
             run.initial_mass,
-            run.momentum,
+            (run.momentum, run.angular_momentum),
             run.steps,
             run.stability,
             mass,
@@ -157,7 +162,7 @@ impl Physics for Fluid {
         let mass: Option<Vec<f64>>;
         (
             run.initial_mass,
-            run.momentum,
+            (run.momentum, run.angular_momentum),
             run.steps,
             run.stability,
             mass,

@@ -13,11 +13,12 @@ use super::boundaries::check_closed;
 use super::conservative::Conservative;
 use super::differences::Differences;
 use super::heat::{Heat, HeatedFace};
-use super::keys::{Description, Fluid, Form};
+use super::keys::{Description, Fluid, Form, Stress};
 use super::medium::{Coefficient, Medium};
 use super::rates::{LargestSums, Rates};
 use super::run::{Moving, Run};
 use super::treatments::{CompleteFamily, Treatments};
+use super::walls::Walls;
 
 /// Where the points are: a family, and what moves them.
 struct Neighbours {
@@ -43,12 +44,19 @@ impl Run {
         }
         let heat = prepare_heat(fluid, setup, body)?;
         let medium = prepare_medium(fluid, setup, body, heat.is_some())?;
-        let Neighbours { family, moving } = neighbours(fluid, setup, body, walls)?;
+        let has_faces = !walls.is_empty();
+        let spec = family_spec(fluid, walls);
+        let solids = Walls::prepare(setup, body, &spec)?;
+        fluid.check_walls(&solids)?;
+        let Neighbours { family, moving } = neighbours(fluid, setup, body, &spec)?;
         let this = setup.body(body);
         let sums = LargestSums::of(&family, this.points.len());
         let treatments = Treatments::new(CompleteFamily::of(this, &family), this.dimension);
         let rates: Box<dyn Rates> = match fluid.form {
-            Form::Conservative => Box::new(Conservative::new(family, this, treatments.complete)),
+            Form::Conservative => {
+                let walls = (solids, fluid.stress == Stress::Central);
+                Box::new(Conservative::new(family, this, treatments.complete, walls))
+            }
             Form::Differences => {
                 let pddo = Pddo::build(this, family, 2);
                 let pddo = pddo.map_err(|e| SetupError::other("horizon", e))?;
@@ -56,6 +64,9 @@ impl Run {
             }
         };
         let is_periodic = this.periodic[..this.dimension] == [true; 3][..this.dimension];
+        let is_partly_periodic = this.periodic.contains(&true);
+        let keeps_angular_momentum =
+            !has_faces && !is_partly_periodic && fluid.keeps_angular_momentum();
         Ok(Run {
             body,
             velocity,
@@ -82,7 +93,8 @@ impl Run {
             }),
             steps: 0,
             initial_mass: 0.0,
-            momentum: is_periodic.then(Default::default),
+            momentum: (is_periodic || !has_faces).then(Default::default),
+            angular_momentum: keeps_angular_momentum.then(Default::default),
             kinetic_energy: 0.0,
             density_deviation: 0.0,
         })
@@ -111,14 +123,8 @@ impl Run {
     }
 }
 
-/// The family of the points, which follows them in the updated Lagrangian description.
-fn neighbours(
-    fluid: &Fluid,
-    setup: &mut Setup<'_>,
-    body: BodyIndex,
-    walls: Vec<Face>,
-) -> Result<Neighbours, SetupError> {
-    let spec = FamilySpec {
+fn family_spec(fluid: &Fluid, walls: Vec<Face>) -> FamilySpec {
+    FamilySpec {
         partial_volume: fluid.partial_volume,
         influence: fluid.influence.unwrap_or(match fluid.form {
             Form::Differences => Influence::Gaussian,
@@ -126,16 +132,25 @@ fn neighbours(
         }),
         layers: walls,
         ..Pddo::spec(fluid.horizon)
-    };
+    }
+}
+
+/// The family of the points, which follows them in the updated Lagrangian description.
+fn neighbours(
+    fluid: &Fluid,
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+    spec: &FamilySpec,
+) -> Result<Neighbours, SetupError> {
     if fluid.description != Description::UpdatedLagrangian {
-        let family = setup.family(body, &spec)?;
+        let family = setup.family(body, spec)?;
         return Ok(Neighbours {
             family,
             moving: None,
         });
     }
     let mover = setup.move_points(body)?;
-    let family = setup.moving_family(body, &spec)?;
+    let family = setup.moving_family(body, spec)?;
     Ok(Neighbours {
         family: setup.current_family(family),
         moving: Some((mover, family)),

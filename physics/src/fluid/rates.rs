@@ -5,11 +5,13 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::material::EnthalpyCurve;
-use perimelt_core::{Family, PddoError};
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Family, PddoError, World};
 use rayon::prelude::*;
 
 use super::keys::Convection;
 use super::medium::Medium;
+use super::walls::Walls;
 
 /// Least number of points that a thread takes at once.
 pub(super) const POINTS_PER_TASK: usize = 1024;
@@ -127,6 +129,17 @@ pub(super) trait Rates: std::fmt::Debug {
         positions: &[Vector3<f64>],
         family: &dyn Fn() -> Arc<Family>,
     ) -> Result<(), PddoError>;
+
+    /// Takes positions and velocities of the bodies that are walls for the fluid of `body`.
+    fn follow_walls(&mut self, _world: &World, _body: BodyIndex) {}
+
+    /// Gives the walls the opposite of what they do to the fluid in a time (s), with the velocity by slot as last set.
+    fn give_impulses(&mut self, _world: &World, _velocity: &[Vec<f64>], _time: f64) {}
+
+    /// Bodies that are walls.
+    fn walls(&self) -> Option<&Walls> {
+        None
+    }
 
     /// What the largest stable step depends on, for the points at their reference positions.
     fn stability(&self) -> Stability;

@@ -6,9 +6,10 @@ use perimelt_core::{Balance, Report, World};
 
 use super::heat::HeatedFace;
 use super::run::Run;
+use super::walls::Walls;
 
 impl Run {
-    /// Mass, and momentum where the box is periodic along all axes.
+    /// Mass, and momentum and angular momentum where no face takes any.
     pub(super) fn balances(&self, world: &World) -> Vec<Balance> {
         let mass = Balance::new("mass", "kg", self.mass(world), self.initial_mass, 0.0);
         let mut all = vec![mass.of_size(self.initial_mass)];
@@ -18,6 +19,18 @@ impl Run {
             for (axis, name) in ["x", "y", "z"].iter().enumerate().take(self.slots.len()) {
                 let name = format!("momentum.{name}");
                 let balance = Balance::new(&name, "N s", now[axis], initial[axis], given[axis]);
+                all.push(balance.of_size(size[axis]));
+            }
+        }
+        if let Some([initial, given]) = self.angular_momentum {
+            let now = self.angular_momentum_now(world, |x, v| x.cross(v));
+            let size =
+                self.angular_momentum_now(world, |x, v| Vector3::repeat(x.norm() * v.norm()));
+            let axes = if self.slots.len() == 2 { 2..3 } else { 0..3 };
+            for axis in axes {
+                let name = format!("angular_momentum.{}", ["x", "y", "z"][axis]);
+                let (now, initial, given) = (now[axis], initial[axis], given[axis]);
+                let balance = Balance::new(&name, "N m s", now, initial, given);
                 all.push(balance.of_size(size[axis]));
             }
         }
@@ -36,6 +49,7 @@ impl Run {
         ];
         let faces = self.heat.iter().flat_map(|h| &h.faces);
         all.extend(faces.flat_map(HeatedFace::reports));
+        all.extend(self.rates.walls().into_iter().flat_map(Walls::reports));
         all
     }
 

@@ -35,8 +35,10 @@ pub(super) struct Run {
     pub(super) moving: Option<Moving>,
     pub(super) steps: u64,
     pub(super) initial_mass: f64,
-    /// Where the box is periodic along all axes: momentum at the start and given by forces since, N s.
+    /// Where no face takes momentum: at the start and given by forces and walls since, N s.
     pub(super) momentum: Option<[Vector3<f64>; 2]>,
+    /// Where it is kept: angular momentum about the origin, likewise, N m s.
+    pub(super) angular_momentum: Option<[Vector3<f64>; 2]>,
     /// J.
     pub(super) kinetic_energy: f64,
     /// Largest `|rho/rho0 - 1|`.
@@ -93,6 +95,20 @@ impl Run {
         let mass = self.mass_of_points(world, &density);
         let points = velocity.iter().enumerate();
         points.map(|(i, v)| mass(i) * of(v)).sum()
+    }
+
+    /// Sum of mass times `of(position, velocity)`, with the current positions, N m s.
+    pub(super) fn angular_momentum_now(
+        &self,
+        world: &World,
+        of: impl Fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>,
+    ) -> Vector3<f64> {
+        let velocity = world.read::<Vector3<f64>>(self.velocity.into());
+        let density = world.read::<f64>(self.density.into());
+        let mass = self.mass_of_points(world, &density);
+        let now = world.configuration(self.body);
+        let points = velocity.iter().zip(now.positions()).enumerate();
+        points.map(|(i, (v, x))| mass(i) * of(x, v)).sum()
     }
 
     /// Gives points that move the mass of their reference volumes.

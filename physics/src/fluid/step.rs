@@ -45,6 +45,7 @@ impl Run {
         step: Step,
     ) -> Result<(), PddoError> {
         self.set_temperature(world);
+        self.rates.follow_walls(world, self.body);
         self.advance_flow(fluid, world, step);
         self.steps += 1;
         self.smooth(fluid, world);
@@ -105,7 +106,7 @@ impl Run {
             let strength = step.size * fluid.artificial_viscosity;
             advance.artificial_viscosity(strength, &mut flow);
         }
-        advance.flow(fluid, &mut flow);
+        advance.flow(fluid, world, &mut flow);
     }
 
     /// Smooths velocity and density in every n-th step.
@@ -158,19 +159,35 @@ impl Run {
         keep_inside(body, &rules, &mut displacement, &mut velocity);
     }
 
-    /// Adds what the body force gave to the momentum, where it is balanced.
+    /// Adds what body force and walls gave to the momentum and its moment, where they are balanced.
     fn count_momentum(&mut self, fluid: &Fluid, world: &World, step: Step) {
-        let (Some([initial, mut given]), Some(force)) = (self.momentum, self.body_force) else {
+        if self.momentum.is_none() {
             return;
-        };
-        let density = world.read::<f64>(self.density.into());
-        let mass = self.mass_of_points(world, &density);
-        let dt = step.size * startup(fluid.startup, step.middle());
-        for (i, f) in world.read(force).iter().enumerate() {
-            given += dt * mass(i) / self.medium.reference_density[i] * f;
         }
-        drop(mass);
-        self.momentum = Some([initial, given]);
+        let time = step.size * startup(fluid.startup, step.middle());
+        let mut given = [Vector3::zeros(); 2];
+        if let Some(force) = self.body_force {
+            let density = world.read::<f64>(self.density.into());
+            let mass = self.mass_of_points(world, &density);
+            let now = world.configuration(self.body);
+            for (i, (f, x)) in world.read(force).iter().zip(now.positions()).enumerate() {
+                let force = mass(i) / self.medium.reference_density[i] * f;
+                given[0] += force;
+                given[1] += x.cross(&force);
+            }
+        }
+        if let Some(walls) = self.rates.walls() {
+            let on_walls = walls.total_force(world);
+            (0..2).for_each(|k| given[k] -= on_walls[k]);
+        }
+        for (account, given) in [&mut self.momentum, &mut self.angular_momentum]
+            .into_iter()
+            .zip(given)
+        {
+            if let Some([_, sum]) = account {
+                *sum += time * given;
+            }
+        }
     }
 }
 
@@ -222,7 +239,7 @@ impl Advance<'_> {
     }
 
     /// Advances density, pressure and velocity.
-    fn flow(&mut self, fluid: &Fluid, flow: &mut Flow<'_>) {
+    fn flow(&mut self, fluid: &Fluid, world: &World, flow: &mut Flow<'_>) {
         let (dt, force) = (self.dt, self.terms.force);
         let (first, last) = match fluid.scheme {
             Scheme::KickDriftKick => (0.5 * dt, 0.5 * dt),
@@ -232,8 +249,7 @@ impl Advance<'_> {
             self.rates.set_pressure(flow.pressure, force);
         }
         if first > 0.0 {
-            self.rates
-                .advance_velocity(&self.terms, first, flow.velocity, flow.density);
+            self.kick(first, world, flow);
             self.set_velocity(flow);
         }
         let fields = (&mut *flow.density, &mut *flow.pressure);
@@ -246,8 +262,15 @@ impl Advance<'_> {
         if fluid.scheme != Scheme::Published {
             self.rates.set_pressure(flow.pressure, force);
         }
+        self.kick(last, world, flow);
+    }
+
+    /// Advances the velocity by a time (s), and gives the walls the opposite of what they do.
+    fn kick(&mut self, time: f64, world: &World, flow: &mut Flow<'_>) {
         self.rates
-            .advance_velocity(&self.terms, last, flow.velocity, flow.density);
+            .advance_velocity(&self.terms, time, flow.velocity, flow.density);
+        let time = time * self.terms.acceleration_fraction;
+        self.rates.give_impulses(world, self.slots, time);
     }
 }
 

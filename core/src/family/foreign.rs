@@ -1,0 +1,392 @@
+//! Bonds between the points of a body and those of another one: its *foreign ghosts*.
+//!
+//! A physics whose matter meets another body adds these bonds to the sums over its own family. They are weighted as
+//! that family weighs its members, so that a foreign point in the place of an own one counts as much; the
+//! horizon and the spacing that partial volumes depend on are those of the body, so that both ends of a bond see the same
+//! influence. Each bond is visited once from either end: what it gives to the one end, the caller can take from
+//! the other one, bond by bond.
+//!
+//! Behind mirrored faces of the body the foreign points have images, too.
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use crate::body::{Body, Face};
+use crate::cell_list::CellList;
+
+use super::{Bond, FamilySpec};
+
+/// Width of the skin as a fraction of the spacing of the body.
+const SKIN: f64 = 0.5;
+
+/// Owners or foreign points that a thread takes at a time.
+const POINTS: usize = 64;
+
+/// A foreign point, or its image behind mirrored faces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ForeignGhost {
+    /// The foreign point.
+    pub point: usize,
+    /// Sign of each component of its vectors: -1 where mirrored.
+    pub mirror: [f64; 3],
+    /// Twice the position of the face that mirrored it along each axis, m.
+    offset: [f64; 3],
+}
+
+impl ForeignGhost {
+    /// Position, m.
+    fn place(&self, foreign: &[Vector3<f64>]) -> Vector3<f64> {
+        self.reflect(foreign[self.point]) + Vector3::from(self.offset)
+    }
+
+    /// A vector of the foreign point as the ghost has it, or of the ghost as the foreign point has it.
+    pub fn reflect(&self, vector: Vector3<f64>) -> Vector3<f64> {
+        vector.component_mul(&Vector3::from(self.mirror))
+    }
+}
+
+/// Bonds of a body to foreign points.
+#[derive(Debug)]
+pub struct ForeignBonds {
+    spec: FamilySpec,
+    /// m.
+    horizon: f64,
+    moment: f64,
+    /// m.
+    spacing: f64,
+    /// Axis and position (m) of mirrored faces.
+    mirrors: Vec<(usize, f64)>,
+    cells: CellList,
+    /// Positions at which the bonds were found, of own and foreign points, m.
+    found_at: [Vec<Vector3<f64>>; 2],
+    ghosts: Vec<ForeignGhost>,
+    /// Own points that have foreign members, ascending.
+    owners: Vec<u32>,
+    /// m³.
+    owner_volume: Vec<f64>,
+    /// First bond of each owner, and the number of bonds.
+    start: Vec<usize>,
+    /// Ghost of each bond.
+    ghost: Vec<u32>,
+    /// Owner of each bond, by its place among the owners.
+    owner: Vec<u32>,
+    bonds: Vec<Bond>,
+    /// First of the bonds of each foreign point in `reverse`, and the number of bonds.
+    reverse_start: Vec<usize>,
+    reverse: Vec<u32>,
+}
+
+/// Current positions (m) and volumes (m³) of the points of a body.
+#[derive(Clone, Copy, Debug)]
+pub struct Places<'a> {
+    /// m.
+    pub positions: &'a [Vector3<f64>],
+    /// m³.
+    pub volumes: &'a [f64],
+}
+
+impl ForeignBonds {
+    /// Bonds as a family of `body` with points of one spacing would have them; none yet.
+    pub fn new(body: &Body, spec: &FamilySpec) -> ForeignBonds {
+        let spacing = body.finest_spacing();
+        let horizon = spec.horizon.of(spacing);
+        let faces = spec.layers.iter().filter(|f| !body.periodic[f.axis()]);
+        let mirror = |f: &Face| (f.axis(), body.face_position(*f));
+        ForeignBonds {
+            spec: spec.clone(),
+            horizon,
+            moment: spec.moment(body, horizon),
+            spacing,
+            mirrors: faces.map(mirror).collect(),
+            cells: CellList::default(),
+            found_at: [Vec::new(), Vec::new()],
+            ghosts: Vec::new(),
+            owners: Vec::new(),
+            owner_volume: Vec::new(),
+            start: Vec::new(),
+            ghost: Vec::new(),
+            owner: Vec::new(),
+            bonds: Vec::new(),
+            reverse_start: Vec::new(),
+            reverse: Vec::new(),
+        }
+    }
+
+    /// Lets own and foreign points be where they are now.
+    pub fn follow(&mut self, own: Places<'_>, foreign: Places<'_>) {
+        let limit = (0.5 * SKIN * self.spacing).powi(2);
+        let has_moved = |now: &[Vector3<f64>], before: &[Vector3<f64>]| {
+            let pairs = now.par_iter().zip(before).with_min_len(4096);
+            now.len() != before.len() || pairs.any(|(x, y)| (x - y).norm_squared() > limit)
+        };
+        if has_moved(own.positions, &self.found_at[0])
+            || has_moved(foreign.positions, &self.found_at[1])
+        {
+            self.find(own.positions, foreign.positions);
+        }
+        self.weigh(own, foreign);
+    }
+
+    fn reach(&self) -> f64 {
+        self.spec.reach(self.horizon, self.spacing) + SKIN * self.spacing
+    }
+
+    /// Foreign points and their images behind mirrored faces, with their positions (m).
+    fn images(&self, foreign: &[Vector3<f64>]) -> (Vec<ForeignGhost>, Vec<Vector3<f64>>) {
+        let as_it_is = |point| ForeignGhost {
+            point,
+            mirror: [1.0; 3],
+            offset: [0.0; 3],
+        };
+        let mut ghosts: Vec<_> = (0..foreign.len()).map(as_it_is).collect();
+        let mut positions = foreign.to_vec();
+        let reach = self.reach();
+        for &(axis, face) in &self.mirrors {
+            for n in 0..ghosts.len() {
+                let (mut ghost, mut x) = (ghosts[n], positions[n]);
+                if ghost.mirror[axis] > 0.0 && (x[axis] - face).abs() <= reach {
+                    (ghost.mirror[axis], ghost.offset[axis]) = (-1.0, 2.0 * face);
+                    x[axis] = 2.0 * face - x[axis];
+                    ghosts.push(ghost);
+                    positions.push(x);
+                }
+            }
+        }
+        (ghosts, positions)
+    }
+
+    fn find(&mut self, own: &[Vector3<f64>], foreign: &[Vector3<f64>]) {
+        let (ghosts, places) = self.images(foreign);
+        let reach = self.reach();
+        self.cells.update(&places, &vec![reach; places.len()]);
+        let near = |x: &Vector3<f64>| {
+            let mut row = Vec::new();
+            self.cells.visit_near(x, reach, |ghost| {
+                if (places[ghost] - x).norm_squared() <= reach * reach {
+                    row.push(ghost as u32);
+                }
+            });
+            row.sort_unstable();
+            row
+        };
+        let rows: Vec<Vec<u32>> = own.par_iter().with_min_len(POINTS).map(near).collect();
+        for list in [&mut self.owners, &mut self.ghost, &mut self.owner] {
+            list.clear();
+        }
+        self.start.clear();
+        self.start.push(0);
+        for (point, row) in rows.into_iter().enumerate().filter(|(_, r)| !r.is_empty()) {
+            let owner = self.owners.len() as u32;
+            self.owners.push(point as u32);
+            self.owner.extend(row.iter().map(|_| owner));
+            self.ghost.extend(row);
+            self.start.push(self.ghost.len());
+        }
+        self.ghosts = ghosts;
+        self.found_at = [own.to_vec(), foreign.to_vec()];
+        self.find_reverse(foreign.len());
+    }
+
+    fn find_reverse(&mut self, foreign: usize) {
+        let point = |ghost: &u32| self.ghosts[*ghost as usize].point;
+        self.reverse_start = vec![0; foreign + 1];
+        for ghost in &self.ghost {
+            self.reverse_start[point(ghost) + 1] += 1;
+        }
+        for i in 0..foreign {
+            self.reverse_start[i + 1] += self.reverse_start[i];
+        }
+        let mut next = self.reverse_start.clone();
+        self.reverse = vec![0; self.ghost.len()];
+        for (bond, ghost) in self.ghost.iter().enumerate() {
+            let place = &mut next[point(ghost)];
+            self.reverse[*place] = bond as u32;
+            *place += 1;
+        }
+    }
+
+    fn weigh(&mut self, own: Places<'_>, foreign: Places<'_>) {
+        let mut bonds = std::mem::take(&mut self.bonds);
+        let nothing = Bond {
+            xi: [0.0; 3],
+            length: 0.0,
+            by_length: 0.0,
+            weight: 0.0,
+            dual: 0.0,
+        };
+        bonds.resize(self.ghost.len(), nothing);
+        self.owner_volume.clear();
+        let volumes = self.owners.iter().map(|p| own.volumes[*p as usize]);
+        self.owner_volume.extend(volumes);
+        let numbered = bonds.par_iter_mut().enumerate().with_min_len(1024);
+        numbered.for_each(|(n, bond)| {
+            let point = self.owners[self.owner[n] as usize] as usize;
+            let ghost = &self.ghosts[self.ghost[n] as usize];
+            let xi = ghost.place(foreign.positions) - own.positions[point];
+            let length = xi.norm();
+            let influence = self.spec.share(self.horizon, self.spacing, length) / self.moment;
+            *bond = Bond {
+                xi: xi.into(),
+                length,
+                by_length: if length > 0.0 { 1.0 / length } else { 0.0 },
+                weight: influence * foreign.volumes[ghost.point],
+                dual: influence * own.volumes[point],
+            };
+        });
+        self.bonds = bonds;
+    }
+
+    /// Number of bonds.
+    pub fn len(&self) -> usize {
+        self.bonds.len()
+    }
+
+    /// Whether no foreign point is near.
+    pub fn is_empty(&self) -> bool {
+        self.bonds.is_empty()
+    }
+
+    /// Own points that have foreign members, ascending.
+    pub fn owners(&self) -> &[u32] {
+        &self.owners
+    }
+
+    /// A bond by its number, with its own point and its ghost.
+    pub fn bond(&self, number: usize) -> (&Bond, usize, &ForeignGhost) {
+        let point = self.owners[self.owner[number] as usize] as usize;
+        let ghost = &self.ghosts[self.ghost[number] as usize];
+        (&self.bonds[number], point, ghost)
+    }
+
+    /// Volume of the own point of a bond, m³.
+    pub fn own_volume(&self, number: usize) -> f64 {
+        self.owner_volume[self.owner[number] as usize]
+    }
+
+    /// For each of the owners, the sum of `part(number of the bond)` over its bonds.
+    pub fn sum_by_owner<const O: usize>(
+        &self,
+        part: impl Fn(usize) -> [f64; O] + Sync,
+        sums: &mut Vec<[f64; O]>,
+    ) {
+        let sum = |n: usize| add_all((self.start[n]..self.start[n + 1]).map(&part));
+        let owners = (0..self.owners.len()).into_par_iter();
+        owners.with_min_len(POINTS).map(sum).collect_into_vec(sums);
+    }
+
+    /// For each foreign point, the sum of `part(number of the bond)` over its bonds and those of its images.
+    pub fn sum_by_foreign<const O: usize>(
+        &self,
+        part: impl Fn(usize) -> [f64; O] + Sync,
+        sums: &mut Vec<[f64; O]>,
+    ) {
+        let sum = |point: usize| {
+            let bonds = &self.reverse[self.reverse_start[point]..self.reverse_start[point + 1]];
+            add_all(bonds.iter().map(|b| part(*b as usize)))
+        };
+        let points = (0..self.reverse_start.len() - 1).into_par_iter();
+        points.with_min_len(POINTS).map(sum).collect_into_vec(sums);
+    }
+}
+
+fn add_all<const O: usize>(parts: impl Iterator<Item = [f64; O]>) -> [f64; O] {
+    parts.fold([0.0; O], |mut sums, part| {
+        (0..O).for_each(|o| sums[o] += part[o]);
+        sums
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::family::{Correction, Family, Influence};
+    use crate::shape::{BoxShape, Shape};
+
+    fn plate(min: [f64; 3], max: [f64; 3]) -> Body {
+        let shape = Shape::Box(BoxShape { min, max });
+        Body::fill("plate", &shape, 2, 0.1, 0.5).expect("valid")
+    }
+
+    fn spec(layers: Vec<Face>) -> FamilySpec {
+        FamilySpec {
+            influence: Influence::Wendland,
+            correction: Correction::None,
+            layers,
+            ..FamilySpec::new(0.3)
+        }
+    }
+
+    fn places(body: &Body) -> Places<'_> {
+        Places {
+            positions: &body.points.position,
+            volumes: &body.points.volume,
+        }
+    }
+
+    /// Moments of the family and of the foreign bonds of each point together.
+    fn moments(body: &Body, family: &Family, foreign: Option<&ForeignBonds>) -> Vec<[f64; 4]> {
+        let mut all = vec![[0.0; 4]; body.points.len()];
+        let part = |bond: &Bond| {
+            let [x, y, _] = bond.xi;
+            [1.0, x * x, y * y, x * y].map(|m| m * bond.weight)
+        };
+        for (point, sums) in all.iter_mut().enumerate() {
+            family.for_each_bond(point, |_, bond, _| {
+                let part = part(bond);
+                (0..4).for_each(|o| sums[o] += part[o]);
+            });
+        }
+        if let Some(foreign) = foreign {
+            let mut sums = Vec::new();
+            foreign.sum_by_owner(|n| part(foreign.bond(n).0), &mut sums);
+            for (&owner, sum) in foreign.owners().iter().zip(&sums) {
+                (0..4).for_each(|o| all[owner as usize][o] += sum[o]);
+            }
+        }
+        all
+    }
+
+    #[test]
+    fn foreign_points_and_their_images_complete_a_family_as_own_points_would() {
+        // the lower half of a body, whose upper half is another body, between mirrored sides
+        let whole = plate([0.0; 3], [0.8, 1.2, 0.1]);
+        let lower = plate([0.0; 3], [0.8, 0.6, 0.1]);
+        let upper = plate([0.0, 0.6, 0.0], [0.8, 1.2, 0.1]);
+        let sides = vec![Face::XMin, Face::XMax, Face::YMin];
+        let family = |body: &Body| Family::moving(body, &spec(sides.clone())).expect("valid");
+        let mut foreign = ForeignBonds::new(&lower, &spec(sides.clone()));
+        foreign.follow(places(&lower), places(&upper));
+        let expected = moments(&whole, &family(&whole), None);
+        let found = moments(&lower, &family(&lower), Some(&foreign));
+        for (x, found) in lower.points.position.iter().zip(&found) {
+            let same = whole.points.position.iter();
+            let at = same.clone().position(|y| (x - y).norm() < 1e-9);
+            let expected = expected[at.expect("the lower half")];
+            assert!((0..4).all(|o| (found[o] - expected[o]).abs() < 1e-12));
+        }
+        // both ends of a bond see it once
+        let (mut owners, mut others) = (Vec::new(), Vec::new());
+        foreign.sum_by_owner(|n| [foreign.bond(n).0.weight], &mut owners);
+        foreign.sum_by_foreign(|n| [foreign.bond(n).0.dual], &mut others);
+        let total = |sums: &[[f64; 1]]| sums.iter().map(|[s]| s).sum::<f64>();
+        assert!((total(&owners) - total(&others)).abs() < 1e-12 * total(&owners));
+    }
+
+    #[test]
+    fn sums_do_not_depend_on_when_bonds_were_found() {
+        let lower = plate([0.0; 3], [0.8, 0.6, 0.1]);
+        let mut upper = plate([0.0, 0.6, 0.0], [0.8, 1.2, 0.1]);
+        let mut old = ForeignBonds::new(&lower, &spec(Vec::new()));
+        old.follow(places(&lower), places(&upper));
+        upper.points.position.iter_mut().for_each(|x| x.y -= 0.02);
+        old.follow(places(&lower), places(&upper));
+        let mut new = ForeignBonds::new(&lower, &spec(Vec::new()));
+        new.follow(places(&lower), places(&upper));
+        let sums = |bonds: &ForeignBonds| {
+            let mut sums = Vec::new();
+            bonds.sum_by_foreign(|n| [bonds.bond(n).0.dual], &mut sums);
+            sums
+        };
+        assert_eq!(sums(&old), sums(&new));
+    }
+}

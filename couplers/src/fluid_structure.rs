@@ -1,0 +1,122 @@
+//! The interface between a fluid and a solid of any shape, deformable or rigid.
+//!
+//! The points of the solid are walls for the fluid: the fluid sees their positions and velocities, and gives each of them
+//! the opposite of what it gets from it, as an impulse at the start of the solid's step: pressure, and the
+//! traction of viscosity unless the fluid slips along the solid. Momentum of fluid and solid is kept to rounding, whatever
+//! steps the two take. The forces themselves are part of the fluid (`fluid`, conservative form), which reports them as
+//! `force.<solid>.x` and so on.
+
+use perimelt_core::{Coupler, RunError, Setup, SetupError, Step, Wall, World};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Largest spacing of the solid in those of the fluid: between the points of a coarser one fluid flows through.
+const COARSEST: f64 = 1.05;
+
+/// A solid is a wall for a fluid, which pushes and drags it.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FluidStructure {
+    /// Body that flows.
+    pub fluid: String,
+    /// Body that is a wall for it, with explicit mechanics or rigid.
+    pub solid: String,
+    /// Whether the fluid slips along the solid; else it sticks.
+    #[serde(default)]
+    pub slip: bool,
+}
+
+#[typetag::serde(name = "fluid_structure")]
+impl Coupler for FluidStructure {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let find = |key: &str, name: &str| {
+            setup.find_body(Some(name)).map_err(|e| SetupError {
+                key: key.into(),
+                ..e
+            })
+        };
+        let (fluid, solid) = (find("fluid", &self.fluid)?, find("solid", &self.solid)?);
+        if fluid == solid {
+            let message = format!("`fluid` and `solid` are both `{}`", self.fluid);
+            return Err(SetupError::value("solid", message, "another body"));
+        }
+        let dimensions = [fluid, solid].map(|b| setup.body(b).dimension);
+        if dimensions[0] != dimensions[1] {
+            let message = format!(
+                "a {}D solid is no wall for a {}D fluid",
+                dimensions[1], dimensions[0]
+            );
+            return Err(SetupError::value(
+                "solid",
+                message,
+                "bodies of one dimension",
+            ));
+        }
+        let spacing = setup.body(fluid).finest_spacing();
+        let coarsest = setup.body(solid).coarsest_spacing();
+        if coarsest > COARSEST * spacing {
+            let message = format!(
+                "the points of body `{}` are {coarsest} m apart, those of the fluid {spacing} m: it would be permeable",
+                self.solid
+            );
+            let expected = "a solid whose spacing is not larger than that of the fluid";
+            return Err(SetupError::value("solid", message, expected));
+        }
+        let slip = self.slip;
+        setup.set_wall(fluid, Wall { other: solid, slip });
+        Ok(())
+    }
+
+    /// The fluid evaluates the interface.
+    fn apply(&mut self, _world: &World, _step: Step) -> Result<(), RunError> {
+        Ok(())
+    }
+
+    fn is_steady(&self) -> bool {
+        true
+    }
+}
+
+perimelt_core::register_coupler!("fluid_structure", FluidStructure);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, block, read, refusal};
+
+    #[test]
+    fn mistakes_are_refused() {
+        let world = || {
+            let mut solid = block([3, 3, 1], 2, STEEL);
+            solid.name = "gate".into();
+            World::new(vec![
+                block([3, 3, 1], 2, STEEL),
+                solid,
+                block([2, 2, 2], 3, STEEL),
+            ])
+        };
+        let mut third = world();
+        third = {
+            let mut bodies = third.bodies().to_vec();
+            bodies[2].name = "cube".into();
+            World::new(bodies)
+        };
+        for (keys, message) in [
+            ("fluid = 'block'\nsolid = 'block'", "are both `block`"),
+            (
+                "fluid = 'block'\nsolid = 'gat'",
+                "solid: no body is called `gat`; did you mean `gate`?",
+            ),
+            (
+                "fluid = 'block'\nsolid = 'cube'",
+                "a 3D solid is no wall for a 2D fluid",
+            ),
+            // nothing flows
+            ("fluid = 'block'\nsolid = 'gate'", "no physics"),
+        ] {
+            let mut interface: FluidStructure = read(keys);
+            let found = refusal(&mut third, &mut interface);
+            assert!(found.contains(message), "{found}");
+        }
+    }
+}
