@@ -17,6 +17,7 @@ pub mod cell_list;
 pub mod error;
 pub mod family;
 pub mod field;
+pub mod in_time;
 pub mod log;
 pub mod material;
 pub mod pddo;
@@ -36,6 +37,7 @@ pub use family::{
     Operator, PartialVolume,
 };
 pub use field::{Key, Read, ReadIfProvided, Write, keys};
+pub use in_time::InTime;
 pub use pddo::{Derivatives, Pddo, PddoError};
 pub use plugin::{Balance, Clock, Coupler, Physics, Report, Step, StepSize, Update, Work};
 pub use setup::Setup;

@@ -39,7 +39,6 @@ pub mod contact;
 pub mod deformation_heat;
 pub mod expansion;
 pub mod heat_source;
-pub mod in_time;
 pub mod phase_change;
 pub mod plastic_heat;
 mod rate;
@@ -49,7 +48,7 @@ mod surface;
 mod testing;
 pub mod toolpath;
 
-pub use in_time::InTime;
+pub use perimelt_core::in_time::{self, InTime};
 
 #[cfg(test)]
 mod tests {
