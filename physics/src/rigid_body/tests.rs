@@ -129,7 +129,8 @@ fn a_damped_spring_swings_with_an_error_of_second_order() {
 #[test]
 fn an_automatic_step_is_that_of_the_stiffest_spring() {
     let keys = "spring = { x = 64, y = 6400 }";
-    let s = rigid([4, 2, 1], keys, Push::default(), 1.0);
+    let mut s = rigid([4, 2, 1], keys, Push::default(), 1.0);
+    s.start().expect("starts");
     // safety factor 0.9 of 2 / omega = 0.2 s, divided evenly
     assert!(s.macro_step() <= 0.18 && s.macro_step() > 0.1);
 }
@@ -208,7 +209,8 @@ fn a_tumbling_box_keeps_angular_momentum_energy_and_shape_over_many_turns() {
     let positions = &s.world().body(0).points.position;
     let (last, after) = (before.len() - 1, vectors(&s, "displacement"));
     let distance = |u: &[Vector3<f64>]| (positions[last] + u[last] - positions[0] - u[0]).norm();
-    assert!((distance(&after) / distance(&before) - 1.0).abs() < 1e-13);
+    // the box has travelled 374 m, where the displacements of its points are rounded by up to 3e-14 m each
+    assert!((distance(&after) - distance(&before)).abs() < 3e-13);
     assert!((after[0] - before[0]).norm() > 100.0);
 }
 
