@@ -18,6 +18,7 @@ pub mod configuration;
 pub mod error;
 pub mod family;
 pub mod field;
+pub mod in_time;
 pub mod log;
 pub mod material;
 pub mod pair_list;
@@ -40,6 +41,7 @@ pub use family::{
 };
 pub use field::{Key, Read, ReadIfProvided, Write, keys};
 pub use pair_list::PairList;
+pub use in_time::InTime;
 pub use pddo::{Derivatives, Pddo, PddoError};
 pub use plugin::{Balance, Clock, Coupler, Physics, Report, Step, StepSize, Update, Work};
 pub use setup::{Setup, Wall};

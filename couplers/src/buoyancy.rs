@@ -1,8 +1,8 @@
 //! Buoyancy of a fluid whose density hardly changes with temperature (Boussinesq):
 //! `body_force -= rho0 beta (T - T_ref) g`, with `beta` three times the linear thermal expansion.
 //!
-//! Gao (2020), eqs. 5.128 to 5.136. The weight itself only makes a hydrostatic pressure and is left out; so
-//! would a reference temperature in the middle of those that occur keep pressures small.
+//! Gao (2020), eqs. 5.128 to 5.136. The weight at the reference temperature is balanced by a hydrostatic pressure and is
+//! left out. A reference temperature in the middle of the range of temperatures keeps pressures small.
 
 use nalgebra::Vector3;
 use perimelt_core::material::Property;
@@ -23,13 +23,16 @@ pub struct Buoyancy {
     pub reference_temperature: f64,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<Prepared>,
+    prepared: Option<BuoyancyState>,
 }
 
+/// Handles and properties of the body.
 #[derive(Debug)]
-struct Prepared {
+struct BuoyancyState {
     body: usize,
+    /// By material, kg/m³.
     density: Vec<f64>,
+    /// Linear thermal expansion by material, 1/K.
     expansion: Vec<Property>,
     temperature: Read<f64>,
     body_force: Write<Vector3<f64>>,
@@ -39,7 +42,7 @@ struct Prepared {
 impl Coupler for Buoyancy {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        self.prepared = Some(Prepared {
+        self.prepared = Some(BuoyancyState {
             body,
             density: setup.reference_densities(body)?,
             expansion: setup.property(body, "thermal_expansion")?,

@@ -4,19 +4,20 @@
 //! heat_source -= alpha T d(eigenstress)/dt           (W/m³)
 //! ```
 //!
-//! `eigenstress` comes from the mechanical physics: in a bond-based solid
-//! `sum_j (c/2) (extension) v V`, positive in extension (spec 04, 1.6). Its change since the
-//! heat was last computed is taken up in full, whatever the steps of the two physics.
-//! With `linearised_at = T0` the heat is -alpha T0 times it: the linear theory that closed
-//! forms and the sources use, in which `temperature` may also be a change from T0.
+//! `eigenstress` comes from the mechanical physics: in a bond-based solid it is
+//! `sum_j (c/2) (extension) v V`, positive in extension (spec 04, 1.6). The heat contains its whole
+//! change since the heat was last computed, whatever the step sizes of the two physics.
+//! With `linearised_at = T0` the factor is alpha T0. This is the linear theory of closed forms and
+//! published benchmarks; `temperature` may then be the difference from T0.
 //!
-//! With the default single pass of a macro step, heat and expansion lag one step behind: at
-//! rest this fades with the step, but a free vibration is fed in proportion to the step. With
-//! `time.iteration` both meet within the step and energy is kept to the order of the integrator.
+//! With the default single pass of a macro step, heat and expansion lag one step behind. In a slow
+//! process this error vanishes with the step; a free vibration gains energy in proportion to the
+//! step. With `time.iteration` both are consistent at the end of the step, and energy is kept to the
+//! order of the integrator.
 //!
-//! Alpha is the coefficient at the temperature of the point; that of a steep table should be
-//! the tangent one, which differs from the secant one that expansion needs. Not for plastic
-//! or viscous heat.
+//! Alpha is the coefficient at the temperature of the point. The heat needs the tangent coefficient,
+//! thermal expansion the secant coefficient; in a steep table the two differ. Not for plastic or
+//! viscous heat.
 
 use perimelt_core::material::Property;
 use perimelt_core::{
@@ -35,25 +36,26 @@ pub struct DeformationHeat {
     /// Body; may be left out when there is one only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// Temperature in the place of the current one (K), for the linear theory; left out: the
-    /// current one.
+    /// Temperature of the linear theory (K); the current temperature when left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub linearised_at: Option<f64>,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<Prepared>,
+    prepared: Option<DeformationHeatState>,
 }
 
+/// Handles, properties and the eigenstress when the heat was last computed.
 #[derive(Debug)]
-struct Prepared {
+struct DeformationHeatState {
     body: usize,
     expansion: Vec<Property>,
     temperature: Read<f64>,
     liquid_fraction: ReadIfProvided<f64>,
     eigenstress: Read<f64>,
-    /// Of the eigenstress, Pa/s.
+    /// Rate of the eigenstress, Pa/s.
     rate: Rate,
     heat_source: Write<f64>,
+    /// Of the last step, W.
     power: f64,
 }
 
@@ -66,7 +68,7 @@ pub fn thermoelastic_heat(expansion: f64, temperature: f64, eigenstress_rate: f6
 impl Coupler for DeformationHeat {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        self.prepared = Some(Prepared {
+        self.prepared = Some(DeformationHeatState {
             body,
             expansion: setup.property(body, "thermal_expansion")?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,

@@ -5,18 +5,18 @@
 //! ```
 //!
 //! with the mean (secant) coefficient alpha from the stress-free temperature T_ref. A bond of a
-//! bond-based solid then sees the mean of its ends, alpha (theta + theta')/2 (Wang (2025),
-//! eq. 7.5). A table of alpha must have been measured from the same T_ref, as handbooks state
-//! it; one for another reference is not converted.
+//! bond-based solid has the mean of the strains of its ends, alpha (theta + theta')/2 (Wang (2025),
+//! eq. 7.5). A table of alpha must refer to the same T_ref; a table for another reference temperature
+//! is not converted.
 //!
-//! With a cut-off temperature the strain is that of T <= T_cut: metal so soft that it pushes nothing
-//! does not expand either. In a weld that loses its stress there
-//! (`plasticity.annealing_temperature`), all points then start to shrink from the same strain, whatever
-//! temperature they had when the mechanics last looked; otherwise neighbours that were looked at 1600 K
-//! and at 2500 K differ by a percent of volume in the cold, hundreds of MPa of hydrostatic stress.
+//! Above a cut-off temperature T_cut the strain is that of T_cut. It belongs with an annealing
+//! temperature of the plasticity (`plasticity.annealing_temperature`), above which metal has no
+//! strength: without a cut-off, two neighbouring points that anneal at 1600 K and at 2500 K differ by
+//! one percent of volume after cooling, which is a hydrostatic stress of hundreds of MPa. With a
+//! cut-off all points contract from the same strain.
 //!
-//! Not for a change of the stress-free state on melting: strain that is relieved in the melt
-//! needs a plastic or viscous solid.
+//! Not for a change of the stress-free state by melting: relief of strain in the melt needs a plastic
+//! or viscous solid.
 
 use perimelt_core::material::Property;
 use perimelt_core::{
@@ -35,16 +35,17 @@ pub struct ThermalExpansion {
     pub body: Option<String>,
     /// Temperature at which the body is free of stress (K).
     pub reference_temperature: f64,
-    /// Temperature above which the body expands no further (K): where it has lost its strength.
+    /// Temperature above which the body expands no further (K), where it has lost its strength.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cutoff_temperature: Option<f64>,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<Prepared>,
+    prepared: Option<ExpansionState>,
 }
 
+/// Handles and properties of the body.
 #[derive(Debug)]
-struct Prepared {
+struct ExpansionState {
     body: usize,
     expansion: Vec<Property>,
     temperature: Read<f64>,
@@ -69,11 +70,13 @@ impl Coupler for ThermalExpansion {
         if let Some(cutoff) = self.cutoff_temperature
             && (cutoff.is_nan() || cutoff <= self.reference_temperature)
         {
-            let expected = format!("above the reference, {} K", self.reference_temperature);
-            let message = format!("{cutoff} K would end the expansion before it starts");
+            let expected = format!("a temperature above {} K", self.reference_temperature);
+            let message = format!(
+                "the cut-off temperature {cutoff} K is not above the reference temperature"
+            );
             return Err(SetupError::value("cutoff_temperature", message, expected));
         }
-        self.prepared = Some(Prepared {
+        self.prepared = Some(ExpansionState {
             body,
             expansion: setup.property(body, "thermal_expansion")?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
@@ -162,7 +165,10 @@ mod tests {
         let mut expansion: ThermalExpansion =
             read("reference_temperature = 300\ncutoff_temperature = 293");
         let message = refusal(&mut world, &mut expansion);
-        assert!(message.contains("above the reference, 300 K"), "{message}");
+        assert!(
+            message.contains("expected a temperature above 300 K"),
+            "{message}"
+        );
     }
 
     #[test]

@@ -8,12 +8,12 @@
 //! | `phase_change` | [`phase_change::PhaseChange`] | temperature, enthalpy | liquid fraction; lets the body melt |
 //! | `plastic_heat` | [`plastic_heat::PlasticHeat`] | plastic work | heat source |
 //! | `deformation_heat` | [`deformation_heat::DeformationHeat`] | temperature, eigenstress rate | heat source |
-//! | `goldak` | [`heat_source::Goldak`] | | heat source |
-//! | `ellipsoid` | [`heat_source::Ellipsoid`] | | heat source |
+//! | `goldak` | [`heat_source::GoldakSource`] | | heat source |
+//! | `ellipsoid` | [`heat_source::EllipsoidSource`] | | heat source |
 //! | `gaussian_source` | [`heat_source::GaussianSource`] | | heat source |
 //! | `point_source` | [`heat_source::PointSource`] | | heat source |
-//! | `super_gaussian` | [`heat_source::SuperGaussian`] | | heat source |
-//! | `pulsed_laser` | [`heat_source::PulsedLaser`] | | heat source |
+//! | `super_gaussian` | [`heat_source::SuperGaussianSource`] | | heat source |
+//! | `pulsed_laser` | [`heat_source::PulsedLaserSource`] | | heat source |
 //! | `prescribed_temperature` | [`boundary::PrescribedTemperature`] | | layer of temperature, or held temperature |
 //! | `insulated` | [`boundary::Insulated`] | | even layer of a field |
 //! | `heat_flux` | [`boundary::HeatFlux`] | | heat source |
@@ -43,7 +43,6 @@ pub mod expansion;
 pub mod fluid_structure;
 pub mod heat_interface;
 pub mod heat_source;
-pub mod in_time;
 pub mod phase_change;
 pub mod plastic_heat;
 mod rate;
@@ -53,7 +52,7 @@ mod surface;
 mod testing;
 pub mod toolpath;
 
-pub use in_time::InTime;
+pub use perimelt_core::in_time::{self, InTime};
 
 #[cfg(test)]
 mod tests {

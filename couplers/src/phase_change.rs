@@ -1,15 +1,15 @@
-//! Melting and freezing: the thermal physics of the body takes up latent heat.
+//! Melting and freezing: latent heat in the thermal physics of a body.
 //!
-//! The coupler says how ([`perimelt_core::material::EnthalpyCurve`] holds the formulas, after
-//! Wang (2025), eqs. 7.11, 7.12; spec 02, 1.6) and writes the share of liquid
+//! The coupler chooses the enthalpy curve ([`perimelt_core::material::EnthalpyCurve`] has the formulas,
+//! Wang (2025), eqs. 7.11, 7.12; spec 02, 1.6) and writes the liquid fraction
 //!
 //! ```text
 //! liquid_fraction = clamp((T - T_s)/(T_l - T_s), 0, 1)
 //! ```
 //!
 //! for couplers, plots and properties by phase. Where the thermal physics provides `enthalpy`,
-//! the share comes from that, so that it is also right for a pure substance (T_s = T_l), whose
-//! temperature does not tell how much has melted. Materials of the body that lack one of
+//! the liquid fraction is computed from it. This also holds for a pure substance (T_s = T_l), whose
+//! temperature does not determine the liquid fraction. Materials of the body that lack one of
 //! `solidus`, `liquidus` and `latent_heat` stay solid.
 //!
 //! Not for vaporisation or undercooling.
@@ -38,11 +38,12 @@ pub struct PhaseChange {
     pub mushy_capacity: MushyCapacity,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<Prepared>,
+    prepared: Option<PhaseChangeState>,
 }
 
+/// Handles and the enthalpy curves by material.
 #[derive(Debug)]
-struct Prepared {
+struct PhaseChangeState {
     body: usize,
     curves: Vec<EnthalpyCurve>,
     temperature: Read<f64>,
@@ -50,7 +51,7 @@ struct Prepared {
     liquid_fraction: Write<f64>,
 }
 
-/// The property that keeps the first material from melting, when none of the body's does.
+/// The first property that the first material lacks, when no material of the body can melt.
 fn missing_property(setup: &Setup<'_>, body: usize) -> Option<Problem> {
     const NEEDED: [&str; 3] = ["solidus", "liquidus", "latent_heat"];
     let body = setup.body(body);
@@ -78,7 +79,7 @@ impl Coupler for PhaseChange {
             form: self.form,
         };
         setup.set_phase_change(body, change);
-        self.prepared = Some(Prepared {
+        self.prepared = Some(PhaseChangeState {
             body,
             curves: setup.enthalpy_curves(body)?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
@@ -120,7 +121,7 @@ mod tests {
     use crate::testing::{STEEL, apply, block, prepare, read, refusal, set, values};
 
     #[test]
-    fn the_share_of_liquid_follows_temperature_where_there_is_no_enthalpy() {
+    fn the_liquid_fraction_follows_temperature_where_there_is_no_enthalpy() {
         let mut world = World::new(vec![block([4, 1, 1], 1, STEEL)]);
         let mut change: PhaseChange = read("form = 'apparent'\nmushy_capacity = 'latent_only'");
         let curves = prepare(&mut world, &mut change, |setup| {

@@ -4,8 +4,8 @@
 //! heat_source += fraction d(plastic_work)/dt          (W/m³)
 //! ```
 //!
-//! What is not turned into heat stays in the dislocations; metals give 0.8 to 1. The change of the
-//! work since the heat was last computed is taken up in full, whatever the steps of the two physics.
+//! The rest of the work is stored in dislocations; the fraction is 0.8 to 1 in metals. The heat contains
+//! the whole change of the work since it was last computed, whatever the step sizes of the two physics.
 
 use perimelt_core::{Coupler, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys};
 use schemars::JsonSchema;
@@ -20,25 +20,27 @@ pub struct PlasticHeat {
     /// Body; may be left out when there is one only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// Share of the plastic work that becomes heat (Taylor and Quinney), 0 to 1.
+    /// Fraction of the plastic work that becomes heat (Taylor and Quinney), 0 to 1.
     #[serde(default = "usual_fraction")]
     pub fraction: f64,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<Prepared>,
+    prepared: Option<PlasticHeatState>,
 }
 
 fn usual_fraction() -> f64 {
     0.9
 }
 
+/// Handles and the plastic work when the heat was last computed.
 #[derive(Debug)]
-struct Prepared {
+struct PlasticHeatState {
     body: usize,
     work: Read<f64>,
     heat_source: Write<f64>,
-    /// Of the work, W/m³.
+    /// Rate of the plastic work, W/m³.
     rate: Rate,
+    /// Of the last step, W.
     power: f64,
 }
 
@@ -46,11 +48,11 @@ struct Prepared {
 impl Coupler for PlasticHeat {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         if !(0.0..=1.0).contains(&self.fraction) {
-            let message = format!("`fraction` = {} is no share", self.fraction);
+            let message = format!("`fraction` = {} is outside its range", self.fraction);
             return Err(SetupError::value("fraction", message, "0 to 1"));
         }
         let body = setup.find_body(self.body.as_deref())?;
-        self.prepared = Some(Prepared {
+        self.prepared = Some(PlasticHeatState {
             body,
             work: setup.read(body, &keys::PLASTIC_WORK)?,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
@@ -121,9 +123,9 @@ mod tests {
     }
 
     #[test]
-    fn a_share_above_one_is_refused() {
+    fn a_fraction_above_one_is_refused() {
         let mut world = World::new(vec![block([2, 1, 1], 1, STEEL)]);
         let mut coupler: PlasticHeat = read("fraction = 1.2");
-        assert!(refusal(&mut world, &mut coupler).contains("no share"));
+        assert!(refusal(&mut world, &mut coupler).contains("outside its range"));
     }
 }

@@ -1,7 +1,7 @@
 //! The rate of a field between the times at which a coupler is applied.
 
-/// Rate of a field by its values when it was last taken: the change is taken up in full, whatever the
-/// steps of whoever changes it.
+/// Rate of a field from its values when the rate was last taken. All changes are counted exactly once, whatever
+/// the step size of the physics that changes the field.
 #[derive(Debug)]
 pub(crate) struct Rate {
     /// Values when the rate was last taken; empty before the first time. A restart needs them.
@@ -11,7 +11,7 @@ pub(crate) struct Rate {
 }
 
 impl Rate {
-    /// Of a field over `points`, from zero.
+    /// The rate of a field of `points` values that is zero at first.
     pub fn new(points: usize) -> Self {
         Rate {
             seen: Vec::new(),
@@ -19,7 +19,7 @@ impl Rate {
         }
     }
 
-    /// Takes the values of `now` at the end of a step of `size` (s); a step of no size has no rate.
+    /// Takes the values of `now` at the end of a step of `size` (s); in a step of size zero the rate is zero.
     pub fn take(&mut self, now: &[f64], size: f64) {
         self.seen.resize(now.len(), 0.0);
         for ((rate, now), seen) in self.values.iter_mut().zip(now).zip(&mut self.seen) {

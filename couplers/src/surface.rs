@@ -9,8 +9,8 @@ pub(crate) fn all_faces() -> Vec<Face> {
     Face::ALL.to_vec()
 }
 
-/// Cell faces of `body` that border on no material, face one of `faces` and, with a region,
-/// belong to one of its points.
+/// Cell faces of `body` without material in front of them whose outward direction is one of `faces`; with a region,
+/// those of its points only.
 ///
 /// # Errors
 /// An unknown or empty region, a face across a missing dimension, no such cell face.

@@ -5,11 +5,13 @@
 //! | `thermal` | `temperature`, `enthalpy` | `heat_source` |
 //! | `replay` | the fields it is told to read from a log | |
 //! | `fluid` | `velocity`, `density`, `pressure` and, with energy, `temperature`, `enthalpy` | `body_force`, `heat_source` |
+//! | `rigid_body` | `displacement`, `velocity` | `body_force`, `impulse` |
 //! | `mechanical` | `displacement`, `velocity`, `stress`, `eigenstress` | `eigenstrain`, `body_force` |
 
 pub mod fluid;
 pub mod mechanical;
 pub mod replay;
+pub mod rigid_body;
 #[cfg(test)]
 mod testing;
 pub mod thermal;

@@ -1,11 +1,11 @@
 //! A state that is read from the log of an earlier run.
 //!
-//! Between two logged states every field is interpolated linearly in time; before the first
-//! and after the last it stays as it was there. Steps end on the logged times, so that what
-//! was logged is met exactly. A thermal run logged once can drive many mechanical ones; log it
-//! with `precision = "f64"` where seven digits are too few.
+//! Between two logged states every field is interpolated linearly in time; before the first and after the
+//! last state it is constant. Steps end on the logged times, so that the logged states are reproduced
+//! exactly. One thermal run can so drive many mechanical runs; log it with `precision = "f64"` if seven
+//! digits are not enough.
 //!
-//! The body must have the points of the logged one.
+//! The body must have the same points as the logged body.
 
 use std::path::PathBuf;
 
@@ -21,13 +21,13 @@ use serde::{Deserialize, Serialize};
 pub struct Replay {
     /// Log of the earlier run; a relative path starts at the case file's folder.
     pub log: PathBuf,
-    /// Body that takes the state; may be left out when there is only one.
+    /// Body that receives the fields; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
     /// Body in the log; the same name when left out.
     #[serde(default)]
     pub logged_body: Option<String>,
-    /// Fields to take, such as `["temperature"]`.
+    /// Fields to read, such as `["temperature"]`.
     pub fields: Vec<String>,
     #[serde(skip)]
     #[schemars(skip)]
@@ -37,9 +37,8 @@ pub struct Replay {
 struct Run {
     log: Log,
     body: String,
-    targets: Vec<Target>,
-    /// The logged states around the present time, by index.
-    window: Option<(usize, Cloud, Cloud)>,
+    fields: Vec<ReplayedField>,
+    window: Option<Window>,
 }
 
 impl std::fmt::Debug for Run {
@@ -50,20 +49,29 @@ impl std::fmt::Debug for Run {
     }
 }
 
-enum Target {
+/// The two logged states around the current time.
+struct Window {
+    /// Index of the older state in the log.
+    first: usize,
+    older: Cloud,
+    newer: Cloud,
+}
+
+/// A field of the body that is read from the log, with its name.
+enum ReplayedField {
     Scalar(String, Write<f64>),
     Vector(String, Write<Vector3<f64>>),
     Tensor(String, Write<Matrix3<f64>>),
 }
 
-impl Target {
+impl ReplayedField {
     fn name(&self) -> &str {
-        let (Target::Scalar(name, _) | Target::Vector(name, _) | Target::Tensor(name, _)) = self;
+        let (Self::Scalar(name, _) | Self::Vector(name, _) | Self::Tensor(name, _)) = self;
         name
     }
 }
 
-/// Misfits between a log and the body that shall take its state.
+/// Differences between a logged body and the body that receives its fields.
 #[derive(Debug, thiserror::Error)]
 enum Misfit {
     #[error("body `{body}` of the log holds no state")]
@@ -83,7 +91,7 @@ enum Misfit {
 }
 
 impl Run {
-    /// Brings the states around `time` into the window.
+    /// Reads the states around `time` (s).
     fn load(&mut self, time: f64) -> Result<(), LogError> {
         let times = self.log.times(&self.body);
         let after = times
@@ -93,43 +101,53 @@ impl Run {
         if self
             .window
             .as_ref()
-            .is_none_or(|(index, ..)| *index != first)
+            .is_none_or(|window| window.first != first)
         {
             let older = match self.window.take() {
-                Some((index, _, newer)) if index + 1 == first => newer,
+                Some(window) if window.first + 1 == first => window.newer,
                 _ => self.log.cloud(&self.body, first)?,
             };
-            self.window = Some((first, older, self.log.cloud(&self.body, second)?));
+            let newer = self.log.cloud(&self.body, second)?;
+            self.window = Some(Window {
+                first,
+                older,
+                newer,
+            });
         }
         Ok(())
     }
 
-    fn show(&mut self, world: &World, time: f64) -> Result<(), LogError> {
+    /// Writes the fields at `time` (s).
+    fn write(&mut self, world: &World, time: f64) -> Result<(), LogError> {
         self.load(time)?;
-        let (_, older, newer) = self.window.as_ref().expect("loaded above");
+        let Window { older, newer, .. } = self.window.as_ref().expect("loaded above");
         let span = newer.time - older.time;
-        let share = if span > 0.0 {
+        let fraction = if span > 0.0 {
             ((time - older.time) / span).clamp(0.0, 1.0)
         } else {
             0.0
         };
-        for target in &self.targets {
-            let name = target.name();
+        for field in &self.fields {
+            let name = field.name();
             let (a, b) = (values(older, name), values(newer, name));
             let mix = |out: &mut [f64]| {
                 for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
-                    // the ends come out exactly
-                    *out = if share == 1.0 {
+                    // exact at the newer state, where a + (b - a) may differ by rounding
+                    *out = if fraction == 1.0 {
                         *b
                     } else {
-                        a + share * (b - a)
+                        a + fraction * (b - a)
                     };
                 }
             };
-            match target {
-                Target::Scalar(_, field) => mix(&mut world.write(*field)),
-                Target::Vector(_, field) => mix(bytemuck::cast_slice_mut(&mut world.write(*field))),
-                Target::Tensor(_, field) => mix(bytemuck::cast_slice_mut(&mut world.write(*field))),
+            match field {
+                ReplayedField::Scalar(_, handle) => mix(&mut world.write(*handle)),
+                ReplayedField::Vector(_, handle) => {
+                    mix(bytemuck::cast_slice_mut(&mut world.write(*handle)))
+                }
+                ReplayedField::Tensor(_, handle) => {
+                    mix(bytemuck::cast_slice_mut(&mut world.write(*handle)))
+                }
             }
         }
         Ok(())
@@ -185,7 +203,7 @@ impl Physics for Replay {
             };
             return Err(SetupError::other("log", misfit));
         }
-        // single precision and a first displacement move points by far less than a quarter cell
+        // rounding to single precision and the displacement of the first state are far below a quarter of a cell
         let spacings = &here.points.spacing;
         let pairs = first.positions.iter().zip(positions).zip(spacings);
         for (point, ((logged, here), spacing)) in pairs.enumerate() {
@@ -198,7 +216,7 @@ impl Physics for Replay {
                 return Err(SetupError::other("log", misfit));
             }
         }
-        let mut targets = Vec::new();
+        let mut fields = Vec::new();
         for field in &self.fields {
             let Some(logged) = find(&first, field) else {
                 let known = first.fields.iter().map(|f| f.name.clone()).collect();
@@ -210,23 +228,23 @@ impl Physics for Replay {
                 return Err(SetupError::new("fields", problem));
             };
             let (name, unit) = (field.clone(), logged.unit.clone());
-            targets.push(match logged.components {
-                1 => Target::Scalar(name.clone(), setup.own(body, &Key::named(name, unit))?),
-                3 => Target::Vector(name.clone(), setup.own(body, &Key::named(name, unit))?),
-                _ => Target::Tensor(name.clone(), setup.own(body, &Key::named(name, unit))?),
+            fields.push(match logged.components {
+                1 => ReplayedField::Scalar(name.clone(), setup.own(body, &Key::named(name, unit))?),
+                3 => ReplayedField::Vector(name.clone(), setup.own(body, &Key::named(name, unit))?),
+                _ => ReplayedField::Tensor(name.clone(), setup.own(body, &Key::named(name, unit))?),
             });
         }
         self.run = Some(Run {
             log,
             body: name,
-            targets,
+            fields,
             window: None,
         });
         Ok(())
     }
 
     fn start(&mut self, world: &World) -> Result<(), RunError> {
-        self.show(world, 0.0)
+        self.write(world, 0.0)
     }
 
     fn next_event(&self, after: f64) -> Option<f64> {
@@ -239,15 +257,15 @@ impl Physics for Replay {
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
-        self.show(world, step.end())?;
+        self.write(world, step.end())?;
         Ok(Work::default())
     }
 }
 
 impl Replay {
-    fn show(&mut self, world: &World, time: f64) -> Result<(), RunError> {
+    fn write(&mut self, world: &World, time: f64) -> Result<(), RunError> {
         let run = self.run.as_mut().expect("prepared before the start");
-        run.show(world, time).map_err(|cause| RunError::Plugin {
+        run.write(world, time).map_err(|cause| RunError::Plugin {
             plugin: "replay".into(),
             time,
             cause: cause.into(),

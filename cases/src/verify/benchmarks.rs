@@ -106,6 +106,7 @@ benchmarks!(
     "gao-3.5.2-steel-plate-sine",
     "gao-3.5.3-block-thermal-coarse",
     "fluid-and-solid",
+    "rigid-spring",
     "gao-5.5.1-hydrostatic-first",
     "gao-5.5.1-hydrostatic",
     "gao-5.5.1-hydrostatic-long",

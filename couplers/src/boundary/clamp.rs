@@ -1,4 +1,4 @@
-//! Clamps: points held where they started, until the clamp is released.
+//! Clamps: points held at zero displacement until the clamp is released.
 
 use nalgebra::Vector3;
 use perimelt_core::{Axis, Coupler, RunError, Setup, SetupError, Step, World, Write, keys};
@@ -22,18 +22,18 @@ pub struct Clamp {
     pub until: Option<f64>,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<Prepared>,
+    prepared: Option<ClampedPoints>,
 }
 
 #[derive(Debug)]
-struct Prepared {
+struct ClampedPoints {
     points: Vec<u32>,
     held: [bool; 3],
     constraint: Write<Vector3<f64>>,
 }
 
 impl Clamp {
-    /// Whether the clamp is closed at the end of `step`; rounding does not release it early.
+    /// Whether the clamp is closed at the end of `step`. The tolerance keeps rounding from releasing it a step early.
     fn is_closed(&self, step: Step) -> bool {
         self.until
             .is_none_or(|until| step.end() - until <= 1e-6 * step.size)
@@ -58,13 +58,12 @@ impl Coupler for Clamp {
         if held == [false; 3] || held[dimension..].contains(&true) {
             return Err(SetupError::value(
                 "components",
-                format!("a {dimension}D body cannot be held like this"),
+                format!("no component, or one that a {dimension}D body does not have"),
                 format!("some of {:?}", &["x", "y", "z"][..dimension]),
             ));
         }
-        // zero is what the sum of held displacements is without an addition, so only the
-        // physics that takes up the constraint is needed
-        self.prepared = Some(Prepared {
+        // the sum of held displacements is zero without an addition
+        self.prepared = Some(ClampedPoints {
             points: setup.region(body, "region", &self.region)?.points,
             held,
             constraint: setup.add(body, &keys::CONSTRAINT)?,
@@ -118,6 +117,6 @@ mod tests {
     fn a_plate_is_not_held_along_z() {
         let mut world = World::new(vec![block([2, 1, 1], 2, STEEL)]);
         let mut clamp: Clamp = read("region = 'left'\ncomponents = ['z']");
-        assert!(refusal(&mut world, &mut clamp).contains("a 2D body cannot be held"));
+        assert!(refusal(&mut world, &mut clamp).contains("one that a 2D body does not have"));
     }
 }

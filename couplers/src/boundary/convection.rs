@@ -1,8 +1,8 @@
 //! Convection: `q = h(T) (T_ambient - T)` into the body, T of the surface point itself.
 //!
-//! The point lies half a spacing below the surface, so the temperature drop across that half
-//! cell is neglected: small against the film's while `h dx / (2 k)` is. A step must resolve the
-//! exchange, `dt <= C dx / (2 h)` per face with the volumetric capacity C; automatic steps do.
+//! The point lies half a spacing below the surface, and the temperature drop across that half cell is
+//! neglected: accurate while `h dx / (2 k)` is far below 1. A step must resolve the exchange,
+//! `dt <= C dx / (2 h)` for each bare face of a cell with the volumetric capacity C; automatic steps do.
 
 use perimelt_core::material::Property;
 use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, keys};
@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 use crate::InTime;
 use crate::surface::{SurfaceHeat, all_faces};
 
-/// Share of the exchange's time constant that a step may take.
-const STEP_SHARE: f64 = 0.5;
+/// Fraction of the time constant of the exchange that a step may take.
+const STEP_FRACTION: f64 = 0.5;
 
 /// Heat exchange with a fluid around the body.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -22,7 +22,7 @@ pub struct Convection {
     /// Body; may be left out when there is one only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// Which way the cooled surface faces; default every way.
+    /// Outward directions of the cooled surface; default all.
     #[serde(default = "all_faces")]
     pub faces: Vec<Face>,
     /// Region that limits the cooled surface.
@@ -35,11 +35,11 @@ pub struct Convection {
     pub ambient: InTime,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<Prepared>,
+    prepared: Option<ConvectionState>,
 }
 
 #[derive(Debug)]
-struct Prepared {
+struct ConvectionState {
     heat: SurfaceHeat,
     temperature: Read<f64>,
     step_limit: Option<f64>,
@@ -53,25 +53,25 @@ impl Coupler for Convection {
         if self.coefficient.is_by_phase() || coefficients.iter().any(|h| *h < 0.0) {
             return Err(SetupError::value(
                 "coefficient",
-                "this is no heat transfer coefficient",
+                "the heat transfer coefficient is negative or given by phase",
                 "a number or a table in temperature, nowhere below 0",
             ));
         }
         let heat = SurfaceHeat::prepare(setup, body, &self.faces, self.region.as_deref())?;
         let largest = coefficients.iter().fold(0.0, |a: f64, h| a.max(*h));
         let exchange = largest * heat.largest_ratio(&setup.body(body).points.volume);
-        // a steady solution needs no capacity and no step
+        // a steady solution needs neither a capacity nor a step limit
         let curves = setup.enthalpy_curves(body).unwrap_or_default();
         let capacity = curves
             .iter()
             .map(|c| c.minimum_capacity())
             .min_by(f64::total_cmp);
-        self.prepared = Some(Prepared {
+        self.prepared = Some(ConvectionState {
             heat,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             step_limit: capacity
                 .filter(|_| exchange > 0.0)
-                .map(|c| STEP_SHARE * c / exchange),
+                .map(|c| STEP_FRACTION * c / exchange),
         });
         Ok(())
     }

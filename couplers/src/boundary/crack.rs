@@ -1,9 +1,9 @@
 //! Insulated crack: bonds that cross it are removed, so neither heat nor force passes
 //! (spec 02, 1.5 and 4.3).
 //!
-//! The correction of the bonds beside the crack stays that of the uncut body: families there
-//! lack members for a physical reason, not because the lattice ends. It grows where the mechanics has
-//! `fracture`; its faces pass through each other when it closes, unless there is `contact`.
+//! The correction of the bonds beside the crack stays that of the uncut body: families there lack
+//! members for a physical reason, not because the lattice ends. The crack grows when the mechanics has
+//! `fracture`. Without `contact` its faces pass through each other when it closes.
 
 use perimelt_core::{Body, Coupler, Cut, Face, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
@@ -75,7 +75,7 @@ impl InsulatedCrack {
                 (vec![Cut::disc(d.centre, d.normal, d.radius)], "disc")
             }
             _ => {
-                let message = "the crack is not described";
+                let message = "the crack has no description, or several";
                 let expected = "one of `from` and `to`, `through`, `corner` and `edges`, or `disc`";
                 return Err(SetupError::value("", message, expected));
             }
@@ -84,14 +84,14 @@ impl InsulatedCrack {
         let cuts = cuts.filter(|cuts| !cuts.is_empty());
         let flat = || {
             let expected = "different ends, corners or edges, and a radius above 0";
-            SetupError::value(key, "the crack has no extent", expected)
+            SetupError::value(key, "the length or area of the crack is zero", expected)
         };
         Ok((cuts.ok_or_else(flat)?, key))
     }
 }
 
-/// Whether `cut` passes between any two neighbouring cells.
-fn severs(body: &Body, cut: &Cut) -> bool {
+/// Whether `cut` separates any two neighbouring cells.
+fn separates_cells(body: &Body, cut: &Cut) -> bool {
     let positions = &body.points.position;
     let upper = [Face::XMax, Face::YMax, Face::ZMax];
     positions.iter().enumerate().any(|(point, position)| {
@@ -108,14 +108,14 @@ impl Coupler for InsulatedCrack {
         let body = setup.find_body(self.body.as_deref())?;
         let (cuts, key) = self.cuts()?;
         let this = setup.body(body);
-        // in a hole of the body it severs the bonds that reach across
+        // a crack in a hole of the body cuts the bonds across the hole
         let (min, max) = this.bounds();
         let (dimension, box_of_body) = (this.dimension, [min, max]);
-        let meets = |cut: &Cut| severs(this, cut) || cut.is_within(box_of_body, dimension);
+        let meets = |cut: &Cut| separates_cells(this, cut) || cut.is_within(box_of_body, dimension);
         if !cuts.iter().any(meets) {
             let (min, max) = setup.body(body).bounds();
             let message = format!(
-                "the crack passes between no points of body `{}`, which spans {:?} to {:?} m",
+                "the crack separates no points of body `{}`, which spans {:?} to {:?} m",
                 setup.body(body).name,
                 <[f64; 3]>::from(min),
                 <[f64; 3]>::from(max),
@@ -191,11 +191,14 @@ mod tests {
         for (crack, message) in [
             (
                 "from = [9, 1]\nto = [12, 1]",
-                "passes between no points of body `block`",
+                "separates no points of body `block`",
             ),
-            ("from = [1, 1]\nto = [1, 1]", "no extent"),
+            (
+                "from = [1, 1]\nto = [1, 1]",
+                "length or area of the crack is zero",
+            ),
             ("from = [1, 1]", "one of `from` and `to`"),
-            ("through = [[1, 1]]", "no extent"),
+            ("through = [[1, 1]]", "length or area of the crack is zero"),
         ] {
             let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
             let mut coupler: InsulatedCrack = read(crack);

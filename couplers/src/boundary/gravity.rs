@@ -16,11 +16,11 @@ pub struct Gravity {
     pub acceleration: [f64; 3],
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<Prepared>,
+    prepared: Option<GravityState>,
 }
 
 #[derive(Debug)]
-struct Prepared {
+struct GravityState {
     body: usize,
     /// By material, N/m³.
     weight: Vec<Vector3<f64>>,
@@ -34,7 +34,7 @@ impl Coupler for Gravity {
         setup.property(body, "density")?;
         let acceleration = Vector3::from(self.acceleration);
         let densities = setup.reference_densities(body)?;
-        self.prepared = Some(Prepared {
+        self.prepared = Some(GravityState {
             body,
             weight: densities
                 .into_iter()

@@ -1,5 +1,5 @@
 //! Prescribed heat flux: a flux q into the body heats the points of the surface by
-//! `q area / volume` (Wang (2025), eq. 7.18, with the sign of heat coming in).
+//! `q area / volume` (Wang (2025), eq. 7.18; here q is positive into the body).
 
 use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
@@ -15,7 +15,7 @@ pub struct HeatFlux {
     /// Body; may be left out when there is one only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// Which way the heated surface faces, such as `["z+"]`.
+    /// Outward directions of the heated surface, such as `["z+"]`.
     pub faces: Vec<Face>,
     /// Region that limits the heated surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -1,8 +1,8 @@
-//! Insulated faces: the layer behind a face mirrors the field as it is, `theta(layer) =
-//! theta(mirror)`, so that nothing flows and families at the face are complete.
+//! Insulated faces: the layer behind a face has the mirrored field, `theta(layer) = theta(mirror)`, so
+//! that the flux is zero and families at the face are complete.
 //!
-//! (Wang (2025), section 7.2 calls `theta_b = 0` in eq. 7.17 insulated; that is a wall at zero,
-//! spec 02, E5.) A face without any boundary is insulated too, by truncated families.
+//! Wang (2025), section 7.2, calls `theta_b = 0` in eq. 7.17 insulated; that condition holds the face at
+//! zero (spec 02, E5). A face without any boundary is insulated too: its families are truncated.
 
 use perimelt_core::{Coupler, Face, Key, RunError, Setup, SetupError, Step, World, keys};
 use schemars::JsonSchema;
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::surface::all_faces;
 
-/// Faces that nothing crosses.
+/// Faces without flux.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Insulated {

@@ -1,8 +1,8 @@
 //! Boundaries: what the surroundings do to a body.
 //!
-//! Values are prescribed behind a `face` of the body's box by a mirrored layer that completes
-//! the families there ([`LayerKind`]), or at the points of a `region` themselves. Fluxes,
-//! tractions and exchange act on the points of the bare surface.
+//! Values are prescribed in a mirrored layer behind a `face` of the body's box, which completes the
+//! families there ([`LayerKind`]), or at the points of a `region`. Fluxes, tractions and heat exchange
+//! act on the points of the bare surface.
 
 mod clamp;
 mod convection;
@@ -35,14 +35,14 @@ use perimelt_core::{Face, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How the layer behind a face carries a prescribed value b.
+/// Values in the layer behind a face for a prescribed value b.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LayerKind {
-    /// 2 b less the mirrored value, so that the value on the face is b (Wang (2025), eq. 7.17).
+    /// `2 b - mirrored value`, so that the value on the face is b (Wang (2025), eq. 7.17).
     #[default]
     Mirrored,
-    /// b throughout: the value b is then met a fraction of a spacing outside the face.
+    /// b in the whole layer; the field then reaches b a fraction of a spacing outside the face.
     Constant,
 }
 
@@ -81,7 +81,7 @@ fn place(
         )),
         (None, None) => Err(SetupError::value(
             "face",
-            "it is not said where",
+            "neither `face` nor `region` is given",
             "`face`, such as \"x-\", or `region`",
         )),
     }

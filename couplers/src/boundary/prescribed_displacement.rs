@@ -1,8 +1,8 @@
 //! Prescribed displacement behind a face or at points, component by component.
 //!
-//! Behind a face: `u(layer) = 2 b(t) - u(mirror)` or `b(t)` for the components that are given,
-//! `u(mirror)` for the free ones, at the end of the step. At the points of a region: their
-//! components are held at b(t) themselves.
+//! Behind a face, at the end of the step: `u(layer) = 2 b(t) - u(mirror)` or `b(t)` for the components that
+//! are given, `u(mirror)` for the others. The points of a region have the displacement b(t) in the
+//! components that are given.
 
 use nalgebra::Vector3;
 use perimelt_core::world::LayerHandle;
@@ -36,16 +36,17 @@ pub struct PrescribedDisplacement {
     /// Displacement along z (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub z: Option<InTime>,
-    /// How the layer behind a face carries it; default `mirrored`.
+    /// Values in the layer behind a face; default `mirrored`.
     #[serde(default)]
     pub layer: LayerKind,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<Prepared>,
+    prepared: Option<DisplacementSink>,
 }
 
+/// Where the prescribed displacement goes.
 #[derive(Debug)]
-enum Prepared {
+enum DisplacementSink {
     Layer(LayerHandle),
     Points {
         points: Vec<u32>,
@@ -85,9 +86,9 @@ impl Coupler for PrescribedDisplacement {
         }
         let prepared = match place(setup, body, self.face, self.region.as_deref())? {
             Place::Face(face) => {
-                Prepared::Layer(setup.layer(body, &keys::DISPLACEMENT, face, true)?)
+                DisplacementSink::Layer(setup.layer(body, &keys::DISPLACEMENT, face, true)?)
             }
-            Place::Points(points) => Prepared::Points {
+            Place::Points(points) => DisplacementSink::Points {
                 points,
                 constraint: setup.add(body, &keys::CONSTRAINT)?,
                 held: setup.add(body, &keys::HELD_DISPLACEMENT)?,
@@ -100,11 +101,11 @@ impl Coupler for PrescribedDisplacement {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let values = self.components().map(|c| c.map(|c| c.at(step.end())));
         match self.prepared.as_ref().expect("prepared before the run") {
-            Prepared::Layer(layer) => {
+            DisplacementSink::Layer(layer) => {
                 let rules = values.map(|v| v.map_or((1.0, 0.0), |v| self.layer.rule(v)));
                 world.set_layer(*layer, rules.map(|r| r.0), rules.map(|r| r.1));
             }
-            Prepared::Points {
+            DisplacementSink::Points {
                 points,
                 constraint,
                 held,

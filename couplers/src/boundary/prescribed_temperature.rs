@@ -1,8 +1,8 @@
 //! Prescribed temperature behind a face or at points.
 //!
-//! Behind a face: `theta(layer) = 2 b(t) - theta(mirror)` (Wang (2025), eq. 7.17) or `b(t)`,
-//! at the end of the step. At the points of a region: these are held at b(t) themselves, and
-//! the face of the body feels b half a spacing further out.
+//! Behind a face, at the end of the step: `theta(layer) = 2 b(t) - theta(mirror)` (Wang (2025), eq. 7.17) or
+//! `b(t)`. The points of a region have the temperature b(t); they lie half a spacing inside the face of
+//! the body.
 
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, Write, keys};
@@ -27,16 +27,17 @@ pub struct PrescribedTemperature {
     pub region: Option<String>,
     /// Temperature (K): a number, or `{ time = [...], value = [...] }` with times in s.
     pub value: InTime,
-    /// How the layer behind a face carries it; default `mirrored`.
+    /// Values in the layer behind a face; default `mirrored`.
     #[serde(default)]
     pub layer: LayerKind,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<Prepared>,
+    prepared: Option<TemperatureSink>,
 }
 
+/// Where the prescribed temperature goes.
 #[derive(Debug)]
-enum Prepared {
+enum TemperatureSink {
     Layer(LayerHandle),
     Points {
         points: Vec<u32>,
@@ -51,9 +52,9 @@ impl Coupler for PrescribedTemperature {
         let body = setup.find_body(self.body.as_deref())?;
         let prepared = match place(setup, body, self.face, self.region.as_deref())? {
             Place::Face(face) => {
-                Prepared::Layer(setup.layer(body, &keys::TEMPERATURE, face, true)?)
+                TemperatureSink::Layer(setup.layer(body, &keys::TEMPERATURE, face, true)?)
             }
-            Place::Points(points) => Prepared::Points {
+            Place::Points(points) => TemperatureSink::Points {
                 points,
                 constraint: setup.add(body, &keys::TEMPERATURE_CONSTRAINT)?,
                 held: setup.add(body, &keys::HELD_TEMPERATURE)?,
@@ -66,11 +67,11 @@ impl Coupler for PrescribedTemperature {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let value = self.value.at(step.end());
         match self.prepared.as_ref().expect("prepared before the run") {
-            Prepared::Layer(layer) => {
+            TemperatureSink::Layer(layer) => {
                 let (scale, offset) = self.layer.rule(value);
                 world.set_layer(*layer, [scale; 3], [offset; 3]);
             }
-            Prepared::Points {
+            TemperatureSink::Points {
                 points,
                 constraint,
                 held,
@@ -140,7 +141,7 @@ mod tests {
     #[test]
     fn a_place_is_needed_and_only_one() {
         let both = "value = 1\nface = 'x-'\nregion = 'left'";
-        for (table, message) in [("value = 1", "not said where"), (both, "both")] {
+        for (table, message) in [("value = 1", "neither `face` nor `region`"), (both, "both")] {
             let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
             let mut boundary: PrescribedTemperature = read(table);
             assert!(refusal(&mut world, &mut boundary).contains(message));

@@ -1,8 +1,9 @@
 //! Radiation to black surroundings: `q = eps sigma (T_ambient^4 - T^4)` into the body, T of the
 //! surface point itself, in K.
 //!
-//! The surface sees the surroundings only, not itself. At 3000 K it exchanges like a convection
-//! of 6 kW/(m² K), so conduction (spacing far below k/6000 m) limits the step first.
+//! The surface exchanges heat with the surroundings only, not with other parts of itself. At 3000 K the
+//! exchange equals a convection of 6 kW/(m² K); for spacings far below k/6000 m the step limit of
+//! conduction is the smaller one.
 
 use perimelt_core::material::Property;
 use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, keys};
@@ -22,7 +23,7 @@ pub struct Radiation {
     /// Body; may be left out when there is one only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// Which way the radiating surface faces; default every way.
+    /// Outward directions of the radiating surface; default all.
     #[serde(default = "all_faces")]
     pub faces: Vec<Face>,
     /// Region that limits the radiating surface.
@@ -37,11 +38,11 @@ pub struct Radiation {
     pub ambient: InTime,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<Prepared>,
+    prepared: Option<RadiationState>,
 }
 
 #[derive(Debug)]
-struct Prepared {
+struct RadiationState {
     body: usize,
     heat: SurfaceHeat,
     temperature: Read<f64>,
@@ -59,7 +60,7 @@ impl Coupler for Radiation {
         };
         let mut values = emissivity.iter().flat_map(Property::values);
         if let Some(value) = values.find(|e| !(0.0..=1.0).contains(e)) {
-            let message = format!("an emissivity of {value} cannot be");
+            let message = format!("the emissivity {value} is outside its range");
             return Err(SetupError::value("emissivity", message, "0 to 1"));
         }
         if let Some(value) = self.ambient.values().iter().find(|t| **t < 0.0) {
@@ -70,7 +71,7 @@ impl Coupler for Radiation {
                 "a temperature in kelvin",
             ));
         }
-        self.prepared = Some(Prepared {
+        self.prepared = Some(RadiationState {
             body,
             heat: SurfaceHeat::prepare(setup, body, &self.faces, self.region.as_deref())?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,

@@ -1,11 +1,11 @@
 //! Traction: force per area on the surface.
 //!
-//! As force per volume on the points behind it, `body_force += traction area / volume`, it acts half
-//! a spacing below the surface. Behind a face of the body's box a layer can instead continue the
-//! strain that the traction makes (Wang (2025), eqs. 4.24 to 4.28): then the force acts on the face,
-//! but is as exact as the stiffness of the bonds, and the surface must stay elastic.
+//! By default the traction becomes a force per volume on the points of the surface, `body_force += traction
+//! area / volume`, which acts half a spacing below the surface. With `by = "layer"` a layer behind a face of
+//! the body's box continues the strain that belongs to the traction (Wang (2025), eqs. 4.24 to 4.28). The
+//! force then acts on the face, has the error of the stiffness of the bonds, and needs an elastic surface.
 //!
-//! The surface is that of the reference configuration: a pressure does not turn with it.
+//! The surface is that of the reference configuration: a pressure does not turn with the body.
 
 use nalgebra::Vector3;
 use perimelt_core::body::SurfaceCell;
@@ -24,7 +24,7 @@ pub struct Traction {
     /// Body; may be left out when there is one only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// Which way the loaded surface faces, such as `["x+"]`.
+    /// Outward directions of the loaded surface, such as `["x+"]`.
     pub faces: Vec<Face>,
     /// Region that limits the loaded surface.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -35,7 +35,7 @@ pub struct Traction {
     /// Pressure (Pa), against the outward normal.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pressure: Option<f64>,
-    /// How the load reaches the body.
+    /// As force on points, or by a layer behind the face.
     #[serde(default)]
     pub by: By,
     /// Factor on the load: a number, or `{ time = [...], value = [...] }`, times in s;
@@ -44,17 +44,17 @@ pub struct Traction {
     pub factor: InTime,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<Prepared>,
+    prepared: Option<TractionState>,
 }
 
-/// How a traction reaches the body.
+/// Where a traction acts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum By {
-    /// As force on the outermost points.
+    /// On the points of the surface, as force per volume.
     #[default]
     BodyForce,
-    /// By a layer behind whole faces of the body's box that continues the strain, as published.
+    /// On whole faces of the body's box, by a layer that continues the strain, as published.
     Layer,
 }
 
@@ -63,16 +63,17 @@ fn constant() -> InTime {
 }
 
 #[derive(Debug)]
-struct Prepared {
+struct TractionState {
     body: usize,
     cells: Vec<SurfaceCell>,
     load: Load,
-    target: Target,
+    sink: TractionSink,
+    /// Total force, N.
     force: Vector3<f64>,
 }
 
 #[derive(Debug)]
-enum Target {
+enum TractionSink {
     Points(Write<Vector3<f64>>),
     Layers(Vec<(Face, LayerHandle)>),
 }
@@ -93,29 +94,29 @@ impl Load {
 }
 
 impl Traction {
-    fn target(&self, setup: &mut Setup<'_>, body: usize) -> Result<Target, SetupError> {
+    fn sink(&self, setup: &mut Setup<'_>, body: usize) -> Result<TractionSink, SetupError> {
         if self.by == By::BodyForce {
-            return Ok(Target::Points(setup.add(body, &keys::BODY_FORCE)?));
+            return Ok(TractionSink::Points(setup.add(body, &keys::BODY_FORCE)?));
         }
         if setup.body(body).lattice().is_none() {
-            let message = "layers carry tractions on bodies of one spacing only";
+            let message = "a traction layer needs a body with one spacing";
             return Err(SetupError::value("by", message, "\"body_force\""));
         }
         if self.region.is_some() {
-            let message = "a layer loads whole faces";
+            let message = "`by = \"layer\"` loads whole faces";
             return Err(SetupError::value("region", message, "no `region`"));
         }
         let mut layers = Vec::new();
         for &face in &self.faces {
             let layer = setup.layer(body, &keys::DISPLACEMENT, face, true);
-            // the key of this coupler is a list
+            // this coupler has the list `faces` instead of the key `face`
             let layer = layer.map_err(|e| SetupError {
                 key: "faces".into(),
                 ..e
             })?;
             layers.push((face, layer));
         }
-        Ok(Target::Layers(layers))
+        Ok(TractionSink::Layers(layers))
     }
 }
 
@@ -127,16 +128,16 @@ impl Coupler for Traction {
             (Some(traction), None) => Load::Traction(traction.into()),
             (None, Some(pressure)) => Load::Pressure(pressure),
             _ => {
-                let message = "the load is given twice or not at all";
+                let message = "`traction` and `pressure` are both given or both missing";
                 let expected = "either `traction` or `pressure`";
                 return Err(SetupError::value("traction", message, expected));
             }
         };
-        self.prepared = Some(Prepared {
+        self.prepared = Some(TractionState {
             body,
             cells: select(setup, body, &self.faces, self.region.as_deref())?,
             load,
-            target: self.target(setup, body)?,
+            sink: self.sink(setup, body)?,
             force: Vector3::zeros(),
         });
         Ok(())
@@ -148,15 +149,15 @@ impl Coupler for Traction {
         let volume = &world.body(p.body).points.volume;
         let on_cell = |cell: &SurfaceCell| p.load.on(cell.face) * (factor * cell.area);
         p.force = p.cells.iter().map(on_cell).sum();
-        match &p.target {
-            Target::Points(body_force) => {
+        match &p.sink {
+            TractionSink::Points(body_force) => {
                 let mut body_force = world.write(*body_force);
                 for cell in &p.cells {
                     let point = cell.point as usize;
                     body_force[point] += on_cell(cell) / volume[point];
                 }
             }
-            Target::Layers(layers) => {
+            TractionSink::Layers(layers) => {
                 for (face, layer) in layers {
                     let stress = factor * p.load.on(*face);
                     world.set_traction_layer(*layer, stress.into());
@@ -209,7 +210,7 @@ mod tests {
             "faces = ['x+']\ntraction = [5, 0, -1]\nfactor = { time = [0, 4], value = [0, 2] }";
         let (body_force, force) = loaded(table);
         assert_eq!(force, [30.0, 0.0, -6.0]);
-        // unit volumes; the last point of the first row carries its share, the first none
+        // unit volumes; the last point of the first row carries its part, the first none
         assert_eq!(
             (&body_force[9..12], body_force[0]),
             (&[5.0, 0.0, -1.0][..], 0.0)

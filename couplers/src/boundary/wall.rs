@@ -1,9 +1,9 @@
 //! Walls along which a fluid flows.
 //!
-//! The fluid goes on behind the wall as its mirror image: of the velocity relative to the wall, what the wall
-//! holds back changes sign, so that it vanishes on the wall in second order. With `layer = "constant"` the
-//! fluid behind a wall moves with it, as published (Gao (2020), eq. 5.102): first order, as if the wall stood
-//! a fraction of a spacing outside.
+//! Behind the wall the fluid continues as its mirror image. The components of the velocity relative to the wall
+//! that must vanish there (the normal one, and without slip the tangential ones) change sign, which is second
+//! order. With `layer = "constant"` the fluid behind the wall moves with it, as published (Gao (2020), eq.
+//! 5.102). This is first order: the velocity of the wall is reached a fraction of a spacing outside.
 
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, keys};
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::LayerKind;
 
-/// Walls at faces of a fluid body; heat crosses them only where a boundary of temperature says so.
+/// Walls at faces of a fluid body. They are insulated unless a boundary prescribes a temperature or a heat flux.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
@@ -21,7 +21,7 @@ pub struct Wall {
     pub body: Option<String>,
     /// Faces of the body's box, such as `["x-", "x+"]`.
     pub faces: Vec<Face>,
-    /// Velocity of the wall, m/s; across the wall it must be zero.
+    /// Velocity of the wall, m/s; its component normal to the wall must be zero.
     #[serde(default)]
     pub velocity: [f64; 3],
     /// Whether the fluid sticks to the wall.
@@ -39,10 +39,10 @@ pub struct Wall {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum WallKind {
-    /// It moves with the wall.
+    /// The fluid at the wall moves with the wall.
     #[default]
     NoSlip,
-    /// It slides along the wall without friction.
+    /// The fluid slides along the wall without friction.
     Slip,
 }
 
@@ -51,14 +51,14 @@ impl Coupler for Wall {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         if self.kind == WallKind::Slip && self.layer != LayerKind::default() {
-            let message = "a layer that moves with the wall does not let the fluid slip";
+            let message = "`layer` applies to walls without slip only";
             return Err(SetupError::value("layer", message, "`kind = \"no_slip\"`"));
         }
         for &face in &self.faces {
             let across = self.velocity[face.axis()];
             if across != 0.0 {
                 let message = format!(
-                    "the wall at `{}` would move into the fluid or away from it",
+                    "the velocity of the wall at `{}` has a component normal to the wall",
                     face.name()
                 );
                 return Err(SetupError::value(
@@ -73,7 +73,7 @@ impl Coupler for Wall {
         if self.faces.is_empty() {
             return Err(SetupError::value(
                 "faces",
-                "there is no face",
+                "`faces` is empty",
                 "faces such as [\"y-\"]",
             ));
         }

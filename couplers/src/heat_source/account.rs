@@ -1,23 +1,23 @@
-//! What a heat source was asked for, what arrived and what missed the body.
+//! Powers and energies of a heat source: asked for, deposited and lost.
 
 use perimelt_core::Report;
 use serde::{Deserialize, Serialize};
 
 use crate::source::Deposit;
 
-/// Powers of the last step and energies since the start; saved, so that they go on after a resume.
+/// Powers of the last step and energies since the start; saved, so that energies continue after a resume.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Account {
     /// W: asked for, deposited, lost.
     power: [f64; 3],
     /// J: asked for, deposited, lost.
     energy: [f64; 3],
-    /// Whether the source is on now or until the next event.
+    /// Whether the source has power between now and the next event.
     pub is_on: bool,
 }
 
 impl Account {
-    /// Books a deposit that lasts `duration` (s).
+    /// Adds a deposit of the length `duration` (s).
     pub fn book(&mut self, deposit: &Deposit, duration: f64) {
         self.power = [deposit.asked, deposit.deposited, deposit.lost];
         for (energy, power) in self.energy.iter_mut().zip(self.power) {

@@ -1,8 +1,8 @@
 //! The keys of a heat source in a case file: those of its shape, `body` and `toolpath`, side by
 //! side in one table.
 //!
-//! Serde's own flattening reads the table into a buffer first, which loses the place of a
-//! mistake; here the keys are handed on one by one.
+//! Serde's flattening reads the table into a buffer first, which loses the position of a mistake. Here the
+//! keys are passed on one by one.
 
 use std::borrow::Cow;
 
@@ -14,7 +14,7 @@ use serde_json::json;
 
 use crate::toolpath::Toolpath;
 
-/// A shape with the body that it heats and, when it moves, its toolpath.
+/// A shape, the body that it heats and the toolpath of a moving source.
 #[derive(Serialize)]
 pub(super) struct Keys<S> {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -25,7 +25,7 @@ pub(super) struct Keys<S> {
     pub shape: S,
 }
 
-/// Reads [`Keys`]; `moves`: `toolpath` is one of them, and needed.
+/// Reads [`Keys`]. With `moves` the key `toolpath` is known and required.
 pub(super) fn read<'de, S: Deserialize<'de>, D: Deserializer<'de>>(
     deserializer: D,
     moves: bool,
@@ -95,7 +95,7 @@ impl<'de, S: Deserialize<'de>> Visitor<'de> for KeysVisitor<S> {
     }
 }
 
-/// The entries of the table that belong to the shape; the others are taken out on the way.
+/// The entries of the table that belong to the shape; `body` and `toolpath` are stored on the way.
 struct Rest<'a, A> {
     map: A,
     moves: bool,
@@ -132,8 +132,8 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<'_, A> {
     }
 }
 
-/// Tells whose key it is. Runs inside the reader of the key, so that the reader's error for an
-/// unknown one points at it.
+/// Sorts a key. It runs inside the deserialisation of the key, so that the error for an unknown key points
+/// at that key.
 struct Sorter<K> {
     seed: K,
     moves: bool,

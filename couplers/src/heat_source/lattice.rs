@@ -1,14 +1,14 @@
-//! A body as the lattice that heat sources deposit on.
+//! The lattice of a body, on whose cells heat sources deposit their power.
 
 use nalgebra::Vector3;
 use perimelt_core::{Body, SetupError};
 
-use crate::source::{Grid, Target};
+use crate::source::{CellGrid, HeatedBody};
 
-/// A body and its lattice as sources see it.
-pub(super) struct BodyTarget<'a> {
+/// A body with its lattice.
+pub(super) struct LatticeBody<'a> {
     pub body: &'a Body,
-    pub grid: Grid,
+    pub grid: CellGrid,
 }
 
 /// The lattice of a body. Missing axes have one cell with the extent of the body: its thickness
@@ -16,10 +16,10 @@ pub(super) struct BodyTarget<'a> {
 ///
 /// # Errors
 /// A body that has no lattice.
-pub(super) fn grid(body: &Body) -> Result<Grid, SetupError> {
+pub(super) fn grid(body: &Body) -> Result<CellGrid, SetupError> {
     let Some(lattice) = body.lattice() else {
         let message = format!(
-            "heat sources spread their power over the cells of a lattice, and body `{}` has none",
+            "body `{}` has no lattice, whose cells heat sources need",
             body.name
         );
         let expected = "a body with `spacing`, without `zones`, `jitter` or `points`";
@@ -44,7 +44,7 @@ pub(super) fn grid(body: &Body) -> Result<Grid, SetupError> {
             lattice.origin[axis]
         }
     };
-    Ok(Grid {
+    Ok(CellGrid {
         origin: Vector3::from_fn(|axis, _| origin(axis)),
         spacing: Vector3::from_fn(|axis, _| spacing(axis)),
         dims: lattice.cells,
@@ -52,8 +52,8 @@ pub(super) fn grid(body: &Body) -> Result<Grid, SetupError> {
     })
 }
 
-impl Target for BodyTarget<'_> {
-    fn grid(&self) -> &Grid {
+impl HeatedBody for LatticeBody<'_> {
+    fn grid(&self) -> &CellGrid {
         &self.grid
     }
 
@@ -79,7 +79,7 @@ mod tests {
                 body.thickness = 0.25;
                 body.points.volume.fill(0.25);
             }
-            let target = BodyTarget {
+            let target = LatticeBody {
                 body: &body,
                 grid: grid(&body).expect("a lattice"),
             };

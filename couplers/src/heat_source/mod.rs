@@ -1,4 +1,4 @@
-//! Heat sources as couplers: they add W/m³ to the points of a body and keep account.
+//! Heat sources as couplers: they add power density to the points of a body and report powers and energies.
 //!
 //! | `type` | shape |
 //! |---|---|
@@ -24,8 +24,8 @@
 //!
 //! Sources are sampled at the middle of a step, and steps end at the events of the toolpath, so
 //! that the energy is exact. While the source is on, automatic steps are at most the time in
-//! which it moves a quarter of its shortest lateral length, or of a cell where that is longer,
-//! so that a pass heats a line and not a row of spots.
+//! which it moves a quarter of its shortest lateral length, or of a cell where that is longer: longer
+//! steps would heat a row of spots instead of a line.
 
 mod account;
 mod keys;
@@ -33,18 +33,18 @@ mod lattice;
 mod moving;
 mod pulsed;
 
-pub use moving::{MovingSource, Shape};
-pub use pulsed::PulsedLaser;
+pub use moving::{MovingSource, SourceShape};
+pub use pulsed::PulsedLaserSource;
 
 use crate::source;
 
 /// Goldak's double ellipsoid.
-pub type Goldak = MovingSource<source::Goldak>;
+pub type GoldakSource = MovingSource<source::Goldak>;
 /// Semi-ellipsoid.
-pub type Ellipsoid = MovingSource<source::SemiEllipsoid>;
+pub type EllipsoidSource = MovingSource<source::SemiEllipsoid>;
 /// Surface Gaussian with an effective depth.
 pub type GaussianSource = MovingSource<source::Gaussian>;
 /// All power in the cells around one lattice vertex.
 pub type PointSource = MovingSource<source::Point>;
 /// Super-Gaussian beam.
-pub type SuperGaussian = MovingSource<source::SuperGaussian>;
+pub type SuperGaussianSource = MovingSource<source::SuperGaussian>;

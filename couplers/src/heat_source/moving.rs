@@ -9,26 +9,26 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::account::Account;
 use super::keys::{Keys, read, schema};
-use super::lattice::{BodyTarget, grid};
-use crate::source::{self, Depositor, Grid, HeatedSurface, Source};
+use super::lattice::{LatticeBody, grid};
+use crate::source::{self, CellGrid, Depositor, HeatedSurface, Source};
 use crate::toolpath::{Toolpath, Track};
 
-/// Share of the shortest length that the source may move in a step.
-const STEP_SHARE: f64 = 0.25;
+/// Fraction of the shortest length that the source may move in a step.
+const STEP_FRACTION: f64 = 0.25;
 
-/// A shape that a [`MovingSource`] can have.
-pub trait Shape: Clone {
-    /// As one of all shapes.
+/// The power density of a [`MovingSource`].
+pub trait SourceShape: Clone {
+    /// As a variant of [`Source`].
     fn source(&self) -> Source;
     /// Its shortest length on the heated face, m; zero for a point.
     fn length(&self) -> f64;
-    /// What it heats.
+    /// The face that it heats.
     fn surface(&self) -> HeatedSurface;
 }
 
 macro_rules! shape {
     ($name:ident, |$shape:ident| $length:expr) => {
-        impl Shape for source::$name {
+        impl SourceShape for source::$name {
             fn source(&self) -> Source {
                 Source::$name(self.clone())
             }
@@ -60,22 +60,24 @@ pub struct MovingSource<S> {
     pub toolpath: Toolpath,
     /// Its power density.
     pub shape: S,
-    prepared: Option<Prepared>,
+    prepared: Option<MovingSourceState>,
     account: Account,
 }
 
-struct Prepared {
+/// Handles, the lattice and the toolpath in time.
+struct MovingSourceState {
     body: usize,
-    grid: Grid,
+    grid: CellGrid,
     track: Track,
     depositor: Depositor,
     heat_source: Write<f64>,
-    /// While the source is on, s.
+    /// Longest step while the source is on, s.
     step_limit: Option<f64>,
+    /// At the end of the last step, m.
     position: Vector3<f64>,
 }
 
-impl<S: Shape> MovingSource<S> {
+impl<S: SourceShape> MovingSource<S> {
     fn track(&self, setup: &Setup<'_>) -> Result<Track, SetupError> {
         let kind = match self.toolpath {
             Toolpath::Line(_) => "line",
@@ -96,7 +98,7 @@ impl<S: Shape> MovingSource<S> {
         let track = self.track(setup)?;
         let body = setup.body(index);
         if body.dimension == 1 {
-            let message = "a 1D body has no width that a moving source could heat";
+            let message = "a moving source cannot heat a 1D body";
             return Err(SetupError::value("body", message, "a 2D or 3D body"));
         }
         let grid = grid(body)?;
@@ -105,20 +107,19 @@ impl<S: Shape> MovingSource<S> {
         let length = self.shape.length().max(body.finest_spacing());
         self.check_path(body, &track, 2.0 * length)?;
         let speed = fastest(&track);
-        self.prepared = Some(Prepared {
+        self.prepared = Some(MovingSourceState {
             body: index,
             grid,
             depositor,
             heat_source: setup.add(index, &keys::HEAT_SOURCE)?,
-            step_limit: (speed > 0.0).then(|| STEP_SHARE * length / speed),
+            step_limit: (speed > 0.0).then(|| STEP_FRACTION * length / speed),
             position: track.pose(track.start()).position,
             track,
         });
         Ok(())
     }
 
-    /// Refuses a toolpath on which the source, when it is on, is never within `margin` (m) of
-    /// the body's box.
+    /// Refuses a toolpath on which the source is never on within `margin` (m) of the body's box.
     fn check_path(&self, body: &Body, track: &Track, margin: f64) -> Result<(), SetupError> {
         let (min, max) = body.bounds();
         let surface = self.shape.surface();
@@ -134,7 +135,7 @@ impl<S: Shape> MovingSource<S> {
         let mut first = None;
         for (start, end) in powered_moves(track) {
             let pose = track.pose(start);
-            // an endless move has left for good when it has gone this far
+            // beyond this distance a move without an end does not return to the body
             let reach = (pose.position - 0.5 * (min + max)).norm() + (max - min).norm();
             let end = if end.is_finite() {
                 end
@@ -152,11 +153,11 @@ impl<S: Shape> MovingSource<S> {
             }
         }
         let Some(first) = first else {
-            let message = "the source is never on";
+            let message = "the power of the source is zero at all times";
             return Err(SetupError::value("toolpath", message, "a power above 0"));
         };
         let message = format!(
-            "the source is never on the body: it is switched on at {:?} m, \
+            "the source never heats the body: it is switched on at {:?} m, \
              but body `{}` spans {:?} to {:?} m",
             <[f64; 3]>::from(first),
             body.name,
@@ -172,15 +173,15 @@ impl<S: Shape> MovingSource<S> {
 
     fn apply_source(&mut self, world: &World, step: Step) {
         let p = self.prepared.as_mut().expect("prepared before the run");
-        let target = BodyTarget {
+        let body = LatticeBody {
             body: world.body(p.body),
             grid: p.grid,
         };
         let pose = p.track.pose(step.middle());
         let mut heat_source = world.write(p.heat_source);
-        let deposit = p.depositor.add(&target, &pose, &mut heat_source);
+        let deposit = p.depositor.add(&body, &pose, &mut heat_source);
         self.account.book(&deposit, step.size);
-        // the step that follows is limited by the move that it is part of
+        // the next step is limited if the next move has power
         let until = p.track.next_event(step.end()).unwrap_or(f64::INFINITY);
         self.account.is_on = p.track.energy(step.end(), until) > 0.0;
         p.position = p.track.pose(step.end()).position;
@@ -199,7 +200,7 @@ impl<S: Shape> MovingSource<S> {
     }
 }
 
-/// Start and end of the moves with power; the last may not end.
+/// Start and end of the moves with power (s); the end of the last may be infinite.
 fn powered_moves(track: &Track) -> impl Iterator<Item = (f64, f64)> {
     let after = |start: &f64| track.next_event(*start);
     std::iter::successors(Some(track.start()), after)
@@ -207,8 +208,8 @@ fn powered_moves(track: &Track) -> impl Iterator<Item = (f64, f64)> {
         .filter(|&(start, end)| track.energy(start, end) > 0.0)
 }
 
-/// Highest speed with power, m/s. A move is fastest at its start or its middle: straight and
-/// round ones are even, weaves start at the middle of the seam.
+/// Highest speed with power, m/s. A move is fastest at its start or at its middle: straight and circular moves
+/// have constant speed, weaves start on the seam, where they are fastest.
 fn fastest(track: &Track) -> f64 {
     let speed = |(start, end): (f64, f64)| {
         let middle = if end.is_finite() {

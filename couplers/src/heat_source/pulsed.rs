@@ -1,6 +1,6 @@
 //! A laser pulse on a whole face of a body, as a coupler.
 //!
-//! The mean over every step is exact, however long it is. Automatic steps take at most a quarter
+//! The mean over a step is exact for any length of the step. Automatic steps take at most a quarter
 //! of the pulse duration until the pulse is over.
 
 use std::borrow::Cow;
@@ -11,53 +11,64 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::account::Account;
 use super::keys::{Keys, read, schema};
-use super::lattice::{BodyTarget, grid};
-use crate::source::{self, Grid};
+use super::lattice::{LatticeBody, grid};
+use crate::source::{self, CellGrid};
 
-/// Share of the pulse duration that a step may take.
-const STEP_SHARE: f64 = 0.25;
+/// Fraction of the pulse duration that a step may take.
+const STEP_FRACTION: f64 = 0.25;
 
 /// Pulse durations after the peak until the pulse is over: exp(-40) is below rounding.
 const TAIL: f64 = 40.0;
 
 /// A laser pulse on a whole face.
-pub struct PulsedLaser {
+pub struct PulsedLaserSource {
     /// Body; may be left out when there is one only.
     pub body: Option<String>,
     /// Pulse and absorption.
     pub shape: source::PulsedLaser,
-    prepared: Option<(usize, Grid, Write<f64>)>,
+    prepared: Option<PulsedLaserState>,
     account: Account,
 }
 
-impl PulsedLaser {
+/// Handles and the lattice of the body.
+struct PulsedLaserState {
+    body: usize,
+    grid: CellGrid,
+    heat_source: Write<f64>,
+}
+
+impl PulsedLaserSource {
     fn end(&self) -> f64 {
         self.shape.peak_time() + TAIL / self.shape.decay * self.shape.pulse_duration
     }
 }
 
 #[typetag::serde(name = "pulsed_laser")]
-impl Coupler for PulsedLaser {
+impl Coupler for PulsedLaserSource {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let fault = |e: source::SourceError| SetupError::other(e.key(), e);
         self.shape.validate().map_err(fault)?;
         let grid = grid(setup.body(body))?;
-        self.prepared = Some((body, grid, setup.add(body, &keys::HEAT_SOURCE)?));
+        self.prepared = Some(PulsedLaserState {
+            body,
+            grid,
+            heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
+        });
         self.account.is_on = true;
         Ok(())
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let (body, grid, heat_source) = self.prepared.as_ref().expect("prepared before the run");
+        let p = self.prepared.as_ref().expect("prepared before the run");
         if step.size > 0.0 {
-            let target = BodyTarget {
-                body: world.body(*body),
-                grid: *grid,
+            let body = LatticeBody {
+                body: world.body(p.body),
+                grid: p.grid,
             };
-            let mut heat_source = world.write(*heat_source);
+            let mut heat_source = world.write(p.heat_source);
             let span = (step.start, step.end());
-            let deposit = self.shape.add(&target, span, &mut heat_source);
+            let deposit = self.shape.add(&body, span, &mut heat_source);
             self.account.book(&deposit, step.size);
         }
         self.account.is_on = step.end() < self.end();
@@ -69,7 +80,7 @@ impl Coupler for PulsedLaser {
     }
 
     fn step_limit(&self) -> Option<f64> {
-        let limit = STEP_SHARE * self.shape.pulse_duration;
+        let limit = STEP_FRACTION * self.shape.pulse_duration;
         self.account.is_on.then_some(limit)
     }
 
@@ -90,9 +101,9 @@ impl Coupler for PulsedLaser {
     }
 }
 
-perimelt_core::register_coupler!("pulsed_laser", PulsedLaser);
+perimelt_core::register_coupler!("pulsed_laser", PulsedLaserSource);
 
-impl Serialize for PulsedLaser {
+impl Serialize for PulsedLaserSource {
     fn serialize<T: Serializer>(&self, serializer: T) -> Result<T::Ok, T::Error> {
         let keys = Keys {
             body: self.body.clone(),
@@ -103,10 +114,10 @@ impl Serialize for PulsedLaser {
     }
 }
 
-impl<'de> Deserialize<'de> for PulsedLaser {
+impl<'de> Deserialize<'de> for PulsedLaserSource {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let keys = read(deserializer, false)?;
-        Ok(PulsedLaser {
+        Ok(PulsedLaserSource {
             body: keys.body,
             shape: keys.shape,
             prepared: None,
@@ -115,7 +126,7 @@ impl<'de> Deserialize<'de> for PulsedLaser {
     }
 }
 
-impl JsonSchema for PulsedLaser {
+impl JsonSchema for PulsedLaserSource {
     fn schema_name() -> Cow<'static, str> {
         source::PulsedLaser::schema_name()
     }
@@ -136,7 +147,7 @@ mod tests {
     fn the_whole_fluence_arrives_in_steps_of_any_length() {
         for steps in [1, 7, 200] {
             let mut world = World::new(vec![block([30, 1, 1], 1, STEEL)]);
-            let mut laser: PulsedLaser = from_toml(PULSE);
+            let mut laser: PulsedLaserSource = from_toml(PULSE);
             prepare(&mut world, &mut laser, |setup| {
                 setup.consume(0, &keys::HEAT_SOURCE).expect("free");
             })
@@ -163,12 +174,12 @@ mod tests {
     #[test]
     fn a_pulse_has_no_toolpath() {
         let text = format!("{PULSE}\ntoolpath.line.speed = 1");
-        let error = toml::from_str::<PulsedLaser>(&text)
+        let error = toml::from_str::<PulsedLaserSource>(&text)
             .err()
             .expect("no such key");
         assert!(error.message().contains("unknown field `toolpath`"));
         let mut world = World::new(vec![block([30, 1, 1], 1, STEEL)]);
-        let mut wrong: PulsedLaser = from_toml(&PULSE.replace("0.5", "1.5"));
+        let mut wrong: PulsedLaserSource = from_toml(&PULSE.replace("0.5", "1.5"));
         assert!(refusal(&mut world, &mut wrong).starts_with("reflectivity: "));
     }
 }

@@ -1,17 +1,17 @@
-//! A beam on a lattice: the part of the power that falls on every cell, then W/m³.
+//! A beam on a lattice: the part of the power of each cell, and its power density.
 //!
-//! The density is footprint × depth profile, so the part of a cell is a lateral part × a depth
-//! part, and their sums over the endless lattice multiply too. Depth parts are exact. Lateral parts
-//! are products of error functions where the travel direction lies along an axis of the lattice (or
-//! makes no difference), otherwise sums over Gauss points whose spacing follows the source, not the
-//! cells: coarse lattices see all of it.
+//! The density is footprint × depth profile. The part of the power of a cell is therefore a lateral part
+//! times a depth part, and the sum over the unbounded lattice is the product of the two sums. Depth parts
+//! are exact. Lateral parts are products of error functions if the travel direction lies along an axis of
+//! the lattice (or has no effect), otherwise sums over Gauss points. The distance of the Gauss points
+//! follows the lengths of the source, not the cells, so that coarse lattices integrate the whole source.
 //!
 //! Cost: one lateral table per step, a few thousand exponentials when it needs Gauss points, and
 //! one multiplication per heated cell.
 
+use super::heated_body::depth_range;
 use super::profile::{DepthProfile, Footprint};
-use super::target::depth_range;
-use super::{Deposit, Grid, HeatedSurface, Sampling, SourceError, Target};
+use super::{CellGrid, Deposit, HeatedBody, HeatedSurface, Sampling, SourceError};
 use crate::toolpath::Pose;
 
 /// Most cells in a cross-section of the source: 1 GB of work space.
@@ -29,7 +29,7 @@ const GAUSS: [(f64, f64); 4] = [
 /// right to 1e-5.
 const PANEL: f64 = 0.5;
 
-/// A power density with its way onto the lattice.
+/// A power density and how it is sampled on the lattice.
 #[derive(Debug, Clone)]
 pub(super) struct Beam {
     pub footprint: Footprint,
@@ -43,7 +43,7 @@ pub(super) struct Beam {
     pub widest_key: &'static str,
 }
 
-/// Work space of a step.
+/// Work arrays of a step.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Scratch {
     lateral: Vec<f64>,
@@ -65,7 +65,7 @@ struct Span {
 }
 
 impl Span {
-    fn new(grid: &Grid, axis: usize, position: f64, reach: f64) -> Self {
+    fn new(grid: &CellGrid, axis: usize, position: f64, reach: f64) -> Self {
         if grid.is_thickness(axis) {
             let width = 2.0 * reach;
             return Self {
@@ -123,7 +123,7 @@ impl Span {
 
 impl Beam {
     /// Refuses a source that covers more cells than can be held.
-    pub fn check_size(&self, grid: &Grid) -> Result<(), SourceError> {
+    pub fn check_size(&self, grid: &CellGrid) -> Result<(), SourceError> {
         let axis = self.surface.face.axis();
         let [along, across] = self.footprint.reach();
         let lateral: f64 = (0..3)
@@ -146,13 +146,13 @@ impl Beam {
     /// Adds the density of `power` (W) to `values` (W/m³).
     pub fn add(
         &self,
-        target: &(impl Target + ?Sized),
+        body: &(impl HeatedBody + ?Sized),
         pose: &Pose,
         power: f64,
         values: &mut [f64],
         scratch: &mut Scratch,
     ) -> Deposit {
-        let grid = *target.grid();
+        let grid = *body.grid();
         let depth_axis = self.surface.face.axis();
         let axes = [(depth_axis + 1) % 3, (depth_axis + 2) % 3];
         let asked = match self.plate_depth {
@@ -165,7 +165,7 @@ impl Beam {
         let travel = self.travel(axes.map(|axis| pose.direction[axis]));
         let [along, across] = self.footprint.reach();
         let [cos, sin] = travel.map(f64::abs);
-        // box around the turned footprint
+        // half lengths of the box around the turned footprint
         let reach = [cos * along + sin * across, sin * along + cos * across];
         let spans = [0, 1].map(|i| Span::new(&grid, axes[i], pose.position[axes[i]], reach[i]));
         let level = self.surface.level.unwrap_or(pose.position[depth_axis]);
@@ -175,7 +175,7 @@ impl Beam {
         let mut all = sum(&scratch.lateral) * sum(&scratch.depth);
         let mut layer = first_layer;
         if all == 0.0 && self.normalise {
-            // no cell centre sees the source
+            // the source lies between the cell centres
             layer = self.fill_depth(&grid, level, Sampling::CellAverage, &mut scratch.depth);
             self.fill_lateral(&spans, travel, Sampling::CellAverage, scratch);
             all = sum(&scratch.lateral) * sum(&scratch.depth);
@@ -194,14 +194,14 @@ impl Beam {
                     cell[depth_axis] = (layer + k as i64) as usize;
                     cell[axes[0]] = (spans[0].first + i as i64) as usize;
                     cell[axes[1]] = (spans[1].first + j as i64) as usize;
-                    if let Some(point) = target.point(cell) {
-                        values[point] += scale * part / target.volume(point);
+                    if let Some(point) = body.point(cell) {
+                        values[point] += scale * part / body.volume(point);
                         hit += part;
                     }
                 }
             }
         }
-        // the cut-off tail and rounding are no loss
+        // a difference of rounding size is not lost power
         let lost = if all - hit > 1e-12 * all {
             scale * (all - hit)
         } else {
@@ -214,7 +214,7 @@ impl Beam {
         }
     }
 
-    /// Unit vector of travel on the heated face; snapped to an axis where it all but lies on it.
+    /// Unit vector of travel on the heated face; exactly along an axis if it is so within rounding.
     fn travel(&self, direction: [f64; 2]) -> [f64; 2] {
         let length = direction[0].hypot(direction[1]);
         if self.footprint.is_round() || length < 1e-12 {
@@ -229,7 +229,13 @@ impl Beam {
     }
 
     /// Parts of the power in the layers of cells below the heated face; returns the first layer.
-    fn fill_depth(&self, grid: &Grid, level: f64, sampling: Sampling, parts: &mut Vec<f64>) -> i64 {
+    fn fill_depth(
+        &self,
+        grid: &CellGrid,
+        level: f64,
+        sampling: Sampling,
+        parts: &mut Vec<f64>,
+    ) -> i64 {
         let face = self.surface.face;
         let axis = face.axis();
         parts.clear();

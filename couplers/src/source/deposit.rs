@@ -1,37 +1,37 @@
-//! From a source at a pose to W/m³ on the points of a body.
+//! Deposits a source at a pose as power density on the points of a body.
 
 use super::beam::{Beam, Scratch};
-use super::{Grid, Point, Source, SourceError, Target};
+use super::{CellGrid, HeatedBody, Point, Source, SourceError};
 use crate::toolpath::Pose;
 
 /// Powers of one deposit (W), for the log.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Deposit {
-    /// What should arrive: power × efficiency (and H/h_eff for a surface Gaussian on a plate).
+    /// Power asked for: power × efficiency (and × H/h_eff for a surface Gaussian on a plate).
     pub asked: f64,
-    /// What arrived: the sum of density × volume over the points.
+    /// Power deposited: the sum of density × volume over the points.
     pub deposited: f64,
-    /// What missed the body: fell on cells without material.
+    /// Power that missed the body: the part of cells without material.
     pub lost: f64,
 }
 
 impl Deposit {
-    /// What is neither deposited nor lost (W): the error of a density that is not normalised.
+    /// Power neither deposited nor lost (W): the error of a density that is not normalised.
     pub fn sampling_error(&self) -> f64 {
         self.asked - self.deposited - self.lost
     }
 }
 
-/// A source made ready for a body. Keeps its work space, so that steps allocate nothing.
+/// A checked source with its work arrays, for one body. Steps do not allocate.
 #[derive(Debug, Clone)]
 pub struct Depositor {
-    shape: Shape,
+    source: CheckedSource,
     efficiency: f64,
     scratch: Scratch,
 }
 
 #[derive(Debug, Clone)]
-enum Shape {
+enum CheckedSource {
     Point(Point),
     Beam(Beam),
 }
@@ -41,19 +41,19 @@ impl Depositor {
     ///
     /// # Errors
     /// [`SourceError`], naming the key at fault.
-    pub fn new(source: &Source, grid: &Grid) -> Result<Self, SourceError> {
-        let shape = match source {
-            Source::Point(point) => Shape::Point(point.checked()?),
-            Source::Gaussian(source) => Shape::Beam(source.beam(grid)?),
-            Source::SemiEllipsoid(source) => Shape::Beam(source.beam()?),
-            Source::Goldak(source) => Shape::Beam(source.beam()?),
-            Source::SuperGaussian(source) => Shape::Beam(source.beam()?),
+    pub fn new(source: &Source, grid: &CellGrid) -> Result<Self, SourceError> {
+        let checked = match source {
+            Source::Point(point) => CheckedSource::Point(point.checked()?),
+            Source::Gaussian(source) => CheckedSource::Beam(source.beam(grid)?),
+            Source::SemiEllipsoid(source) => CheckedSource::Beam(source.beam()?),
+            Source::Goldak(source) => CheckedSource::Beam(source.beam()?),
+            Source::SuperGaussian(source) => CheckedSource::Beam(source.beam()?),
         };
-        if let Shape::Beam(beam) = &shape {
+        if let CheckedSource::Beam(beam) = &checked {
             beam.check_size(grid)?;
         }
         Ok(Self {
-            shape,
+            source: checked,
             efficiency: source.efficiency(),
             scratch: Scratch::default(),
         })
@@ -61,11 +61,11 @@ impl Depositor {
 
     /// Adds the power density at `pose` (W/m³) to `values`, one per point.
     ///
-    /// Sample a step at its middle: with steps that end at the events of the toolpath the energy
-    /// is then exact.
+    /// `pose` is that of the middle of a step: if steps end at the events of the toolpath, the energy is
+    /// then exact.
     pub fn add(
         &mut self,
-        target: &(impl Target + ?Sized),
+        body: &(impl HeatedBody + ?Sized),
         pose: &Pose,
         values: &mut [f64],
     ) -> Deposit {
@@ -73,9 +73,9 @@ impl Depositor {
         if power == 0.0 {
             return Deposit::default();
         }
-        match &self.shape {
-            Shape::Point(point) => point.add(target, pose, power, values),
-            Shape::Beam(beam) => beam.add(target, pose, power, values, &mut self.scratch),
+        match &self.source {
+            CheckedSource::Point(point) => point.add(body, pose, power, values),
+            CheckedSource::Beam(beam) => beam.add(body, pose, power, values, &mut self.scratch),
         }
     }
 }

@@ -1,12 +1,9 @@
-//! Semi-ellipsoid and Goldak double ellipsoid, with xi along the travel, eta across, zeta in depth:
+//! Keys of the semi-ellipsoid and of Goldak's double ellipsoid.
 //!
-//! `q = f q_m exp(-3 xi²/c² - 3 eta²/a² - 3 zeta²/b²)` (W/m³),
-//! `q_m = 6 sqrt(3) Q / (a b c pi sqrt(pi))` (Wang (2025), eqs. 7.9, 7.10; the printed q_m lacks
-//! the 3 under the root, spec 02, E8: only with it does the half space receive Q).
-//!
-//! The double ellipsoid has c = c_f, f = f_f in front and c_r, f_r behind with `f_f + f_r = 2`.
-//! It is continuous at xi = 0 for `f_f = 2 c_f / (c_f + c_r)`, the default. The semi-ellipsoid is
-//! `c_f = c_r`, `f_f = f_r = 1`.
+//! The power density is `Footprint::Ellipse` times `DepthProfile::Bell`; both formulas stand in `profile.rs` above the
+//! functions that compute them. The double ellipsoid has the length c_f and the fraction f_f in front of the source
+//! and c_r, f_r behind it, with `f_f + f_r = 2`. It is continuous at xi = 0 for `f_f = 2 c_f / (c_f + c_r)`, the
+//! default. The semi-ellipsoid is `c_f = c_r`, `f_f = f_r = 1`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -87,7 +84,7 @@ impl SemiEllipsoid {
                 front: length,
                 rear: length,
                 half_width: positive("half_width", self.half_width)?,
-                front_share: 0.5,
+                power_in_front: 0.5,
             },
             depth: DepthProfile::Bell {
                 depth: positive("depth", self.depth)?,
@@ -125,7 +122,7 @@ impl Goldak {
                 front,
                 rear,
                 half_width: positive("half_width", self.half_width)?,
-                front_share: 0.5 * front_fraction,
+                power_in_front: 0.5 * front_fraction,
             },
             depth: DepthProfile::Bell {
                 depth: positive("depth", self.depth)?,
@@ -145,7 +142,7 @@ impl Goldak {
 
 #[cfg(test)]
 mod tests {
-    use super::super::target::lattice::TestLattice;
+    use super::super::heated_body::lattice::TestLattice;
     use super::super::tests::{agree, block, depositor, pose};
     use crate::toolpath::Pose;
 

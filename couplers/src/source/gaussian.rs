@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{Grid, HeatedSurface, Sampling, SourceError, positive, whole, within, yes};
+use super::{CellGrid, HeatedSurface, Sampling, SourceError, positive, whole, within, yes};
 
 /// A Gaussian on the surface with an effective depth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -41,7 +41,7 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    pub(super) fn beam(&self, grid: &Grid) -> Result<Beam, SourceError> {
+    pub(super) fn beam(&self, grid: &CellGrid) -> Result<Beam, SourceError> {
         within("efficiency", self.efficiency, 0.0, 1.0)?;
         let axis = self.heated_surface.face.axis();
         let depth = match self.effective_depth {

@@ -1,4 +1,4 @@
-//! Heat sources: shapes of power density, put on a body so that the power asked for arrives.
+//! Heat sources: power densities, deposited on the cells of a body with exact total power.
 //!
 //! | source | file | density |
 //! |---|---|---|
@@ -9,35 +9,35 @@
 //! | [`SuperGaussian`] | `super_gaussian.rs` | `exp(-2 (r/w)^k)`, absorbed over a penetration depth |
 //! | [`PulsedLaser`] | `pulsed.rs` | `exp(-zeta/l)` under a whole face, a pulse in time, no toolpath |
 //!
-//! A [`Depositor`] puts a [`Source`] on a [`Target`]: it adds W/m³ to the points and returns a
-//! [`Deposit`], the powers to log. xi runs along the travel direction, eta across it, and zeta is
-//! the depth below the heated face, where the density is zero above.
+//! A [`Depositor`] adds the power density (W/m³) of a [`Source`] to the points of a [`HeatedBody`] and
+//! returns a [`Deposit`], the powers to log. The coordinate xi runs along the travel direction, eta across
+//! it, and zeta is the depth below the heated face; above the face the density is zero.
 //!
-//! **Power.** The density is averaged over every cell of the lattice that the source reaches, also
-//! over those without material (the lattice goes on beyond the body, below the heated face). Scaled
-//! so that all of them together receive the power asked for, the cells with material receive
-//! theirs, and the rest is `lost`: it missed the body. So the power is exact while the source
-//! crosses cells, and falls in proportion while it crosses an edge.
+//! **Power.** The density is averaged over all cells of the lattice that the source reaches, those without
+//! material included (below the heated face the lattice continues beyond the body). It is scaled so that
+//! these cells together receive the power asked for. Cells with material receive their part; the part of
+//! cells without material is reported as `lost`. The power is therefore exact while the source crosses
+//! cells, and falls in proportion while it crosses an edge of the body.
 
 mod beam;
 mod deposit;
 mod ellipsoid;
 mod gaussian;
+mod heated_body;
 mod point;
 mod profile;
 mod pulsed;
 mod super_gaussian;
-mod target;
 #[cfg(test)]
 mod tests;
 
 pub use deposit::{Deposit, Depositor};
 pub use ellipsoid::{Goldak, SemiEllipsoid};
 pub use gaussian::Gaussian;
+pub use heated_body::{CellGrid, HeatedBody, HeatedSurface};
 pub use point::{Dwell, Point};
 pub use pulsed::PulsedLaser;
 pub use super_gaussian::{Penetration, SuperGaussian};
-pub use target::{Grid, HeatedSurface, Target};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -10,7 +10,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Deposit, Grid, HeatedSurface, SourceError, Target, whole, within};
+use super::{CellGrid, Deposit, HeatedBody, HeatedSurface, SourceError, whole, within};
 use crate::toolpath::Pose;
 
 /// A point source that hops from lattice vertex to lattice vertex.
@@ -51,15 +51,15 @@ impl Point {
 
     pub(super) fn add(
         &self,
-        target: &(impl Target + ?Sized),
+        body: &(impl HeatedBody + ?Sized),
         pose: &Pose,
         asked: f64,
         values: &mut [f64],
     ) -> Deposit {
-        let grid = target.grid();
+        let grid = body.grid();
         let [xs, ys, zs] = [0, 1, 2].map(|axis| self.cells(grid, pose, axis));
         let number = [&xs, &ys, &zs].map(|[first, last]| last - first + 1);
-        let share = asked / number.iter().product::<i64>() as f64;
+        let cell_power = asked / number.iter().product::<i64>() as f64;
         let mut deposit = Deposit {
             asked,
             ..Deposit::default()
@@ -67,12 +67,12 @@ impl Point {
         for z in zs[0]..=zs[1] {
             for y in ys[0]..=ys[1] {
                 for x in xs[0]..=xs[1] {
-                    match point_at(target, [x, y, z]) {
+                    match point_at(body, [x, y, z]) {
                         Some(point) => {
-                            values[point] += share / target.volume(point);
-                            deposit.deposited += share;
+                            values[point] += cell_power / body.volume(point);
+                            deposit.deposited += cell_power;
                         }
-                        None => deposit.lost += share,
+                        None => deposit.lost += cell_power,
                     }
                 }
             }
@@ -81,7 +81,7 @@ impl Point {
     }
 
     /// First and last cell along an axis.
-    fn cells(&self, grid: &Grid, pose: &Pose, axis: usize) -> [i64; 2] {
+    fn cells(&self, grid: &CellGrid, pose: &Pose, axis: usize) -> [i64; 2] {
         if grid.is_thickness(axis) {
             return [0, 0];
         }
@@ -105,31 +105,31 @@ impl Point {
 }
 
 /// Index of the plane between cells where the source dwells.
-fn nearest_vertex(grid: &Grid, pose: &Pose, axis: usize, dwell: Dwell) -> i64 {
+fn nearest_vertex(grid: &CellGrid, pose: &Pose, axis: usize, dwell: Dwell) -> i64 {
     let at = grid.in_cells(axis, pose.position[axis]);
     let travel = pose.direction[axis];
     let vertex = match dwell {
         Dwell::OnArrival if travel > 1e-9 => at.floor(),
         Dwell::OnArrival if travel < -1e-9 => at.ceil(),
-        // a tie, the source on a line of cell centres, goes up whatever the rounding
+        // a source on a line of cell centres belongs to the upper vertex, independent of rounding
         Dwell::OnArrival | Dwell::Centred => (at + 0.5 + 1e-9).floor(),
     };
     vertex as i64
 }
 
-fn point_at(target: &(impl Target + ?Sized), cell: [i64; 3]) -> Option<usize> {
+fn point_at(body: &(impl HeatedBody + ?Sized), cell: [i64; 3]) -> Option<usize> {
     let mut inside = [0; 3];
     for axis in 0..3 {
         inside[axis] = usize::try_from(cell[axis])
             .ok()
-            .filter(|&index| index < target.grid().dims[axis])?;
+            .filter(|&index| index < body.grid().dims[axis])?;
     }
-    target.point(inside)
+    body.point(inside)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::target::lattice::TestLattice;
+    use super::super::heated_body::lattice::TestLattice;
     use super::super::tests::{agree, block, depositor, pose};
 
     #[test]

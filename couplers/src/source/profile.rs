@@ -1,6 +1,17 @@
-//! The two factors of a beam's power density: footprint on the heated face × profile in depth.
+//! The two factors of the power density of a beam: the footprint on the heated face (1/m²) and the depth profile (1/m).
 //!
-//! Each integrates to 1, so that power × footprint × profile is a density in W/m³.
+//! ```text
+//! q(xi, eta, zeta) = Q footprint(xi, eta) profile(zeta)      W/m³, with the power Q in W
+//! ```
+//!
+//! The integral of each factor is 1. For a semi-ellipsoid or a double ellipsoid the product is
+//!
+//! ```text
+//! q = f q_m exp(-3 xi²/c² - 3 eta²/a² - 3 zeta²/b²),   q_m = 6 sqrt(3) Q / (a b c pi sqrt(pi))
+//! ```
+//!
+//! (Goldak, Chakravarti, Bibby 1984; Wang (2025), eqs. 7.9, 7.10. The printed q_m of the thesis lacks the 3 under the
+//! root; the half space receives the power Q only with it, spec 02, E8.)
 
 use std::f64::consts::PI;
 
@@ -10,15 +21,15 @@ const CUT: f64 = 32.236;
 /// Power per area on the heated face, for a power of 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Footprint {
-    /// `exp(-3 xi²/c² - 3 eta²/a²)` with c = `front` for xi > 0 and `rear` behind; the half in
-    /// front carries `front_share` of the power.
+    /// Two half ellipses: c = `front` for xi > 0 and `rear` behind, a = `half_width`. The fraction
+    /// `power_in_front` (f_f / 2) of the power lies in the front half.
     Ellipse {
         front: f64,
         rear: f64,
         half_width: f64,
-        front_share: f64,
+        power_in_front: f64,
     },
-    /// `peak exp(-2 (r/w)^k)`.
+    /// Super-Gaussian of radius w and order k.
     SuperGaussian { radius: f64, order: f64, peak: f64 },
 }
 
@@ -29,7 +40,7 @@ impl Footprint {
             front: radius,
             rear: radius,
             half_width: radius,
-            front_share: 0.5,
+            power_in_front: 0.5,
         }
     }
 
@@ -60,8 +71,8 @@ impl Footprint {
                 front,
                 rear,
                 half_width,
-                front_share,
-            } => front == rear && front == half_width && front_share == 0.5,
+                power_in_front,
+            } => front == rear && front == half_width && power_in_front == 0.5,
             Self::SuperGaussian { .. } => true,
         }
     }
@@ -81,7 +92,7 @@ impl Footprint {
         }
     }
 
-    /// Length over which the density changes by a good part (m).
+    /// Shortest length over which the density changes (m).
     pub fn finest(&self) -> f64 {
         match *self {
             Self::Ellipse {
@@ -97,22 +108,27 @@ impl Footprint {
         }
     }
 
-    /// Power per area at a place (1/m²); zero where the cut-off leaves nothing.
+    /// Power per area at (xi, eta), for a power of 1 (1/m²); zero below the cut-off:
+    ///
+    /// ```text
+    /// ellipse:         3 f / (pi c a) exp(-3 xi²/c² - 3 eta²/a²)     f/2: fraction of the power in this half
+    /// super-Gaussian:  peak exp(-2 (r/w)^k)
+    /// ```
     pub fn density(&self, xi: f64, eta: f64) -> f64 {
         let (peak, exponent) = match *self {
             Self::Ellipse {
                 front,
                 rear,
                 half_width,
-                front_share,
+                power_in_front,
             } => {
-                let (length, share) = if xi >= 0.0 {
-                    (front, front_share)
+                let (length, fraction) = if xi >= 0.0 {
+                    (front, power_in_front)
                 } else {
-                    (rear, 1.0 - front_share)
+                    (rear, 1.0 - power_in_front)
                 };
                 let square = (xi / length).powi(2) + (eta / half_width).powi(2);
-                (6.0 / PI * share / (length * half_width), 3.0 * square)
+                (6.0 / PI * fraction / (length * half_width), 3.0 * square)
             }
             Self::SuperGaussian {
                 radius,
@@ -123,7 +139,7 @@ impl Footprint {
                 (peak, 2.0 * square.powf(0.5 * order))
             }
         };
-        // this is the inner loop of a turned source: half of its box lies outside
+        // inner loop of a turned source: half of the points of its box lie below the cut-off
         if exponent > CUT {
             0.0
         } else {
@@ -131,25 +147,25 @@ impl Footprint {
         }
     }
 
-    /// The factor of a separable density along the travel direction (1/m).
+    /// Factor of the ellipse along the travel direction, `f sqrt(3/pi)/c exp(-3 xi²/c²)` (1/m).
     pub fn along(&self, xi: f64) -> f64 {
         let Self::Ellipse {
             front,
             rear,
-            front_share,
+            power_in_front,
             ..
         } = *self
         else {
             return f64::NAN;
         };
         if xi >= 0.0 {
-            2.0 * front_share * bell(xi, front)
+            2.0 * power_in_front * bell(xi, front)
         } else {
-            2.0 * (1.0 - front_share) * bell(xi, rear)
+            2.0 * (1.0 - power_in_front) * bell(xi, rear)
         }
     }
 
-    /// The factor of a separable density across the travel direction (1/m).
+    /// Factor of the ellipse across the travel direction, `sqrt(3/pi)/a exp(-3 eta²/a²)` (1/m).
     pub fn across(&self, eta: f64) -> f64 {
         let Self::Ellipse { half_width, .. } = *self else {
             return f64::NAN;
@@ -162,16 +178,16 @@ impl Footprint {
         let Self::Ellipse {
             front,
             rear,
-            front_share,
+            power_in_front,
             ..
         } = *self
         else {
             return f64::NAN;
         };
         if xi >= 0.0 {
-            2.0 * front_share * half_bell(xi, front)
+            2.0 * power_in_front * half_bell(xi, front)
         } else {
-            2.0 * (1.0 - front_share) * half_bell(xi, rear)
+            2.0 * (1.0 - power_in_front) * half_bell(xi, rear)
         }
     }
 
@@ -197,7 +213,7 @@ fn half_bell(x: f64, c: f64) -> f64 {
 /// Power per depth below the heated face, for a power of 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum DepthProfile {
-    /// `2 sqrt(3/pi)/b exp(-3 zeta²/b²)`.
+    /// `2 sqrt(3/pi)/b exp(-3 zeta²/b²)`, of the ellipsoids.
     Bell { depth: f64 },
     /// `exp(-zeta/l)/l`.
     Exponential { length: f64 },
@@ -206,7 +222,7 @@ pub(super) enum DepthProfile {
 }
 
 impl DepthProfile {
-    /// Depth below which there is nothing (m).
+    /// Depth below which the density is zero or below the cut-off (m).
     pub fn reach(&self) -> f64 {
         match *self {
             Self::Bell { depth } => depth * (CUT / 3.0).sqrt(),

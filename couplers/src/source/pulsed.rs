@@ -6,13 +6,13 @@
 //! 2 t_p by default. The printed p = 0.94 and a = 1.992 are the defaults: over all time and depth
 //! the body then absorbs 2 p/a J (1 - R) = 0.944 J (1 - R) per area (spec 02, E18).
 //!
-//! Averages over cell and step are exact. What passes through the body is `lost`.
+//! Averages over a cell and a step are exact. Power that passes through the body is reported as `lost`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::target::depth_range;
-use super::{Deposit, HeatedSurface, SourceError, Target, positive, within};
+use super::heated_body::depth_range;
+use super::{Deposit, HeatedBody, HeatedSurface, SourceError, positive, within};
 
 /// An exponentially absorbed laser pulse on a whole face.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -89,11 +89,11 @@ impl PulsedLaser {
     /// The power asked for is the mean intensity times the area of the columns with material.
     pub fn add(
         &self,
-        target: &(impl Target + ?Sized),
+        body: &(impl HeatedBody + ?Sized),
         (from, to): (f64, f64),
         values: &mut [f64],
     ) -> Deposit {
-        let grid = *target.grid();
+        let grid = *body.grid();
         let face = self.heated_surface.face;
         let axis = face.axis();
         let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
@@ -114,13 +114,13 @@ impl PulsedLaser {
                 for k in 0..layers {
                     let mut cell = [0; 3];
                     (cell[axis], cell[u], cell[v]) = (k as usize, i, j);
-                    let Some(point) = target.point(cell) else {
+                    let Some(point) = body.point(cell) else {
                         continue;
                     };
                     material = true;
                     let (near, far) = depth_range(face, k, level);
                     let part = deeper(near) - deeper(far);
-                    values[point] += column * part / target.volume(point);
+                    values[point] += column * part / body.volume(point);
                     hit += part;
                 }
                 if material {
@@ -136,7 +136,7 @@ impl PulsedLaser {
 
 #[cfg(test)]
 mod tests {
-    use super::super::target::lattice::TestLattice;
+    use super::super::heated_body::lattice::TestLattice;
     use super::super::tests::agree;
     use super::*;
 

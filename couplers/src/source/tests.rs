@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
-use super::target::lattice::TestLattice;
+use super::heated_body::lattice::TestLattice;
 use super::*;
 use crate::toolpath::{Pose, Toolpath};
 

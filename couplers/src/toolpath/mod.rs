@@ -1,9 +1,9 @@
-//! Toolpaths: where a heat source is, which way it travels and how strong it is.
+//! Toolpaths: position, travel direction and power of a heat source in time.
 //!
 //! A case file describes a [`Toolpath`] (one struct per kind, each in its own file). Reading it
 //! yields a [`Track`]: contiguous moves in time, from which [`Track::pose`] gives position, travel
-//! direction and power at any time, and [`Track::next_event`] the next time at which motion or
-//! power is not smooth. Between events the power is linear in time, so a step that ends at every
+//! direction and power at any time, and [`Track::next_event`] the next time at which velocity or
+//! power has a kink or a jump. Between events the power is linear in time, so a step that ends at every
 //! event and samples the track at its middle delivers the exact energy.
 //!
 //! ```toml
@@ -39,7 +39,7 @@ use serde::{Deserialize, Serialize};
 
 /// The path of a moving heat source, as written in a case file: `toolpath.line = { ... }`.
 ///
-/// The kind is the key and not a `type` entry, so that a mistake inside is reported at its own
+/// The kind is the key and not a `type` entry, so that a mistake inside the table is reported at its own
 /// line.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -110,7 +110,7 @@ pub enum ToolpathError {
         /// Key in the case file.
         key: String,
     },
-    /// Both ways, or neither, of saying where a line goes.
+    /// `end` and `direction` of a line are both given or both missing.
     #[error(
         "a line needs either `end`, or `direction` with an optional `end_time`, and not both; \
          see `{key}`"
@@ -120,7 +120,7 @@ pub enum ToolpathError {
         key: String,
     },
     /// A move without length.
-    #[error("`{key}` of the toolpath does not lead anywhere: the move has no length")]
+    #[error("`{key}` of the toolpath gives a move of length zero")]
     NoLength {
         /// Key in the case file.
         key: String,
@@ -163,7 +163,7 @@ pub enum ToolpathError {
         /// Why.
         source: Box<csv::Error>,
     },
-    /// A row of the table holds a value that makes no sense.
+    /// A value in the table is out of range.
     #[error(
         "line {line} of the toolpath table {}: `{column}` is {value}, expected {expected}",
         path.display()
@@ -180,7 +180,7 @@ pub enum ToolpathError {
         /// What was expected.
         expected: &'static str,
     },
-    /// The times of the table run backwards.
+    /// The times of the table decrease.
     #[error(
         "line {line} of the toolpath table {}: time {time} s comes after {previous} s; \
          times must not decrease", path.display()
@@ -205,7 +205,7 @@ pub enum ToolpathError {
     },
 }
 
-/// What the CSV reader found, without its own line numbers.
+/// The error of the CSV reader without its line numbers, which count otherwise.
 fn reason(error: &csv::Error) -> String {
     match error.kind() {
         csv::ErrorKind::Deserialize { err, .. } => match err.field() {

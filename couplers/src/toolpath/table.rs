@@ -14,7 +14,7 @@ use super::{ToolpathError, Track};
 ///
 /// Columns `time` (s), `x`, `y`, `z` (m) and `power` (W), in any order, named in the first line;
 /// lines that start with `#` are skipped. Without a `power` column, or with an empty entry, the
-/// power is that of the source. Two rows with the same time are a jump: so the source is switched
+/// power is that of the source. Two rows with the same time are a jump, with which the source is switched
 /// on and off at full power.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -52,7 +52,7 @@ fn read(content: &str, path: &Path, default_power: Option<f64>) -> Result<Track,
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
         .from_reader(content.as_bytes());
-    // the reader dates a record from before the comments above it, so count up to its end
+    // the reader gives the position before the comments above a record, so lines are counted up to its end
     let (mut end, mut line) = (0, 1);
     let mut line_at = |position: &csv::Position| {
         let read = content

@@ -2,13 +2,13 @@
 
 use nalgebra::Vector3;
 
-/// Where the source is at one time, which way it travels and how strong it is.
+/// Position, travel direction and power of a source at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// Position (m).
     pub position: Vector3<f64>,
-    /// Unit vector of travel; kept from the last motion while the source dwells, +x before it
-    /// first moves. On a weave it is the direction of the seam: the torch does not turn.
+    /// Unit vector of travel. While the source rests it is that of the last move, before the first move +x. On a
+    /// weave it is the direction of the seam, because the torch does not turn.
     pub direction: Vector3<f64>,
     /// Power (W); 0 while the source is off.
     pub power: f64,
@@ -16,8 +16,8 @@ pub struct Pose {
     pub speed: f64,
 }
 
-/// Contiguous moves from the start of a toolpath to its end. Before and after it the source is
-/// off and rests at the nearer end.
+/// Contiguous moves from the start of a toolpath to its end. Before the start and after the end the source is
+/// off and rests at the first or the last position.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
     moves: Vec<Move>,
@@ -27,14 +27,15 @@ pub struct Track {
 struct Move {
     start: f64,
     end: f64,
-    motion: Motion,
+    curve: Curve,
     direction: Vector3<f64>,
     /// Power at the start and at the end (W), linear between.
     power: [f64; 2],
 }
 
+/// Position as a function of time.
 #[derive(Debug, Clone, PartialEq)]
-enum Motion {
+enum Curve {
     /// `from + velocity s`, s = time since the start of the move.
     Straight {
         from: Vector3<f64>,
@@ -59,9 +60,9 @@ enum Motion {
 impl Move {
     fn position(&self, time: f64) -> Vector3<f64> {
         let s = time - self.start;
-        match &self.motion {
-            Motion::Straight { from, velocity } => from + velocity * s,
-            Motion::Arc {
+        match &self.curve {
+            Curve::Straight { from, velocity } => from + velocity * s,
+            Curve::Arc {
                 centre,
                 radius,
                 angle,
@@ -70,7 +71,7 @@ impl Move {
                 let (sin, cos) = (angle + rate * s).sin_cos();
                 centre + Vector3::new(cos, sin, 0.0) * *radius
             }
-            Motion::Sine {
+            Curve::Sine {
                 from,
                 velocity,
                 sideways,
@@ -81,9 +82,9 @@ impl Move {
 
     fn velocity(&self, time: f64) -> Vector3<f64> {
         let s = time - self.start;
-        match &self.motion {
-            Motion::Straight { velocity, .. } => *velocity,
-            Motion::Arc {
+        match &self.curve {
+            Curve::Straight { velocity, .. } => *velocity,
+            Curve::Arc {
                 radius,
                 angle,
                 rate,
@@ -92,7 +93,7 @@ impl Move {
                 let (sin, cos) = (angle + rate * s).sin_cos();
                 Vector3::new(-sin, cos, 0.0) * (radius * rate)
             }
-            Motion::Sine {
+            Curve::Sine {
                 velocity,
                 sideways,
                 rate,
@@ -102,15 +103,15 @@ impl Move {
     }
 
     fn direction(&self, time: f64) -> Vector3<f64> {
-        match &self.motion {
-            Motion::Arc { .. } => self.velocity(time).normalize(),
-            Motion::Straight { .. } | Motion::Sine { .. } => self.direction,
+        match &self.curve {
+            Curve::Arc { .. } => self.velocity(time).normalize(),
+            Curve::Straight { .. } | Curve::Sine { .. } => self.direction,
         }
     }
 
     fn power(&self, time: f64) -> f64 {
         let [first, last] = self.power;
-        // an endless move has constant power, and the ratio below would be 0 * infinity
+        // a move without an end has constant power; the quotient below would not be a number
         if first == last {
             return first;
         }
@@ -119,7 +120,7 @@ impl Move {
 }
 
 impl Track {
-    /// Position, direction, power and speed at `time` (s). At an event the later move counts.
+    /// Position, direction, power and speed at `time` (s); at an event those of the later move.
     pub fn pose(&self, time: f64) -> Pose {
         let first = &self.moves[0];
         let last = &self.moves[self.moves.len() - 1];
@@ -147,8 +148,7 @@ impl Track {
 
     /// The first time after `after` at which the motion or the power has a kink or a jump (s).
     ///
-    /// Time steps should end on events. Strictly greater than `after`; `None` when nothing more
-    /// happens.
+    /// Time steps should end on events. The time is greater than `after`; `None` after the last event.
     pub fn next_event(&self, after: f64) -> Option<f64> {
         if after < self.start() {
             return Some(self.start());
@@ -165,7 +165,7 @@ impl Track {
         self.moves[0].start
     }
 
-    /// When the path is done (s); `None` for a line without an end.
+    /// When the path ends (s); `None` for a line without an end.
     pub fn end(&self) -> Option<f64> {
         self.moves
             .last()
@@ -186,14 +186,14 @@ impl Track {
             .take_while(|m| m.start < to)
             .map(|m| {
                 let (a, b) = (m.start.max(from), m.end.min(to));
-                // linear power: the middle value is the mean
+                // the mean of a linear power is the value in the middle
                 m.power(0.5 * (a + b)) * (b - a)
             })
             .sum()
     }
 }
 
-/// Appends moves, carrying time, position and direction from one to the next.
+/// Builds a track move by move; each starts at the time, position and direction at which the one before ended.
 #[derive(Debug)]
 pub(super) struct TrackBuilder {
     moves: Vec<Move>,
@@ -212,15 +212,15 @@ impl TrackBuilder {
         }
     }
 
-    fn push(&mut self, duration: f64, motion: Motion, power: [f64; 2]) {
+    fn push(&mut self, duration: f64, curve: Curve, power: [f64; 2]) {
         let end = self.time + duration;
-        // a pause too short for the clock to notice is no move
+        // a duration below the resolution of the time adds no move
         if end > self.time {
             let direction = self.direction;
             self.moves.push(Move {
                 start: self.time,
                 end,
-                motion,
+                curve,
                 direction,
                 power,
             });
@@ -235,11 +235,11 @@ impl TrackBuilder {
             self.direction = direction;
         }
         if duration > 0.0 {
-            let motion = Motion::Straight {
+            let curve = Curve::Straight {
                 from: self.position,
                 velocity: way / duration,
             };
-            self.push(duration, motion, power);
+            self.push(duration, curve, power);
         }
         self.position = to;
     }
@@ -252,11 +252,11 @@ impl TrackBuilder {
     /// A straight move without an end, until `end` (s) (infinity for never).
     pub fn go_on(&mut self, direction: Vector3<f64>, speed: f64, end: f64, power: f64) {
         self.direction = direction;
-        let motion = Motion::Straight {
+        let curve = Curve::Straight {
             from: self.position,
             velocity: direction * speed,
         };
-        self.push(end - self.time, motion, [power; 2]);
+        self.push(end - self.time, curve, [power; 2]);
     }
 
     /// A rest of `duration` (s) at constant power (W).
@@ -267,16 +267,16 @@ impl TrackBuilder {
     /// A turn about `centre`, from where the source is, at `rate` (rad/s) (negative: clockwise).
     pub fn turn(&mut self, centre: Vector3<f64>, rate: f64, duration: f64, power: f64) {
         let arm = self.position - centre;
-        let motion = Motion::Arc {
+        let curve = Curve::Arc {
             centre,
             radius: arm.norm(),
             angle: arm.y.atan2(arm.x),
             rate,
         };
-        self.push(duration, motion, [power; 2]);
+        self.push(duration, curve, [power; 2]);
     }
 
-    /// A seam to `to` with the sideways swing `sideways sin(rate s)`.
+    /// A seam to `to` with the sideways oscillation `sideways sin(rate s)`.
     pub fn swing(
         &mut self,
         to: Vector3<f64>,
@@ -286,13 +286,13 @@ impl TrackBuilder {
     ) {
         let way = to - self.position;
         self.direction = way.normalize();
-        let motion = Motion::Sine {
+        let curve = Curve::Sine {
             from: self.position,
             velocity: self.direction * speed,
             sideways,
             rate,
         };
-        self.push(way.norm() / speed, motion, [power; 2]);
+        self.push(way.norm() / speed, curve, [power; 2]);
         self.position = to;
     }
 

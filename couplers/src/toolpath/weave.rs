@@ -22,7 +22,7 @@ pub struct Weave {
     pub start: [f64; 3],
     /// End of the seam (m).
     pub end: [f64; 3],
-    /// Speed along the seam (m/s); the tip is faster by its sideways motion.
+    /// Speed along the seam (m/s); the source itself is faster by its sideways motion.
     pub speed: f64,
     /// Largest distance from the seam (m).
     pub amplitude: f64,

@@ -1,10 +1,10 @@
 use super::*;
-use crate::heat_source::{Ellipsoid, PointSource};
+use crate::heat_source::{EllipsoidSource, PointSource};
 use crate::testing::{STEEL, apply, block, prepare, refusal, total};
 
 const SHAPE: &str = "power = 100\nhalf_length = 0.5\nhalf_width = 2\ndepth = 1";
 
-fn ellipsoid(toolpath: &str) -> Ellipsoid {
+fn ellipsoid(toolpath: &str) -> EllipsoidSource {
     toml::from_str(&format!("{SHAPE}\ntoolpath.line = {toolpath}")).expect("valid")
 }
 
@@ -95,11 +95,11 @@ fn a_source_off_the_body_or_never_on_is_refused() {
         ),
         (
             "{ start = [5, 10, 80], end = [15, 10, 80], speed = 2 }",
-            "never on the body",
+            "never heats the body",
         ),
         (
             "{ start = [5, 10, 8], end = [15, 10, 8], speed = 2, power = 0 }",
-            "never on;",
+            "power of the source is zero at all times;",
         ),
     ] {
         let refused = refusal(&mut world, &mut ellipsoid(toolpath));
@@ -166,7 +166,7 @@ fn writing_and_reading_gives_the_same() {
 
 #[test]
 fn the_schema_has_the_keys_of_the_shape_and_of_the_place() {
-    let schema = schemars::schema_for!(Ellipsoid).to_value();
+    let schema = schemars::schema_for!(EllipsoidSource).to_value();
     for key in ["body", "toolpath", "half_length", "power"] {
         assert!(
             schema["properties"][key]["description"].is_string(),

@@ -3,12 +3,13 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use perimelt_core::material::Table;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
+
+use crate::material::Table;
 
 /// A number that may change in time: piecewise linear through the rows of a table, constant
 /// before the first and after the last. A jump is two rows a moment apart.
@@ -52,7 +53,7 @@ impl InTime {
 }
 
 /// The earlier of two events.
-pub(crate) fn earlier(a: Option<f64>, b: Option<f64>) -> Option<f64> {
+pub fn earlier(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     a.into_iter().chain(b).min_by(f64::total_cmp)
 }
 

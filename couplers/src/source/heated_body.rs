@@ -1,4 +1,4 @@
-//! What a source heats: a lattice of cells, some of which hold a material point.
+//! The body that a source heats, as a lattice of cells with or without a material point.
 
 use nalgebra::Vector3;
 use perimelt_core::Face;
@@ -7,25 +7,25 @@ use serde::{Deserialize, Serialize};
 
 /// A lattice of box-shaped cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Grid {
+pub struct CellGrid {
     /// Low corner of cell (0, 0, 0) (m); half a spacing below its centre.
     pub origin: Vector3<f64>,
     /// Size of a cell (m). The z size of a plate is its thickness.
     pub spacing: Vector3<f64>,
     /// Number of cells along x, y, z; one along the z of a plate.
     pub dims: [usize; 3],
-    /// Whether the body is a plate, a 2D body: then the position along z counts for nothing.
+    /// Whether the body is a plate, a 2D body: the position of a source along z has no effect then.
     pub plate: bool,
 }
 
-impl Grid {
+impl CellGrid {
     /// Whether an axis is the thickness of a plate.
     pub(super) fn is_thickness(&self, axis: usize) -> bool {
         self.plate && axis == 2
     }
 
-    /// A coordinate in spacings from the origin, on the plane between two cells when it is meant
-    /// to be: coordinates carry rounding, and a sliver of a cell above the surface is no cell.
+    /// A coordinate in spacings from the origin. Within rounding of a plane between two cells it is on that plane, so
+    /// that rounding does not add a cell above the surface.
     pub(super) fn in_cells(&self, axis: usize, coordinate: f64) -> f64 {
         let cells = (coordinate - self.origin[axis]) / self.spacing[axis];
         if (cells - cells.round()).abs() < 1e-9 {
@@ -37,9 +37,9 @@ impl Grid {
 }
 
 /// A body on a lattice.
-pub trait Target {
+pub trait HeatedBody {
     /// The lattice.
-    fn grid(&self) -> &Grid;
+    fn grid(&self) -> &CellGrid;
 
     /// The point in a cell inside `dims`, or `None` where there is no material.
     fn point(&self, cell: [usize; 3]) -> Option<usize>;
@@ -58,7 +58,7 @@ pub(super) fn depth_range(face: Face, index: i64, level: f64) -> (f64, f64) {
     }
 }
 
-/// Which face is heated and where it is.
+/// The heated face and its position.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HeatedSurface {
@@ -90,13 +90,13 @@ pub(super) mod lattice {
 
     /// A lattice whose points are numbered cell by cell, with holes.
     pub struct TestLattice {
-        pub grid: Grid,
+        pub grid: CellGrid,
         pub material: fn([usize; 3]) -> bool,
     }
 
     impl TestLattice {
         pub fn full(origin: [f64; 3], spacing: [f64; 3], dims: [usize; 3]) -> Self {
-            let grid = Grid {
+            let grid = CellGrid {
                 origin: origin.into(),
                 spacing: spacing.into(),
                 dims,
@@ -134,8 +134,8 @@ pub(super) mod lattice {
         }
     }
 
-    impl Target for TestLattice {
-        fn grid(&self) -> &Grid {
+    impl HeatedBody for TestLattice {
+        fn grid(&self) -> &CellGrid {
             &self.grid
         }
 

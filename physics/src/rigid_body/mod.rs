@@ -1,0 +1,403 @@
+//! Motion of a solid that does not deform.
+//!
+//! ```text
+//! P' = F,   P = M V                      momentum, N s
+//! L' = sum x_i x f_i                     angular momentum about the origin, N m s
+//! L  = x_c x P + S,   S = R I R^T omega  x_c: centre of mass, m; R: rotation; I: inertia, kg m²
+//! u_i = d + (R - 1) a_i                  displacement of a point with the reference arm a_i from x_c, m
+//! v_i = V + omega x (R a_i)              its velocity, m/s
+//! ```
+//!
+//! A step takes up the sink `impulse` at the positions of its start (`P += J`, `L += sum x_i x j_i`), so that what
+//! another body loses this one gets to rounding, and then integrates `body_force`, springs and dashpots by velocity
+//! Verlet. Free rotation in 3D is a composition of exact rotations that keeps S as it is ([`rotation`]); in 2D and about
+//! a fixed axis it is an angle. Points are placed by the rigid motion and never integrated one by one: the shape stays
+//! what it was to rounding over any number of steps.
+//!
+//! Not for bodies that deform (`mechanical`), and bodies do not collide by themselves.
+
+pub mod degrees;
+pub mod inertia;
+mod mass;
+mod report;
+mod rotation;
+mod state;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::{Matrix3, Vector3};
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{
+    Balance, Clock, Physics, Read, Report, RunError, Setup, SetupError, Step, StepSize, Work,
+    World, Write, keys,
+};
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use degrees::{ByDegree, Degree, Freedoms, Prescribed, Turning};
+use inertia::{AngularVelocity, Inertia};
+use mass::{MassProperties, PointWeights, Resultant};
+use report::AXES;
+use rotation::PrincipalInertia;
+use state::{RigidDynamics, RigidState, Wrench};
+
+/// Rigid body, free, held or driven along each degree of freedom; owns `displacement` and `velocity`, consumes
+/// `body_force` and `impulse`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RigidBody {
+    /// Body that moves; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Mass, kg; density times volume when left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass: Option<f64>,
+    /// Inertia about the centre of mass, kg m²: a number in 2D; in 3D `[xx, yy, zz]` or a 3 by 3 matrix. That of the
+    /// points and their cells when left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inertia: Option<Inertia>,
+    /// Degrees of freedom that are held, such as `["x", "rotation"]`.
+    #[serde(default)]
+    pub hold: Vec<Degree>,
+    /// Degrees of freedom that follow a prescribed displacement or velocity, such as
+    /// `driven.y.sine = { amplitude = 0.01, frequency = 2 }`.
+    #[serde(default)]
+    pub driven: ByDegree<Prescribed>,
+    /// Springs to the reference position, N/m (rotation: N m/rad), such as `spring.x = 100`.
+    #[serde(default)]
+    pub spring: ByDegree<f64>,
+    /// Dashpots, N s/m (rotation: N m s/rad).
+    #[serde(default)]
+    pub damping: ByDegree<f64>,
+    /// Initial velocity of the centre of mass, m/s; fitted to the initial field `velocity` when left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub initial_velocity: Option<[f64; 3]>,
+    /// Initial angular velocity, rad/s: a number in 2D, a vector in 3D; fitted to the initial field `velocity` when left
+    /// out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub initial_angular_velocity: Option<AngularVelocity>,
+    /// Step in s, or "auto": the largest stable one of the springs.
+    #[serde(default)]
+    pub step: StepSize,
+    #[serde(skip)]
+    #[schemars(skip)]
+    run: Option<Run>,
+}
+
+#[derive(Debug)]
+struct Run {
+    body: BodyIndex,
+    name: String,
+    displacement: Write<Vector3<f64>>,
+    velocity: Write<Vector3<f64>>,
+    body_force: Option<Read<Vector3<f64>>>,
+    impulse: Option<Read<Vector3<f64>>>,
+    properties: MassProperties,
+    /// Volumes of the points and their moments.
+    volumes: PointWeights,
+    dynamics: RigidDynamics,
+    state: RigidState,
+}
+
+/// Initial fields that no rigid motion gives.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the initial displacement of rigid body `{body}` is not rigid: point {point} lies {distance:.3e} m beside the \
+     closest rigid motion; give a uniform displacement{rotation}"
+)]
+struct NotRigid {
+    body: String,
+    point: usize,
+    distance: f64,
+    rotation: &'static str,
+}
+
+impl Run {
+    /// Loads on the body: the resultant of `body_force`, which stays with the points over a step.
+    fn load(resultant: Option<Resultant>, state: &RigidState) -> Wrench {
+        resultant.map_or_else(Wrench::default, |r| Wrench {
+            force: r.total,
+            moment: r.moment(&state.rotation()),
+        })
+    }
+
+    fn advance(&mut self, world: &World, step: Step) {
+        let before = self.dynamics.momenta(&self.state);
+        if let Some(impulse) = self.impulse {
+            let resultant = self.volumes.resultant(&world.read(impulse));
+            let impulse = Wrench {
+                force: resultant.total,
+                moment: resultant.moment(&self.state.rotation()),
+            };
+            self.state.received.force += impulse.force;
+            self.state.received.moment += impulse.moment;
+            self.dynamics.kick(&mut self.state, &impulse);
+        }
+        self.state.elapsed += step.size;
+        let resultant = self
+            .body_force
+            .map(|force| self.volumes.resultant(&world.read(force)));
+        let load = |state: &RigidState| Self::load(resultant, state);
+        self.dynamics.advance(&mut self.state, step, load);
+        self.dynamics.account_holder(&mut self.state, &before);
+        self.place_points(world);
+    }
+
+    fn place_points(&self, world: &World) {
+        let motion = self
+            .dynamics
+            .motion_of_points(&self.state, &self.properties.arms);
+        let mut displacement = world.write(self.displacement);
+        let mut velocity = world.write(self.velocity);
+        let points = displacement.par_iter_mut().zip(velocity.par_iter_mut());
+        let points = points.enumerate().with_min_len(4096);
+        points.for_each(|(point, (u, v))| (*u, *v) = motion(point));
+    }
+
+    /// Displacement and orientation of the initial field `displacement`.
+    fn fit_displacement(&mut self, world: &World) -> Result<(), NotRigid> {
+        let displacement = world.read::<Vector3<f64>>(self.displacement.into());
+        self.state.displacement = self.properties.mean(&displacement);
+        let mut rotation = "";
+        if let Turning::About(axis, _) = self.dynamics.freedoms.turning {
+            self.state.angle = self.properties.fit_angle(axis, &displacement);
+            self.state.orientation = rotation::about(axis, self.state.angle);
+            rotation = ", or one that turns the body about its axis";
+        }
+        let motion = self
+            .dynamics
+            .motion_of_points(&self.state, &self.properties.arms);
+        let body = world.body(self.body);
+        let (min, max) = body.bounds();
+        // formulas of a case file give a rigid rotation to rounding
+        let limit = 1e-6 * (max - min).norm();
+        for (point, u) in displacement.iter().enumerate() {
+            let distance = (motion(point).0 - u).norm();
+            if distance > limit {
+                return Err(NotRigid {
+                    body: body.name.clone(),
+                    point,
+                    distance,
+                    rotation,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl RigidBody {
+    fn properties(&self, setup: &Setup<'_>, body: BodyIndex) -> Result<MassProperties, SetupError> {
+        if let Some(mass) = self.mass
+            && !(mass > 0.0 && mass.is_finite())
+        {
+            let message = format!("a mass of {mass} kg");
+            return Err(SetupError::value("mass", message, "a positive mass in kg"));
+        }
+        let density = match (setup.density_at_points(body), self.mass) {
+            (Ok(density), _) => density,
+            // with a mass and no density the body counts as uniform
+            (Err(_), Some(_)) => vec![1.0; setup.body(body).points.len()],
+            (Err(error), None) => return Err(error),
+        };
+        let body = setup.body(body);
+        let mut properties =
+            MassProperties::of_points(body.dimension, &body.points, &density, self.mass);
+        if let Some(inertia) = self.inertia {
+            properties.inertia = inertia.matrix(body.dimension)?;
+        }
+        Ok(properties)
+    }
+
+    /// Refuses initial velocities of degrees of freedom that are not free.
+    fn check_initial(&self, freedoms: &Freedoms) -> Result<(), SetupError> {
+        let refuse = |key: &str, axis: usize| {
+            let message = format!("the body is not free along or about {}", AXES[axis]);
+            Err(SetupError::value(key, message, "zero there"))
+        };
+        let velocity = self.initial_velocity.unwrap_or_default();
+        let fixed = |&axis: &usize| velocity[axis] != 0.0 && !freedoms.translation[axis].is_free();
+        if let Some(axis) = (0..3).find(fixed) {
+            return refuse("initial_velocity", axis);
+        }
+        let Some(velocity) = self.initial_angular_velocity else {
+            return Ok(());
+        };
+        let velocity = velocity.vector(freedoms.dimension)?;
+        let free = |axis: usize| match &freedoms.turning {
+            Turning::Any => true,
+            Turning::About(only, freedom) => axis == *only && freedom.is_free(),
+            Turning::Held => false,
+        };
+        match (0..3).find(|&axis| velocity[axis] != 0.0 && !free(axis)) {
+            Some(axis) => refuse("initial_angular_velocity", axis),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Refuses bodies that cannot move as rigid ones, and boundaries of the displacement without effect.
+fn check_body(
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+    freedoms: &Freedoms,
+) -> Result<(), SetupError> {
+    if setup.body(body).periodic != [false; 3] {
+        let message = "a periodic body has no centre of mass and cannot turn";
+        return Err(SetupError::value(
+            "body",
+            message,
+            "a body without `periodic`",
+        ));
+    }
+    let (_, faces, prescribed) = setup.layers(body, &keys::DISPLACEMENT);
+    if let Some(face) = prescribed.first() {
+        let message = format!(
+            "a boundary prescribes the displacement at face `{}`",
+            face.name()
+        );
+        let expected = "`hold` or `driven` of the rigid body instead of the boundary";
+        return Err(SetupError::value("body", message, expected));
+    }
+    let crossing = |face: &&perimelt_core::Face| freedoms.translation[face.axis()].is_free();
+    if let Some(face) = faces.iter().find(crossing) {
+        let message = format!("the body may leave its plane of symmetry `{}`", face.name());
+        let expected = format!("`hold = [\"{}\"]`", AXES[face.axis()]);
+        return Err(SetupError::value("hold", message, expected));
+    }
+    Ok(())
+}
+
+#[typetag::serde(name = "rigid_body")]
+impl Physics for RigidBody {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        let dimension = setup.body(body).dimension;
+        if dimension == 1 {
+            let message = "a 1D body cannot move as a rigid body";
+            return Err(SetupError::value("body", message, "a 2D or 3D body"));
+        }
+        let freedoms = Freedoms::new(dimension, &self.hold, &self.driven)?;
+        freedoms.check_resistance("spring", &self.spring)?;
+        freedoms.check_resistance("damping", &self.damping)?;
+        self.check_initial(&freedoms)?;
+        check_body(setup, body, &freedoms)?;
+        let properties = self.properties(setup, body)?;
+        let inverse_inertia = properties.inertia.try_inverse();
+        let dynamics = RigidDynamics {
+            mass: properties.mass,
+            centre: properties.centre,
+            inertia: properties.inertia,
+            // an inertia of the points and their cells is positive; a given one was checked
+            inverse_inertia: inverse_inertia.unwrap_or_else(Matrix3::zeros),
+            principal: PrincipalInertia::new(&properties.inertia),
+            freedoms,
+            spring: self.spring.clone(),
+            damping: self.damping.clone(),
+        };
+        let volume = setup.body(body).points.volume.clone();
+        self.run = Some(Run {
+            body,
+            name: setup.body(body).name.clone(),
+            displacement: setup.own(body, &keys::DISPLACEMENT)?,
+            velocity: setup.own(body, &keys::VELOCITY)?,
+            body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
+            impulse: setup.take_if_added(body, &keys::IMPULSE)?,
+            volumes: PointWeights::new(dimension, volume, &properties.arms),
+            properties,
+            dynamics,
+            state: RigidState::default(),
+        });
+        Ok(())
+    }
+
+    fn start(&mut self, world: &World) -> Result<(), RunError> {
+        let run = self.run.as_mut().expect("prepared before the start");
+        run.fit_displacement(world)
+            .map_err(|cause| RunError::Plugin {
+                plugin: "rigid_body".into(),
+                time: 0.0,
+                cause: cause.into(),
+            })?;
+        let rotation = run.state.rotation();
+        let field = run.velocity.into();
+        let fitted = run.properties.fit_velocity(&rotation, &world.read(field));
+        let velocity = self.initial_velocity.map_or(fitted.0, Vector3::from);
+        let given = self.initial_angular_velocity;
+        let given =
+            given.and_then(|velocity| velocity.vector(run.dynamics.freedoms.dimension).ok());
+        let angular = given.unwrap_or(fitted.1);
+        run.state.momentum = velocity * run.dynamics.mass;
+        run.state.spin = match run.dynamics.freedoms.turning {
+            Turning::About(axis, _) => {
+                Vector3::ith(axis, run.dynamics.inertia_about(axis) * angular[axis])
+            }
+            _ => rotation * run.dynamics.inertia * rotation.transpose() * angular,
+        };
+        run.dynamics.constrain_start(&mut run.state);
+        run.state.initial = run.dynamics.momenta(&run.state);
+        run.place_points(world);
+        Ok(())
+    }
+
+    fn clock(&self) -> Clock {
+        Clock {
+            step: self.step,
+            ..Clock::default()
+        }
+    }
+
+    fn stable_step(&mut self, _world: &World) -> Option<f64> {
+        self.run.as_ref().and_then(|run| run.dynamics.stable_step())
+    }
+
+    fn next_event(&self, after: f64) -> Option<f64> {
+        let run = self.run.as_ref()?;
+        run.dynamics.freedoms.next_event(after)
+    }
+
+    /// A body may travel far in free flight; an unstable load exceeds any limit within a few hundred steps.
+    fn plausible(&self, world: &World) -> Vec<(&'static str, f64)> {
+        let body = self.run.as_ref().map_or(0, |r| r.body);
+        let (min, max) = world.body(body).bounds();
+        vec![("displacement", 1e4 * (max - min).norm())]
+    }
+
+    fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
+        let run = self.run.as_mut().expect("prepared before the first step");
+        run.advance(world, step);
+        Ok(Work::of_stages(1))
+    }
+
+    fn observe(&mut self, _world: &World) {
+        let run = self.run.as_mut().expect("prepared before the first step");
+        run.state.observe();
+    }
+
+    fn balance(&self, world: &World) -> Vec<Balance> {
+        let run = self.run.as_ref().expect("prepared before the first step");
+        run.balances(world)
+    }
+
+    fn report(&self) -> Vec<Report> {
+        let run = self.run.as_ref().expect("prepared before the first step");
+        run.reports()
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        let run = self.run.as_ref().expect("prepared before a save");
+        Box::new(&run.state)
+    }
+
+    fn load(
+        &mut self,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        let run = self.run.as_mut().expect("prepared before a restart");
+        run.state = erased_serde::deserialize(state)?;
+        Ok(())
+    }
+}
+
+perimelt_core::register_physics!("rigid_body", RigidBody);

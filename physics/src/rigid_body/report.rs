@@ -1,0 +1,98 @@
+//! Balances and reports of a rigid body.
+
+use nalgebra::Vector3;
+use perimelt_core::solver::reduce::sum_of;
+use perimelt_core::{Balance, Report, World};
+
+use super::Run;
+use super::degrees::Turning;
+
+pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// x, y and z in 3D, z in 2D.
+fn axes_of_rotation(dimension: usize) -> std::ops::Range<usize> {
+    match dimension {
+        2 => 2..3,
+        _ => 0..3,
+    }
+}
+
+impl Run {
+    /// Balances of momentum, and of angular momentum about the origin, of the axes that exist.
+    pub(super) fn balances(&self, world: &World) -> Vec<Balance> {
+        let (now, state) = (self.dynamics.momenta(&self.state), &self.state);
+        let [momentum, angular] = self.sizes(world);
+        let dimension = self.dynamics.freedoms.dimension;
+        let linear = (0..dimension).map(|axis| {
+            let name = format!("momentum.{}", AXES[axis]);
+            let (initial, given) = (state.initial.momentum[axis], state.given.momentum[axis]);
+            Balance::new(&name, "N s", now.momentum[axis], initial, given)
+                .of_size(momentum.max(state.exchanged[0]))
+        });
+        let rotation = axes_of_rotation(dimension).map(|axis| {
+            let name = format!("angular_momentum.{}", AXES[axis]);
+            let (initial, given) = (state.initial.angular[axis], state.given.angular[axis]);
+            Balance::new(&name, "N m s", now.angular[axis], initial, given)
+                .of_size(angular.max(state.exchanged[1]))
+        });
+        linear.chain(rotation).collect()
+    }
+
+    /// Sums of the sizes of the points' momenta (N s) and angular momenta about the origin (N m s).
+    fn sizes(&self, world: &World) -> [f64; 2] {
+        let velocity = world.read::<Vector3<f64>>(self.velocity.into());
+        let speed: Vec<f64> = velocity.iter().map(|v| v.norm()).collect();
+        let distance: Vec<f64> = world
+            .positions(self.body)
+            .iter()
+            .map(|x| x.norm())
+            .collect();
+        let mass = &self.properties.point_mass;
+        [
+            sum_of([mass, &speed], |[m, v]| m * v),
+            sum_of([mass, &speed, &distance], |[m, v, x]| m * v * x),
+        ]
+    }
+
+    pub(super) fn reports(&self) -> Vec<Report> {
+        let (body, dynamics, state) = (&self.name, &self.dynamics, &self.state);
+        let dimension = dynamics.freedoms.dimension;
+        let vector = |name: &str, unit: &str, value: Vector3<f64>, rotation: bool| {
+            let axes = match rotation {
+                true => axes_of_rotation(dimension),
+                false => 0..dimension,
+            };
+            let component = |axis| Report {
+                name: format!("{body}.{name}.{}", AXES[axis]),
+                unit: unit.into(),
+                value: value[axis],
+            };
+            axes.map(component).collect::<Vec<_>>()
+        };
+        let rotation = match dynamics.freedoms.turning {
+            Turning::About(axis, _) => Vector3::ith(axis, state.angle),
+            _ => state.orientation.scaled_axis(),
+        };
+        let energy = Report {
+            name: format!("{body}.energy.kinetic"),
+            unit: "J".into(),
+            value: dynamics.kinetic_energy(state),
+        };
+        [
+            vector("centre", "m", dynamics.position(state), false),
+            vector("displacement", "m", state.displacement, false),
+            vector("velocity", "m/s", dynamics.velocity(state), false),
+            vector("rotation", "rad", rotation, true),
+            vector(
+                "angular_velocity",
+                "rad/s",
+                dynamics.angular_velocity(state),
+                true,
+            ),
+            vector("force", "N", state.mean.force, false),
+            vector("moment", "N m", state.mean.moment, true),
+            vec![energy],
+        ]
+        .concat()
+    }
+}
