@@ -94,17 +94,6 @@ pub enum LogError {
         /// the difference
         what: &'static str,
     },
-    /// More than protobuf can hold.
-    #[error(
-        "the point cloud of body `{body}` would take {bytes} bytes, but the format ends at 2 GiB; \
-         log fewer fields, or log them as f32"
-    )]
-    CloudTooLarge {
-        /// the body
-        body: String,
-        /// size of its points
-        bytes: usize,
-    },
     /// A body that the run does not have.
     #[error("the log has no body `{body}`; it has {}", list(.known))]
     UnknownBody {

@@ -23,6 +23,12 @@
 //! **Layout.** Attachment and metadata come first, so that an unfinished file has them. A large
 //! message has a chunk of its own: time series are read without unpacking point clouds, and one
 //! point cloud without unpacking its neighbours.
+//!
+//! **Size.** A message holds at most 2 GiB, the limit of protobuf libraries. A larger state is split:
+//! the first points are on `/<body>/points`, the next ones on `/<body>/points/2`, `/<body>/points/3`
+//! and so on, all with one `log_time`, so that a viewer shows them together when all of these topics
+//! are switched on. Checkpoints are split likewise, byte by byte. The part on the topic without a
+//! number is written last: where it is present, the state is complete. [`Log`] joins the parts.
 
 mod error;
 mod foxglove_schema;

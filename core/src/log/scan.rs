@@ -233,7 +233,7 @@ impl Contents {
             source,
         };
         match Topic::of(&channel.topic) {
-            Topic::Points(_) | Topic::Checkpoint => {
+            Topic::Points(_) | Topic::Part(_) | Topic::Checkpoint => {
                 self.large
                     .entry(channel.topic.clone())
                     .or_default()
