@@ -16,9 +16,11 @@
 //! ```
 
 pub mod case;
+mod cell_grid;
 pub mod commands;
 mod component;
 pub mod export;
+mod interpolation;
 pub mod library;
 pub mod melt_pool;
 pub mod plot;

@@ -1,7 +1,7 @@
 //! A field of a body at one time, as coloured points.
 
 use super::{
-    axes::{Axis, Frame, LABEL, TICK, TITLE, look},
+    axes::{ChartAxis, Frame, LABEL, TICK, TITLE, look},
     colour::{BLACK, Colour, ColourMap, GREY, WHITE},
     contour::{contour, joined},
     isotherm::Isotherm,
@@ -106,7 +106,7 @@ impl Snapshot<'_> {
             let axis = |side: usize| {
                 let label = unit::label(["x", "y", "z"][view.axes[side]], lengths.unit);
                 let (from, to) = (bounds[0][side], bounds[1][side]);
-                Axis::linear(from * lengths.factor, to * lengths.factor, label)
+                ChartAxis::linear(from * lengths.factor, to * lengths.factor, label)
             };
             let right = left + wide(bounds) * pixels_per_metre;
             let bottom = top + high(bounds) * pixels_per_metre;
@@ -284,7 +284,7 @@ impl Snapshot<'_> {
             ];
             picture.rectangle(corners, colour);
         }
-        let axis = Axis::linear(
+        let axis = ChartAxis::linear(
             self.scale.from * self.factor,
             self.scale.to * self.factor,
             "",

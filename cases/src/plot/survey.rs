@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use perimelt_core::log::{BodyInfo, Cloud, Log, LogError};
 
 use super::scalar::scalar;
-use crate::melt_pool::{MeltPool, Travel, melt_pool_on};
+use crate::melt_pool::{MeltPool, MeltPoolGauge, Travel};
 
 /// What the pass finds.
 #[derive(Clone, Debug, Default)]
@@ -47,7 +47,8 @@ pub(crate) fn survey(
             let positions = reference.positions(&cloud);
             let grid = super::grid_of(body, &cloud, positions);
             let pool = grid.and_then(|grid| {
-                melt_pool_on(&grid, &temperature.values, body.dimension, travel, isotherm)
+                let gauge = MeltPoolGauge::on(grid, body.dimension, travel.into(), isotherm);
+                gauge.measure(&temperature.values)
             });
             survey.pools.push((cloud.time, pool));
         }

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::case::formula::Formula;
 use crate::case::sections::{Components, Statistic};
+use crate::interpolation::Interpolation;
 
 /// A measurement, its reference and how far they may be apart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -172,18 +173,6 @@ pub struct HistoryMeasure {
     /// Between the points.
     #[serde(default)]
     pub interpolation: Interpolation,
-}
-
-/// How a field is read between points. Beyond the outermost points, up to the face, it goes on
-/// as its mirror image, as it does at an insulated face or a plane of symmetry.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Interpolation {
-    /// Through four points along each axis.
-    #[default]
-    Cubic,
-    /// Through two.
-    Linear,
 }
 
 /// The time at which a field first crosses a value.

@@ -1,12 +1,11 @@
 //! `perimelt verify`: runs benchmark cases from their case files and compares numbers of the
 //! running simulation (not of its log) with the references in their `[[verify]]` tables.
 //!
-//! [`check`] holds what a case file says, [`recorder`] measures, [`table`] judges and shows.
+//! [`check`] holds what a case file says, [`measurement`] measures, [`table`] judges and shows.
 
 pub mod benchmarks;
 pub mod check;
-pub mod recorder;
-pub mod sample;
+pub mod measurement;
 pub mod table;
 
 use std::collections::BTreeMap;
@@ -20,7 +19,7 @@ use crate::case::{Case, CaseError};
 use crate::run::display::{Display, duration};
 use crate::run::{Failure, on_workers};
 use check::{Check, Level};
-use recorder::Recorder;
+use measurement::Measurement;
 use table::{Outcome, Table};
 
 /// Arguments of `perimelt verify`.
@@ -213,12 +212,12 @@ fn measure(
 ) -> Result<Vec<Option<Vec<f64>>>, VerifyError> {
     let started = Instant::now();
     let mut simulation = case.compose()?;
-    let mut recorders = Vec::new();
+    let mut measurements = Vec::new();
     for p in planned {
-        let recorder = concerns(p)
-            .then(|| Recorder::new(&p.check.measure, &simulation))
+        let measurement = concerns(p)
+            .then(|| Measurement::new(&p.check.measure, &simulation))
             .transpose();
-        recorders.push(recorder.map_err(|cause| {
+        measurements.push(measurement.map_err(|cause| {
             let (case, quantity) = (name.to_string(), p.check.quantity.clone());
             VerifyError::Check {
                 case,
@@ -230,7 +229,7 @@ fn measure(
     let result = advance(
         case,
         &mut simulation,
-        recorders.iter_mut().flatten().collect(),
+        measurements.iter_mut().flatten().collect(),
     );
     let steps = simulation.progress().macro_steps;
     let iterations: u64 = simulation.progress().iterations.iter().sum();
@@ -243,7 +242,7 @@ fn measure(
         Err(Failure::Case(mistake)) => return Err(VerifyError::Case(mistake)),
         Err(failure) => eprintln!("{name}: stopped after {steps} steps and {wall}: {failure}"),
     }
-    Ok(recorders
+    Ok(measurements
         .into_iter()
         .map(|r| Some(r?.values()?.to_vec()))
         .collect())
@@ -253,7 +252,7 @@ fn measure(
 fn advance(
     case: &Case,
     simulation: &mut perimelt_core::Simulation,
-    mut recorders: Vec<&mut Recorder>,
+    mut measurements: Vec<&mut Measurement>,
 ) -> Result<(), Failure> {
     case.start(simulation)?;
     let mut display = Display::new(simulation, f64::INFINITY, !std::io::stderr().is_terminal());
@@ -262,9 +261,9 @@ fn advance(
             break Ok(());
         }
         match simulation.step() {
-            Ok(logging) => recorders
+            Ok(logging) => measurements
                 .iter_mut()
-                .for_each(|r| r.see(simulation, logging)),
+                .for_each(|m| m.observe(simulation, logging)),
             Err(failure) => break Err::<(), RunError>(failure),
         }
         display.update(simulation);
