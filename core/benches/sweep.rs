@@ -2,7 +2,7 @@
 //!
 //! Block of 48³ points, horizon 3.015 spacings, 122 bonds each (on the cloud, whose points are
 //! displaced by up to a fifth of a spacing, on average). What limits each kernel
-//! stands in `ARCHITECTURE.md`.
+//! stands in `docs/performance.md`.
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
