@@ -1,7 +1,7 @@
-//! The lattice that a logged cloud of points sits on.
+//! Uniform grid of cells through the points of a body or of a logged cloud.
 
-/// Cells beyond this many per point mean that the points are not on a lattice (a single runaway
-/// point would otherwise ask for any amount of memory).
+/// Cells beyond this many per point mean that the points are not on a lattice (a single
+/// remote point would otherwise need any amount of memory).
 const MAX_CELLS_PER_POINT: usize = 64;
 
 /// Uniform grid of cells through the points of a cloud.
@@ -63,11 +63,11 @@ impl CellGrid {
         })
     }
 
-    /// Cells of the smallest of the `spacings` (m), each of the nearest point in spacings of that
-    /// point; `None` as in [`CellGrid::new`]. Points between the cells of a grid, and of any grid, leave
-    /// no gaps that way.
+    /// Grid with cells of the smallest of the `spacings` (m). A cell belongs to the point that is nearest in
+    /// spacings of that point, so that displaced points and points of several spacings leave no gaps; `None` as in
+    /// [`CellGrid::new`].
     pub(crate) fn of_spacings(positions: &[[f64; 3]], spacings: &[f64]) -> Option<Self> {
-        /// cells of displaced points may lack a part of this size, in spacings
+        /// cells of displaced points can be incomplete by this length, in spacings
         const SLACK: f64 = 0.25;
         let finest = spacings.iter().copied().fold(f64::INFINITY, f64::min);
         let points = || positions.iter().zip(spacings);
@@ -117,7 +117,7 @@ impl CellGrid {
                         };
                         let away = away(0, i).max(away(1, j)).max(away(2, k));
                         let best = &mut nearest[(k * cells[1] + j) * cells[0] + i];
-                        // a millionth: which of two points at one distance must not be chance
+                        // a millionth: the choice between two points at equal distance must not depend on rounding
                         if away < best.0 - 1e-6 {
                             *best = (away, point);
                         }

@@ -1,4 +1,4 @@
-//! Probes: numbers taken from the fields with every logged state.
+//! Probes: numbers computed from the fields with every logged state.
 
 use nalgebra::Vector3;
 use perimelt_core::error::Problem;
@@ -71,7 +71,7 @@ impl Probe {
         let Some(field_name) = &section.field else {
             return Err(SetupError::value(
                 "",
-                "the probe names no field",
+                "the probe has no field",
                 "`field = \"...\"`",
             ));
         };
@@ -116,7 +116,7 @@ impl Probe {
         })
     }
 
-    /// The numbers now, in the order of the columns.
+    /// The numbers of the present state, in the order of the columns.
     pub fn measure(&self, world: &World) -> Vec<f64> {
         let body = world.body(self.body);
         match &self.measure {
@@ -217,7 +217,7 @@ impl Component {
                     "`component`, one of {}",
                     Number::names(components).join(", ")
                 );
-                let message = "this is a tensor field";
+                let message = "the field is a tensor and the probe has no component";
                 return Err(SetupError::value("field", message, expected));
             }
             (Some(name), _) => Number::find(components, name).ok_or_else(|| {
@@ -241,7 +241,7 @@ impl Component {
     }
 }
 
-/// The largest value; not a number if one of the values is none, which `f64::max` would ignore.
+/// The largest value; NaN if one of the values is NaN, which `f64::max` would ignore.
 pub(crate) fn largest(values: impl Iterator<Item = f64>) -> f64 {
     let larger = |a: f64, b: f64| if a.is_nan() || a > b { a } else { b };
     values.fold(f64::NEG_INFINITY, larger)
@@ -263,16 +263,16 @@ fn reduce(values: impl Iterator<Item = (f64, f64)>, statistic: Statistic) -> f64
 /// Column names (distance from the start, m) and weights of a line of positions.
 fn along(body: &Body, line: &LineProbe) -> Result<(Vec<String>, Vec<Weights>), SetupError> {
     if line.number < 2 {
-        let message = format!("a line of {} positions", line.number);
+        let message = format!("the line has {} positions", line.number);
         return Err(SetupError::value("kind.line.number", message, "2 or more"));
     }
     let (from, to) = (Vector3::from(line.from), Vector3::from(line.to));
     let mut names = Vec::new();
     let mut weights = Vec::new();
     for i in 0..line.number {
-        let share = i as f64 / (line.number - 1) as f64;
-        let position = from + (to - from) * share;
-        names.push(format!("{:.6e}", (to - from).norm() * share));
+        let fraction = i as f64 / (line.number - 1) as f64;
+        let position = from + (to - from) * fraction;
+        names.push(format!("{:.6e}", (to - from).norm() * fraction));
         let linear = Interpolation::Linear;
         weights.push(Weights::at(body, position.into(), linear, "kind.line")?);
     }
@@ -391,7 +391,7 @@ mod tests {
             down: Axis::Z,
         };
         let pool = MeltPool::new(&section, &body).expect("a pool");
-        // falls by 100 K per metre from x = 2, whatever y and z: 1000 K at 2 - 1.3 and 2 + 1.3
+        // falls by 100 K per metre from x = 2, at any y and z: 1000 K at 2 - 1.3 and 2 + 1.3
         let temperature: Vec<f64> = body
             .points
             .position

@@ -33,10 +33,10 @@ fn family(points: Points) -> (Body, Family) {
         Points::Bare => body.store = Store::Lattice,
         Points::Cloud => {
             let jitter = Jitter {
-                share: 0.2,
+                amplitude: 0.2,
                 seed: 1,
             };
-            body = body.jittered(jitter).expect("a valid share");
+            body = body.jittered(jitter).expect("a valid amplitude");
         }
     }
     let bare = matches!(points, Points::Bare);

@@ -63,7 +63,7 @@ impl Case {
                 } => &["zones", &zone, "spacing"],
                 BodyError::Zone { .. } => &["zones", &zone],
                 BodyError::NotCovered { .. } => &["zones"],
-                BodyError::Jitter(_) => &["jitter", "share"],
+                BodyError::Jitter(_) => &["jitter", "amplitude"],
                 BodyError::Repeated { .. } => &["periodic"],
                 BodyError::Tank { .. } => &["tank"],
                 BodyError::Table(_) => &["points"],
@@ -174,7 +174,7 @@ impl Case {
                 if *of_point != 0 && *of_point != index {
                     let other = body.materials[*of_point as usize].name();
                     let message = format!(
-                        "region `{region}` shares points with another region, whose material is `{other}`"
+                        "region `{region}` overlaps with another region, whose material is `{other}`"
                     );
                     return Err(self.body_error(
                         &key,

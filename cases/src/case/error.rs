@@ -54,7 +54,7 @@ impl CaseError {
         error
     }
 
-    /// Says what was expected at the place.
+    /// Adds what was expected at the place.
     pub fn expected(mut self: Box<Self>, expected: impl Into<String>) -> Box<Self> {
         self.expected = expected.into();
         self

@@ -1,4 +1,5 @@
-//! Case files: TOML text in, a composed [`Simulation`](perimelt_core::Simulation) out, mistakes shown where they are.
+//! Case files: from TOML text to a composed [`Simulation`](perimelt_core::Simulation), with mistakes shown at their
+//! lines.
 //!
 //! 1. [`Case::read`] parses the text and reads every section but the plugins.
 //! 2. [`Case::compose`] fills bodies with points, builds plugins through their registrations,

@@ -1,4 +1,4 @@
-//! Turns what the TOML reader and serde say into sentences for the user.
+//! Converts messages of the TOML reader and of serde into sentences for users.
 
 use std::sync::Arc;
 
@@ -41,7 +41,7 @@ impl Section<'_> {
             } else {
                 "key"
             };
-            // a plugin that hands its keys to several structs knows all of them in its schema only
+            // where a plugin passes its keys to several structs, only its schema lists all of them
             let known = match self.schema["properties"].as_object() {
                 Some(keys) if path.len() == 1 && what == "key" => {
                     keys.keys().map(String::as_str).collect()

@@ -160,7 +160,7 @@ pub fn export(args: &ExportArgs) -> Result<Vec<PathBuf>, ExportError> {
         }
     }
     if args.format == Format::Vtk {
-        // readers want ascending times
+        // readers need ascending times
         collection.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.part.cmp(&b.part)));
         let stem = args.log.file_stem().unwrap_or_default().to_string_lossy();
         folder.write(&format!("{stem}.pvd"), |file| {

@@ -78,8 +78,8 @@ impl ChartAxis {
         })
     }
 
-    /// Share of the way along the axis.
-    pub(crate) fn share(&self, number: f64) -> f64 {
+    /// Position along the axis, from 0 to 1.
+    pub(crate) fn fraction(&self, number: f64) -> f64 {
         if self.logarithmic {
             (number / self.from).log10() / (self.to / self.from).log10()
         } else {
@@ -160,8 +160,8 @@ impl Frame {
     pub(crate) fn place(&self, x: f64, y: f64) -> [f64; 2] {
         let [left, top, right, bottom] = self.edges;
         [
-            left + self.horizontal.share(x) * (right - left),
-            bottom - self.vertical.share(y) * (bottom - top),
+            left + self.horizontal.fraction(x) * (right - left),
+            bottom - self.vertical.fraction(y) * (bottom - top),
         ]
     }
 

@@ -24,7 +24,7 @@ pub(crate) struct Chart {
     pub panels: Vec<Panel>,
 }
 
-/// Curves that share a unit.
+/// Curves with the same unit.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Panel {
     /// name of the vertical axis with its unit

@@ -279,7 +279,7 @@ fn register_fonts() {
     static ONCE: std::sync::Once = std::sync::Once::new();
     ONCE.call_once(|| {
         for (style, font) in [(FontStyle::Normal, REGULAR), (FontStyle::Bold, MEDIUM)] {
-            // a font that cannot be read would be our own mistake; drawing then reports it
+            // a font that cannot be read is a mistake in this program; drawing then reports it
             let _ = register_font(FONT, style, font);
         }
     });

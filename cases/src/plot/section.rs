@@ -1,4 +1,4 @@
-//! Flat views of a body: what a picture of its points shows.
+//! Plane views of a body for pictures of its points.
 
 use crate::cell_grid::CellGrid;
 
@@ -72,7 +72,7 @@ pub(crate) fn views(grid: &CellGrid, dimension: usize, values: &[f64], heat: &[f
     ]
 }
 
-/// Of the chosen cells, those highest along the axis that is not shown.
+/// Among the chosen cells, those with the largest coordinate along the axis that is not shown.
 fn view(
     grid: &CellGrid,
     axes: [usize; 2],

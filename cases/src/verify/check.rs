@@ -16,7 +16,7 @@ use crate::case::formula::Formula;
 use crate::case::sections::{Components, Statistic};
 use crate::interpolation::Interpolation;
 
-/// A measurement, its reference and how far they may be apart.
+/// A measurement, its reference and the limit of their difference.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Check {
@@ -29,7 +29,7 @@ pub struct Check {
     pub of: Option<String>,
     /// The reference: one number for all that is measured, or one for each.
     pub reference: Components,
-    /// How far ours may be from the reference.
+    /// Limit of the difference between measured value and reference.
     pub limit: Limit,
     /// Where the reference comes from.
     pub source: String,
@@ -63,9 +63,9 @@ pub enum Measure {
     Statistic(StatisticMeasure),
     /// Where the largest or smallest value of a region lies: x, y and z in the reference configuration, m.
     Place(PlaceMeasure),
-    /// How far a field is from a formula.
+    /// Deviation of a field from a formula.
     Deviation(DeviationMeasure),
-    /// How far an isotherm reaches, m.
+    /// Extent of the region above an isotherm, m.
     MeltPool(MeltPoolMeasure),
     /// The largest relative error of a balance over all logged states.
     Balance(BalanceMeasure),
@@ -126,7 +126,7 @@ pub struct PassingMeasure {
     pub time: Option<f64>,
 }
 
-/// How far the cells of a body reach now in a direction.
+/// Largest coordinate of the cells of a body now in a direction, m.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReachMeasure {
@@ -140,7 +140,7 @@ pub struct ReachMeasure {
     pub time: Option<f64>,
 }
 
-/// How near points have come to each other.
+/// Smallest distance of two points now.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NearestMeasure {
@@ -197,7 +197,7 @@ pub struct OnsetMeasure {
     /// Body; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
-    /// Field, such as "damage"; of vectors the magnitude.
+    /// Field, such as "damage"; the magnitude of a vector field.
     pub field: String,
     /// Region; the whole body when left out.
     #[serde(default)]
@@ -213,7 +213,7 @@ pub struct TipMeasure {
     /// Body; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
-    /// Field, such as "damage"; of vectors the magnitude.
+    /// Field, such as "damage"; the magnitude of a vector field.
     pub field: String,
     /// The value.
     pub above: f64,
@@ -286,7 +286,7 @@ pub enum Extreme {
     Min,
 }
 
-/// How far a field is from a formula, as a share of the formula.
+/// Deviation of a field from a formula, relative to the formula.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DeviationMeasure {
@@ -299,7 +299,7 @@ pub struct DeviationMeasure {
     /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
     #[serde(default)]
     pub component: Option<String>,
-    /// What it should be, in the reference position x, y, z (m) and the time t (s).
+    /// Expected value, in the reference position x, y, z (m) and the time t (s).
     pub expected: Formula,
     /// Region; the whole body when left out.
     #[serde(default)]
@@ -312,7 +312,7 @@ pub struct DeviationMeasure {
     pub time: Option<f64>,
 }
 
-/// How deviations at points make one number.
+/// Norm of the deviations at all points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Norm {
@@ -323,7 +323,7 @@ pub enum Norm {
     Largest,
 }
 
-/// How far an isotherm reaches.
+/// Extent of the region above an isotherm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeltPoolMeasure {
@@ -372,27 +372,29 @@ pub struct ReportMeasure {
     pub time: Option<f64>,
 }
 
-/// How far ours may be from the reference.
+/// Limit of the difference between measured value and reference.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Limit {
-    /// `|ours - reference|`, in the unit of the quantity.
+    /// `|measured - reference|`, in the unit of the quantity.
     Absolute(f64),
-    /// `|ours - reference| / |reference|`, number by number.
+    /// `|measured - reference| / |reference|`, number by number.
     Relative(f64),
-    /// `|ours - reference|` over the largest absolute reference.
-    ShareOfPeak(f64),
-    /// Root mean square of `ours - reference` over all values, over the largest absolute reference.
+    /// `|measured - reference|` over the largest absolute reference.
+    #[serde(alias = "share_of_peak")]
+    FractionOfPeak(f64),
+    /// Root mean square of `measured - reference` over all values, over the largest absolute reference.
     Rms(f64),
-    /// Mean of `|ours - reference| / |reference|` over all values (Khoshrou, eq. 99).
+    /// Mean of `|measured - reference| / |reference|` over all values (Khoshrou, eq. 99).
     MeanRelative(f64),
-    /// As `rms`, but at least this much: what is known to be wrong must show.
+    /// As `rms`, but the error must be at least this large: a known error must be detected.
     RmsAbove(f64),
-    /// As `mean_relative`, but at least this much.
+    /// As `mean_relative`, but the error must be at least this large.
     MeanRelativeAbove(f64),
-    /// As `share_of_peak`, but at least one value is this far off.
-    ShareOfPeakAbove(f64),
-    /// Ours lies between these, whatever the reference.
+    /// As `fraction_of_peak`, but the error of at least one value must be this large.
+    #[serde(alias = "share_of_peak_above")]
+    FractionOfPeakAbove(f64),
+    /// The measured value lies between these numbers; the reference is only printed.
     Between([f64; 2]),
 }
 
@@ -410,22 +412,24 @@ pub enum Level {
 }
 
 impl Limit {
-    /// Error of one value and the most it may be. `peak`: the largest absolute reference.
-    pub fn judge(self, ours: f64, reference: f64, peak: f64) -> (f64, f64) {
-        let difference = (ours - reference).abs();
+    /// Error of one value and its limit. `peak`: the largest absolute reference.
+    pub fn judge(self, measured: f64, reference: f64, peak: f64) -> (f64, f64) {
+        let difference = (measured - reference).abs();
         match self {
             Limit::Absolute(limit) => (difference, limit),
             Limit::Relative(limit) => (difference / reference.abs(), limit),
-            Limit::ShareOfPeak(limit) => (difference / peak, limit),
-            // of these all values together are judged
+            Limit::FractionOfPeak(limit) => (difference / peak, limit),
+            // these limits apply to all values together
             Limit::MeanRelative(_) | Limit::MeanRelativeAbove(_) => {
                 (difference / reference.abs(), f64::INFINITY)
             }
-            Limit::Rms(_) | Limit::RmsAbove(_) | Limit::ShareOfPeakAbove(_) => {
+            Limit::Rms(_) | Limit::RmsAbove(_) | Limit::FractionOfPeakAbove(_) => {
                 (difference / peak, f64::INFINITY)
             }
             // the distance from the middle, so that errors compare
-            Limit::Between([low, high]) => ((ours - 0.5 * (low + high)).abs(), 0.5 * (high - low)),
+            Limit::Between([low, high]) => {
+                ((measured - 0.5 * (low + high)).abs(), 0.5 * (high - low))
+            }
         }
     }
 }
@@ -439,7 +443,7 @@ mod tests {
         let cases = [
             (Limit::Absolute(0.5), (3.0, 0.5)),
             (Limit::Relative(0.1), (0.3, 0.1)),
-            (Limit::ShareOfPeak(0.1), (0.03, 0.1)),
+            (Limit::FractionOfPeak(0.1), (0.03, 0.1)),
             (Limit::Between([10.0, 20.0]), (2.0, 5.0)),
         ];
         for (limit, (error, most)) in cases {

@@ -1,7 +1,7 @@
 //! `perimelt verify`: runs benchmark cases from their case files and compares numbers of the
 //! running simulation (not of its log) with the references in their `[[verify]]` tables.
 //!
-//! [`check`] holds what a case file says, [`measurement`] measures, [`table`] judges and shows.
+//! [`check`] has the tables of case files, [`measurement`] takes the values, [`table`] compares and prints them.
 
 pub mod benchmarks;
 pub mod check;
@@ -25,9 +25,9 @@ use table::{Outcome, Table};
 /// Arguments of `perimelt verify`.
 #[derive(clap::Args, Debug, Default)]
 pub struct VerifyArgs {
-    /// Only cases whose name contains this
+    /// Only cases whose name contains this text
     pub filter: Option<String>,
-    /// Also the long ones
+    /// Also run the long cases
     #[arg(long)]
     pub full: bool,
     /// Case files of this folder instead of those of the program
@@ -78,7 +78,7 @@ pub enum VerifyError {
         /// The case that is missing.
         of: String,
     },
-    /// Nothing to do.
+    /// No case to run.
     #[error("no case with a check has `{filter}` in its name; known: {}", known.join(", "))]
     Nothing {
         /// What was asked for.
@@ -91,7 +91,7 @@ pub enum VerifyError {
     Folder {
         /// The folder.
         folder: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// Checks that did not pass.
@@ -170,7 +170,7 @@ pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
         return Err(VerifyError::NoSuchCase { case, quantity, of });
     }
 
-    // what each run yields: by name of the case, one entry per planned check or nothing
+    // results of each run, by name of the case: one entry per planned check
     let mut measured: BTreeMap<&str, Vec<Option<Vec<f64>>>> = BTreeMap::new();
     for (name, case) in &cases {
         let concerns = |p: &Planned| p.case == *name || p.check.of.as_deref() == Some(name);

@@ -15,9 +15,9 @@ pub struct Outcome {
     pub ours: f64,
     /// The reference there.
     pub reference: f64,
-    /// How far they are apart, as the limit counts it; NaN when the run did not come to it.
+    /// Error, as defined by the limit; NaN when the run ended before the measurement.
     pub error: f64,
-    /// How far they may be apart.
+    /// Largest permitted error.
     pub limit: Limit,
     /// Number of values compared.
     pub values: usize,
@@ -79,27 +79,27 @@ impl Outcome {
             Limit::Rms(most) | Limit::MeanRelative(most) => self.passed = self.error <= most,
             Limit::RmsAbove(least)
             | Limit::MeanRelativeAbove(least)
-            | Limit::ShareOfPeakAbove(least) => self.passed &= self.error >= least,
+            | Limit::FractionOfPeakAbove(least) => self.passed &= self.error >= least,
             _ => {}
         }
     }
 
     fn cells(&self) -> [String; 7] {
-        let share = |value: f64| format!("{} %", number(100.0 * value));
+        let percent = |value: f64| format!("{} %", number(100.0 * value));
         let of_peak = |value: f64| format!("{} % of peak", number(100.0 * value));
         let (reference, error, limit) = match self.limit {
             Limit::Absolute(limit) => (number(self.reference), number(self.error), number(limit)),
-            Limit::Relative(limit) => (number(self.reference), share(self.error), share(limit)),
-            Limit::ShareOfPeak(limit) | Limit::ShareOfPeakAbove(limit) => {
-                (number(self.reference), of_peak(self.error), share(limit))
+            Limit::Relative(limit) => (number(self.reference), percent(self.error), percent(limit)),
+            Limit::FractionOfPeak(limit) | Limit::FractionOfPeakAbove(limit) => {
+                (number(self.reference), of_peak(self.error), percent(limit))
             }
             Limit::Rms(limit) | Limit::RmsAbove(limit) => {
                 let error = format!("{} % rms", number(100.0 * self.error));
-                (number(self.reference), error, share(limit))
+                (number(self.reference), error, percent(limit))
             }
             Limit::MeanRelative(limit) | Limit::MeanRelativeAbove(limit) => {
                 let error = format!("{} % mean", number(100.0 * self.error));
-                (number(self.reference), error, share(limit))
+                (number(self.reference), error, percent(limit))
             }
             Limit::Between([low, high]) => (
                 number(self.reference),
@@ -108,7 +108,7 @@ impl Outcome {
             ),
         };
         let limit = match self.limit {
-            Limit::RmsAbove(_) | Limit::MeanRelativeAbove(_) | Limit::ShareOfPeakAbove(_) => {
+            Limit::RmsAbove(_) | Limit::MeanRelativeAbove(_) | Limit::FractionOfPeakAbove(_) => {
                 format!("> {limit}")
             }
             _ => limit,
@@ -133,7 +133,7 @@ impl Outcome {
 const HEADINGS: [&str; 7] = [
     "case",
     "quantity",
-    "ours",
+    "measured",
     "reference",
     "error",
     "limit",
@@ -212,7 +212,7 @@ mod tests {
         assert_eq!((absolute.ours, absolute.passed), (-10.3, false));
         let relative = Outcome::new("case", &check("relative = 0.11"), Some(&values));
         assert_eq!((relative.ours, relative.passed), (1.1, true));
-        let peak = Outcome::new("case", &check("share_of_peak = 0.029"), Some(&values));
+        let peak = Outcome::new("case", &check("fraction_of_peak = 0.029"), Some(&values));
         assert_eq!((peak.ours, peak.passed), (-10.3, false));
     }
 
@@ -247,10 +247,10 @@ mod tests {
     fn one_value_far_off_is_enough_for_what_must_show() {
         let passed = |limit: &str, values| Outcome::new("case", &check(limit), Some(values)).passed;
         let values = [1.0, -10.0, 4.5];
-        assert!(passed("share_of_peak_above = 0.049", &values));
-        assert!(!passed("share_of_peak_above = 0.051", &values));
+        assert!(passed("fraction_of_peak_above = 0.049", &values));
+        assert!(!passed("fraction_of_peak_above = 0.051", &values));
         assert!(!passed(
-            "share_of_peak_above = 0.049",
+            "fraction_of_peak_above = 0.049",
             &[f64::NAN, -10.0, 4.5]
         ));
     }

@@ -111,7 +111,7 @@ impl Log {
         &self.case_name
     }
 
-    /// Whether the writer closed the file. This says nothing about the end time of the case:
+    /// Whether the writer closed the file. The run need not have reached the end time of the case:
     /// a run that stopped with an error closes its log too.
     #[must_use]
     pub fn finished(&self) -> bool {

@@ -196,7 +196,7 @@ fn what_was_written_is_read_back() {
 
 #[test]
 fn large_messages_are_read_back_too() {
-    // 20 000 points of 16 numbers: clouds have chunks of their own and are not unpacked on opening
+    // 20 000 points of 16 numbers: each cloud is in a separate chunk, which is not unpacked on opening
     let (_folder, path) = logged(2, 20_000);
     let log = Log::open(path).unwrap();
     assert_eq!(log.times(BODY), [time_of(0), time_of(1)]);
@@ -380,7 +380,7 @@ fn a_log_resumed_equals_one_never_interrupted() {
         writer.finish().unwrap();
         let resumed = Log::open(resumed).unwrap();
         assert_same_content(&resumed, &whole);
-        // of those before the interruption, the last two
+        // the last two checkpoints before the interruption are kept
         assert_eq!(resumed.checkpoints(), &whole.checkpoints()[1..]);
         assert_eq!(resumed.checkpoint(0).unwrap(), whole.checkpoint(1).unwrap());
         assert_eq!(resumed.checkpoint(3).unwrap(), whole.checkpoint(4).unwrap());
@@ -543,7 +543,7 @@ proptest! {
                     let step = step.expect("the time of a step");
                     let mut expected = some_cloud(time_of(step), 30, step);
                     expected.time = cloud.time;
-                    // units stand in a metadata record, which MCAP does not protect by a checksum
+                    // units are in a metadata record, which MCAP does not protect by a checksum
                     for (expected, field) in expected.fields.iter_mut().zip(&cloud.fields) {
                         expected.unit.clone_from(&field.unit);
                     }

@@ -22,7 +22,7 @@ use super::{
 /// Small messages are gathered into chunks of this many bytes, or until the next flush.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// A message from this size on gets a chunk of its own.
+/// A message of this size or larger is written to a separate chunk.
 const LARGE_BYTES: usize = 1 << 18;
 
 /// The largest payload of a message. Protobuf libraries refuse messages of 2 GiB; the remainder is
@@ -30,7 +30,7 @@ const LARGE_BYTES: usize = 1 << 18;
 const MAX_PART_BYTES: usize = (1 << 31) - (1 << 16);
 
 /// The log of a run being written. Dropping it closes the file as [`finish`](Self::finish)
-/// does, but nobody learns whether that worked.
+/// does, but ignores its error.
 pub struct Writer {
     path: PathBuf,
     mcap: mcap::Writer<BufWriter<File>>,
@@ -105,7 +105,7 @@ impl Writer {
             // whole chunks are appended: a killed run never leaves half a header behind
             .disable_seeking(true)
             .compression(Some(Compression::Zstd))
-            // the cores belong to the solver: fast level, no threads of its own
+            // the solver uses all cores: fast compression, no additional threads
             .compression_level(1)
             .compression_threads(0)
             .create(BufWriter::new(file))
@@ -213,7 +213,7 @@ impl Writer {
         self.json(topic, time, &series::message(time, values))
     }
 
-    /// Logs how far the run has come.
+    /// Logs the progress of the run.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -225,7 +225,7 @@ impl Writer {
         self.json(topic::PROGRESS, progress.time, &message)
     }
 
-    /// Logs everything needed to go on after `step` macro steps.
+    /// Logs all data needed to resume after `step` macro steps.
     ///
     /// # Errors
     /// The file cannot be written.

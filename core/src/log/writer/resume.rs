@@ -13,7 +13,7 @@ use crate::log::{
 impl Writer {
     /// Starts the log of a run resumed from checkpoint number `checkpoint` of an older log:
     /// copies everything logged up to and including the time of that checkpoint, of the
-    /// checkpoints only that one and the one before, and goes on from there. A step should
+    /// checkpoints only that one and the one before, and continues from there. A step should
     /// therefore log its checkpoint last.
     ///
     /// # Errors
