@@ -59,6 +59,7 @@ impl Weights {
                     "`interpolation = \"linear\"`",
                 ));
             }
+            Discretisation::Cloud(_) if !is_within(body, position) => None,
             Discretisation::Cloud(cloud) => {
                 cloud.weights(&body.points, body.dimension, &position.into())
             }
@@ -146,6 +147,13 @@ fn along(at: f64, cells: usize, interpolation: Interpolation) -> Option<Vec<(i64
             .map(|(step, weight)| (mirrored(low as i64 + step), weight))
             .collect(),
     )
+}
+
+/// Whether a position (m) lies within the bounding box of the cells, but for rounding.
+fn is_within(body: &Body, position: [f64; 3]) -> bool {
+    let near = 1e-6 * body.finest_spacing();
+    let (min, max) = body.bounds();
+    (0..body.dimension).all(|a| position[a] >= min[a] - near && position[a] <= max[a] + near)
 }
 
 fn off_body(body: &Body, [x, y, z]: [f64; 3], key: &str) -> SetupError {

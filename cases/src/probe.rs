@@ -10,6 +10,9 @@ use crate::component::Number;
 use crate::interpolation::{Interpolation, Weights};
 use crate::melt_pool::{MeltPoolGauge, PoolAxes};
 
+/// Most positions of a line: each is a column of a time series.
+const MAX_LINE: usize = 100_000;
+
 /// A probe, ready to measure.
 #[derive(Debug)]
 pub struct Probe {
@@ -265,6 +268,11 @@ fn along(body: &Body, line: &LineProbe) -> Result<(Vec<String>, Vec<Weights>), S
     if line.number < 2 {
         let message = format!("the line has {} positions", line.number);
         return Err(SetupError::value("kind.line.number", message, "2 or more"));
+    }
+    if line.number > MAX_LINE {
+        let message = format!("the line has {} positions", line.number);
+        let expected = format!("at most {MAX_LINE}");
+        return Err(SetupError::value("kind.line.number", message, expected));
     }
     let (from, to) = (Vector3::from(line.from), Vector3::from(line.to));
     let mut names = Vec::new();

@@ -90,7 +90,7 @@ impl Case {
                 return Err(self.body_error(
                     &[name, "regions", region],
                     problem.to_string(),
-                    "holds no point",
+                    "contains no point",
                 ));
             }
             body.regions.insert(region.clone(), points);
@@ -132,7 +132,7 @@ impl Case {
                     (Some(_), Some(_)) => "zones",
                     _ => "points",
                 };
-                let message = "the points of the body are described twice";
+                let message = "the body has more than one of `spacing`, `zones` and `points`";
                 let expected = "either `spacing`, or `zones`, or `points`";
                 Err(self.body_error(&[name, second], message, expected))
             }

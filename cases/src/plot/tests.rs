@@ -92,6 +92,20 @@ fn mistakes_are_answered_with_what_there_is() {
     assert!(error.contains("plate, sheet"), "{error}");
 }
 
+#[test]
+fn extreme_arguments_do_not_panic() {
+    let (folder, log) = logged();
+    for extreme in [f64::NAN, f64::INFINITY, -1e300, 1e300, 0.0] {
+        let mut args = args(log.clone(), &folder.path().join("out"));
+        args.format = Format::Svg;
+        args.body = vec!["plate".into()];
+        args.at = vec![extreme];
+        args.isotherm = vec![extreme];
+        args.deform = Some(extreme);
+        assert!(plot(&args).is_ok(), "{extreme}");
+    }
+}
+
 /// For people: `PERIMELT_PLOTS=folder cargo test -p perimelt --lib -- --ignored show`.
 #[test]
 #[ignore = "writes pictures to look at"]

@@ -189,7 +189,7 @@ pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
         };
         let references = p.check.reference.as_slice().len();
         let measured = values.as_ref().map_or(references, Vec::len);
-        if references != 1 && references != measured {
+        if references == 0 || measured == 0 || (references != 1 && references != measured) {
             let (case, quantity) = (p.case.clone(), p.check.quantity.clone());
             return Err(VerifyError::References {
                 case,

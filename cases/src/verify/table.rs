@@ -12,7 +12,7 @@ pub struct Outcome {
     /// What was compared.
     pub quantity: String,
     /// Ours, where it is furthest from the reference.
-    pub ours: f64,
+    pub measured: f64,
     /// The reference there.
     pub reference: f64,
     /// Error, as defined by the limit; NaN when the run ended before the measurement.
@@ -33,22 +33,23 @@ impl Outcome {
         let mut outcome = Outcome {
             case: case.into(),
             quantity: check.quantity.clone(),
-            ours: f64::NAN,
-            reference: references[0],
+            measured: f64::NAN,
+            reference: references.first().copied().unwrap_or(f64::NAN),
             error: f64::NAN,
             limit: check.limit,
             values: values.map_or(0, <[f64]>::len),
             passed: values.is_some(),
         };
         let mut worst = -1.0;
-        for (i, &ours) in values.unwrap_or_default().iter().enumerate() {
-            let reference = references[if references.len() == 1 { 0 } else { i }];
-            let (error, most) = check.limit.judge(ours, reference, peak);
+        for (i, &measured) in values.unwrap_or_default().iter().enumerate() {
+            let number = if references.len() == 1 { 0 } else { i };
+            let reference = references.get(number).copied().unwrap_or(f64::NAN);
+            let (error, most) = check.limit.judge(measured, reference, peak);
             outcome.passed &= error <= most;
             // the first value that is no number stays the worst
             if worst != f64::INFINITY && (error > worst || error.is_nan()) {
                 worst = if error.is_nan() { f64::INFINITY } else { error };
-                (outcome.ours, outcome.reference, outcome.error) = (ours, reference, error);
+                (outcome.measured, outcome.reference, outcome.error) = (measured, reference, error);
             }
         }
         if let Some(values) = values {
@@ -60,9 +61,10 @@ impl Outcome {
     /// The error and verdict of limits on all values together.
     fn judge_together(&mut self, references: &[f64], values: &[f64], peak: f64) {
         let limit = self.limit;
-        let errors = values.iter().enumerate().map(|(i, &ours)| {
-            let reference = references[if references.len() == 1 { 0 } else { i }];
-            limit.judge(ours, reference, peak).0
+        let errors = values.iter().enumerate().map(|(i, &measured)| {
+            let number = if references.len() == 1 { 0 } else { i };
+            let reference = references.get(number).copied().unwrap_or(f64::NAN);
+            limit.judge(measured, reference, peak).0
         });
         let count = values.len() as f64;
         match limit {
@@ -121,7 +123,7 @@ impl Outcome {
         [
             self.case.clone(),
             quantity,
-            number(self.ours),
+            number(self.measured),
             reference,
             error,
             limit,
@@ -209,11 +211,11 @@ mod tests {
     fn the_worst_value_is_shown() {
         let values = [1.1, -10.3, 4.0];
         let absolute = Outcome::new("case", &check("absolute = 0.2"), Some(&values));
-        assert_eq!((absolute.ours, absolute.passed), (-10.3, false));
+        assert_eq!((absolute.measured, absolute.passed), (-10.3, false));
         let relative = Outcome::new("case", &check("relative = 0.11"), Some(&values));
-        assert_eq!((relative.ours, relative.passed), (1.1, true));
+        assert_eq!((relative.measured, relative.passed), (1.1, true));
         let peak = Outcome::new("case", &check("fraction_of_peak = 0.029"), Some(&values));
-        assert_eq!((peak.ours, peak.passed), (-10.3, false));
+        assert_eq!((peak.measured, peak.passed), (-10.3, false));
     }
 
     #[test]

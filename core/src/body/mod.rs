@@ -127,8 +127,8 @@ pub enum BodyError {
     /// The shape is invalid.
     #[error("{0}")]
     Shape(String),
-    /// A number that is not positive.
-    #[error("`{key}` = {value} must be positive")]
+    /// A number that is not positive, or infinite.
+    #[error("`{key}` = {value} must be positive and finite")]
     NotPositive {
         /// The key.
         key: &'static str,
@@ -381,7 +381,7 @@ fn bounded(shape: &Shape, dimension: usize, thickness: f64) -> Result<Bounds, Bo
 }
 
 fn positive(key: &'static str, value: f64) -> Result<(), BodyError> {
-    if value.is_nan() || value <= 0.0 {
+    if !(value > 0.0 && value.is_finite()) {
         return Err(BodyError::NotPositive { key, value });
     }
     Ok(())

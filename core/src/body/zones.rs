@@ -254,14 +254,16 @@ mod tests {
     fn zones_that_cannot_be_are_refused_with_their_number() {
         let left = zone([0.0, 0.0], [1.0, 1.0], 0.1);
         let uneven = mistake(&[left, zone([1.0, 0.0], [2.0, 1.0], 0.3)]);
-        assert!(uneven.contains("zone 2: it is 1 m long along x, not a whole number of spacings"));
+        assert!(
+            uneven.contains("zone 2: its extent is 1 m along x, not a whole number of spacings")
+        );
         let overlap = mistake(&[left, zone([0.5, 0.0], [2.0, 1.0], 0.25)]);
         assert!(
-            overlap.contains("zone 2: it overlaps with zone 1"),
+            overlap.contains("zone 2: the zone overlaps with zone 1"),
             "{overlap}"
         );
         let outside = mistake(&[left, zone([3.0, 0.0], [4.0, 1.0], 0.25)]);
-        assert!(outside.contains("zone 2: no point of it lies inside the shape"));
+        assert!(outside.contains("zone 2: no cell centre of the zone lies inside the shape"));
         let left_out = mistake(&[left]);
         assert!(
             left_out.contains("no zone covers the part of the shape around"),

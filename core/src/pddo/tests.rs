@@ -234,7 +234,7 @@ fn a_periodic_body_sees_itself_behind_its_faces() {
     assert!(body.surface(&Face::ALL).is_empty());
     body.dimension = 1;
     let error = body.repeat(&[Axis::Y]).expect_err("no such axis");
-    assert!(error.to_string().contains("repeated along y"), "{error}");
+    assert!(error.to_string().contains("periodic along y"), "{error}");
 }
 
 #[test]

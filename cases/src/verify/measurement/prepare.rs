@@ -1,5 +1,6 @@
 //! Bodies, fields and points that a `measure` key names.
 
+use nalgebra::Vector3;
 use perimelt_core::{Body, Problem, SetupError, Simulation};
 
 use super::sample::Sampler;
@@ -45,7 +46,8 @@ pub(super) fn sampler(
             (passing(m, simulation)?, Schedule { time, since })
         }
         Measure::Reach(m) => {
-            let (body, along) = (moving_body(&m.body)?, m.along.into());
+            let body = moving_body(&m.body)?;
+            let along = direction(m.along, "measure.reach.along")?;
             (Sampler::Reach { body, along }, m.time.into())
         }
         Measure::Nearest(m) => {
@@ -140,7 +142,7 @@ fn tip(m: &TipMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
         body: found.body,
         component: found.component(None)?,
         above: m.above,
-        along: m.along.into(),
+        along: direction(m.along, "measure.tip.along")?,
     })
 }
 
@@ -246,6 +248,18 @@ impl<'a> Found<'a> {
     ) -> Result<Weights, SetupError> {
         Weights::at(self.points(), at, interpolation, key)
     }
+}
+
+/// A direction of any length but zero.
+fn direction(along: [f64; 3], key: &str) -> Result<Vector3<f64>, SetupError> {
+    let along = Vector3::from(along);
+    let length = along.norm();
+    if length > 0.0 && length.is_finite() {
+        return Ok(along);
+    }
+    let message = format!("[{}, {}, {}] has no direction", along.x, along.y, along.z);
+    let expected = "a finite vector that is not zero";
+    Err(SetupError::value(key, message, expected))
 }
 
 /// The body called `name`, which must have a displacement.
