@@ -1,4 +1,4 @@
-//! Size of the melt pool: how far an isotherm reaches along each axis.
+//! Size of the melt pool: extents of the region above an isotherm along each axis.
 //!
 //! The extent of the region `T >= isotherm` along an axis is that of the profile
 //! `P(s) = max over the other axes of T`, which needs no contour. The maximum between lattice
@@ -8,8 +8,8 @@
 //! `(9 T1 - T2) / 8` from the two outermost points (spec 02, `ref/goldak_pd.py`). The profile
 //! crosses the isotherm by linear interpolation, with an error of `dx^2 T'' / (8 T')`.
 //!
-//! Not for several pools at a time: the pool is the one around the hottest point, but a pool
-//! beside it hides in the same profile where the two overlap.
+//! Not for several pools at a time: the pool is the one around the hottest point, but a second pool
+//! is included where the two overlap in a profile.
 
 use perimelt_core::{Axis, Body, SetupError};
 
@@ -120,8 +120,8 @@ impl MeltPoolGauge {
     }
 
     /// The melt pool at these temperatures (K), one per point. A pool that reaches a face of the
-    /// body ends there. `None` if no point reaches the isotherm; if a temperature is not a number,
-    /// neither are the extents.
+    /// body ends there. `None` if no point reaches the isotherm; all extents are NaN if a temperature
+    /// is NaN.
     #[must_use]
     pub fn measure(&self, temperature: &[f64]) -> Option<MeltPool> {
         let grid = &self.grid;
@@ -170,7 +170,7 @@ fn profile(values: &[f64], cells: [usize; 3], axis: usize, dimension: usize) -> 
         values = project(&values, cells, other);
         cells[other] = 1;
     }
-    // axes that the dimension leaves out have one cell
+    // axes beyond the dimension have one cell
     values.truncate(cells[axis]);
     values
 }
@@ -205,7 +205,7 @@ fn line_maximum(count: usize, value: impl Fn(usize) -> f64) -> f64 {
             .filter(|&index| index < count)
             .map_or(f64::NAN, &value)
     };
-    // beyond a face lies the mirror image
+    // the mirror image beyond a face
     let mirrored = |value: f64| if value.is_nan() { middle } else { value };
     let before = mirrored(neighbour(hottest.checked_sub(1)));
     let after = mirrored(neighbour(Some(hottest + 1)));

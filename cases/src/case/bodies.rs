@@ -274,7 +274,7 @@ pub(super) fn suggest(error: Box<CaseError>, name: &str, known: &[&str]) -> Box<
         None => error,
     };
     if known.is_empty() {
-        error.help("there is none")
+        error.help("the list of known names is empty")
     } else {
         error.help(format!("known here: {}", known.join(", ")))
     }

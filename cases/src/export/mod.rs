@@ -8,7 +8,7 @@
 //!   `<body>-times.csv`, the times by number
 //! - always: `probe-<name>.csv`, `balance.csv`, `progress.csv`
 //!
-//! Positions are as logged, see `displacement` before warping by it in ParaView.
+//! Positions are as logged, that is deformed: do not warp by `displacement` again in ParaView.
 
 mod csv;
 #[cfg(test)]
@@ -45,7 +45,7 @@ pub struct ExportArgs {
     /// logged times nearest to these, s [default: all]
     #[arg(long, value_delimiter = ',', conflicts_with = "every")]
     pub at: Vec<f64>,
-    /// only every so many logged times
+    /// export every n-th logged time
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub every: u32,
 }
@@ -69,17 +69,17 @@ pub enum ExportError {
     /// No such body.
     #[error("the run has no body `{body}`; its bodies are: {}", known.join(", "))]
     UnknownBody {
-        /// what was asked for
+        /// the requested name
         body: String,
-        /// what there is
+        /// the known names
         known: Vec<String>,
     },
     /// No such field in any of the bodies.
     #[error("the log has no field `{field}`; it has: {}", known.join(", "))]
     UnknownField {
-        /// what was asked for
+        /// the requested name
         field: String,
-        /// what there is
+        /// the known names
         known: Vec<String>,
     },
     /// A file or folder cannot be written.

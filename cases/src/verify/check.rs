@@ -20,35 +20,35 @@ use crate::interpolation::Interpolation;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Check {
-    /// What is compared, with its unit, one line.
+    /// Name of the quantity with its unit, one line.
     pub quantity: String,
     /// What is measured.
     pub measure: Measure,
     /// Another case, whose same measurement divides this one.
     #[serde(default)]
     pub of: Option<String>,
-    /// The reference: one number for all that is measured, or one for each.
+    /// The reference: one number for all measured values, or one for each.
     pub reference: Components,
     /// Limit of the difference between measured value and reference.
     pub limit: Limit,
-    /// Where the reference comes from.
+    /// Source of the reference.
     pub source: String,
     /// When it is checked.
     #[serde(default)]
     pub level: Level,
 }
 
-/// What is measured, read from the running simulation.
+/// A measurement in the running simulation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Measure {
     /// A field at positions.
     Field(FieldMeasure),
-    /// A field at places in space that points pass through.
+    /// A field at fixed positions in space, among the current positions of points.
     Passing(PassingMeasure),
-    /// How far a body reaches now, m.
+    /// Largest coordinate of a body now in a direction, m.
     Reach(ReachMeasure),
-    /// Distance of the two points that are nearest to each other now, over the spacing; at most one.
+    /// Smallest distance of two points now, in spacings; at most one.
     Nearest(NearestMeasure),
     /// A field at a position, in all logged states but the first.
     History(HistoryMeasure),
@@ -56,12 +56,12 @@ pub enum Measure {
     Crossing(CrossingMeasure),
     /// The time at which a field first exceeds a value anywhere in a region, s.
     Onset(OnsetMeasure),
-    /// Where the point lies that is farthest along a direction among those at which a field exceeds a
-    /// value, such as the tip of a crack: x, y and z in the reference configuration, m.
+    /// Reference position, m, of the farthest point along a direction at which a field exceeds a value, such
+    /// as the tip of a crack.
     Tip(TipMeasure),
     /// One number for all points of a region.
     Statistic(StatisticMeasure),
-    /// Where the largest or smallest value of a region lies: x, y and z in the reference configuration, m.
+    /// Reference position, m, of the largest or smallest value in a region.
     Place(PlaceMeasure),
     /// Deviation of a field from a formula.
     Deviation(DeviationMeasure),
@@ -97,13 +97,12 @@ pub struct FieldMeasure {
     /// Added to the value: -273.15 turns kelvin into degrees celsius.
     #[serde(default)]
     pub offset: f64,
-    /// Between the points.
+    /// Interpolation between the points.
     #[serde(default)]
     pub interpolation: Interpolation,
 }
 
-/// A field at places in space: a linear fit to the points that are there now, displaced from their reference
-/// positions.
+/// A field at fixed positions in space: a linear fit to the points that are near them now.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PassingMeasure {
@@ -116,7 +115,7 @@ pub struct PassingMeasure {
     /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
     #[serde(default)]
     pub component: Option<String>,
-    /// Places, m.
+    /// Positions, m.
     pub at: Vec<[f64; 3]>,
     /// The mean over the logged states from this time on, s; the last state alone when left out.
     #[serde(default)]
@@ -170,7 +169,7 @@ pub struct HistoryMeasure {
     /// Logged states up to this time, s; the end when left out.
     #[serde(default)]
     pub until: Option<f64>,
-    /// Between the points.
+    /// Interpolation between the points.
     #[serde(default)]
     pub interpolation: Interpolation,
 }
@@ -217,7 +216,7 @@ pub struct TipMeasure {
     pub field: String,
     /// The value.
     pub above: f64,
-    /// Direction in which the point is sought.
+    /// Direction in which the farthest point is taken.
     pub along: [f64; 3],
     /// When, s: a multiple of the log interval; the end when left out.
     #[serde(default)]
@@ -253,7 +252,7 @@ pub struct StatisticMeasure {
     pub offset: f64,
 }
 
-/// Where the largest or smallest value of a region lies.
+/// Position of the largest or smallest value in a region.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlaceMeasure {
@@ -304,7 +303,7 @@ pub struct DeviationMeasure {
     /// Region; the whole body when left out.
     #[serde(default)]
     pub region: Option<String>,
-    /// Over the points.
+    /// Norm over the points.
     #[serde(default)]
     pub norm: Norm,
     /// When, s: a multiple of the log interval; the end when left out.

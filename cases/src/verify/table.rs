@@ -4,16 +4,16 @@ use std::fmt;
 
 use super::check::{Check, Limit};
 
-/// A check with what came out.
+/// A check with its result.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// Name of the case.
     pub case: String,
     /// What was compared.
     pub quantity: String,
-    /// Ours, where it is furthest from the reference.
+    /// Measured value with the largest error.
     pub measured: f64,
-    /// The reference there.
+    /// Reference of that value.
     pub reference: f64,
     /// Error, as defined by the limit; NaN when the run ended before the measurement.
     pub error: f64,
@@ -46,7 +46,7 @@ impl Outcome {
             let reference = references.get(number).copied().unwrap_or(f64::NAN);
             let (error, most) = check.limit.judge(measured, reference, peak);
             outcome.passed &= error <= most;
-            // the first value that is no number stays the worst
+            // the first NaN is the worst value
             if worst != f64::INFINITY && (error > worst || error.is_nan()) {
                 worst = if error.is_nan() { f64::INFINITY } else { error };
                 (outcome.measured, outcome.reference, outcome.error) = (measured, reference, error);
@@ -76,7 +76,7 @@ impl Outcome {
             }
             _ => {}
         }
-        // a comparison with what is no number is false: it passes neither way
+        // comparisons with NaN are false, so that a NaN never passes
         match limit {
             Limit::Rms(most) | Limit::MeanRelative(most) => self.passed = self.error <= most,
             Limit::RmsAbove(least)
