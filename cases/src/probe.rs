@@ -21,15 +21,15 @@ pub struct Probe {
     /// Names and units of its numbers.
     pub columns: Vec<(String, String)>,
     body: usize,
-    measure: Measure,
+    quantity: Quantity,
 }
 
 #[derive(Debug)]
-enum Measure {
+enum Quantity {
     /// Weighted means at positions.
     Positions(Component, Vec<Weights>),
     Region(Component, Vec<u32>, Statistic),
-    MeltPool(FieldIndex, MeltPool),
+    MeltPool(FieldIndex, PoolProbe),
 }
 
 /// Which number of a field.
@@ -40,7 +40,7 @@ pub(crate) struct Component {
 }
 
 #[derive(Debug)]
-struct MeltPool {
+struct PoolProbe {
     /// K.
     isotherm: f64,
     gauge: MeltPoolGauge,
@@ -58,7 +58,7 @@ impl Probe {
         let name = section.name.clone();
         if let ProbeKind::MeltPool(pool) = &section.kind {
             let field = find_field(simulation, body, "temperature", "kind")?;
-            let pool = MeltPool::new(pool, points)?;
+            let pool = PoolProbe::new(pool, points)?;
             let metres = ["length", "width", "depth"].map(|n| (n.to_string(), "m".to_string()));
             let columns = metres
                 .into_iter()
@@ -68,7 +68,7 @@ impl Probe {
                 name,
                 columns,
                 body,
-                measure: Measure::MeltPool(field, pool),
+                quantity: Quantity::MeltPool(field, pool),
             });
         }
         let Some(field_name) = &section.field else {
@@ -85,18 +85,18 @@ impl Probe {
             Some(part) => format!("{field_name}.{part}"),
             None => field_name.clone(),
         };
-        let (columns, measure) = match &section.kind {
+        let (columns, quantity) = match &section.kind {
             ProbeKind::Point(position) => {
                 let weights = Weights::at(points, *position, Interpolation::Linear, "kind.point")?;
                 (
                     vec![(column, unit)],
-                    Measure::Positions(component, vec![weights]),
+                    Quantity::Positions(component, vec![weights]),
                 )
             }
             ProbeKind::Line(line) => {
                 let (names, weights) = along(points, line)?;
                 let columns = names.into_iter().map(|n| (n, unit.clone())).collect();
-                (columns, Measure::Positions(component, weights))
+                (columns, Quantity::Positions(component, weights))
             }
             ProbeKind::Region(region) => {
                 let selected = points_of(points, region.name.as_deref(), "kind.region.name")?;
@@ -106,7 +106,7 @@ impl Probe {
                 };
                 (
                     vec![(column, unit)],
-                    Measure::Region(component, selected, region.statistic),
+                    Quantity::Region(component, selected, region.statistic),
                 )
             }
             ProbeKind::MeltPool(_) => unreachable!("handled above"),
@@ -115,19 +115,19 @@ impl Probe {
             name,
             columns,
             body,
-            measure,
+            quantity,
         })
     }
 
     /// The numbers of the present state, in the order of the columns.
     pub fn measure(&self, world: &World) -> Vec<f64> {
         let body = world.body(self.body);
-        match &self.measure {
-            Measure::Positions(component, positions) => positions
+        match &self.quantity {
+            Quantity::Positions(component, positions) => positions
                 .iter()
                 .map(|w| w.value(*component, world))
                 .collect(),
-            Measure::Region(component, points, statistic) => {
+            Quantity::Region(component, points, statistic) => {
                 let values = points.iter().map(|&p| {
                     (
                         component.at(world, p as usize),
@@ -136,7 +136,7 @@ impl Probe {
                 });
                 vec![reduce(values, *statistic)]
             }
-            Measure::MeltPool(field, pool) => {
+            Quantity::MeltPool(field, pool) => {
                 let data = world.fields().field(*field).data();
                 pool.measure(&body.points.volume, data.flat())
             }
@@ -287,8 +287,8 @@ fn along(body: &Body, line: &LineProbe) -> Result<(Vec<String>, Vec<Weights>), S
     Ok((names, weights))
 }
 
-impl MeltPool {
-    fn new(section: &MeltPoolProbe, body: &Body) -> Result<MeltPool, SetupError> {
+impl PoolProbe {
+    fn new(section: &MeltPoolProbe, body: &Body) -> Result<PoolProbe, SetupError> {
         let isotherm = match section.isotherm {
             Some(isotherm) => isotherm,
             None => body.materials[0].constant("solidus").map_err(|e| {
@@ -315,7 +315,7 @@ impl MeltPool {
         }
         let gauge = MeltPoolGauge::of_body(body, axes, isotherm)
             .ok_or_else(|| MeltPoolGauge::scattered(body, key))?;
-        Ok(MeltPool { isotherm, gauge })
+        Ok(PoolProbe { isotherm, gauge })
     }
 
     /// Length, width and depth (m), and volume (m³) of the points at or above the isotherm: zero
@@ -385,9 +385,9 @@ mod tests {
             along,
             down,
         };
-        assert!(MeltPool::new(&section(Axis::Y, Axis::Z), &body).is_ok());
-        assert!(MeltPool::new(&section(Axis::Z, Axis::Y), &body).is_err());
-        assert!(MeltPool::new(&section(Axis::X, Axis::X), &body).is_err());
+        assert!(PoolProbe::new(&section(Axis::Y, Axis::Z), &body).is_ok());
+        assert!(PoolProbe::new(&section(Axis::Z, Axis::Y), &body).is_err());
+        assert!(PoolProbe::new(&section(Axis::X, Axis::X), &body).is_err());
     }
 
     #[test]
@@ -398,7 +398,7 @@ mod tests {
             along: Axis::X,
             down: Axis::Z,
         };
-        let pool = MeltPool::new(&section, &body).expect("a pool");
+        let pool = PoolProbe::new(&section, &body).expect("a pool");
         // falls by 100 K per metre from x = 2, at any y and z: 1000 K at 2 - 1.3 and 2 + 1.3
         let temperature: Vec<f64> = body
             .points

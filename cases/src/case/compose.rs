@@ -9,7 +9,7 @@ use toml::de::ValueDeserializer;
 
 use super::bodies::suggest;
 use super::error::CaseError;
-use super::locate::{self, Value};
+use super::locate::{self, TomlValue};
 use super::reword::{Section, split_help};
 use super::sections::ProbeSection;
 use super::{Case, Reader, Result, without_type};
@@ -31,7 +31,7 @@ pub enum StartError {
 struct PluginTable<'a> {
     section: &'static str,
     kind: String,
-    value: Value<'a>,
+    value: TomlValue<'a>,
 }
 
 impl Case {
@@ -122,7 +122,7 @@ impl Case {
             file: &self.file,
             table: &whole,
         };
-        let check = |value: &Value<'_>| -> Result<()> {
+        let check = |value: &TomlValue<'_>| -> Result<()> {
             let table = value.get_ref().as_table();
             match table.and_then(|t| t.get("type")) {
                 None => Err(CaseError::new(
@@ -193,7 +193,7 @@ impl Case {
         schema: fn() -> Schema,
     ) -> Result<Box<P>> {
         from_toml(ValueDeserializer::from(without_type(&table.value))).map_err(|e| {
-            let empty = locate::Table::new();
+            let empty = locate::TomlTable::new();
             let section = Section {
                 file: &self.file,
                 name: table.title(),

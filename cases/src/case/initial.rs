@@ -134,14 +134,14 @@ impl<'de> Visitor<'de> for InitialVisitor {
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Initial, A::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Table {
+        struct Keys {
             value: Option<Components>,
             regions: Option<BTreeMap<String, Components>>,
             gradient: Option<Vec<[f64; 3]>>,
             #[serde(default)]
             origin: [f64; 3],
         }
-        let table = Table::deserialize(de::value::MapAccessDeserializer::new(map))?;
+        let table = Keys::deserialize(de::value::MapAccessDeserializer::new(map))?;
         match (table.value, table.regions, table.gradient) {
             (Some(value), Some(regions), None) => Ok(Initial::ByRegion { value, regions }),
             (value, None, Some(gradient)) => Ok(Initial::Linear(Linear {
@@ -169,12 +169,12 @@ mod tests {
     use super::*;
 
     #[derive(Deserialize)]
-    struct Table {
+    struct Keys {
         initial: Initial,
     }
 
     fn read(initial: &str) -> Result<Initial, toml::de::Error> {
-        toml::from_str::<Table>(&format!("initial = {initial}")).map(|t| t.initial)
+        toml::from_str::<Keys>(&format!("initial = {initial}")).map(|t| t.initial)
     }
 
     #[test]

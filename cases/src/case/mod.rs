@@ -36,7 +36,7 @@ pub use compose::StartError;
 pub use error::{CaseError, CaseFile};
 pub use whole_schema::whole_schema;
 
-use locate::{Table, Value};
+use locate::{TomlTable, TomlValue};
 use reword::Section;
 use sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
 
@@ -231,12 +231,12 @@ impl Case {
     }
 
     /// The parsed text: parsed anew, because it borrows from the text.
-    fn table(&self) -> Table<'_> {
+    fn table(&self) -> TomlTable<'_> {
         parse(&self.file).unwrap_or_default()
     }
 }
 
-fn parse(file: &Arc<CaseFile>) -> Result<Table<'_>> {
+fn parse(file: &Arc<CaseFile>) -> Result<TomlTable<'_>> {
     let parsed = DeTable::parse(&file.text).map_err(|e| {
         let message = format!("this is not valid TOML: {}", e.message());
         CaseError::new(file, message, e.span().unwrap_or(0..0))
@@ -247,7 +247,7 @@ fn parse(file: &Arc<CaseFile>) -> Result<Table<'_>> {
 /// Reads sections out of a parsed file.
 struct Reader<'a, 'i> {
     file: &'a Arc<CaseFile>,
-    table: &'a Table<'i>,
+    table: &'a TomlTable<'i>,
 }
 
 impl<'a, 'i> Reader<'a, 'i> {
@@ -255,7 +255,7 @@ impl<'a, 'i> Reader<'a, 'i> {
     fn section<T: DeserializeOwned + JsonSchema>(
         &self,
         name: &str,
-        value: &Value<'i>,
+        value: &TomlValue<'i>,
     ) -> Result<T> {
         let Some(table) = value.get_ref().as_table() else {
             let message = format!("`{name}` is not a table");
@@ -282,7 +282,7 @@ impl<'a, 'i> Reader<'a, 'i> {
     }
 
     /// The tables `[key.<name>]`, in file order.
-    fn named(&self, key: &str) -> Result<Vec<(String, &'a Value<'i>)>> {
+    fn named(&self, key: &str) -> Result<Vec<(String, &'a TomlValue<'i>)>> {
         let Some(value) = self.table.get(key) else {
             return Ok(Vec::new());
         };
@@ -301,7 +301,7 @@ impl<'a, 'i> Reader<'a, 'i> {
     }
 
     /// The tables `[[key]]`.
-    fn list(&self, key: &str) -> Result<Vec<&'a Value<'i>>> {
+    fn list(&self, key: &str) -> Result<Vec<&'a TomlValue<'i>>> {
         let Some(value) = self.table.get(key) else {
             return Ok(Vec::new());
         };
@@ -324,7 +324,7 @@ impl<'a, 'i> Reader<'a, 'i> {
 }
 
 /// The table of a plugin without its `type`, for its constructor.
-fn without_type<'i>(value: &Value<'i>) -> Value<'i> {
+fn without_type<'i>(value: &TomlValue<'i>) -> TomlValue<'i> {
     let mut table = value.get_ref().as_table().cloned().unwrap_or_default();
     table.remove("type");
     Spanned::new(value.span(), DeValue::Table(table))

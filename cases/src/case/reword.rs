@@ -6,7 +6,7 @@ use perimelt_core::error::nearest;
 use serde_json::Value as Json;
 
 use super::error::{CaseError, CaseFile};
-use super::locate::{self, Table};
+use super::locate::{self, TomlTable};
 use super::schema;
 
 /// A section that is being read: for messages.
@@ -18,7 +18,7 @@ pub struct Section<'a> {
     /// The header.
     pub header: std::ops::Range<usize>,
     /// Its keys.
-    pub table: &'a Table<'a>,
+    pub table: &'a TomlTable<'a>,
     /// Schema of its keys.
     pub schema: Json,
 }

@@ -35,7 +35,7 @@ pub struct ExportArgs {
     pub out: Option<PathBuf>,
     /// what to write
     #[arg(long, value_enum, default_value_t)]
-    pub format: Format,
+    pub format: ExportFormat,
     /// bodies [default: all]
     #[arg(long)]
     pub body: Vec<String>,
@@ -52,7 +52,7 @@ pub struct ExportArgs {
 
 /// File format of an export.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Format {
+pub enum ExportFormat {
     /// for ParaView
     #[default]
     Vtk,
@@ -153,13 +153,13 @@ pub fn export(args: &ExportArgs) -> Result<Vec<PathBuf>, ExportError> {
                 file: name,
             });
         }
-        if args.format == Format::Csv {
+        if args.format == ExportFormat::Csv {
             folder.write(&format!("{}-times.csv", body.name), |file| {
                 csv::times(file, times)
             })?;
         }
     }
-    if args.format == Format::Vtk {
+    if args.format == ExportFormat::Vtk {
         // readers need ascending times
         collection.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.part.cmp(&b.part)));
         let stem = args.log.file_stem().unwrap_or_default().to_string_lossy();
@@ -261,13 +261,13 @@ impl Folder {
         body: &str,
         index: usize,
         cloud: &Cloud,
-        format: Format,
+        format: ExportFormat,
     ) -> Result<String, ExportError> {
         match format {
-            Format::Vtk => self.write(&format!("{body}-{index:05}.vtu"), |file| {
+            ExportFormat::Vtk => self.write(&format!("{body}-{index:05}.vtu"), |file| {
                 vtu::write_cloud(file, cloud)
             }),
-            Format::Csv => self.write(&format!("{body}-{index:05}.csv"), |file| {
+            ExportFormat::Csv => self.write(&format!("{body}-{index:05}.csv"), |file| {
                 csv::cloud(file, cloud)
             }),
         }

@@ -54,7 +54,7 @@ pub struct PlotArgs {
     pub out: Option<PathBuf>,
     /// file format of the pictures
     #[arg(long, value_enum, default_value_t)]
-    pub format: Format,
+    pub format: PictureFormat,
     /// bodies [default: all]
     #[arg(long)]
     pub body: Vec<String>,
@@ -81,7 +81,7 @@ pub struct PlotArgs {
 
 /// File format of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Format {
+pub enum PictureFormat {
     /// pixels
     #[default]
     Png,
@@ -89,7 +89,7 @@ pub enum Format {
     Svg,
 }
 
-impl Format {
+impl PictureFormat {
     fn extension(self) -> &'static str {
         match self {
             Self::Png => "png",

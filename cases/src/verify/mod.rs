@@ -20,7 +20,7 @@ use crate::run::display::{Display, duration};
 use crate::run::{Failure, on_workers};
 use check::{Check, Level};
 use measurement::Measurement;
-use table::{Outcome, Table};
+use table::{Outcome, OutcomeTable};
 
 /// Arguments of `perimelt verify`.
 #[derive(clap::Args, Debug, Default)]
@@ -122,7 +122,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
     }
     let outcomes = on_workers(|| verify(args))?;
     let mut out = std::io::stdout().lock();
-    write!(out, "{}", Table(&outcomes))?;
+    write!(out, "{}", OutcomeTable(&outcomes))?;
     let failed = outcomes.iter().filter(|o| !o.passed).count();
     let all = outcomes.len();
     if failed > 0 {

@@ -143,9 +143,9 @@ const HEADINGS: [&str; 7] = [
 ];
 
 /// The outcomes as a table for a terminal.
-pub struct Table<'a>(pub &'a [Outcome]);
+pub struct OutcomeTable<'a>(pub &'a [Outcome]);
 
-impl fmt::Display for Table<'_> {
+impl fmt::Display for OutcomeTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let rows: Vec<[String; 7]> = self.0.iter().map(Outcome::cells).collect();
         let width = |column: usize| {
