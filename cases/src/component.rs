@@ -1,17 +1,17 @@
-//! Numbers in a field: components of vectors and tensors, and what is made of them.
+//! Components of vectors and tensors, and scalars computed from them.
 
 use nalgebra::Matrix3;
 
 /// Components of a vector.
 pub(crate) const VECTOR: [&str; 3] = ["x", "y", "z"];
-/// Components of a tensor, as they lie in memory.
+/// Components of a tensor, in the order of memory.
 pub(crate) const TENSOR: [&str; 9] = ["xx", "yx", "zx", "xy", "yy", "zy", "xz", "yz", "zz"];
 
 /// One number of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Number {
     Entry(usize),
-    /// Of a vector.
+    /// Magnitude of a vector.
     Magnitude,
     /// `sqrt(3/2 s:s)` with the deviator s of a tensor.
     VonMises,
@@ -21,7 +21,7 @@ pub(crate) enum Number {
     Principal(usize),
 }
 
-/// What a tensor has besides its components.
+/// Names of the scalars of a tensor besides its components.
 const OF_TENSOR: [(&str, Number); 5] = [
     ("von_mises", Number::VonMises),
     ("hydrostatic", Number::Hydrostatic),
@@ -31,7 +31,7 @@ const OF_TENSOR: [(&str, Number); 5] = [
 ];
 
 impl Number {
-    /// The number called `name` of a field with so many components.
+    /// The number called `name` of a field with this number of components.
     pub(crate) fn find(components: usize, name: &str) -> Option<Number> {
         let entry = |names: &[&str]| names.iter().position(|n| *n == name).map(Number::Entry);
         match components {
@@ -45,7 +45,7 @@ impl Number {
         }
     }
 
-    /// The names that a field with so many components knows.
+    /// The valid names for a field with this number of components.
     pub(crate) fn names(components: usize) -> Vec<&'static str> {
         match components {
             3 => VECTOR.into_iter().chain(["magnitude"]).collect(),
@@ -114,7 +114,7 @@ mod tests {
         let sheared = [0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         let found = number("von_mises", &sheared).expect("a number of tensors");
         assert!((found - 3f64.sqrt()).abs() < 1e-15);
-        // pure shear under pressure: sqrt(3) times the shear stress, whatever the pressure
+        // pure shear under pressure: sqrt(3) times the shear stress, at any pressure
         let sheared = [7.0, 2.0, 0.0, 2.0, 7.0, 0.0, 0.0, 0.0, 7.0];
         let found = number("von_mises", &sheared).expect("a number of tensors");
         assert!((found - 12f64.sqrt()).abs() < 1e-14);

@@ -1,12 +1,12 @@
 //! Case files, command line and material library of Perimelt.
 //!
-//! - [`case`]: TOML text -> a composed [`core::Simulation`], mistakes shown where they are;
+//! - [`case`]: TOML text -> a composed [`core::Simulation`], with mistakes shown at their lines;
 //! - [`run`]: steps a case, logs it, resumes it;
 //! - [`probe`]: numbers taken from the fields with every logged state;
 //! - [`library`]: the materials that come with the program;
 //! - [`commands`]: the command line; [`plot`], [`export`] and [`verify`] behind it.
 //!
-//! A binary with plugins of its own links their crate and calls [`main`]:
+//! A binary with additional plugins links their crate and calls [`main`]:
 //!
 //! ```no_run
 //! // use my_plugins as _;
@@ -16,9 +16,11 @@
 //! ```
 
 pub mod case;
+mod cell_grid;
 pub mod commands;
 mod component;
 pub mod export;
+mod interpolation;
 pub mod library;
 pub mod melt_pool;
 pub mod plot;

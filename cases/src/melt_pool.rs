@@ -1,4 +1,4 @@
-//! Size of the melt pool: how far an isotherm reaches along each axis.
+//! Size of the melt pool: extents of the region above an isotherm along each axis.
 //!
 //! The extent of the region `T >= isotherm` along an axis is that of the profile
 //! `P(s) = max over the other axes of T`, which needs no contour. The maximum between lattice
@@ -8,10 +8,12 @@
 //! `(9 T1 - T2) / 8` from the two outermost points (spec 02, `ref/goldak_pd.py`). The profile
 //! crosses the isotherm by linear interpolation, with an error of `dx^2 T'' / (8 T')`.
 //!
-//! Not for several pools at a time: the pool is the one around the hottest point, but a pool
-//! beside it hides in the same profile where the two overlap.
+//! Not for several pools at a time: the pool is the one around the hottest point, but a second pool
+//! is included where the two overlap in a profile.
 
-use crate::plot::grid::Grid;
+use perimelt_core::{Axis, Body, SetupError};
+
+use crate::cell_grid::CellGrid;
 
 /// Direction in which the heat source travels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -23,17 +25,44 @@ pub enum Travel {
     Y,
 }
 
+/// Axes of the extents of a melt pool; the width lies along the third axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PoolAxes {
+    /// axis of the length
+    pub along: Axis,
+    /// axis of the depth, which counts from the topmost surface of the body; not `along`
+    pub down: Axis,
+}
+
+impl PoolAxes {
+    /// Axis of the width, counted from 0.
+    fn across(self) -> usize {
+        3 - self.along.index() - self.down.index()
+    }
+}
+
+impl From<Travel> for PoolAxes {
+    fn from(travel: Travel) -> Self {
+        let along = match travel {
+            Travel::X => Axis::X,
+            Travel::Y => Axis::Y,
+        };
+        let down = Axis::Z;
+        Self { along, down }
+    }
+}
+
 /// The region above an isotherm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeltPool {
-    /// smallest coordinate along the travel axis, m
+    /// smallest coordinate along the axis of the length, m
     pub rear: f64,
-    /// largest coordinate along the travel axis, m
+    /// largest coordinate along the axis of the length, m
     pub front: f64,
-    /// extent across the travel axis, m (in a body cut at a plane of symmetry this is half of the
-    /// pool); `None` in one dimension
+    /// extent along the axis of the width, m (in a body cut at a plane of symmetry this is half of
+    /// the pool); `None` if the body does not have that axis
     pub width: Option<f64>,
-    /// extent below the topmost surface of the body, m; `None` in one and two dimensions
+    /// extent below the topmost surface of the body, m; `None` if the body does not have that axis
     pub depth: Option<f64>,
     /// highest temperature, K
     pub peak: f64,
@@ -47,70 +76,90 @@ impl MeltPool {
     }
 }
 
-/// Melt pool in a body of lattice points, see the [module](self).
-///
-/// `positions` (m) are reference positions `spacing` (m) apart, `temperature` (K) has one value
-/// per point, `dimension` is that of the body. A pool that reaches a face of the body ends there.
-/// `None` if no point reaches the isotherm (K), or if the points are not on a lattice.
-#[must_use]
-pub fn melt_pool(
-    positions: &[[f64; 3]],
-    temperature: &[f64],
-    spacing: f64,
+/// Measures the melt pool of one body, see the [module](self): the only such measurement, used by
+/// probes, plots and checks.
+#[derive(Clone, Debug)]
+pub struct MeltPoolGauge {
+    grid: CellGrid,
     dimension: usize,
-    travel: Travel,
+    axes: PoolAxes,
     isotherm: f64,
-) -> Option<MeltPool> {
-    let grid = Grid::new(positions, spacing)?;
-    melt_pool_on(&grid, temperature, dimension, travel, isotherm)
 }
 
-/// As [`melt_pool`], for points on a grid.
-pub(crate) fn melt_pool_on(
-    grid: &Grid,
-    temperature: &[f64],
-    dimension: usize,
-    travel: Travel,
-    isotherm: f64,
-) -> Option<MeltPool> {
-    let spacing = grid.spacing;
-    let values = grid.by_cell(temperature);
-    let (along, across) = match travel {
-        Travel::X => (0, 1),
-        Travel::Y => (1, 0),
-    };
-    let profile = |axis| profile(&values, grid.cells, axis, dimension);
-    let extent = |axis: usize| {
-        let (from, to) = extent(&profile(axis), isotherm)?;
-        Some((
-            grid.origin[axis] + from * spacing,
-            grid.origin[axis] + to * spacing,
-        ))
-    };
+impl MeltPoolGauge {
+    /// A gauge for a body in its reference configuration and an isotherm (K); `None` if the points
+    /// are scattered too widely for a grid.
+    #[must_use]
+    pub fn of_body(body: &Body, axes: PoolAxes, isotherm: f64) -> Option<Self> {
+        let positions: Vec<[f64; 3]> = body.points.position.iter().map(|&p| p.into()).collect();
+        let grid = match body.lattice() {
+            Some(lattice) => CellGrid::new(&positions, lattice.spacing),
+            None => CellGrid::of_spacings(&positions, &body.points.spacing),
+        };
+        Some(Self::on(grid?, body.dimension, axes, isotherm))
+    }
 
-    let (rear, front) = extent(along)?;
-    let width = if dimension >= 2 {
-        extent(across).map(|(from, to)| to - from)
-    } else {
-        None
-    };
-    let depth = if dimension >= 3 {
-        let top = grid.centre(2, grid.cells[2] - 1) + 0.5 * spacing;
-        extent(2).map(|(bottom, _)| top - bottom)
-    } else {
-        None
-    };
-    let peak = temperature
-        .iter()
-        .copied()
-        .fold(f64::NEG_INFINITY, f64::max);
-    Some(MeltPool {
-        rear,
-        front,
-        width,
-        depth,
-        peak,
-    })
+    /// The mistake of a body that [`of_body`](Self::of_body) refuses, at `key`.
+    pub(crate) fn scattered(body: &Body, key: &str) -> SetupError {
+        let message = format!(
+            "the points of body `{}` are too far apart for cells of one spacing",
+            body.name
+        );
+        let expected = "a body whose points lie about one spacing apart";
+        SetupError::value(key, message, expected)
+    }
+
+    /// A gauge for points on a grid, of a body of this dimension.
+    pub(crate) fn on(grid: CellGrid, dimension: usize, axes: PoolAxes, isotherm: f64) -> Self {
+        Self {
+            grid,
+            dimension,
+            axes,
+            isotherm,
+        }
+    }
+
+    /// The melt pool at these temperatures (K), one per point. A pool that reaches a face of the
+    /// body ends there. `None` if no point reaches the isotherm; all extents are NaN if a temperature
+    /// is NaN.
+    #[must_use]
+    pub fn measure(&self, temperature: &[f64]) -> Option<MeltPool> {
+        let grid = &self.grid;
+        let has_axis = |axis: usize| axis < self.dimension;
+        if temperature.iter().any(|t| t.is_nan()) {
+            return Some(MeltPool {
+                rear: f64::NAN,
+                front: f64::NAN,
+                width: has_axis(self.axes.across()).then_some(f64::NAN),
+                depth: has_axis(self.axes.down.index()).then_some(f64::NAN),
+                peak: f64::NAN,
+            });
+        }
+        let values = grid.by_cell(temperature);
+        let extent = |axis: usize| {
+            let profile = profile(&values, grid.cells, axis, self.dimension);
+            let (from, to) = extent(&profile, self.isotherm)?;
+            let coordinate = |cells: f64| grid.origin[axis] + cells * grid.spacing;
+            Some((coordinate(from), coordinate(to)))
+        };
+
+        let (rear, front) = extent(self.axes.along.index())?;
+        let across = Some(self.axes.across()).filter(|&axis| has_axis(axis));
+        let width = across.and_then(|axis| extent(axis).map(|(from, to)| to - from));
+        let down = Some(self.axes.down.index()).filter(|&axis| has_axis(axis));
+        let depth = down.and_then(|axis| {
+            let top = grid.centre(axis, grid.cells[axis] - 1) + 0.5 * grid.spacing;
+            extent(axis).map(|(bottom, _)| top - bottom)
+        });
+        let hottest = temperature.iter().copied();
+        Some(MeltPool {
+            rear,
+            front,
+            width,
+            depth,
+            peak: hottest.fold(f64::NEG_INFINITY, f64::max),
+        })
+    }
 }
 
 /// `max over the other axes` of the cells' values at each cell of `axis`.
@@ -121,7 +170,7 @@ fn profile(values: &[f64], cells: [usize; 3], axis: usize, dimension: usize) -> 
         values = project(&values, cells, other);
         cells[other] = 1;
     }
-    // axes that the dimension leaves out have one cell
+    // axes beyond the dimension have one cell
     values.truncate(cells[axis]);
     values
 }
@@ -156,7 +205,7 @@ fn line_maximum(count: usize, value: impl Fn(usize) -> f64) -> f64 {
             .filter(|&index| index < count)
             .map_or(f64::NAN, &value)
     };
-    // beyond a face lies the mirror image
+    // the mirror image beyond a face
     let mirrored = |value: f64| if value.is_nan() { middle } else { value };
     let before = mirrored(neighbour(hottest.checked_sub(1)));
     let after = mirrored(neighbour(Some(hottest + 1)));
@@ -223,6 +272,16 @@ mod tests {
         positions.iter().map(temperature).collect()
     }
 
+    fn measured(
+        positions: &[[f64; 3]],
+        dimension: usize,
+        travel: Travel,
+        temperature: &[f64],
+    ) -> Option<MeltPool> {
+        let grid = CellGrid::new(positions, SPACING).expect("a lattice");
+        MeltPoolGauge::on(grid, dimension, travel.into(), 1500.0).measure(temperature)
+    }
+
     fn close(found: f64, expected: f64) {
         // linear interpolation on a parabola: dx^2 T'' / (8 T') = dx^2 / (8 a), a >= 5 dx here
         let tolerance = SPACING / 40.0 * 1.01;
@@ -238,7 +297,7 @@ mod tests {
         let positions = lattice([-30.0, 0.0, -10.0], [60, 12, 10]);
         let (centre, half) = (3.3e-4, [17.2e-4, 8.1e-4, 5.4e-4]);
         let temperature = ellipsoid(&positions, [centre, 0.0, 0.0], half);
-        let pool = melt_pool(&positions, &temperature, SPACING, 3, Travel::X, 1500.0);
+        let pool = measured(&positions, 3, Travel::X, &temperature);
         let pool = pool.expect("a pool");
         close(pool.front, centre + half[0]);
         close(pool.rear, centre - half[0]);
@@ -253,7 +312,7 @@ mod tests {
         let positions = lattice([-10.3, -20.0, -8.0], [21, 40, 8]);
         let half = [7.2e-4, 13.7e-4, 5.1e-4];
         let temperature = ellipsoid(&positions, [0.0; 3], half);
-        let pool = melt_pool(&positions, &temperature, SPACING, 3, Travel::Y, 1500.0);
+        let pool = measured(&positions, 3, Travel::Y, &temperature);
         let pool = pool.expect("a pool");
         close(pool.front, half[1]);
         close(pool.rear, -half[1]);
@@ -265,14 +324,14 @@ mod tests {
     fn plane_body_has_no_depth_and_a_bar_no_width() {
         let positions = lattice([-20.0, -10.0, -0.5], [40, 20, 1]);
         let temperature = ellipsoid(&positions, [0.0; 3], [12e-4, 6.3e-4, 1.0]);
-        let pool = melt_pool(&positions, &temperature, SPACING, 2, Travel::X, 1500.0);
+        let pool = measured(&positions, 2, Travel::X, &temperature);
         let pool = pool.expect("a pool");
         close(pool.width.expect("2D") / 2.0, 6.3e-4);
         assert_eq!(pool.depth, None);
 
         let positions = lattice([-20.0, -0.5, -0.5], [40, 1, 1]);
         let temperature = ellipsoid(&positions, [0.0; 3], [12e-4, 1.0, 1.0]);
-        let pool = melt_pool(&positions, &temperature, SPACING, 1, Travel::X, 1500.0);
+        let pool = measured(&positions, 1, Travel::X, &temperature);
         let pool = pool.expect("a pool");
         close(pool.front, 12e-4);
         assert_eq!((pool.width, pool.depth), (None, None));
@@ -282,7 +341,7 @@ mod tests {
     fn pool_ends_at_the_faces_of_the_body() {
         let positions = lattice([0.0, 0.0, -4.0], [10, 6, 4]);
         let temperature = vec![1800.0; positions.len()];
-        let pool = melt_pool(&positions, &temperature, SPACING, 3, Travel::X, 1500.0);
+        let pool = measured(&positions, 3, Travel::X, &temperature);
         let pool = pool.expect("a pool");
         // rounding only
         assert!((pool.length() - 10.0 * SPACING).abs() < 1e-15);
@@ -292,12 +351,18 @@ mod tests {
     }
 
     #[test]
+    fn temperature_that_is_not_a_number_shows_in_every_extent() {
+        let positions = lattice([0.0; 3], [4, 4, 4]);
+        let mut temperature = vec![1800.0; positions.len()];
+        temperature[7] = f64::NAN;
+        let pool = measured(&positions, 3, Travel::X, &temperature).expect("not cold");
+        assert!(pool.length().is_nan() && pool.depth.is_some_and(f64::is_nan));
+    }
+
+    #[test]
     fn cold_body_has_no_pool() {
         let positions = lattice([0.0; 3], [4, 4, 4]);
         let cold = vec![300.0; positions.len()];
-        assert_eq!(
-            melt_pool(&positions, &cold, SPACING, 3, Travel::X, 1500.0),
-            None
-        );
+        assert_eq!(measured(&positions, 3, Travel::X, &cold), None);
     }
 }

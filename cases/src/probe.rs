@@ -1,13 +1,17 @@
-//! Probes: numbers taken from the fields with every logged state.
+//! Probes: numbers computed from the fields with every logged state.
 
 use nalgebra::Vector3;
-use perimelt_core::body::{Discretisation, Face};
 use perimelt_core::error::Problem;
 use perimelt_core::field::FieldIndex;
-use perimelt_core::{Axis, Body, SetupError, Simulation, World};
+use perimelt_core::{Body, SetupError, Simulation, World};
 
 use crate::case::sections::{LineProbe, MeltPoolProbe, ProbeKind, ProbeSection, Statistic};
 use crate::component::Number;
+use crate::interpolation::{Interpolation, Weights};
+use crate::melt_pool::{MeltPoolGauge, PoolAxes};
+
+/// Most positions of a line: each is a column of a time series.
+const MAX_LINE: usize = 100_000;
 
 /// A probe, ready to measure.
 #[derive(Debug)]
@@ -17,19 +21,16 @@ pub struct Probe {
     /// Names and units of its numbers.
     pub columns: Vec<(String, String)>,
     body: usize,
-    measure: Measure,
+    quantity: Quantity,
 }
 
 #[derive(Debug)]
-enum Measure {
+enum Quantity {
     /// Weighted means at positions.
     Positions(Component, Vec<Weights>),
     Region(Component, Vec<u32>, Statistic),
-    MeltPool(FieldIndex, MeltPool),
+    MeltPool(FieldIndex, PoolProbe),
 }
-
-/// Points and weights of an interpolation.
-type Weights = Vec<(usize, f64)>;
 
 /// Which number of a field.
 #[derive(Clone, Copy, Debug)]
@@ -38,11 +39,11 @@ pub(crate) struct Component {
     number: Number,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct MeltPool {
+#[derive(Debug)]
+struct PoolProbe {
+    /// K.
     isotherm: f64,
-    /// Axes of length, width and depth.
-    axes: [usize; 3],
+    gauge: MeltPoolGauge,
 }
 
 impl Probe {
@@ -57,7 +58,7 @@ impl Probe {
         let name = section.name.clone();
         if let ProbeKind::MeltPool(pool) = &section.kind {
             let field = find_field(simulation, body, "temperature", "kind")?;
-            let pool = MeltPool::new(pool, points)?;
+            let pool = PoolProbe::new(pool, points)?;
             let metres = ["length", "width", "depth"].map(|n| (n.to_string(), "m".to_string()));
             let columns = metres
                 .into_iter()
@@ -67,13 +68,13 @@ impl Probe {
                 name,
                 columns,
                 body,
-                measure: Measure::MeltPool(field, pool),
+                quantity: Quantity::MeltPool(field, pool),
             });
         }
         let Some(field_name) = &section.field else {
             return Err(SetupError::value(
                 "",
-                "the probe names no field",
+                "the probe has no field",
                 "`field = \"...\"`",
             ));
         };
@@ -84,18 +85,18 @@ impl Probe {
             Some(part) => format!("{field_name}.{part}"),
             None => field_name.clone(),
         };
-        let (columns, measure) = match &section.kind {
+        let (columns, quantity) = match &section.kind {
             ProbeKind::Point(position) => {
-                let weights = interpolation(points, &Vector3::from(*position), "kind.point")?;
+                let weights = Weights::at(points, *position, Interpolation::Linear, "kind.point")?;
                 (
                     vec![(column, unit)],
-                    Measure::Positions(component, vec![weights]),
+                    Quantity::Positions(component, vec![weights]),
                 )
             }
             ProbeKind::Line(line) => {
                 let (names, weights) = along(points, line)?;
                 let columns = names.into_iter().map(|n| (n, unit.clone())).collect();
-                (columns, Measure::Positions(component, weights))
+                (columns, Quantity::Positions(component, weights))
             }
             ProbeKind::Region(region) => {
                 let selected = points_of(points, region.name.as_deref(), "kind.region.name")?;
@@ -105,7 +106,7 @@ impl Probe {
                 };
                 (
                     vec![(column, unit)],
-                    Measure::Region(component, selected, region.statistic),
+                    Quantity::Region(component, selected, region.statistic),
                 )
             }
             ProbeKind::MeltPool(_) => unreachable!("handled above"),
@@ -114,19 +115,19 @@ impl Probe {
             name,
             columns,
             body,
-            measure,
+            quantity,
         })
     }
 
-    /// The numbers now, in the order of the columns.
+    /// The numbers of the present state, in the order of the columns.
     pub fn measure(&self, world: &World) -> Vec<f64> {
         let body = world.body(self.body);
-        match &self.measure {
-            Measure::Positions(component, positions) => {
-                let value = |w: &Weights| w.iter().map(|&(p, w)| w * component.at(world, p)).sum();
-                positions.iter().map(value).collect()
-            }
-            Measure::Region(component, points, statistic) => {
+        match &self.quantity {
+            Quantity::Positions(component, positions) => positions
+                .iter()
+                .map(|w| w.value(*component, world))
+                .collect(),
+            Quantity::Region(component, points, statistic) => {
                 let values = points.iter().map(|&p| {
                     (
                         component.at(world, p as usize),
@@ -135,9 +136,9 @@ impl Probe {
                 });
                 vec![reduce(values, *statistic)]
             }
-            Measure::MeltPool(field, pool) => {
+            Quantity::MeltPool(field, pool) => {
                 let data = world.fields().field(*field).data();
-                pool.measure(body, data.flat())
+                pool.measure(&body.points.volume, data.flat())
             }
         }
     }
@@ -219,7 +220,7 @@ impl Component {
                     "`component`, one of {}",
                     Number::names(components).join(", ")
                 );
-                let message = "this is a tensor field";
+                let message = "the field is a tensor and the probe has no component";
                 return Err(SetupError::value("field", message, expected));
             }
             (Some(name), _) => Number::find(components, name).ok_or_else(|| {
@@ -243,10 +244,16 @@ impl Component {
     }
 }
 
+/// The largest value; NaN if one of the values is NaN, which `f64::max` would ignore.
+pub(crate) fn largest(values: impl Iterator<Item = f64>) -> f64 {
+    let larger = |a: f64, b: f64| if a.is_nan() || a > b { a } else { b };
+    values.fold(f64::NEG_INFINITY, larger)
+}
+
 fn reduce(values: impl Iterator<Item = (f64, f64)>, statistic: Statistic) -> f64 {
     match statistic {
-        Statistic::Max => values.map(|(v, _)| v).fold(f64::NEG_INFINITY, f64::max),
-        Statistic::Min => values.map(|(v, _)| v).fold(f64::INFINITY, f64::min),
+        Statistic::Max => largest(values.map(|(v, _)| v)),
+        Statistic::Min => -largest(values.map(|(v, _)| -v)),
         Statistic::Sum => values.map(|(v, _)| v).sum(),
         Statistic::Integral => values.map(|(v, volume)| v * volume).sum(),
         Statistic::Mean => {
@@ -256,99 +263,32 @@ fn reduce(values: impl Iterator<Item = (f64, f64)>, statistic: Statistic) -> f64
     }
 }
 
-/// Linear weights of the points around a position. On a lattice these are the points of the cells
-/// around it, beyond the outermost cell centres the outermost ones alone; on a cloud they are those
-/// of a least-squares fit.
-fn interpolation(body: &Body, position: &Vector3<f64>, key: &str) -> Result<Weights, SetupError> {
-    let tolerance = 1e-6 * body.finest_spacing();
-    let (min, max) = body.bounds();
-    let outside = (0..body.dimension)
-        .any(|a| position[a] < min[a] - tolerance || position[a] > max[a] + tolerance);
-    let off_body = || {
-        let message = format!(
-            "no point of body `{}` is near [{}, {}, {}]",
-            body.name, position.x, position.y, position.z
-        );
-        let expected = format!(
-            "a position on the body, within {:?} and {:?} m",
-            min.as_slice(),
-            max.as_slice()
-        );
-        SetupError::value(key, message, expected)
-    };
-    if outside {
-        return Err(off_body());
-    }
-    let lattice = match &body.discretisation {
-        Discretisation::Lattice(lattice) => lattice,
-        Discretisation::Cloud(cloud) => {
-            let weights = cloud.weights(&body.points, body.dimension, position);
-            return weights.ok_or_else(off_body);
-        }
-    };
-    // a position on a cell centre, but for rounding, is that point alone
-    let snap = |share: f64| {
-        let nearest = share.round();
-        if (share - nearest).abs() < 1e-6 {
-            nearest
-        } else {
-            share
-        }
-    };
-    let relative = (position - lattice.origin) / lattice.spacing;
-    let mut low = [0i64; 3];
-    let mut share = [0.0; 3];
-    for a in 0..body.dimension {
-        let cells = snap(relative[a] - 0.5);
-        low[a] = cells.floor() as i64;
-        share[a] = cells - cells.floor();
-    }
-    let mut weights = Weights::new();
-    for corner in 0..1 << body.dimension {
-        let bit = |a: usize| (corner >> a) & 1;
-        let cell = std::array::from_fn(|a| low[a] + bit(a) as i64);
-        let factor = |a: usize| {
-            if bit(a) == 1 {
-                share[a]
-            } else {
-                1.0 - share[a]
-            }
-        };
-        let weight: f64 = (0..body.dimension).map(factor).product();
-        if let Some(point) = lattice.point(cell)
-            && weight > 0.0
-        {
-            weights.push((point, weight));
-        }
-    }
-    let total: f64 = weights.iter().map(|(_, w)| w).sum();
-    if weights.is_empty() {
-        return Err(off_body());
-    }
-    weights.iter_mut().for_each(|(_, w)| *w /= total);
-    Ok(weights)
-}
-
 /// Column names (distance from the start, m) and weights of a line of positions.
 fn along(body: &Body, line: &LineProbe) -> Result<(Vec<String>, Vec<Weights>), SetupError> {
     if line.number < 2 {
-        let message = format!("a line of {} positions", line.number);
+        let message = format!("the line has {} positions", line.number);
         return Err(SetupError::value("kind.line.number", message, "2 or more"));
+    }
+    if line.number > MAX_LINE {
+        let message = format!("the line has {} positions", line.number);
+        let expected = format!("at most {MAX_LINE}");
+        return Err(SetupError::value("kind.line.number", message, expected));
     }
     let (from, to) = (Vector3::from(line.from), Vector3::from(line.to));
     let mut names = Vec::new();
     let mut weights = Vec::new();
     for i in 0..line.number {
-        let share = i as f64 / (line.number - 1) as f64;
-        let position = from + (to - from) * share;
-        names.push(format!("{:.6e}", (to - from).norm() * share));
-        weights.push(interpolation(body, &position, "kind.line")?);
+        let fraction = i as f64 / (line.number - 1) as f64;
+        let position = from + (to - from) * fraction;
+        names.push(format!("{:.6e}", (to - from).norm() * fraction));
+        let linear = Interpolation::Linear;
+        weights.push(Weights::at(body, position.into(), linear, "kind.line")?);
     }
     Ok((names, weights))
 }
 
-impl MeltPool {
-    fn new(section: &MeltPoolProbe, body: &Body) -> Result<MeltPool, SetupError> {
+impl PoolProbe {
+    fn new(section: &MeltPoolProbe, body: &Body) -> Result<PoolProbe, SetupError> {
         let isotherm = match section.isotherm {
             Some(isotherm) => isotherm,
             None => body.materials[0].constant("solidus").map_err(|e| {
@@ -359,58 +299,49 @@ impl MeltPool {
                 SetupError::new("kind.melt_pool", problem)
             })?,
         };
-        let axis = |axis: Axis| axis as usize;
-        let (length, depth) = (axis(section.along), axis(section.down));
-        if length == depth {
+        let key = "kind.melt_pool";
+        let axes = PoolAxes {
+            along: section.along,
+            down: section.down,
+        };
+        if axes.along == axes.down {
             let message = "length and depth lie along the same axis";
-            return Err(SetupError::value(
-                "kind.melt_pool",
-                message,
-                "two different axes as `along` and `down`",
-            ));
+            let expected = "two different axes as `along` and `down`";
+            return Err(SetupError::value(key, message, expected));
         }
-        Ok(MeltPool {
-            isotherm,
-            axes: [length, 3 - length - depth, depth],
-        })
+        if axes.along.index() >= body.dimension {
+            let message = format!("the body has {} dimensions only", body.dimension);
+            return Err(SetupError::value(key, message, "another axis as `along`"));
+        }
+        let gauge = MeltPoolGauge::of_body(body, axes, isotherm)
+            .ok_or_else(|| MeltPoolGauge::scattered(body, key))?;
+        Ok(PoolProbe { isotherm, gauge })
     }
 
-    /// Length, width, depth (m) and volume (m³) of the points at or above the isotherm. Between
-    /// a point above and its neighbour below the edge is interpolated; at the surface of the
-    /// body it is the cell's face.
-    fn measure(&self, body: &Body, temperature: &[f64]) -> Vec<f64> {
-        let mut low = [f64::INFINITY; 3];
-        let mut high = [f64::NEG_INFINITY; 3];
-        let mut volume = 0.0;
-        for (point, &own) in temperature.iter().enumerate() {
-            if own < self.isotherm {
-                continue;
-            }
-            volume += body.points.volume[point];
-            let position = body.points.position[point];
-            for a in 0..body.dimension {
-                let reach = |face: Face| match body.neighbour(point, face) {
-                    None => 0.5 * body.points.spacing[point],
-                    Some(n) if temperature[n] >= self.isotherm => 0.0,
-                    Some(n) => {
-                        let distance = (body.points.position[n][a] - position[a]).abs();
-                        distance * (own - self.isotherm) / (own - temperature[n])
-                    }
-                };
-                low[a] = low[a].min(position[a] - reach(Face::ALL[2 * a]));
-                high[a] = high[a].max(position[a] + reach(Face::ALL[2 * a + 1]));
-            }
-        }
-        let extent = |a: usize| (high[a] - low[a]).max(0.0);
-        let mut values: Vec<f64> = self.axes.iter().map(|&a| extent(a)).collect();
-        values.push(volume);
-        values
+    /// Length, width and depth (m), and volume (m³) of the points at or above the isotherm: zero
+    /// while there are none, and along axes that the body does not have.
+    fn measure(&self, volume: &[f64], temperature: &[f64]) -> Vec<f64> {
+        let Some(pool) = self.gauge.measure(temperature) else {
+            return vec![0.0; 4];
+        };
+        let molten = volume.iter().zip(temperature);
+        let molten = molten.filter(|(_, t)| **t >= self.isotherm);
+        let volume: f64 = molten.map(|(v, _)| v).sum();
+        let (width, depth) = (pool.width.unwrap_or(0.0), pool.depth.unwrap_or(0.0));
+        let is_known = !pool.length().is_nan();
+        vec![
+            pool.length(),
+            width,
+            depth,
+            if is_known { volume } else { f64::NAN },
+        ]
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use perimelt_core::Axis;
     use perimelt_core::shape::{BoxShape, Shape};
 
     fn block() -> Body {
@@ -422,50 +353,65 @@ mod tests {
     }
 
     #[test]
-    fn a_linear_field_is_interpolated_exactly_between_cell_centres() {
-        let body = block();
-        let field = |p: &Vector3<f64>| 1.0 + 2.0 * p.x - 3.0 * p.y + 0.5 * p.z;
-        for position in [[1.1, 1.3, 0.9], [0.25, 0.25, 0.25], [2.0, 1.0, 1.0]] {
-            let position = Vector3::from(position);
-            let weights = interpolation(&body, &position, "kind.point").expect("on the body");
-            let value: f64 = weights
-                .iter()
-                .map(|&(p, w)| w * field(&body.points.position[p]))
-                .sum();
-            // rounding of a sum of eight terms
-            assert!((value - field(&position)).abs() < 1e-13, "{position}");
+    fn a_statistic_of_values_that_are_not_numbers_is_none() {
+        let values = |first| [(first, 1.0), (2.0, 1.0), (-3.0, 1.0)];
+        let statistics = [
+            (Statistic::Max, 2.0),
+            (Statistic::Min, -3.0),
+            (Statistic::Sum, 0.0),
+            (Statistic::Mean, 0.0),
+            (Statistic::Integral, 0.0),
+        ];
+        for (statistic, value) in statistics {
+            assert_eq!(reduce(values(1.0).into_iter(), statistic), value);
+            for place in 0..3 {
+                let mut values = values(1.0);
+                values[place].0 = f64::NAN;
+                let value = reduce(values.into_iter(), statistic);
+                assert!(value.is_nan(), "{statistic:?}, number {place}");
+            }
         }
-        let centre =
-            interpolation(&body, &Vector3::new(0.25, 0.25, 0.25), "").expect("on the body");
-        assert_eq!(centre, [(0, 1.0)], "a cell centre is that point alone");
     }
 
     #[test]
-    fn a_position_off_the_body_is_refused() {
-        let error = interpolation(&block(), &Vector3::new(9.0, 0.0, 0.0), "kind.point");
-        assert_eq!(error.expect_err("off the body").key, "kind.point");
+    fn a_melt_pool_along_an_axis_that_the_body_lacks_is_refused() {
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [4.0, 3.0, 0.0],
+        });
+        let body = Body::fill("plate", &shape, 2, 0.5, 1.0).expect("a valid plate");
+        let section = |along, down| MeltPoolProbe {
+            isotherm: Some(1000.0),
+            along,
+            down,
+        };
+        assert!(PoolProbe::new(&section(Axis::Y, Axis::Z), &body).is_ok());
+        assert!(PoolProbe::new(&section(Axis::Z, Axis::Y), &body).is_err());
+        assert!(PoolProbe::new(&section(Axis::X, Axis::X), &body).is_err());
     }
 
     #[test]
     fn a_melt_pool_is_as_long_as_its_isotherm() {
         let body = block();
-        let pool = MeltPool {
-            isotherm: 1000.0,
-            axes: [0, 1, 2],
+        let section = MeltPoolProbe {
+            isotherm: Some(1000.0),
+            along: Axis::X,
+            down: Axis::Z,
         };
-        // falls by 100 K per metre from x = 2, whatever y and z: 1000 K at 2 - 1.3 and 2 + 1.3
+        let pool = PoolProbe::new(&section, &body).expect("a pool");
+        // falls by 100 K per metre from x = 2, at any y and z: 1000 K at 2 - 1.3 and 2 + 1.3
         let temperature: Vec<f64> = body
             .points
             .position
             .iter()
             .map(|p| 1130.0 - 100.0 * (p.x - 2.0).abs())
             .collect();
-        let values = pool.measure(&body, &temperature);
+        let values = pool.measure(&body.points.volume, &temperature);
         for (value, exact) in values.iter().zip([2.6, 3.0, 2.0]) {
             // interpolation is exact away from the kink at x = 2
             assert!((value - exact).abs() < 1e-12, "{value} for {exact}");
         }
-        let cold = pool.measure(&body, &vec![300.0; temperature.len()]);
+        let cold = pool.measure(&body.points.volume, &vec![300.0; temperature.len()]);
         assert_eq!(cold, [0.0; 4]);
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Block of 48³ points, horizon 3.015 spacings, 122 bonds each (on the cloud, whose points are
 //! displaced by up to a fifth of a spacing, on average). What limits each kernel
-//! stands in `ARCHITECTURE.md`.
+//! stands in `docs/performance.md`.
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
@@ -33,10 +33,10 @@ fn family(points: Points) -> (Body, Family) {
         Points::Bare => body.store = Store::Lattice,
         Points::Cloud => {
             let jitter = Jitter {
-                share: 0.2,
+                amplitude: 0.2,
                 seed: 1,
             };
-            body = body.jittered(jitter).expect("a valid share");
+            body = body.jittered(jitter).expect("a valid amplitude");
         }
     }
     let bare = matches!(points, Points::Bare);

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use perimelt::case::Case;
-use perimelt::verify::table::Table;
+use perimelt::verify::table::OutcomeTable;
 use perimelt::verify::{VerifyArgs, benchmarks, verify};
 use perimelt_core::material::REFERENCE_TEMPERATURE;
 
@@ -13,7 +13,7 @@ use perimelt_core::material::REFERENCE_TEMPERATURE;
 fn every_published_benchmark_is_met() {
     let outcomes = verify(&VerifyArgs::default()).expect("the cases of the program are valid");
     let failed: Vec<_> = outcomes.into_iter().filter(|o| !o.passed).collect();
-    assert!(failed.is_empty(), "\n{}", Table(&failed));
+    assert!(failed.is_empty(), "\n{}", OutcomeTable(&failed));
 }
 
 /// Spec 02, 4.0 (ii): a case stripped of its sources and boundaries.

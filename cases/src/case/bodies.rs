@@ -63,7 +63,7 @@ impl Case {
                 } => &["zones", &zone, "spacing"],
                 BodyError::Zone { .. } => &["zones", &zone],
                 BodyError::NotCovered { .. } => &["zones"],
-                BodyError::Jitter(_) => &["jitter", "share"],
+                BodyError::Jitter(_) => &["jitter", "amplitude"],
                 BodyError::Repeated { .. } => &["periodic"],
                 BodyError::Tank { .. } => &["tank"],
                 BodyError::Table(_) => &["points"],
@@ -90,7 +90,7 @@ impl Case {
                 return Err(self.body_error(
                     &[name, "regions", region],
                     problem.to_string(),
-                    "holds no point",
+                    "contains no point",
                 ));
             }
             body.regions.insert(region.clone(), points);
@@ -132,7 +132,7 @@ impl Case {
                     (Some(_), Some(_)) => "zones",
                     _ => "points",
                 };
-                let message = "the points of the body are described twice";
+                let message = "the body has more than one of `spacing`, `zones` and `points`";
                 let expected = "either `spacing`, or `zones`, or `points`";
                 Err(self.body_error(&[name, second], message, expected))
             }
@@ -174,7 +174,7 @@ impl Case {
                 if *of_point != 0 && *of_point != index {
                     let other = body.materials[*of_point as usize].name();
                     let message = format!(
-                        "region `{region}` shares points with another region, whose material is `{other}`"
+                        "region `{region}` overlaps with another region, whose material is `{other}`"
                     );
                     return Err(self.body_error(
                         &key,
@@ -274,7 +274,7 @@ pub(super) fn suggest(error: Box<CaseError>, name: &str, known: &[&str]) -> Box<
         None => error,
     };
     if known.is_empty() {
-        error.help("there is none")
+        error.help("the list of known names is empty")
     } else {
         error.help(format!("known here: {}", known.join(", ")))
     }

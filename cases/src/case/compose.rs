@@ -1,4 +1,4 @@
-//! From a case that was read to a simulation that can run.
+//! Composes a simulation from a case.
 
 use perimelt_core::material::MaterialError;
 use perimelt_core::plugin::{FromToml, Registration, registered};
@@ -9,7 +9,7 @@ use toml::de::ValueDeserializer;
 
 use super::bodies::suggest;
 use super::error::CaseError;
-use super::locate::{self, Value};
+use super::locate::{self, TomlValue};
 use super::reword::{Section, split_help};
 use super::sections::ProbeSection;
 use super::{Case, Reader, Result, without_type};
@@ -31,12 +31,12 @@ pub enum StartError {
 struct PluginTable<'a> {
     section: &'static str,
     kind: String,
-    value: Value<'a>,
+    value: TomlValue<'a>,
 }
 
 impl Case {
     /// Fills bodies, builds and prepares plugins, sets initial fields: everything but the
-    /// start of the run. Nothing is written.
+    /// start of the run. No file is written.
     ///
     /// # Errors
     /// The first mistake.
@@ -97,8 +97,8 @@ impl Case {
         let build = |(i, section): (usize, &ProbeSection)| {
             let taken = self.probes[..i].iter().any(|p| p.name == section.name);
             let probe = if taken || section.name == REPORTS {
-                let message = format!("there is a time series `{}` already", section.name);
-                Err(SetupError::value("name", message, "a name of its own"))
+                let message = format!("the time series `{}` exists already", section.name);
+                Err(SetupError::value("name", message, "a different name"))
             } else {
                 Probe::new(section, simulation)
             };
@@ -122,7 +122,7 @@ impl Case {
             file: &self.file,
             table: &whole,
         };
-        let check = |value: &Value<'_>| -> Result<()> {
+        let check = |value: &TomlValue<'_>| -> Result<()> {
             let table = value.get_ref().as_table();
             match table.and_then(|t| t.get("type")) {
                 None => Err(CaseError::new(
@@ -193,7 +193,7 @@ impl Case {
         schema: fn() -> Schema,
     ) -> Result<Box<P>> {
         from_toml(ValueDeserializer::from(without_type(&table.value))).map_err(|e| {
-            let empty = locate::Table::new();
+            let empty = locate::TomlTable::new();
             let section = Section {
                 file: &self.file,
                 name: table.title(),
@@ -215,7 +215,7 @@ impl Case {
         let error = CaseError::new(&self.file, message, span).expected("no such type");
         if names(other).contains(&table.kind.as_str()) {
             return error.help(format!(
-                "`{}` belongs into a section headed `[[{other}]]`",
+                "`{}` belongs to a section headed `[[{other}]]`",
                 table.kind
             ));
         }
@@ -251,12 +251,12 @@ impl Case {
                     .collect();
                 if !known.contains(field) {
                     let message = format!(
-                        "body `{name}` has no field `{field}` that could start with a value"
+                        "body `{name}` has no field `{field}` that can have an initial value"
                     );
                     let error = self.body_key_error(
                         &[name, "initial", field],
                         message,
-                        "nobody provides it",
+                        "no physics or coupler provides it",
                     );
                     return Err(suggest(
                         error,
@@ -308,8 +308,8 @@ impl Case {
             if !known.contains(&field.as_str()) {
                 let error = self.error_at(
                     &format!("log.fields.{i}"),
-                    format!("no body has a field `{field}` that could be logged"),
-                    "nobody provides it",
+                    format!("no body has a field `{field}` that can be logged"),
+                    "no physics or coupler provides it",
                 );
                 return Err(suggest(error, field, &known));
             }
@@ -332,7 +332,7 @@ impl PluginTable<'_> {
     }
 }
 
-/// Material and property of a mistake that belongs into a `[materials]` section.
+/// Material and property of a mistake that belongs to a `[materials]` section.
 fn missing_property(problem: &Problem) -> Option<(&str, &str)> {
     match problem {
         Problem::MissingProperty {

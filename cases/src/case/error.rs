@@ -54,7 +54,7 @@ impl CaseError {
         error
     }
 
-    /// Says what was expected at the place.
+    /// Adds what was expected at the place.
     pub fn expected(mut self: Box<Self>, expected: impl Into<String>) -> Box<Self> {
         self.expected = expected.into();
         self
@@ -115,13 +115,15 @@ impl CaseError {
         renderer.render(&[group]).to_string()
     }
 
-    /// The first line of a span, and at least one character of the text.
+    /// The first line of a span, and at least one character of the text. A span that ends within a
+    /// character, as that of a TOML error may, is extended to the whole character.
     fn visible(&self, span: &Range<usize>) -> Range<usize> {
         let text = &self.file.text;
-        let start = span.start.min(text.len());
-        let end = span.end.clamp(start, text.len());
+        let start = text.floor_char_boundary(span.start);
+        let end = text.ceil_char_boundary(span.end.max(start));
         let line = text[start..end].lines().next().unwrap_or("").len();
-        start..(start + line.max(1)).min(text.len().max(start))
+        let character = text[start..].chars().next().map_or(0, char::len_utf8);
+        start..start + line.max(character)
     }
 }
 
@@ -132,3 +134,22 @@ impl fmt::Display for CaseError {
 }
 
 impl std::error::Error for CaseError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_span_within_a_character_or_beyond_the_text_is_shown() {
+        let file = Arc::new(CaseFile {
+            name: "case.toml".into(),
+            text: "a = \"°é\"\n".into(),
+        });
+        for start in 0..15 {
+            for end in start..15 {
+                let shown = CaseError::new(&file, "wrong", start..end).render(false);
+                assert!(shown.contains("wrong"), "{start}..{end}");
+            }
+        }
+    }
+}

@@ -6,7 +6,7 @@ use exmex::{Express, FlatEx, FloatOpsFactory, MatchLiteral, literal_matcher_from
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-/// What a formula may depend on.
+/// Variables of a formula.
 const VARIABLES: [&str; 4] = ["x", "y", "z", "t"];
 
 literal_matcher_from_pattern!(
@@ -33,12 +33,12 @@ pub enum FormulaError {
     Syntax {
         /// The formula.
         text: String,
-        /// What the parser says.
+        /// Error of the parser.
         cause: String,
     },
-    /// A name that means nothing.
+    /// An unknown name.
     #[error(
-        "`{name}` in the formula `{text}` is unknown; there are x, y, z, t, PI, E and functions such as sin, exp and sqrt"
+        "`{name}` in the formula `{text}` is unknown; known are x, y, z, t, PI, E and functions such as sin, exp and sqrt"
     )]
     Variable {
         /// The formula.

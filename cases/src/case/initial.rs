@@ -1,4 +1,4 @@
-//! Fields at the start, `[bodies.<name>.initial]`.
+//! Initial fields, `[bodies.<name>.initial]`.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -10,17 +10,16 @@ use serde::{Deserialize, Serialize};
 use super::formula::Formula;
 use super::sections::{Components, ComponentsVisitor};
 
-/// A field at the start: one value, one with others in some regions, one that grows with the
-/// position, or a formula.
+/// An initial field: one value, one value with others in some regions, a gradient, or a formula.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[schemars(untagged)]
 #[serde(untagged)]
 pub enum Initial {
     /// The same everywhere.
     Uniform(Components),
-    /// With exceptions.
+    /// Different values in some regions.
     ByRegion {
-        /// Where no region says otherwise.
+        /// Value outside of these regions.
         value: Components,
         /// By region.
         regions: BTreeMap<String, Components>,
@@ -29,11 +28,11 @@ pub enum Initial {
     Linear(Linear),
     /// A formula, or one for each component, in the position.
     Formula(Formula),
-    /// As `Formula`, by component.
+    /// One formula for each component.
     Formulas(Vec<Formula>),
 }
 
-/// A field that grows with the position: `value + gradient (x - origin)`.
+/// A linear field: `value + gradient (x - origin)`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Linear {
@@ -135,14 +134,14 @@ impl<'de> Visitor<'de> for InitialVisitor {
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Initial, A::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Table {
+        struct Keys {
             value: Option<Components>,
             regions: Option<BTreeMap<String, Components>>,
             gradient: Option<Vec<[f64; 3]>>,
             #[serde(default)]
             origin: [f64; 3],
         }
-        let table = Table::deserialize(de::value::MapAccessDeserializer::new(map))?;
+        let table = Keys::deserialize(de::value::MapAccessDeserializer::new(map))?;
         match (table.value, table.regions, table.gradient) {
             (Some(value), Some(regions), None) => Ok(Initial::ByRegion { value, regions }),
             (value, None, Some(gradient)) => Ok(Initial::Linear(Linear {
@@ -151,7 +150,7 @@ impl<'de> Visitor<'de> for InitialVisitor {
                 origin: table.origin,
             })),
             (_, Some(_), Some(_)) => Err(de::Error::custom(
-                "a field grows or differs by region, not both",
+                "a field can have a gradient or values by region, not both",
             )),
             (None, ..) => Err(de::Error::missing_field("value")),
             _ => Err(de::Error::missing_field("regions")),
@@ -170,12 +169,12 @@ mod tests {
     use super::*;
 
     #[derive(Deserialize)]
-    struct Table {
+    struct Keys {
         initial: Initial,
     }
 
     fn read(initial: &str) -> Result<Initial, toml::de::Error> {
-        toml::from_str::<Table>(&format!("initial = {initial}")).map(|t| t.initial)
+        toml::from_str::<Keys>(&format!("initial = {initial}")).map(|t| t.initial)
     }
 
     #[test]

@@ -6,13 +6,13 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 /// A parsed value with its place.
-pub type Value<'i> = Spanned<DeValue<'i>>;
+pub type TomlValue<'i> = Spanned<DeValue<'i>>;
 /// A parsed table.
-pub type Table<'i> = DeTable<'i>;
+pub type TomlTable<'i> = DeTable<'i>;
 
 /// Place of a key and of its value.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Place {
+pub struct KeyPlace {
     /// The key as written, or the header of its table.
     pub key: Range<usize>,
     /// The value.
@@ -22,10 +22,10 @@ pub struct Place {
 }
 
 /// The deepest part of `path` (names, or positions in lists) that `table` holds.
-pub fn find(table: &Table<'_>, path: &[&str]) -> Option<Place> {
+pub fn find(table: &TomlTable<'_>, path: &[&str]) -> Option<KeyPlace> {
     let (name, rest) = path.split_first()?;
     let (key, value) = table.get_key_value(*name)?;
-    let here = Place {
+    let here = KeyPlace {
         key: key.span(),
         value: value.span(),
         depth: 1,
@@ -33,7 +33,7 @@ pub fn find(table: &Table<'_>, path: &[&str]) -> Option<Place> {
     Some(find_in(value, rest, here))
 }
 
-fn find_in(value: &Value<'_>, path: &[&str], here: Place) -> Place {
+fn find_in(value: &TomlValue<'_>, path: &[&str], here: KeyPlace) -> KeyPlace {
     let Some((name, rest)) = path.split_first() else {
         return here;
     };
@@ -41,7 +41,7 @@ fn find_in(value: &Value<'_>, path: &[&str], here: Place) -> Place {
     match value.get_ref() {
         DeValue::Table(table) => match table.get_key_value(*name) {
             Some((key, value)) => {
-                let there = Place {
+                let there = KeyPlace {
                     key: key.span(),
                     value: value.span(),
                     depth,
@@ -52,7 +52,7 @@ fn find_in(value: &Value<'_>, path: &[&str], here: Place) -> Place {
         },
         DeValue::Array(list) => match name.parse().ok().and_then(|i: usize| list.get(i)) {
             Some(value) => {
-                let there = Place {
+                let there = KeyPlace {
                     key: value.span(),
                     value: value.span(),
                     depth,
@@ -66,13 +66,13 @@ fn find_in(value: &Value<'_>, path: &[&str], here: Place) -> Place {
 }
 
 /// Names that lead from `table` to the innermost key or value at `span`.
-pub fn path_to(table: &Table<'_>, span: &Range<usize>) -> Vec<String> {
+pub fn path_to(table: &TomlTable<'_>, span: &Range<usize>) -> Vec<String> {
     let mut path = Vec::new();
     descend(table, span, &mut path);
     path
 }
 
-fn descend(table: &Table<'_>, span: &Range<usize>, path: &mut Vec<String>) -> bool {
+fn descend(table: &TomlTable<'_>, span: &Range<usize>, path: &mut Vec<String>) -> bool {
     for (key, value) in table {
         path.push(key.get_ref().to_string());
         if covers(&key.span(), span) || descend_value(value, span, path) {
@@ -83,7 +83,7 @@ fn descend(table: &Table<'_>, span: &Range<usize>, path: &mut Vec<String>) -> bo
     false
 }
 
-fn descend_value(value: &Value<'_>, span: &Range<usize>, path: &mut Vec<String>) -> bool {
+fn descend_value(value: &TomlValue<'_>, span: &Range<usize>, path: &mut Vec<String>) -> bool {
     let inner = match value.get_ref() {
         DeValue::Table(table) => descend(table, span, path),
         DeValue::Array(list) => list.iter().enumerate().any(|(i, item)| {
@@ -109,7 +109,7 @@ mod tests {
 
     const TEXT: &str = "power = 5\n[toolpath]\npoints = [[0, 0], [1, 2]]\nline = { speed = 3 }\n";
 
-    fn parsed() -> Table<'static> {
+    fn parsed() -> TomlTable<'static> {
         DeTable::parse(TEXT).expect("valid").into_inner()
     }
 

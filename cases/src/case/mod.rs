@@ -1,4 +1,5 @@
-//! Case files: TOML text in, a composed [`Simulation`](perimelt_core::Simulation) out, mistakes shown where they are.
+//! Case files: from TOML text to a composed [`Simulation`](perimelt_core::Simulation), with mistakes shown at their
+//! lines.
 //!
 //! 1. [`Case::read`] parses the text and reads every section but the plugins.
 //! 2. [`Case::compose`] fills bodies with points, builds plugins through their registrations,
@@ -35,7 +36,7 @@ pub use compose::StartError;
 pub use error::{CaseError, CaseFile};
 pub use whole_schema::whole_schema;
 
-use locate::{Table, Value};
+use locate::{TomlTable, TomlValue};
 use reword::Section;
 use sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
 
@@ -230,12 +231,12 @@ impl Case {
     }
 
     /// The parsed text: parsed anew, because it borrows from the text.
-    fn table(&self) -> Table<'_> {
+    fn table(&self) -> TomlTable<'_> {
         parse(&self.file).unwrap_or_default()
     }
 }
 
-fn parse(file: &Arc<CaseFile>) -> Result<Table<'_>> {
+fn parse(file: &Arc<CaseFile>) -> Result<TomlTable<'_>> {
     let parsed = DeTable::parse(&file.text).map_err(|e| {
         let message = format!("this is not valid TOML: {}", e.message());
         CaseError::new(file, message, e.span().unwrap_or(0..0))
@@ -246,7 +247,7 @@ fn parse(file: &Arc<CaseFile>) -> Result<Table<'_>> {
 /// Reads sections out of a parsed file.
 struct Reader<'a, 'i> {
     file: &'a Arc<CaseFile>,
-    table: &'a Table<'i>,
+    table: &'a TomlTable<'i>,
 }
 
 impl<'a, 'i> Reader<'a, 'i> {
@@ -254,7 +255,7 @@ impl<'a, 'i> Reader<'a, 'i> {
     fn section<T: DeserializeOwned + JsonSchema>(
         &self,
         name: &str,
-        value: &Value<'i>,
+        value: &TomlValue<'i>,
     ) -> Result<T> {
         let Some(table) = value.get_ref().as_table() else {
             let message = format!("`{name}` is not a table");
@@ -281,7 +282,7 @@ impl<'a, 'i> Reader<'a, 'i> {
     }
 
     /// The tables `[key.<name>]`, in file order.
-    fn named(&self, key: &str) -> Result<Vec<(String, &'a Value<'i>)>> {
+    fn named(&self, key: &str) -> Result<Vec<(String, &'a TomlValue<'i>)>> {
         let Some(value) = self.table.get(key) else {
             return Ok(Vec::new());
         };
@@ -300,7 +301,7 @@ impl<'a, 'i> Reader<'a, 'i> {
     }
 
     /// The tables `[[key]]`.
-    fn list(&self, key: &str) -> Result<Vec<&'a Value<'i>>> {
+    fn list(&self, key: &str) -> Result<Vec<&'a TomlValue<'i>>> {
         let Some(value) = self.table.get(key) else {
             return Ok(Vec::new());
         };
@@ -323,7 +324,7 @@ impl<'a, 'i> Reader<'a, 'i> {
 }
 
 /// The table of a plugin without its `type`, for its constructor.
-fn without_type<'i>(value: &Value<'i>) -> Value<'i> {
+fn without_type<'i>(value: &TomlValue<'i>) -> TomlValue<'i> {
     let mut table = value.get_ref().as_table().cloned().unwrap_or_default();
     table.remove("type");
     Spanned::new(value.span(), DeValue::Table(table))

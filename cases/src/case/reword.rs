@@ -1,4 +1,4 @@
-//! Turns what the TOML reader and serde say into sentences for the user.
+//! Converts messages of the TOML reader and of serde into sentences for users.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use perimelt_core::error::nearest;
 use serde_json::Value as Json;
 
 use super::error::{CaseError, CaseFile};
-use super::locate::{self, Table};
+use super::locate::{self, TomlTable};
 use super::schema;
 
 /// A section that is being read: for messages.
@@ -18,7 +18,7 @@ pub struct Section<'a> {
     /// The header.
     pub header: std::ops::Range<usize>,
     /// Its keys.
-    pub table: &'a Table<'a>,
+    pub table: &'a TomlTable<'a>,
     /// Schema of its keys.
     pub schema: Json,
 }
@@ -41,7 +41,7 @@ impl Section<'_> {
             } else {
                 "key"
             };
-            // a plugin that hands its keys to several structs knows all of them in its schema only
+            // where a plugin passes its keys to several structs, only its schema lists all of them
             let known = match self.schema["properties"].as_object() {
                 Some(keys) if path.len() == 1 && what == "key" => {
                     keys.keys().map(String::as_str).collect()

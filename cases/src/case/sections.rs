@@ -1,4 +1,4 @@
-//! The sections of a case file, but for plugins and materials, which define their own.
+//! The sections of a case file except those of plugins and materials, which are defined elsewhere.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -16,14 +16,14 @@ use serde::{Deserialize, Serialize};
 
 use super::initial::Initial;
 
-/// `[case]`: what the case is.
+/// `[case]`: title and description.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CaseSection {
     /// Title, one line.
     #[serde(default)]
     pub title: String,
-    /// What is simulated, and where it comes from.
+    /// The simulated problem and its source.
     #[serde(default)]
     pub description: String,
 }
@@ -40,7 +40,7 @@ pub struct BodySection {
     /// Distance between neighbouring points, m; or give `zones` or `points`.
     #[serde(default)]
     pub spacing: Option<f64>,
-    /// Boxes with spacings of their own that together cover the shape, such as
+    /// Boxes with individual spacings that together cover the shape, such as
     /// `zones = [{ min = [0, 0, 0], max = [0.1, 0.1, 0], spacing = 0.005 }, ...]`.
     #[serde(default)]
     pub zones: Vec<Zone>,
@@ -48,7 +48,7 @@ pub struct BodySection {
     /// (m), relative to the case file. Points outside the shape are left out.
     #[serde(default)]
     pub points: Option<PathBuf>,
-    /// Displaces the points at random, volumes stay: `jitter = { share = 0.1 }`.
+    /// Displaces the points at random, without a change of volumes: `jitter = { amplitude = 0.1 }`.
     #[serde(default)]
     pub jitter: Option<Jitter>,
     /// Thickness of a 2D body, m.
@@ -62,10 +62,10 @@ pub struct BodySection {
     /// Other materials by region: `materials = { insert = "IN625" }`.
     #[serde(default)]
     pub materials: BTreeMap<String, String>,
-    /// Axes along which the body goes on as a copy of itself, such as `["x"]`; it must fill its box.
+    /// Axes along which the body is periodic, such as `["x"]`; it must fill its box.
     #[serde(default)]
     pub periodic: Vec<Axis>,
-    /// Box whose faces hold the body, where that is larger than its own, such as a fluid with a free surface:
+    /// Box of the walls around a fluid with a free surface, where it is larger than that of the body:
     /// `tank = { min = [0, 0, 0], max = [0.6, 0.4, 0] }`.
     #[serde(default)]
     pub tank: Option<BoxShape>,
@@ -94,9 +94,9 @@ fn one() -> f64 {
 #[schemars(untagged)]
 #[serde(untagged)]
 pub enum Components {
-    /// Of a scalar field.
+    /// Value of a scalar field.
     Scalar(f64),
-    /// Of a vector (3) or tensor (9, column by column) field.
+    /// Components of a vector (3) or tensor (9, column by column) field.
     List(Vec<f64>),
 }
 
@@ -142,7 +142,7 @@ impl<'de> Deserialize<'de> for Components {
     }
 }
 
-/// `[time]`: how long and in which steps.
+/// `[time]`: end time and step sizes.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TimeSection {
@@ -151,7 +151,7 @@ pub struct TimeSection {
     /// Macro step, s, or "auto".
     #[serde(default)]
     pub step: StepSize,
-    /// Automatic steps are this share of the largest stable one, 0 to 1.
+    /// Factor of automatic steps to the largest stable step, 0 to 1.
     #[serde(default = "default_safety")]
     pub safety: f64,
     /// Repeats each macro step until the physics agree (strong coupling).
@@ -163,7 +163,7 @@ fn default_safety() -> f64 {
     0.9
 }
 
-/// `[log]`: what is written, and how often.
+/// `[log]`: contents and intervals of the log.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LogSection {
@@ -181,7 +181,7 @@ pub struct LogSection {
     pub checkpoint: Option<f64>,
 }
 
-/// `[[probes]]`: a number, or a few, logged with every state.
+/// `[[probes]]`: one or several numbers, logged with every state.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ProbeSection {
@@ -211,7 +211,7 @@ pub enum ProbeKind {
     Region(RegionProbe),
     /// The field at equally spaced reference positions.
     Line(LineProbe),
-    /// Length, width, depth and volume of what is hotter than an isotherm.
+    /// Length, width, depth and volume of the region above an isotherm.
     MeltPool(MeltPoolProbe),
 }
 
@@ -226,7 +226,7 @@ pub struct RegionProbe {
     pub statistic: Statistic,
 }
 
-/// A number for many points.
+/// A number computed from many points. It is not a number if one of the values is not.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Statistic {

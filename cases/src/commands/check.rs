@@ -1,4 +1,4 @@
-//! `perimelt check`: everything but the run.
+//! `perimelt check`: all checks of a case, and an estimate of its duration.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -60,16 +60,16 @@ fn sizes(simulation: &Simulation, out: &mut impl Write) -> Done {
         }
         for family in simulation.family_sizes().iter().filter(|f| f.body == index) {
             let length = span(body, |spacing| family.horizon.of(spacing));
-            let share = |spacing: f64| format!("{:.4}", family.horizon.of(spacing) / spacing);
-            let (fine, coarse) = (share(body.finest_spacing()), share(body.coarsest_spacing()));
-            let share = if fine == coarse {
+            let ratio = |spacing: f64| format!("{:.4}", family.horizon.of(spacing) / spacing);
+            let (fine, coarse) = (ratio(body.finest_spacing()), ratio(body.coarsest_spacing()));
+            let ratio = if fine == coarse {
                 fine
             } else {
                 format!("{coarse} to {fine}")
             };
             writeln!(
                 out,
-                "    family of horizon {length} ({share} spacings): {} bonds, {}",
+                "    family of horizon {length} ({ratio} spacings): {} bonds, {}",
                 family.bonds,
                 bytes(family.memory)
             )?;
@@ -134,7 +134,7 @@ fn steps(simulation: &Simulation, out: &mut impl Write) -> Done {
     Ok(())
 }
 
-/// Times a few real steps, whose results are thrown away.
+/// Measures the wall time of a few steps, whose results are discarded.
 fn duration_of(simulation: &mut Simulation, out: &mut impl Write) -> Done {
     const STEPS: usize = 3;
     const ENOUGH_SECONDS: f64 = 2.0;

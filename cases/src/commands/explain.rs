@@ -19,9 +19,9 @@ pub struct ExplainArgs {
     name: String,
 }
 
-/// Nothing of that name.
+/// An unknown name.
 #[derive(Debug, thiserror::Error)]
-#[error("nothing is called `{name}`{}; see `perimelt list`", .close.as_ref().map_or(String::new(), |c| format!("; did you mean `{c}`?")))]
+#[error("no plugin or section is called `{name}`{}; see `perimelt list`", .close.as_ref().map_or(String::new(), |c| format!("; did you mean `{c}`?")))]
 struct Unknown {
     name: String,
     close: Option<String>,

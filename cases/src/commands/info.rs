@@ -1,4 +1,4 @@
-//! `perimelt info`: what a log holds.
+//! `perimelt info`: contents of a log.
 
 use std::io::Write;
 use std::path::PathBuf;

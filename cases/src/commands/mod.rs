@@ -37,11 +37,11 @@ enum Command {
     Explain(explain::ExplainArgs),
     /// Print the JSON schema of case files, for editors
     Schema,
-    /// Show what a log holds
+    /// Show the contents of a log
     Info(info::InfoArgs),
     /// Step through a log: time, probes, balance
     Replay(replay::ReplayArgs),
-    /// Go on from the last checkpoint of a log
+    /// Resume a run from the last checkpoint of its log
     Resume(run::ResumeArgs),
     /// Export a log to ParaView or CSV
     Export(export::ExportArgs),
@@ -53,7 +53,7 @@ enum Command {
 
 type Done = Result<(), Box<dyn Error>>;
 
-/// The program: reads its arguments, does what they say, and reports what went wrong.
+/// The program: parses its arguments, runs the command, and reports errors.
 pub fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Run(args) => run::run(&args),
@@ -93,7 +93,7 @@ fn report(error: &(dyn Error + 'static)) {
     }
 }
 
-/// Whether the reader of our output has gone, as `head` does.
+/// Whether the reader of the output has closed it, as `head` does.
 fn is_closed_pipe(error: &(dyn Error + 'static)) -> bool {
     let io = error.downcast_ref::<std::io::Error>();
     io.is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)

@@ -20,10 +20,10 @@ pub struct ReplayArgs {
     rate: Option<f64>,
 }
 
-/// Nothing to replay, or not so.
+/// Why a log cannot be replayed.
 #[derive(Debug, thiserror::Error)]
 enum ReplayError {
-    #[error("{path} holds no state", path = .0.display())]
+    #[error("{path} contains no state", path = .0.display())]
     Empty(PathBuf),
     #[error("`--rate` must be above 0, but is {0}")]
     Rate(f64),
@@ -65,7 +65,7 @@ fn show(out: &mut impl Write, log: &Log, index: usize, time: f64) -> Done {
             continue;
         }
         for field in &log.cloud(body, index)?.fields {
-            // of vectors and tensors the magnitude
+            // the magnitude of vectors and tensors
             let size = |v: &[f64]| {
                 if v.len() == 1 {
                     v[0]
@@ -94,7 +94,7 @@ fn row(out: &mut impl Write, title: &str, series: &Series, time: f64) -> Done {
     let Some(at) = series.times.iter().position(|t| *t == time) else {
         return Ok(());
     };
-    // a line of a hundred positions is for plots
+    // lines of a hundred positions are not printed
     const MOST: usize = 16;
     for column in series.columns.iter().take(MOST) {
         writeln!(

@@ -44,12 +44,12 @@ struct Common {
     quiet: bool,
 }
 
-/// What keeps a command from starting.
+/// Why a command cannot start.
 #[derive(Debug, thiserror::Error)]
 enum ArgumentError {
     #[error("`--threads` must be at least 1")]
     NoThreads,
-    #[error("{path} is a log; go on with it by `perimelt resume`", path = .0.display())]
+    #[error("{path} is a log, not a case file; use `perimelt resume` to continue its run", path = .0.display())]
     IsLog(PathBuf),
     #[error("the log would overwrite the case file {path}; give another `--out`", path = .0.display())]
     OverwritesCase(PathBuf),
@@ -63,7 +63,7 @@ pub fn run(args: &RunArgs) -> Done {
     let case = Case::read(&args.case)?;
     let stem = args.case.file_stem().unwrap_or_default();
     let out = args.out.clone().unwrap_or_else(|| {
-        // appended: a name such as `tension-0.5` has dots of its own
+        // appended, because a name such as `tension-0.5` contains dots
         let mut name = stem.to_os_string();
         name.push(".mcap");
         PathBuf::from(name)
@@ -117,7 +117,7 @@ impl Common {
         let log = summary.log.display();
         let how = match summary.end {
             End::Finished => "finished",
-            End::Until => "stopped as asked",
+            End::Until => "stopped at the requested time",
             End::Stopped => "interrupted",
         };
         println!(
@@ -127,7 +127,7 @@ impl Common {
             duration(summary.wall_seconds)
         );
         if summary.end != End::Finished {
-            println!("go on with: perimelt resume {log}");
+            println!("continue with: perimelt resume {log}");
         }
     }
 }

@@ -81,7 +81,7 @@ pub(super) fn times(file: &mut impl Write, times: &[f64]) -> io::Result<()> {
         .try_for_each(|(number, time)| writeln!(file, "{number:05},{time}"))
 }
 
-/// How the run went on, with a column for each physics that sub-steps or iterates.
+/// Progress of the run, with a column for each physics that sub-steps or iterates.
 pub(super) fn progress(file: &mut impl Write, progress: &[Progress]) -> io::Result<()> {
     let names = |of: fn(&Progress) -> Vec<&String>| -> BTreeSet<&String> {
         progress.iter().flat_map(of).collect()

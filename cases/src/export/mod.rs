@@ -8,7 +8,7 @@
 //!   `<body>-times.csv`, the times by number
 //! - always: `probe-<name>.csv`, `balance.csv`, `progress.csv`
 //!
-//! Positions are as logged, see `displacement` before warping by it in ParaView.
+//! Positions are as logged, that is deformed: do not warp by `displacement` again in ParaView.
 
 mod csv;
 #[cfg(test)]
@@ -35,7 +35,7 @@ pub struct ExportArgs {
     pub out: Option<PathBuf>,
     /// what to write
     #[arg(long, value_enum, default_value_t)]
-    pub format: Format,
+    pub format: ExportFormat,
     /// bodies [default: all]
     #[arg(long)]
     pub body: Vec<String>,
@@ -45,14 +45,14 @@ pub struct ExportArgs {
     /// logged times nearest to these, s [default: all]
     #[arg(long, value_delimiter = ',', conflicts_with = "every")]
     pub at: Vec<f64>,
-    /// only every so many logged times
+    /// export every n-th logged time
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub every: u32,
 }
 
 /// File format of an export.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Format {
+pub enum ExportFormat {
     /// for ParaView
     #[default]
     Vtk,
@@ -69,17 +69,17 @@ pub enum ExportError {
     /// No such body.
     #[error("the run has no body `{body}`; its bodies are: {}", known.join(", "))]
     UnknownBody {
-        /// what was asked for
+        /// the requested name
         body: String,
-        /// what there is
+        /// the known names
         known: Vec<String>,
     },
     /// No such field in any of the bodies.
     #[error("the log has no field `{field}`; it has: {}", known.join(", "))]
     UnknownField {
-        /// what was asked for
+        /// the requested name
         field: String,
-        /// what there is
+        /// the known names
         known: Vec<String>,
     },
     /// A file or folder cannot be written.
@@ -153,14 +153,14 @@ pub fn export(args: &ExportArgs) -> Result<Vec<PathBuf>, ExportError> {
                 file: name,
             });
         }
-        if args.format == Format::Csv {
+        if args.format == ExportFormat::Csv {
             folder.write(&format!("{}-times.csv", body.name), |file| {
                 csv::times(file, times)
             })?;
         }
     }
-    if args.format == Format::Vtk {
-        // readers want ascending times
+    if args.format == ExportFormat::Vtk {
+        // readers need ascending times
         collection.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.part.cmp(&b.part)));
         let stem = args.log.file_stem().unwrap_or_default().to_string_lossy();
         folder.write(&format!("{stem}.pvd"), |file| {
@@ -261,13 +261,13 @@ impl Folder {
         body: &str,
         index: usize,
         cloud: &Cloud,
-        format: Format,
+        format: ExportFormat,
     ) -> Result<String, ExportError> {
         match format {
-            Format::Vtk => self.write(&format!("{body}-{index:05}.vtu"), |file| {
+            ExportFormat::Vtk => self.write(&format!("{body}-{index:05}.vtu"), |file| {
                 vtu::write_cloud(file, cloud)
             }),
-            Format::Csv => self.write(&format!("{body}-{index:05}.csv"), |file| {
+            ExportFormat::Csv => self.write(&format!("{body}-{index:05}.csv"), |file| {
                 csv::cloud(file, cloud)
             }),
         }

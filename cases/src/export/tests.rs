@@ -10,7 +10,7 @@ fn exported(change: impl FnOnce(&mut ExportArgs)) -> (tempfile::TempDir, Vec<Pat
     let mut args = ExportArgs {
         log,
         out: None,
-        format: Format::Vtk,
+        format: ExportFormat::Vtk,
         body: vec!["plate".into()],
         field: Vec::new(),
         at: Vec::new(),
@@ -70,7 +70,7 @@ fn vtu_holds_the_logged_numbers_where_its_header_says() {
 #[test]
 fn tables_have_units_and_read_back_exactly() {
     let (folder, paths) = exported(|args| {
-        args.format = Format::Csv;
+        args.format = ExportFormat::Csv;
         args.field = vec!["displacement".into()];
         args.at = vec![0.61];
     });
@@ -115,7 +115,7 @@ fn unknown_names_are_answered_with_what_there_is() {
     let args = ExportArgs {
         log,
         out: None,
-        format: Format::Csv,
+        format: ExportFormat::Csv,
         body: Vec::new(),
         field: vec!["heat".into()],
         at: Vec::new(),

@@ -1,7 +1,7 @@
 //! VTK's XML format for points, raw bytes appended, and ParaView's collection of times.
 //!
-//! Written by hand because it is 80 lines, while `vtkio` is at a release candidate and brings an
-//! XML parser and three compressors that nothing here needs.
+//! Written by hand because it is 80 lines, while `vtkio` is a release candidate and depends on an
+//! XML parser and three compressors that are not needed.
 
 use std::io::{self, Write};
 

@@ -21,7 +21,7 @@ pub(crate) fn look(size: f64, anchor: Anchor) -> TextLook {
 
 /// An axis: numbers from `from` to `to` along it.
 #[derive(Clone, Debug)]
-pub(crate) struct Axis {
+pub(crate) struct ChartAxis {
     pub from: f64,
     pub to: f64,
     pub label: String,
@@ -29,7 +29,7 @@ pub(crate) struct Axis {
     pub logarithmic: bool,
 }
 
-impl Axis {
+impl ChartAxis {
     pub(crate) fn linear(from: f64, to: f64, label: impl Into<String>) -> Self {
         Self {
             from,
@@ -78,8 +78,8 @@ impl Axis {
         })
     }
 
-    /// Share of the way along the axis.
-    pub(crate) fn share(&self, number: f64) -> f64 {
+    /// Position along the axis, from 0 to 1.
+    pub(crate) fn fraction(&self, number: f64) -> f64 {
         if self.logarithmic {
             (number / self.from).log10() / (self.to / self.from).log10()
         } else {
@@ -151,8 +151,8 @@ fn power_of_ten(power: i32) -> String {
 pub(crate) struct Frame {
     /// left, top, right, bottom, pixels
     pub edges: [f64; 4],
-    pub horizontal: Axis,
-    pub vertical: Axis,
+    pub horizontal: ChartAxis,
+    pub vertical: ChartAxis,
 }
 
 impl Frame {
@@ -160,8 +160,8 @@ impl Frame {
     pub(crate) fn place(&self, x: f64, y: f64) -> [f64; 2] {
         let [left, top, right, bottom] = self.edges;
         [
-            left + self.horizontal.share(x) * (right - left),
-            bottom - self.vertical.share(y) * (bottom - top),
+            left + self.horizontal.fraction(x) * (right - left),
+            bottom - self.vertical.fraction(y) * (bottom - top),
         ]
     }
 
@@ -232,21 +232,21 @@ mod tests {
 
     #[test]
     fn ticks_are_round_numbers_inside_the_axis() {
-        let texts = |axis: Axis, count| -> Vec<String> {
+        let texts = |axis: ChartAxis, count| -> Vec<String> {
             axis.ticks(count)
                 .into_iter()
                 .map(|(_, text)| text)
                 .collect()
         };
         assert_eq!(
-            texts(Axis::linear(-0.31, 0.62, ""), 5.0),
+            texts(ChartAxis::linear(-0.31, 0.62, ""), 5.0),
             ["−0.2", "0.0", "0.2", "0.4", "0.6"]
         );
         assert_eq!(
-            texts(Axis::linear(300.0, 2100.0, ""), 4.0),
+            texts(ChartAxis::linear(300.0, 2100.0, ""), 4.0),
             ["500", "1000", "1500", "2000"]
         );
-        let powers = Axis::around([3e-13, 2e-10].into_iter(), "", true).expect("positive");
+        let powers = ChartAxis::around([3e-13, 2e-10].into_iter(), "", true).expect("positive");
         assert_eq!(
             texts(powers, 5.0),
             ["10⁻¹³", "10⁻¹²", "10⁻¹¹", "10⁻¹⁰", "10⁻⁹"]

@@ -59,7 +59,7 @@ pub(super) fn line_chart(title: String, cloud: &Cloud, scalar: &Scalar) -> Chart
     }
 }
 
-/// Length, width and depth over time; empty if nothing ever melts.
+/// Length, width and depth over time; empty if no point ever melts.
 pub(super) fn melt_pool_chart(
     body: &BodyInfo,
     survey: &Survey,

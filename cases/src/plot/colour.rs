@@ -86,14 +86,14 @@ const BLUE_RED: [Colour; 9] = [
 ];
 
 impl ColourMap {
-    /// Colour of a share between 0 and 1 of the range; values outside are clamped.
-    pub(crate) fn colour(self, share: f64) -> Colour {
+    /// Colour at a fraction of the range, from 0 to 1; values outside are clamped.
+    pub(crate) fn colour(self, fraction: f64) -> Colour {
         let points: &[Colour] = match self {
             Self::Inferno => &INFERNO,
             Self::Viridis => &VIRIDIS,
             Self::BlueRed => &BLUE_RED,
         };
-        let place = share.clamp(0.0, 1.0) * (points.len() - 1) as f64;
+        let place = fraction.clamp(0.0, 1.0) * (points.len() - 1) as f64;
         let first = (place as usize).min(points.len() - 2);
         let weight = place - first as f64;
         let (from, to) = (points[first], points[first + 1]);

@@ -20,12 +20,12 @@ pub(crate) fn contour(raster: &Raster, level: f64) -> Vec<Segment> {
             }
             let crossing = |edge: usize| {
                 let (a, b) = (edge, (edge + 1) % 4);
-                let share = (level - values[a]) / (values[b] - values[a]);
+                let fraction = (level - values[a]) / (values[b] - values[a]);
                 let (from, to) = (
                     node_place(raster, corners[a]),
                     node_place(raster, corners[b]),
                 );
-                [0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis]))
+                [0, 1].map(|axis| from[axis] + fraction * (to[axis] - from[axis]))
             };
             let is_above = values.map(|value| value >= level);
             let edges: Vec<usize> = (0..4)
@@ -34,7 +34,7 @@ pub(crate) fn contour(raster: &Raster, level: f64) -> Vec<Segment> {
             match edges[..] {
                 [a, b] => segments.push([crossing(a), crossing(b)]),
                 [_, _, _, _] => {
-                    // a saddle: the mean value tells which corners are joined
+                    // a saddle: the mean value determines which corners are joined
                     let mean_above = values.iter().sum::<f64>() / 4.0 >= level;
                     let pairs = if mean_above == is_above[0] {
                         [(0, 1), (2, 3)]

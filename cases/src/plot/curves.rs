@@ -3,7 +3,7 @@
 use perimelt_core::log::{Column, Series};
 
 use super::{
-    axes::{Axis, Frame, LABEL, TICK, TITLE, look},
+    axes::{ChartAxis, Frame, LABEL, TICK, TITLE, look},
     colour::LINES,
     picture::{Anchor, Picture, TextLook, text_width},
     unit,
@@ -24,7 +24,7 @@ pub(crate) struct Chart {
     pub panels: Vec<Panel>,
 }
 
-/// Curves that share a unit.
+/// Curves with the same unit.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Panel {
     /// name of the vertical axis with its unit
@@ -96,7 +96,7 @@ impl Chart {
     /// The chart as a picture of this width, `None` if it would be empty.
     pub(crate) fn draw(&self, width: u32) -> Option<Picture> {
         let horizontal = self.horizontal_axis()?;
-        let panels: Vec<(&Panel, Axis)> = self
+        let panels: Vec<(&Panel, ChartAxis)> = self
             .panels
             .iter()
             .filter_map(|panel| {
@@ -106,7 +106,7 @@ impl Chart {
                     .flat_map(|(_, values)| values.iter().copied());
                 Some((
                     panel,
-                    Axis::around(numbers, &panel.label, panel.logarithmic)?,
+                    ChartAxis::around(numbers, &panel.label, panel.logarithmic)?,
                 ))
             })
             .collect();
@@ -143,16 +143,16 @@ impl Chart {
         Some(picture)
     }
 
-    fn horizontal_axis(&self) -> Option<Axis> {
+    fn horizontal_axis(&self) -> Option<ChartAxis> {
         let finite = || self.horizontal.iter().copied().filter(|x| x.is_finite());
         let (from, to) = (
             finite().fold(f64::NAN, f64::min),
             finite().fold(f64::NAN, f64::max),
         );
         if from < to {
-            Some(Axis::linear(from, to, &self.horizontal_label))
+            Some(ChartAxis::linear(from, to, &self.horizontal_label))
         } else {
-            Axis::around(finite(), &self.horizontal_label, false)
+            ChartAxis::around(finite(), &self.horizontal_label, false)
         }
     }
 

@@ -13,9 +13,9 @@ pub enum PlotError {
     /// No such body.
     #[error("the run has no body `{body}`; its bodies are: {}", known.join(", "))]
     UnknownBody {
-        /// what was asked for
+        /// the requested name
         body: String,
-        /// what there is
+        /// the known names
         known: Vec<String>,
     },
     /// No such field in any of the bodies.
@@ -25,9 +25,9 @@ pub enum PlotError {
         known.join(", ")
     )]
     UnknownField {
-        /// what was asked for
+        /// the requested name
         field: String,
-        /// what there is
+        /// the known names
         known: Vec<String>,
     },
     /// The points are too scattered for a picture.

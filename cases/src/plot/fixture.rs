@@ -1,4 +1,4 @@
-//! A log to look at: a hot spot that moves over a lattice.
+//! A log for tests: a hot spot that moves over a lattice.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use perimelt_core::log::{
 pub(crate) const SPACING: f64 = 2.5e-4;
 pub(crate) const TIMES: usize = 6;
 
-/// What the log says it was run from: a source of the isotherms of its bodies.
+/// The case file in the log, from which the isotherms of its bodies are read.
 const CASE: &str = r#"
 [bodies.plate]
 shape.box = { min = [0, 0, 0], max = [6e-3, 2e-3, 1.5e-3] }

@@ -17,7 +17,6 @@ mod curves;
 mod error;
 #[cfg(test)]
 pub(crate) mod fixture;
-pub(crate) mod grid;
 mod isotherm;
 mod picture;
 pub(crate) mod scalar;
@@ -34,11 +33,11 @@ use std::{
 use crate::run::record::SPACING;
 use perimelt_core::log::{BodyInfo, Cloud, Log};
 
+use crate::cell_grid::CellGrid;
 use crate::melt_pool::Travel;
 use charts::{balance_chart, line_chart, melt_pool_chart};
 use curves::Chart;
 pub use error::PlotError;
-use grid::Grid;
 use isotherm::Isotherm;
 use picture::Picture;
 use scalar::{Scalar, scalar};
@@ -55,7 +54,7 @@ pub struct PlotArgs {
     pub out: Option<PathBuf>,
     /// file format of the pictures
     #[arg(long, value_enum, default_value_t)]
-    pub format: Format,
+    pub format: PictureFormat,
     /// bodies [default: all]
     #[arg(long)]
     pub body: Vec<String>,
@@ -82,7 +81,7 @@ pub struct PlotArgs {
 
 /// File format of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Format {
+pub enum PictureFormat {
     /// pixels
     #[default]
     Png,
@@ -90,7 +89,7 @@ pub enum Format {
     Svg,
 }
 
-impl Format {
+impl PictureFormat {
     fn extension(self) -> &'static str {
         match self {
             Self::Png => "png",
@@ -361,11 +360,11 @@ impl Plotter<'_> {
 }
 
 /// The grid of a body's points, by the spacings that a cloud has logged with them.
-fn grid_of(body: &BodyInfo, cloud: &Cloud, positions: &[[f64; 3]]) -> Option<Grid> {
+fn grid_of(body: &BodyInfo, cloud: &Cloud, positions: &[[f64; 3]]) -> Option<CellGrid> {
     let spacing = cloud.fields.iter().find(|f| f.name == SPACING);
     match spacing {
-        Some(spacing) => Grid::of_spacings(positions, &spacing.values),
-        None => Grid::new(positions, body.spacing),
+        Some(spacing) => CellGrid::of_spacings(positions, &spacing.values),
+        None => CellGrid::new(positions, body.spacing),
     }
 }
 

@@ -14,7 +14,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, TextStyle, register_font};
 use plotters::{coord::Shift, drawing::DrawingAreaErrorKind};
 
-use super::{Format, PlotError, colour::Colour};
+use super::{PictureFormat, PlotError, colour::Colour};
 
 const SCALE: u32 = 3;
 const FONT: &str = "sans-serif";
@@ -155,7 +155,7 @@ impl Picture {
     }
 
     /// Writes the picture.
-    pub(crate) fn write(&self, path: &Path, format: Format) -> Result<(), PlotError> {
+    pub(crate) fn write(&self, path: &Path, format: PictureFormat) -> Result<(), PlotError> {
         let drawing = |source: &dyn std::fmt::Display| PlotError::Drawing {
             path: path.into(),
             what: source.to_string(),
@@ -163,7 +163,7 @@ impl Picture {
         register_fonts();
         let size = (self.width * SCALE, self.height * SCALE);
         match format {
-            Format::Svg => {
+            PictureFormat::Svg => {
                 let mut text = String::new();
                 let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
                 self.draw(&area).map_err(|error| drawing(&error))?;
@@ -176,7 +176,7 @@ impl Picture {
                     source,
                 })
             }
-            Format::Png => {
+            PictureFormat::Png => {
                 let mut pixels = vec![0; 3 * size.0 as usize * size.1 as usize];
                 let area = BitMapBackend::with_buffer(&mut pixels, size).into_drawing_area();
                 self.draw(&area).map_err(|error| drawing(&error))?;
@@ -279,7 +279,7 @@ fn register_fonts() {
     static ONCE: std::sync::Once = std::sync::Once::new();
     ONCE.call_once(|| {
         for (style, font) in [(FontStyle::Normal, REGULAR), (FontStyle::Bold, MEDIUM)] {
-            // a font that cannot be read would be our own mistake; drawing then reports it
+            // a font that cannot be read is a mistake in this program; drawing then reports it
             let _ = register_font(FONT, style, font);
         }
     });

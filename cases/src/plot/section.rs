@@ -1,6 +1,6 @@
-//! Flat views of a body: what a picture of its points shows.
+//! Plane views of a body for pictures of its points.
 
-use super::grid::Grid;
+use crate::cell_grid::CellGrid;
 
 /// Values on a raster of square cells.
 #[derive(Clone, Debug)]
@@ -41,7 +41,7 @@ pub(crate) struct View {
 
 /// Views of a body: itself in one and two dimensions; in three, its surface from above, and the
 /// section y = const through the point where `heat` (one value per point) is largest.
-pub(crate) fn views(grid: &Grid, dimension: usize, values: &[f64], heat: &[f64]) -> Vec<View> {
+pub(crate) fn views(grid: &CellGrid, dimension: usize, values: &[f64], heat: &[f64]) -> Vec<View> {
     if dimension < 3 {
         let everything = view(grid, [0, 1], values, |_| true);
         return vec![View {
@@ -72,9 +72,9 @@ pub(crate) fn views(grid: &Grid, dimension: usize, values: &[f64], heat: &[f64])
     ]
 }
 
-/// Of the chosen cells, those highest along the axis that is not shown.
+/// Among the chosen cells, those with the largest coordinate along the axis that is not shown.
 fn view(
-    grid: &Grid,
+    grid: &CellGrid,
     axes: [usize; 2],
     values: &[f64],
     chosen: impl Fn([usize; 3]) -> bool,
@@ -116,7 +116,7 @@ mod tests {
             [1.0, 1.0, 0.0],
         ];
         let values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
-        let grid = Grid::new(&positions, 1.0).expect("a lattice");
+        let grid = CellGrid::new(&positions, 1.0).expect("a lattice");
         let views = views(&grid, 3, &values, &[0.0, 9.0, 0.0, 0.0, 0.0, 0.0]);
         assert_eq!(views[0].raster.values, [2.0, 3.0, 5.0, 6.0]);
         let section = &views[1].raster;

@@ -1,7 +1,7 @@
 //! A field of a body at one time, as coloured points.
 
 use super::{
-    axes::{Axis, Frame, LABEL, TICK, TITLE, look},
+    axes::{ChartAxis, Frame, LABEL, TICK, TITLE, look},
     colour::{BLACK, Colour, ColourMap, GREY, WHITE},
     contour::{contour, joined},
     isotherm::Isotherm,
@@ -20,7 +20,7 @@ const CAPTION: f64 = 20.0;
 const MAX_HEIGHT: f64 = 0.75;
 const ISOTHERM_COLOURS: [Colour; 3] = [WHITE, (110, 225, 255), (150, 255, 150)];
 
-/// What a snapshot shows.
+/// Contents of a picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Snapshot<'a> {
     pub title: String,
@@ -89,7 +89,7 @@ impl Snapshot<'_> {
         let has_captions = self.views.len() > 1;
         let caption = if has_captions { CAPTION } else { 0.0 };
         let heights = highest * pixels_per_metre + (self.views.len() as f64 - 1.0) * GAP;
-        // a colour bar needs some height of its own
+        // minimum height of a colour bar
         let inner = heights.max(190.0);
         let height = TOP + caption + inner + BOTTOM;
         let mut picture = Picture::new(width, height.ceil() as u32);
@@ -106,7 +106,7 @@ impl Snapshot<'_> {
             let axis = |side: usize| {
                 let label = unit::label(["x", "y", "z"][view.axes[side]], lengths.unit);
                 let (from, to) = (bounds[0][side], bounds[1][side]);
-                Axis::linear(from * lengths.factor, to * lengths.factor, label)
+                ChartAxis::linear(from * lengths.factor, to * lengths.factor, label)
             };
             let right = left + wide(bounds) * pixels_per_metre;
             let bottom = top + high(bounds) * pixels_per_metre;
@@ -275,16 +275,19 @@ impl Snapshot<'_> {
         let right = left + 22.0;
         let steps = 256;
         for step in 0..steps {
-            let share = |step: i32| f64::from(step) / f64::from(steps);
-            let height = |share: f64| bottom - share * (bottom - top);
-            let colour = self.scale.map.colour(share(step) + 0.5 / f64::from(steps));
+            let fraction = |step: i32| f64::from(step) / f64::from(steps);
+            let height = |fraction: f64| bottom - fraction * (bottom - top);
+            let colour = self
+                .scale
+                .map
+                .colour(fraction(step) + 0.5 / f64::from(steps));
             let corners = [
-                [left, height(share(step + 1))],
-                [right, height(share(step))],
+                [left, height(fraction(step + 1))],
+                [right, height(fraction(step))],
             ];
             picture.rectangle(corners, colour);
         }
-        let axis = Axis::linear(
+        let axis = ChartAxis::linear(
             self.scale.from * self.factor,
             self.scale.to * self.factor,
             "",
@@ -298,7 +301,7 @@ impl Snapshot<'_> {
         ];
         picture.line(outline, 1.0, GREY);
         for (tick, text) in axis.ticks(((bottom - top) / 60.0).max(2.0)) {
-            let y = bottom - axis.share(tick) * (bottom - top);
+            let y = bottom - axis.fraction(tick) * (bottom - top);
             picture.line(vec![[right, y], [right + 6.0, y]], 1.0, GREY);
             picture.text(text, [right + 10.0, y], look(TICK, Anchor::Left));
         }

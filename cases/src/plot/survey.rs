@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use perimelt_core::log::{BodyInfo, Cloud, Log, LogError};
 
 use super::scalar::scalar;
-use crate::melt_pool::{MeltPool, Travel, melt_pool_on};
+use crate::melt_pool::{MeltPool, MeltPoolGauge, Travel};
 
-/// What the pass finds.
+/// Result of the pass.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Survey {
     /// number of the cloud in which the field reaches its largest value
@@ -47,7 +47,8 @@ pub(crate) fn survey(
             let positions = reference.positions(&cloud);
             let grid = super::grid_of(body, &cloud, positions);
             let pool = grid.and_then(|grid| {
-                melt_pool_on(&grid, &temperature.values, body.dimension, travel, isotherm)
+                let gauge = MeltPoolGauge::on(grid, body.dimension, travel.into(), isotherm);
+                gauge.measure(&temperature.values)
             });
             survey.pools.push((cloud.time, pool));
         }
@@ -55,7 +56,7 @@ pub(crate) fn survey(
     Ok(survey)
 }
 
-/// Where the points of a body were at the start: a deformed body is no lattice any more.
+/// Reference positions of a body; its deformed positions do not form a lattice.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Reference {
     first: Option<Vec<[f64; 3]>>,
@@ -77,7 +78,7 @@ impl Reference {
         })
     }
 
-    /// Reference positions (m) of the points of a cloud; of a fluid, where they are now.
+    /// Reference positions (m) of the points of a cloud; for a fluid, the current ones.
     pub(crate) fn positions<'a>(&'a self, cloud: &'a Cloud) -> &'a [[f64; 3]] {
         match &self.first {
             Some(first) if first.len() == cloud.positions.len() => first,

@@ -4,7 +4,7 @@ fn args(log: PathBuf, out: &Path) -> PlotArgs {
     PlotArgs {
         log,
         out: Some(out.into()),
-        format: Format::Png,
+        format: PictureFormat::Png,
         body: Vec::new(),
         field: Vec::new(),
         at: Vec::new(),
@@ -60,7 +60,7 @@ fn every_picture_is_a_png_of_the_asked_width_with_more_than_paper_on_it() {
 fn deformed_pictures_come_as_svg_for_the_nearest_times() {
     let (folder, log) = logged();
     let mut args = args(log, &folder.path().join("out"));
-    args.format = Format::Svg;
+    args.format = PictureFormat::Svg;
     args.field = vec!["displacement.z".into()];
     args.body = vec!["plate".into()];
     args.at = vec![0.41, 0.39, 0.8];
@@ -92,6 +92,20 @@ fn mistakes_are_answered_with_what_there_is() {
     assert!(error.contains("plate, sheet"), "{error}");
 }
 
+#[test]
+fn extreme_arguments_do_not_panic() {
+    let (folder, log) = logged();
+    for extreme in [f64::NAN, f64::INFINITY, -1e300, 1e300, 0.0] {
+        let mut args = args(log.clone(), &folder.path().join("out"));
+        args.format = PictureFormat::Svg;
+        args.body = vec!["plate".into()];
+        args.at = vec![extreme];
+        args.isotherm = vec![extreme];
+        args.deform = Some(extreme);
+        assert!(plot(&args).is_ok(), "{extreme}");
+    }
+}
+
 /// For people: `PERIMELT_PLOTS=folder cargo test -p perimelt --lib -- --ignored show`.
 #[test]
 #[ignore = "writes pictures to look at"]
@@ -108,12 +122,12 @@ fn show_pictures() {
     run(&args).expect("pictures");
     args.field.clear();
     args.deform = None;
-    args.format = Format::Svg;
+    args.format = PictureFormat::Svg;
     run(&args).expect("pictures");
     let export = crate::export::ExportArgs {
         log: args.log,
         out: None,
-        format: crate::export::Format::Vtk,
+        format: crate::export::ExportFormat::Vtk,
         body: Vec::new(),
         field: Vec::new(),
         at: Vec::new(),

@@ -1,4 +1,4 @@
-//! Numbers and units as people write them: `2.5 ms`, `W/m³`.
+//! Numbers and units in their usual notation: `2.5 ms`, `W/m³`.
 
 /// A unit that suits the size of the numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,7 +9,7 @@ pub(crate) struct Prefixed {
     pub unit: &'static str,
 }
 
-/// For lengths (m) of this size; millimetres for anything a workshop would measure in them.
+/// For lengths (m) of this size; millimetres for the sizes of workpieces.
 pub(crate) fn length(largest: f64) -> Prefixed {
     let (factor, unit) = match largest.abs() {
         size if size >= 2.0 => (1.0, "m"),
@@ -103,7 +103,7 @@ fn trimmed(number: &str) -> &str {
     }
 }
 
-/// A time (s) as people write it.
+/// A time (s) as text with a suitable unit.
 pub(crate) fn time_text(time: f64) -> String {
     let unit = self::time(time);
     format!("{} {}", number(time * unit.factor, 5), unit.unit)
@@ -120,8 +120,8 @@ mod tests {
         assert_eq!(time_text(1.2e-14), "12 fs");
         assert_eq!(pretty_unit("W/m3"), "W/m³");
         assert_eq!(
-            label("share of liquid", &pretty_unit("1")),
-            "share of liquid"
+            label("fraction of liquid", &pretty_unit("1")),
+            "fraction of liquid"
         );
         assert_eq!(value("Pa", 2.3e8), (1e-6, "MPa".into()));
         assert_eq!(length(0.05).unit, "mm");

@@ -1,4 +1,4 @@
-//! Progress for the person who waits: a bar in a terminal, a line every few seconds elsewhere.
+//! Display of progress: a bar in a terminal, a line every few seconds elsewhere.
 
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use perimelt_core::Simulation;
 
-/// Shows how far a run has come.
+/// Shows the progress of a run.
 pub struct Display {
     bar: Option<ProgressBar>,
     quiet: bool,
@@ -20,7 +20,7 @@ pub struct Display {
 const PARTS: f64 = 1000.0;
 
 impl Display {
-    /// A display for a run that goes on from where `simulation` is.
+    /// A display for a run that continues from the state of `simulation`.
     pub fn new(simulation: &Simulation, until: f64, quiet: bool) -> Display {
         let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
             let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  {msg}");
@@ -88,7 +88,7 @@ fn peak_temperature(simulation: &Simulation) -> Option<f64> {
     peak.reduce(f64::max)
 }
 
-/// A wall time in the largest units that matter.
+/// A wall time in its two largest units.
 pub fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 10.0 => format!("{s:.1} s"),

@@ -1,7 +1,7 @@
-//! Running a case: steps, log, progress, and going on from a checkpoint.
+//! Running a case: steps, log, progress, and resuming from a checkpoint.
 //!
-//! A log appears under its name only once it holds the initial state and a checkpoint, so
-//! whatever log there is can be replayed and resumed, however the run was killed.
+//! A log gets its final name once it contains the initial state and a checkpoint, so that every log
+//! can be replayed and resumed, even if the run was killed.
 
 pub mod display;
 pub mod record;
@@ -27,22 +27,22 @@ pub struct Options {
     pub until: Option<f64>,
     /// Show no progress.
     pub quiet: bool,
-    /// Set by somebody else to end the run early.
+    /// Set by another thread to end the run early.
     pub stop: Arc<AtomicBool>,
 }
 
 /// Why a run ended without a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// At the end time of the case.
+    /// The end time of the case.
     Finished,
-    /// At the time asked for.
+    /// The requested time.
     Until,
-    /// It was told to stop.
+    /// A request to stop.
     Stopped,
 }
 
-/// What a run came to.
+/// Result of a run.
 #[derive(Clone, Debug)]
 pub struct Summary {
     /// Why it ended.
@@ -63,7 +63,7 @@ pub enum Failure {
     /// A mistake in the case file.
     #[error(transparent)]
     Case(#[from] Box<CaseError>),
-    /// A step failed; the log holds everything up to there.
+    /// A step failed; the log contains all states before it.
     #[error(transparent)]
     Run(#[from] RunError),
     /// The log could not be written or read.
@@ -74,10 +74,10 @@ pub enum Failure {
     Place {
         /// The log.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Nothing left to do.
+    /// The run is finished already.
     #[error("the run in {path} has reached its end at t = {time} s; there is nothing to resume", path = path.display())]
     AlreadyFinished {
         /// The log.
@@ -96,8 +96,8 @@ impl From<StartError> for Failure {
     }
 }
 
-/// Does something on one of the threads that share work. From any other, each of the dozens of parts of a step that
-/// are shared would be handed over by the system, and waited for.
+/// Calls a function on a thread of the pool. From any other thread, each of the dozens of parallel loops of a step
+/// would need a handover by the operating system.
 pub fn on_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     rayon::scope(|_| work())
 }
@@ -105,7 +105,7 @@ pub fn on_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// Runs a case from its start.
 ///
 /// # Errors
-/// A mistake in the case (nothing is written then), a step that fails, a log that cannot be written.
+/// A mistake in the case (no file is written then), a step that fails, a log that cannot be written.
 pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
     let mut simulation = case.compose()?;
     case.start(&mut simulation)?;
@@ -120,7 +120,7 @@ pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
     go_on(simulation, recorder, options)
 }
 
-/// Goes on from the last checkpoint of the log at `path`; the new log takes its place, or
+/// Resumes from the last checkpoint of the log at `path`; the new log takes its place, or
 /// that of `options.out`.
 ///
 /// # Errors

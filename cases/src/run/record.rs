@@ -1,4 +1,4 @@
-//! What a run writes into its log, and when.
+//! Contents of the log of a run, and times at which they are written.
 
 use std::collections::BTreeMap;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
@@ -14,13 +14,13 @@ use super::Failure;
 use crate::case::Case;
 use crate::probe::Probe;
 
-/// Name of the time series of what couplers report, such as the power of a source.
+/// Name of the time series of the reports of couplers, such as the power of a source.
 pub const REPORTS: &str = "reports";
 
-/// Logged with points that have spacings of their own, as a field: pictures need it.
+/// Field of the spacings of points, logged for clouds because pictures need it.
 pub const SPACING: &str = "spacing";
 
-/// Fields that are left out of point clouds unless asked for: they say the same as others.
+/// Fields that are logged only if the case lists them, because others contain the same information.
 const NOT_BY_DEFAULT: [&str; 1] = ["enthalpy"];
 
 /// Writes states, probes, balances, progress and checkpoints.
@@ -73,7 +73,7 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Logs the state, probes, balances and progress, and makes sure that they survive.
+    /// Logs the state, probes, balances and progress, and flushes them.
     pub fn record(&mut self, simulation: &Simulation) -> Result<(), Failure> {
         let time = simulation.time();
         for body in 0..self.fields.len() {
@@ -203,12 +203,12 @@ impl Recorder {
         Ok(self.writer.progress(&progress)?)
     }
 
-    /// Whether the cadence asks for a checkpoint.
+    /// Whether a checkpoint is due.
     pub fn is_checkpoint_due(&self, simulation: &Simulation) -> bool {
         simulation.time() >= self.next_checkpoint
     }
 
-    /// Logs everything needed to go on.
+    /// Logs all data needed to resume.
     pub fn checkpoint(&mut self, simulation: &Simulation) -> Result<(), Failure> {
         let state = simulation.save()?;
         let step = simulation.progress().macro_steps;

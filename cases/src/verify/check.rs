@@ -14,40 +14,41 @@ use serde::{Deserialize, Serialize};
 
 use crate::case::formula::Formula;
 use crate::case::sections::{Components, Statistic};
+use crate::interpolation::Interpolation;
 
-/// A measurement, its reference and how far they may be apart.
+/// A measurement, its reference and the limit of their difference.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Check {
-    /// What is compared, with its unit, one line.
+    /// Name of the quantity with its unit, one line.
     pub quantity: String,
     /// What is measured.
     pub measure: Measure,
     /// Another case, whose same measurement divides this one.
     #[serde(default)]
     pub of: Option<String>,
-    /// The reference: one number for all that is measured, or one for each.
+    /// The reference: one number for all measured values, or one for each.
     pub reference: Components,
-    /// How far ours may be from the reference.
+    /// Limit of the difference between measured value and reference.
     pub limit: Limit,
-    /// Where the reference comes from.
+    /// Source of the reference.
     pub source: String,
     /// When it is checked.
     #[serde(default)]
     pub level: Level,
 }
 
-/// What is measured, read from the running simulation.
+/// A measurement in the running simulation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Measure {
     /// A field at positions.
     Field(FieldMeasure),
-    /// A field at places in space that points pass through.
+    /// A field at fixed positions in space, among the current positions of points.
     Passing(PassingMeasure),
-    /// How far a body reaches now, m.
+    /// Largest coordinate of a body now in a direction, m.
     Reach(ReachMeasure),
-    /// Distance of the two points that are nearest to each other now, over the spacing; at most one.
+    /// Smallest distance of two points now, in spacings; at most one.
     Nearest(NearestMeasure),
     /// A field at a position, in all logged states but the first.
     History(HistoryMeasure),
@@ -55,16 +56,16 @@ pub enum Measure {
     Crossing(CrossingMeasure),
     /// The time at which a field first exceeds a value anywhere in a region, s.
     Onset(OnsetMeasure),
-    /// Where the point lies that is farthest along a direction among those at which a field exceeds a
-    /// value, such as the tip of a crack: x, y and z in the reference configuration, m.
+    /// Reference position, m, of the farthest point along a direction at which a field exceeds a value, such
+    /// as the tip of a crack.
     Tip(TipMeasure),
     /// One number for all points of a region.
     Statistic(StatisticMeasure),
-    /// Where the largest or smallest value of a region lies: x, y and z in the reference configuration, m.
+    /// Reference position, m, of the largest or smallest value in a region.
     Place(PlaceMeasure),
-    /// How far a field is from a formula.
+    /// Deviation of a field from a formula.
     Deviation(DeviationMeasure),
-    /// How far an isotherm reaches, m.
+    /// Extent of the region above an isotherm, m.
     MeltPool(MeltPoolMeasure),
     /// The largest relative error of a balance over all logged states.
     Balance(BalanceMeasure),
@@ -96,13 +97,12 @@ pub struct FieldMeasure {
     /// Added to the value: -273.15 turns kelvin into degrees celsius.
     #[serde(default)]
     pub offset: f64,
-    /// Between the points.
+    /// Interpolation between the points.
     #[serde(default)]
     pub interpolation: Interpolation,
 }
 
-/// A field at places in space: a linear fit to the points that are there now, displaced from their reference
-/// positions.
+/// A field at fixed positions in space: a linear fit to the points that are near them now.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PassingMeasure {
@@ -115,7 +115,7 @@ pub struct PassingMeasure {
     /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
     #[serde(default)]
     pub component: Option<String>,
-    /// Places, m.
+    /// Positions, m.
     pub at: Vec<[f64; 3]>,
     /// The mean over the logged states from this time on, s; the last state alone when left out.
     #[serde(default)]
@@ -125,7 +125,7 @@ pub struct PassingMeasure {
     pub time: Option<f64>,
 }
 
-/// How far the cells of a body reach now in a direction.
+/// Largest coordinate of the cells of a body now in a direction, m.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReachMeasure {
@@ -139,7 +139,7 @@ pub struct ReachMeasure {
     pub time: Option<f64>,
 }
 
-/// How near points have come to each other.
+/// Smallest distance of two points now.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NearestMeasure {
@@ -169,21 +169,9 @@ pub struct HistoryMeasure {
     /// Logged states up to this time, s; the end when left out.
     #[serde(default)]
     pub until: Option<f64>,
-    /// Between the points.
+    /// Interpolation between the points.
     #[serde(default)]
     pub interpolation: Interpolation,
-}
-
-/// How a field is read between points. Beyond the outermost points, up to the face, it goes on
-/// as its mirror image, as it does at an insulated face or a plane of symmetry.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Interpolation {
-    /// Through four points along each axis.
-    #[default]
-    Cubic,
-    /// Through two.
-    Linear,
 }
 
 /// The time at which a field first crosses a value.
@@ -208,7 +196,7 @@ pub struct OnsetMeasure {
     /// Body; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
-    /// Field, such as "damage"; of vectors the magnitude.
+    /// Field, such as "damage"; the magnitude of a vector field.
     pub field: String,
     /// Region; the whole body when left out.
     #[serde(default)]
@@ -224,11 +212,11 @@ pub struct TipMeasure {
     /// Body; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
-    /// Field, such as "damage"; of vectors the magnitude.
+    /// Field, such as "damage"; the magnitude of a vector field.
     pub field: String,
     /// The value.
     pub above: f64,
-    /// Direction in which the point is sought.
+    /// Direction in which the farthest point is taken.
     pub along: [f64; 3],
     /// When, s: a multiple of the log interval; the end when left out.
     #[serde(default)]
@@ -264,7 +252,7 @@ pub struct StatisticMeasure {
     pub offset: f64,
 }
 
-/// Where the largest or smallest value of a region lies.
+/// Position of the largest or smallest value in a region.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlaceMeasure {
@@ -297,7 +285,7 @@ pub enum Extreme {
     Min,
 }
 
-/// How far a field is from a formula, as a share of the formula.
+/// Deviation of a field from a formula, relative to the formula.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DeviationMeasure {
@@ -310,12 +298,12 @@ pub struct DeviationMeasure {
     /// "principal_1" (the largest), "principal_2" or "principal_3" of a tensor field.
     #[serde(default)]
     pub component: Option<String>,
-    /// What it should be, in the reference position x, y, z (m) and the time t (s).
+    /// Expected value, in the reference position x, y, z (m) and the time t (s).
     pub expected: Formula,
     /// Region; the whole body when left out.
     #[serde(default)]
     pub region: Option<String>,
-    /// Over the points.
+    /// Norm over the points.
     #[serde(default)]
     pub norm: Norm,
     /// When, s: a multiple of the log interval; the end when left out.
@@ -323,7 +311,7 @@ pub struct DeviationMeasure {
     pub time: Option<f64>,
 }
 
-/// How deviations at points make one number.
+/// Norm of the deviations at all points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Norm {
@@ -334,7 +322,7 @@ pub enum Norm {
     Largest,
 }
 
-/// How far an isotherm reaches.
+/// Extent of the region above an isotherm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeltPoolMeasure {
@@ -383,27 +371,29 @@ pub struct ReportMeasure {
     pub time: Option<f64>,
 }
 
-/// How far ours may be from the reference.
+/// Limit of the difference between measured value and reference.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Limit {
-    /// `|ours - reference|`, in the unit of the quantity.
+    /// `|measured - reference|`, in the unit of the quantity.
     Absolute(f64),
-    /// `|ours - reference| / |reference|`, number by number.
+    /// `|measured - reference| / |reference|`, number by number.
     Relative(f64),
-    /// `|ours - reference|` over the largest absolute reference.
-    ShareOfPeak(f64),
-    /// Root mean square of `ours - reference` over all values, over the largest absolute reference.
+    /// `|measured - reference|` over the largest absolute reference.
+    #[serde(alias = "share_of_peak")]
+    FractionOfPeak(f64),
+    /// Root mean square of `measured - reference` over all values, over the largest absolute reference.
     Rms(f64),
-    /// Mean of `|ours - reference| / |reference|` over all values (Khoshrou, eq. 99).
+    /// Mean of `|measured - reference| / |reference|` over all values (Khoshrou, eq. 99).
     MeanRelative(f64),
-    /// As `rms`, but at least this much: what is known to be wrong must show.
+    /// As `rms`, but the error must be at least this large: a known error must be detected.
     RmsAbove(f64),
-    /// As `mean_relative`, but at least this much.
+    /// As `mean_relative`, but the error must be at least this large.
     MeanRelativeAbove(f64),
-    /// As `share_of_peak`, but at least one value is this far off.
-    ShareOfPeakAbove(f64),
-    /// Ours lies between these, whatever the reference.
+    /// As `fraction_of_peak`, but the error of at least one value must be this large.
+    #[serde(alias = "share_of_peak_above")]
+    FractionOfPeakAbove(f64),
+    /// The measured value lies between these numbers; the reference is only printed.
     Between([f64; 2]),
 }
 
@@ -421,22 +411,24 @@ pub enum Level {
 }
 
 impl Limit {
-    /// Error of one value and the most it may be. `peak`: the largest absolute reference.
-    pub fn judge(self, ours: f64, reference: f64, peak: f64) -> (f64, f64) {
-        let difference = (ours - reference).abs();
+    /// Error of one value and its limit. `peak`: the largest absolute reference.
+    pub fn judge(self, measured: f64, reference: f64, peak: f64) -> (f64, f64) {
+        let difference = (measured - reference).abs();
         match self {
             Limit::Absolute(limit) => (difference, limit),
             Limit::Relative(limit) => (difference / reference.abs(), limit),
-            Limit::ShareOfPeak(limit) => (difference / peak, limit),
-            // of these all values together are judged
+            Limit::FractionOfPeak(limit) => (difference / peak, limit),
+            // these limits apply to all values together
             Limit::MeanRelative(_) | Limit::MeanRelativeAbove(_) => {
                 (difference / reference.abs(), f64::INFINITY)
             }
-            Limit::Rms(_) | Limit::RmsAbove(_) | Limit::ShareOfPeakAbove(_) => {
+            Limit::Rms(_) | Limit::RmsAbove(_) | Limit::FractionOfPeakAbove(_) => {
                 (difference / peak, f64::INFINITY)
             }
             // the distance from the middle, so that errors compare
-            Limit::Between([low, high]) => ((ours - 0.5 * (low + high)).abs(), 0.5 * (high - low)),
+            Limit::Between([low, high]) => {
+                ((measured - 0.5 * (low + high)).abs(), 0.5 * (high - low))
+            }
         }
     }
 }
@@ -450,7 +442,7 @@ mod tests {
         let cases = [
             (Limit::Absolute(0.5), (3.0, 0.5)),
             (Limit::Relative(0.1), (0.3, 0.1)),
-            (Limit::ShareOfPeak(0.1), (0.03, 0.1)),
+            (Limit::FractionOfPeak(0.1), (0.03, 0.1)),
             (Limit::Between([10.0, 20.0]), (2.0, 5.0)),
         ];
         for (limit, (error, most)) in cases {

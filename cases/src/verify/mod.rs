@@ -1,12 +1,11 @@
 //! `perimelt verify`: runs benchmark cases from their case files and compares numbers of the
 //! running simulation (not of its log) with the references in their `[[verify]]` tables.
 //!
-//! [`check`] holds what a case file says, [`recorder`] measures, [`table`] judges and shows.
+//! [`check`] has the tables of case files, [`measurement`] takes the values, [`table`] compares and prints them.
 
 pub mod benchmarks;
 pub mod check;
-pub mod recorder;
-pub mod sample;
+pub mod measurement;
 pub mod table;
 
 use std::collections::BTreeMap;
@@ -20,15 +19,15 @@ use crate::case::{Case, CaseError};
 use crate::run::display::{Display, duration};
 use crate::run::{Failure, on_workers};
 use check::{Check, Level};
-use recorder::Recorder;
-use table::{Outcome, Table};
+use measurement::Measurement;
+use table::{Outcome, OutcomeTable};
 
 /// Arguments of `perimelt verify`.
 #[derive(clap::Args, Debug, Default)]
 pub struct VerifyArgs {
-    /// Only cases whose name contains this
+    /// Only cases whose name contains this text
     pub filter: Option<String>,
-    /// Also the long ones
+    /// Also run the long cases
     #[arg(long)]
     pub full: bool,
     /// Case files of this folder instead of those of the program
@@ -79,7 +78,7 @@ pub enum VerifyError {
         /// The case that is missing.
         of: String,
     },
-    /// Nothing to do.
+    /// No case to run.
     #[error("no case with a check has `{filter}` in its name; known: {}", known.join(", "))]
     Nothing {
         /// What was asked for.
@@ -92,7 +91,7 @@ pub enum VerifyError {
     Folder {
         /// The folder.
         folder: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// Checks that did not pass.
@@ -123,7 +122,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
     }
     let outcomes = on_workers(|| verify(args))?;
     let mut out = std::io::stdout().lock();
-    write!(out, "{}", Table(&outcomes))?;
+    write!(out, "{}", OutcomeTable(&outcomes))?;
     let failed = outcomes.iter().filter(|o| !o.passed).count();
     let all = outcomes.len();
     if failed > 0 {
@@ -171,7 +170,7 @@ pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
         return Err(VerifyError::NoSuchCase { case, quantity, of });
     }
 
-    // what each run yields: by name of the case, one entry per planned check or nothing
+    // results of each run, by name of the case: one entry per planned check
     let mut measured: BTreeMap<&str, Vec<Option<Vec<f64>>>> = BTreeMap::new();
     for (name, case) in &cases {
         let concerns = |p: &Planned| p.case == *name || p.check.of.as_deref() == Some(name);
@@ -190,7 +189,7 @@ pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
         };
         let references = p.check.reference.as_slice().len();
         let measured = values.as_ref().map_or(references, Vec::len);
-        if references != 1 && references != measured {
+        if references == 0 || measured == 0 || (references != 1 && references != measured) {
             let (case, quantity) = (p.case.clone(), p.check.quantity.clone());
             return Err(VerifyError::References {
                 case,
@@ -213,12 +212,12 @@ fn measure(
 ) -> Result<Vec<Option<Vec<f64>>>, VerifyError> {
     let started = Instant::now();
     let mut simulation = case.compose()?;
-    let mut recorders = Vec::new();
+    let mut measurements = Vec::new();
     for p in planned {
-        let recorder = concerns(p)
-            .then(|| Recorder::new(&p.check.measure, &simulation))
+        let measurement = concerns(p)
+            .then(|| Measurement::new(&p.check.measure, &simulation))
             .transpose();
-        recorders.push(recorder.map_err(|cause| {
+        measurements.push(measurement.map_err(|cause| {
             let (case, quantity) = (name.to_string(), p.check.quantity.clone());
             VerifyError::Check {
                 case,
@@ -230,7 +229,7 @@ fn measure(
     let result = advance(
         case,
         &mut simulation,
-        recorders.iter_mut().flatten().collect(),
+        measurements.iter_mut().flatten().collect(),
     );
     let steps = simulation.progress().macro_steps;
     let iterations: u64 = simulation.progress().iterations.iter().sum();
@@ -243,7 +242,7 @@ fn measure(
         Err(Failure::Case(mistake)) => return Err(VerifyError::Case(mistake)),
         Err(failure) => eprintln!("{name}: stopped after {steps} steps and {wall}: {failure}"),
     }
-    Ok(recorders
+    Ok(measurements
         .into_iter()
         .map(|r| Some(r?.values()?.to_vec()))
         .collect())
@@ -253,7 +252,7 @@ fn measure(
 fn advance(
     case: &Case,
     simulation: &mut perimelt_core::Simulation,
-    mut recorders: Vec<&mut Recorder>,
+    mut measurements: Vec<&mut Measurement>,
 ) -> Result<(), Failure> {
     case.start(simulation)?;
     let mut display = Display::new(simulation, f64::INFINITY, !std::io::stderr().is_terminal());
@@ -262,9 +261,9 @@ fn advance(
             break Ok(());
         }
         match simulation.step() {
-            Ok(logging) => recorders
+            Ok(logging) => measurements
                 .iter_mut()
-                .for_each(|r| r.see(simulation, logging)),
+                .for_each(|m| m.observe(simulation, logging)),
             Err(failure) => break Err::<(), RunError>(failure),
         }
         display.update(simulation);

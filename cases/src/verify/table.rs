@@ -4,20 +4,20 @@ use std::fmt;
 
 use super::check::{Check, Limit};
 
-/// A check with what came out.
+/// A check with its result.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// Name of the case.
     pub case: String,
     /// What was compared.
     pub quantity: String,
-    /// Ours, where it is furthest from the reference.
-    pub ours: f64,
-    /// The reference there.
+    /// Measured value with the largest error.
+    pub measured: f64,
+    /// Reference of that value.
     pub reference: f64,
-    /// How far they are apart, as the limit counts it; NaN when the run did not come to it.
+    /// Error, as defined by the limit; NaN when the run ended before the measurement.
     pub error: f64,
-    /// How far they may be apart.
+    /// Largest permitted error.
     pub limit: Limit,
     /// Number of values compared.
     pub values: usize,
@@ -33,22 +33,23 @@ impl Outcome {
         let mut outcome = Outcome {
             case: case.into(),
             quantity: check.quantity.clone(),
-            ours: f64::NAN,
-            reference: references[0],
+            measured: f64::NAN,
+            reference: references.first().copied().unwrap_or(f64::NAN),
             error: f64::NAN,
             limit: check.limit,
             values: values.map_or(0, <[f64]>::len),
             passed: values.is_some(),
         };
         let mut worst = -1.0;
-        for (i, &ours) in values.unwrap_or_default().iter().enumerate() {
-            let reference = references[if references.len() == 1 { 0 } else { i }];
-            let (error, most) = check.limit.judge(ours, reference, peak);
+        for (i, &measured) in values.unwrap_or_default().iter().enumerate() {
+            let number = if references.len() == 1 { 0 } else { i };
+            let reference = references.get(number).copied().unwrap_or(f64::NAN);
+            let (error, most) = check.limit.judge(measured, reference, peak);
             outcome.passed &= error <= most;
-            // the first value that is no number stays the worst
+            // the first NaN is the worst value
             if worst != f64::INFINITY && (error > worst || error.is_nan()) {
                 worst = if error.is_nan() { f64::INFINITY } else { error };
-                (outcome.ours, outcome.reference, outcome.error) = (ours, reference, error);
+                (outcome.measured, outcome.reference, outcome.error) = (measured, reference, error);
             }
         }
         if let Some(values) = values {
@@ -60,9 +61,10 @@ impl Outcome {
     /// The error and verdict of limits on all values together.
     fn judge_together(&mut self, references: &[f64], values: &[f64], peak: f64) {
         let limit = self.limit;
-        let errors = values.iter().enumerate().map(|(i, &ours)| {
-            let reference = references[if references.len() == 1 { 0 } else { i }];
-            limit.judge(ours, reference, peak).0
+        let errors = values.iter().enumerate().map(|(i, &measured)| {
+            let number = if references.len() == 1 { 0 } else { i };
+            let reference = references.get(number).copied().unwrap_or(f64::NAN);
+            limit.judge(measured, reference, peak).0
         });
         let count = values.len() as f64;
         match limit {
@@ -74,32 +76,32 @@ impl Outcome {
             }
             _ => {}
         }
-        // a comparison with what is no number is false: it passes neither way
+        // comparisons with NaN are false, so that a NaN never passes
         match limit {
             Limit::Rms(most) | Limit::MeanRelative(most) => self.passed = self.error <= most,
             Limit::RmsAbove(least)
             | Limit::MeanRelativeAbove(least)
-            | Limit::ShareOfPeakAbove(least) => self.passed &= self.error >= least,
+            | Limit::FractionOfPeakAbove(least) => self.passed &= self.error >= least,
             _ => {}
         }
     }
 
     fn cells(&self) -> [String; 7] {
-        let share = |value: f64| format!("{} %", number(100.0 * value));
+        let percent = |value: f64| format!("{} %", number(100.0 * value));
         let of_peak = |value: f64| format!("{} % of peak", number(100.0 * value));
         let (reference, error, limit) = match self.limit {
             Limit::Absolute(limit) => (number(self.reference), number(self.error), number(limit)),
-            Limit::Relative(limit) => (number(self.reference), share(self.error), share(limit)),
-            Limit::ShareOfPeak(limit) | Limit::ShareOfPeakAbove(limit) => {
-                (number(self.reference), of_peak(self.error), share(limit))
+            Limit::Relative(limit) => (number(self.reference), percent(self.error), percent(limit)),
+            Limit::FractionOfPeak(limit) | Limit::FractionOfPeakAbove(limit) => {
+                (number(self.reference), of_peak(self.error), percent(limit))
             }
             Limit::Rms(limit) | Limit::RmsAbove(limit) => {
                 let error = format!("{} % rms", number(100.0 * self.error));
-                (number(self.reference), error, share(limit))
+                (number(self.reference), error, percent(limit))
             }
             Limit::MeanRelative(limit) | Limit::MeanRelativeAbove(limit) => {
                 let error = format!("{} % mean", number(100.0 * self.error));
-                (number(self.reference), error, share(limit))
+                (number(self.reference), error, percent(limit))
             }
             Limit::Between([low, high]) => (
                 number(self.reference),
@@ -108,7 +110,7 @@ impl Outcome {
             ),
         };
         let limit = match self.limit {
-            Limit::RmsAbove(_) | Limit::MeanRelativeAbove(_) | Limit::ShareOfPeakAbove(_) => {
+            Limit::RmsAbove(_) | Limit::MeanRelativeAbove(_) | Limit::FractionOfPeakAbove(_) => {
                 format!("> {limit}")
             }
             _ => limit,
@@ -121,7 +123,7 @@ impl Outcome {
         [
             self.case.clone(),
             quantity,
-            number(self.ours),
+            number(self.measured),
             reference,
             error,
             limit,
@@ -133,7 +135,7 @@ impl Outcome {
 const HEADINGS: [&str; 7] = [
     "case",
     "quantity",
-    "ours",
+    "measured",
     "reference",
     "error",
     "limit",
@@ -141,9 +143,9 @@ const HEADINGS: [&str; 7] = [
 ];
 
 /// The outcomes as a table for a terminal.
-pub struct Table<'a>(pub &'a [Outcome]);
+pub struct OutcomeTable<'a>(pub &'a [Outcome]);
 
-impl fmt::Display for Table<'_> {
+impl fmt::Display for OutcomeTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let rows: Vec<[String; 7]> = self.0.iter().map(Outcome::cells).collect();
         let width = |column: usize| {
@@ -209,11 +211,11 @@ mod tests {
     fn the_worst_value_is_shown() {
         let values = [1.1, -10.3, 4.0];
         let absolute = Outcome::new("case", &check("absolute = 0.2"), Some(&values));
-        assert_eq!((absolute.ours, absolute.passed), (-10.3, false));
+        assert_eq!((absolute.measured, absolute.passed), (-10.3, false));
         let relative = Outcome::new("case", &check("relative = 0.11"), Some(&values));
-        assert_eq!((relative.ours, relative.passed), (1.1, true));
-        let peak = Outcome::new("case", &check("share_of_peak = 0.029"), Some(&values));
-        assert_eq!((peak.ours, peak.passed), (-10.3, false));
+        assert_eq!((relative.measured, relative.passed), (1.1, true));
+        let peak = Outcome::new("case", &check("fraction_of_peak = 0.029"), Some(&values));
+        assert_eq!((peak.measured, peak.passed), (-10.3, false));
     }
 
     #[test]
@@ -247,10 +249,10 @@ mod tests {
     fn one_value_far_off_is_enough_for_what_must_show() {
         let passed = |limit: &str, values| Outcome::new("case", &check(limit), Some(values)).passed;
         let values = [1.0, -10.0, 4.5];
-        assert!(passed("share_of_peak_above = 0.049", &values));
-        assert!(!passed("share_of_peak_above = 0.051", &values));
+        assert!(passed("fraction_of_peak_above = 0.049", &values));
+        assert!(!passed("fraction_of_peak_above = 0.051", &values));
         assert!(!passed(
-            "share_of_peak_above = 0.049",
+            "fraction_of_peak_above = 0.049",
             &[f64::NAN, -10.0, 4.5]
         ));
     }

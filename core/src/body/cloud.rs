@@ -1,4 +1,4 @@
-//! Bodies whose points have spacings of their own.
+//! Bodies whose points have individual spacings.
 
 use nalgebra::Vector3;
 use schemars::JsonSchema;
@@ -14,13 +14,13 @@ const NEAR: f64 = 1e-6;
 /// Samples along each edge of a cell face.
 const SAMPLES: i32 = 4;
 
-/// The cells of points with spacings of their own.
+/// The cells of points with individual spacings.
 #[derive(Clone, Debug)]
 pub struct Cloud {
     /// Centre of the cell of each point, m; the point itself may be displaced.
     centre: Vec<Vector3<f64>>,
     bounds: Bounds,
-    /// Cells are this many spacings wider to each side: those of a table do not tile.
+    /// Cells are extended by this many spacings to each side, since the cells of a table leave gaps.
     slack: f64,
     pub(super) list: CellList,
 }
@@ -29,15 +29,16 @@ pub struct Cloud {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Jitter {
-    /// Largest displacement along each axis, as a share of the point's spacing, below 0.5.
-    pub share: f64,
-    /// Another seed gives other displacements; the same one always gives the same.
+    /// Largest displacement along each axis, in spacings of the point, below 0.5.
+    #[serde(alias = "share")]
+    pub amplitude: f64,
+    /// Seed of the random numbers: equal seeds give equal displacements.
     #[serde(default)]
     pub seed: u64,
 }
 
 impl Cloud {
-    /// Cubes of edge `spacing` (m) around `centre`; those of the missing axes count as cubes, too.
+    /// Cubes of edge `spacing` (m) around `centre`; also along missing axes.
     fn new(centre: Vec<Vector3<f64>>, spacing: &[f64], slack: f64) -> Cloud {
         let cells = || centre.iter().zip(spacing);
         let low = cells().map(|(c, s)| c.add_scalar(-0.5 * s));
@@ -62,8 +63,8 @@ impl Cloud {
         self.bounds
     }
 
-    /// The point whose cell holds a position (m): of several the one nearest in its spacings, and
-    /// not `except`.
+    /// The point, other than `except`, whose cell contains a position (m); the nearest in its spacings, if several
+    /// do.
     pub(super) fn point_at(
         &self,
         spacing: &[f64],
@@ -97,8 +98,8 @@ impl Cloud {
         self.point_at(spacing, &at, Some(point))
     }
 
-    /// Share of a cell face that borders on no material, by samples.
-    pub(super) fn bare_share(
+    /// Bare fraction of a cell face, by samples.
+    pub(super) fn bare_fraction(
         &self,
         dimension: usize,
         spacing: &[f64],
@@ -124,14 +125,14 @@ impl Cloud {
 }
 
 impl Body {
-    /// The same body as a cloud, its points displaced at random within their cells; volumes stay.
-    /// With a share of 0 nothing moves.
+    /// The body as a cloud whose points are displaced at random within their cells; volumes are unchanged.
+    /// With an amplitude of 0 points are not displaced.
     ///
     /// # Errors
-    /// [`BodyError::Jitter`] for a share that lets points leave their cells.
+    /// [`BodyError::Jitter`] for an amplitude with which points leave their cells.
     pub fn jittered(mut self, jitter: Jitter) -> Result<Body, BodyError> {
-        if !(0.0..0.5).contains(&jitter.share) {
-            return Err(BodyError::Jitter(jitter.share));
+        if !(0.0..0.5).contains(&jitter.amplitude) {
+            return Err(BodyError::Jitter(jitter.amplitude));
         }
         if let Discretisation::Lattice(_) = self.discretisation {
             (self.points, self.discretisation) = self.points.into_cloud(0.0);
@@ -139,7 +140,7 @@ impl Body {
         let mut random = SplitMix(jitter.seed);
         for (x, size) in self.points.position.iter_mut().zip(&self.points.spacing) {
             for axis in 0..self.dimension {
-                x[axis] += jitter.share * size * random.next();
+                x[axis] += jitter.amplitude * size * random.next();
             }
         }
         Ok(self)
@@ -164,7 +165,7 @@ impl Points {
     }
 }
 
-/// Points along a Z-order curve of their cells: families then lie close together in memory.
+/// Order of points along a Z-order curve of their cells, with which families are contiguous in memory.
 pub(crate) fn spatial_order(position: &[Vector3<f64>], spacing: &[f64]) -> Vec<u32> {
     let low = position
         .iter()

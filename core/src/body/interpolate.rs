@@ -1,10 +1,10 @@
-//! Fields between the points of a cloud.
+//! Interpolation of fields between the points of a cloud.
 
 use nalgebra::{Matrix4, Vector3, Vector4};
 
 use super::{Cloud, Points};
 
-/// Radius of the fit in spacings, and its growth where that holds too few points.
+/// Radius of the fit in spacings, and the factor by which it grows if it contains too few points.
 const RADIUS: f64 = 2.0;
 const GROWTH: f64 = 1.4;
 const ATTEMPTS: i32 = 4;
@@ -19,12 +19,12 @@ impl Cloud {
         dimension: usize,
         at: &Vector3<f64>,
     ) -> Option<Vec<(usize, f64)>> {
-        // missing axes do not count
+        // coordinates along missing axes are ignored
         let mut at = *at;
         let plane = points.position[0];
         (dimension..3).for_each(|a| at[a] = plane[a]);
         let own = self.point_at(&points.spacing, &at, None)?;
-        // points lie within half a spacing of the centres that the list knows
+        // points are displaced from the centres in the list by up to half a spacing
         let size = points.spacing[own];
         let near = |radius: f64, visit: &mut dyn FnMut(usize)| {
             self.list.visit_near(&at, radius + 0.9 * size, visit);
@@ -34,8 +34,8 @@ impl Cloud {
     }
 }
 
-/// Points and weights that give a field at a position (m), as [`Cloud::weights`], among points that are where
-/// `positions` says (m), with spacings of `size` (m). `None` where there are too few around.
+/// Points and weights of a field at a position (m), as [`Cloud::weights`], for points at `positions` (m) with
+/// spacings of about `size` (m). `None` if too few points are near.
 pub fn weights_among(
     positions: &[Vector3<f64>],
     dimension: usize,
@@ -48,7 +48,7 @@ pub fn weights_among(
     fitted(all, positions, dimension, (&at, size))
 }
 
-/// `near` passes all points that may lie within a radius (m).
+/// The fit; `near` visits all points that can lie within a radius (m).
 fn fitted(
     near: impl Fn(f64, &mut dyn FnMut(usize)),
     positions: &[Vector3<f64>],
@@ -59,9 +59,9 @@ fn fitted(
         let radius = RADIUS * size * GROWTH.powi(attempt);
         let mut members: Vec<(usize, f64)> = Vec::new();
         near(radius, &mut |p| {
-            let share = (positions[p] - at).norm() / radius;
-            if share < 1.0 {
-                members.push((p, (1.0_f64 - share * share).powi(2)));
+            let ratio = (positions[p] - at).norm() / radius;
+            if ratio < 1.0 {
+                members.push((p, (1.0_f64 - ratio * ratio).powi(2)));
             }
         });
         members.sort_by_key(|(p, _)| *p);
@@ -109,7 +109,7 @@ mod tests {
             });
             let body = Body::fill("block", &shape, dimension, 0.125, 0.1).expect("valid");
             let jitter = Jitter {
-                share: 0.3,
+                amplitude: 0.3,
                 seed: 4,
             };
             let body = body.jittered(jitter).expect("valid");

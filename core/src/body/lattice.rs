@@ -58,7 +58,7 @@ impl Body {
     /// the missing axes, so that `thickness` need not agree with the shape.
     ///
     /// # Errors
-    /// [`BodyError`] when there is nothing to fill or a number is out of range.
+    /// [`BodyError`] when the shape contains no cell centre or a number is out of range.
     pub fn fill(
         name: &str,
         shape: &Shape,

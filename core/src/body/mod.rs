@@ -63,7 +63,7 @@ pub struct Region {
 pub enum Discretisation {
     /// Centres of the cells of one uniform grid.
     Lattice(Lattice),
-    /// Points with spacings of their own.
+    /// Points with individual spacings.
     Cloud(Cloud),
 }
 
@@ -111,10 +111,10 @@ pub struct Body {
     pub store: Store,
     /// Cracks, which no bond crosses.
     pub cuts: Vec<Cut>,
-    /// Along which axes the body, which must fill its box, goes on as a copy of itself
-    /// ([`Body::repeat`]).
+    /// Axes along which the body is periodic; it must then fill its box ([`Body::repeat`]).
     pub periodic: [bool; 3],
-    /// Box whose faces hold the body, m, where that is not its own ([`Body::enclose`]).
+    /// Box whose faces bound the motion of the body, m; the bounding box when left out
+    /// ([`Body::enclose`]).
     pub tank: Option<Bounds>,
 }
 
@@ -124,11 +124,11 @@ pub enum BodyError {
     /// The shape extends to infinity.
     #[error("the shape has no bounds: intersect the half-space with a box")]
     Unbounded,
-    /// The shape cannot be.
+    /// The shape is invalid.
     #[error("{0}")]
     Shape(String),
-    /// A number that must be positive is not.
-    #[error("`{key}` = {value} must be positive")]
+    /// A number that is not positive, or infinite.
+    #[error("`{key}` = {value} must be positive and finite")]
     NotPositive {
         /// The key.
         key: &'static str,
@@ -146,10 +146,10 @@ pub enum BodyError {
         /// Spacing, m.
         spacing: f64,
     },
-    /// A zone that cannot be.
+    /// A zone that is invalid.
     #[error("zone {}: {mistake}", number + 1)]
     Zone {
-        /// Which one, from 0.
+        /// Number of the zone, from 0.
         number: usize,
         /// What is wrong with it.
         mistake: ZoneError,
@@ -161,18 +161,18 @@ pub enum BodyError {
         at: [f64; 3],
     },
     /// Points displaced out of their cells.
-    #[error("`jitter.share` = {0} must be at least 0 and below 0.5")]
+    #[error("`jitter.amplitude` = {0} must be at least 0 and below 0.5")]
     Jitter(f64),
-    /// A body that cannot be continued by copies of itself.
-    #[error("a {dimension}D body repeated along {} must have that axis and fill its box", ["x", "y", "z"][axis.index()])]
+    /// A body that cannot be periodic.
+    #[error("a {dimension}D body cannot be periodic along {}: it must have that axis and fill its box", ["x", "y", "z"][axis.index()])]
     Repeated {
         /// The axis.
         axis: Axis,
-        /// Of the body.
+        /// Dimension of the body.
         dimension: usize,
     },
-    /// A tank that does not hold the body.
-    #[error("the tank does not hold the body, which reaches from {low:?} m to {high:?} m")]
+    /// A tank that does not contain the body.
+    #[error("the tank does not contain the body, which reaches from {low:?} m to {high:?} m")]
     Tank {
         /// Lower corner of the body, m.
         low: [f64; 3],
@@ -183,7 +183,7 @@ pub enum BodyError {
     #[error(transparent)]
     Table(#[from] TableError),
     /// More points than the index type holds.
-    #[error("{0:.1e} cells are more than fit (4e9): choose a larger `spacing`")]
+    #[error("the body has {0:.1e} cells, but at most 4e9 are supported: choose a larger `spacing`")]
     TooManyPoints(f64),
 }
 
@@ -212,7 +212,7 @@ impl Body {
         }
     }
 
-    /// Lets the body go on as a copy of itself behind both faces of these axes.
+    /// Makes the body periodic along these axes.
     ///
     /// # Errors
     /// When the body has no such axis or does not fill its box.
@@ -227,11 +227,11 @@ impl Body {
         Ok(())
     }
 
-    /// Lets the faces of a box from `min` to `max` (m), rather than its own, hold the points of the body, which
-    /// must then move.
+    /// Sets the tank: the faces of the box from `min` to `max` (m), instead of those of the bounding box, bound the
+    /// motion of the points.
     ///
     /// # Errors
-    /// When the box does not hold the body.
+    /// When the box does not contain the body.
     pub fn enclose(&mut self, min: Vector3<f64>, max: Vector3<f64>) -> Result<(), BodyError> {
         let (low, high) = self.bounds();
         // rounding
@@ -247,7 +247,7 @@ impl Body {
         Ok(())
     }
 
-    /// The lattice, of a body that is no cloud.
+    /// The lattice; `None` for a cloud.
     pub fn lattice(&self) -> Option<&Lattice> {
         match &self.discretisation {
             Discretisation::Lattice(lattice) => Some(lattice),
@@ -329,7 +329,7 @@ impl Body {
         self.face_position(Face::ALL[2 * axis + 1]) - self.face_position(Face::ALL[2 * axis])
     }
 
-    /// The point whose cell borders on the middle of a face of a point's cell.
+    /// The point whose cell touches the middle of a face of the cell of `point`.
     pub fn neighbour(&self, point: usize, face: Face) -> Option<usize> {
         match &self.discretisation {
             Discretisation::Lattice(lattice) => lattice.neighbour(point, face),
@@ -339,8 +339,7 @@ impl Body {
         }
     }
 
-    /// Cell faces that border on no material, facing any of `faces`; of a cloud, the bare part of
-    /// each.
+    /// Bare cell faces with a normal among `faces`; for a cloud, with the bare part of their area.
     pub fn surface(&self, faces: &[Face]) -> Vec<SurfaceCell> {
         let bare = |f: &&Face| f.axis() < self.dimension && !self.periodic[f.axis()];
         let faces = faces.iter().filter(bare);
@@ -369,7 +368,7 @@ impl Body {
     }
 }
 
-/// Checks what all discretisations need; the bounds of the shape, m.
+/// Bounds of the shape, m, after the checks that all discretisations need.
 fn bounded(shape: &Shape, dimension: usize, thickness: f64) -> Result<Bounds, BodyError> {
     if !(1..=3).contains(&dimension) {
         return Err(BodyError::Dimension(dimension));
@@ -382,7 +381,7 @@ fn bounded(shape: &Shape, dimension: usize, thickness: f64) -> Result<Bounds, Bo
 }
 
 fn positive(key: &'static str, value: f64) -> Result<(), BodyError> {
-    if value.is_nan() || value <= 0.0 {
+    if !(value > 0.0 && value.is_finite()) {
         return Err(BodyError::NotPositive { key, value });
     }
     Ok(())

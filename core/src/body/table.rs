@@ -3,7 +3,7 @@
 use super::{Body, BodyError, Points, bounded};
 use crate::shape::Shape;
 
-/// Cells of points without a grid leave gaps: they count as this many spacings wider.
+/// Cells of points without a grid leave gaps: they are extended by this many spacings.
 const SLACK: f64 = 0.25;
 
 /// What can be wrong with a table of points.
@@ -19,12 +19,12 @@ pub enum TableError {
     Number {
         /// From 1.
         line: usize,
-        /// What stands there.
+        /// Text at the place.
         text: String,
-        /// What should.
+        /// Expected text.
         expected: &'static str,
     },
-    /// Nothing inside the shape.
+    /// No point inside the shape.
     #[error("no point of the table lies inside the shape")]
     Empty,
 }

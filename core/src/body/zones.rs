@@ -1,4 +1,4 @@
-//! Bodies of several zones, each with a spacing of its own.
+//! Bodies of several zones, each with a spacing.
 
 use nalgebra::Vector3;
 use schemars::JsonSchema;
@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 use super::{Body, BodyError, Points, bounded};
 use crate::shape::Shape;
 
-/// A box with a spacing of its own.
+/// A box with a spacing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Zone {
-    /// Corner with the smallest coordinates, m; those of missing axes do not count.
+    /// Corner with the smallest coordinates, m; those of missing axes are ignored.
     pub min: [f64; 3],
     /// Corner with the largest coordinates, m: a whole number of spacings from `min`.
     pub max: [f64; 3],
@@ -25,9 +25,9 @@ pub enum ZoneError {
     /// A spacing that is not positive.
     #[error("`spacing` = {0} must be positive")]
     Spacing(f64),
-    /// An edge that cells do not fill.
+    /// An edge that is not a whole number of spacings.
     #[error(
-        "it is {extent} m long along {}, not a whole number of spacings of {spacing} m",
+        "its extent is {extent} m along {}, not a whole number of spacings of {spacing} m",
         ["x", "y", "z"][*axis]
     )]
     Uneven {
@@ -39,10 +39,10 @@ pub enum ZoneError {
         spacing: f64,
     },
     /// Two zones with common cells.
-    #[error("it overlaps with zone {}", .0 + 1)]
+    #[error("the zone overlaps with zone {}", .0 + 1)]
     Overlap(usize),
     /// No cell centre inside the shape.
-    #[error("no point of it lies inside the shape")]
+    #[error("no cell centre of the zone lies inside the shape")]
     Empty,
 }
 
@@ -170,8 +170,8 @@ fn left_out(
             index / samples[0] % samples[1],
             index / (samples[0] * samples[1]),
         ];
-        let share = |a: usize| (at[a] as f64 + 0.5) / samples[a] as f64;
-        Vector3::from_fn(|a, _| min[a] + share(a) * (max[a] - min[a]))
+        let fraction = |a: usize| (at[a] as f64 + 0.5) / samples[a] as f64;
+        Vector3::from_fn(|a, _| min[a] + fraction(a) * (max[a] - min[a]))
     };
     // the last cell of a zone may end up to half a spacing before a face of the shape
     let finest = zones
@@ -236,8 +236,8 @@ mod tests {
             max: [1.0; 3],
         });
         let block = Body::fill("block", &shape, 3, 0.125, 1.0).expect("valid");
-        let go = |share, seed| {
-            let jitter = super::super::Jitter { share, seed };
+        let go = |amplitude, seed| {
+            let jitter = super::super::Jitter { amplitude, seed };
             block.clone().jittered(jitter).expect("valid").points
         };
         let (still, moved) = (go(0.0, 1), go(0.2, 1));
@@ -254,14 +254,16 @@ mod tests {
     fn zones_that_cannot_be_are_refused_with_their_number() {
         let left = zone([0.0, 0.0], [1.0, 1.0], 0.1);
         let uneven = mistake(&[left, zone([1.0, 0.0], [2.0, 1.0], 0.3)]);
-        assert!(uneven.contains("zone 2: it is 1 m long along x, not a whole number of spacings"));
+        assert!(
+            uneven.contains("zone 2: its extent is 1 m along x, not a whole number of spacings")
+        );
         let overlap = mistake(&[left, zone([0.5, 0.0], [2.0, 1.0], 0.25)]);
         assert!(
-            overlap.contains("zone 2: it overlaps with zone 1"),
+            overlap.contains("zone 2: the zone overlaps with zone 1"),
             "{overlap}"
         );
         let outside = mistake(&[left, zone([3.0, 0.0], [4.0, 1.0], 0.25)]);
-        assert!(outside.contains("zone 2: no point of it lies inside the shape"));
+        assert!(outside.contains("zone 2: no cell centre of the zone lies inside the shape"));
         let left_out = mistake(&[left]);
         assert!(
             left_out.contains("no zone covers the part of the shape around"),

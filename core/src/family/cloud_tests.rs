@@ -41,7 +41,11 @@ fn bands(bands: &[(f64, f64)]) -> Body {
 }
 
 fn jittered(body: Body, share: f64) -> Body {
-    body.jittered(Jitter { share, seed: 3 }).expect("valid")
+    body.jittered(Jitter {
+        amplitude: share,
+        seed: 3,
+    })
+    .expect("valid")
 }
 
 /// Sums to compare, with every part of a bond in play.

@@ -328,7 +328,7 @@ mod tests {
         });
         let body = Body::fill("block", &shape, 3, 0.1, 0.5).expect("valid");
         let body = body.jittered(Jitter {
-            share: 0.3,
+            amplitude: 0.3,
             seed: 5,
         });
         let mut body = body.expect("valid");

@@ -7,22 +7,22 @@ use mcap::McapError;
 /// Why a log could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
-    /// The operating system refused.
+    /// An error of the operating system.
     #[error("could not {action} the log {path}: {source}", path = path.display())]
     Io {
         /// create, write or read
         action: &'static str,
         /// the log
         path: PathBuf,
-        /// what the system says
+        /// error of the operating system
         source: io::Error,
     },
-    /// The MCAP library refused.
+    /// An error of the MCAP library.
     #[error("could not write the log {path}: {source}", path = path.display())]
     Mcap {
         /// the log
         path: PathBuf,
-        /// what the library says
+        /// error of the library
         source: McapError,
     },
     /// Not an MCAP file at all.
@@ -34,10 +34,10 @@ pub enum LogError {
         /// the file
         path: PathBuf,
     },
-    /// An MCAP file without our case and metadata.
+    /// An MCAP file without the case and metadata of a run.
     #[error(
         "{path} is an MCAP file, but not the log of a Perimelt run: it has no {missing}{}",
-        if *.cut { " (the file was cut off before that; nothing in it can be read)" } else { "" },
+        if *.cut { " (the file was cut off before that; it cannot be read)" } else { "" },
         path = path.display()
     )]
     NotARun {
@@ -50,7 +50,7 @@ pub enum LogError {
     },
     /// The metadata `run` is there, but is not what this version writes.
     #[error(
-        "the description of the run in {path} cannot be understood: {source}; \
+        "the description of the run in {path} cannot be parsed: {source}; \
          was it written by another version?",
         path = path.display()
     )]
@@ -67,11 +67,11 @@ pub enum LogError {
         path: PathBuf,
         /// start of the record in the file
         offset: u64,
-        /// what the library says
+        /// error of the library
         source: McapError,
     },
     /// A message that is not of the form that its topic promises.
-    #[error("a message of topic {topic} cannot be understood: {source}")]
+    #[error("a message of topic {topic} cannot be parsed: {source}")]
     Json {
         /// topic of the message
         topic: String,
@@ -86,24 +86,13 @@ pub enum LogError {
         /// what is wrong with it
         source: prost::DecodeError,
     },
-    /// A point cloud, but not one that we wrote.
+    /// A point cloud with a layout that Perimelt does not write.
     #[error("a point cloud of topic {topic} is not as Perimelt writes it: {what}")]
     PointCloudLayout {
         /// topic of the message
         topic: String,
         /// the difference
         what: &'static str,
-    },
-    /// More than protobuf can hold.
-    #[error(
-        "the point cloud of body `{body}` would take {bytes} bytes, but the format ends at 2 GiB; \
-         log fewer fields, or log them as f32"
-    )]
-    CloudTooLarge {
-        /// the body
-        body: String,
-        /// size of its points
-        bytes: usize,
     },
     /// A body that the run does not have.
     #[error("the log has no body `{body}`; it has {}", list(.known))]

@@ -1,4 +1,4 @@
-//! The log of a run: one MCAP file that any MCAP tool reads without our code.
+//! The log of a run: one MCAP file that any MCAP tool can read.
 //!
 //! | topic | content |
 //! |---|---|
@@ -6,7 +6,7 @@
 //! | `/probes/<name>` | scalar time series, JSON with schema |
 //! | `/balance` | energy, mass, momentum; JSON with schema |
 //! | `/progress` | [`Progress`], JSON with schema |
-//! | `/checkpoint` | everything needed to go on, opaque bytes (MessagePack) |
+//! | `/checkpoint` | all data needed to resume, opaque bytes (MessagePack) |
 //! | `/index` | one line before each point cloud and checkpoint: topic, exact time, step |
 //! | attachment `case.toml` | the case file as run |
 //! | metadata `run` | [`RunInfo`], one JSON text per key, and `case_file`, the name of the case file |
@@ -15,14 +15,20 @@
 //! [`Writer::continue_from`] starts the log of a resumed run from an older one.
 //!
 //! **Time.** MCAP counts time in whole nanoseconds, too coarse for femtosecond heating. The
-//! authority is therefore the exact `time` (s, f64) in every JSON message, and in `/index` for
+//! exact time is therefore the `time` (s, f64) in every JSON message, and in `/index` for
 //! point clouds and checkpoints. The MCAP `log_time` is that time rounded to nanoseconds, or one
 //! more than the last one where rounding would not let it grow: messages of one simulated time
-//! share a `log_time`, later times have larger ones, whatever the scale.
+//! share a `log_time`, later times have larger ones at any time scale.
 //!
 //! **Layout.** Attachment and metadata come first, so that an unfinished file has them. A large
 //! message has a chunk of its own: time series are read without unpacking point clouds, and one
 //! point cloud without unpacking its neighbours.
+//!
+//! **Size.** A message holds at most 2 GiB, the limit of protobuf libraries. A larger state is split:
+//! the first points are on `/<body>/points`, the next ones on `/<body>/points/2`, `/<body>/points/3`
+//! and so on, all with one `log_time`, so that a viewer shows them together when all of these topics
+//! are switched on. Checkpoints are split likewise, byte by byte. The part on the topic without a
+//! number is written last: where it is present, the state is complete. [`Log`] joins the parts.
 
 mod error;
 mod foxglove_schema;
@@ -64,7 +70,7 @@ pub struct Cloud {
 pub struct CloudField {
     /// name, as in the field's key
     pub name: String,
-    /// SI unit, empty where the log does not tell
+    /// SI unit, empty if the log does not contain it
     pub unit: String,
     /// 1 (scalar), 3 (vector) or 9 (tensor)
     pub components: usize,
@@ -95,11 +101,11 @@ pub struct FieldView<'a> {
     pub values: &'a [f64],
 }
 
-/// How exactly point clouds are logged.
+/// Precision of logged point clouds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
-    /// four bytes a number: enough for the eye, half the file
+    /// four bytes a number: sufficient for display, half the file size
     #[default]
     F32,
     /// eight bytes a number: exact, for runs that are replayed into another run
@@ -152,7 +158,7 @@ pub struct FieldInfo {
     pub components: usize,
 }
 
-/// How far a run has come and what it took; one message of topic `/progress`.
+/// Progress and cost of a run; one message of topic `/progress`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Progress {
     /// simulated time, s
@@ -174,7 +180,7 @@ pub struct Progress {
     pub wall_seconds: f64,
 }
 
-/// Where a run can be taken up again.
+/// A state from which a run can be resumed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CheckpointInfo {
     /// simulated time, s

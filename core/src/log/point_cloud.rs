@@ -4,13 +4,15 @@
 //! name.y name.z`, tensors as `name.xx name.yx name.zx name.xy ...` (column by column). Frame
 //! `world`, identity pose, all numbers little-endian f32 or f64.
 
+use std::ops::Range;
+
 use prost::{
     DecodeError, Message,
     encoding::{WireType, encode_key, encode_varint},
 };
 use prost_types::Timestamp;
 
-use super::{Cloud, CloudField, CloudView, Precision};
+use super::{Cloud, CloudField, CloudView, LogError, Precision};
 
 #[derive(Clone, PartialEq, Message)]
 struct PointCloud {
@@ -120,9 +122,15 @@ fn width(precision: Precision) -> usize {
     }
 }
 
-/// Appends the message to `buffer`; the points are packed straight into it. Fields must have
-/// passed [`objection`] and have `points * components` values.
-pub(super) fn encode(buffer: &mut Vec<u8>, cloud: &CloudView, precision: Precision, log_time: u64) {
+/// Appends a message with the points of a `range` to `buffer`; they are packed straight into it.
+/// Fields must have passed [`objection`] and have `points * components` values.
+pub(super) fn encode(
+    buffer: &mut Vec<u8>,
+    cloud: &CloudView,
+    range: Range<usize>,
+    precision: Precision,
+    log_time: u64,
+) {
     let stride = point_stride(cloud, precision);
     let mut names: Vec<String> = VECTOR.map(String::from).into();
     for field in cloud.fields {
@@ -156,24 +164,25 @@ pub(super) fn encode(buffer: &mut Vec<u8>, cloud: &CloudView, precision: Precisi
     };
     without_data.encode(buffer).expect("a Vec grows");
 
-    let bytes = cloud.positions.len() * stride;
+    let bytes = range.len() * stride;
     encode_key(DATA_TAG, WireType::LengthDelimited, buffer);
     encode_varint(bytes as u64, buffer);
     let start = buffer.len();
     buffer.resize(start + bytes, 0);
     let data = &mut buffer[start..];
     match precision {
-        Precision::F32 => pack(data, stride, cloud, |value| (value as f32).to_le_bytes()),
-        Precision::F64 => pack(data, stride, cloud, f64::to_le_bytes),
+        Precision::F32 => pack(data, cloud, range, |value| (value as f32).to_le_bytes()),
+        Precision::F64 => pack(data, cloud, range, f64::to_le_bytes),
     }
 }
 
 fn pack<const WIDTH: usize>(
     data: &mut [u8],
-    stride: usize,
     cloud: &CloudView,
+    range: Range<usize>,
     to_bytes: impl Fn(f64) -> [u8; WIDTH],
 ) {
+    let stride = data.len().checked_div(range.len()).unwrap_or(1);
     let mut offset = 0;
     let positions = (3, cloud.positions.as_flattened());
     let fields = cloud
@@ -182,6 +191,7 @@ fn pack<const WIDTH: usize>(
         .map(|field| (field.components, field.values));
     for (components, values) in std::iter::once(positions).chain(fields) {
         let end = offset + components * WIDTH;
+        let values = &values[components * range.start..components * range.end];
         for (point, values) in data
             .chunks_exact_mut(stride)
             .zip(values.chunks_exact(components))
@@ -198,6 +208,34 @@ fn pack<const WIDTH: usize>(
 pub(super) enum Undecodable {
     Protobuf(DecodeError),
     Layout(&'static str),
+}
+
+impl Undecodable {
+    pub(super) fn in_topic(self, topic: &str) -> LogError {
+        let topic = topic.into();
+        match self {
+            Self::Protobuf(source) => LogError::PointCloud { topic, source },
+            Self::Layout(what) => LogError::PointCloudLayout { topic, what },
+        }
+    }
+}
+
+/// Appends the points of the next part of a state.
+pub(super) fn append(cloud: &mut Cloud, next: Cloud) -> Result<(), Undecodable> {
+    let layout = |cloud: &Cloud| -> Vec<(String, usize)> {
+        let fields = cloud.fields.iter();
+        fields.map(|f| (f.name.clone(), f.components)).collect()
+    };
+    if layout(cloud) != layout(&next) {
+        return Err(Undecodable::Layout(
+            "the parts of a state have different fields",
+        ));
+    }
+    cloud.positions.extend(next.positions);
+    for (field, next) in cloud.fields.iter_mut().zip(next.fields) {
+        field.values.extend(next.values);
+    }
+    Ok(())
 }
 
 /// The cloud in a message; `time` (s) is the exact time, units are left empty.
@@ -314,7 +352,7 @@ mod tests {
             fields: &[field],
         };
         let mut buffer = Vec::new();
-        encode(&mut buffer, &cloud, Precision::F64, 0);
+        encode(&mut buffer, &cloud, 0..1, Precision::F64, 0);
         let message = PointCloud::decode(buffer.as_slice()).expect("just encoded");
         for (row, r) in VECTOR.iter().enumerate() {
             for (column, c) in VECTOR.iter().enumerate() {

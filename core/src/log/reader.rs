@@ -10,8 +10,7 @@ use mcap::records::{MessageHeader, Record};
 use serde_json::{Map, Value};
 
 use super::{
-    CheckpointInfo, Cloud, Ending, LogError, Progress, RunInfo, Series,
-    point_cloud::{self, Undecodable},
+    CheckpointInfo, Cloud, Ending, LogError, Progress, RunInfo, Series, point_cloud,
     scan::{Contents, MessagePlace},
     source::Source,
     topic,
@@ -112,7 +111,7 @@ impl Log {
         &self.case_name
     }
 
-    /// Whether the writer closed the file. This says nothing about the end time of the case:
+    /// Whether the writer closed the file. The run need not have reached the end time of the case:
     /// a run that stopped with an error closes its log too.
     #[must_use]
     pub fn finished(&self) -> bool {
@@ -151,14 +150,21 @@ impl Log {
                 known: self.bodies().map(String::from).collect(),
             })?;
         let topic = topic::points(body);
-        let message = self.large(&topic, index)?;
-        let mut cloud =
-            point_cloud::decode(&message, self.times(body)[index]).map_err(|undecodable| {
-                match undecodable {
-                    Undecodable::Protobuf(source) => LogError::PointCloud { topic, source },
-                    Undecodable::Layout(what) => LogError::PointCloudLayout { topic, what },
-                }
-            })?;
+        let time = *self
+            .times(body)
+            .get(index)
+            .ok_or_else(|| self.no_such(&topic, index))?;
+        let mut cloud: Option<Cloud> = None;
+        for place in self.parts(&topic, index)? {
+            let part = point_cloud::decode(&self.message(place)?, time)
+                .map_err(|undecodable| undecodable.in_topic(&topic))?;
+            match &mut cloud {
+                None => cloud = Some(part),
+                Some(cloud) => point_cloud::append(cloud, part)
+                    .map_err(|undecodable| undecodable.in_topic(&topic))?,
+            }
+        }
+        let mut cloud = cloud.ok_or_else(|| self.no_such(&topic, index))?;
         for field in &mut cloud.fields {
             if let Some(info) = info.fields.iter().find(|info| info.name == field.name) {
                 field.unit.clone_from(&info.unit);
@@ -196,7 +202,11 @@ impl Log {
     /// # Errors
     /// No such checkpoint, or the file is damaged there.
     pub fn checkpoint(&self, index: usize) -> Result<Vec<u8>, LogError> {
-        self.large(topic::CHECKPOINT, index)
+        let mut state = Vec::new();
+        for place in self.parts(topic::CHECKPOINT, index)? {
+            state.append(&mut self.message(place)?);
+        }
+        Ok(state)
     }
 
     /// Number of the last checkpoint, the one to resume from.
@@ -240,24 +250,38 @@ impl Log {
         Ok(())
     }
 
-    fn place(&self, topic: &str, index: usize) -> Result<MessagePlace, LogError> {
-        let messages = self
-            .contents
-            .large
-            .get(topic)
-            .map_or(&[][..], Vec::as_slice);
-        messages
-            .get(index)
-            .copied()
-            .ok_or_else(|| LogError::NoSuchMessage {
-                topic: topic.into(),
-                index,
-                count: messages.len(),
-            })
+    /// The messages of a topic that is large.
+    fn messages(&self, topic: &str) -> &[MessagePlace] {
+        let messages = self.contents.large.get(topic);
+        messages.map_or(&[], Vec::as_slice)
     }
 
-    fn large(&self, topic: &str, index: usize) -> Result<Vec<u8>, LogError> {
-        let wanted = self.place(topic, index)?;
+    fn no_such(&self, topic: &str, index: usize) -> LogError {
+        LogError::NoSuchMessage {
+            topic: topic.into(),
+            index,
+            count: self.messages(topic).len(),
+        }
+    }
+
+    fn place(&self, topic: &str, index: usize) -> Result<MessagePlace, LogError> {
+        let place = self.messages(topic).get(index).copied();
+        place.ok_or_else(|| self.no_such(topic, index))
+    }
+
+    /// Message number `index` of a topic, and the further parts of the same state, in order.
+    fn parts(&self, topic: &str, index: usize) -> Result<Vec<MessagePlace>, LogError> {
+        let first = self.place(topic, index)?;
+        let of_this_state = |number: usize| {
+            let messages = self.messages(&topic::part(topic, number));
+            let found = messages.binary_search_by_key(&first.log_time, |place| place.log_time);
+            found.ok().map(|at| messages[at])
+        };
+        let further = (2..).map_while(of_this_state);
+        Ok(std::iter::once(first).chain(further).collect())
+    }
+
+    fn message(&self, wanted: MessagePlace) -> Result<Vec<u8>, LogError> {
         let mut source = self.source.lock().unwrap_or_else(PoisonError::into_inner);
         let mut message = Vec::new();
         let mut ordinal = 0;

@@ -1,7 +1,7 @@
 //! One pass over a log: finds its end, keeps the small messages and notes where the large are.
 //!
-//! Chunks that hold nothing but large messages are not unpacked; the message indexes behind them
-//! tell enough. The summary at the end of the file is not needed, so an unfinished log is read
+//! Chunks with large messages only are not unpacked; the message indexes behind them are
+//! sufficient. The summary at the end of the file is not needed, so an unfinished log is read
 //! like any other, up to the first record that is incomplete or damaged.
 
 use std::collections::{BTreeMap, HashMap};
@@ -20,7 +20,7 @@ use super::{
 pub enum Ending {
     /// closed by its writer
     Finished,
-    /// at this byte, at the end of a record or within one: the run was killed or is still going
+    /// at this byte, at the end of a record or within one: the run was killed or is still running
     Unfinished {
         /// where the last complete record ends
         at: u64,
@@ -233,7 +233,7 @@ impl Contents {
             source,
         };
         match Topic::of(&channel.topic) {
-            Topic::Points(_) | Topic::Checkpoint => {
+            Topic::Points(_) | Topic::Part(_) | Topic::Checkpoint => {
                 self.large
                     .entry(channel.topic.clone())
                     .or_default()

@@ -27,7 +27,7 @@ pub(super) struct Place {
     pub(super) length: u64,
 }
 
-/// The file, and where in it we are.
+/// The file and the position of the reader.
 pub(super) struct Source {
     path: PathBuf,
     reader: BufReader<File>,
@@ -147,8 +147,8 @@ impl Source {
     }
 }
 
-/// Whether an attachment is long enough for its header and checksum; the library takes that for
-/// granted.
+/// Whether an attachment is long enough for its header and checksum; the library does not
+/// check it.
 fn attachment_fits(record: &[u8]) -> bool {
     let text_end = |start: usize| {
         let bytes = record.get(start..start.checked_add(4)?)?;

@@ -196,7 +196,7 @@ fn what_was_written_is_read_back() {
 
 #[test]
 fn large_messages_are_read_back_too() {
-    // 20 000 points of 16 numbers: clouds have chunks of their own and are not unpacked on opening
+    // 20 000 points of 16 numbers: each cloud is in a separate chunk, which is not unpacked on opening
     let (_folder, path) = logged(2, 20_000);
     let log = Log::open(path).unwrap();
     assert_eq!(log.times(BODY), [time_of(0), time_of(1)]);
@@ -211,6 +211,98 @@ fn large_messages_are_read_back_too() {
             step: 1
         }
     );
+}
+
+/// Topics of a log with the number of messages and of points on each, by the public reader.
+fn counted_by_public_reader(path: &Path) -> Vec<(String, usize)> {
+    let bytes = std::fs::read(path).expect("exists");
+    let mut counts = BTreeMap::new();
+    for message in mcap::MessageStream::new(&bytes).expect("an MCAP file") {
+        let message = message.expect("a whole message");
+        *counts.entry(message.channel.topic.clone()).or_insert(0) += 1;
+    }
+    counts.into_iter().collect()
+}
+
+/// 128 bytes a point (16 numbers of f64) and 320 bytes of a checkpoint.
+#[test]
+fn a_state_beyond_the_limit_is_split_and_read_back_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut writer = create(&path);
+    writer.part_bytes = 128 * 15 + 127;
+    for step in 0..3 {
+        log_step(&mut writer, step, 40);
+    }
+    writer.part_bytes = 100;
+    log_step(&mut writer, 3, 40);
+    writer.finish().unwrap();
+    let (_folder, whole) = logged(4, 40);
+    let (whole, log) = (Log::open(whole).unwrap(), Log::open(&path).unwrap());
+    assert_same_content(&log, &whole);
+    for index in 0..4 {
+        assert_eq!(
+            log.checkpoint(index).unwrap(),
+            whole.checkpoint(index).unwrap()
+        );
+    }
+
+    let counts = counted_by_public_reader(&path);
+    let count = |topic: &str| {
+        let found = counts.iter().find(|(name, _)| name == topic);
+        found.map_or(0, |(_, count)| *count)
+    };
+    // 15 + 15 + 10 points three times, then one point a message
+    assert_eq!(["/plate/points", "/plate/points/3"].map(count), [4, 4]);
+    assert_eq!(["/plate/points/4", "/plate/points/40"].map(count), [1, 1]);
+    assert_eq!(count("/plate/points/41"), 0);
+    assert_eq!(
+        ["/checkpoint", "/checkpoint/2", "/checkpoint/4"].map(count),
+        [4, 1, 1]
+    );
+    assert_eq!(log.times(BODY).len(), 4);
+
+    let resumed = folder.path().join("resumed.mcap");
+    let mut writer = Writer::continue_from(&log, &resumed, 3).unwrap();
+    log_step(&mut writer, 4, 40);
+    writer.finish().unwrap();
+    let resumed = Log::open(resumed).unwrap();
+    assert_eq!(
+        resumed.cloud(BODY, 3).unwrap(),
+        whole.cloud(BODY, 3).unwrap()
+    );
+    assert_eq!(resumed.checkpoints().len(), 3);
+    assert_eq!(resumed.checkpoint(1).unwrap(), whole.checkpoint(3).unwrap());
+}
+
+#[test]
+fn a_log_cut_between_the_parts_of_a_state_lacks_that_state() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut writer = create(&path);
+    writer.part_bytes = 128 * 4_000;
+    let lengths: Vec<u64> = (0..2)
+        .map(|step| {
+            let cloud = some_cloud(time_of(step), 20_000, step);
+            log_cloud(&mut writer, Precision::F64, &cloud).unwrap();
+            writer.flush().unwrap();
+            std::fs::metadata(&path).unwrap().len()
+        })
+        .collect();
+    std::mem::forget(writer);
+    let bytes = std::fs::read(&path).unwrap();
+    let cut = folder.path().join("cut.mcap");
+    // all chunks are equally long but for rounding: in the second state, after one of five, ..., four
+    for part in 1..5 {
+        let end = lengths[0] + (lengths[1] - lengths[0]) * part / 5;
+        std::fs::write(&cut, &bytes[..end as usize]).unwrap();
+        let log = Log::open(&cut).unwrap();
+        assert_eq!(log.times(BODY), [time_of(0)]);
+        let expected = some_cloud(time_of(0), 20_000, 0);
+        assert_eq!(log.cloud(BODY, 0).unwrap(), expected);
+    }
+    std::fs::write(&cut, &bytes[..lengths[1] as usize]).unwrap();
+    assert_eq!(Log::open(&cut).unwrap().times(BODY).len(), 2);
 }
 
 #[test]
@@ -288,7 +380,7 @@ fn a_log_resumed_equals_one_never_interrupted() {
         writer.finish().unwrap();
         let resumed = Log::open(resumed).unwrap();
         assert_same_content(&resumed, &whole);
-        // of those before the interruption, the last two
+        // the last two checkpoints before the interruption are kept
         assert_eq!(resumed.checkpoints(), &whole.checkpoints()[1..]);
         assert_eq!(resumed.checkpoint(0).unwrap(), whole.checkpoint(1).unwrap());
         assert_eq!(resumed.checkpoint(3).unwrap(), whole.checkpoint(4).unwrap());
@@ -451,7 +543,7 @@ proptest! {
                     let step = step.expect("the time of a step");
                     let mut expected = some_cloud(time_of(step), 30, step);
                     expected.time = cloud.time;
-                    // units stand in a metadata record, which MCAP does not protect by a checksum
+                    // units are in a metadata record, which MCAP does not protect by a checksum
                     for (expected, field) in expected.fields.iter_mut().zip(&cloud.fields) {
                         expected.unit.clone_from(&field.unit);
                     }

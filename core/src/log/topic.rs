@@ -10,13 +10,16 @@ const POINTS: &str = "/points";
 /// What a topic holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Topic<'a> {
+    /// the point clouds of a body
     Points(&'a str),
+    /// a further part of the messages of another topic, see [`part`]
+    Part(&'a str),
     Probe(&'a str),
     Balance,
     Progress,
     Checkpoint,
     Index,
-    /// not ours
+    /// written by another tool
     Other,
 }
 
@@ -36,16 +39,28 @@ impl<'a> Topic<'a> {
                 {
                     Self::Points(body)
                 } else {
-                    Self::Other
+                    Self::further_part(name).unwrap_or(Self::Other)
                 }
             }
         }
     }
 
+    fn further_part(name: &'a str) -> Option<Self> {
+        let (first, number) = name.rsplit_once('/')?;
+        let is_number = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
+        (is_number && matches!(Self::of(first), Self::Points(_) | Self::Checkpoint))
+            .then_some(Self::Part(first))
+    }
+
     /// Point clouds and checkpoints are large and stay in the file until asked for.
     pub(super) fn is_large(self) -> bool {
-        matches!(self, Self::Points(_) | Self::Checkpoint)
+        matches!(self, Self::Points(_) | Self::Part(_) | Self::Checkpoint)
     }
+}
+
+/// Topic of part `number`, from 2, of the messages of topic `first`.
+pub(super) fn part(first: &str, number: usize) -> String {
+    format!("{first}/{number}")
 }
 
 pub(super) fn points(body: &str) -> String {

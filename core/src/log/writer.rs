@@ -7,6 +7,7 @@ use std::{
     collections::BTreeMap,
     fs::File,
     io::{BufWriter, Write},
+    ops::Range,
     path::{Path, PathBuf},
 };
 
@@ -21,14 +22,15 @@ use super::{
 /// Small messages are gathered into chunks of this many bytes, or until the next flush.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// A message from this size on gets a chunk of its own.
+/// A message of this size or larger is written to a separate chunk.
 const LARGE_BYTES: usize = 1 << 18;
 
-/// The largest protobuf message, less some room for what is not points.
-const MAX_CLOUD_BYTES: usize = (1 << 31) - (1 << 16);
+/// The largest payload of a message. Protobuf libraries refuse messages of 2 GiB; the remainder is
+/// room for what a message holds besides its points.
+const MAX_PART_BYTES: usize = (1 << 31) - (1 << 16);
 
 /// The log of a run being written. Dropping it closes the file as [`finish`](Self::finish)
-/// does, but nobody learns whether that worked.
+/// does, but ignores its error.
 pub struct Writer {
     path: PathBuf,
     mcap: mcap::Writer<BufWriter<File>>,
@@ -36,11 +38,16 @@ pub struct Writer {
     clock: Clock,
     /// the message being encoded; kept because point clouds are large
     buffer: Vec<u8>,
+    /// a larger state is split into messages of at most this many bytes of payload
+    pub(super) part_bytes: usize,
 }
 
 struct Channel {
     id: u16,
     next_sequence: u32,
+    schema: u16,
+    /// encoding of the messages
+    encoding: &'static str,
     /// names and units, of a time series
     columns: Vec<(String, String)>,
 }
@@ -98,7 +105,7 @@ impl Writer {
             // whole chunks are appended: a killed run never leaves half a header behind
             .disable_seeking(true)
             .compression(Some(Compression::Zstd))
-            // the cores belong to the solver: fast level, no threads of its own
+            // the solver uses all cores: fast compression, no additional threads
             .compression_level(1)
             .compression_threads(0)
             .create(BufWriter::new(file))
@@ -109,16 +116,18 @@ impl Writer {
             channels: BTreeMap::new(),
             clock: Clock::default(),
             buffer: Vec::new(),
+            part_bytes: MAX_PART_BYTES,
         };
         writer.describe(run, case_file_name, case_text)?;
         Ok(writer)
     }
 
-    /// Logs the points of a body on `/<body>/points`.
+    /// Logs the points of a body on `/<body>/points`, and on the topics of its parts if they take
+    /// more than 2 GiB, see the [module](super).
     ///
     /// # Errors
-    /// Unknown body, a field without as many values as its points need, a cloud beyond 2 GiB,
-    /// or the file cannot be written.
+    /// Unknown body, a field without as many values as its points need, or the file cannot be
+    /// written.
     pub fn points(
         &mut self,
         body: &str,
@@ -129,39 +138,20 @@ impl Writer {
         if !self.channels.contains_key(&topic) {
             return Err(self.unknown_body(body));
         }
-        for field in cloud.fields {
-            let (body, name) = (|| body.to_owned(), || field.name.to_owned());
-            if let Some(what) = point_cloud::objection(field.name, field.components) {
-                return Err(LogError::Field {
-                    body: body(),
-                    field: name(),
-                    what,
-                });
-            }
-            let expected = cloud.positions.len() * field.components;
-            let found = field.values.len();
-            if found != expected {
-                return Err(LogError::FieldLength {
-                    body: body(),
-                    field: name(),
-                    expected,
-                    found,
-                });
-            }
-        }
-        let bytes = cloud.positions.len() * point_cloud::point_stride(cloud, precision);
-        if bytes > MAX_CLOUD_BYTES {
-            return Err(LogError::CloudTooLarge {
-                body: body.into(),
-                bytes,
-            });
-        }
+        check_fields(body, cloud)?;
+        let points_per_part = self.part_bytes / point_cloud::point_stride(cloud, precision);
         let log_time = self.log_time(&topic, cloud.time)?;
         self.index(&topic, cloud.time, None)?;
         let mut buffer = std::mem::take(&mut self.buffer);
-        buffer.clear();
-        point_cloud::encode(&mut buffer, cloud, precision, log_time);
-        let written = self.write(&topic, log_time, &buffer);
+        let mut written = Ok(());
+        for (part, range) in parts(cloud.positions.len(), points_per_part) {
+            buffer.clear();
+            point_cloud::encode(&mut buffer, cloud, range, precision, log_time);
+            written = self.write_part(&topic, part, log_time, &buffer);
+            if written.is_err() {
+                break;
+            }
+        }
         self.buffer = buffer;
         written
     }
@@ -223,7 +213,7 @@ impl Writer {
         self.json(topic, time, &series::message(time, values))
     }
 
-    /// Logs how far the run has come.
+    /// Logs the progress of the run.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -235,14 +225,17 @@ impl Writer {
         self.json(topic::PROGRESS, progress.time, &message)
     }
 
-    /// Logs everything needed to go on after `step` macro steps.
+    /// Logs all data needed to resume after `step` macro steps.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn checkpoint(&mut self, time: f64, step: u64, state: &[u8]) -> Result<(), LogError> {
         let log_time = self.log_time(topic::CHECKPOINT, time)?;
         self.index(topic::CHECKPOINT, time, Some(step))?;
-        self.write(topic::CHECKPOINT, log_time, state)
+        for (part, range) in parts(state.len(), self.part_bytes) {
+            self.write_part(topic::CHECKPOINT, part, log_time, &state[range])?;
+        }
+        Ok(())
     }
 
     /// Ends the chunk and hands everything to the operating system: what was logged up to here
@@ -295,6 +288,22 @@ impl Writer {
         }
     }
 
+    /// Writes part number `part` (from 1) of a state whose first part belongs to `topic`.
+    fn write_part(
+        &mut self,
+        topic: &str,
+        part: usize,
+        log_time: u64,
+        data: &[u8],
+    ) -> Result<(), LogError> {
+        if part == 1 {
+            return self.write(topic, log_time, data);
+        }
+        let part_topic = topic::part(topic, part);
+        self.declare_part(&part_topic, topic)?;
+        self.write(&part_topic, log_time, data)
+    }
+
     /// Writes a message to a declared channel.
     fn write(&mut self, topic: &str, log_time: u64, data: &[u8]) -> Result<(), LogError> {
         let channel = self
@@ -335,6 +344,41 @@ impl Writer {
             known: known.collect(),
         }
     }
+}
+
+/// Number and range of the parts of at most `size` items that `count` items are split into; at
+/// least one part. The first part comes last, so that a state whose first part has been written is
+/// complete, also in a log that was cut off.
+fn parts(count: usize, size: usize) -> impl Iterator<Item = (usize, Range<usize>)> {
+    let size = size.max(1);
+    (0..count.div_ceil(size).max(1)).rev().map(move |index| {
+        let start = index * size;
+        (index + 1, start..count.min(start + size))
+    })
+}
+
+/// Whether all fields can be packed and have as many values as the points need.
+fn check_fields(body: &str, cloud: &CloudView) -> Result<(), LogError> {
+    for field in cloud.fields {
+        if let Some(what) = point_cloud::objection(field.name, field.components) {
+            return Err(LogError::Field {
+                body: body.into(),
+                field: field.name.into(),
+                what,
+            });
+        }
+        let expected = cloud.positions.len() * field.components;
+        let found = field.values.len();
+        if found != expected {
+            return Err(LogError::FieldLength {
+                body: body.into(),
+                field: field.name.into(),
+                expected,
+                found,
+            });
+        }
+    }
+    Ok(())
 }
 
 fn write_error(path: &Path, source: McapError) -> LogError {

@@ -9,8 +9,8 @@
 //! h(θ) = ∫ C dθ,  h(θ_s) = 0                                       [J/m³]
 //! ```
 //!
-//! The density is the constant reference density: mass is kept, volume change on melting is
-//! mechanics. With a specific heat piecewise linear in temperature, h is piecewise quadratic
+//! The density is the constant reference density: mass is conserved, and the volume change on melting
+//! belongs to the mechanics. With a specific heat piecewise linear in temperature, h is piecewise quadratic
 //! and both directions are exact. Not for vaporisation: above the liquidus the liquid stays
 //! liquid at any temperature.
 
@@ -26,14 +26,14 @@ use pieces::{Piece, VolumetricCapacity};
 /// Temperature (K) at which enthalpy is zero in a material that does not melt.
 pub const REFERENCE_TEMPERATURE: f64 = 293.15;
 
-/// What heats up between solidus and liquidus.
+/// Heat capacity between solidus and liquidus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MushyCapacity {
-    /// Latent heat alone: the interval takes up ρL exactly (Wang (2025), eq. 7.11).
+    /// Latent heat only: the interval absorbs exactly ρL (Wang (2025), eq. 7.11).
     LatentOnly,
-    /// Latent heat and specific heat: the interval takes up ρL + ρ∫c dθ, as measured
-    /// specific and latent heats mean it.
+    /// Latent heat and specific heat: the interval absorbs ρL + ρ∫c dθ, the convention of measured
+    /// specific and latent heats.
     #[default]
     LatentPlusSensible,
 }
@@ -59,7 +59,7 @@ pub struct LatentHeat {
     pub liquidus: f64,
     /// Heat of fusion (J/kg).
     pub latent_heat: f64,
-    /// What heats up in the interval.
+    /// Heat capacity in the interval.
     pub mushy_capacity: MushyCapacity,
     /// How a step finds the new temperature.
     pub form: LatentHeatForm,
@@ -104,7 +104,7 @@ pub enum EnthalpyError {
     },
     /// The specific heat is given by phase, but there are no phases.
     #[error(
-        "the specific heat differs between solid and liquid, but nothing says where the material \
+        "the specific heat differs between solid and liquid, but solidus and liquidus are missing: the material \
          melts; give it a solidus, a liquidus and a latent heat and the case the coupler \
          `phase_change`, or the material one specific heat"
     )]
@@ -115,7 +115,7 @@ pub enum EnthalpyError {
 ///
 /// h is 0 at the solidus, or at [`REFERENCE_TEMPERATURE`] in a material that does not melt.
 /// Beyond the rows of a specific heat table the capacity stays constant, so every finite
-/// temperature and enthalpy has its partner.
+/// temperature has an enthalpy and vice versa.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EnthalpyCurve {
     /// Where piece 1, 2, ... starts, as temperature and as enthalpy; piece 0 lies below.
@@ -131,7 +131,7 @@ pub struct EnthalpyCurve {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Melting {
     latent: LatentHeat,
-    /// Capacity at the liquidus, counted as mushy.
+    /// Capacity at the liquidus, which belongs to the interval.
     capacity_at_liquidus: f64,
 }
 
@@ -139,12 +139,12 @@ impl EnthalpyCurve {
     /// Builds the curve from density (kg/m³), specific heat (J/(kg K)) and melting.
     ///
     /// A specific heat by phase takes its solid value up to the solidus, its liquid value from
-    /// the liquidus on, and between them (felt by `latent_plus_sensible` only) the straight line
+    /// the liquidus on, and between them (used by `latent_plus_sensible` only) the straight line
     /// from c_solid(θ_s) to c_liquid(θ_l).
     ///
     /// # Errors
     /// [`EnthalpyError`] when a value is not positive, the liquidus lies below the solidus, the
-    /// interval has no capacity, or the apparent form is asked of an isothermal melting.
+    /// interval has no capacity, or the apparent form is requested for isothermal melting.
     pub fn new(
         density: f64,
         specific_heat: &Property,
@@ -213,7 +213,7 @@ impl EnthalpyCurve {
         self.pieces[piece_index(&self.enthalpies, enthalpy)].temperature(enthalpy)
     }
 
-    /// Slope dh/dθ (J/(m³ K)); solidus and liquidus both count as mushy.
+    /// Slope dh/dθ (J/(m³ K)); solidus and liquidus both belong to the interval.
     ///
     /// At an isothermal melting temperature, where h jumps, it is that of the solid.
     pub fn capacity(&self, temperature: f64) -> f64 {
@@ -223,10 +223,10 @@ impl EnthalpyCurve {
         }
     }
 
-    /// Share of liquid, clamp((θ − θ_s)/(θ_l − θ_s), 0, 1); 0 in a material that does not melt.
+    /// Liquid fraction, clamp((θ − θ_s)/(θ_l − θ_s), 0, 1); 0 in a material that does not melt.
     ///
     /// At an isothermal melting temperature it is 1, as [`Self::enthalpy`] is there; only
-    /// [`Self::liquid_fraction_from_enthalpy`] tells a half-molten point.
+    /// [`Self::liquid_fraction_from_enthalpy`] distinguishes a partly molten point.
     pub fn liquid_fraction(&self, temperature: f64) -> f64 {
         let Some(LatentHeat {
             solidus, liquidus, ..
@@ -243,7 +243,7 @@ impl EnthalpyCurve {
         }
     }
 
-    /// Share of liquid at an enthalpy (J/m³); for an isothermal melting clamp(h/(ρL), 0, 1).
+    /// Liquid fraction at an enthalpy (J/m³); for an isothermal melting clamp(h/(ρL), 0, 1).
     pub fn liquid_fraction_from_enthalpy(&self, enthalpy: f64) -> f64 {
         match &self.melting {
             Some(Melting { latent, .. }) if latent.solidus == latent.liquidus => {
@@ -281,7 +281,7 @@ impl EnthalpyCurve {
         self.melting.as_ref().map(|melting| &melting.latent)
     }
 
-    /// Least capacity (J/(m³ K)) at any temperature: decides the stable step.
+    /// Smallest capacity (J/(m³ K)) at any temperature, which determines the stable step.
     pub fn minimum_capacity(&self) -> f64 {
         self.minimum_capacity
     }

@@ -1,4 +1,4 @@
-//! Every file of the material library parses and its curves are sane.
+//! Every file of the material library can be parsed, and its values are within plausible ranges.
 
 use std::fs;
 use std::path::Path;

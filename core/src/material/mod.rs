@@ -1,7 +1,7 @@
 //! Materials: named sets of properties, each constant or a function of temperature and phase.
 //!
 //! - [`Table`]: a value at rows of increasing temperature (or time), piecewise linear, clamped;
-//! - [`Property`]: a number, a table, or one of these for solid and liquid apart;
+//! - [`Property`]: a number, a table, or one of these for each of solid and liquid;
 //! - [`PropertyKey`], [`known_properties`]: which properties there are, with units and allowed
 //!   values; a plugin may register more;
 //! - [`MaterialSection`]: how a case file or a library file writes a material, with its mistakes
@@ -46,17 +46,17 @@ pub enum MaterialError {
     UnknownProperty {
         /// Name as written.
         property: String,
-        /// Valid name most like it.
+        /// Nearest valid name.
         nearest: Option<String>,
     },
-    /// A property takes a value that it cannot have.
+    /// A value outside the range of its property.
     #[error("`{property}` must be {range} [{unit}], but is {value}")]
     OutOfRange {
         /// Name of the property.
         property: &'static str,
         /// The offending value.
         value: f64,
-        /// Values allowed.
+        /// Allowed values.
         range: ValueRange,
         /// Unit of the property.
         unit: &'static str,
@@ -73,7 +73,7 @@ pub enum MaterialError {
         /// Liquidus (K).
         liquidus: f64,
     },
-    /// A property that somebody needs is not given.
+    /// A property that a plugin needs is not given.
     #[error("material `{material}` has no `{property}`{}; add it", described(.property))]
     Missing {
         /// Name of the material.

@@ -76,7 +76,7 @@ impl Property {
         first.filter(|_| properties.iter().all(|p| p.constant() == first))
     }
 
-    /// Whether solid and liquid are given apart.
+    /// Whether solid and liquid have separate properties.
     pub fn is_by_phase(&self) -> bool {
         matches!(self, Self::ByPhase { .. })
     }
@@ -286,7 +286,7 @@ impl JsonSchema for Property {
                 table,
                 {
                     "type": "object",
-                    "description": "Solid and liquid apart, mixed linearly by liquid fraction",
+                    "description": "Separate properties of solid and liquid, mixed linearly by liquid fraction",
                     "properties": {
                         "solid": { "description": "Property of the solid", "anyOf": [number, table] },
                         "liquid": { "description": "Property of the liquid", "anyOf": [number, table] }

@@ -1,6 +1,6 @@
 //! The names, units and allowed values of material properties.
 //!
-//! A plugin that needs a property of its own registers it where it is defined:
+//! A plugin registers additional properties where it defines them:
 //!
 //! ```
 //! use perimelt_core::material::{PropertyKey, ValueRange};
@@ -74,7 +74,7 @@ pub const COMMON_PROPERTIES: &[PropertyKey] = &[
     key(
         "density",
         "kg/m³",
-        "mass per volume at the reference state (mass is kept, so it does not follow temperature in heat conduction)",
+        "mass per volume at the reference state (heat conduction conserves mass and uses it at all temperatures)",
         ValueRange::Positive,
     ),
     key(
@@ -147,13 +147,13 @@ pub const COMMON_PROPERTIES: &[PropertyKey] = &[
     key(
         "fracture_energy",
         "J/m²",
-        "energy that a unit of crack area takes (critical energy release rate)",
+        "fracture energy per crack area (critical energy release rate)",
         ValueRange::Positive,
     ),
     key(
         "critical_stretch",
         "1",
-        "stretch at which bonds break, in place of the one from `fracture_energy`",
+        "critical stretch of bonds, instead of that from `fracture_energy`",
         ValueRange::Positive,
     ),
     key(
@@ -165,7 +165,7 @@ pub const COMMON_PROPERTIES: &[PropertyKey] = &[
     key(
         "absorptivity",
         "1",
-        "absorbed share of a laser beam (wavelength near 1 µm)",
+        "absorbed fraction of a laser beam (wavelength near 1 µm)",
         ValueRange::Between(0.0, 1.0),
     ),
     key(
@@ -208,12 +208,12 @@ pub fn find_property(name: &str) -> Option<&'static PropertyKey> {
     known_properties().find(|key| key.name == name)
 }
 
-/// The candidate most like `name`, unless none is like it.
+/// The candidate that is most similar to `name`, if one is similar.
 pub(crate) fn nearest_name<'a>(
     name: &str,
     candidates: impl Iterator<Item = &'a str>,
 ) -> Option<String> {
-    // below 0.4 the shared letters are chance: `foo` would suggest `solidus`
+    // below 0.4 unrelated names match: `foo` would suggest `solidus`
     const LEAST_SIMILARITY: f64 = 0.4;
     let name = name.to_lowercase();
     candidates

@@ -141,7 +141,7 @@ fn stores_agree_and_layers_count() {
 fn interpolation_from_displaced_points_is_exact_for_polynomials_of_the_order() {
     let body = block([15, 15, 1], 0.1)
         .jittered(Jitter {
-            share: 0.3,
+            amplitude: 0.3,
             seed: 3,
         })
         .expect("a valid share");
@@ -174,7 +174,7 @@ proptest! {
     ) {
         let horizon = order as f64 + 1.015;
         let cells = [[24, 1, 1], [11, 11, 1], [8, 8, 8]][dimension - 1];
-        let body = block(cells, 1.0).jittered(Jitter { share: 0.2, seed }).expect("a valid share");
+        let body = block(cells, 1.0).jittered(Jitter { amplitude: 0.2, seed }).expect("a valid amplitude");
         let pddo = operator(&body, horizon, order, false);
         let powers = pddo.exponents().to_vec();
         let centre = Vector3::new(4.0, 4.0, 4.0);
@@ -208,7 +208,7 @@ fn a_periodic_body_sees_itself_behind_its_faces() {
     let mut cloud = body
         .clone()
         .jittered(Jitter {
-            share: 0.0,
+            amplitude: 0.0,
             seed: 1,
         })
         .expect("a valid share");
@@ -234,7 +234,7 @@ fn a_periodic_body_sees_itself_behind_its_faces() {
     assert!(body.surface(&Face::ALL).is_empty());
     body.dimension = 1;
     let error = body.repeat(&[Axis::Y]).expect_err("no such axis");
-    assert!(error.to_string().contains("repeated along y"), "{error}");
+    assert!(error.to_string().contains("periodic along y"), "{error}");
 }
 
 #[test]

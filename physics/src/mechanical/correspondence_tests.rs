@@ -24,7 +24,7 @@ fn body(cells: [usize; 3], store: &str) -> Body {
     };
     let body = block(cells, dimension, 1e-3, kind, STEEL);
     let jitter = Jitter {
-        share: 0.2,
+        amplitude: 0.2,
         seed: 1,
     };
     match store {

@@ -22,7 +22,7 @@ fn plate(keys: &str) -> Simulation {
     let zones = [zone(0.0, 0.02, 1e-3), zone(0.02, 0.04, 2e-3)];
     let body = Body::fill_zones("plate", &shape, 2, 0.1, &zones).expect("valid zones");
     let jitter = Jitter {
-        share: 0.1,
+        amplitude: 0.1,
         seed: 1,
     };
     let mut body = body.jittered(jitter).expect("valid");

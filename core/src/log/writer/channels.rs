@@ -89,30 +89,52 @@ impl Writer {
         &mut self,
         topic: &str,
         schema: (&str, &str, &[u8]),
-        encoding: &str,
+        encoding: &'static str,
         columns: Vec<(String, String)>,
     ) -> Result<(), LogError> {
         if self.channels.contains_key(topic) {
             return Ok(());
         }
         let (name, schema_encoding, data) = schema;
-        let id = self
+        let schema = self
             .mcap
             .add_schema(name, schema_encoding, data)
-            .and_then(|schema| {
-                self.mcap
-                    .add_channel(schema, topic, encoding, &BTreeMap::new())
-            })
             .map_err(|source| write_error(&self.path, source))?;
-        self.channels.insert(
-            topic.into(),
-            Channel {
-                id,
-                next_sequence: 0,
-                columns,
-            },
-        );
+        self.add_channel(topic, schema, encoding, columns)
+    }
+
+    fn add_channel(
+        &mut self,
+        topic: &str,
+        schema: u16,
+        encoding: &'static str,
+        columns: Vec<(String, String)>,
+    ) -> Result<(), LogError> {
+        let id = self
+            .mcap
+            .add_channel(schema, topic, encoding, &BTreeMap::new())
+            .map_err(|source| write_error(&self.path, source))?;
+        let channel = Channel {
+            id,
+            next_sequence: 0,
+            schema,
+            encoding,
+            columns,
+        };
+        self.channels.insert(topic.into(), channel);
         Ok(())
+    }
+
+    /// Declares the channel of a part, if it is not yet, with the schema of the `first` part.
+    pub(super) fn declare_part(&mut self, topic: &str, first: &str) -> Result<(), LogError> {
+        if self.channels.contains_key(topic) {
+            return Ok(());
+        }
+        let Some(first) = self.channels.get(first) else {
+            return Ok(());
+        };
+        let (schema, encoding) = (first.schema, first.encoding);
+        self.add_channel(topic, schema, encoding, Vec::new())
     }
 }
 

@@ -13,7 +13,7 @@ use crate::log::{
 impl Writer {
     /// Starts the log of a run resumed from checkpoint number `checkpoint` of an older log:
     /// copies everything logged up to and including the time of that checkpoint, of the
-    /// checkpoints only that one and the one before, and goes on from there. A step should
+    /// checkpoints only that one and the one before, and continues from there. A step should
     /// therefore log its checkpoint last.
     ///
     /// # Errors
@@ -34,7 +34,7 @@ impl Writer {
         old.visit_messages(|topic, schema, header, data| {
             let outdated = header.log_time < oldest_checkpoint
                 && match Topic::of(topic) {
-                    Topic::Checkpoint => true,
+                    Topic::Checkpoint | Topic::Part(topic::CHECKPOINT) => true,
                     Topic::Index => IndexLine::parse(data)?.topic == topic::CHECKPOINT,
                     _ => false,
                 };
@@ -47,6 +47,9 @@ impl Writer {
                     source,
                 })?;
                 writer.declare_series(topic, columns)?;
+            }
+            if let Topic::Part(first) = Topic::of(topic) {
+                writer.declare_part(topic, first)?;
             }
             // anything else unknown was added by another tool and is not the run's
             if let Some(channel) = writer.channels.get_mut(topic) {

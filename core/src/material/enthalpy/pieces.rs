@@ -55,7 +55,7 @@ pub struct VolumetricCapacity<'a> {
 }
 
 impl VolumetricCapacity<'_> {
-    /// Temperatures between which the capacity is linear; an isothermal melting stands twice.
+    /// Temperatures between which the capacity is linear; the temperature of isothermal melting occurs twice.
     pub fn knots(&self) -> Vec<f64> {
         let mut knots = self.specific_heat.temperatures();
         match self.latent {
@@ -102,7 +102,7 @@ impl VolumetricCapacity<'_> {
     fn ends(&self, left: f64, right: f64) -> (f64, f64) {
         let liquid_fraction = match self.latent {
             Some(latent) if left >= latent.solidus && right <= latent.liquidus => {
-                // an isothermal jump gets an infinite capacity: θ stays whatever h does
+                // an isothermal jump gets an infinite capacity: θ does not change with h
                 let evenly = self.density * latent.latent_heat / (latent.liquidus - latent.solidus);
                 return match latent.mushy_capacity {
                     _ if left == right => (f64::INFINITY, f64::INFINITY),
@@ -124,8 +124,8 @@ impl VolumetricCapacity<'_> {
 
     /// Enthalpy at the knots, 0 at the reference.
     ///
-    /// Summed outwards from the zero, so that the mushy interval carries no rounding of its
-    /// neighbours. Piece i + 1 lies between knots i and i + 1.
+    /// Summed outwards from the zero, so that the enthalpies of the melting interval contain no rounding errors of the
+    /// neighbouring pieces. Piece i + 1 lies between knots i and i + 1.
     pub fn knot_enthalpies(&self, knots: &[f64], pieces: &[Piece]) -> Vec<f64> {
         let reference = self
             .latent

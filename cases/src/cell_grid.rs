@@ -1,12 +1,12 @@
-//! The lattice that a logged cloud of points sits on.
+//! Uniform grid of cells through the points of a body or of a logged cloud.
 
-/// Cells beyond this many per point mean that the points are not on a lattice (a single runaway
-/// point would otherwise ask for any amount of memory).
+/// Cells beyond this many per point mean that the points are not on a lattice (a single
+/// remote point would otherwise need any amount of memory).
 const MAX_CELLS_PER_POINT: usize = 64;
 
 /// Uniform grid of cells through the points of a cloud.
 #[derive(Clone, Debug)]
-pub(crate) struct Grid {
+pub(crate) struct CellGrid {
     /// centre of cell (0, 0, 0), m
     pub origin: [f64; 3],
     /// edge of a cell, m
@@ -19,7 +19,7 @@ pub(crate) struct Grid {
     covered: Option<Vec<(usize, [usize; 3])>>,
 }
 
-impl Grid {
+impl CellGrid {
     /// Sorts points (m) into cells of `spacing` (m); `None` if there are no points, if one is not
     /// finite, or if they are scattered too widely for a grid.
     pub(crate) fn new(positions: &[[f64; 3]], spacing: f64) -> Option<Self> {
@@ -63,11 +63,11 @@ impl Grid {
         })
     }
 
-    /// Cells of the smallest of the `spacings` (m), each of the nearest point in spacings of that
-    /// point; `None` as in [`Grid::new`]. Points between the cells of a grid, and of any grid, leave
-    /// no gaps that way.
+    /// Grid with cells of the smallest of the `spacings` (m). A cell belongs to the point that is nearest in
+    /// spacings of that point, so that displaced points and points of several spacings leave no gaps; `None` as in
+    /// [`CellGrid::new`].
     pub(crate) fn of_spacings(positions: &[[f64; 3]], spacings: &[f64]) -> Option<Self> {
-        /// cells of displaced points may lack a part of this size, in spacings
+        /// cells of displaced points can be incomplete by this length, in spacings
         const SLACK: f64 = 0.25;
         let finest = spacings.iter().copied().fold(f64::INFINITY, f64::min);
         let points = || positions.iter().zip(spacings);
@@ -117,7 +117,7 @@ impl Grid {
                         };
                         let away = away(0, i).max(away(1, j)).max(away(2, k));
                         let best = &mut nearest[(k * cells[1] + j) * cells[0] + i];
-                        // a millionth: which of two points at one distance must not be chance
+                        // a millionth: the choice between two points at equal distance must not depend on rounding
                         if away < best.0 - 1e-6 {
                             *best = (away, point);
                         }
@@ -187,7 +187,7 @@ mod tests {
     #[test]
     fn points_fall_into_their_cells_despite_rounding() {
         let positions = [[0.05, 0.0, 0.0], [0.15 + 1e-9, 0.0, 0.0], [0.35, 0.1, 0.0]];
-        let grid = Grid::new(&positions, 0.1).expect("a lattice");
+        let grid = CellGrid::new(&positions, 0.1).expect("a lattice");
         assert_eq!(grid.cells, [4, 2, 1]);
         assert_eq!(grid.cell_of_point, [[0, 0, 0], [1, 0, 0], [3, 1, 0]]);
         let values = grid.by_cell(&[1.0, 2.0, 3.0]);
@@ -200,19 +200,19 @@ mod tests {
     fn points_cover_the_cells_of_their_own_size_even_when_displaced() {
         // two fine points beside a coarse one
         let positions = [[0.05, 0.06, 0.0], [0.04, 0.15, 0.0], [0.2, 0.1, 0.0]];
-        let grid = Grid::of_spacings(&positions, &[0.1, 0.1, 0.2]).expect("near each other");
+        let grid = CellGrid::of_spacings(&positions, &[0.1, 0.1, 0.2]).expect("near each other");
         assert_eq!(grid.cells, [3, 2, 1]);
         assert_eq!(
             grid.by_cell(&[1.0, 2.0, 3.0]),
             [1.0, 3.0, 3.0, 2.0, 3.0, 3.0]
         );
-        assert!(Grid::of_spacings(&[[0.0; 3], [1e30, 0.0, 0.0]], &[0.1; 2]).is_none());
+        assert!(CellGrid::of_spacings(&[[0.0; 3], [1e30, 0.0, 0.0]], &[0.1; 2]).is_none());
     }
 
     #[test]
     fn a_runaway_point_is_refused_and_not_allocated_for() {
-        assert!(Grid::new(&[[0.0; 3], [1e30, 0.0, 0.0]], 0.1).is_none());
-        assert!(Grid::new(&[[0.0; 3], [f64::NAN, 0.0, 0.0]], 0.1).is_none());
-        assert!(Grid::new(&[], 0.1).is_none());
+        assert!(CellGrid::new(&[[0.0; 3], [1e30, 0.0, 0.0]], 0.1).is_none());
+        assert!(CellGrid::new(&[[0.0; 3], [f64::NAN, 0.0, 0.0]], 0.1).is_none());
+        assert!(CellGrid::new(&[], 0.1).is_none());
     }
 }

@@ -1,0 +1,256 @@
+//! Fields between the points of a body: Lagrange interpolation on a lattice, a linear fit on a
+//! cloud. Probes and checks read fields at positions in this way only.
+//!
+//! Beyond the outermost points the field continues as its mirror image at the face, so that the
+//! value on a face is `(9 T1 - T2) / 8` from the two outermost points (cubic) or `T1` (linear).
+
+use nalgebra::Vector3;
+use perimelt_core::body::{Discretisation, Lattice};
+use perimelt_core::{Body, SetupError, World};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::probe::Component;
+
+/// How a field is read between points. Beyond the outermost points, up to the face, it continues
+/// as its mirror image, as it does at an insulated face or a plane of symmetry.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Interpolation {
+    /// Through four points along each axis.
+    #[default]
+    Cubic,
+    /// Through two.
+    Linear,
+}
+
+/// Points and their weights; the weighted sum of a field over them is its value at a position.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Weights(pub Vec<(usize, f64)>);
+
+impl Weights {
+    /// The weights at `position` (m) in the reference configuration. Mistakes are reported at
+    /// `key`.
+    ///
+    /// Linear interpolation leaves out cells of a lattice that have no point, as beside a curved
+    /// surface, and scales the other weights up.
+    ///
+    /// # Errors
+    /// The position lies off the body, or cubic interpolation is asked for where there is no
+    /// complete lattice around it.
+    pub fn at(
+        body: &Body,
+        position: [f64; 3],
+        interpolation: Interpolation,
+        key: &str,
+    ) -> Result<Weights, SetupError> {
+        let found = match &body.discretisation {
+            Discretisation::Lattice(lattice) => {
+                on_lattice(lattice, body.dimension, position, interpolation)
+            }
+            Discretisation::Cloud(_) if interpolation == Interpolation::Cubic => {
+                let message = format!(
+                    "the points of body `{}` do not form a lattice, which cubic interpolation needs",
+                    body.name
+                );
+                return Err(SetupError::value(
+                    key,
+                    message,
+                    "`interpolation = \"linear\"`",
+                ));
+            }
+            Discretisation::Cloud(_) if !is_within(body, position) => None,
+            Discretisation::Cloud(cloud) => {
+                cloud.weights(&body.points, body.dimension, &position.into())
+            }
+        };
+        found
+            .map(Weights)
+            .ok_or_else(|| off_body(body, position, key))
+    }
+
+    /// The value of a field at the position.
+    pub(crate) fn value(&self, component: Component, world: &World) -> f64 {
+        let terms = self.0.iter();
+        terms
+            .map(|&(point, weight)| weight * component.at(world, point))
+            .sum()
+    }
+}
+
+/// Points and weights on a lattice; `None` where there are not enough points.
+fn on_lattice(
+    lattice: &Lattice,
+    dimension: usize,
+    position: [f64; 3],
+    interpolation: Interpolation,
+) -> Option<Vec<(usize, f64)>> {
+    let relative = (Vector3::from(position) - lattice.origin) / lattice.spacing;
+    let mut axes: [Vec<(i64, f64)>; 3] = std::array::from_fn(|_| vec![(0, 1.0)]);
+    for axis in 0..dimension {
+        axes[axis] = along(relative[axis] - 0.5, lattice.cells[axis], interpolation)?;
+    }
+    let [xs, ys, zs] = &axes;
+    let mut weights = Vec::new();
+    let mut left_out = false;
+    for (z, wz) in zs {
+        for (y, wy) in ys {
+            for (x, wx) in xs {
+                match lattice.point([*x, *y, *z]) {
+                    Some(point) => weights.push((point, wx * wy * wz)),
+                    None if interpolation == Interpolation::Linear => left_out = true,
+                    None => return None,
+                }
+            }
+        }
+    }
+    if left_out {
+        let total: f64 = weights.iter().map(|(_, weight)| weight).sum();
+        // also where there is no point at all
+        if total < 1e-6 {
+            return None;
+        }
+        weights.iter_mut().for_each(|(_, weight)| *weight /= total);
+    }
+    Some(weights)
+}
+
+/// Cells and weights along an axis; `at` counts cells from the first centre.
+fn along(at: f64, cells: usize, interpolation: Interpolation) -> Option<Vec<(i64, f64)>> {
+    let last = cells as i64 - 1;
+    if !(at > -0.5 - 1e-6 && at < last as f64 + 0.5 + 1e-6) {
+        return None;
+    }
+    // a position on a cell centre, but for rounding, is that point alone
+    if (at - at.round()).abs() < 1e-6 {
+        return Some(vec![(at.round() as i64, 1.0)]);
+    }
+    let low = at.floor();
+    let t = at - low;
+    let nodes: Vec<(i64, f64)> = match interpolation {
+        Interpolation::Linear => vec![(0, 1.0 - t), (1, t)],
+        Interpolation::Cubic => vec![
+            (-1, -t * (t - 1.0) * (t - 2.0) / 6.0),
+            (0, (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0),
+            (1, -(t + 1.0) * t * (t - 2.0) / 2.0),
+            (2, (t + 1.0) * t * (t - 1.0) / 6.0),
+        ],
+    };
+    let mirrored = |cell: i64| {
+        let period = 2 * (last + 1);
+        let folded = cell.rem_euclid(period);
+        folded.min(period - 1 - folded)
+    };
+    Some(
+        nodes
+            .into_iter()
+            .map(|(step, weight)| (mirrored(low as i64 + step), weight))
+            .collect(),
+    )
+}
+
+/// Whether a position (m) lies within the bounding box of the cells, but for rounding.
+fn is_within(body: &Body, position: [f64; 3]) -> bool {
+    let near = 1e-6 * body.finest_spacing();
+    let (min, max) = body.bounds();
+    (0..body.dimension).all(|a| position[a] >= min[a] - near && position[a] <= max[a] + near)
+}
+
+fn off_body(body: &Body, [x, y, z]: [f64; 3], key: &str) -> SetupError {
+    let (min, max) = body.bounds();
+    let message = format!("no point of body `{}` is near [{x}, {y}, {z}]", body.name);
+    let expected = format!(
+        "a position on the body, within {:?} and {:?} m",
+        min.as_slice(),
+        max.as_slice()
+    );
+    SetupError::value(key, message, expected)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use perimelt_core::shape::{BoxShape, Shape};
+
+    fn block() -> Body {
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [4.0, 3.0, 2.0],
+        });
+        Body::fill("block", &shape, 3, 0.25, 1.0).expect("a valid block")
+    }
+
+    fn value(
+        body: &Body,
+        position: [f64; 3],
+        kind: Interpolation,
+        field: impl Fn(&Vector3<f64>) -> f64,
+    ) -> f64 {
+        let weights = Weights::at(body, position, kind, "key").expect("on the body");
+        weights
+            .0
+            .iter()
+            .map(|&(p, w)| w * field(&body.points.position[p]))
+            .sum()
+    }
+
+    #[test]
+    fn a_cubic_field_is_exact_away_from_the_faces() {
+        let body = block();
+        let field = |p: &Vector3<f64>| p.x.powi(3) - 2.0 * p.x * p.y * p.y + p.z;
+        for position in [[1.1, 1.3, 0.9], [2.0, 1.5, 1.0]] {
+            let exact = field(&position.into());
+            // rounding of 64 terms of order one
+            assert!((value(&body, position, Interpolation::Cubic, field) - exact).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn linear_interpolation_leaves_out_missing_points_and_cubic_refuses_them() {
+        let ball = Shape::Sphere(perimelt_core::shape::Sphere {
+            centre: [0.0; 3],
+            radius: 1.0,
+        });
+        let body = Body::fill("ball", &ball, 3, 0.25, 1.0).expect("a valid ball");
+        // the cell centre at (0.625, 0.625, 0.625) lies outside, its neighbours along x, y, z inside
+        let position = [0.55, 0.5, 0.5];
+        let linear = value(&body, position, Interpolation::Linear, |_| 7.0);
+        // rounding of seven terms
+        assert!((linear - 7.0).abs() < 1e-14, "{linear}");
+        assert!(Weights::at(&body, position, Interpolation::Cubic, "key").is_err());
+    }
+
+    #[test]
+    fn an_even_field_is_extrapolated_to_the_face() {
+        let body = block();
+        let field = |p: &Vector3<f64>| 1.0 + p.x * p.x;
+        let on_face = value(&body, [0.0, 1.125, 1.125], Interpolation::Cubic, field);
+        assert!(
+            (on_face - 1.0).abs() < 1e-14,
+            "parabola with its top on the face: {on_face}"
+        );
+        let linear = value(&body, [0.0, 1.125, 1.125], Interpolation::Linear, field);
+        assert_eq!(linear, 1.0 + 0.125 * 0.125, "the outermost point");
+    }
+
+    #[test]
+    fn a_cell_centre_is_that_point_and_a_position_outside_is_refused() {
+        let body = block();
+        for kind in [Interpolation::Cubic, Interpolation::Linear] {
+            let centre = Weights::at(&body, [0.125; 3], kind, "key").expect("on the body");
+            assert_eq!(centre.0, [(0, 1.0)]);
+            for outside in [-0.01, f64::NAN] {
+                let error = Weights::at(&body, [outside, 1.0, 1.0], kind, "key");
+                assert_eq!(error.expect_err("off the body").key, "key");
+            }
+        }
+    }
+
+    #[test]
+    fn a_single_row_of_cells_is_its_own_mirror_image() {
+        assert_eq!(
+            along(0.3, 1, Interpolation::Linear),
+            Some(vec![(0, 0.7), (0, 0.3)])
+        );
+    }
+}

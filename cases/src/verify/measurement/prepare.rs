@@ -1,0 +1,305 @@
+//! Bodies, fields and points that a `measure` key names.
+
+use nalgebra::Vector3;
+use perimelt_core::{Body, Problem, SetupError, Simulation};
+
+use super::sample::Sampler;
+use crate::case::sections::{ProbeKind, ProbeSection, RegionProbe, Statistic};
+use crate::interpolation::{Interpolation, Weights};
+use crate::melt_pool::{MeltPoolGauge, Travel};
+use crate::probe::{Component, Probe, find_body, find_field, points_of};
+use crate::verify::check::{
+    BalanceMeasure, CrossingMeasure, DeviationMeasure, FieldMeasure, HistoryMeasure, Measure,
+    MeltPoolMeasure, OnsetMeasure, PassingMeasure, PlaceMeasure, ReportMeasure, StatisticMeasure,
+    TipMeasure,
+};
+
+/// When the values of a measurement are taken.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Schedule {
+    /// s; the end when left out.
+    pub(super) time: Option<f64>,
+    /// From when on the mean is taken, s; one state alone when left out.
+    pub(super) since: Option<f64>,
+}
+
+impl From<Option<f64>> for Schedule {
+    fn from(time: Option<f64>) -> Self {
+        Self { time, since: None }
+    }
+}
+
+/// The sampler of a measurement and when it is to be asked.
+///
+/// # Errors
+/// The key at fault.
+pub(super) fn sampler(
+    measure: &Measure,
+    simulation: &Simulation,
+) -> Result<(Sampler, Schedule), SetupError> {
+    let each_step = Schedule::default();
+    let moving_body = |name: &Option<String>| find_moving_body(simulation, name.as_deref());
+    Ok(match measure {
+        Measure::Field(m) => (field(m, simulation)?, m.time.into()),
+        Measure::Passing(m) => {
+            let (time, since) = (m.time, m.since);
+            (passing(m, simulation)?, Schedule { time, since })
+        }
+        Measure::Reach(m) => {
+            let body = moving_body(&m.body)?;
+            let along = direction(m.along, "measure.reach.along")?;
+            (Sampler::Reach { body, along }, m.time.into())
+        }
+        Measure::Nearest(m) => {
+            let body = moving_body(&m.body)?;
+            (Sampler::Nearest { body }, m.time.into())
+        }
+        Measure::History(m) => (history(m, simulation)?, each_step),
+        Measure::Crossing(m) => (crossing(m, simulation)?, each_step),
+        Measure::Onset(m) => (onset(m, simulation)?, each_step),
+        Measure::Tip(m) => (tip(m, simulation)?, m.time.into()),
+        Measure::Statistic(m) => {
+            let (time, since) = (m.time, m.since);
+            (statistic(m, simulation)?, Schedule { time, since })
+        }
+        Measure::Place(m) => (place(m, simulation)?, m.time.into()),
+        Measure::Deviation(m) => (deviation(m, simulation)?, m.time.into()),
+        Measure::MeltPool(m) => (melt_pool(m, simulation)?, m.time.into()),
+        Measure::Balance(m) => (balance(m, simulation)?, each_step),
+        Measure::Report(m) => (report(m, simulation)?, m.time.into()),
+    })
+}
+
+fn field(m: &FieldMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
+    let found = Found::new(simulation, &m.body, (&m.field, "measure.field.field"))?;
+    let weights = |at| found.weights(at, m.interpolation, "measure.field.at");
+    let subtracted = m.from.map(weights).transpose()?;
+    let difference = |&at: &[f64; 3]| {
+        let mut weights = weights(at)?;
+        let subtracted = subtracted.iter().flat_map(|from| &from.0);
+        weights.0.extend(subtracted.map(|(point, w)| (*point, -w)));
+        Ok(weights)
+    };
+    Ok(Sampler::Field {
+        component: found.component(m.component.as_deref())?,
+        weights: m
+            .at
+            .iter()
+            .map(difference)
+            .collect::<Result<_, SetupError>>()?,
+        offset: m.offset,
+    })
+}
+
+fn passing(m: &PassingMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
+    find_moving_body(simulation, m.body.as_deref())?;
+    let found = Found::new(simulation, &m.body, (&m.field, "measure.passing.field"))?;
+    Ok(Sampler::Passing {
+        body: found.body,
+        component: found.component(m.component.as_deref())?,
+        section: m.clone(),
+    })
+}
+
+fn history(m: &HistoryMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
+    let found = Found::new(simulation, &m.body, (&m.field, "measure.history.field"))?;
+    let end = simulation.options().end;
+    Ok(Sampler::History {
+        component: found.component(m.component.as_deref())?,
+        weights: found.weights(m.at, m.interpolation, "measure.history.at")?,
+        until: m.until.unwrap_or(end) + 1e-9 * end,
+    })
+}
+
+fn crossing(m: &CrossingMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
+    let found = Found::new(simulation, &m.body, (&m.field, "measure.crossing.field"))?;
+    let interpolation = match found.points().lattice() {
+        Some(_) => Interpolation::Cubic,
+        None => Interpolation::Linear,
+    };
+    Ok(Sampler::Crossing {
+        component: found.component(None)?,
+        weights: found.weights(m.at, interpolation, "measure.crossing.at")?,
+        level: m.value,
+        last: (f64::NAN, f64::NAN),
+    })
+}
+
+fn onset(m: &OnsetMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
+    let region = RegionProbe {
+        name: m.region.clone(),
+        statistic: Statistic::Max,
+    };
+    Ok(Sampler::Onset {
+        largest: region_probe(&m.body, (&m.field, None), region, simulation)?,
+        above: m.above,
+    })
+}
+
+fn tip(m: &TipMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
+    let found = Found::new(simulation, &m.body, (&m.field, "measure.tip.field"))?;
+    Ok(Sampler::Tip {
+        body: found.body,
+        component: found.component(None)?,
+        above: m.above,
+        along: direction(m.along, "measure.tip.along")?,
+    })
+}
+
+fn statistic(m: &StatisticMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
+    let region = RegionProbe {
+        name: m.region.clone(),
+        statistic: m.statistic,
+    };
+    let field = (m.field.as_str(), m.component.clone());
+    Ok(Sampler::Statistic {
+        probe: region_probe(&m.body, field, region, simulation)?,
+        offset: m.offset,
+    })
+}
+
+fn place(m: &PlaceMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
+    let found = Found::new(simulation, &m.body, (&m.field, "measure.place.field"))?;
+    let region = m.region.as_deref();
+    Ok(Sampler::Place {
+        body: found.body,
+        component: found.component(m.component.as_deref())?,
+        points: points_of(found.points(), region, "measure.place.region")?,
+        of: m.of,
+    })
+}
+
+fn deviation(m: &DeviationMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
+    let found = Found::new(simulation, &m.body, (&m.field, "measure.deviation.field"))?;
+    let region = m.region.as_deref();
+    Ok(Sampler::Deviation {
+        body: found.body,
+        component: found.component(m.component.as_deref())?,
+        points: points_of(found.points(), region, "measure.deviation.region")?,
+        section: m.clone(),
+    })
+}
+
+fn melt_pool(m: &MeltPoolMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
+    let key = "measure.melt_pool";
+    let body = find_body(simulation.world(), m.body.as_deref())?;
+    let points = simulation.world().body(body);
+    let gauge = MeltPoolGauge::of_body(points, Travel::X.into(), m.isotherm);
+    Ok(Sampler::MeltPool {
+        temperature: find_field(simulation, body, "temperature", key)?,
+        gauge: gauge.ok_or_else(|| MeltPoolGauge::scattered(points, key))?,
+        extent: m.extent,
+    })
+}
+
+fn balance(m: &BalanceMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
+    let balances = simulation.balances().into_iter().flat_map(|(_, b)| b);
+    let known = balances.map(|b| b.quantity).collect();
+    is_one_of("balance", "measure.balance.quantity", &m.quantity, known)?;
+    Ok(Sampler::Balance {
+        quantity: m.quantity.clone(),
+        largest: 0.0,
+    })
+}
+
+fn report(m: &ReportMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
+    let reports = simulation.reports().into_iter().flat_map(|(_, r)| r);
+    let known = reports.map(|r| r.name).collect();
+    is_one_of("report", "measure.report.name", &m.name, known)?;
+    let name = m.name.clone();
+    Ok(Sampler::Report { name })
+}
+
+/// A field of a body.
+struct Found<'a> {
+    simulation: &'a Simulation,
+    body: usize,
+    field: perimelt_core::field::FieldIndex,
+}
+
+impl<'a> Found<'a> {
+    /// The `field` of a body with the key that names it.
+    fn new(
+        simulation: &'a Simulation,
+        body: &Option<String>,
+        (field, key): (&str, &str),
+    ) -> Result<Self, SetupError> {
+        let body = find_body(simulation.world(), body.as_deref())?;
+        Ok(Found {
+            simulation,
+            body,
+            field: find_field(simulation, body, field, key)?,
+        })
+    }
+
+    fn points(&self) -> &'a Body {
+        self.simulation.world().body(self.body)
+    }
+
+    fn component(&self, name: Option<&str>) -> Result<Component, SetupError> {
+        Component::new(self.simulation.world(), self.field, name)
+    }
+
+    fn weights(
+        &self,
+        at: [f64; 3],
+        interpolation: Interpolation,
+        key: &str,
+    ) -> Result<Weights, SetupError> {
+        Weights::at(self.points(), at, interpolation, key)
+    }
+}
+
+/// A direction of any length but zero.
+fn direction(along: [f64; 3], key: &str) -> Result<Vector3<f64>, SetupError> {
+    let along = Vector3::from(along);
+    let length = along.norm();
+    if length > 0.0 && length.is_finite() {
+        return Ok(along);
+    }
+    let message = format!("[{}, {}, {}] has no direction", along.x, along.y, along.z);
+    let expected = "a finite vector that is not zero";
+    Err(SetupError::value(key, message, expected))
+}
+
+/// The body called `name`, which must have a displacement.
+fn find_moving_body(simulation: &Simulation, name: Option<&str>) -> Result<usize, SetupError> {
+    let body = find_body(simulation.world(), name)?;
+    find_field(simulation, body, "displacement", "measure")?;
+    Ok(body)
+}
+
+/// A probe of a field (name and component) in a region of a body.
+fn region_probe(
+    body: &Option<String>,
+    (field, component): (&str, Option<String>),
+    region: RegionProbe,
+    simulation: &Simulation,
+) -> Result<Probe, SetupError> {
+    let section = ProbeSection {
+        name: String::new(),
+        body: body.clone(),
+        field: Some(field.into()),
+        component,
+        kind: ProbeKind::Region(region),
+    };
+    Probe::new(&section, simulation)
+}
+
+fn is_one_of(
+    what: &'static str,
+    key: &str,
+    name: &str,
+    mut known: Vec<String>,
+) -> Result<(), SetupError> {
+    if known.iter().any(|k| k == name) {
+        return Ok(());
+    }
+    known.sort();
+    known.dedup();
+    let name = name.into();
+    Err(SetupError::new(
+        key,
+        Problem::UnknownName { what, name, known },
+    ))
+}

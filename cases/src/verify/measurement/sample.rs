@@ -1,0 +1,311 @@
+//! The values of a measurement, taken from the state of a simulation.
+
+use nalgebra::Vector3;
+use perimelt_core::body::weights_among;
+use perimelt_core::cell_list::CellList;
+use perimelt_core::field::FieldIndex;
+use perimelt_core::{Body, Simulation, World};
+
+use crate::interpolation::Weights;
+use crate::melt_pool::MeltPoolGauge;
+use crate::probe::{Component, Probe, largest};
+use crate::verify::check::{DeviationMeasure, Extent, Extreme, Norm, PassingMeasure};
+
+/// Takes the values of one kind of measurement.
+pub(super) enum Sampler {
+    Field {
+        component: Component,
+        weights: Vec<Weights>,
+        offset: f64,
+    },
+    Passing {
+        body: usize,
+        component: Component,
+        section: PassingMeasure,
+    },
+    Reach {
+        body: usize,
+        along: Vector3<f64>,
+    },
+    Nearest {
+        body: usize,
+    },
+    History {
+        component: Component,
+        weights: Weights,
+        until: f64,
+    },
+    Crossing {
+        component: Component,
+        weights: Weights,
+        level: f64,
+        /// time (s) and value after the step before
+        last: (f64, f64),
+    },
+    Onset {
+        largest: Probe,
+        above: f64,
+    },
+    Tip {
+        body: usize,
+        component: Component,
+        above: f64,
+        along: Vector3<f64>,
+    },
+    Statistic {
+        probe: Probe,
+        offset: f64,
+    },
+    Place {
+        body: usize,
+        component: Component,
+        points: Vec<u32>,
+        of: Extreme,
+    },
+    Deviation {
+        body: usize,
+        component: Component,
+        points: Vec<u32>,
+        section: DeviationMeasure,
+    },
+    MeltPool {
+        temperature: FieldIndex,
+        gauge: MeltPoolGauge,
+        extent: Extent,
+    },
+    Balance {
+        quantity: String,
+        largest: f64,
+    },
+    Report {
+        name: String,
+    },
+}
+
+impl Sampler {
+    /// Whether the values need every step or logged state, not one alone.
+    pub(super) fn is_followed(&self) -> bool {
+        matches!(
+            self,
+            Sampler::Crossing { .. }
+                | Sampler::Onset { .. }
+                | Sampler::History { .. }
+                | Sampler::Balance { .. }
+        )
+    }
+
+    /// Follows the state after a step; `logging`: the state is logged.
+    pub(super) fn follow(
+        &mut self,
+        simulation: &Simulation,
+        logging: bool,
+        values: &mut Option<Vec<f64>>,
+    ) {
+        let (world, now) = (simulation.world(), simulation.time());
+        match self {
+            Sampler::Crossing {
+                component,
+                weights,
+                level,
+                last,
+            } => {
+                let value = weights.value(*component, world);
+                let (before, earlier) = std::mem::replace(last, (now, value));
+                let is_crossed = (earlier - *level) * (value - *level) <= 0.0 && earlier != value;
+                if values.is_none() && is_crossed {
+                    let fraction = (*level - earlier) / (value - earlier);
+                    *values = Some(vec![before + fraction * (now - before)]);
+                }
+            }
+            Sampler::Onset { largest, above } => {
+                if values.is_none() && largest.measure(world)[0] > *above {
+                    *values = Some(vec![now]);
+                }
+            }
+            Sampler::History {
+                component,
+                weights,
+                until,
+            } if logging && now <= *until => {
+                let value = weights.value(*component, world);
+                values.get_or_insert_default().push(value);
+            }
+            Sampler::Balance { quantity, largest } if logging => {
+                *largest = worst_error(simulation, quantity, *largest);
+                *values = Some(vec![*largest]);
+            }
+            _ => {}
+        }
+    }
+
+    /// The values of the present state; none of what has to be followed.
+    pub(super) fn take(&self, simulation: &Simulation) -> Vec<f64> {
+        let world = simulation.world();
+        match self {
+            Sampler::Field {
+                component,
+                weights,
+                offset,
+            } => {
+                let values = weights.iter().map(|w| w.value(*component, world));
+                values.map(|value| value + offset).collect()
+            }
+            Sampler::Passing {
+                body,
+                component,
+                section,
+            } => passing(world, *body, *component, &section.at),
+            Sampler::Reach { body, along } => {
+                let along = along.normalize();
+                let spacings = &world.body(*body).points.spacing;
+                let ends = world.positions(*body).into_iter().zip(spacings);
+                vec![largest(
+                    ends.map(|(x, spacing)| x.dot(&along) + 0.5 * spacing),
+                )]
+            }
+            Sampler::Nearest { body } => vec![nearest(world, *body)],
+            Sampler::Statistic { probe, offset } => {
+                probe.measure(world).iter().map(|v| v + offset).collect()
+            }
+            Sampler::Place {
+                body,
+                component,
+                points,
+                of,
+            } => {
+                let sign = match of {
+                    Extreme::Max => 1.0,
+                    Extreme::Min => -1.0,
+                };
+                let points = points.iter().map(|&p| p as usize);
+                place_of_largest(world.body(*body), points, |p| sign * component.at(world, p))
+            }
+            Sampler::Deviation {
+                body,
+                component,
+                points,
+                section,
+            } => {
+                let positions = &world.body(*body).points.position;
+                let pairs = points.iter().map(|&p| {
+                    let position = positions[p as usize].into();
+                    let expected = section.expected.at(position, simulation.time());
+                    (component.at(world, p as usize) - expected, expected)
+                });
+                vec![deviation(pairs, section.norm)]
+            }
+            Sampler::MeltPool {
+                temperature,
+                gauge,
+                extent,
+            } => {
+                let temperature = world.fields().field(*temperature).data();
+                let pool = gauge.measure(temperature.flat());
+                let extent = pool.and_then(|pool| match extent {
+                    Extent::Rear => Some(pool.rear),
+                    Extent::Front => Some(pool.front),
+                    Extent::Width => pool.width,
+                    Extent::Depth => pool.depth,
+                });
+                vec![extent.unwrap_or(f64::NAN)]
+            }
+            Sampler::Report { name } => {
+                let reports = simulation.reports();
+                let all = reports.iter().flat_map(|(_, r)| r);
+                vec![all.filter(|r| r.name == *name).map(|r| r.value).sum()]
+            }
+            Sampler::Tip {
+                body,
+                component,
+                above,
+                along,
+            } => {
+                let body = world.body(*body);
+                let points = 0..body.points.len();
+                let beyond = points.filter(|&p| component.at(world, p) > *above);
+                place_of_largest(body, beyond, |p| body.points.position[p].dot(along))
+            }
+            Sampler::History { .. }
+            | Sampler::Crossing { .. }
+            | Sampler::Onset { .. }
+            | Sampler::Balance { .. } => Vec::new(),
+        }
+    }
+}
+
+/// A component at places in space (m) among the points that are there now; not a number where
+/// there are too few.
+fn passing(world: &World, body: usize, component: Component, at: &[[f64; 3]]) -> Vec<f64> {
+    let positions = world.positions(body);
+    let body = world.body(body);
+    let size = body.finest_spacing();
+    let value = |at: &[f64; 3]| {
+        let weights = weights_among(&positions, body.dimension, &Vector3::from(*at), size);
+        weights.map_or(f64::NAN, |w| Weights(w).value(component, world))
+    };
+    at.iter().map(value).collect()
+}
+
+/// Smallest distance of two points of a body now, in spacings; 1 if none is smaller.
+fn nearest(world: &World, body: usize) -> f64 {
+    let positions = world.positions(body);
+    let spacing = world.body(body).finest_spacing();
+    let list = CellList::new(&positions, &vec![spacing; positions.len()]);
+    let mut nearest = spacing * spacing;
+    for (i, x) in positions.iter().enumerate() {
+        list.visit_near(x, spacing, |j| {
+            if j > i {
+                nearest = nearest.min((positions[j] - x).norm_squared());
+            }
+        });
+    }
+    nearest.sqrt() / spacing
+}
+
+/// Norm of (difference, expected value) pairs.
+fn deviation(pairs: impl Iterator<Item = (f64, f64)> + Clone, norm: Norm) -> f64 {
+    match norm {
+        Norm::L2 => {
+            let [error, size] = pairs
+                .fold([0.0; 2], |[e, s], (d, x)| [e + d * d, s + x * x])
+                .map(f64::sqrt);
+            error / size
+        }
+        Norm::Largest => {
+            let error = largest(pairs.clone().map(|(d, _)| d.abs()));
+            error / largest(pairs.map(|(_, x)| x.abs()))
+        }
+    }
+}
+
+/// The largest relative error of a balance, now or `before`; not a number if one of them is none.
+fn worst_error(simulation: &Simulation, quantity: &str, before: f64) -> f64 {
+    let balances = simulation.balances();
+    let all = balances.iter().flat_map(|(_, b)| b);
+    let errors = all.filter(|b| b.quantity == quantity);
+    let errors = errors.map(|b| b.relative_error());
+    largest(std::iter::once(before).chain(errors))
+}
+
+/// Reference position (m) of the point at which something is largest; not a number where there is
+/// no point, or where a value is not a number.
+fn place_of_largest(
+    body: &Body,
+    points: impl Iterator<Item = usize>,
+    of: impl Fn(usize) -> f64,
+) -> Vec<f64> {
+    let mut best: Option<(f64, usize)> = None;
+    for point in points {
+        let value = of(point);
+        if value.is_nan() {
+            return vec![f64::NAN; 3];
+        }
+        // the last of equal values
+        if best.is_none_or(|(largest, _)| value >= largest) {
+            best = Some((value, point));
+        }
+    }
+    best.map_or(vec![f64::NAN; 3], |(_, point)| {
+        body.points.position[point].as_slice().to_vec()
+    })
+}
