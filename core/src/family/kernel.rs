@@ -97,6 +97,36 @@ fn add_parts<const O: usize>([here, there]: [&mut [f64; O]; 2], parts: [[f64; O]
     }
 }
 
+/// Whether this machine has fused multiply-adds, without which bonds are not visited once.
+fn can_fuse() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return !matches!(instructions(), Instructions::Baseline);
+    #[cfg(not(target_arch = "x86_64"))]
+    return cfg!(target_arch = "aarch64");
+}
+
+/// Vector instructions of this machine for which sweeps are compiled.
+#[cfg(target_arch = "x86_64")]
+enum Instructions {
+    /// None that every machine has: kernels are evaluated bond by bond.
+    Baseline,
+    /// With fused multiply-adds.
+    Avx2,
+    /// With fused multiply-adds.
+    Avx512,
+}
+
+#[cfg(target_arch = "x86_64")]
+fn instructions() -> Instructions {
+    if !(is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")) {
+        Instructions::Baseline
+    } else if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
+        Instructions::Avx512
+    } else {
+        Instructions::Avx2
+    }
+}
+
 /// Output shared by the threads of a sweep; each point is written by exactly one of them.
 struct Output<'a, const O: usize> {
     /// Where each sum of the first point goes, and how far behind those of the next one follow.
@@ -200,6 +230,7 @@ impl Family {
         self.check_inputs(&inputs);
         assert_eq!(output.len, self.points, "one sum per point");
         if const { K::PAIRED > 0 }
+            && can_fuse()
             && let Some(pairs) = self.pairs.get_or_init(|| Pairs::new(self))
         {
             return self.sum_pairs((kernel, pairs), (&inputs, broken), &output);
@@ -335,41 +366,42 @@ impl Family {
     fn sweep<const I: usize, const O: usize, K: BondKernel<I, O>>(
         &self,
         kernel: &K,
-        inputs @ (values, broken): Inputs<'_, I>,
+        inputs: Inputs<'_, I>,
         output: &Output<'_, O>,
         chunk: &Chunk,
     ) {
         if const { K::RARE } {
             return self.sweep_plainly(kernel, inputs, output, chunk);
         }
-        if self.is_cloud() {
-            // not AVX-512: its gather instructions are slower than loads one by one
-            #[cfg(target_arch = "x86_64")]
-            if is_x86_feature_detected!("avx2") {
-                // SAFETY: the instruction set was detected.
-                return unsafe { sweep_cloud_avx2(self, kernel, inputs, output, chunk) };
-            }
-            return sweep_cloud(self, kernel, inputs, output, chunk);
-        }
-        for row in chunk.rows.clone() {
-            let point = self.rows.point[row] as usize;
-            let sum = self.sum_row(kernel, values, (&self.rows, row), bits(broken, point));
-            output.set(point, sum);
+        // rows whose bonds are those of a lattice
+        if !(self.is_cloud() || chunk.rows.is_empty()) {
+            return self.sweep_plainly(kernel, inputs, output, chunk);
         }
         #[cfg(target_arch = "x86_64")]
-        {
-            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl") {
-                // SAFETY: the instruction set was detected.
-                return unsafe { sweep_avx512(self, kernel, inputs, output, chunk) };
-            }
-            if is_x86_feature_detected!("avx2") {
-                // SAFETY: the instruction set was detected.
-                return unsafe { sweep_avx2(self, kernel, inputs, output, chunk) };
-            }
+        match instructions() {
+            // SAFETY: the instruction set was detected.
+            Instructions::Avx512 if const { K::PAIRED == 0 } && !self.is_cloud() => unsafe {
+                sweep_avx512(self, kernel, inputs, output, chunk)
+            },
+            // SAFETY: the instruction set was detected. On clouds also where there is AVX-512, whose gather
+            // instructions are slower than loads one by one.
+            Instructions::Avx512 | Instructions::Avx2 => unsafe {
+                match self.is_cloud() {
+                    true => sweep_cloud_avx2(self, kernel, inputs, output, chunk),
+                    false => sweep_avx2(self, kernel, inputs, output, chunk),
+                }
+            },
+            Instructions::Baseline => self.sweep_plainly(kernel, inputs, output, chunk),
         }
-        sweep_lattice(self, kernel, inputs, output, chunk);
+        #[cfg(not(target_arch = "x86_64"))]
+        match self.is_cloud() {
+            true => sweep_cloud(self, kernel, inputs, output, chunk),
+            false => sweep_lattice(self, kernel, inputs, output, chunk),
+        }
     }
 
+    /// The sum of one row, compiled once.
+    #[inline(never)]
     fn sum_any_row<const I: usize, const O: usize>(
         &self,
         kernel: &impl BondKernel<I, O>,
@@ -378,7 +410,7 @@ impl Family {
         broken: Bits<'_>,
     ) -> [f64; O] {
         if self.is_cloud() {
-            self.sum_cloud_row(kernel, inputs, row, broken)
+            self.sum_cloud_row::<I, O, false>(kernel, inputs, row, broken)
         } else {
             self.sum_row(kernel, inputs, row, broken)
         }
@@ -421,9 +453,10 @@ impl Family {
         sums
     }
 
-    /// The row of a point of a cloud: its bonds advance side by side, [`ROW_LANES`] at a time.
+    /// The row of a point of a cloud: its bonds advance side by side, [`ROW_LANES`] at a time. Code that does not ask
+    /// whether bonds count where all do is compiled only where speed matters (`FAST`).
     #[inline(always)]
-    fn sum_cloud_row<const I: usize, const O: usize>(
+    fn sum_cloud_row<const I: usize, const O: usize, const FAST: bool>(
         &self,
         kernel: &impl BondKernel<I, O>,
         inputs: &[&[f64]; I],
@@ -435,9 +468,11 @@ impl Family {
         let mut first = start;
         let mut sums = [[0.0; ROW_LANES]; O];
         let all = |_| true;
-        while first + ROW_LANES <= end && !broken.any() {
-            self.add_bonds::<I, O, true>(kernel, inputs, (rows, at, first), all, &mut sums);
-            first += ROW_LANES;
+        if const { FAST } {
+            while first + ROW_LANES <= end && !broken.any() {
+                self.add_bonds::<I, O, true>(kernel, inputs, (rows, at, first), all, &mut sums);
+                first += ROW_LANES;
+            }
         }
         let counts = |bond| bond < end && !broken.is_broken(bond - start);
         while first < end {
@@ -620,7 +655,12 @@ fn sweep_cloud<const I: usize, const O: usize>(
 ) {
     for row in chunk.rows.clone() {
         let point = family.rows.point[row] as usize;
-        let sum = family.sum_cloud_row(kernel, inputs, (&family.rows, row), bits(broken, point));
+        let sum = family.sum_cloud_row::<I, O, true>(
+            kernel,
+            inputs,
+            (&family.rows, row),
+            bits(broken, point),
+        );
         output.set(point, sum);
     }
 }

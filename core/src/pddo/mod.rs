@@ -52,18 +52,34 @@ pub enum PddoError {
 /// Pivot of the moment matrix, with ones on its diagonal, below which a family counts as degenerate.
 const SMALLEST_PIVOT: f64 = 1e-12;
 
-/// Evaluates `$body` with `$D` and `$N`, the number of monomials, as constants.
+/// Evaluates `$body` with `$D` and `$N`, the number of monomials, as constants. Where the dimension is a constant
+/// already (`const D`), `$body` is compiled for no other.
 macro_rules! with_basis {
+    (const $D:ident, $order:expr, |$N:ident| $body:expr) => {
+        with_basis!(@table constant $D, $order, $N, $body)
+    };
     ($dimension:expr, $order:expr, |$D:ident, $N:ident| $body:expr) => {
-        with_basis!(@arms $dimension, $order, $D, $N, $body;
+        with_basis!(@table variable $dimension, $order, $D, $N, $body)
+    };
+    (@table $kind:ident $($arguments:tt)*) => {
+        with_basis!(@$kind $($arguments)*;
             (1, 1, 1), (1, 2, 2), (1, 3, 3), (1, 4, 4),
             (2, 1, 2), (2, 2, 5), (2, 3, 9), (2, 4, 14),
             (3, 1, 3), (3, 2, 9), (3, 3, 19), (3, 4, 34))
     };
-    (@arms $dimension:expr, $order:expr, $D:ident, $N:ident, $body:expr; $(($d:literal, $o:literal, $n:literal)),*) => {
+    (@variable $dimension:expr, $order:expr, $D:ident, $N:ident, $body:expr; $(($d:literal, $o:literal, $n:literal)),*) => {
         match ($dimension, $order) {
             $(($d, $o) => {
                 const $D: usize = $d;
+                const $N: usize = $n;
+                $body
+            })*
+            _ => unreachable!("the order was checked when the operator was built"),
+        }
+    };
+    (@constant $D:ident, $order:expr, $N:ident, $body:expr; $(($d:literal, $o:literal, $n:literal)),*) => {
+        match $order {
+            $($o if const { $D == $d } => {
                 const $N: usize = $n;
                 $body
             })*
@@ -98,7 +114,7 @@ pub struct Derivatives {
 struct Moments<const D: usize, const N: usize>;
 
 impl<const D: usize, const N: usize> BondKernel<1, N> for Moments<D, N> {
-    const RARE: bool = N > 9;
+    const RARE: bool = !matches!((D, N), (2, 2 | 5) | (3, 3 | 9));
 
     #[inline(always)]
     fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; N] {
@@ -116,6 +132,13 @@ struct Contraction<const D: usize, const N: usize, const I: usize, const O: usiz
 impl<const D: usize, const N: usize, const I: usize, const O: usize> BondKernel<I, O>
     for Contraction<D, N, I, O>
 {
+    /// Physics need second order; of the sums of first order there are gradient and divergence only.
+    const RARE: bool = match (D, N) {
+        (2, 5) | (3, 9) => false,
+        (2, 2) | (3, 3) => I * O != D,
+        _ => true,
+    };
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
         let monomials = monomials::<D, N>(&bond.xi);
@@ -330,9 +353,9 @@ impl Pddo {
     pub fn gradient(&self, field: &[f64], work: &mut Derivatives, rows: &mut Vec<f64>) {
         let [x, y, z] = FIRST.map(|derivative| [derivative]);
         match self.dimension {
-            1 => self.contract([field], [x], work, rows),
-            2 => self.contract([field], [x, y], work, rows),
-            _ => self.contract([field], [x, y, z], work, rows),
+            1 => self.contract::<1, _, _>([field], [x], work, rows),
+            2 => self.contract::<2, _, _>([field], [x, y], work, rows),
+            _ => self.contract::<3, _, _>([field], [x, y, z], work, rows),
         }
     }
 
@@ -350,9 +373,9 @@ impl Pddo {
         let along = self.along_axes();
         let laplacian = [&along[..self.dimension]];
         match self.dimension {
-            1 => self.contract([field], [x, laplacian], work, rows),
-            2 => self.contract([field], [x, y, laplacian], work, rows),
-            _ => self.contract([field], [x, y, z, laplacian], work, rows),
+            1 => self.contract::<1, _, _>([field], [x, laplacian], work, rows),
+            2 => self.contract::<2, _, _>([field], [x, y, laplacian], work, rows),
+            _ => self.contract::<3, _, _>([field], [x, y, z, laplacian], work, rows),
         }
     }
 
@@ -363,7 +386,12 @@ impl Pddo {
     /// As [`Pddo::gradient_and_laplacian`].
     pub fn laplacian(&self, field: &[f64], work: &mut Derivatives, laplacian: &mut Vec<f64>) {
         let along = self.along_axes();
-        self.contract([field], [[&along[..self.dimension]]], work, laplacian);
+        let derivatives = [[&along[..self.dimension]]];
+        match self.dimension {
+            1 => self.contract::<1, _, _>([field], derivatives, work, laplacian),
+            2 => self.contract::<2, _, _>([field], derivatives, work, laplacian),
+            _ => self.contract::<3, _, _>([field], derivatives, work, laplacian),
+        }
     }
 
     /// The divergence at all points of a vector field, whose values by slot are `field`, one array for each
@@ -380,9 +408,9 @@ impl Pddo {
         assert_eq!(field.len(), self.dimension, "components");
         let [a, b, c] = FIRST;
         match field {
-            [x] => self.contract([x], [[a]], work, divergence),
-            [x, y] => self.contract([x, y], [[a, b]], work, divergence),
-            [x, y, z] => self.contract([x, y, z], [[a, b, c]], work, divergence),
+            [x] => self.contract::<1, _, _>([x], [[a]], work, divergence),
+            [x, y] => self.contract::<2, _, _>([x, y], [[a, b]], work, divergence),
+            [x, y, z] => self.contract::<3, _, _>([x, y, z], [[a, b, c]], work, divergence),
             _ => unreachable!("of up to three axes"),
         }
     }
@@ -402,9 +430,9 @@ impl Pddo {
             std::array::from_fn(|a| std::array::from_fn(|b| [self.second(a, b)]));
         let [a, b, c] = all.each_ref().map(|row| row.each_ref().map(|at| &at[..]));
         match field {
-            [x] => self.contract([x], [[a[0]]], work, rows),
-            [x, y] => self.contract([x, y], [[a[0], a[1]], [b[0], b[1]]], work, rows),
-            [x, y, z] => self.contract([x, y, z], [a, b, c], work, rows),
+            [x] => self.contract::<1, _, _>([x], [[a[0]]], work, rows),
+            [x, y] => self.contract::<2, _, _>([x, y], [[a[0], a[1]], [b[0], b[1]]], work, rows),
+            [x, y, z] => self.contract::<3, _, _>([x, y, z], [a, b, c], work, rows),
             _ => unreachable!("of up to three axes"),
         }
     }
@@ -420,8 +448,8 @@ impl Pddo {
         std::array::from_fn(|a| self.second(a, a))
     }
 
-    /// Sums of derivatives, given by their places for each field; one row for each point.
-    fn contract<const I: usize, const O: usize>(
+    /// Sums of derivatives in `D` dimensions, given by their places for each field; one row for each point.
+    fn contract<const D: usize, const I: usize, const O: usize>(
         &self,
         fields: [&[f64]; I],
         derivatives: [[&[usize]; I]; O],
@@ -431,7 +459,7 @@ impl Pddo {
         rows.resize(O * self.inverse_of_point.len(), 0.0);
         let (rows, _) = rows.as_chunks_mut::<O>();
         if let [_] = self.point_of_inverse[..] {
-            with_basis!(self.dimension, self.order, |D, N| {
+            with_basis!(const D, self.order, |N| {
                 let (columns, _) = self.inverse.as_chunks::<N>();
                 let share = |of: &[usize], r: usize| of.iter().map(|&q| columns[r][q]).sum();
                 let shares =

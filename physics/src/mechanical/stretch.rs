@@ -446,6 +446,8 @@ impl BondKernel<0, 1> for TotalWeight {
 }
 
 impl BondKernel<INPUTS, 6> for Directions {
+    const RARE: bool = true;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, _: [f64; INPUTS], _: [f64; INPUTS]) -> [f64; 6] {
         dyad(bond.weight, &bond.xi.map(|xi| xi / bond.length))
@@ -475,6 +477,8 @@ impl BondKernel<INPUTS, 6> for Block {
 }
 
 impl<const FINITE: bool> BondKernel<INPUTS, 2> for Energy<FINITE> {
+    const RARE: bool = true;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
         let stretch = stretched::<FINITE, 3, _>(bond, (&own, &other)).stretch();

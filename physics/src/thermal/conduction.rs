@@ -48,6 +48,8 @@ impl BondKernel<2, 1> for Varying {
 struct RowSum;
 
 impl BondKernel<1, 1> for RowSum {
+    const RARE: bool = true;
+
     #[inline(always)]
     fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
         [bond.mean() * bond.by_length * (own + other)]

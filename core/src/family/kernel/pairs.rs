@@ -12,7 +12,9 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::{Bits, Bond, BondKernel, Inputs, Output, add_parts, bits, lanes, sum_lanes};
+use super::{Bits, Bond, BondKernel, Inputs, Output, bits, lanes, sum_lanes};
+#[cfg(target_arch = "x86_64")]
+use super::{Instructions, instructions};
 use crate::family::blocks::{BLOCK, Blocks, Builder, Head, Weights};
 use crate::family::{Family, StencilBond};
 
@@ -258,21 +260,15 @@ impl Family {
         target: (&Planes, &Section),
     ) {
         #[cfg(target_arch = "x86_64")]
-        {
-            let fused = is_x86_feature_detected!("fma");
-            if fused && is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512vl")
-            {
-                // SAFETY: the instruction set was detected.
-                return unsafe { sweep_box_avx512(self, kernel, inputs, target) };
-            }
-            if fused && is_x86_feature_detected!("avx2") {
-                // SAFETY: the instruction set was detected.
-                return unsafe { sweep_box_avx2(self, kernel, inputs, target) };
-            }
+        match instructions() {
+            // SAFETY: the instruction set was detected.
+            Instructions::Avx512 => unsafe { sweep_box_avx512(self, kernel, inputs, target) },
+            // SAFETY: the instruction set was detected.
+            Instructions::Avx2 => unsafe { sweep_box_avx2(self, kernel, inputs, target) },
+            Instructions::Baseline => unreachable!("bonds are visited once where `can_fuse`"),
         }
-        // of other kinds of machines, all of this one have them
-        const FUSED: bool = cfg!(target_arch = "aarch64");
-        sweep_box::<I, O, FUSED, K>(self, kernel, inputs, target);
+        #[cfg(not(target_arch = "x86_64"))]
+        sweep_box(self, kernel, inputs, target);
     }
 
     /// Adds what the bonds of a point give, bond by bond, for points beside cracks: those ahead to both of their ends,
@@ -313,7 +309,7 @@ fn sweep_box_avx512<const I: usize, const O: usize, K: BondKernel<I, O>>(
     inputs: Inputs<'_, I>,
     target: (&Planes, &Section),
 ) {
-    sweep_box::<I, O, true, K>(family, kernel, inputs, target);
+    sweep_box(family, kernel, inputs, target);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -324,11 +320,11 @@ fn sweep_box_avx2<const I: usize, const O: usize, K: BondKernel<I, O>>(
     inputs: Inputs<'_, I>,
     target: (&Planes, &Section),
 ) {
-    sweep_box::<I, O, true, K>(family, kernel, inputs, target);
+    sweep_box(family, kernel, inputs, target);
 }
 
 #[inline(always)]
-fn sweep_box<const I: usize, const O: usize, const FUSED: bool, K: BondKernel<I, O>>(
+fn sweep_box<const I: usize, const O: usize, K: BondKernel<I, O>>(
     family: &Family,
     (kernel, pairs): (&K, &Pairs),
     (values, broken): Inputs<'_, I>,
@@ -349,10 +345,10 @@ fn sweep_box<const I: usize, const O: usize, const FUSED: bool, K: BondKernel<I,
         if !is_whole(head.points()) {
             add_points(head.points(), true);
         } else if Some(head.pattern) == pairs.complete {
-            add_block::<I, O, FUSED, K>(kernel, (stencil, None), inputs, (planes, head));
+            add_block(kernel, (stencil, None), inputs, (planes, head));
         } else {
             let bonds = (&stencil[..], Some(blocks.weights(block)));
-            add_block::<I, O, FUSED, K>(kernel, bonds, inputs, (planes, head));
+            add_block(kernel, bonds, inputs, (planes, head));
         }
     }
     let Half { stencil, blocks } = &pairs.behind;
@@ -372,7 +368,7 @@ fn sweep_box<const I: usize, const O: usize, const FUSED: bool, K: BondKernel<I,
 
 /// Adds what the bonds ahead of a block give both of their ends; lanes that are no points give nothing.
 #[inline(always)]
-fn add_block<const I: usize, const O: usize, const FUSED: bool, K: BondKernel<I, O>>(
+fn add_block<const I: usize, const O: usize, K: BondKernel<I, O>>(
     kernel: &K,
     (stencil, weights): (&[StencilBond], Option<&[Weights]>),
     inputs: &[&[f64]; I],
@@ -400,10 +396,7 @@ fn add_block<const I: usize, const O: usize, const FUSED: bool, K: BondKernel<I,
             let own = std::array::from_fn(|i| own[i][lane]);
             let other = std::array::from_fn(|i| other[i][lane]);
             let both = [&mut here, &mut there];
-            match FUSED {
-                true => kernel.add_ends(&bond, own, other, both),
-                false => add_parts(both, kernel.ends(&bond, own, other)),
-            }
+            kernel.add_ends(&bond, own, other, both);
             for o in 0..K::PAIRED {
                 sums[o][lane] = here[o];
                 others[o][lane] = there[o];
