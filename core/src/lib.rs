@@ -31,7 +31,7 @@ pub mod world;
 
 pub use axis::Axis;
 pub use body::{Body, Face, Region};
-pub use configuration::{Configuration, MovingFamily, PointMover};
+pub use configuration::{Configuration, Description, MovingFamily, PointMover};
 pub use error::{Problem, RunError, SetupError};
 pub use family::{
     Bond, BondKernel, BrokenBonds, Correction, Cut, Family, FamilySpec, Horizon, Image, Influence,
