@@ -14,6 +14,8 @@ use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
 use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::body::Body;
 use crate::family::{Family, FamilyError, FamilySpec, must_look_again, skin};
@@ -53,6 +55,19 @@ impl Configuration {
     }
 }
 
+/// What the points of a body are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Description {
+    /// Points move with the matter; families are those of their current positions.
+    #[default]
+    UpdatedLagrangian,
+    /// Points are matter, too; families stay those of the reference configuration.
+    TotalLagrangian,
+    /// Points stay and matter flows through them.
+    Eulerian,
+}
+
 /// Permission of one physics to move the points of a body.
 #[derive(Debug)]
 pub struct PointMover {
@@ -72,6 +87,10 @@ struct Current {
     displacement_seen: Cell<Option<u64>>,
     /// The plugin that moves the points, by its position in the set-up.
     mover: Option<usize>,
+    /// The plugin whose matter flows through the points.
+    flow: Option<usize>,
+    /// A plugin that was told that the points are matter at rest.
+    told_at_rest: Option<usize>,
 }
 
 /// A family that follows its points.
@@ -115,9 +134,36 @@ impl Configurations {
         self.bodies[body].mover
     }
 
+    /// The plugin that moves the points of a body or whose matter flows through them.
+    pub(crate) fn owner(&self, body: BodyIndex) -> Option<usize> {
+        self.bodies[body].mover.or(self.bodies[body].flow)
+    }
+
     pub(crate) fn set_mover(&mut self, body: BodyIndex, plugin: usize) -> PointMover {
         self.bodies[body].mover = Some(plugin);
         PointMover { body }
+    }
+
+    pub(crate) fn set_flow(&mut self, body: BodyIndex, plugin: usize) {
+        self.bodies[body].flow = Some(plugin);
+    }
+
+    /// A plugin that was told that the points are matter at rest.
+    pub(crate) fn told_at_rest(&self, body: BodyIndex) -> Option<usize> {
+        self.bodies[body].told_at_rest
+    }
+
+    /// What the points of a body are, as far as it was declared, for `plugin`.
+    pub(crate) fn description(&mut self, body: BodyIndex, plugin: usize) -> Description {
+        let current = &mut self.bodies[body];
+        match (current.mover, current.flow) {
+            (Some(_), _) => Description::UpdatedLagrangian,
+            (None, Some(_)) => Description::Eulerian,
+            (None, None) => {
+                current.told_at_rest.get_or_insert(plugin);
+                Description::TotalLagrangian
+            }
+        }
     }
 
     /// A family of these points; equal requests share one.
@@ -328,10 +374,14 @@ mod tests {
         let mut world = world();
         let mut setup = Setup::new(&mut world, Path::new("."));
         setup.next_plugin("heat");
-        setup.family(0, &spec()).expect("valid");
+        assert_eq!(setup.description(0), Description::TotalLagrangian);
         setup.next_plugin("water");
-        let error = setup.move_points(0).expect_err("too late").to_string();
-        assert!(error.contains("`heat`"), "{error}");
+        let moved = setup.move_points(0).expect_err("too late").to_string();
+        let passed = setup.flow_through(0).expect_err("too late").to_string();
+        assert!(
+            moved.contains("`heat`") && passed.contains("`heat`"),
+            "{moved}"
+        );
     }
 
     #[test]

@@ -119,6 +119,8 @@ pub mod keys {
         EQUIVALENT_PLASTIC_STRAIN: f64 = "equivalent_plastic_strain", "1", "equivalent plastic strain";
         /// Work of plastic flow since the start, J/m³.
         PLASTIC_WORK: f64 = "plastic_work", "J/m3", "work of plastic flow since the start";
+        /// Work of viscous friction per reference volume since the start, J/m³.
+        VISCOUS_WORK: f64 = "viscous_work", "J/m3", "work of viscous friction since the start";
         /// Share of a point's bonds that are broken, by their weights (spec 04, eq. 2.15).
         DAMAGE: f64 = "damage", "1", "share of broken bonds";
         /// Stress, Pa.

@@ -33,15 +33,15 @@ pub mod world;
 
 pub use axis::Axis;
 pub use body::{Body, Face, Region};
-pub use configuration::{Configuration, MovingFamily, PointMover};
+pub use configuration::{Configuration, Description, MovingFamily, PointMover};
 pub use error::{Problem, RunError, SetupError};
 pub use family::{
     Bond, BondKernel, BrokenBonds, Correction, Cut, Family, FamilySpec, Horizon, Image, Influence,
     Operator, PartialVolume,
 };
 pub use field::{Key, Read, ReadIfProvided, Write, keys};
-pub use pair_list::PairList;
 pub use in_time::InTime;
+pub use pair_list::PairList;
 pub use pddo::{Derivatives, Pddo, PddoError};
 pub use plugin::{Balance, Clock, Coupler, Physics, Report, Step, StepSize, Update, Work};
 pub use setup::{Setup, Wall};

@@ -4,18 +4,21 @@
 //! fields and *adds* into sink fields; anybody *reads*. [`Setup::finish`] checks that what is
 //! read is provided and what is added is consumed.
 
+mod families;
+mod layers;
+
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use nalgebra::Vector3;
 
-use crate::body::{Body, Face, Region};
-use crate::configuration::{MovingFamily, PointMover};
+use crate::body::{Body, Region};
 use crate::error::{Problem, SetupError};
-use crate::family::{Cut, Family, FamilySpec, LayerRule};
+use crate::family::Cut;
 use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write, keys};
 use crate::material::{EnthalpyCurve, Material, MaterialError, Property};
-use crate::world::{BodyIndex, LayerHandle, Layers, LayersHandle, PhaseChange, World};
+use crate::world::{BodyIndex, PhaseChange, World};
+
+use families::ObtainedFamily;
 
 /// How a plugin touches a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,14 +109,6 @@ struct DeclaredWall {
     body: BodyIndex,
     wall: Wall,
     taken: bool,
-}
-
-/// A family of points that stay, and the plugin that asked for it first.
-struct ObtainedFamily {
-    body: BodyIndex,
-    plugin: usize,
-    spec: FamilySpec,
-    family: Arc<Family>,
 }
 
 impl<'w> Setup<'w> {
@@ -324,104 +319,6 @@ impl<'w> Setup<'w> {
             .map_err(|e| SetupError::other("", e))
     }
 
-    /// A family of the reference positions of a body; equal requests share one.
-    ///
-    /// # Errors
-    /// When the horizon reaches no neighbour, or a physics moves the points ([`Setup::moving_family`]).
-    pub fn family(
-        &mut self,
-        body: BodyIndex,
-        spec: &FamilySpec,
-    ) -> Result<Arc<Family>, SetupError> {
-        if let Some(mover) = self.world.configurations.mover(body) {
-            let message = format!(
-                "`{}` moves the points of body `{}`, which change neighbours",
-                self.plugins[mover],
-                self.body(body).name
-            );
-            let expected = "a physics whose families follow their points";
-            return Err(SetupError::value("body", message, expected));
-        }
-        let same = |f: &&ObtainedFamily| f.body == body && f.spec == *spec;
-        if let Some(present) = self.families.iter().find(same) {
-            return Ok(present.family.clone());
-        }
-        let family =
-            Family::build(self.body(body), spec).map_err(|e| SetupError::new("horizon", e))?;
-        let family = Arc::new(family);
-        self.families.push(ObtainedFamily {
-            body,
-            plugin: self.plugins.len() - 1,
-            spec: spec.clone(),
-            family: family.clone(),
-        });
-        Ok(family)
-    }
-
-    /// Declares that the calling physics moves the points of a body, which change neighbours. It sets the
-    /// configuration with the handle ([`World::set_configuration`]).
-    ///
-    /// # Errors
-    /// When another physics moves them, or a plugin has a family of the points at rest.
-    pub fn move_points(&mut self, body: BodyIndex) -> Result<PointMover, SetupError> {
-        let name = &self.body(body).name;
-        if let Some(first) = self.world.configurations.mover(body) {
-            let message = format!(
-                "`{}` already moves the points of body `{name}`",
-                self.plugins[first]
-            );
-            let expected = "one physics that moves them";
-            return Err(SetupError::value("body", message, expected));
-        }
-        if let Some(at_rest) = self.families.iter().find(|f| f.body == body) {
-            let label = &self.plugins[at_rest.plugin];
-            let message = format!(
-                "`{label}` comes before the physics that moves the points of body `{name}`, and would act between \
-                 their initial neighbours"
-            );
-            let expected = format!("`{label}` after it in the case file");
-            return Err(SetupError::value("body", message, expected));
-        }
-        let plugin = self.plugins.len() - 1;
-        Ok(self.world.configurations.set_mover(body, plugin))
-    }
-
-    /// Whether a physics prepared before moves the points of a body.
-    pub fn points_move(&self, body: BodyIndex) -> bool {
-        self.world.configurations.mover(body).is_some()
-    }
-
-    /// A family that follows the points of a body; equal requests share one. [`Setup::current_family`] and
-    /// [`World::moving_family`] give it as it is.
-    ///
-    /// # Errors
-    /// When the horizon reaches no neighbour, or the family is one that [`Family::moving`] does not support.
-    pub fn moving_family(
-        &mut self,
-        body: BodyIndex,
-        spec: &FamilySpec,
-    ) -> Result<MovingFamily, SetupError> {
-        let World {
-            bodies,
-            configurations,
-            ..
-        } = &mut *self.world;
-        let family = configurations.follow((body, &bodies[body]), spec);
-        family.map_err(|e| SetupError::new("horizon", e))
-    }
-
-    /// A moving family as it is at set-up, where all points have their reference positions.
-    pub fn current_family(&self, family: MovingFamily) -> Arc<Family> {
-        self.world.moving_family(family)
-    }
-
-    /// All families obtained so far.
-    pub fn families(&self) -> impl Iterator<Item = (BodyIndex, Arc<Family>)> {
-        let at_rest = self.families.iter();
-        let at_rest = at_rest.map(|f| (f.body, f.family.clone()));
-        at_rest.chain(self.world.configurations.families())
-    }
-
     fn declare<T: Value>(
         &mut self,
         body: BodyIndex,
@@ -615,112 +512,6 @@ impl<'w> Setup<'w> {
     ) -> Result<ReadIfProvided<T>, SetupError> {
         self.declare(body, key, Access::ReadIfProvided)
             .map(ReadIfProvided::new)
-    }
-
-    fn layers_of(&mut self, body: BodyIndex, field: &str) -> usize {
-        let layers = &mut self.world.layers;
-        layers
-            .iter()
-            .position(|l| l.body == body && l.field == field)
-            .unwrap_or_else(|| {
-                let prescribed = Vec::new();
-                let rules = Vec::new().into();
-                layers.push(Layers {
-                    body,
-                    field: field.to_string(),
-                    prescribed,
-                    rules,
-                });
-                layers.len() - 1
-            })
-    }
-
-    /// A mirrored layer for the field of `key` behind a face of the body's box, whose values
-    /// the calling boundary sets. `prescribed`: it exchanges the conserved quantity with the
-    /// body, so its share is accounted for.
-    ///
-    /// # Errors
-    /// When another boundary has the same layer, or the body has no such face.
-    pub fn layer<T: Value>(
-        &mut self,
-        body: BodyIndex,
-        key: &Key<T>,
-        face: Face,
-        prescribed: bool,
-    ) -> Result<LayerHandle, SetupError> {
-        self.claim_layer(body, key, face, prescribed, Access::Layer)
-    }
-
-    /// As [`Setup::layer`], not prescribed, for a boundary that also makes sense where nobody
-    /// owns the field.
-    ///
-    /// # Errors
-    /// As [`Setup::layer`].
-    pub fn layer_if_provided<T: Value>(
-        &mut self,
-        body: BodyIndex,
-        key: &Key<T>,
-        face: Face,
-    ) -> Result<LayerHandle, SetupError> {
-        self.claim_layer(body, key, face, false, Access::LayerIfProvided)
-    }
-
-    fn claim_layer<T: Value>(
-        &mut self,
-        body: BodyIndex,
-        key: &Key<T>,
-        face: Face,
-        prescribed: bool,
-        access: Access,
-    ) -> Result<LayerHandle, SetupError> {
-        if face.axis() >= self.body(body).dimension {
-            let dimension = self.body(body).dimension;
-            return Err(SetupError::value(
-                "face",
-                format!("a {dimension}D body has no face `{}`", face.name()),
-                "a face within the body's dimensions",
-            ));
-        }
-        if self.body(body).periodic[face.axis()] {
-            let message = format!("behind face `{}` the body goes on as a copy", face.name());
-            let expected = "a face along an axis that is not among the `periodic` ones of the body";
-            return Err(SetupError::value("face", message, expected));
-        }
-        self.declare(body, key, access)?;
-        let layers = self.layers_of(body, &key.name);
-        let entry = &mut self.world.layers[layers];
-        let rules = entry.rules.get_mut();
-        if rules.iter().any(|r| r.face == face) {
-            let message = format!(
-                "face `{}` already has a layer for `{}`",
-                face.name(),
-                key.name
-            );
-            return Err(SetupError::value(
-                "face",
-                message,
-                "one boundary for each face and field",
-            ));
-        }
-        rules.push(LayerRule::even(face));
-        rules.sort_by_key(|r| r.face);
-        if prescribed {
-            entry.prescribed.push(face);
-        }
-        Ok(LayerHandle { layers, face })
-    }
-
-    /// The layers of a field that the calling physics owns: a handle to their rules, the
-    /// faces that boundaries have claimed, and those among them that are prescribed.
-    pub fn layers<T: Value>(
-        &mut self,
-        body: BodyIndex,
-        key: &Key<T>,
-    ) -> (LayersHandle, Vec<Face>, Vec<Face>) {
-        let index = self.layers_of(body, &key.name);
-        let layers = &self.world.layers[index];
-        let faces = layers.rules.borrow().iter().map(|r| r.face).collect();
-        (LayersHandle(index), faces, layers.prescribed.clone())
     }
 
     /// Checks that what is read is provided and what is added is consumed, and hands over

@@ -7,6 +7,7 @@
 //! | `thermal_expansion` | [`expansion::ThermalExpansion`] | temperature | eigenstrain |
 //! | `phase_change` | [`phase_change::PhaseChange`] | temperature, enthalpy | liquid fraction; lets the body melt |
 //! | `plastic_heat` | [`plastic_heat::PlasticHeat`] | plastic work | heat source |
+//! | `viscous_heat` | [`viscous_heat::ViscousHeat`] | viscous work | heat source |
 //! | `deformation_heat` | [`deformation_heat::DeformationHeat`] | temperature, eigenstress rate | heat source |
 //! | `goldak` | [`heat_source::GoldakSource`] | | heat source |
 //! | `ellipsoid` | [`heat_source::EllipsoidSource`] | | heat source |
@@ -51,6 +52,7 @@ mod surface;
 #[cfg(test)]
 mod testing;
 pub mod toolpath;
+pub mod viscous_heat;
 
 pub use perimelt_core::in_time::{self, InTime};
 
@@ -62,7 +64,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 25);
+        assert_eq!(couplers.len(), 26);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

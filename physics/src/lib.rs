@@ -4,10 +4,11 @@
 //! |---|---|---|
 //! | `thermal` | `temperature`, `enthalpy` | `heat_source` |
 //! | `replay` | the fields it is told to read from a log | |
-//! | `fluid` | `velocity`, `density`, `pressure` and, with energy, `temperature`, `enthalpy` | `body_force`, `heat_source` |
+//! | `fluid` | `velocity`, `density`, `pressure` | `body_force` |
 //! | `rigid_body` | `displacement`, `velocity` | `body_force`, `impulse` |
 //! | `mechanical` | `displacement`, `velocity`, `stress`, `eigenstress` | `eigenstrain`, `body_force` |
 
+mod advection;
 pub mod fluid;
 pub mod mechanical;
 pub mod replay;

@@ -352,7 +352,7 @@ impl Body {
                         f64::from(u8::from(lattice.neighbour(point, face).is_none()))
                     }
                     Discretisation::Cloud(cloud) => {
-                        cloud.bare_share(self.dimension, &self.points.spacing, point, face)
+                        cloud.bare_fraction(self.dimension, &self.points.spacing, point, face)
                     }
                 };
                 if bare > 0.0 {

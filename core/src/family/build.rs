@@ -11,8 +11,8 @@ use super::blocks::{self, BLOCK};
 use super::calibration::{Strain, calibration, factor_along};
 use super::layer::Grid;
 use super::{
-    Bond, Chunk, Correction, Cut, Family, FamilyError, FamilySpec, Ghost, Order, PartialVolume,
-    Rows, Span, StencilBond,
+    Bond, Chunk, Correction, Cut, Family, FamilyError, FamilySpec, Ghost, Order, Rows, Span,
+    StencilBond,
 };
 
 /// Points per chunk: small enough to balance two to many cores, large enough to amortise.
@@ -307,15 +307,12 @@ pub(super) fn cuts(body: &Body, spec: &FamilySpec) -> Vec<Cut> {
     cuts
 }
 
-/// Members of a complete family as lattice steps, with partial volumes, ordered z, y, x.
+/// Members of a complete family as lattice steps, with influence and partial volumes, ordered z, y, x. Lengths are
+/// compared in spacings.
 fn stencil(body: &Body, spacing: f64, spec: &FamilySpec) -> Vec<([i64; 3], Bond)> {
     let horizon = spec.horizon.of(spacing) / spacing;
     let moment = spec.moment(body, spec.horizon.of(spacing));
-    // ties such as |xi| = 3 dx belong to the family whatever the rounding of the horizon
-    let cut = match spec.partial_volume {
-        PartialVolume::Full => horizon + 0.5 - 1e-9,
-        _ => horizon * (1.0 + 1e-9),
-    };
+    let cut = spec.reach(horizon, 1.0);
     let reach: [i64; 3] = std::array::from_fn(|a| {
         if a < body.dimension {
             cut.floor() as i64
@@ -332,12 +329,8 @@ fn stencil(body: &Body, spacing: f64, spec: &FamilySpec) -> Vec<([i64; 3], Bond)
                 if length == 0.0 || length > cut {
                     continue;
                 }
-                let share = match spec.partial_volume {
-                    PartialVolume::None => 1.0,
-                    _ => (horizon + 0.5 - length).min(1.0),
-                };
-                let influence = spec.influence.at(length / horizon);
-                let weight = share * influence * body.points.volume[0] / moment;
+                let share = spec.share(horizon, 1.0, length);
+                let weight = share * body.points.volume[0] / moment;
                 let bond = Bond {
                     xi: step.map(|s| s as f64 * spacing),
                     length: length * spacing,

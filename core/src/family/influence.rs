@@ -14,8 +14,8 @@ pub enum Influence {
     Conical,
     /// `exp(-(2 |xi| / horizon)^2)`.
     Gaussian,
-    /// `(1 - |xi| / horizon)^3`: `w xi` is then the gradient of the kernel of Wendland (1995), C2, with which points
-    /// that move keep apart.
+    /// `(1 - |xi| / horizon)^3`: `w xi` is then the gradient of the kernel of Wendland (1995), C2, for which pairs of
+    /// moving points do not cluster.
     Wendland,
 }
 

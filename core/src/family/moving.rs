@@ -46,12 +46,6 @@ fn check(body: &Body, spec: &FamilySpec) -> Result<(), FamilyError> {
     if spec.correction != Correction::None {
         return refuse("corrections of its bonds", "`correction = \"none\"`");
     }
-    if !spec.audited.is_empty() {
-        return refuse(
-            "faces whose exchange with the body is summed",
-            "faces that exchange nothing, such as insulated ones",
-        );
-    }
     if !body.cuts.is_empty() {
         return refuse("bonds that a `crack` cuts", "a body without cracks");
     }
@@ -220,6 +214,10 @@ impl Family {
         column.extend([0; ROW_LANES]);
         weight.clear();
         weight.resize(column.len(), 0.0);
+        self.layer_rows = match self.spec.audited.is_empty() {
+            true => Rows::joined(&[]),
+            false => self.rows.of_columns(&images.audited),
+        };
         self.take_images(images);
         let ghosts = self.ghosts.iter_mut().chain(&mut self.corners);
         ghosts.for_each(|g| g.point = self.order.point_in[g.point as usize]);
@@ -261,7 +259,6 @@ impl Family {
             spacing,
             ..
         } = &mut **following;
-        let points = self.points;
         self.order.arrange(volumes, &mut body.points.volume);
         for (by_slot, own) in [
             (&mut *volume, &body.points.volume),
@@ -279,28 +276,65 @@ impl Family {
             [volume, spacing],
         );
         let power = body.dimension as i32 + 1;
+        let moment = |slot: usize| *unit_moment * horizon[slot].powi(power);
+        self.rows
+            .weigh(&weighing, &|slot| (slot, horizon[slot], moment(slot)));
+        self.layer_rows
+            .weigh(&weighing, &|slot| (slot, horizon[slot], moment(slot)));
+    }
+}
+
+impl Rows {
+    /// Weights of all bonds; `owner` gives the slot of a point with its horizon (m) and the moment of its family.
+    fn weigh(
+        &mut self,
+        weighing: &Weighing<'_>,
+        owner: &(impl Fn(usize) -> (usize, f64, f64) + Sync),
+    ) {
         let Rows {
+            slot,
             start,
             column,
             weight,
             ..
-        } = &mut self.rows;
-        let (mut shares, mut rest, mut done) = (Vec::new(), &mut weight[..], 0);
-        for first in (0..points).step_by(ROWS_PER_TASK) {
-            let last = (first + ROWS_PER_TASK).min(points);
-            let (share, left) = rest.split_at_mut(start[last] - done);
-            shares.push((first..last, share));
+        } = self;
+        let (mut tasks, mut rest, mut done) = (Vec::new(), &mut weight[..], 0);
+        for first in (0..slot.len()).step_by(ROWS_PER_TASK) {
+            let last = (first + ROWS_PER_TASK).min(slot.len());
+            let (task, left) = rest.split_at_mut(start[last] - done);
+            tasks.push((first..last, task));
             (rest, done) = (left, start[last]);
         }
-        shares.into_par_iter().for_each(|(rows, weights)| {
+        tasks.into_par_iter().for_each(|(rows, weights)| {
             let offset = start[rows.start];
-            for point in rows {
-                let (from, to) = (start[point], start[point + 1]);
-                let moment = *unit_moment * horizon[point].powi(power);
+            for row in rows {
+                let (from, to) = (start[row], start[row + 1]);
                 let weights = &mut weights[from - offset..to - offset];
-                weighing.weigh((point, horizon[point], moment), &column[from..], weights);
+                weighing.weigh(owner(slot[row] as usize), &column[from..], weights);
             }
         });
+    }
+
+    /// The bonds whose other end lies in a slot that is kept, of all rows that have such bonds.
+    fn of_columns(&self, is_kept: &[bool]) -> Rows {
+        let mut kept = Rows {
+            start: vec![0],
+            ..Rows::default()
+        };
+        for (row, (&point, &slot)) in self.point.iter().zip(&self.slot).enumerate() {
+            let columns = &self.column[self.start[row]..self.start[row + 1]];
+            let columns = columns.iter().filter(|c| is_kept[**c as usize]);
+            kept.column.extend(columns);
+            if kept.start.last() != Some(&kept.column.len()) {
+                kept.point.push(point);
+                kept.slot.push(slot);
+                kept.start.push(kept.column.len());
+            }
+        }
+        kept.weight = vec![0.0; kept.column.len() + ROW_LANES];
+        // the last row is read a few lanes further
+        kept.column.extend([0; ROW_LANES]);
+        kept
     }
 }
 
@@ -308,7 +342,7 @@ impl Family {
 mod tests {
     use super::*;
     use crate::body::{Face, Jitter};
-    use crate::family::{Bond, BondKernel};
+    use crate::family::{Bond, BondKernel, Cut};
     use crate::shape::{BoxShape, Shape};
 
     struct Pull;
@@ -393,14 +427,12 @@ mod tests {
         };
         Family::moving(&body, &plain).expect("supported");
         let corrected = FamilySpec::new(0.25);
-        let audited = FamilySpec {
-            layers: vec![Face::XMin],
-            audited: vec![Face::XMin],
-            ..plain.clone()
-        };
-        for (spec, word) in [(corrected, "correction"), (audited, "exchange")] {
-            let error = Family::moving(&body, &spec).expect_err(word).to_string();
-            assert!(error.contains(word), "{error}");
-        }
+        let error = Family::moving(&body, &corrected).expect_err("corrected");
+        assert!(error.to_string().contains("correction"), "{error}");
+        let mut cut = body.clone();
+        let line = Cut::segment([0.4, 0.0], [0.4, 0.6]).expect("it has a length");
+        cut.cuts.push(line);
+        let error = Family::moving(&cut, &plain).expect_err("cut");
+        assert!(error.to_string().contains("crack"), "{error}");
     }
 }

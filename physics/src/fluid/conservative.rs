@@ -1,7 +1,7 @@
-//! Rates that keep momentum, also of a fluid with free surfaces (ours).
+//! Rates that keep momentum to rounding, also of a fluid with free surfaces (spec 05, 1.13).
 //!
 //! The divergence is the operator of first order, exact for linear velocities on any family; the force of the
-//! pressure is its adjoint (spec 05, 1.13):
+//! pressure is its adjoint:
 //!
 //! ```text
 //! A_i    = sum_j w xi xi^T V_j,   g_ij = A_i^-1 w xi
@@ -9,42 +9,42 @@
 //! rho a  = sum_j (p_j g_ji - p_i g_ij) V_j  =  -sum_j w (p_i A_i^-1 + p_j A_j^-1) xi V_j
 //! ```
 //!
-//! so that the work of the pressure is what compression takes; behind walls both take mirror images, whether or not
-//! the fluid slips. What moves as a rigid body has no divergence: forces add up to nothing, and so do their moments.
-//! Where a family is cut off, nothing presses from there: a free surface needs no condition. One that is too thin
-//! to tell how the fluid moves across it (a splash, a single point) counts with at least the eigenvalue `SMALLEST`.
+//! so that the work of the pressure is the energy of compression; behind walls both take mirror images, whether or not
+//! the fluid slips. A rigid motion has no divergence, therefore the forces and their moments add up to zero. Where a
+//! family is incomplete no pressure acts from outside: a free surface needs no condition. A family that is too thin to
+//! determine the velocity gradient across it (a splash, a single point) counts with at least the eigenvalue
+//! `SMALLEST`.
 //!
-//! Viscosity, conduction and diffusion of density are pairwise, `lap f = (2/a) sum_j w (f_j - f_i) V_j` with
-//! `A = a I` of a complete family: what one point gets the other one gives. Friction heats by just the work
-//! that it takes. Density diffuses but for what the weight of the fluid makes of it.
+//! Viscosity and diffusion of density are pairwise, `lap f = (2/a) sum_j w (f_j - f_i) V_j` with
+//! `A = a I` of a complete family, so that each pair exchanges equal and opposite amounts. Friction heats by the work
+//! that viscosity does. Only the part of the density that is not hydrostatic diffuses.
 //!
-//! The density of a point is a memory of divergences, which do not see how densely points lie. Over a long time
-//! they may settle closer and closer while no pressure says so. So the density goes slowly towards that of the
-//! points, `sum W m` with the kernel of Wendland (1995), C2, wherever families are complete.
+//! The density of a point is the time integral of divergences, which do not measure how close the points lie. Over a
+//! long time the points may crowd without a pressure that separates them. Therefore the density relaxes slowly towards
+//! the kernel sum `sum W m` with the kernel of Wendland (1995), C2, where families are complete.
 
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
-use perimelt_core::family::LayerRule;
 use perimelt_core::pddo::largest_wave_number;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Body, Bond, BondKernel, Family, PddoError, World};
 use rayon::prelude::*;
 
 use super::medium::Medium;
-use super::rates::{Heating, POINTS_PER_TASK, Rates, Stability, Terms, load, load_weighted};
+use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms, load_weighted};
 use super::treatments::CompleteFamily;
 use super::walls::{FluidAtWall, Walls};
 
-/// Least eigenvalue of `A / a`, that of a flat free surface: where a family has less, as at corners, the fluid is a
-/// little softer, which does no harm where nothing presses.
+/// Least eigenvalue of `A / a`, that of a flat free surface: where a family has less, as at corners, the fluid is
+/// slightly softer, which does not matter at a surface without pressure.
 const SMALLEST: f64 = 0.5;
 
 /// Product of the eigenvalues of `A / a` from which a family counts as complete: the second row below a flat free
 /// surface has 0.84. Below, one eigenvalue may be as small as [`SMALLEST`].
 const COMPLETE: f64 = 0.85;
 
-/// Components of `A^-1`, in the order in which they are kept: those of two axes come first.
+/// Components of `A^-1`, in the order in which they are stored: those of a plane come first.
 const COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (0, 1), (2, 2), (1, 2), (0, 2)];
 
 /// Whether a component stands on the diagonal.
@@ -57,7 +57,7 @@ const fn components(dimension: usize) -> usize {
     dimension * (dimension + 1) / 2
 }
 
-/// Rates of a flow that keeps momentum.
+/// Rates of the conservative form.
 #[derive(Debug)]
 pub(super) struct Conservative {
     dimension: usize,
@@ -66,25 +66,21 @@ pub(super) struct Conservative {
     walls: Walls,
     /// 1 for viscous forces along bonds, else 0.
     central: f64,
-    /// Crowding of a complete family, 1/m.
+    /// Kernel sum of a complete family, 1/m.
     crowd: f64,
     /// m.
     horizon: f64,
-    /// Fields by slot; velocity as mirrored by walls.
+    /// Fields by slot; the velocity is mirrored by walls.
     velocity: Vec<Vec<f64>>,
     density: Vec<f64>,
     viscosity: Vec<f64>,
     pressure: Vec<f64>,
     inverse: Vec<Vec<f64>>,
-    temperature: Vec<f64>,
-    conductivity: Vec<f64>,
-    /// Of the survey, one row for each point.
+    /// Sums of the survey, one row for each point.
     sums: Vec<f64>,
     surveyed: Vec<Surveyed>,
-    /// Of the pressure, N/m³, one row for each point.
+    /// Force of the pressure, N/m³, one row for each point.
     push: Vec<f64>,
-    /// By conduction, W/m³.
-    conducted: Vec<[f64; 1]>,
 }
 
 /// What is found at a point from the velocity and density around it.
@@ -93,15 +89,15 @@ struct Surveyed {
     inverse: [f64; 6],
     /// 1/s.
     divergence: f64,
-    /// Of viscosity, N/m³.
+    /// Force of viscosity, N/m³.
     force: Vector3<f64>,
-    /// W/m³.
+    /// Heat of viscous friction, W/m³.
     friction: f64,
     /// `(2/a) sum w (rho_j - rho_i)`, kg/m⁵.
     density_laplacian: f64,
     /// `(2/a) sum w xi`, 1/m.
     kernel_asymmetry: Vector3<f64>,
-    /// By how much the points lie closer than their densities say; zero where the family is cut off.
+    /// Relative excess of the kernel sum over that of a complete family; zero where the family is incomplete.
     crowding: f64,
 }
 
@@ -116,10 +112,10 @@ struct Survey<const D: usize> {
     central: f64,
 }
 
-/// Kernel over influence of Wendland, for a share of the horizon.
+/// Kernel over influence of Wendland, for a fraction of the horizon.
 #[inline(always)]
-fn kernel_over_influence(share: f64) -> f64 {
-    (1.0 - share) * (1.0 + 4.0 * share)
+fn kernel_over_influence(fraction: f64) -> f64 {
+    (1.0 - fraction) * (1.0 + 4.0 * fraction)
 }
 
 impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey<D> {
@@ -141,8 +137,8 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey
                 put(weight * v * x);
             }
         }
-        let share = weight * self.laplacian;
-        let viscous = share * 0.5 * (own[2 * D + 1] + other[2 * D + 1]);
+        let diffusive = weight * self.laplacian;
+        let viscous = diffusive * 0.5 * (own[2 * D + 1] + other[2 * D + 1]);
         let plain = 1.0 - self.central;
         let stretch: f64 = (0..D).map(|a| held[a] * xi[a]).sum();
         let along_bond =
@@ -152,11 +148,11 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey
             put(viscous * (plain * v + along_bond * x));
             square += plain * v * v;
         }
-        // half of the work of a pair goes to each end
+        // each end gets half of the work of the pair
         put(0.5 * viscous * square);
-        put(share * difference[2 * D]);
+        put(diffusive * difference[2 * D]);
         for x in along {
-            put(share * x);
+            put(diffusive * x);
         }
         put(weight * kernel_over_influence(bond.length / self.horizon));
         sums
@@ -181,28 +177,18 @@ impl<const D: usize, const I: usize> BondKernel<I, D> for Push<D> {
     }
 }
 
-/// `(2/a) sum w k (T_j - T_i)` with the mean conductivity of both ends.
-struct Conduction {
-    /// `2 / a`, 1/m.
-    laplacian: f64,
-}
-
-impl BondKernel<2, 1> for Conduction {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; 2], other: [f64; 2]) -> [f64; 1] {
-        let conductivity = 0.5 * (own[1] + other[1]);
-        [bond.weight * self.laplacian * conductivity * (other[0] - own[0])]
-    }
-}
-
 /// `A^-1` from the components of `A`, with the eigenvalues of `A / complete` not below [`SMALLEST`], and whether they
 /// are those of a complete family.
 fn inverted<const D: usize>(sums: &[f64], complete: f64) -> (Matrix3<f64>, bool) {
-    // one along an axis that is not there
+    // one along the axis that a plane body does not have
     let mut shape = Matrix3::identity();
     for (sum, &(a, b)) in sums.iter().zip(&COMPONENTS[..components(D)]) {
         shape[(a, b)] = sum / complete;
         shape[(b, a)] = sum / complete;
+    }
+    // the eigenvalues of a run that has blown up would be looked for without end
+    if !shape.iter().all(|x| x.is_finite()) {
+        return (Matrix3::identity() / complete, false);
     }
     if shape.determinant() > COMPLETE
         && let Some(inverse) = shape.try_inverse()
@@ -242,12 +228,9 @@ impl Conservative {
             viscosity: Vec::new(),
             pressure: Vec::new(),
             inverse: vec![Vec::new(); components(dimension)],
-            temperature: Vec::new(),
-            conductivity: Vec::new(),
             sums: Vec::new(),
             surveyed: Vec::new(),
             push: Vec::new(),
-            conducted: Vec::new(),
         }
     }
 
@@ -428,29 +411,14 @@ impl Rates for Conservative {
             });
         });
         Stability {
-            // families that are cut off or crowded answer more strongly
+            // incomplete and crowded families respond more strongly
             wave_number: 2.0 * wave_number,
             laplacian: self.laplacian() * content,
         }
     }
 
-    fn set_temperature(&mut self, temperature: &[f64], rules: &[LayerRule], medium: &Medium) {
-        load(
-            &self.family,
-            (temperature, 1),
-            0,
-            rules,
-            &mut self.temperature,
-        );
-        medium
-            .conductivity
-            .load(&self.family, &mut self.conductivity);
-        self.conducted.resize(temperature.len(), [0.0]);
-        let laplacian = self.laplacian();
-        let inputs = [&self.temperature[..], &self.conductivity];
-        self.family
-            .sum(&Conduction { laplacian }, inputs, &mut self.conducted);
-    }
+    /// The viscosity is copied to slots together with the velocity.
+    fn set_viscosity(&mut self, _medium: &Medium) {}
 
     fn set_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>) {
         load_weighted(
@@ -481,7 +449,7 @@ impl Rates for Conservative {
             2 => self.survey::<2, 6, 14>(velocity),
             _ => self.survey::<3, 8, 24>(velocity),
         }
-        // a mirror turns the sign of components that mix its normal with another axis
+        // a mirror changes the sign of components that combine its normal with another axis
         for (n, (slots, &(a, b))) in self.inverse.iter_mut().zip(&COMPONENTS).enumerate() {
             slots.resize(self.family.slots(), 0.0);
             for (point, found) in self.surveyed.iter().enumerate() {
@@ -547,7 +515,7 @@ impl Rates for Conservative {
         let points = velocity.par_iter_mut().zip(push).zip(&self.surveyed);
         let points = points.enumerate().with_min_len(POINTS_PER_TASK);
         points.for_each(|(i, ((v, push), found))| {
-            // momentum is kept with the density that belongs to the volumes of the sums
+            // momentum is conserved with the density that belongs to the volumes of the sums
             let density = self.density[self.family.slot_of(i)];
             for a in 0..dimension {
                 let acceleration = (push[a] + found.force[a]) / density;
@@ -558,18 +526,8 @@ impl Rates for Conservative {
         });
     }
 
-    fn heat(&mut self, heating: &Heating<'_>, _: &Medium, dt: f64, enthalpy: &mut [f64]) {
-        let points = enthalpy
-            .par_iter_mut()
-            .zip(&self.conducted)
-            .zip(&self.surveyed);
-        let points = points.enumerate().with_min_len(POINTS_PER_TASK);
-        points.for_each(|(i, ((h, [conducted]), found))| {
-            let mut rate = conducted + heating.source.map_or(0.0, |q| q[i]);
-            if heating.dissipates {
-                rate += found.friction;
-            }
-            *h += dt * rate;
-        });
+    fn friction(&self, _medium: &Medium, friction: &mut Vec<f64>) {
+        friction.clear();
+        friction.extend(self.surveyed.iter().map(|found| found.friction));
     }
 }

@@ -1,21 +1,22 @@
-//! Rates by differences, as published: derivatives of second order on complete families (Gao (2020), eqs. 5.80
-//! to 5.101), but for two things (ours):
+//! Rates by derivatives of second order on complete families, as published (Gao (2020), eqs. 5.80 to 5.101), with two
+//! differences:
 //!
-//! - What flows through space is taken as mirrored by walls, also where the fluid sticks to them: nothing goes
-//!   through. With the velocity that walls hold, a lid drags fluid in and out at its corners, which makes pressure
-//!   there; the cavity at Re = 1 was off by 0.02 of the speed of the lid with 40 x 40 points, in place of 0.002.
+//! - The flux through space is mirrored by walls, also where the fluid sticks to them, so that nothing flows through a
+//!   wall. With the velocity that a no-slip wall prescribes, a lid makes a spurious divergence at its corners, and the
+//!   divergence is no longer the adjoint of the gradient of the mirrored pressure.
 //! - An Eulerian fluid carries density by `div(rho v)`, velocity and temperature `f` by
-//!   `(div(rho v f) - f div(rho v)) / rho`: mass and momentum are kept to rounding, and what is uniform stays so.
+//!   `(div(rho v f) - f div(rho v)) / rho`: mass and momentum are kept to rounding, and uniform fields stay uniform.
 
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use perimelt_core::family::LayerRule;
 use perimelt_core::{Derivatives, Family, Pddo, PddoError};
 use rayon::prelude::*;
 
+use crate::advection::Flux;
+
 use super::medium::{Coefficient, Medium};
-use super::rates::{Heating, POINTS_PER_TASK, Rates, Stability, Terms, load, load_weighted};
+use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms, load_weighted};
 
 /// A field in slot space, and some of its derivatives.
 #[derive(Debug, Default)]
@@ -26,7 +27,7 @@ struct Differentiated {
 }
 
 impl Differentiated {
-    /// Of a coefficient; nothing where it is uniform.
+    /// Sets a coefficient; nothing is done where it is uniform.
     fn set_coefficient(&mut self, coefficient: &Coefficient, pddo: &Pddo, work: &mut Derivatives) {
         if coefficient.varies {
             coefficient.load(pddo.family(), &mut self.slots);
@@ -35,59 +36,10 @@ impl Differentiated {
     }
 }
 
-/// That of a point in rows of this width.
+/// The row of a point, in rows of this width.
 #[inline(always)]
 fn row(rows: &[f64], width: usize, point: usize) -> &[f64] {
     &rows[point * width..][..width]
-}
-
-/// What flows through space, and how much of it comes to lie at each point.
-#[derive(Clone, Debug)]
-struct Flux {
-    /// By slot, one array for each axis.
-    slots: Vec<Vec<f64>>,
-    /// By point.
-    divergence: Vec<f64>,
-}
-
-impl Flux {
-    fn new(dimension: usize) -> Self {
-        Flux {
-            slots: vec![Vec::new(); dimension],
-            divergence: Vec::new(),
-        }
-    }
-
-    /// A fluid with these components of the velocity, by slot; mass where there is a density. Walls mirror it.
-    fn find(
-        &mut self,
-        (pddo, work): (&Pddo, &mut Derivatives),
-        velocity: &[Vec<f64>],
-        density: Option<&[f64]>,
-    ) {
-        for (axis, (slots, velocity)) in self.slots.iter_mut().zip(velocity).enumerate() {
-            slots.clone_from(velocity);
-            if let Some(density) = density {
-                slots.iter_mut().zip(density).for_each(|(f, rho)| *f *= rho);
-            }
-            pddo.family().fill_layers_turning(slots, |a| a == axis);
-        }
-        pddo.divergence(&self.slots, work, &mut self.divergence);
-    }
-
-    /// A field that the flux of mass carries.
-    fn carry(&mut self, (pddo, work): (&Pddo, &mut Derivatives), mass: &Flux, field: &[f64]) {
-        for (slots, mass) in self.slots.iter_mut().zip(&mass.slots) {
-            slots.clear();
-            slots.extend(mass.iter().zip(field).map(|(mass, value)| mass * value));
-        }
-        pddo.divergence(&self.slots, work, &mut self.divergence);
-    }
-
-    /// What comes to a point beyond that of the mass itself, for a field that has `value` there.
-    fn net(&self, mass: &Flux, point: usize, value: f64) -> f64 {
-        value * mass.divergence[point] - self.divergence[point]
-    }
 }
 
 /// Fields of the flow with their derivatives.
@@ -102,17 +54,13 @@ pub(super) struct Differences {
     flux: Flux,
     /// Momentum along each axis, kg/(m s²).
     carried_momentum: Vec<Flux>,
-    /// Temperature, K kg/(m² s).
-    carried_temperature: Flux,
     /// By slot.
     density: Vec<f64>,
     /// kg/m⁵.
     density_laplacian: Vec<f64>,
     work: Derivatives,
     pressure: Differentiated,
-    temperature: Differentiated,
     viscosity: Differentiated,
-    conductivity: Differentiated,
 }
 
 impl Differences {
@@ -122,14 +70,11 @@ impl Differences {
             slope_of_divergence: Vec::new(),
             flux: Flux::new(pddo.dimension()),
             carried_momentum: vec![Flux::new(pddo.dimension()); pddo.dimension()],
-            carried_temperature: Flux::new(pddo.dimension()),
             density: Vec::new(),
             density_laplacian: Vec::new(),
             work: Derivatives::default(),
             pressure: Differentiated::default(),
-            temperature: Differentiated::default(),
             viscosity: Differentiated::default(),
-            conductivity: Differentiated::default(),
             pddo,
         }
     }
@@ -207,15 +152,10 @@ impl Rates for Differences {
         }
     }
 
-    fn set_temperature(&mut self, temperature: &[f64], rules: &[LayerRule], medium: &Medium) {
+    fn set_viscosity(&mut self, medium: &Medium) {
         let (pddo, work) = (&self.pddo, &mut self.work);
-        let Differentiated { slots, rows } = &mut self.temperature;
-        load(pddo.family(), (temperature, 1), 0, rules, slots);
-        pddo.gradient_and_laplacian(slots, work, rows);
         self.viscosity
             .set_coefficient(&medium.viscosity, pddo, work);
-        self.conductivity
-            .set_coefficient(&medium.conductivity, pddo, work);
     }
 
     fn set_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>) {
@@ -228,7 +168,7 @@ impl Rates for Differences {
             pddo.gradient_of_divergence(velocity, work, &mut self.slope_of_divergence);
         }
         if is_eulerian || terms.density_diffusion > 0.0 {
-            // the density that goes with the pressure behind the faces
+            // the density of the hydrostatic pressure behind the faces
             load_weighted(
                 pddo.family(),
                 density,
@@ -297,38 +237,10 @@ impl Rates for Differences {
         }
     }
 
-    fn heat(&mut self, heating: &Heating<'_>, medium: &Medium, dt: f64, enthalpy: &mut [f64]) {
-        if heating.carried_by.is_some() {
-            let (pddo, work) = (&self.pddo, &mut self.work);
-            let temperature = &self.temperature.slots;
-            self.carried_temperature
-                .carry((pddo, work), &self.flux, temperature);
-        }
-        let this = &*self;
-        let dimension = this.velocity.len();
-        let points = enthalpy.par_iter_mut().enumerate();
-        points.with_min_len(POINTS_PER_TASK).for_each(|(i, h)| {
-            let of = row(&this.temperature.rows, dimension + 1, i);
-            let carried = heating.carried_by.map(|by| {
-                let curve = &heating.curves[heating.material[i] as usize];
-                let capacity = curve.capacity(heating.temperature[i]);
-                let least = medium.least_diffusivity(by.convection, i, by.velocity[i].norm());
-                let temperature = heating.temperature[i];
-                let net = this.carried_temperature.net(&this.flux, i, temperature);
-                (capacity * least, capacity * net / by.density[i])
-            });
-            let (least, carried) = carried.unwrap_or_default();
-            let conductivity = medium.conductivity.value[i].max(least);
-            let mut rate = conductivity * of[dimension] + carried;
-            if medium.conductivity.varies {
-                let slope = row(&this.conductivity.rows, dimension, i);
-                rate += (0..dimension).map(|a| slope[a] * of[a]).sum::<f64>();
-            }
-            if heating.dissipates {
-                rate += medium.viscosity.value[i] * this.dissipation(i);
-            }
-            rate += heating.source.map_or(0.0, |q| q[i]);
-            *h += dt * rate;
-        });
+    fn friction(&self, medium: &Medium, friction: &mut Vec<f64>) {
+        let viscosity = medium.viscosity.value.par_iter().enumerate();
+        let of_point = |(i, mu): (usize, &f64)| mu * self.dissipation(i);
+        let viscosity = viscosity.with_min_len(POINTS_PER_TASK);
+        viscosity.map(of_point).collect_into_vec(friction);
     }
 }

@@ -1,14 +1,16 @@
 //! Keys of the `[[physics]]` table of a fluid, and which of them fit together.
 
-use perimelt_core::{Body, Horizon, Influence, PartialVolume, SetupError, StepSize};
+use perimelt_core::{Body, Description, Horizon, Influence, PartialVolume, SetupError, StepSize};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::advection::Convection;
 
 use super::run::Run;
 use super::state::State;
 use super::walls::Walls;
 
-/// Weakly compressible laminar flow; owns `velocity`, `density` and `pressure`.
+/// Weakly compressible laminar flow; owns `velocity`, `density` and `pressure`. Heat is the matter of `thermal`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fluid {
@@ -77,9 +79,6 @@ pub struct Fluid {
     /// Time during which accelerations grow smoothly from zero, s (Gao (2020), eq. 5.110).
     #[serde(default)]
     pub startup: f64,
-    /// Temperature with conduction, convection and sources; the fluid then owns `temperature`.
-    #[serde(default)]
-    pub energy: Option<Energy>,
     /// Step in s, or "auto".
     #[serde(default)]
     pub step: StepSize,
@@ -94,20 +93,6 @@ fn usual_volume_relaxation() -> f64 {
 
 fn usual_horizon() -> Horizon {
     Horizon::Spacings(3.015)
-}
-
-/// Whether points move, and whether they change neighbours.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Description {
-    /// Points move with the fluid; families are those of their current positions.
-    #[default]
-    UpdatedLagrangian,
-
-    /// Points move with the fluid; families stay those of the reference configuration.
-    TotalLagrangian,
-    /// Points stay and the fluid flows through them.
-    Eulerian,
 }
 
 /// How derivatives become sums.
@@ -161,28 +146,6 @@ pub enum Scheme {
     /// Velocity from the pressure before the step, as printed (eq. 5.83): sound waves grow unless viscosity
     /// damps them.
     Published,
-}
-
-/// Stabilisation of the convective terms of an Eulerian fluid.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Convection {
-    /// The kinematic viscosity is at least a fifth of speed times spacing (after the hybrid scheme of
-    /// Spalding (1972), with a half). Short waves do not grow; first order where the bound applies.
-    #[default]
-    Hybrid,
-    /// No stabilisation. Short waves grow where speed times spacing is more than some ten times the kinematic
-    /// viscosity.
-    Central,
-}
-
-/// The energy equation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Energy {
-    /// Viscous friction heats the fluid.
-    #[serde(default)]
-    pub dissipation: bool,
 }
 
 impl Fluid {

@@ -5,7 +5,8 @@ use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::solver::reduce::max_abs;
 use rayon::prelude::*;
 
-use super::keys::Convection;
+use crate::advection::Convection;
+
 use super::rates::{POINTS_PER_TASK, load};
 use super::state::State;
 
@@ -19,8 +20,6 @@ pub(super) struct Medium {
     pub(super) spacing: Vec<f64>,
     /// Pa s.
     pub(super) viscosity: Coefficient,
-    /// W/(m K).
-    pub(super) conductivity: Coefficient,
 }
 
 /// A property of the fluid.
@@ -50,6 +49,11 @@ impl Coefficient {
             varies: uniform.is_none() && !properties.is_empty(),
             properties,
         }
+    }
+
+    /// Whether a temperature is needed to evaluate it.
+    pub(super) fn depends_on_temperature(&self) -> bool {
+        self.properties.iter().any(|p| !p.is_constant())
     }
 
     pub(super) fn evaluate(
@@ -90,17 +94,14 @@ impl Medium {
         self.state.sound_speed(self.reference_density[point])
     }
 
-    /// Least diffusivity of momentum and heat that an Eulerian fluid of this speed (m/s) counts with, m²/s.
+    /// Least kinematic viscosity of an Eulerian fluid of this speed (m/s), m²/s.
     pub(super) fn least_diffusivity(
         &self,
         convection: Convection,
         point: usize,
         speed: f64,
     ) -> f64 {
-        match convection {
-            Convection::Hybrid => 0.2 * speed * self.spacing[point],
-            Convection::Central => 0.0,
-        }
+        convection.least_diffusivity(speed, self.spacing[point])
     }
 
     /// Spacing times speed of sound, m²/s.

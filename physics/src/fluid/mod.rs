@@ -4,31 +4,32 @@
 //! D rho/Dt = -rho div v                                               Gao (2020), eqs. 5.22 to 5.27
 //! rho Dv/Dt = -grad p + mu lap v [+ mu/3 grad div v] + 2 eps . grad mu + f    eqs. 5.50, 5.55, 5.44 (corrected)
 //! p = B ((rho/rho0)^gamma - 1) + p0,   B = rho0 c^2 / gamma           eqs. 5.34, 5.35
-//! D h/Dt = div(k grad T) + Phi + q                                    eqs. 5.65, 5.66
 //! ```
 //!
-//! Derivatives are those of [`Pddo`], of second order. `h` is the enthalpy per reference volume, so that
-//! melting works as in the thermal physics; `f` (N/m³) and `q` (W/m³) are the sink fields `body_force` and
-//! `heat_source`. Without the term in brackets the flow counts as incompressible, since its divergence is
-//! small.
+//! Derivatives are those of [`Pddo`](perimelt_core::Pddo), of second order; `f` (N/m³) is the sink field `body_force`.
+//! Without the term in brackets the flow counts as incompressible, since its divergence is small.
 //!
-//! - *Updated Lagrangian*: points move with the fluid and keep their mass; families and operators are found
-//!   again in every step, volumes follow from the density (eqs. 5.89 to 5.98, with `V = m / rho` for 5.98). A
-//!   point that has gone through a wall is put back (eq. 6.45), one that leaves a periodic side enters at the
-//!   other (eq. 5.117).
-//! - *Total Lagrangian*: points move with the fluid, families stay as they were. For small strains, and where
-//!   nothing changes along the flow.
+//! A fluid owns momentum and mass. Heat belongs to [`thermal`](crate::thermal) on the same body, after the fluid in the
+//! case file, which conducts between the points as they lie now or carries heat with an Eulerian flow. The viscosity
+//! may depend on its `temperature`, and friction heats by the coupler `viscous_heat`, from the field `viscous_work`.
+//!
+//! - *Updated Lagrangian*: points move with the fluid and keep their mass; families and operators are those of the
+//!   current configuration, volumes follow from the density (eqs. 5.89 to 5.98, with `V = m / rho` for 5.98). A
+//!   point that has crossed a wall is reflected (eq. 6.45), a point that leaves through a periodic side enters at the
+//!   other side (eq. 5.117).
+//! - *Total Lagrangian*: points move with the fluid, families stay those of the reference configuration. For small
+//!   strains, and where nothing changes along the flow.
 //! - *Eulerian*: points stay, convective terms are added (eqs. 5.99 to 5.101; corrected, see spec 05, E7), as
-//!   fluxes that keep mass and momentum to rounding (ours), with so much viscosity and conduction where they are
-//!   weak that the terms stay stable ([`Convection`]).
+//!   fluxes that keep mass and momentum to rounding, with a least viscosity that keeps the terms stable
+//!   ([`Convection`]).
 //!
 //! Every face of the body's box, or of its `tank`, is a `wall`, a plane of `symmetry`, or periodic; in the
-//! conservative form it may be open, and the body need not fill it: where it ends its surface is free. Behind
-//! walls the pressure goes on with the weight of the fluid (eq. 5.106, by mirror images: second order). The
+//! conservative form it may be open, and the body need not fill it: its other surfaces are free. Behind
+//! walls the pressure grows with the weight of the fluid (eq. 5.106, by mirror images: second order). The
 //! divergence takes mirror images, too, also where the fluid sticks to the wall: nothing flows through.
 //!
 //! The speed of sound is a number of the method: pressures, also hydrostatic ones, must stay below a
-//! hundredth of `rho0 c^2`. The derivatives do not see a pressure that changes sign from point to point;
+//! hundredth of `rho0 c^2`. A pressure that alternates from point to point has no gradient in this operator;
 //! `density_diffusion` removes it.
 //!
 //! Not for: turbulence, surface tension.
@@ -36,7 +37,6 @@
 mod boundaries;
 mod conservative;
 mod differences;
-mod heat;
 mod keys;
 mod medium;
 mod prepare;
@@ -50,7 +50,9 @@ mod tests;
 mod treatments;
 mod walls;
 
-pub use keys::{Convection, Description, Energy, Fluid, Form, Scheme, Stress, Surface};
+pub use crate::advection::Convection;
+pub use keys::{Fluid, Form, Scheme, Stress, Surface};
+pub use perimelt_core::Description;
 pub use state::{State, Tait};
 
 use perimelt_core::{
@@ -72,7 +74,7 @@ impl Physics for Fluid {
         Ok(())
     }
 
-    /// Density from the pressure at the start, enthalpy from the temperature.
+    /// Density from the pressure at the start.
     fn start(&mut self, world: &World) -> Result<(), RunError> {
         let run = self.run.as_mut().expect("prepared before the start");
         run.complete_state(world);
@@ -198,7 +200,7 @@ impl Fluid {
         self.run.as_mut().expect("prepared at set-up")
     }
 
-    /// Largest step (s) for which sound, viscosity and conduction are stable (spec 05, 1.10), for speeds up to a tenth
+    /// Largest step (s) for which sound and viscosity are stable (spec 05, 1.10), for speeds up to a tenth
     /// of that of sound: with the frequency `w = kappa c` of sound and the rate `r = 2 S (nu + D)` of viscosity and
     /// density diffusion, a symplectic step is stable for `dt^2 w^2 + 2 dt r < 4`. In an Eulerian fluid `w` is
     /// `kappa (c + |v|)`, and convection by old values lets sound grow by `kappa^2 c |v| dt^2 / (1 - (w dt/2)^2)^1/2`
@@ -206,10 +208,6 @@ impl Fluid {
     fn find_stable_step(&self, world: &World) -> f64 {
         let run = self.run();
         let medium = &run.medium;
-        let capacity: Vec<f64> = match &run.heat {
-            Some(heat) => heat.curves.iter().map(|c| c.minimum_capacity()).collect(),
-            None => Vec::new(),
-        };
         let Stability {
             wave_number,
             laplacian,
@@ -232,11 +230,7 @@ impl Fluid {
                 let slowly = damping / (sound * speed);
                 slowly / (1.0 + (0.5 * frequency * slowly).powi(2)).sqrt()
             });
-            let heat = capacity.get(m as usize).map_or(f64::INFINITY, |capacity| {
-                let diffusivity = medium.conductivity.largest(m) / capacity;
-                1.0 / (laplacian * diffusivity.max(least))
-            });
-            at_rest.min(carried).min(heat)
+            at_rest.min(carried)
         };
         let points = world.body(run.body).material_of_point.iter().enumerate();
         points.map(limit).fold(f64::INFINITY, f64::min)

@@ -2,21 +2,19 @@
 
 use std::sync::Arc;
 
-use perimelt_core::material::Property;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Face, Family, FamilySpec, Influence, MovingFamily, Pddo, PointMover, Setup, SetupError, World,
-    keys,
+    Description, Face, Family, FamilySpec, Influence, MovingFamily, Pddo, PointMover, Setup,
+    SetupError, World, keys,
 };
 
 use super::boundaries::check_closed;
 use super::conservative::Conservative;
 use super::differences::Differences;
-use super::heat::{Heat, HeatedFace};
-use super::keys::{Description, Fluid, Form, Stress};
+use super::keys::{Fluid, Form, Stress};
 use super::medium::{Coefficient, Medium};
 use super::rates::{LargestSums, Rates};
-use super::run::{Moving, Run};
+use super::run::{FluidTemperature, Moving, Run};
 use super::treatments::{CompleteFamily, Treatments};
 use super::walls::Walls;
 
@@ -42,8 +40,18 @@ impl Run {
         if !fluid.may_have_free_surface() {
             check_closed(setup, body, &walls)?;
         }
-        let heat = prepare_heat(fluid, setup, body)?;
-        let medium = prepare_medium(fluid, setup, body, heat.is_some())?;
+        let medium = prepare_medium(fluid, setup, body)?;
+        let temperature = match medium.viscosity.depends_on_temperature() {
+            true => Some(FluidTemperature {
+                field: setup.read(body, &keys::TEMPERATURE)?,
+                curves: setup.enthalpy_curves(body)?,
+            }),
+            false => None,
+        };
+        let viscous_work = match setup.is_read(body, &keys::VISCOUS_WORK) {
+            true => Some(setup.own(body, &keys::VISCOUS_WORK)?),
+            false => None,
+        };
         let has_faces = !walls.is_empty();
         let spec = family_spec(fluid, walls);
         let solids = Walls::prepare(setup, body, &spec)?;
@@ -74,7 +82,8 @@ impl Run {
             pressure,
             displacement,
             body_force,
-            heat,
+            temperature,
+            viscous_work,
             velocity_layers,
             medium,
             initial_stability: rates.stability(),
@@ -100,7 +109,7 @@ impl Run {
         })
     }
 
-    /// Density from the pressure at the start, enthalpy from the temperature.
+    /// Density from the pressure at the start.
     pub(super) fn complete_state(&mut self, world: &World) {
         let pressure = world.read(self.pressure.into());
         let mut density = world.write(self.density);
@@ -111,14 +120,6 @@ impl Run {
             .zip(&medium.reference_density);
         for ((rho, &p), &rho0) in points {
             *rho = medium.state.density(p, rho0);
-        }
-        if let Some(heat) = &self.heat {
-            let temperature = world.read(heat.temperature.into());
-            let material = &world.body(self.body).material_of_point;
-            let mut enthalpy = world.write(heat.enthalpy);
-            for ((h, &t), &m) in enthalpy.iter_mut().zip(&*temperature).zip(material) {
-                *h = heat.curves[m as usize].enthalpy(t);
-            }
         }
     }
 }
@@ -142,6 +143,9 @@ fn neighbours(
     body: BodyIndex,
     spec: &FamilySpec,
 ) -> Result<Neighbours, SetupError> {
+    if fluid.description == Description::Eulerian {
+        setup.flow_through(body)?;
+    }
     if fluid.description != Description::UpdatedLagrangian {
         let family = setup.family(body, spec)?;
         return Ok(Neighbours {
@@ -157,49 +161,13 @@ fn neighbours(
     })
 }
 
-fn prepare_heat(
-    fluid: &Fluid,
-    setup: &mut Setup<'_>,
-    body: BodyIndex,
-) -> Result<Option<Heat>, SetupError> {
-    if fluid.energy.is_none() {
-        return Ok(None);
-    }
-    let (layers, _, heated) = setup.layers(body, &keys::TEMPERATURE);
-    let faces = heated.iter();
-    let faces = faces.map(|face| HeatedFace::of(setup.body(body), *face));
-    Ok(Some(Heat {
-        faces: faces.collect(),
-        temperature: setup.own(body, &keys::TEMPERATURE)?,
-        enthalpy: setup.own(body, &keys::ENTHALPY)?,
-        source: setup.consume_if_added(body, &keys::HEAT_SOURCE)?,
-        layers,
-        curves: setup.enthalpy_curves(body)?,
-    }))
-}
-
-fn prepare_medium(
-    fluid: &Fluid,
-    setup: &Setup<'_>,
-    body: BodyIndex,
-    has_temperature: bool,
-) -> Result<Medium, SetupError> {
-    let conductivity: Vec<Property> = match has_temperature {
-        true => setup.property(body, "conductivity")?,
-        false => Vec::new(),
-    };
+fn prepare_medium(fluid: &Fluid, setup: &Setup<'_>, body: BodyIndex) -> Result<Medium, SetupError> {
     let viscosity = setup.property(body, "viscosity")?;
-    if !has_temperature && viscosity.iter().any(|v| !v.is_constant()) {
-        let message = "the viscosity depends on temperature, which the fluid does not have";
-        let expected = "`energy = {}`, or a constant viscosity";
-        return Err(SetupError::value("energy", message, expected));
-    }
     let this = setup.body(body);
     Ok(Medium {
         state: fluid.state,
         reference_density: setup.density_at_points(body)?,
         spacing: this.points.spacing.clone(),
         viscosity: Coefficient::new(viscosity, &this.material_of_point),
-        conductivity: Coefficient::new(conductivity, &this.material_of_point),
     })
 }

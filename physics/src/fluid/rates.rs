@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
-use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Family, PddoError, World};
 use rayon::prelude::*;
 
-use super::keys::Convection;
+use crate::advection::Convection;
+
 use super::medium::Medium;
 use super::walls::Walls;
 
@@ -47,27 +47,6 @@ impl Terms<'_> {
     pub(super) fn density_diffusivity(&self, point: usize) -> f64 {
         self.density_diffusion * self.medium.sound_diffusivity(point)
     }
-}
-
-/// Fluid that flows through the points.
-#[derive(Clone, Copy)]
-pub(super) struct Passing<'a> {
-    pub(super) convection: Convection,
-    pub(super) velocity: &'a [Vector3<f64>],
-    pub(super) density: &'a [f64],
-}
-
-/// What the enthalpy changes by.
-pub(super) struct Heating<'a> {
-    /// In an Eulerian description.
-    pub(super) carried_by: Option<Passing<'a>>,
-    /// W/m³.
-    pub(super) source: Option<&'a [f64]>,
-    /// Friction heats.
-    pub(super) dissipates: bool,
-    pub(super) temperature: &'a [f64],
-    pub(super) material: &'a [u16],
-    pub(super) curves: &'a [EnthalpyCurve],
 }
 
 /// What the largest stable step depends on.
@@ -144,8 +123,8 @@ pub(super) trait Rates: std::fmt::Debug {
     /// What the largest stable step depends on, for the points at their reference positions.
     fn stability(&self) -> Stability;
 
-    /// Sets the temperature, and the coefficients that depend on it.
-    fn set_temperature(&mut self, temperature: &[f64], rules: &[LayerRule], medium: &Medium);
+    /// Sets a viscosity that varies from point to point.
+    fn set_viscosity(&mut self, medium: &Medium);
 
     /// Sets the velocity, by slot and component, and the density.
     fn set_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>);
@@ -165,8 +144,8 @@ pub(super) trait Rates: std::fmt::Debug {
         density: &[f64],
     );
 
-    /// Advances the enthalpy.
-    fn heat(&mut self, heating: &Heating<'_>, medium: &Medium, dt: f64, enthalpy: &mut [f64]);
+    /// Finds the heat of viscous friction per current volume, W/m³.
+    fn friction(&self, medium: &Medium, friction: &mut Vec<f64>);
 }
 
 /// Copies a component of a field to slots and continues it behind faces by their rules.

@@ -4,7 +4,6 @@ use nalgebra::Vector3;
 use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::{Balance, Report, World};
 
-use super::heat::HeatedFace;
 use super::run::Run;
 use super::walls::Walls;
 
@@ -47,8 +46,6 @@ impl Run {
             report("energy.kinetic", "J", self.kinetic_energy),
             report("density.deviation", "1", self.density_deviation),
         ];
-        let faces = self.heat.iter().flat_map(|h| &h.faces);
-        all.extend(faces.flat_map(HeatedFace::reports));
         all.extend(self.rates.walls().into_iter().flat_map(Walls::reports));
         all
     }
@@ -72,23 +69,5 @@ impl Run {
             .zip(reference)
             .map(|(rho, rho0)| (rho / rho0 - 1.0).abs());
         self.density_deviation = deviation.fold(0.0, f64::max);
-        self.observe_heat(world);
-    }
-
-    fn observe_heat(&mut self, world: &World) {
-        let Some(heat) = &mut self.heat else {
-            return;
-        };
-        let temperature = world.read::<f64>(heat.temperature.into());
-        let rules = world.layer_rules(heat.layers);
-        let body = world.body(self.body);
-        let conductivity = &mut self.medium.conductivity;
-        conductivity.evaluate(&temperature, &body.material_of_point, &heat.curves);
-        let conductivity = &conductivity.value;
-        for face in &mut heat.faces {
-            if let Some(rule) = rules.iter().find(|r| r.face == face.face) {
-                face.measure(rule, &temperature, conductivity, &body.points.spacing);
-            }
-        }
     }
 }

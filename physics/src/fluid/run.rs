@@ -1,11 +1,11 @@
 //! What a prepared fluid works with: handles, rates, and the configuration of points that move.
 
 use nalgebra::Vector3;
+use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{MovingFamily, PddoError, PointMover, Read, World, Write};
 
-use super::heat::Heat;
 use super::medium::Medium;
 use super::rates::{LargestSums, Rates, Stability};
 use super::treatments::Treatments;
@@ -19,7 +19,10 @@ pub(super) struct Run {
     pub(super) pressure: Write<f64>,
     pub(super) displacement: Option<Write<Vector3<f64>>>,
     pub(super) body_force: Option<Read<Vector3<f64>>>,
-    pub(super) heat: Option<Heat>,
+    /// Where the viscosity depends on it.
+    pub(super) temperature: Option<FluidTemperature>,
+    /// Where somebody reads it.
+    pub(super) viscous_work: Option<Write<f64>>,
     pub(super) velocity_layers: LayersHandle,
     pub(super) medium: Medium,
     pub(super) rates: Box<dyn Rates>,
@@ -43,6 +46,13 @@ pub(super) struct Run {
     pub(super) kinetic_energy: f64,
     /// Largest `|rho/rho0 - 1|`.
     pub(super) density_deviation: f64,
+}
+
+/// What a viscosity that depends on temperature needs.
+#[derive(Debug)]
+pub(super) struct FluidTemperature {
+    pub(super) field: Read<f64>,
+    pub(super) curves: Vec<EnthalpyCurve>,
 }
 
 /// Points of an updated Lagrangian fluid.

@@ -1,6 +1,6 @@
 //! One step of the flow.
 //!
-//! 1. Artificial viscosity slows points that approach each other.
+//! 1. The work of viscous friction is counted, where somebody reads it. Artificial viscosity slows points that approach each other.
 //! 2. Density, pressure and velocity advance in the order of the [`Scheme`].
 //! 3. Velocity and density are smoothed, in every n-th step.
 //! 4. Points that move are displaced, put in order and put back into their box; the configuration of the body is set.
@@ -10,11 +10,10 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::{PddoError, Step, World};
 
 use super::boundaries::keep_inside;
-use super::heat::Heat;
 use super::keys::{Fluid, Scheme, Stress, Surface};
 use super::medium::Medium;
-use super::rates::{Heating, Passing, Rates, Terms, load};
-use super::run::Run;
+use super::rates::{Rates, Terms, load};
+use super::run::{FluidTemperature, Moving, Run};
 use super::treatments::Treatments;
 
 /// Fields of the flow during a step.
@@ -44,7 +43,7 @@ impl Run {
         world: &World,
         step: Step,
     ) -> Result<(), PddoError> {
-        self.set_temperature(world);
+        self.set_viscosity(world);
         self.rates.follow_walls(world, self.body);
         self.advance_flow(fluid, world, step);
         self.steps += 1;
@@ -54,19 +53,16 @@ impl Run {
         self.set_configuration(world)
     }
 
-    /// Evaluates what depends on the temperature.
-    fn set_temperature(&mut self, world: &World) {
-        let Some(heat) = &self.heat else {
-            return;
-        };
-        let material = &world.body(self.body).material_of_point;
-        let temperature = world.read(heat.temperature.into());
-        let medium = &mut self.medium;
-        for coefficient in [&mut medium.viscosity, &mut medium.conductivity] {
-            coefficient.evaluate(&temperature, material, &heat.curves);
+    /// Evaluates a viscosity that varies from point to point.
+    fn set_viscosity(&mut self, world: &World) {
+        let viscosity = &mut self.medium.viscosity;
+        if let Some(FluidTemperature { field, curves }) = &self.temperature {
+            let material = &world.body(self.body).material_of_point;
+            viscosity.evaluate(&world.read(*field), material, curves);
         }
-        let rules = world.layer_rules(heat.layers);
-        self.rates.set_temperature(&temperature, &rules, medium);
+        if viscosity.varies {
+            self.rates.set_viscosity(&self.medium);
+        }
     }
 
     fn advance_flow(&mut self, fluid: &Fluid, world: &World, step: Step) {
@@ -97,9 +93,9 @@ impl Run {
             rules: &rules,
         };
         advance.set_velocity(&flow);
-        if let Some(heat) = &self.heat {
-            let material = &world.body(self.body).material_of_point;
-            advance.heat(fluid, (heat, material), world, &flow);
+        if let Some(work) = self.viscous_work {
+            let ratio = volume_ratio(&self.moving, &world.body(self.body).points.volume);
+            advance.add_viscous_work(ratio, &mut world.write(work));
         }
         // while the density is still that of the volumes
         if fluid.artificial_viscosity > 0.0 {
@@ -202,32 +198,12 @@ impl Advance<'_> {
             .set_velocity(self.slots, flow.density, &self.terms);
     }
 
-    fn heat(
-        &mut self,
-        fluid: &Fluid,
-        (heat, material): (&Heat, &[u16]),
-        world: &World,
-        flow: &Flow<'_>,
-    ) {
-        let source = heat.source.map(|s| world.read(s));
-        let mut temperature = world.write(heat.temperature);
-        let mut enthalpy = world.write(heat.enthalpy);
-        let heating = Heating {
-            carried_by: self.terms.convection.map(|convection| Passing {
-                convection,
-                velocity: flow.velocity,
-                density: flow.density,
-            }),
-            source: source.as_deref(),
-            dissipates: fluid.energy.is_some_and(|e| e.dissipation),
-            temperature: &temperature,
-            material,
-            curves: &heat.curves,
-        };
-        self.rates
-            .heat(&heating, self.terms.medium, self.dt, &mut enthalpy);
-        for ((t, h), &m) in temperature.iter_mut().zip(&*enthalpy).zip(material) {
-            *t = heat.curves[m as usize].temperature(*h);
+    /// Adds the work of friction per reference volume, J/m³.
+    fn add_viscous_work(&mut self, volume_ratio: impl Fn(usize) -> f64, work: &mut [f64]) {
+        let mut friction = Vec::new();
+        self.rates.friction(self.terms.medium, &mut friction);
+        for (i, (work, friction)) in work.iter_mut().zip(friction).enumerate() {
+            *work += self.dt * friction * volume_ratio(i);
         }
     }
 
@@ -271,6 +247,14 @@ impl Advance<'_> {
             .advance_velocity(&self.terms, time, flow.velocity, flow.density);
         let time = time * self.terms.acceleration_fraction;
         self.rates.give_impulses(world, self.slots, time);
+    }
+}
+
+/// Current volume over reference volume of a point.
+fn volume_ratio(moving: &Option<Moving>, reference: &[f64]) -> impl Fn(usize) -> f64 {
+    |point| match moving {
+        Some(moving) => moving.volume[point] / reference[point],
+        None => 1.0,
     }
 }
 

@@ -1,6 +1,7 @@
-//! Treatments of the sources that keep a flow smooth and its points apart, each at a cost in accuracy.
+//! Published treatments that keep a flow smooth and its points apart, each with an error of its own.
 //!
-//! Their sums are not corrected where families are cut off: pairs give each other what they take.
+//! Their sums are not corrected where families are incomplete, so that each pair of points exchanges equal and
+//! opposite amounts.
 
 use nalgebra::{Matrix4, Vector3, Vector4};
 use perimelt_core::{Body, Bond, BondKernel, Family};
@@ -9,14 +10,15 @@ use rayon::prelude::*;
 use super::medium::Medium;
 use super::rates::POINTS_PER_TASK;
 
-/// Share of a complete family below which a point lies at a free surface: the first row below a flat one has
-/// 0.69, the next one 0.93.
+/// Fraction of a complete family below which a point counts as a surface point: the first row below a flat surface
+/// has 0.69, the second row 0.93.
 const AT_SURFACE: f64 = 0.8;
 
-/// Share below which a point is not smoothed: linear fields through a thread or a splash are guesses.
-const THIN: f64 = 0.55;
+/// Fraction below which a point is not smoothed: too few neighbours determine a linear field, as in a thread or a
+/// splash.
+const TOO_FEW: f64 = 0.55;
 
-/// Share below which points are not shifted: a surface is no void.
+/// Fraction below which a point is not shifted: no shifting near free surfaces.
 const NEAR_SURFACE: f64 = 0.97;
 
 /// A complete family, or the fullest one.
@@ -34,7 +36,7 @@ pub(super) struct CompleteFamily {
     pub own_content: f64,
 }
 
-/// What the treatments need, and memory.
+/// The treatments with their work arrays.
 #[derive(Debug)]
 pub(super) struct Treatments {
     dimension: usize,
@@ -50,7 +52,7 @@ struct Crowding;
 impl BondKernel<0, 6> for Crowding {
     #[inline(always)]
     fn bond(&self, bond: &Bond, _: [f64; 0], _: [f64; 0]) -> [f64; 6] {
-        // members in the skin have no weight
+        // members in the skin have weight zero
         let counts = if bond.weight > 0.0 { 1.0 } else { 0.0 };
         let cube = counts / (bond.length * bond.length * bond.length);
         let [x, y, z] = bond.xi;
@@ -94,7 +96,7 @@ impl CompleteFamily {
                 own_square += bond.weight * bond.length * bond.length;
                 own_content += bond.weight;
             });
-            // rounding must not choose
+            // so that rounding does not decide between equal families
             if own_square > square * (1.0 + 1e-9) {
                 (square, content, point) = (own_square, own_content, candidate);
             }
@@ -135,7 +137,7 @@ impl Treatments {
         }
     }
 
-    /// Slows down points that approach each other, by `alpha h c`; `strength` is `alpha dt`, s (Gao (2020),
+    /// Viscosity `alpha h c` between points that approach each other; `strength` is `alpha dt`, s (Gao (2020),
     /// eq. 6.56; corrected, see spec 05, E26).
     pub(super) fn artificial_viscosity(
         &mut self,
@@ -154,29 +156,29 @@ impl Treatments {
             .zip(self.sums.chunks_exact(self.dimension))
             .enumerate()
         {
-            let share = strength * size * medium.sound_speed(i) / self.complete.moment
+            let factor = strength * size * medium.sound_speed(i) / self.complete.moment
                 * medium.reference_density[i]
                 / density[i];
-            (0..self.dimension).for_each(|a| v[a] += share * sum[a]);
+            (0..self.dimension).for_each(|a| v[a] += factor * sum[a]);
         }
     }
 
-    /// Lets points move a little with their neighbours: `share` is `chi dt` (s) (Gao (2020), eq. 6.53;
-    /// corrected, see spec 05, E24).
+    /// XSPH: displaces points with the mean velocity of their neighbours; `fraction` is `chi dt` (s) (Gao (2020),
+    /// eq. 6.53; corrected, see spec 05, E24).
     pub(super) fn xsph(
         &mut self,
         family: &Family,
-        share: f64,
+        fraction: f64,
         slots: &[Vec<f64>],
         displacement: &mut [Vector3<f64>],
     ) {
         self.sum(family, &Difference, slots, displacement.len());
-        let share = share / (self.complete.content + self.complete.own_content);
+        let factor = fraction / (self.complete.content + self.complete.own_content);
         let points = displacement
             .iter_mut()
             .zip(self.sums.chunks_exact(self.dimension));
         for (u, sum) in points {
-            (0..self.dimension).for_each(|a| u[a] += share * sum[a]);
+            (0..self.dimension).for_each(|a| u[a] += factor * sum[a]);
         }
     }
 
@@ -185,12 +187,13 @@ impl Treatments {
         family.sum(&Crowding, [], &mut self.crowding);
     }
 
-    /// Moves points away from where they crowd: by `-C |v|max dt U` with `U = sum_j (r / |xi|)^2 n` and the mean
-    /// distance r of the neighbours, at most a fifth of a spacing; `share` is `C dt` (s). Not at free surfaces.
+    /// Shifting: moves points away from crowded places by `-C |v|max dt U` with `U = sum_j (r / |xi|)^2 n` and the
+    /// mean distance r of the neighbours, at most a fifth of a spacing, except near free surfaces; `fraction` is
+    /// `C dt` (s) (Gao (2020), eqs. 6.46 to 6.50; corrected, see spec 05, E23).
     pub(super) fn shift(
         &mut self,
         (family, medium): (&Family, &Medium),
-        share: f64,
+        fraction: f64,
         velocity: &[Vector3<f64>],
         displacement: &mut [Vector3<f64>],
     ) {
@@ -208,14 +211,14 @@ impl Treatments {
                 return;
             }
             let mean = sum / number;
-            let shift = Vector3::new(x, y, z) * (-share * fastest * mean * mean);
+            let shift = Vector3::new(x, y, z) * (-fraction * fastest * mean * mean);
             let most = 0.2 * spacing;
             *u += shift * (most / shift.norm().max(most));
         });
     }
 
-    /// Takes the pressure from points at free surfaces (Gao (2020), eq. 6.59), which get the reference density: it
-    /// would wander where no pressure holds it.
+    /// Sets the pressure of points at free surfaces to zero (Gao (2020), eq. 6.59), and their density to the reference
+    /// density, which would drift without a pressure that restores it.
     pub(super) fn zero_surface_pressure(
         &mut self,
         (family, medium): (&Family, &Medium),
@@ -231,7 +234,7 @@ impl Treatments {
     }
 
     /// Velocity and density by moving least squares over points and their neighbours, without images (Gao
-    /// (2020), eqs. 5.111 to 5.114; corrected, see spec 05, E12). Points with too few of them keep theirs.
+    /// (2020), eqs. 5.111 to 5.114; corrected, see spec 05, E12). Points with too few neighbours keep their values.
     /// `changed` gets each point with its density before and after.
     pub(super) fn smooth(
         &mut self,
@@ -245,7 +248,7 @@ impl Treatments {
             let own = self.complete.own_weight * volume[point];
             let mut moments = Matrix4::zeros();
             moments[(0, 0)] = own;
-            // axes that are not there
+            // axes that a plane body does not have
             (dimension..3).for_each(|a| moments[(a + 1, a + 1)] = 1.0);
             family.for_each_bond(point, |_, bond, slot| {
                 if family.point_in(slot).is_some() {
@@ -254,16 +257,16 @@ impl Treatments {
                 }
             });
             let value = |p: usize| velocity[p].push(density[p]);
-            let is_thin = moments[(0, 0)] - own < THIN * self.complete.content;
-            let share = moments.cholesky().filter(|_| !is_thin);
-            let Some(share) = share.map(|c| c.solve(&Vector4::x())) else {
+            let has_too_few = moments[(0, 0)] - own < TOO_FEW * self.complete.content;
+            let weights = moments.cholesky().filter(|_| !has_too_few);
+            let Some(weights) = weights.map(|c| c.solve(&Vector4::x())) else {
                 return value(point);
             };
-            let mut sum = own * share[0] * value(point);
+            let mut sum = own * weights[0] * value(point);
             family.for_each_bond(point, |_, bond, slot| {
                 if let Some(other) = family.point_in(slot) {
                     let p = Vector4::new(1.0, bond.xi[0], bond.xi[1], bond.xi[2]);
-                    sum += bond.weight * p.dot(&share) * value(other);
+                    sum += bond.weight * p.dot(&weights) * value(other);
                 }
             });
             sum

@@ -1,9 +1,16 @@
-//! The conduction operator: heat flow between the points of a body.
+//! The conduction operator: the divergence of the heat flux at the points of a body, in one of two forms.
+//!
+//! ```text
+//! bonds               sum_j kappa_ij v V_j (T_j - T_i) / |xi|,   kappa_ij = (k_i + k_j) / M
+//! second derivatives  k lap T + grad k . grad T
+//! ```
+
+use std::sync::Arc;
 
 use perimelt_core::family::LayerRule;
 use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::solver::reduce::max_abs;
-use perimelt_core::{Bond, BondKernel, BrokenBonds, Family};
+use perimelt_core::{Bond, BondKernel, BrokenBonds, Derivatives, Family, Pddo};
 use rayon::prelude::*;
 
 /// The conduction operator with its work arrays.
@@ -11,13 +18,41 @@ use rayon::prelude::*;
 pub(super) struct Conduction {
     conductivity: Vec<Property>,
     uniform: Option<f64>,
+    /// What the conductivities of bonds are multiplied by, so that a complete family is exact.
+    calibration: f64,
+    derivatives: Option<SecondDerivatives>,
     temperature_slots: Vec<f64>,
     conductivity_slots: Vec<f64>,
     conductivity_field: Vec<f64>,
+    /// Whether what was loaded last has one conductivity.
+    is_uniform: bool,
     /// Bonds that conduct no more.
     pub(super) broken: Option<BrokenBonds>,
     /// Heat that flowed to each point when last asked for, W/m³.
     pub(super) rate: Vec<[f64; 1]>,
+}
+
+/// The form of second derivatives.
+#[derive(Debug)]
+struct SecondDerivatives {
+    pddo: Arc<Pddo>,
+    work: Derivatives,
+    /// One row for each point: the gradient of the temperature, then its Laplacian.
+    temperature: Vec<f64>,
+    /// One row for each point: the gradient of the conductivity.
+    conductivity: Vec<f64>,
+}
+
+/// Where heat flows and by which properties.
+#[derive(Clone, Copy)]
+pub(super) struct Matter<'a> {
+    pub(super) family: &'a Family,
+    /// How the temperature continues behind faces.
+    pub(super) rules: &'a [LayerRule],
+    pub(super) material: &'a [u16],
+    pub(super) curves: &'a [EnthalpyCurve],
+    /// Least conductivity of each point, W/(m K).
+    pub(super) least_conductivity: Option<&'a [f64]>,
 }
 
 /// Conduction with one conductivity, W/(m K); the micro-conductivity is `2 k / M`, and weights
@@ -57,55 +92,93 @@ impl BondKernel<1, 1> for RowSum {
 }
 
 impl Conduction {
-    pub(super) fn new(family: &Family, conductivity: Vec<Property>, points: usize) -> Self {
+    /// By bonds, whose conductivities are multiplied by `calibration`.
+    pub(super) fn by_bonds(
+        family: &Family,
+        conductivity: Vec<Property>,
+        points: usize,
+        calibration: f64,
+    ) -> Self {
         let uniform = Property::common(&conductivity);
         let varying = if uniform.is_some() { 0 } else { points };
         Conduction {
             conductivity,
             uniform,
+            calibration,
+            derivatives: None,
             temperature_slots: vec![0.0; family.slots()],
             conductivity_slots: vec![0.0; if varying == 0 { 0 } else { family.slots() }],
             conductivity_field: vec![0.0; varying],
+            is_uniform: uniform.is_some(),
             broken: None,
             rate: vec![[0.0]; points],
         }
     }
 
+    /// By second derivatives.
+    pub(super) fn by_derivatives(
+        pddo: Arc<Pddo>,
+        conductivity: Vec<Property>,
+        points: usize,
+    ) -> Self {
+        let mut conduction = Conduction::by_bonds(pddo.family(), conductivity, points, 1.0);
+        conduction.derivatives = Some(SecondDerivatives {
+            pddo,
+            work: Derivatives::default(),
+            temperature: Vec::new(),
+            conductivity: Vec::new(),
+        });
+        conduction
+    }
+
+    /// Whether the heat that leaves a point arrives at others to rounding.
+    pub(super) fn is_conservative(&self) -> bool {
+        self.derivatives.is_none()
+    }
+
     /// Fills the slots from a temperature field (K) and evaluates the conductivities.
-    pub(super) fn load(
-        &mut self,
-        family: &Family,
-        rules: &[LayerRule],
-        temperature: &[f64],
-        material: &[u16],
-        curves: &[EnthalpyCurve],
-    ) {
+    pub(super) fn load(&mut self, matter: &Matter<'_>, temperature: &[f64]) {
+        let family = matter.family;
+        self.temperature_slots.resize(family.slots(), 0.0);
         family.scatter(temperature, 1, 0, &mut self.temperature_slots);
-        family.fill_layers(rules, 0, &mut self.temperature_slots);
-        if self.uniform.is_none() {
-            let properties = &self.conductivity;
-            let values = self
-                .conductivity_field
-                .par_iter_mut()
-                .zip(temperature)
-                .zip(material);
-            values.for_each(|((k, &t), &m)| {
-                let m = m as usize;
-                *k = properties[m].at(t, curves[m].liquid_fraction(t));
-            });
-            family.scatter(&self.conductivity_field, 1, 0, &mut self.conductivity_slots);
-            family.fill_layers(&[], 0, &mut self.conductivity_slots);
+        family.fill_layers(matter.rules, 0, &mut self.temperature_slots);
+        self.is_uniform = self.uniform.is_some()
+            && (matter.least_conductivity.is_none() || self.derivatives.is_some());
+        if self.is_uniform {
+            return;
         }
+        self.conductivity_field.resize(temperature.len(), 0.0);
+        let properties = &self.conductivity;
+        let calibration = self.calibration;
+        let values = self
+            .conductivity_field
+            .par_iter_mut()
+            .zip(temperature)
+            .zip(matter.material);
+        values.for_each(|((k, &t), &m)| {
+            let m = m as usize;
+            *k = calibration * properties[m].at(t, matter.curves[m].liquid_fraction(t));
+        });
+        if let Some(least) = matter.least_conductivity
+            && self.derivatives.is_none()
+        {
+            let values = self.conductivity_field.iter_mut().zip(least);
+            values.for_each(|(k, least)| *k = k.max(calibration * least));
+        }
+        self.conductivity_slots.resize(family.slots(), 0.0);
+        family.scatter(&self.conductivity_field, 1, 0, &mut self.conductivity_slots);
+        family.fill_layers(&[], 0, &mut self.conductivity_slots);
     }
 
     /// Heat that flows to each point, W/m³, from what was loaded.
-    pub(super) fn flow(&mut self, family: &Family) {
+    pub(super) fn flow(&mut self, matter: &Matter<'_>) {
+        if self.derivatives.is_some() {
+            return self.flow_by_derivatives(matter.least_conductivity);
+        }
+        let (kernel, family) = (self.kernel(), matter.family);
         let (slots, broken) = (&self.temperature_slots[..], self.broken.as_ref());
-        match self.uniform {
-            Some(k) => {
-                let kernel = Uniform { conductivity: k };
-                family.sum_unbroken(&kernel, [slots], broken, &mut self.rate);
-            }
+        match kernel {
+            Some(kernel) => family.sum_unbroken(&kernel, [slots], broken, &mut self.rate),
             None => {
                 let inputs = [slots, &self.conductivity_slots];
                 family.sum_unbroken(&Varying, inputs, broken, &mut self.rate);
@@ -113,19 +186,58 @@ impl Conduction {
         }
     }
 
-    /// Heat that flows in through layers with prescribed values, W, from what was loaded.
+    /// The kernel of one conductivity, where what was loaded has one.
+    fn kernel(&self) -> Option<Uniform> {
+        let uniform = self.uniform.filter(|_| self.is_uniform);
+        uniform.map(|k| Uniform {
+            conductivity: self.calibration * k,
+        })
+    }
+
+    fn flow_by_derivatives(&mut self, least_conductivity: Option<&[f64]>) {
+        let Some(derivatives) = &mut self.derivatives else {
+            return;
+        };
+        let SecondDerivatives {
+            pddo,
+            work,
+            temperature,
+            conductivity,
+        } = derivatives;
+        pddo.gradient_and_laplacian(&self.temperature_slots, work, temperature);
+        if !self.is_uniform {
+            pddo.gradient(&self.conductivity_slots, work, conductivity);
+        }
+        let dimension = pddo.dimension();
+        let (uniform, field) = (self.uniform, &self.conductivity_field);
+        let (is_uniform, conductivity) = (self.is_uniform, &*conductivity);
+        let rows = self.rate.par_iter_mut().enumerate().with_min_len(1024);
+        rows.for_each(|(i, [rate])| {
+            let row = &temperature[i * (dimension + 1)..][..dimension + 1];
+            let own = match uniform {
+                Some(k) if is_uniform => k,
+                _ => field[i],
+            };
+            *rate = own.max(least_conductivity.map_or(0.0, |least| least[i])) * row[dimension];
+            if !is_uniform {
+                let slope = &conductivity[i * dimension..][..dimension];
+                *rate += (0..dimension).map(|a| slope[a] * row[a]).sum::<f64>();
+            }
+        });
+    }
+
+    /// Heat that flows in through layers with prescribed values, W, from what was loaded, for points of these volumes
+    /// (m³); zero in the form of second derivatives, which does not know it.
     pub(super) fn inflow(&self, family: &Family, volume: &[f64]) -> f64 {
         let mut total = 0.0;
+        if self.derivatives.is_some() {
+            return total;
+        }
         let add = |point: usize, [rate]: [f64; 1]| total += volume[point] * rate;
         let slots = &self.temperature_slots[..];
-        match self.uniform {
-            Some(k) => {
-                let kernel = Uniform { conductivity: k };
-                family.sum_from_layers(&kernel, [slots], add);
-            }
-            None => {
-                family.sum_from_layers(&Varying, [slots, &self.conductivity_slots], add);
-            }
+        match self.kernel() {
+            Some(kernel) => family.sum_from_layers(&kernel, [slots], add),
+            None => family.sum_from_layers(&Varying, [slots, &self.conductivity_slots], add),
         }
         total
     }
@@ -135,6 +247,16 @@ impl Conduction {
         self.uniform.is_some() || self.conductivity.iter().all(Property::is_constant)
     }
 
+    /// Conductivity of a material at a temperature (K) and liquid fraction, W/(m K).
+    pub(super) fn conductivity(&self, material: u16, temperature: f64, liquid: f64) -> f64 {
+        self.conductivity[material as usize].at(temperature, liquid)
+    }
+
+    /// Largest conductivity of a material, W/(m K).
+    pub(super) fn largest_conductivity(&self, material: u16) -> f64 {
+        max_abs(&self.conductivity[material as usize].values())
+    }
+
     /// Sum of the coefficients of each point's bonds at the largest conductivities, W/(m³ K).
     pub(super) fn largest_row_sums(&self, family: &Family, material: &[u16]) -> Vec<[f64; 1]> {
         let largest: Vec<f64> = self
@@ -142,7 +264,16 @@ impl Conduction {
             .iter()
             .map(|k| max_abs(&k.values()))
             .collect();
-        let conductivity: Vec<f64> = material.iter().map(|&m| largest[m as usize]).collect();
+        if let Some(SecondDerivatives { pddo, .. }) = &self.derivatives {
+            let points = material.par_iter().enumerate();
+            let sum =
+                |(point, &m): (usize, &u16)| [largest[m as usize] * pddo.laplacian_sum(point)];
+            return points.map(sum).collect();
+        }
+        let conductivity: Vec<f64> = material
+            .iter()
+            .map(|&m| self.calibration * largest[m as usize])
+            .collect();
         let mut slots = vec![0.0; family.slots()];
         family.scatter(&conductivity, 1, 0, &mut slots);
         family.fill_layers(&[], 0, &mut slots);
@@ -150,4 +281,18 @@ impl Conduction {
         family.sum(&RowSum, [&slots], &mut sums);
         sums
     }
+}
+
+/// What the conductivities of bonds are multiplied by so that the most complete family conducts exactly.
+pub(super) fn calibration(family: &Family, points: usize, dimension: usize) -> f64 {
+    let trace = |point: usize| {
+        let mut sum = 0.0;
+        family.for_each_bond(point, |_, bond, _| sum += bond.weight * bond.length);
+        sum
+    };
+    let largest = (0..points)
+        .into_par_iter()
+        .map(trace)
+        .reduce(|| 0.0, f64::max);
+    dimension as f64 / largest
 }

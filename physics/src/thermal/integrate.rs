@@ -5,17 +5,16 @@
 //! boundaries. The scheme that integrates the state thereby integrates its account, and the
 //! balance holds to rounding.
 
-use perimelt_core::family::LayerRule;
-use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::solver::reduce::{norm, sum_of};
 use perimelt_core::solver::{
     At, Implicit, KrylovMethod, Newton, NewtonOptions, Rhs, Rkl2, SolverError, steady_state,
 };
-use perimelt_core::{Family, Step, Work, World};
+use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
 
-use super::conduction::Conduction;
-use super::{Run, ThermalSolver};
+use super::conduction::{Conduction, Matter};
+use super::keys::ThermalSolver;
+use super::run::{Neighbours, Run};
 
 /// A solver with its work vectors.
 #[derive(Debug)]
@@ -74,32 +73,45 @@ impl Integrator {
 /// What the flow of heat depends on during a step.
 struct Flow<'a> {
     conduction: &'a mut Conduction,
-    family: &'a Family,
-    rules: &'a [LayerRule],
-    curves: &'a [EnthalpyCurve],
-    material: &'a [u16],
+    matter: Matter<'a>,
+    /// Reference volumes, to which enthalpies and sources refer, m³.
     volume: &'a [f64],
+    /// Current volumes, m³, and what they are in terms of the reference volumes; where points move.
+    current: Option<CurrentVolumes<'a>>,
     source: Option<&'a [f64]>,
+    /// Heat that an Eulerian fluid carries to each point, W/m³.
+    carried: Option<&'a [f64]>,
     /// Positive where the temperature is held.
     constraint: Option<&'a [f64]>,
     row_sums: &'a [[f64; 1]],
     temperature: &'a mut Vec<f64>,
 }
 
+/// Volumes of points that move.
+struct CurrentVolumes<'a> {
+    /// m³.
+    volume: &'a [f64],
+    /// Over the reference volume.
+    ratio: &'a [f64],
+}
+
 impl Flow<'_> {
     /// Leaves `flow + source` in `conduction.rate`, zero at held points; returns the power
     /// that comes in through sources and boundaries, W.
     fn evaluate(&mut self, temperature: &[f64]) -> f64 {
-        self.conduction.load(
-            self.family,
-            self.rules,
-            temperature,
-            self.material,
-            self.curves,
-        );
-        self.conduction.flow(self.family);
-        let mut power = self.conduction.inflow(self.family, self.volume);
+        self.conduction.load(&self.matter, temperature);
+        self.conduction.flow(&self.matter);
+        let volume = self.current.as_ref().map_or(self.volume, |c| c.volume);
+        let mut power = self.conduction.inflow(self.matter.family, volume);
         let rate = &mut self.conduction.rate;
+        if let Some(CurrentVolumes { ratio, .. }) = self.current {
+            let points = rate.par_iter_mut().zip(ratio).with_min_len(4096);
+            points.for_each(|([r], ratio)| *r *= ratio);
+        }
+        if let Some(carried) = self.carried {
+            let points = rate.par_iter_mut().zip(carried).with_min_len(4096);
+            points.for_each(|([r], carried)| *r += carried);
+        }
         if let Some(source) = self.source {
             power += sum_of([source, self.volume], |[q, v]| q * v);
             rate.par_iter_mut()
@@ -128,11 +140,11 @@ impl Rhs for EnthalpyRate<'_> {
         let points = flow.volume.len();
         let mut temperature = std::mem::take(flow.temperature);
         temperature.resize(points, 0.0);
-        let curves = flow.curves;
+        let curves = flow.matter.curves;
         temperature
             .par_iter_mut()
             .zip(state)
-            .zip(flow.material)
+            .zip(flow.matter.material)
             .with_min_len(4096)
             .for_each(|((t, h), &m)| *t = curves[m as usize].temperature(*h));
         rate[points] = flow.evaluate(&temperature);
@@ -146,7 +158,7 @@ impl Rhs for EnthalpyRate<'_> {
         for (i, (out, h)) in out.iter_mut().zip(at.state).enumerate() {
             *out = match flow.row_sums.get(i) {
                 Some([sum]) => {
-                    let curve = &flow.curves[flow.material[i] as usize];
+                    let curve = &flow.matter.curves[flow.matter.material[i] as usize];
                     -sum / curve.capacity(curve.temperature(*h))
                 }
                 None => 0.0,
@@ -189,9 +201,18 @@ impl Run {
         let (volume, material) = (&body.points.volume[..], &body.material_of_point[..]);
         let source = self.heat_source.map(|s| world.read(s));
         let constraint = self.constraint.map(|c| world.read(c));
+        let rules = world.layer_rules(self.layers);
+        self.find_carried(world, &rules);
+        let family = self.neighbours.now(world);
+        let (current, ratios) = (
+            match self.neighbours {
+                Neighbours::Moving(_) => Some(world.configuration(self.body)),
+                Neighbours::AtRest(_) => None,
+            },
+            self.volume_ratios(world),
+        );
         let mut temperature = world.write(self.temperature);
         let mut enthalpy = world.write(self.enthalpy);
-        let rules = world.layer_rules(self.layers);
         let curves = &self.curves[..];
 
         if let (Some(constraint), Some(held)) = (&constraint, self.held) {
@@ -212,12 +233,23 @@ impl Run {
         } = &mut self.integrator;
         let mut flow = Flow {
             conduction: &mut self.conduction,
-            family: &self.family,
-            rules: &rules,
-            curves,
-            material,
+            matter: Matter {
+                family: &family,
+                rules: &rules,
+                material,
+                curves,
+                least_conductivity: self.carried.as_ref().map(|c| &c.least_conductivity[..]),
+            },
             volume,
+            current: current
+                .as_ref()
+                .zip(ratios.as_ref())
+                .map(|(now, ratio)| CurrentVolumes {
+                    volume: now.volumes(),
+                    ratio,
+                }),
             source: source.as_deref(),
+            carried: self.carried.as_ref().map(|c| &c.rate[..]),
             constraint: constraint.as_deref(),
             row_sums,
             temperature: work,
@@ -240,7 +272,8 @@ impl Run {
             newton.options.linear = flow.conduction.is_linear();
             flow.evaluate(&vec![0.0; temperature.len()]);
             let mut loads: Vec<f64> = bytemuck::cast_slice(&flow.conduction.rate).to_vec();
-            let weights = body.lattice().is_none().then_some(volume);
+            let is_uniform = body.lattice().is_some() && flow.current.is_none();
+            let weights = (!is_uniform).then_some(volume);
             if weights.is_some() {
                 loads.iter_mut().zip(volume).for_each(|(q, v)| *q *= v);
             }

@@ -1,21 +1,8 @@
-//! Fields of the energy equation and the heat that crosses faces.
+//! Heat that crosses faces with a prescribed temperature.
 
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::family::LayerRule;
-use perimelt_core::material::EnthalpyCurve;
-use perimelt_core::world::LayersHandle;
-use perimelt_core::{Body, Face, Read, Report, Write};
-
-/// Fields of the energy equation.
-#[derive(Debug)]
-pub(super) struct Heat {
-    pub(super) temperature: Write<f64>,
-    pub(super) enthalpy: Write<f64>,
-    pub(super) source: Option<Read<f64>>,
-    pub(super) layers: LayersHandle,
-    pub(super) curves: Vec<EnthalpyCurve>,
-    pub(super) faces: Vec<HeatedFace>,
-}
+use perimelt_core::{Body, Face, Report};
 
 /// A face that exchanges heat.
 #[derive(Debug)]
@@ -44,12 +31,18 @@ impl HeatedFace {
         }
     }
 
-    /// Heat that enters at the slope of a parabola through the wall and the two points before it.
+    /// Whether the face has cells with a cell behind them, so that its heat flux can be measured.
+    pub(super) fn is_measurable(&self) -> bool {
+        !self.cells.is_empty()
+    }
+
+    /// Finds the heat that enters by the slope of a parabola through the wall and the two points before it;
+    /// `conductivity` is that of a point, W/(m K).
     pub(super) fn measure(
         &mut self,
         rule: &LayerRule,
         temperature: &[f64],
-        conductivity: &[f64],
+        conductivity: impl Fn(usize) -> f64,
         spacing: &[f64],
     ) {
         let (scale, offset) = (rule.scale[0], rule.offset[0]);
@@ -64,7 +57,7 @@ impl HeatedFace {
             let [first, next] = [first, next].map(|p| p as usize);
             let slope = (3.0 * temperature[first] - (temperature[next] + 8.0 * wall) / 3.0)
                 / spacing[first];
-            let flux = -conductivity[first] * slope;
+            let flux = -conductivity(first) * slope;
             self.inflow += flux * area;
             self.flux = [self.flux[0].min(flux), self.flux[1].max(flux)];
         }

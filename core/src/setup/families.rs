@@ -1,0 +1,140 @@
+//! Families of a body, and who decides where its points are.
+
+use std::sync::Arc;
+
+use crate::configuration::{Description, MovingFamily, PointMover};
+use crate::error::SetupError;
+use crate::family::{Family, FamilySpec};
+use crate::world::{BodyIndex, World};
+
+use super::Setup;
+
+/// A family of points that stay, and the plugin that asked for it first.
+pub(super) struct ObtainedFamily {
+    body: BodyIndex,
+    plugin: usize,
+    spec: FamilySpec,
+    family: Arc<Family>,
+}
+
+impl Setup<'_> {
+    /// A family of the reference positions of a body; equal requests share one.
+    ///
+    /// # Errors
+    /// When the horizon reaches no neighbour, or a physics moves the points ([`Setup::moving_family`]).
+    pub fn family(
+        &mut self,
+        body: BodyIndex,
+        spec: &FamilySpec,
+    ) -> Result<Arc<Family>, SetupError> {
+        if let Some(mover) = self.world.configurations.mover(body) {
+            let message = format!(
+                "`{}` moves the points of body `{}`, which change neighbours",
+                self.plugins[mover],
+                self.body(body).name
+            );
+            let expected = "a physics whose families follow their points";
+            return Err(SetupError::value("body", message, expected));
+        }
+        let same = |f: &&ObtainedFamily| f.body == body && f.spec == *spec;
+        if let Some(present) = self.families.iter().find(same) {
+            return Ok(present.family.clone());
+        }
+        let family =
+            Family::build(self.body(body), spec).map_err(|e| SetupError::new("horizon", e))?;
+        let family = Arc::new(family);
+        self.families.push(ObtainedFamily {
+            body,
+            plugin: self.plugins.len() - 1,
+            spec: spec.clone(),
+            family: family.clone(),
+        });
+        Ok(family)
+    }
+
+    /// Declares that the calling physics moves the points of a body, which change neighbours. It sets the
+    /// configuration with the handle ([`World::set_configuration`]).
+    ///
+    /// # Errors
+    /// When another physics moves them, or a plugin prepared before takes them for matter at rest.
+    pub fn move_points(&mut self, body: BodyIndex) -> Result<PointMover, SetupError> {
+        self.check_points_are_free(body)?;
+        let plugin = self.plugins.len() - 1;
+        Ok(self.world.configurations.set_mover(body, plugin))
+    }
+
+    /// Declares that matter flows through the points of a body, whose `velocity` the calling physics owns.
+    ///
+    /// # Errors
+    /// As [`Setup::move_points`].
+    pub fn flow_through(&mut self, body: BodyIndex) -> Result<(), SetupError> {
+        self.check_points_are_free(body)?;
+        let plugin = self.plugins.len() - 1;
+        self.world.configurations.set_flow(body, plugin);
+        Ok(())
+    }
+
+    fn check_points_are_free(&self, body: BodyIndex) -> Result<(), SetupError> {
+        let name = &self.body(body).name;
+        let configurations = &self.world.configurations;
+        if let Some(first) = configurations.owner(body) {
+            let first = &self.plugins[first];
+            let message =
+                format!("`{first}` already decides where the points of body `{name}` are");
+            let expected = "one physics that moves the points or flows through them";
+            return Err(SetupError::value("body", message, expected));
+        }
+        let plugin = self.plugins.len() - 1;
+        let at_rest = self.families.iter().find(|f| f.body == body);
+        let at_rest = at_rest
+            .map(|f| f.plugin)
+            .or(configurations.told_at_rest(body));
+        if let Some(label) = at_rest.filter(|p| *p != plugin).map(|p| &self.plugins[p]) {
+            let message = format!(
+                "`{label}` comes before the physics that decides where the points of body `{name}` are, and would take \
+                 them for matter at rest"
+            );
+            let expected = format!("`{label}` after it in the case file");
+            return Err(SetupError::value("body", message, expected));
+        }
+        Ok(())
+    }
+
+    /// What the points of a body are, as declared by a physics prepared before: updated Lagrangian where one moves
+    /// them, Eulerian where matter flows through them, else total Lagrangian.
+    pub fn description(&mut self, body: BodyIndex) -> Description {
+        let plugin = self.plugins.len() - 1;
+        self.world.configurations.description(body, plugin)
+    }
+
+    /// A family that follows the points of a body; equal requests share one. [`Setup::current_family`] and
+    /// [`World::moving_family`] give it as it is.
+    ///
+    /// # Errors
+    /// When the horizon reaches no neighbour, or the family is one that [`Family::moving`] does not support.
+    pub fn moving_family(
+        &mut self,
+        body: BodyIndex,
+        spec: &FamilySpec,
+    ) -> Result<MovingFamily, SetupError> {
+        let World {
+            bodies,
+            configurations,
+            ..
+        } = &mut *self.world;
+        let family = configurations.follow((body, &bodies[body]), spec);
+        family.map_err(|e| SetupError::new("horizon", e))
+    }
+
+    /// A moving family as it is at set-up, where all points have their reference positions.
+    pub fn current_family(&self, family: MovingFamily) -> Arc<Family> {
+        self.world.moving_family(family)
+    }
+
+    /// All families obtained so far.
+    pub fn families(&self) -> impl Iterator<Item = (BodyIndex, Arc<Family>)> {
+        let at_rest = self.families.iter();
+        let at_rest = at_rest.map(|f| (f.body, f.family.clone()));
+        at_rest.chain(self.world.configurations.families())
+    }
+}

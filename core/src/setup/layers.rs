@@ -1,0 +1,117 @@
+//! Layers behind the faces of a body: which boundary sets them, and which physics reads them.
+
+use crate::body::Face;
+use crate::error::SetupError;
+use crate::family::LayerRule;
+use crate::field::{Key, Value};
+use crate::world::{BodyIndex, LayerHandle, Layers, LayersHandle};
+
+use super::{Access, Setup};
+
+impl Setup<'_> {
+    fn layers_of(&mut self, body: BodyIndex, field: &str) -> usize {
+        let layers = &mut self.world.layers;
+        layers
+            .iter()
+            .position(|l| l.body == body && l.field == field)
+            .unwrap_or_else(|| {
+                let prescribed = Vec::new();
+                let rules = Vec::new().into();
+                layers.push(Layers {
+                    body,
+                    field: field.to_string(),
+                    prescribed,
+                    rules,
+                });
+                layers.len() - 1
+            })
+    }
+
+    /// A mirrored layer for the field of `key` behind a face of the body's box, whose values
+    /// the calling boundary sets. `prescribed`: it exchanges the conserved quantity with the
+    /// body, so its share is accounted for.
+    ///
+    /// # Errors
+    /// When another boundary has the same layer, or the body has no such face.
+    pub fn layer<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+        face: Face,
+        prescribed: bool,
+    ) -> Result<LayerHandle, SetupError> {
+        self.claim_layer(body, key, face, prescribed, Access::Layer)
+    }
+
+    /// As [`Setup::layer`], not prescribed, for a boundary that also makes sense where nobody
+    /// owns the field.
+    ///
+    /// # Errors
+    /// As [`Setup::layer`].
+    pub fn layer_if_provided<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+        face: Face,
+    ) -> Result<LayerHandle, SetupError> {
+        self.claim_layer(body, key, face, false, Access::LayerIfProvided)
+    }
+
+    fn claim_layer<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+        face: Face,
+        prescribed: bool,
+        access: Access,
+    ) -> Result<LayerHandle, SetupError> {
+        if face.axis() >= self.body(body).dimension {
+            let dimension = self.body(body).dimension;
+            return Err(SetupError::value(
+                "face",
+                format!("a {dimension}D body has no face `{}`", face.name()),
+                "a face within the body's dimensions",
+            ));
+        }
+        if self.body(body).periodic[face.axis()] {
+            let message = format!("behind face `{}` the body goes on as a copy", face.name());
+            let expected = "a face along an axis that is not among the `periodic` ones of the body";
+            return Err(SetupError::value("face", message, expected));
+        }
+        self.declare(body, key, access)?;
+        let layers = self.layers_of(body, &key.name);
+        let entry = &mut self.world.layers[layers];
+        let rules = entry.rules.get_mut();
+        if rules.iter().any(|r| r.face == face) {
+            let message = format!(
+                "face `{}` already has a layer for `{}`",
+                face.name(),
+                key.name
+            );
+            return Err(SetupError::value(
+                "face",
+                message,
+                "one boundary for each face and field",
+            ));
+        }
+        rules.push(LayerRule::even(face));
+        rules.sort_by_key(|r| r.face);
+        if prescribed {
+            entry.prescribed.push(face);
+        }
+        Ok(LayerHandle { layers, face })
+    }
+
+    /// The layers of a field that the calling physics owns: a handle to their rules, the
+    /// faces that boundaries have claimed, and those among them that are prescribed.
+    pub fn layers<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> (LayersHandle, Vec<Face>, Vec<Face>) {
+        let index = self.layers_of(body, &key.name);
+        let layers = &self.world.layers[index];
+        let faces = layers.rules.borrow().iter().map(|r| r.face).collect();
+        (LayersHandle(index), faces, layers.prescribed.clone())
+    }
+}

@@ -1,0 +1,110 @@
+//! Heat from viscous friction in a fluid
+//!
+//! ```text
+//! heat_source += d(viscous_work)/dt          (W/m³)          Gao (2020), eq. 5.65
+//! ```
+//!
+//! The change of the work since the heat was last computed is taken up in full, whatever the steps of the two physics.
+
+use perimelt_core::{Coupler, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::rate::Rate;
+
+/// Heat from the work of viscous friction of a `fluid`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ViscousHeat {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<Prepared>,
+}
+
+#[derive(Debug)]
+struct Prepared {
+    body: usize,
+    work: Read<f64>,
+    heat_source: Write<f64>,
+    /// Rate of the work, W/m³.
+    rate: Rate,
+    /// W.
+    power: f64,
+}
+
+#[typetag::serde(name = "viscous_heat")]
+impl Coupler for ViscousHeat {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        self.prepared = Some(Prepared {
+            body,
+            work: setup.read(body, &keys::VISCOUS_WORK)?,
+            heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
+            rate: Rate::new(setup.body(body).points.len()),
+            power: 0.0,
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_mut().expect("prepared before the run");
+        p.rate.take(&world.read(p.work), step.size);
+        let mut heat_source = world.write(p.heat_source);
+        p.power = 0.0;
+        let volumes = &world.body(p.body).points.volume;
+        let points = heat_source.iter_mut().zip(&p.rate.values).zip(volumes);
+        for ((heat_source, rate), volume) in points {
+            *heat_source += rate;
+            p.power += rate * volume;
+        }
+        Ok(())
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        let prepared = self.prepared.as_ref().expect("prepared before a save");
+        Box::new(&prepared.rate.seen)
+    }
+
+    fn load(
+        &mut self,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        let p = self.prepared.as_mut().expect("prepared before a restart");
+        p.rate.seen = erased_serde::deserialize(state)?;
+        Ok(())
+    }
+
+    fn report(&self) -> Vec<Report> {
+        vec![Report {
+            name: "power from friction".into(),
+            unit: "W".into(),
+            value: self.prepared.as_ref().map_or(0.0, |p| p.power),
+        }]
+    }
+}
+
+perimelt_core::register_coupler!("viscous_heat", ViscousHeat);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, block, prepare, read, set, values};
+
+    #[test]
+    fn the_change_of_the_work_becomes_heat_over_the_step() {
+        let mut world = World::new(vec![block([2, 1, 1], 1, STEEL)]);
+        let mut coupler: ViscousHeat = read("");
+        prepare(&mut world, &mut coupler, |setup| {
+            setup.own(0, &keys::VISCOUS_WORK).expect("free");
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        })
+        .expect("valid");
+        coupler.apply(&world, Step::new(0.0, 0.0)).expect("applies");
+        set(&world, &keys::VISCOUS_WORK, |i| [0.0, 5e6][i]);
+        coupler.apply(&world, Step::new(0.0, 0.5)).expect("applies");
+        assert_eq!(values(&world, &keys::HEAT_SOURCE), [0.0, 5e6 / 0.5]);
+    }
+}

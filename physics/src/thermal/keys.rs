@@ -1,0 +1,118 @@
+//! Keys of the `[[physics]]` table of heat.
+
+use perimelt_core::{Correction, Horizon, PartialVolume, StepSize, Update};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::advection::Convection;
+
+use super::run::Run;
+
+/// Heat conduction, and convection with an Eulerian fluid; owns `temperature` and `enthalpy`, consumes `heat_source`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Thermal {
+    /// Body that conducts; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// How the divergence of the heat flux becomes a sum.
+    #[serde(default)]
+    pub form: Form,
+    /// Horizon in spacings of each point, or `{ length = ... }` in m, the same everywhere. On a
+    /// lattice 1 is the classical stencil of nearest neighbours, the least expensive.
+    #[serde(default = "three")]
+    pub horizon: Horizon,
+    /// Partial volume of neighbours at the edge of the horizon.
+    #[serde(default)]
+    pub partial_volume: PartialVolume,
+    /// Calibration of the bonds; when left out "point", or "lattice" where points move.
+    #[serde(default)]
+    pub correction: Option<Correction>,
+    /// Heat flow across broken bonds of the mechanics.
+    #[serde(default)]
+    pub broken_bonds: BrokenConduction,
+    /// Whether the faces of the body continue in mirrored layers.
+    #[serde(default)]
+    pub surfaces: Surfaces,
+    /// Stabilisation of the convective terms in an Eulerian fluid.
+    #[serde(default)]
+    pub convection: Convection,
+    /// Time integration.
+    #[serde(default)]
+    pub solver: ThermalSolver,
+    /// Relative accuracy of the implicit and steady solvers.
+    #[serde(default = "tolerance")]
+    pub tolerance: f64,
+    /// Step in s, or "auto".
+    #[serde(default)]
+    pub step: StepSize,
+    /// Advance in every macro `step`, or once per `log` interval.
+    #[serde(default)]
+    pub update: Update,
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub(super) run: Option<Run>,
+}
+
+fn three() -> Horizon {
+    Horizon::Spacings(3.0)
+}
+
+fn tolerance() -> f64 {
+    1e-10
+}
+
+/// How the divergence of the heat flux becomes a sum.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Form {
+    /// Each bond carries heat: heat is conserved to rounding, surfaces may be of any shape.
+    #[default]
+    Bonds,
+    /// `k lap T + grad k . grad T` with second derivatives of the differential operator, as published (Gao (2020),
+    /// eq. 5.65): second order also at mirrored faces, but heat is conserved only as far as the derivatives are
+    /// exact. For bodies that fill their box and whose points stay.
+    SecondDerivatives,
+}
+
+/// Whether heat crosses a crack that the mechanics opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BrokenConduction {
+    /// Points whose mechanical bond broke exchange no heat.
+    #[default]
+    Insulate,
+    /// Heat flows as if no bond had broken.
+    Conduct,
+}
+
+/// What lies behind the faces of a body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Surfaces {
+    /// Mirrored where the body fills its box, bare elsewhere.
+    #[default]
+    Auto,
+    /// A mirrored layer behind every face of the box.
+    Mirrored,
+    /// Nothing, except for layers that boundaries ask for.
+    Bare,
+}
+
+/// How heat is stepped in time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ThermalSolver {
+    /// Forward Euler, as published; the step is limited.
+    #[default]
+    Explicit,
+    /// Stabilised explicit (Runge-Kutta-Legendre, second order): steps far above the explicit
+    /// limit for the square root of the work; best for long coolings.
+    Rkl2,
+    /// Implicit Euler, Newton-Krylov: any step, first order.
+    Implicit,
+    /// Crank-Nicolson, Newton-Krylov: any step, second order, for smooth data.
+    CrankNicolson,
+    /// The steady state under the present sources and boundaries.
+    Steady,
+}

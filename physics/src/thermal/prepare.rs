@@ -1,0 +1,213 @@
+//! Set-up of the heat: fields, family, conduction, convection.
+
+use std::sync::Arc;
+
+use perimelt_core::material::{EnthalpyCurve, LatentHeatForm};
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{
+    Body, Correction, Description, Face, Family, FamilySpec, Influence, Pddo, Setup, SetupError,
+    keys,
+};
+
+use super::carried::CarriedHeat;
+use super::conduction::{Conduction, calibration};
+use super::faces::HeatedFace;
+use super::integrate::Integrator;
+use super::keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
+use super::run::{Cracks, HeatAccount, Neighbours, Run};
+
+/// Body, what its points are, and the faces behind which it goes on.
+struct Place {
+    body: BodyIndex,
+    description: Description,
+    layers: Vec<Face>,
+    /// Those with a prescribed temperature.
+    heated: Vec<Face>,
+}
+
+impl Run {
+    pub(super) fn prepare(thermal: &Thermal, setup: &mut Setup<'_>) -> Result<Run, SetupError> {
+        let body = setup.find_body(thermal.body.as_deref())?;
+        thermal.horizon.check(setup.body(body))?;
+        let description = setup.description(body);
+        let temperature = setup.own(body, &keys::TEMPERATURE)?;
+        let enthalpy = setup.own(body, &keys::ENTHALPY)?;
+        let heat_source = setup.consume_if_added(body, &keys::HEAT_SOURCE)?;
+        let constraint = setup.consume_if_added(body, &keys::TEMPERATURE_CONSTRAINT)?;
+        let held = setup.consume_if_added(body, &keys::HELD_TEMPERATURE)?;
+        let curves = setup.enthalpy_curves(body)?;
+        thermal.check(&curves, description)?;
+        let (layers, claimed, heated) = setup.layers(body, &keys::TEMPERATURE);
+        let place = Place {
+            body,
+            description,
+            layers: thermal.continued_faces(setup.body(body), claimed),
+            heated,
+        };
+        let (neighbours, conduction, pddo) = thermal.operators(setup, &place)?;
+        let carried = match description {
+            Description::Eulerian => Some(thermal.carried(setup, &place, pddo)?),
+            _ => None,
+        };
+        let is_at_rest = matches!(neighbours, Neighbours::AtRest(_));
+        let follows_cracks = thermal.broken_bonds == BrokenConduction::Insulate && is_at_rest;
+        let faces = place.heated.iter().filter(|_| is_at_rest);
+        let faces = faces.map(|face| HeatedFace::of(setup.body(body), *face));
+        Ok(Run {
+            body,
+            neighbours,
+            layers,
+            temperature,
+            enthalpy,
+            heat_source,
+            floating: place.heated.is_empty() && constraint.is_none(),
+            constraint,
+            held,
+            curves,
+            conduction,
+            carried,
+            cracks: follows_cracks.then(Cracks::default),
+            integrator: Integrator::new(thermal.solver, thermal.tolerance),
+            heat: HeatAccount::default(),
+            faces: faces.filter(HeatedFace::is_measurable).collect(),
+            stable_step: f64::INFINITY,
+        })
+    }
+}
+
+impl Thermal {
+    /// Refuses keys that fit neither the materials nor the description of the points.
+    fn check(&self, curves: &[EnthalpyCurve], description: Description) -> Result<(), SetupError> {
+        let is_explicit = self.solver == ThermalSolver::Explicit;
+        let apparent = curves.iter().any(|c| c.form() == LatentHeatForm::Apparent);
+        if apparent && !is_explicit {
+            let message = "the apparent heat capacity is defined for explicit steps only";
+            let expected = "`solver = \"explicit\"`, or the enthalpy form";
+            return Err(SetupError::value("solver", message, expected));
+        }
+        if description == Description::Eulerian && !is_explicit {
+            let message = "heat that a flow carries is advanced by explicit steps only";
+            let expected = "`solver = \"explicit\"`";
+            return Err(SetupError::value("solver", message, expected));
+        }
+        if self.form == Form::SecondDerivatives && description == Description::UpdatedLagrangian {
+            let message = "second derivatives need points that stay";
+            return Err(SetupError::value("form", message, "`form = \"bonds\"`"));
+        }
+        self.check_correction(description)
+    }
+
+    fn check_correction(&self, description: Description) -> Result<(), SetupError> {
+        let (message, expected) = match (self.correction, self.form, description) {
+            (Some(Correction::Uniaxial), ..) => ("conduction has no uniaxial strain", "\"point\""),
+            (Some(Correction::Point | Correction::Lattice), Form::SecondDerivatives, _) => {
+                let message = "`correction` applies to bonds; second derivatives are exact without";
+                (message, "\"none\", or leave it out")
+            }
+            (Some(Correction::Point), _, Description::UpdatedLagrangian) => {
+                let message = "bonds of points that move are calibrated for complete families";
+                (message, "\"lattice\" or \"none\"")
+            }
+            _ => return Ok(()),
+        };
+        Err(SetupError::value("correction", message, expected))
+    }
+
+    /// Faces behind which the body goes on: those of the boundaries, or all.
+    fn continued_faces(&self, body: &Body, claimed: Vec<Face>) -> Vec<Face> {
+        let all = match self.surfaces {
+            Surfaces::Auto => body.fills_box(),
+            Surfaces::Mirrored => true,
+            Surfaces::Bare => false,
+        };
+        let faces = Face::ALL.into_iter().filter(|f| f.axis() < body.dimension);
+        match all {
+            true => faces.collect(),
+            false => claimed,
+        }
+    }
+
+    /// The family and the operator of conduction, and that of second derivatives where it is used.
+    fn operators(
+        &self,
+        setup: &mut Setup<'_>,
+        place: &Place,
+    ) -> Result<(Neighbours, Conduction, Option<Arc<Pddo>>), SetupError> {
+        let body = place.body;
+        let conductivity = setup.property(body, "conductivity")?;
+        let points = setup.body(body).points.len();
+        if self.form == Form::SecondDerivatives {
+            let pddo = self.second_derivatives(setup, place)?;
+            let conduction = Conduction::by_derivatives(pddo.clone(), conductivity, points);
+            let neighbours = Neighbours::AtRest(pddo.family().clone());
+            return Ok((neighbours, conduction, Some(pddo)));
+        }
+        let mut spec = FamilySpec {
+            horizon: self.horizon,
+            partial_volume: self.partial_volume,
+            influence: Influence::default(),
+            correction: self.correction.unwrap_or_default(),
+            layers: place.layers.clone(),
+            audited: place.heated.clone(),
+        };
+        if place.description != Description::UpdatedLagrangian {
+            let family = setup.family(body, &spec)?;
+            let conduction = Conduction::by_bonds(&family, conductivity, points, 1.0);
+            return Ok((Neighbours::AtRest(family), conduction, None));
+        }
+        spec.correction = Correction::None;
+        let handle = setup.moving_family(body, &spec)?;
+        let family = setup.current_family(handle);
+        let calibration = match self.correction {
+            Some(Correction::None) => 1.0,
+            _ => calibration(&family, points, setup.body(body).dimension),
+        };
+        let conduction = Conduction::by_bonds(&family, conductivity, points, calibration);
+        Ok((Neighbours::Moving(handle), conduction, None))
+    }
+
+    /// The operator of second derivatives, on the family of a fluid with the same horizon.
+    fn second_derivatives(
+        &self,
+        setup: &mut Setup<'_>,
+        place: &Place,
+    ) -> Result<Arc<Pddo>, SetupError> {
+        let this = setup.body(place.body);
+        if !this.fills_box() {
+            let message =
+                "second derivatives need complete families, but the body does not fill its box";
+            return Err(SetupError::value("form", message, "`form = \"bonds\"`"));
+        }
+        let needs_layer = |f: &Face| f.axis() < this.dimension && !this.periodic[f.axis()];
+        let spec = FamilySpec {
+            partial_volume: self.partial_volume,
+            layers: Face::ALL.into_iter().filter(needs_layer).collect(),
+            ..Pddo::spec(self.horizon)
+        };
+        let family: Arc<Family> = setup.family(place.body, &spec)?;
+        let pddo = Pddo::build(setup.body(place.body), family, 2);
+        pddo.map(Arc::new)
+            .map_err(|e| SetupError::other("horizon", e))
+    }
+
+    fn carried(
+        &self,
+        setup: &mut Setup<'_>,
+        place: &Place,
+        pddo: Option<Arc<Pddo>>,
+    ) -> Result<CarriedHeat, SetupError> {
+        let pddo = match pddo {
+            Some(pddo) => pddo,
+            None => self.second_derivatives(setup, place)?,
+        };
+        let velocity = setup.read(place.body, &keys::VELOCITY)?;
+        let density = setup.read(place.body, &keys::DENSITY)?;
+        let body = setup.body(place.body);
+        Ok(CarriedHeat::new(
+            (body, pddo),
+            self.convection,
+            velocity,
+            density,
+        ))
+    }
+}

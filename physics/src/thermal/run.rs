@@ -1,0 +1,195 @@
+//! What a prepared heat physics works with.
+
+use std::sync::Arc;
+
+use perimelt_core::family::LayerRule;
+use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
+use perimelt_core::{BrokenBonds, Family, MovingFamily, Read, World, Write};
+use serde::{Deserialize, Serialize};
+
+use super::carried::{Carried, CarriedHeat, Diffusion};
+use super::conduction::Conduction;
+use super::faces::HeatedFace;
+use super::integrate::Integrator;
+
+/// A prepared heat physics.
+#[derive(Debug)]
+pub(super) struct Run {
+    pub(super) body: BodyIndex,
+    pub(super) neighbours: Neighbours,
+    pub(super) layers: LayersHandle,
+    pub(super) temperature: Write<f64>,
+    pub(super) enthalpy: Write<f64>,
+    pub(super) heat_source: Option<Read<f64>>,
+    pub(super) constraint: Option<Read<f64>>,
+    pub(super) held: Option<Read<f64>>,
+    pub(super) curves: Vec<EnthalpyCurve>,
+    pub(super) conduction: Conduction,
+    /// In an Eulerian fluid.
+    pub(super) carried: Option<CarriedHeat>,
+    pub(super) cracks: Option<Cracks>,
+    pub(super) integrator: Integrator,
+    /// Nothing holds the temperature level: boundaries are insulated or give fluxes.
+    pub(super) floating: bool,
+    pub(super) heat: HeatAccount,
+    pub(super) faces: Vec<HeatedFace>,
+    /// Largest stable explicit step, s.
+    pub(super) stable_step: f64,
+}
+
+/// The family of the points.
+#[derive(Debug)]
+pub(super) enum Neighbours {
+    AtRest(Arc<Family>),
+    Moving(MovingFamily),
+}
+
+impl Neighbours {
+    /// As they are now.
+    pub(super) fn now(&self, world: &World) -> Arc<Family> {
+        match self {
+            Neighbours::AtRest(family) => family.clone(),
+            Neighbours::Moving(family) => world.moving_family(*family),
+        }
+    }
+}
+
+/// Heat since the start of the run, J.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(super) struct HeatAccount {
+    pub(super) initial: f64,
+    pub(super) supplied: f64,
+}
+
+/// How many of the broken bonds of the mechanics have been taken over.
+#[derive(Debug, Default)]
+pub(super) struct Cracks {
+    taken: usize,
+    replaced: usize,
+    point_in: Vec<u32>,
+}
+
+impl Cracks {
+    pub(super) fn follow(
+        &mut self,
+        broken: &BrokenPairs,
+        family: &Family,
+        own: &mut Option<BrokenBonds>,
+    ) {
+        if self.replaced != broken.replaced {
+            (self.taken, self.replaced, *own) = (0, broken.replaced, None);
+        }
+        if self.taken == broken.pairs.len() {
+            return;
+        }
+        if self.point_in.is_empty() {
+            self.point_in = family.points_of_slots();
+        }
+        let own = own.get_or_insert_with(|| family.unbroken());
+        for pair in &broken.pairs[self.taken..] {
+            family.break_pair(*pair, &self.point_in, own);
+        }
+        self.taken = broken.pairs.len();
+    }
+}
+
+impl Run {
+    /// Breaks the bonds that broke in the mechanics since the last step.
+    pub(super) fn follow_cracks(&mut self, world: &World) {
+        if let (Some(cracks), Neighbours::AtRest(family)) = (&mut self.cracks, &self.neighbours) {
+            let pairs = world.broken_pairs(self.body);
+            cracks.follow(&pairs, family, &mut self.conduction.broken);
+        }
+    }
+
+    /// Finds the heat that the flow carries at the start of a step.
+    pub(super) fn find_carried(&mut self, world: &World, rules: &[LayerRule]) {
+        let Some(carried) = &mut self.carried else {
+            return;
+        };
+        let (velocity, density) = (world.read(carried.velocity), world.read(carried.density));
+        let state = Carried {
+            velocity: &velocity,
+            density: &density,
+            temperature: &world.read(self.temperature.into()),
+            enthalpy: &world.read(self.enthalpy.into()),
+            rules,
+            curves: &self.curves,
+        };
+        carried.find(world.body(self.body), &state);
+    }
+
+    /// Current volume over reference volume of each point, where points move.
+    pub(super) fn volume_ratios(&self, world: &World) -> Option<Vec<f64>> {
+        let Neighbours::Moving(_) = self.neighbours else {
+            return None;
+        };
+        let now = world.configuration(self.body);
+        let reference = &world.body(self.body).points.volume;
+        let points = now.volumes().iter().zip(reference);
+        Some(points.map(|(now, reference)| now / reference).collect())
+    }
+
+    /// Finds the largest stable explicit step for the current configuration and velocity, and lets the integrator know:
+    /// the monotone limit `min C / sum_j kappa v V / |xi|` (spec 02, 1.4), with the smallest capacity and the largest
+    /// conductivity of each material.
+    pub(super) fn find_stable_step(&mut self, world: &World) {
+        let body = world.body(self.body);
+        let material = &body.material_of_point;
+        let family = self.neighbours.now(world);
+        let mut row_sums = self.conduction.largest_row_sums(&family, material);
+        if let Some(ratios) = self.volume_ratios(world) {
+            let sums = row_sums.iter_mut().zip(ratios);
+            sums.for_each(|([sum], ratio)| *sum *= ratio);
+        }
+        let capacity = |m: u16| self.curves[m as usize].minimum_capacity();
+        let points = row_sums.iter().zip(material);
+        let limits = points.clone().map(|([sum], &m)| capacity(m) / sum);
+        self.stable_step = limits.fold(f64::INFINITY, f64::min);
+        if let Some(carried) = &self.carried {
+            let velocity = world.read(carried.velocity);
+            let speed = velocity
+                .iter()
+                .map(|v| v.norm_squared())
+                .fold(0.0, f64::max);
+            let limits = points
+                .zip(&body.points.spacing)
+                .map(|(([sum], &m), spacing)| {
+                    let at = Diffusion {
+                        conductivity: self.conduction.largest_conductivity(m),
+                        row_sum: *sum,
+                        capacity: capacity(m),
+                    };
+                    carried.stable_step(at, speed.sqrt(), *spacing)
+                });
+            self.stable_step = limits.fold(f64::INFINITY, f64::min);
+        }
+        self.integrator.set_limits(self.stable_step, row_sums);
+    }
+
+    /// Whether the stable step changes during the run.
+    pub(super) fn has_changing_limit(&self) -> bool {
+        self.carried.is_some() || matches!(self.neighbours, Neighbours::Moving(_))
+    }
+
+    /// Measures the heat that crosses faces.
+    pub(super) fn observe(&mut self, world: &World) {
+        if self.faces.is_empty() {
+            return;
+        }
+        let temperature = world.read::<f64>(self.temperature.into());
+        let rules = world.layer_rules(self.layers);
+        let body = world.body(self.body);
+        let conductivity = |point: usize| {
+            let (m, t) = (body.material_of_point[point], temperature[point]);
+            let liquid = self.curves[m as usize].liquid_fraction(t);
+            self.conduction.conductivity(m, t, liquid)
+        };
+        for face in &mut self.faces {
+            if let Some(rule) = rules.iter().find(|r| r.face == face.face) {
+                face.measure(rule, &temperature, conductivity, &body.points.spacing);
+            }
+        }
+    }
+}
