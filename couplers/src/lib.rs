@@ -7,7 +7,7 @@
 //! | `thermal_expansion` | [`expansion::ThermalExpansion`] | temperature | eigenstrain |
 //! | `phase_change` | [`phase_change::PhaseChange`] | temperature, enthalpy | liquid fraction; lets the body melt |
 //! | `plastic_heat` | [`plastic_heat::PlasticHeat`] | plastic work | heat source |
-//! | `deformation_heat` | [`deformation_heat::DeformationHeat`] | temperature, eigenstress rate | heat source |
+//! | `deformation_heat` | [`deformation_heat::DeformationHeat`] | temperature, rate of the conjugate stress | heat source |
 //! | `goldak` | [`heat_source::Goldak`] | | heat source |
 //! | `ellipsoid` | [`heat_source::Ellipsoid`] | | heat source |
 //! | `gaussian_source` | [`heat_source::GaussianSource`] | | heat source |

@@ -5,7 +5,7 @@
 //! | `thermal` | `temperature`, `enthalpy` | `heat_source` |
 //! | `replay` | the fields it is told to read from a log | |
 //! | `fluid` | `velocity`, `density`, `pressure` and, with energy, `temperature`, `enthalpy` | `body_force`, `heat_source` |
-//! | `mechanical` | `displacement`, `velocity`, `stress`, `eigenstress` | `eigenstrain`, `body_force` |
+//! | `mechanical` | `displacement`, `velocity`, `stress`, `conjugate_stress` | `eigenstrain`, `body_force` |
 
 pub mod fluid;
 pub mod mechanical;

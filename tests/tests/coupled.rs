@@ -92,7 +92,7 @@ fn quick_uniform_compression_heats_an_insulated_block_by_the_thermoelastic_value
         for (heat, linear) in [("", false), ("linearised_at = 300", true)] {
             let simulation = compressed(dimension, strain, heat);
             let temperature = values(&simulation, "temperature");
-            let eigenstress = values(&simulation, "eigenstress");
+            let conjugate_stress = values(&simulation, "conjugate_stress");
             // Poisson's ratio of bonds: p = E / (1 - (d - 1) nu) tr(strain), nu = 1/3 and 1/4
             let over = [1.0, 1.5, 2.0][dimension - 1];
             let classical = YOUNG * over * dimension as f64 * strain;
@@ -112,7 +112,7 @@ fn quick_uniform_compression_heats_an_insulated_block_by_the_thermoelastic_value
                     .map(of_point)
                     .fold(0.0, f64::max)
             };
-            let by_stress = worst(&|i| rise(eigenstress[i]));
+            let by_stress = worst(&|i| rise(conjugate_stress[i]));
             let by_theory = worst(&|_| rise(classical));
             println!(
                 "{dimension}D, linear {linear}: {by_stress:.1e} by the stress of the points, {by_theory:.1e} by the classical one"

@@ -78,7 +78,7 @@ pub struct FractureState {
     /// Bonds that broke.
     pub broken: BrokenBonds,
     /// The stress conjugate to the eigenstrain that bonds of each point carried when they broke, Pa. It
-    /// stays part of the `eigenstress`, whose change heats: a break is no unloading.
+    /// stays part of the `conjugate_stress`, whose change heats: a break is no unloading.
     pub frozen: Vec<f64>,
 }
 

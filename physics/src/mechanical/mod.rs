@@ -60,7 +60,7 @@ use section::Section;
 use solid::Solid;
 
 /// Thermoelastic solid: bond-based, ordinary state-based or by correspondence; owns `displacement` and `velocity`, consumes `eigenstrain`
-/// and `body_force`, provides `stress` and `eigenstress`.
+/// and `body_force`, provides `stress` and `conjugate_stress`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mechanical {
@@ -188,8 +188,8 @@ struct Run {
     /// Of the explicit solver.
     velocity: Option<Write<Vector3<f64>>>,
     stress: Write<Matrix3<f64>>,
-    eigenstress: Write<f64>,
-    eigenstress_wanted: bool,
+    conjugate_stress: Write<f64>,
+    conjugate_stress_wanted: bool,
     plastic: Option<PlasticFields>,
     /// Where bonds break.
     damage: Option<Write<f64>>,
@@ -389,11 +389,12 @@ impl Run {
         }
     }
 
-    fn provide_eigenstress(&mut self, world: &World) {
+    fn provide_conjugate_stress(&mut self, world: &World) {
         self.load_displacement(world);
         let energy = self.solid.energy();
-        for (p, [_, eigenstress]) in world.write(self.eigenstress).iter_mut().zip(energy) {
-            *p = *eigenstress;
+        for (p, [_, conjugate_stress]) in world.write(self.conjugate_stress).iter_mut().zip(energy)
+        {
+            *p = *conjugate_stress;
         }
     }
 
@@ -541,8 +542,8 @@ impl Physics for Mechanical {
                 true => Some(setup.own(body, &keys::DAMAGE)?),
                 false => None,
             },
-            eigenstress_wanted: setup.is_read(body, &keys::EIGENSTRESS),
-            eigenstress: setup.own(body, &keys::EIGENSTRESS)?,
+            conjugate_stress_wanted: setup.is_read(body, &keys::CONJUGATE_STRESS),
+            conjugate_stress: setup.own(body, &keys::CONJUGATE_STRESS)?,
             eigenstrain: setup.consume_if_added(body, &keys::EIGENSTRAIN)?,
             body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
             impulse: match explicit {
@@ -576,8 +577,8 @@ impl Physics for Mechanical {
         let temperature = world.read_if_provided(run.temperature);
         run.solid
             .set_moduli(world.body(run.body), temperature.as_deref());
-        if run.eigenstress_wanted {
-            run.provide_eigenstress(world);
+        if run.conjugate_stress_wanted {
+            run.provide_conjugate_stress(world);
         }
         run.state.initial_energy = run.energy(world);
         run.state.initial_momentum = run.momentum(world);
@@ -643,15 +644,15 @@ impl Physics for Mechanical {
             cause: cause.into(),
         })?;
         run.settle(world);
-        if run.eigenstress_wanted {
-            run.provide_eigenstress(world);
+        if run.conjugate_stress_wanted {
+            run.provide_conjugate_stress(world);
         }
         Ok(work)
     }
 
     fn observe(&mut self, world: &World) {
         let run = self.run.as_mut().expect("prepared before the first step");
-        run.provide_eigenstress(world);
+        run.provide_conjugate_stress(world);
         run.provide_stress(world);
         for (i, section) in self.sections.iter().enumerate() {
             run.section_forces[i] = section.force(run, world);

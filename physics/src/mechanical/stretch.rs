@@ -48,7 +48,7 @@ fn tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
 
 #[inline(always)]
 fn pressure(bond: &Bond, (own, other): Ends<'_>) -> f64 {
-    (bond.weight * own[PRESSURE] + bond.dual * other[PRESSURE]) * bond.by_length
+    (bond.weight * own[PRESSURE] + bond.dual * other[PRESSURE]) * bond.inverse_length
 }
 
 /// Force density along the bond of either solid, N/m³.
@@ -161,7 +161,7 @@ struct Stretched<const D: usize> {
     /// Along the bond, m.
     along: [f64; D],
     /// One over the length of `along`, 1/m.
-    by_length: f64,
+    inverse_length: f64,
 }
 
 #[inline(always)]
@@ -190,17 +190,17 @@ fn stretched_by<const FINITE: bool, const FUSED: bool, const D: usize, const I: 
         Stretched {
             arm: std::array::from_fn(|a| xi[a] + along[a]),
             scale: inverse * length,
-            by_length: inverse * sum,
+            inverse_length: inverse * sum,
             relative,
             along,
         }
     } else {
         Stretched {
             arm: xi,
-            scale: bond.by_length * bond.by_length,
+            scale: bond.inverse_length * bond.inverse_length,
             along: xi,
             relative,
-            by_length: bond.by_length,
+            inverse_length: bond.inverse_length,
         }
     }
 }
@@ -234,7 +234,7 @@ impl<const D: usize> Stretched<D> {
     /// Adds a vector along the bond to one end, and takes it from the other.
     #[inline(always)]
     fn add_pull<const O: usize>(&self, size: f64, [here, there]: [&mut [f64; O]; 2]) {
-        let size = size * self.by_length;
+        let size = size * self.inverse_length;
         for axis in 0..D {
             here[axis] = size.mul_add(self.along[axis], here[axis]);
             there[axis] = (-size).mul_add(self.along[axis], there[axis]);
@@ -244,7 +244,7 @@ impl<const D: usize> Stretched<D> {
     /// A vector along the bond.
     #[inline(always)]
     fn vector(&self, size: f64) -> [f64; D] {
-        let size = size * self.by_length;
+        let size = size * self.inverse_length;
         std::array::from_fn(|a| size * self.along[a])
     }
 }
