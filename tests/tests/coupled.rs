@@ -6,7 +6,7 @@ use perimelt::case::Case;
 use perimelt::core::{Family, FamilySpec, Simulation};
 use perimelt::physics::mechanical::moduli::Elasticity;
 use perimelt::physics::mechanical::ordinary::Ordinary;
-use perimelt::physics::mechanical::solid::Solid;
+use perimelt::physics::mechanical::solid::{Constitution, Solid};
 
 const ALPHA: f64 = 5e-5;
 const YOUNG: f64 = 2e11;
@@ -203,7 +203,8 @@ fn energy_over_twenty_periods(steps: f64, coupled: bool, iteration: &str) -> [f6
     let modulus = body.materials[0].get("youngs_modulus").cloned();
     let modulus = vec![modulus.expect("given above")];
     let elasticity = Elasticity::bond_based(modulus, body.dimension);
-    let mut elastic = Ordinary::new(body, family, elasticity, false, None, None).expect("elastic");
+    let mut elastic =
+        Ordinary::new(body, family, Constitution::elastic(elasticity)).expect("elastic");
     let start: f64 = energies(&simulation, &mut elastic).iter().sum();
     let [mut worst, mut thermal, mut change]: [f64; 3] = [0.0; 3];
     while !simulation.is_finished() {

@@ -6,6 +6,7 @@ use perimelt_core::solver::largest_eigenvalue;
 use perimelt_core::{Physics, Setup, World};
 
 use super::Mechanical;
+use super::fracture::FractureState;
 use super::solid::Solid;
 use crate::testing::{block, read};
 
@@ -56,7 +57,11 @@ fn damaged(
             }
         });
     }
-    solid.fracture_mut().expect("it breaks").state.broken = broken;
+    let state = FractureState {
+        broken,
+        ..FractureState::intact(solid.family(), position.len())
+    };
+    solid.replace_fracture_state(state).expect("it breaks");
     solid
 }
 

@@ -82,6 +82,33 @@ pub struct FractureState {
     pub frozen: Vec<f64>,
 }
 
+/// Bonds that broke in one evaluation.
+#[derive(Clone, Debug, Default)]
+pub struct NewBreaks {
+    /// Pairs of points that lost their bond.
+    pub pairs: Vec<[u32; 2]>,
+    /// Whether any bond broke, including bonds to a layer.
+    pub any: bool,
+}
+
+/// How the bonds of a body are loaded.
+pub struct BondLoads<R, C> {
+    /// Load over limit of a bond, from the slots of both ends.
+    pub ratio: R,
+    /// Stress conjugate to the eigenstrain that the bond of a point with a slot carries, Pa.
+    pub conjugate: C,
+}
+
+impl FractureState {
+    /// No broken bonds.
+    pub fn intact(family: &Family, points: usize) -> Self {
+        FractureState {
+            broken: family.unbroken(),
+            frozen: vec![0.0; points],
+        }
+    }
+}
+
 #[derive(Debug)]
 enum Strength {
     Stretch(Property),
@@ -147,16 +174,18 @@ impl Fracture {
             critical: vec![f64::INFINITY; points],
             excess: vec![0.0; points],
             weight: weight.into_iter().map(|[w]| w).collect(),
-            state: FractureState {
-                broken: family.unbroken(),
-                frozen: vec![0.0; points],
-            },
+            state: FractureState::intact(family, points),
         })
     }
 
     /// Whether the energy of bonds is compared, not their stretch.
     pub fn compares_energy(&self) -> bool {
         self.criterion == Criterion::Energy
+    }
+
+    /// Bonds that broke.
+    pub fn broken(&self) -> &BrokenBonds {
+        &self.state.broken
     }
 
     /// Whether strengths are the same at all temperatures.
@@ -185,8 +214,8 @@ impl Fracture {
             ) {
                 (Strength::Stretch(stretch), _) => at(stretch),
                 (Strength::Energy(energy), Criterion::Energy) => {
-                    let shares = [2.0, std::f64::consts::FRAC_PI_2, 4.0 / 3.0];
-                    shares[self.dimension - 1] * at(energy)
+                    let factors = [2.0, std::f64::consts::FRAC_PI_2, 4.0 / 3.0];
+                    factors[self.dimension - 1] * at(energy)
                 }
                 (Strength::Energy(energy), Criterion::Stretch) => {
                     let of_square = self.energy_of_square(&moduli(i)) * self.horizon[i];
@@ -204,19 +233,18 @@ impl Fracture {
             + 2.0 * moduli.dilatation_stiffness(self.dimension) * dilatation
     }
 
-    /// Breaks the bonds of which `ratio` (what is compared over its limit) is at least 1 and at least
-    /// `share` of the largest; adds the share of weight that points lost to `damage`. `conjugate` is the
-    /// stress conjugate to the eigenstrain that the bond of a point with a slot carries, Pa; `ratio` takes
-    /// bond and slots of both ends. Asks only points with an excess. Returns the pairs of points that lost their bond, and whether any bond broke,
-    /// also one to a layer.
+    /// Breaks the bonds of which `ratio` (load over limit) is at least 1 and at least `fraction` of the largest;
+    /// adds the fraction of the weight of its bonds that a point lost to `damage`. `ratio` takes a bond and the
+    /// slots of both ends; `conjugate` is the stress conjugate to the eigenstrain that the bond of a point with a
+    /// slot carries, Pa. Only the bonds of points with an excess are examined.
     pub fn break_bonds(
         &mut self,
         family: &Family,
-        share: f64,
+        fraction: f64,
         damage: &mut [f64],
-        ratio: impl Fn(&Bond, usize, usize) -> f64,
-        conjugate: impl Fn(usize, &Bond, usize) -> f64,
-    ) -> (Vec<[u32; 2]>, bool) {
+        loads: BondLoads<impl Fn(&Bond, usize, usize) -> f64, impl Fn(usize, &Bond, usize) -> f64>,
+    ) -> NewBreaks {
+        let BondLoads { ratio, conjugate } = loads;
         let mut exceeding = Vec::new();
         let points = self.excess.iter().enumerate().filter(|(_, e)| **e > 0.0);
         for (point, _) in points {
@@ -231,23 +259,27 @@ impl Fracture {
             });
         }
         let largest = exceeding.iter().map(|e| e.0).fold(0.0, f64::max);
-        exceeding.retain(|e| e.0 >= share * largest);
+        exceeding.retain(|e| e.0 >= fraction * largest);
         let mut pairs = Vec::new();
         for &(_, point, slot) in &exceeding {
             let pair = family.point_in(slot).map(|other| [point, other]);
-            let mut news = self.break_bond(family, (point, slot), damage, &conjugate);
+            let mut is_new = self.break_bond(family, (point, slot), damage, &conjugate);
             if let Some([_, other]) = pair {
-                // rounding may have found it from one end only
-                news |= self.break_bond(family, (other, family.slot_of(point)), damage, &conjugate);
-                if news {
+                // by rounding, only one end may have exceeded the limit
+                is_new |=
+                    self.break_bond(family, (other, family.slot_of(point)), damage, &conjugate);
+                if is_new {
                     pairs.push([point.min(other) as u32, point.max(other) as u32]);
                 }
             }
         }
-        (pairs, !exceeding.is_empty())
+        NewBreaks {
+            pairs,
+            any: !exceeding.is_empty(),
+        }
     }
 
-    /// Breaks the bond of a point with what is in a slot; whether it was whole.
+    /// Breaks the bond of a point with a slot; whether it was intact.
     fn break_bond(
         &mut self,
         family: &Family,
@@ -257,16 +289,16 @@ impl Fracture {
     ) -> bool {
         let FractureState { broken, frozen } = &mut self.state;
         let total = self.weight[point];
-        let mut news = false;
+        let mut was_intact = false;
         family.for_each_bond(point, |bond, geometry, other| {
             if other == slot && !broken.is_broken(point, bond) {
                 broken.break_bond(point, bond);
                 damage[point] = (damage[point] + geometry.weight / total).min(1.0);
                 frozen[point] += conjugate(point, geometry, other);
-                news = true;
+                was_intact = true;
             }
         });
-        news
+        was_intact
     }
 
     /// All pairs of points that lost their bond.

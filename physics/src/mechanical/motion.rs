@@ -6,24 +6,24 @@ use perimelt_core::solver::{Motion, SolverError};
 use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
 
-use super::Run;
+use super::step::Run;
 
 impl Run {
     /// Moves the body over `step`; held components keep the displacement that was loaded.
-    pub(super) fn move_on(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
-        let body_force = self.body_force.map(|b| world.read(b));
+    pub(super) fn move_points(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
+        let body_force = self.fields.body_force.map(|b| world.read(b));
         let body_force: &[f64] = body_force
             .as_deref()
             .map_or(&[], |b| bytemuck::cast_slice(b));
-        let mut displacement = world.write(self.displacement);
-        let mut velocity = world.write(self.velocity.expect("owned by the explicit solver"));
+        let mut displacement = world.write(self.fields.displacement);
+        let mut velocity = world.write(self.fields.velocity.expect("owned by the explicit solver"));
         let (rules, volume) = (
             world.layer_rules(self.layers),
             &world.body(self.body).points.volume,
         );
 
         let velocity: &mut [f64] = bytemuck::cast_slice_mut(&mut velocity);
-        if let Some(hold) = self.hold.filter(|_| !step.repeated) {
+        if let Some(hold) = self.fields.hold.filter(|_| !step.repeated) {
             let constraint = world.read(hold.constraint);
             let constraint: &[f64] = bytemuck::cast_slice(&constraint);
             let inverses = self.free_inverse_density.par_chunks_mut(3);
@@ -37,7 +37,7 @@ impl Run {
                 }
             });
         }
-        if let Some(impulse) = self.impulse {
+        if let Some(impulse) = self.fields.impulse {
             let impulse = world.read(impulse);
             let impulse: &[f64] = bytemuck::cast_slice(&impulse);
             let total = weighted_vectors(impulse, volume);

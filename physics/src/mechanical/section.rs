@@ -5,7 +5,7 @@ use perimelt_core::{Axis, Report, Setup, SetupError, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Run;
+use super::step::Run;
 
 /// A plane across the body, best halfway between points.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
