@@ -58,8 +58,8 @@ impl Statics {
         }
     }
 
-    /// Finds the free rigid modes and the coarse space of `body` anew where they changed, and chooses the Krylov
-    /// method.
+    /// Updates the free rigid modes and the coarse space of `body` where held points, moduli or bonds changed, and
+    /// chooses the Krylov method.
     fn update(&mut self, residual: &mut Residual<'_>, body: &Body) -> Result<(), SolverError> {
         let held = residual.constraint.iter().filter(|c| **c > 0.0).count();
         if self.rigid.as_ref().is_none_or(|rigid| rigid.held != held) {

@@ -1,4 +1,4 @@
-//! Fracture: bonds that are pulled too far break for ever.
+//! Fracture: bonds break irreversibly at a critical stretch or energy.
 //!
 //! ```text
 //! s - e >= s_c                      stretch,    spec 04, eqs. 2.13 and 2.14
@@ -7,7 +7,7 @@
 //! ```
 //!
 //! with the thermo-elastic stretch `s - e`, in tension only; `s_c`, `kappa` and `e` are the means of both
-//! ends. The energy that all bonds across a plane take is the fracture energy G:
+//! ends. The limits follow from the fracture energy G, which is the energy to break all bonds across a plane:
 //!
 //! ```text
 //! G = s_c^2 horizon { 2 (d + 2) mu A + 2 a B },   kappa = 2 G, pi/2 G, 4/3 G  in 1D, 2D, 3D
@@ -15,9 +15,9 @@
 //! B = 0, 16/(9 pi^2), (3/4)^4
 //! ```
 //!
-//! with the dilatation stiffness a. A is derived for any influence function w; with the constant one it
+//! with the dilatation stiffness a. A is derived for any influence function w; the constant one
 //! gives the published 6 mu/pi and 3 mu. B is that of the source, for the constant influence. Correspondence
-//! solids break by stretch, at the limit of the ordinary ones.
+//! solids break by stretch, at the limit of ordinary state-based ones.
 
 use perimelt_core::family::BrokenBonds;
 use perimelt_core::material::Property;
@@ -34,19 +34,19 @@ use super::stretch::TotalWeight;
 pub struct FractureSection {
     /// What is compared with its limit.
     pub criterion: Criterion,
-    /// Regions whose bonds never break, such as those where loads are put on.
+    /// Regions whose bonds never break, such as those under loads.
     pub no_fail: Vec<String>,
 }
 
-/// What breaks a bond.
+/// Criterion by which a bond breaks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Criterion {
     /// Its thermo-elastic stretch.
     #[default]
     Stretch,
-    /// The energy that it stores; needs the `fracture_energy`. Not of `correspondence`, whose stress is
-    /// that of points.
+    /// The energy that it stores; needs the `fracture_energy`. Not available for `correspondence`, whose bonds have
+    /// no energy of their own.
     Energy,
 }
 
@@ -62,23 +62,23 @@ pub struct Fracture {
     unbreakable: Vec<bool>,
     /// `A` of the energy of stretched bonds.
     crossing: f64,
-    /// Critical stretch, or kappa in J/m², of each point now.
+    /// Critical stretch, or kappa in J/m², of each point at its present temperature.
     pub critical: Vec<f64>,
-    /// By how much bonds of a point exceed their limit, in all; zero where none does.
+    /// Sum of the excess of the bonds of each point over their limits; zero where no bond exceeds its limit.
     pub excess: Vec<f64>,
     /// Total weight of the bonds of each point, 1/m.
     pub weight: Vec<f64>,
-    /// What has happened.
+    /// Broken bonds.
     pub state: FractureState,
 }
 
-/// What has happened to a body that breaks.
+/// Broken bonds of a body, and the stress that they carried.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct FractureState {
     /// Bonds that broke.
     pub broken: BrokenBonds,
-    /// The stress conjugate to the eigenstrain that bonds of each point carried when they broke, Pa. It
-    /// stays part of the `conjugate_stress`, whose change heats: a break is no unloading.
+    /// The stress conjugate to the eigenstrain that bonds of each point carried when they broke, Pa. It remains
+    /// part of the `conjugate_stress`: a change of that field heats the body, and a break is not an unloading.
     pub frozen: Vec<f64>,
 }
 

@@ -19,17 +19,17 @@ pub struct Mechanical {
     /// Body that deforms; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
-    /// What a bond carries.
+    /// Law of the bond forces.
     #[serde(default)]
     pub formulation: Formulation,
-    /// What holds across the thickness of a 2D body.
+    /// Plane stress or plane strain, for a 2D body.
     #[serde(default)]
     pub plane: Plane,
-    /// Resistance G of `correspondence` to modes without strain.
+    /// Stabilisation G of the zero-energy modes of `correspondence`.
     #[serde(default = "tenth")]
     pub stabilisation: f64,
-    /// Horizon in spacings of each point, or `{ length = ... }` in m, the same everywhere; 3 spacings
-    /// when left out, or 2 for `correspondence`.
+    /// Horizon in spacings of each point, or `{ length = ... }` in m for a uniform one; default 3 spacings, or 2 for
+    /// `correspondence`.
     #[serde(default)]
     pub horizon: Option<Horizon>,
     /// Partial volume of neighbours at the edge of the horizon.
@@ -41,16 +41,16 @@ pub struct Mechanical {
     /// Calibration of the bonds.
     #[serde(default)]
     pub correction: Correction,
-    /// Small displacements, or current lengths and directions of bonds.
+    /// Small displacements, or finite ones by current lengths and directions of bonds.
     #[serde(default)]
     pub kinematics: Kinematics,
-    /// Plastic flow, such as `{ annealing_temperature = 1300 }`; left out: elastic.
+    /// Plastic flow, such as `{ annealing_temperature = 1300 }`; elastic if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plasticity: Option<PlasticitySection>,
-    /// When bonds break, such as `{ no_fail = ["grip"] }`; left out: never.
+    /// When bonds break, such as `{ no_fail = ["grip"] }`; never if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fracture: Option<FractureSection>,
-    /// How equilibrium or motion is found.
+    /// Solver of equilibrium or motion.
     #[serde(default)]
     pub solver: MechanicalSolver,
     /// Step in s, or "auto" (explicit solver).
@@ -72,18 +72,18 @@ fn tenth() -> f64 {
     0.1
 }
 
-/// What a bond carries, and with it which Poisson's ratios there are.
+/// Law of the bond forces, which limits Poisson's ratio.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Formulation {
-    /// A force by its own stretch. Poisson's ratio is 1/4 (3D, plane strain) or 1/3 (plane stress),
-    /// whatever the material says.
+    /// A force along the bond that depends on its own stretch. Poisson's ratio is 1/4 (3D, plane strain) or 1/3
+    /// (plane stress); that of the material is ignored.
     #[default]
     Bond,
-    /// A force along the bond, by its stretch and the dilatation at its ends: any Poisson's ratio.
+    /// A force along the bond that depends on its stretch and on the dilatation at its ends: any Poisson's ratio.
     Ordinary,
-    /// A force of any direction from the classical stress at its ends: exact for uniform strain on any
-    /// cloud; best with a horizon of 2 spacings.
+    /// A force from the classical stress at both ends: exact for uniform strain on any cloud of points; most
+    /// accurate with a horizon of 2 spacings.
     Correspondence,
 }
 
@@ -98,13 +98,13 @@ pub enum Kinematics {
     Finite,
 }
 
-/// How the mechanical state follows its loads.
+/// Solver of the mechanical state.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MechanicalSolver {
-    /// Equilibrium at every step by Newton-Krylov; stress waves are left out.
+    /// Equilibrium at every step by Newton-Krylov, without stress waves.
     QuasiStatic {
-        /// Unbalanced force relative to the loads at which the solution counts as found.
+        /// Unbalanced force relative to the loads at which the iteration stops.
         #[serde(default = "tolerance")]
         tolerance: f64,
     },

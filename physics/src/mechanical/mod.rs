@@ -18,6 +18,7 @@
 //! | `prepare` | the solid and the solvers, from the keys |
 //! | `step` | a step: loads, solver, plastic state |
 //! | `equilibrium`, `motion` | the solvers: statics, explicit motion |
+//! | `momentum`, `reports` | balances of momentum, and stresses for the log |
 //! | [`solid`] | what the solvers need of a formulation |
 //! | [`ordinary`], [`stretch`] | bond-based and ordinary state-based solids, and their bond kernels |
 //! | [`correspondence`] | correspondence solids |
@@ -29,6 +30,8 @@ pub mod correspondence;
 mod correspondence_tests;
 mod elastic;
 mod equilibrium;
+#[cfg(test)]
+mod equilibrium_tests;
 mod fields;
 pub mod fracture;
 #[cfg(test)]
@@ -38,6 +41,9 @@ pub mod keys;
 #[cfg(test)]
 mod layer_tests;
 pub mod moduli;
+mod momentum;
+#[cfg(test)]
+mod momentum_tests;
 mod motion;
 pub mod ordinary;
 pub mod plasticity;
@@ -99,7 +105,7 @@ impl Physics for Mechanical {
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
         let run = self.run.as_mut().expect("prepared before the first step");
         if !step.repeated {
-            run.load(world);
+            run.load(world, step);
         }
         let result = match self.solver {
             MechanicalSolver::QuasiStatic { .. } => {
@@ -154,7 +160,7 @@ impl Physics for Mechanical {
         if !matches!(self.solver, MechanicalSolver::Explicit { .. }) {
             return Vec::new();
         }
-        run.balances(world)
+        run.balances(world, self.kinematics == Kinematics::Finite)
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {

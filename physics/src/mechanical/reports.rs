@@ -1,8 +1,6 @@
-//! Stresses for the log, and the balances of an explicit body.
+//! Stresses of the points, for couplers and the log.
 
-use nalgebra::Vector3;
-use perimelt_core::solver::reduce::sum_of;
-use perimelt_core::{Balance, World};
+use perimelt_core::World;
 
 use super::classical;
 use super::step::Run;
@@ -29,31 +27,5 @@ impl Run {
         {
             *p = *conjugate_stress;
         }
-    }
-
-    pub(super) fn momentum(&self, world: &World) -> [f64; 3] {
-        let Some(velocity) = self.fields.velocity else {
-            return [0.0; 3];
-        };
-        let velocity = world.read::<Vector3<f64>>(velocity.into());
-        let volume = &world.body(self.body).points.volume;
-        std::array::from_fn(|axis| {
-            let component: Vec<f64> = velocity.iter().map(|v| v[axis]).collect();
-            sum_of([&component, &self.density, volume], |[v, rho, volume]| {
-                v * rho * volume
-            })
-        })
-    }
-
-    /// Balances of the momentum of an explicit body.
-    pub(super) fn balances(&self, world: &World) -> Vec<Balance> {
-        let momentum = self.momentum(world);
-        let axes = 0..world.body(self.body).dimension;
-        axes.map(|axis| {
-            let name = format!("momentum.{}", ["x", "y", "z"][axis]);
-            let (initial, impulse) = (self.state.initial_momentum[axis], self.state.impulse[axis]);
-            Balance::new(&name, "N s", momentum[axis], initial, impulse)
-        })
-        .collect()
     }
 }

@@ -71,6 +71,12 @@ impl Rhs for Residual<'_> {
         Ok(true)
     }
 
+    /// The norm of displacements of a horizon each, so that the tangent by differences does not depend on the size
+    /// of the body.
+    fn scale(&self) -> f64 {
+        self.solid.horizon() * (self.constraint.len() as f64).sqrt()
+    }
+
     fn weights(&self) -> Option<&[f64]> {
         self.volumes
     }

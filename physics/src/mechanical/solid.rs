@@ -37,7 +37,7 @@ impl Constitution {
 }
 
 /// Forces, stiffness, energy and stress of a body in one formulation. Vectors have three components
-/// per point whatever the dimension; those that the dimension leaves out stay zero. Symmetric tensors
+/// per point whatever the dimension; those that the dimension leaves out are zero. Symmetric tensors
 /// are xx, yy, zz, xy, yz, zx.
 pub trait Solid: Debug {
     /// Evaluates the moduli at the temperature of each point, K.

@@ -5,7 +5,7 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::solver::{Verlet, largest_eigenvalue};
 use perimelt_core::world::{BodyIndex, LayersHandle};
-use perimelt_core::{Body, World};
+use perimelt_core::{Body, Step, World};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -14,6 +14,7 @@ use super::equilibrium::Statics;
 use super::fields::{Fields, Hold};
 use super::fracture::FractureState;
 use super::moduli::Moduli;
+use super::momentum::Momentum;
 use super::plasticity::Inelastic;
 use super::solid::Solid;
 
@@ -44,9 +45,12 @@ pub(super) struct Run {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct State {
     pub(super) verlet: Verlet,
-    /// Impulse of body forces since the start, N s.
-    pub(super) impulse: [f64; 3],
-    pub(super) initial_momentum: [f64; 3],
+    /// The body force in the force that `verlet` carries to the next step, N/m³; empty if there is none.
+    pub(super) loaded_body_force: Vec<f64>,
+    /// Momentum at the start.
+    pub(super) initial: Momentum,
+    /// What the surroundings gave since the start.
+    pub(super) given: Momentum,
 }
 
 impl Run {
@@ -58,11 +62,11 @@ impl Run {
         if self.fields.conjugate_stress_is_read {
             self.provide_conjugate_stress(world);
         }
-        self.state.initial_momentum = self.momentum(world);
+        self.state.initial = self.momentum(world);
     }
 
     /// Takes the present loads and moduli, and writes held components into `displacement`.
-    pub(super) fn load(&mut self, world: &World) {
+    pub(super) fn load(&mut self, world: &World, step: Step) {
         let body = world.body(self.body);
         let temperature = world.read_if_provided(self.fields.temperature);
         self.solid.set_moduli(body, temperature.as_deref());
@@ -74,6 +78,7 @@ impl Run {
         }
         self.load_plasticity(world, temperature.as_deref());
         if let Some(hold) = self.fields.hold {
+            self.stop_held_points(world, hold, step.size);
             self.hold_points(world, hold);
         }
     }

@@ -5,11 +5,11 @@
 //! d(plastic strain) = 3/2 s/q dp,   p' >= 0
 //! ```
 //!
-//! with s the stress deviator, p the equivalent plastic strain, h a table. The stress is returned to the
-//! flow stress implicitly: along the radius in 3D and plane strain, by Simo & Hughes (1998),
-//! Computational Inelasticity, section 3.4, in plane stress. At and above the annealing temperature a
-//! point keeps no stress and no hardening: its elastic strain becomes inelastic, so that it is free of
-//! stress in the shape in which it solidifies.
+//! with s the stress deviator, p the equivalent plastic strain, h a table. The stress is returned implicitly to
+//! the flow stress: by radial return in 3D and plane strain, by Simo & Hughes (1998), Computational Inelasticity,
+//! section 3.4, in plane stress. At and above the annealing temperature a point loses its stress and its
+//! hardening: its elastic strain becomes inelastic, so that it is free of stress in the shape in which it
+//! solidifies.
 //!
 //! Small elastic strains; no kinematic hardening, no rate dependence.
 
@@ -32,7 +32,7 @@ pub use return_mapping::{FlowStress, StressState, return_to_yield};
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlasticitySection {
-    /// Temperature (K) from which on a point keeps neither stress nor hardening; default never.
+    /// Temperature (K) at and above which a point loses its stress and its hardening; default never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub annealing_temperature: Option<f64>,
     /// Flow stress over yield stress by equivalent plastic strain.
@@ -40,7 +40,7 @@ pub struct PlasticitySection {
     pub hardening: Option<HardeningTable>,
 }
 
-/// Rows of a hardening curve; beyond the last one the flow stress stays.
+/// Rows of a hardening curve; beyond the last row the flow stress is constant.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HardeningTable {
@@ -78,24 +78,23 @@ pub struct Inelastic {
     pub equivalent: f64,
 }
 
-/// Plastic state of a body: as of the last step, and as of the displacement that is tried.
+/// Plastic state of a body: at the end of the last step, and for the trial displacement of a solver.
 #[derive(Debug)]
 pub struct Plasticity {
-    /// Which components the stress has.
+    /// The components that the stress has.
     pub stress_state: StressState,
     yield_stress: Vec<Property>,
     hardening_modulus: Vec<Option<Property>>,
     table: Option<Table>,
     /// K.
     pub annealing_temperature: Option<f64>,
-    /// Yield stress and hardening modulus of each point now, Pa.
+    /// Yield stress and hardening modulus of each point at its present temperature, Pa.
     flow: Vec<[f64; 2]>,
-    /// At the end of the last step.
+    /// State at the end of the last step.
     pub settled: Vec<Inelastic>,
-    /// For the displacement that was tried last.
+    /// Trial state of the displacement in the last evaluation of forces.
     pub tried: Vec<Inelastic>,
-    /// Of points that flow in the displacement that was linearised about: how their inelastic strain
-    /// follows their strain.
+    /// Derivative of the inelastic strain by the strain, of the points that flow in the linearised state.
     tangents: Vec<(usize, Matrix6<f64>)>,
     /// Change of the inelastic strain of each point with a change of the displacement, by the tangents.
     pub(super) change: Vec<[f64; 6]>,
@@ -150,7 +149,7 @@ impl Plasticity {
         });
     }
 
-    /// Returns the stresses of all points to the flow stress: sets the tried state.
+    /// Returns the stresses of all points to the flow stress: sets the trial state.
     pub(super) fn try_strains(&mut self, points: StrainedPoints<'_>) {
         let Self {
             stress_state,
@@ -180,8 +179,8 @@ impl Plasticity {
         });
     }
 
-    /// Derivatives of the tried inelastic strains by the strains, of points that flow: of the return to
-    /// the flow stress itself (the consistent tangent), by central differences.
+    /// Derivatives of the inelastic strains of the trial state by the strains, for points that flow: the consistent
+    /// tangent of the return mapping, by central differences.
     pub(super) fn linearise(&mut self, points: StrainedPoints<'_>) {
         /// Step of the differences in yield strains: errors of 1e-8 from the curvature, and less from
         /// the return, which is found to rounding.
@@ -222,7 +221,7 @@ impl Plasticity {
         }
     }
 
-    /// Stress of each point in the tried state as plastic flow sees it, Pa: unrotated.
+    /// Stress of each point in the trial state, Pa, without the rotation of the point.
     pub(super) fn tried_stress(&self, points: StrainedPoints<'_>) -> Vec<[f64; 6]> {
         let stress = |(i, tried): (usize, &Inelastic)| {
             let law = points.law(i);
@@ -231,7 +230,7 @@ impl Plasticity {
         self.tried.iter().enumerate().map(stress).collect()
     }
 
-    /// Makes the tried state the settled one; adds the work of the flow, J/m³, to `work`.
+    /// Accepts the trial state; adds the work of the flow, J/m³, to `work`.
     pub fn settle(&mut self, work: &mut [f64]) {
         for (i, work) in work.iter_mut().enumerate() {
             let flow = flow_stress(&self.flow[i], self.table.as_ref());

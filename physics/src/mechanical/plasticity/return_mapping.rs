@@ -4,19 +4,19 @@ use perimelt_core::material::Table;
 
 use crate::mechanical::moduli::{Moduli, Plane};
 
-/// Which components of the stress there are.
+/// The components that the stress of a body has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StressState {
     /// 1D.
     Uniaxial,
-    /// 2D, none across the plane.
+    /// 2D without stress across the plane.
     Plane,
     /// 3D and plane strain.
     Full,
 }
 
 impl StressState {
-    /// That of a body.
+    /// The stress state of a body.
     pub fn of(dimension: usize, plane: Plane) -> Self {
         match (dimension, plane) {
             (1, _) => StressState::Uniaxial,
@@ -25,7 +25,7 @@ impl StressState {
         }
     }
 
-    /// Components of an inelastic strain that change the volume as far as the dimensions see.
+    /// Trace of an inelastic strain over the axes that have a stress.
     pub fn trace(self, strain: &[f64; 6]) -> f64 {
         match self {
             StressState::Uniaxial => strain[0],
@@ -81,7 +81,7 @@ pub fn return_to_yield(
             Some((deviator.map(|s| 1.5 * dp * s / q), dp))
         }
         StressState::Plane => {
-            // the in-plane mean and the rest fall with g by different moduli
+            // the in-plane mean and the deviatoric part decrease with g by different moduli
             let (sum, difference) = (xx + yy, xx - yy);
             let fall = |g: f64| {
                 (
@@ -96,7 +96,7 @@ pub fn return_to_yield(
                 (1.5 * square).sqrt()
             };
             let excess = |g: f64| q(g) - flow.at(equivalent + 2.0 / 3.0 * g * q(g));
-            // q g stays below its limit for large g, so the flow stress is reached in the end
+            // q decreases to zero for large g, so that the flow stress is reached
             let mut most = 1.0 / moduli.shear;
             while excess(most) > 0.0 {
                 most *= 4.0;
@@ -119,8 +119,7 @@ fn equivalent_stress(s: &[f64; 6]) -> f64 {
     (1.5 * (normal + shear)).sqrt()
 }
 
-/// Root between 0 and `most` of a function that falls through zero, by the Illinois method; `None`
-/// when it is not positive at 0.
+/// Root between 0 and `most` of a decreasing function, by the Illinois method; `None` if it is not positive at 0.
 fn root(f: impl Fn(f64) -> f64, most: f64) -> Option<f64> {
     let (mut low, mut f_low) = (0.0, f(0.0));
     let scale = f_low;
@@ -146,9 +145,9 @@ fn root(f: impl Fn(f64) -> f64, most: f64) -> Option<f64> {
     Some(x)
 }
 
-/// The elastic strain that annealing relieves. Where there is no free direction it is that of the
-/// deviator: metal that can flow nowhere keeps its volume, and with it its pressure. To relieve that too
-/// would lose percents of a weld pool that cold metal confines, and leave GPa of hydrostatic stress.
+/// The elastic strain that annealing relieves. In 3D and plane strain it is only that of the deviator: confined
+/// metal keeps its volume, and with it its pressure. Relieving the pressure, too, would lose percents of the volume
+/// of a weld pool that cold metal confines, and leave a hydrostatic stress of GPa.
 pub(super) fn relieved_strain(state: StressState, stress: &[f64; 6], moduli: &Moduli) -> [f64; 6] {
     let mut strain = elastic_strain(state, stress, moduli);
     if state == StressState::Full {
@@ -163,7 +162,7 @@ fn elastic_strain(state: StressState, stress: &[f64; 6], moduli: &Moduli) -> [f6
     let [xx, yy, zz, ..] = *stress;
     let shear = 2.0 * moduli.shear;
     let mut strain = stress.map(|s| s / shear);
-    // mean stress, what it strains along each axis
+    // mean stress, and its strain along each axis
     let (axes, mean, expansion) = match state {
         StressState::Uniaxial => return [xx / moduli.bulk, 0.0, 0.0, 0.0, 0.0, 0.0],
         StressState::Plane => (2, 0.5 * (xx + yy), 0.25 * (xx + yy) / moduli.bulk),

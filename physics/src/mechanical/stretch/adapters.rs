@@ -4,11 +4,11 @@ use perimelt_core::{Bond, BondKernel};
 
 use super::{EIGENSTRAIN, INPUTS};
 
-/// A kernel for points that differ in their first inputs only, and take the others from one point.
+/// A kernel of which all inputs but the first are the same for all points.
 pub struct Uniform<'a, K>(pub &'a K, pub [f64; INPUTS]);
 
-/// A kernel for points with a plastic strain besides the eigenstrain: inputs from [`INPUTS`] on are
-/// its components xx, yy, zz, xy, yz, zx.
+/// A kernel with an inelastic strain besides the eigenstrain: inputs from [`INPUTS`] on are its components xx, yy,
+/// zz, xy, yz, zx.
 pub struct Plastic<K>(pub K);
 
 /// Inputs of [`Plastic`] kernels.
@@ -83,7 +83,7 @@ impl<K: BondKernel<INPUTS, O>, const O: usize> BondKernel<PLASTIC_INPUTS, O> for
     }
 }
 
-/// Inputs of both ends, with their plastic strain along the bond in the eigenstrain.
+/// Inputs of both ends, with their inelastic strain along the bond added to the eigenstrain.
 #[inline(always)]
 fn strained(bond: &Bond, ends: [[f64; PLASTIC_INPUTS]; 2]) -> [[f64; INPUTS]; 2] {
     let [x, y, z] = bond.xi.map(|xi| xi / bond.length);

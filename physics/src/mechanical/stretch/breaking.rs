@@ -1,14 +1,13 @@
-//! What is compared with the limits of bonds that break.
+//! Loads and limits of bonds that break.
 
 use perimelt_core::{Bond, BondKernel};
 
 use super::{CRITICAL, EIGENSTRAIN, Ends, INPUTS, pull, stretched, stretched_by, stretched_in};
 
-/// [`Force`] along `D` axes, and by how much the bonds that are to break exceed their limit (`ENERGY`: of
-/// energy), in all.
+/// [`Force`] along `D` axes, and the sum of the excess of bonds over their limits (of energy if `ENERGY`).
 pub struct Breaking<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: bool>;
 
-/// What [`Breaking`] compares, over its limit (`[0]`), and the excess over the limit (`[1]`).
+/// The load of a bond over its limit (`[0]`), and its excess over the limit (`[1]`), as in [`Breaking`].
 pub struct Load {
     /// Finite kinematics.
     pub finite: bool,
@@ -18,8 +17,8 @@ pub struct Load {
     pub pairs: bool,
 }
 
-/// By how much the bonds that are to break exceed their critical stretch, in all, of a solid whose bonds do
-/// not pull along themselves. Inputs: the displacement, eigenstrain, critical stretch.
+/// Sum of the excess of bonds over their critical stretch, in a correspondence solid. Inputs: the displacement,
+/// eigenstrain, critical stretch.
 pub struct Excess<const FINITE: bool>;
 
 /// Inputs of [`Excess`].
@@ -44,8 +43,8 @@ impl<const FINITE: bool> Excess<FINITE> {
     }
 }
 
-/// What is compared with the limit of a bond, and the limit: thermo-elastic stretch, or energy and limit
-/// both times the weight; not above zero unless the bond is pulled. `force` along the bond in N/m³.
+/// Load of a bond and its limit: thermo-elastic stretch, or energy and limit both times the weight. The load is
+/// positive in tension only. `force` along the bond in N/m³.
 #[inline(always)]
 fn load_and_limit(
     energy: bool,

@@ -4,9 +4,8 @@ use perimelt_core::{Bond, BondKernel};
 
 use super::{EIGENSTRAIN, INPUTS, PRESSURE, STIFFNESS, dyad, stretched, stretched_in};
 
-/// Of the point's own bonds and their total stretch: the energy density `c/4 sum_j w |xi| s^2`
-/// (J/m³) and the stress `c/2 sum_j w |xi| s` conjugate to the eigenstrain (Pa), with the means of both
-/// ends where bonds take those.
+/// Energy density `c/4 sum_j w |xi| s^2` (J/m³) of the bonds of a point at their total stretch, and the stress
+/// `c/2 sum_j w |xi| s` conjugate to the eigenstrain (Pa); in a bond-based solid with the mean c of both ends.
 pub struct Energy<const FINITE: bool> {
     /// Bonds take the means of their ends: a bond-based solid.
     pub pairs: bool,
@@ -17,7 +16,7 @@ pub struct Energy<const FINITE: bool> {
 pub struct Stress {
     /// Finite kinematics.
     pub finite: bool,
-    /// S2: where horizons change, S1 is farther off within a horizon. Both add up to the same over a body.
+    /// S2, which is more accurate where horizons change. The sums of S1 and S2 over a body are equal.
     pub symmetric: bool,
 }
 

@@ -51,7 +51,7 @@ impl<const DILATATION: bool, const D: usize> BondKernel<INPUTS, D> for Stiffness
     }
 }
 
-/// What the bonds contribute to the diagonal block of the stiffness, `sum_j (c_i w_ij + c_j w_ji) /
+/// Contribution of the bonds to the diagonal block of the stiffness, `sum_j (c_i w_ij + c_j w_ji) /
 /// (2 |xi|) n n^T`, as xx, yy, zz, xy, yz, zx, N/m⁵.
 pub struct Block;
 

@@ -1,4 +1,4 @@
-//! Bond kernels of solids whose bonds pull along themselves: bond-based and ordinary state-based.
+//! Bond kernels of solids with forces along the bonds: bond-based and ordinary state-based.
 //!
 //! ```text
 //! T_ij = [ c_i/2 (s - e_i) + p_i / |xi| ] w_ij n         Wang (2025), eqs. 3.3, 3.10; spec 04, 1.3
@@ -9,7 +9,7 @@
 //! ```
 //!
 //! `w` is the weight of the bond in the family of the owner of the force state (`c` and `p` are free
-//! of horizons, whose moment the weights hold), `e` the eigenstrain (thermal expansion), `mu` the
+//! of horizons, since the weights contain the moment of the family), `e` the eigenstrain (thermal expansion), `mu` the
 //! shear modulus, `a` the dilatation stiffness, `d` the dimension. In a bond-based solid `a` and `p`
 //! are zero, and a bond takes the means of c and e at its ends. Forces are the derivative of the energy `sum_i V_i (a theta_i^2 + c_i/4 sum_j w_ij
 //! |xi| (s - e_i)^2)`, with single and dual horizons.
@@ -41,9 +41,9 @@ pub const CRITICAL: usize = 6;
 
 type Ends<'a> = (&'a [f64; INPUTS], &'a [f64; INPUTS]);
 
-/// Force density along a bond of a bond-based solid, which takes the means of its ends (Wang (2025), eqs.
-/// 7.14, 7.15), N/m³. The owners' states would give the mean of the products, several percent apart
-/// where stiffness and eigenstrain change within a horizon, as at a melt pool.
+/// Force density along a bond of a bond-based solid with the mean stiffness and eigenstrain of its ends (Wang
+/// (2025), eqs. 7.14, 7.15), N/m³. The mean of the products at both ends differs by several percent where both
+/// change within a horizon, as at a melt pool.
 #[inline(always)]
 fn pair_tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
     let mean = |i: usize| 0.5 * (own[i] + other[i]);
@@ -53,7 +53,7 @@ fn pair_tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
 /// Force density along the bond from the stretch of both ends, N/m³.
 #[inline(always)]
 fn tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
-    // the same at both ends where points differ in what moves them only
+    // computed once if stiffness and eigenstrain are the same at both ends
     let end = |point: &[f64; INPUTS]| 0.5 * point[STIFFNESS] * (stretch - point[EIGENSTRAIN]);
     bond.weight * end(own) + bond.dual * end(other)
 }
@@ -72,12 +72,12 @@ fn pull<const DILATATION: bool>(bond: &Bond, stretch: f64, ends: Ends<'_>) -> f6
     }
 }
 
-/// How a bond is stretched: by `scale sum_a relative_a arm_a`, of which each axis has its part.
+/// Stretch of a bond, `scale sum_a relative_a arm_a`.
 struct Stretched<const D: usize> {
     relative: [f64; D],
     arm: [f64; D],
     scale: f64,
-    /// Along the bond, m.
+    /// The current bond, m; the reference one in linear kinematics.
     along: [f64; D],
     /// One over the length of `along`, 1/m.
     inverse_length: f64,
@@ -102,8 +102,8 @@ fn stretched_by<const FINITE: bool, const FUSED: bool, const D: usize, const I: 
     if FINITE {
         let along: [f64; D] = std::array::from_fn(|a| xi[a] + relative[a]);
         let length = dot::<FUSED, D>(along, along).sqrt();
-        // l - l0 = (l^2 - l0^2) / (l + l0): small stretches keep their digits; one division serves
-        // both this and the direction
+        // l - l0 = (l^2 - l0^2) / (l + l0) avoids cancellation at small stretches; one division serves both
+        // the stretch and the direction
         let sum = (length + bond.length) * bond.length;
         let inverse = 1.0 / (length * sum);
         Stretched {
@@ -124,7 +124,7 @@ fn stretched_by<const FINITE: bool, const FUSED: bool, const D: usize, const I: 
     }
 }
 
-/// Not begun from zero: a compiler has to add it.
+/// Starts from the first product, not from zero, since compilers keep an addition of zero.
 #[inline(always)]
 fn dot<const FUSED: bool, const D: usize>(a: [f64; D], b: [f64; D]) -> f64 {
     (1..D).fold(a[0] * b[0], |sum, axis| match FUSED {
@@ -144,13 +144,13 @@ impl<const D: usize> Stretched<D> {
         self.scale * dot::<FUSED, D>(self.relative, self.arm)
     }
 
-    /// Parts of the stretch along the axes.
+    /// Contributions of the axes to the stretch.
     #[inline(always)]
     fn parts(&self) -> [f64; D] {
         std::array::from_fn(|a| self.relative[a] * self.arm[a] * self.scale)
     }
 
-    /// Adds a vector along the bond to one end, and takes it from the other.
+    /// Adds a vector along the bond to one end, and subtracts it from the other.
     #[inline(always)]
     fn add_pull<const O: usize>(&self, size: f64, [here, there]: [&mut [f64; O]; 2]) {
         let size = size * self.inverse_length;

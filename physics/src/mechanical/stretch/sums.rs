@@ -7,7 +7,7 @@ use super::{INPUTS, dyad, stretched, stretched_by};
 /// `sum_j w s`.
 pub struct Dilation<const FINITE: bool>;
 
-/// [`Dilation`] in parts along the axes, whose sum it is.
+/// The contributions of the axes to [`Dilation`].
 pub struct Expansion<const FINITE: bool>;
 
 /// `sum_j w`.
