@@ -58,7 +58,7 @@ struct Heat;
 impl BondKernel<1, 1> for Heat {
     #[inline(always)]
     fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
-        [bond.mean() * bond.by_length * (other - own)]
+        [bond.mean() * bond.inverse_length * (other - own)]
     }
 }
 
@@ -72,7 +72,7 @@ impl<const PAIRS: bool> BondKernel<3, 3> for Force<PAIRS> {
     fn bond(&self, bond: &Bond, own: [f64; 3], other: [f64; 3]) -> [f64; 3] {
         let y: [f64; 3] = std::array::from_fn(|a| bond.xi[a] + other[a] - own[a]);
         let length = (y[0] * y[0] + y[1] * y[1] + y[2] * y[2]).sqrt();
-        let force = bond.mean() * (bond.by_length - 1.0 / length);
+        let force = bond.mean() * (bond.inverse_length - 1.0 / length);
         y.map(|y| force * y)
     }
 }

@@ -125,9 +125,9 @@ pub mod keys {
         DAMAGE: f64 = "damage", "1", "share of broken bonds";
         /// Stress, Pa.
         STRESS: Matrix3<f64> = "stress", "Pa", "stress";
-        /// Stress conjugate to the eigenstrain, `dW/d(strain)` summed over the bonds, Pa. Heat from
-        /// deformation is `-alpha T` times its change.
-        EIGENSTRESS: f64 = "eigenstress", "Pa", "stress conjugate to the eigenstrain";
+        /// Stress conjugate to the eigenstrain (not a residual stress): `dW/d(strain)` summed over the bonds,
+        /// Pa. Heat from deformation is `-alpha T` times its change.
+        CONJUGATE_STRESS: f64 = "conjugate_stress", "Pa", "stress conjugate to the eigenstrain (not a residual stress)";
     }
 }
 

@@ -1,10 +1,10 @@
 //! Thermoelastic heat: a solid cools when it is extended and heats when compressed
 //!
 //! ```text
-//! heat_source -= alpha T d(eigenstress)/dt           (W/m³)
+//! heat_source -= alpha T d(conjugate_stress)/dt           (W/m³)
 //! ```
 //!
-//! `eigenstress` comes from the mechanical physics: in a bond-based solid it is
+//! `conjugate_stress` comes from the mechanical physics: in a bond-based solid it is
 //! `sum_j (c/2) (extension) v V`, positive in extension (spec 04, 1.6). The heat contains its whole
 //! change since the heat was last computed, whatever the step sizes of the two physics.
 //! With `linearised_at = T0` the factor is alpha T0. This is the linear theory of closed forms and
@@ -44,24 +44,24 @@ pub struct DeformationHeat {
     prepared: Option<DeformationHeatState>,
 }
 
-/// Handles, properties and the eigenstress when the heat was last computed.
+/// Handles, properties and the conjugate_stress when the heat was last computed.
 #[derive(Debug)]
 struct DeformationHeatState {
     body: usize,
     expansion: Vec<Property>,
     temperature: Read<f64>,
     liquid_fraction: ReadIfProvided<f64>,
-    eigenstress: Read<f64>,
-    /// Rate of the eigenstress, Pa/s.
+    conjugate_stress: Read<f64>,
+    /// Rate of the conjugate_stress, Pa/s.
     rate: Rate,
     heat_source: Write<f64>,
     /// Of the last step, W.
     power: f64,
 }
 
-/// `-alpha T p'`, W/m³, for the eigenstress rate p' in Pa/s.
-pub fn thermoelastic_heat(expansion: f64, temperature: f64, eigenstress_rate: f64) -> f64 {
-    -expansion * temperature * eigenstress_rate
+/// `-alpha T p'`, W/m³, for the rate p' of the conjugate stress in Pa/s.
+pub fn thermoelastic_heat(expansion: f64, temperature: f64, conjugate_stress_rate: f64) -> f64 {
+    -expansion * temperature * conjugate_stress_rate
 }
 
 #[typetag::serde(name = "deformation_heat")]
@@ -73,7 +73,7 @@ impl Coupler for DeformationHeat {
             expansion: setup.property(body, "thermal_expansion")?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             liquid_fraction: setup.read_if_provided(body, &keys::LIQUID_FRACTION)?,
-            eigenstress: setup.read(body, &keys::EIGENSTRESS)?,
+            conjugate_stress: setup.read(body, &keys::CONJUGATE_STRESS)?,
             rate: Rate::new(setup.body(body).points.len()),
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
             power: 0.0,
@@ -86,7 +86,7 @@ impl Coupler for DeformationHeat {
         let temperature: &[f64] = &world.read(p.temperature);
         let liquid_fraction = world.read_if_provided(p.liquid_fraction);
         let liquid_fraction = liquid_fraction.as_deref();
-        p.rate.take(&world.read(p.eigenstress), step.size);
+        p.rate.take(&world.read(p.conjugate_stress), step.size);
         let rate = &p.rate.values;
         let body = world.body(p.body);
         let heat = |point: usize| {
@@ -142,12 +142,12 @@ mod tests {
             let mut coupler: DeformationHeat = read(keys_given);
             prepare(&mut world, &mut coupler, |setup| {
                 setup.own(0, &keys::TEMPERATURE).expect("free");
-                setup.own(0, &keys::EIGENSTRESS).expect("free");
+                setup.own(0, &keys::CONJUGATE_STRESS).expect("free");
                 setup.consume(0, &keys::HEAT_SOURCE).expect("free");
             })
             .expect("valid");
             set(&world, &keys::TEMPERATURE, |_| 400.0);
-            set(&world, &keys::EIGENSTRESS, |i| [1e9, -1e9][i]);
+            set(&world, &keys::CONJUGATE_STRESS, |i| [1e9, -1e9][i]);
             apply(&world, &mut coupler, 0.0);
             for (value, expected) in values(&world, &keys::HEAT_SOURCE).iter().zip([heat, -heat]) {
                 // rounding of three factors

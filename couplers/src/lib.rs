@@ -8,7 +8,7 @@
 //! | `phase_change` | [`phase_change::PhaseChange`] | temperature, enthalpy | liquid fraction; lets the body melt |
 //! | `plastic_heat` | [`plastic_heat::PlasticHeat`] | plastic work | heat source |
 //! | `viscous_heat` | [`viscous_heat::ViscousHeat`] | viscous work | heat source |
-//! | `deformation_heat` | [`deformation_heat::DeformationHeat`] | temperature, eigenstress rate | heat source |
+//! | `deformation_heat` | [`deformation_heat::DeformationHeat`] | temperature, conjugate_stress rate | heat source |
 //! | `goldak` | [`heat_source::GoldakSource`] | | heat source |
 //! | `ellipsoid` | [`heat_source::EllipsoidSource`] | | heat source |
 //! | `gaussian_source` | [`heat_source::GaussianSource`] | | heat source |

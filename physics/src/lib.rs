@@ -6,7 +6,7 @@
 //! | `replay` | the fields it is told to read from a log | |
 //! | `fluid` | `velocity`, `density`, `pressure` | `body_force` |
 //! | `rigid_body` | `displacement`, `velocity` | `body_force`, `impulse` |
-//! | `mechanical` | `displacement`, `velocity`, `stress`, `eigenstress` | `eigenstrain`, `body_force` |
+//! | `mechanical` | `displacement`, `velocity`, `stress`, `conjugate_stress` | `eigenstrain`, `body_force` |
 
 mod advection;
 pub mod fluid;

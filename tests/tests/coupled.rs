@@ -6,7 +6,7 @@ use perimelt::case::Case;
 use perimelt::core::{Family, FamilySpec, Simulation};
 use perimelt::physics::mechanical::moduli::Elasticity;
 use perimelt::physics::mechanical::ordinary::Ordinary;
-use perimelt::physics::mechanical::solid::Solid;
+use perimelt::physics::mechanical::solid::{Constitution, Solid};
 
 const ALPHA: f64 = 5e-5;
 const YOUNG: f64 = 2e11;
@@ -92,7 +92,7 @@ fn quick_uniform_compression_heats_an_insulated_block_by_the_thermoelastic_value
         for (heat, linear) in [("", false), ("linearised_at = 300", true)] {
             let simulation = compressed(dimension, strain, heat);
             let temperature = values(&simulation, "temperature");
-            let eigenstress = values(&simulation, "eigenstress");
+            let conjugate_stress = values(&simulation, "conjugate_stress");
             // Poisson's ratio of bonds: p = E / (1 - (d - 1) nu) tr(strain), nu = 1/3 and 1/4
             let over = [1.0, 1.5, 2.0][dimension - 1];
             let classical = YOUNG * over * dimension as f64 * strain;
@@ -112,7 +112,7 @@ fn quick_uniform_compression_heats_an_insulated_block_by_the_thermoelastic_value
                     .map(of_point)
                     .fold(0.0, f64::max)
             };
-            let by_stress = worst(&|i| rise(eigenstress[i]));
+            let by_stress = worst(&|i| rise(conjugate_stress[i]));
             let by_theory = worst(&|_| rise(classical));
             println!(
                 "{dimension}D, linear {linear}: {by_stress:.1e} by the stress of the points, {by_theory:.1e} by the classical one"
@@ -203,7 +203,8 @@ fn energy_over_twenty_periods(steps: f64, coupled: bool, iteration: &str) -> [f6
     let modulus = body.materials[0].get("youngs_modulus").cloned();
     let modulus = vec![modulus.expect("given above")];
     let elasticity = Elasticity::bond_based(modulus, body.dimension);
-    let mut elastic = Ordinary::new(body, family, elasticity, false, None, None).expect("elastic");
+    let mut elastic =
+        Ordinary::new(body, family, Constitution::elastic(elasticity)).expect("elastic");
     let start: f64 = energies(&simulation, &mut elastic).iter().sum();
     let [mut worst, mut thermal, mut change]: [f64; 3] = [0.0; 3];
     while !simulation.is_finished() {

@@ -334,7 +334,7 @@ fn stencil(body: &Body, spacing: f64, spec: &FamilySpec) -> Vec<([i64; 3], Bond)
                 let bond = Bond {
                     xi: step.map(|s| s as f64 * spacing),
                     length: length * spacing,
-                    by_length: 1.0 / (length * spacing),
+                    inverse_length: 1.0 / (length * spacing),
                     weight,
                     dual: weight,
                 };

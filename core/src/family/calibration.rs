@@ -9,7 +9,7 @@ use super::{Bond, Correction};
 /// under any gradient and of elasticity under isotropic strain is the classical one.
 ///
 /// Wang (2025), eqs. 4.4 to 4.8, takes the radius of an ellipsoid with directional factors as
-/// semi-axes and the mean of both ends, which repairs surfaces but in part. Families too lopsided
+/// semi-axes and the mean of both ends, which repairs surfaces but in part. Families too asymmetric
 /// for positive weights get one factor for all directions.
 ///
 /// Under uniaxial strain `sum_j weight |xi| n_m^4 = 3/(dimension + 2)` instead.

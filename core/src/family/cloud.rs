@@ -61,7 +61,7 @@ impl Members<'_> {
         reached.then(|| Bond {
             xi: xi.into(),
             length,
-            by_length: 1.0 / length,
+            inverse_length: 1.0 / length,
             weight: self.share(point, other, length) * self.volume[other],
             dual: self.share(other, point, length) * self.volume[other],
         })

@@ -210,7 +210,7 @@ impl ForeignBonds {
         let nothing = Bond {
             xi: [0.0; 3],
             length: 0.0,
-            by_length: 0.0,
+            inverse_length: 0.0,
             weight: 0.0,
             dual: 0.0,
         };
@@ -228,7 +228,7 @@ impl ForeignBonds {
             *bond = Bond {
                 xi: xi.into(),
                 length,
-                by_length: if length > 0.0 { 1.0 / length } else { 0.0 },
+                inverse_length: if length > 0.0 { 1.0 / length } else { 0.0 },
                 weight: influence * foreign.volumes[ghost.point],
                 dual: influence * own.volumes[point],
             };

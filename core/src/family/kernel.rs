@@ -32,7 +32,7 @@ pub struct Bond {
     /// Length of `xi`, m.
     pub length: f64,
     /// One over it, 1/m.
-    pub by_length: f64,
+    pub inverse_length: f64,
     /// Weight of the neighbour in the family of the point, 1/m: its volume times influence,
     /// partial volume and correction, over the moment of the family ([`FamilySpec::moment`]).
     /// Corrected families have `sum_j weight |xi| = dimension`.
@@ -307,7 +307,7 @@ impl Family {
             return Bond {
                 xi,
                 length,
-                by_length: 1.0 / length,
+                inverse_length: 1.0 / length,
                 weight,
                 dual,
             };
@@ -511,7 +511,7 @@ impl Family {
             let bond = Bond {
                 xi,
                 length,
-                by_length: 1.0 / length,
+                inverse_length: 1.0 / length,
                 weight: weight[lane],
                 dual: dual[lane],
             };

@@ -46,7 +46,7 @@ mod tests {
 
     impl BondKernel<1, 1> for Conduction {
         fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
-            [2.0 * bond.mean() * bond.by_length * (other - own)]
+            [2.0 * bond.mean() * bond.inverse_length * (other - own)]
         }
     }
 

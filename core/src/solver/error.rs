@@ -1,4 +1,4 @@
-//! What can go wrong in a solver, in sentences.
+//! Errors of the solvers.
 
 use std::error::Error;
 
@@ -80,7 +80,7 @@ impl SolverError {
     }
 }
 
-/// Refuses a vector whose length is not that of the state.
+/// Returns an error for a vector whose length is not that of the state.
 pub(crate) fn same_length(
     what: &'static str,
     expected: usize,
@@ -97,7 +97,7 @@ pub(crate) fn same_length(
     }
 }
 
-/// Refuses a time step that is not positive and finite.
+/// Returns an error for a time step that is not positive and finite.
 pub(crate) fn positive(what: &'static str, value: f64) -> Result<(), SolverError> {
     if value > 0.0 && value.is_finite() {
         Ok(())

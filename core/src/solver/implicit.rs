@@ -100,7 +100,7 @@ impl Implicit {
         newton.options.absolute_tolerance = asked;
         let mut report = report?;
 
-        // history has served, and holds the new rate from here on
+        // history is no longer needed: its memory holds the new rate from here on
         rhs.rate(time + dt, candidate, history)?;
         report.evaluations += if old > 0.0 { 2 } else { 1 };
         update(state, [old_rate, history], |y, [f_old, f_new]| {
@@ -125,6 +125,10 @@ impl Rhs for StepEquation<'_> {
             history - z + weight * f
         });
         Ok(())
+    }
+
+    fn scale(&self) -> f64 {
+        self.rhs.scale()
     }
 
     fn tangent(&mut self, at: At, direction: &[f64], out: &mut [f64]) -> Result<bool, SolverError> {

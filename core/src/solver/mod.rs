@@ -1,18 +1,16 @@
 //! Solvers over flat vectors, for any physics; none of them knows of fields or plugins.
 //!
-//! Which one?
+//! Which solver for which problem:
 //!
 //! | problem | solver | when |
 //! |---|---|---|
-//! | `y' = f(t, y)`, diffusion | [`ForwardEuler`] | the step is below the stable one anyway |
-//! | | [`Rkl2`] | the step is 2 to 1000 times the stable one: no systems to solve, second order |
+//! | `y' = f(t, y)`, diffusion | [`Rkl2`] | steps of up to 1000 times that of forward Euler: no systems to solve, second order |
 //! | | [`Implicit::euler`] | larger steps still, strong nonlinearity |
 //! | | [`Implicit::crank_nicolson`] | large steps over smooth data, second order |
-//! | `f(t, y) = 0` | [`steady_state`] | the end of the above without the way to it |
+//! | `f(t, y) = 0` | [`steady_state`] | the steady state of the above, without its history |
 //! | `F(u) = 0`, statics | [`Newton`] | smooth models; linear ones in one linear solve |
 //! | | [`Relaxation`] | softening, fracture, contact |
 //! | `M u'' = F(t, u)` | [`Verlet`] | waves, impact, fracture dynamics |
-//! | | [`SymplecticEuler`] | to reproduce published runs |
 //! | `A x = b` | [`Krylov`] | the linear solve itself, matrix-free |
 //!
 //! A model is an [`Rhs`] (or a closure, see [`rhs()`]); a failure of the model passes through
@@ -27,10 +25,10 @@ mod error;
 mod implicit;
 mod krylov;
 mod newton;
-mod ode;
 pub mod reduce;
 mod relaxation;
 mod rhs;
+mod rkl2;
 mod spectrum;
 mod steady;
 #[cfg(test)]
@@ -44,9 +42,9 @@ pub use krylov::{
     CoarseSpace, Hints, Krylov, KrylovMethod, KrylovOptions, KrylovReport, NullSpace, Spring,
 };
 pub use newton::{Newton, NewtonOptions, NewtonReport};
-pub use ode::{ForwardEuler, Rkl2};
 pub use relaxation::{Relaxation, RelaxationOptions, RelaxationReport, fictitious_mass};
 pub use rhs::{At, Rhs, rhs};
+pub use rkl2::Rkl2;
 pub use spectrum::largest_eigenvalue;
 pub use steady::steady_state;
-pub use verlet::{Motion, SymplecticEuler, Verlet};
+pub use verlet::{Dynamics, HalfKick, Motion, Verlet};

@@ -1,7 +1,7 @@
 //! Newton-Krylov iteration for `f(t, y) = 0`: large displacements, implicit steps, steady states.
 //!
-//! Each iteration solves `-J d = f` by a Krylov method, `J = df/dy`, and goes along `d` as
-//! far as the residual falls. The sign is that of a restoring force or of diffusion: for
+//! Each iteration solves `-J d = f` by a Krylov method, `J = df/dy`, and moves the state along `d` as far as the
+//! residual decreases. The sign is that of a restoring force or of diffusion: for
 //! them `-J` is positive (semi-)definite and conjugate gradients may be chosen. Where that holds
 //! only for `-diag(w) J`, the system is multiplied by the weights of [`Rhs::weights`].
 //!
@@ -96,7 +96,7 @@ impl Newton {
     /// Brings `rhs` at the given time (or load factor) to zero; `state` holds the initial
     /// guess on entry, and after an error the best state so far.
     ///
-    /// `hints` tell of the tangent; its diagonal is asked of `rhs` instead. A residual along the null
+    /// `hints` describe the tangent, but for its diagonal, which `rhs` provides. A residual along the null
     /// space (a free body under forces that do not balance) cannot be removed and is reported as no
     /// convergence.
     ///
@@ -176,8 +176,8 @@ impl Newton {
                 diagonal: has_diagonal.then_some(&**diagonal),
                 ..hints
             };
-            // solving the linear system better than the tolerance asks is wasted work; what is left to the
-            // tolerance is for rounding, or for what is not linear
+            // The linear system need not be solved better than the tolerance; the factor below 1 leaves room for
+            // rounding and nonlinearity.
             krylov.options.relative_tolerance = if options.linear {
                 0.9 * tolerance / report.residual
             } else {
@@ -236,9 +236,8 @@ fn weigh(weights: &[f64], vector: &mut [f64]) {
     }
 }
 
-/// `out = (f(y + e v) - f(y)) / e`, an approximation of `J v` whose error is of the order of
-/// `sqrt(eps)`; for a function linear in the state there is no error but rounding, and `e`
-/// may be large.
+/// `out = (f(y + e v) - f(y)) / e`, an approximation of `J v` with `e |v| = sqrt(eps) (scale + |y|)` and an error
+/// of the order of `sqrt(eps)`. For a function linear in the state the only error is rounding, and `e` is large.
 ///
 /// `(work, value, out)`: work vector, `f(y)`, result, the latter two multiplied by the weights.
 fn difference(
@@ -254,7 +253,7 @@ fn difference(
         return Ok(());
     }
     let relative = if linear { 1.0 } else { f64::EPSILON.sqrt() };
-    let e = relative * (1.0 + norm(at.state)) / length;
+    let e = relative * (rhs.scale() + norm(at.state)) / length;
     update(work, [at.state, direction], |_, [y, v]| y + e * v);
     rhs.rate(at.time, work, out)?;
     weigh(weights, out);

@@ -1,4 +1,4 @@
-//! Sums over vectors that give the same bits for any number of threads.
+//! Sums over vectors and points that give the same bits for any number of threads.
 //!
 //! A vector is halved at multiples of [`CHUNK`] until a piece fits into one chunk; the
 //! two halves may run on two threads, but their sums are always added in the same order.
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 /// Entries summed by one task without being split.
 pub const CHUNK: usize = 4096;
 
-/// Below this length handing half of the work to another thread costs more than it saves.
+/// Below this length, handing half of the work to another thread costs more than it saves.
 const PARALLEL: usize = 8 * CHUNK;
 
 const LANES: usize = 8;
@@ -47,29 +47,38 @@ pub fn weighted_sum(values: &[f64], weights: &[f64]) -> f64 {
 }
 
 /// `sum_i w_i v_i` of vectors, three entries each, for instance the total of a force density over point volumes.
-/// Panics if there is not a weight for each.
+/// Panics if the number of weights differs from that of vectors.
 pub fn weighted_vectors(vectors: &[f64], weights: &[f64]) -> [f64; 3] {
     let (vectors, _) = vectors.as_chunks::<3>();
     assert_eq!(vectors.len(), weights.len(), "a weight for each vector");
-    vector_tree(vectors, weights)
+    sum_points(weights.len(), |i| vectors[i].map(|v| weights[i] * v))
 }
 
-fn vector_tree(vectors: &[[f64; 3]], weights: &[f64]) -> [f64; 3] {
-    let len = weights.len();
-    let mut sums = [0.0; 3];
+/// `sum_i f(i)` over the points `0..points`, for several sums at once.
+pub fn sum_points<const N: usize>(points: usize, f: impl Fn(usize) -> [f64; N] + Sync) -> [f64; N] {
+    point_tree(0, points, &f)
+}
+
+fn point_tree<const N: usize>(
+    start: usize,
+    end: usize,
+    f: &(impl Fn(usize) -> [f64; N] + Sync),
+) -> [f64; N] {
+    let len = end - start;
+    let mut sums = [0.0; N];
     if len <= CHUNK {
-        for (vector, weight) in vectors.iter().zip(weights) {
-            (0..3).for_each(|axis| sums[axis] += weight * vector[axis]);
+        for point in start..end {
+            let parts = f(point);
+            (0..N).for_each(|n| sums[n] += parts[n]);
         }
         return sums;
     }
-    let middle = (len / 2).next_multiple_of(CHUNK);
-    let (vectors, weights) = (vectors.split_at(middle), weights.split_at(middle));
+    let middle = start + (len / 2).next_multiple_of(CHUNK);
     let (left, right) = rayon::join(
-        || vector_tree(vectors.0, weights.0),
-        || vector_tree(vectors.1, weights.1),
+        || point_tree(start, middle, f),
+        || point_tree(middle, end, f),
     );
-    std::array::from_fn(|axis| left[axis] + right[axis])
+    std::array::from_fn(|n| left[n] + right[n])
 }
 
 /// Euclidean norm `sqrt(sum_i a_i^2)`.
@@ -79,13 +88,13 @@ pub fn norm(values: &[f64]) -> f64 {
     sum_of([values], |[value]| value * value).sqrt()
 }
 
-/// `max_i |a_i|`, 0 for an empty vector, not a number if an entry is not a number.
+/// `max_i |a_i|`, 0 for an empty vector, NaN if an entry is NaN.
 pub fn max_abs(values: &[f64]) -> f64 {
     let parts = values.par_chunks(CHUNK).with_min_len(PARALLEL / CHUNK);
     parts.map(max_abs_of_chunk).reduce(|| 0.0, larger)
 }
 
-/// Comparisons that vectorise pass over what is not a number: it is looked for beside them.
+/// Vectorised comparisons ignore NaN, which is therefore detected separately.
 fn max_abs_of_chunk(values: &[f64]) -> f64 {
     let mut lanes = [0.0; LANES];
     let mut numbers = true;
@@ -111,7 +120,7 @@ fn max_abs_of_chunk(values: &[f64]) -> f64 {
     }
 }
 
-/// The larger of two non-negative numbers; unlike `f64::max` it passes on what is not a number.
+/// The larger of two non-negative numbers; unlike `f64::max` it propagates NaN.
 fn larger(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }

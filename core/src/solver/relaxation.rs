@@ -8,12 +8,12 @@
 //! K_i    = -(F_i/D_i - F_i,before/D_i) / v_i                                 eq. 4.20
 //! ```
 //!
-//! The source leaves open, see spec 01, section 1.8: the start `v = F / (2 D)`; `K_i = 0` where
+//! Not given by the source (spec 01, section 1.8): the start `v = F / (2 D)`; `K_i = 0` where
 //! `v_i = 0`; `C = 0` if the radicand is not positive and 1.9 if `C` would exceed 2.
 //!
-//! Robust for softening, fracture and contact, where a tangent is no guide. For smooth
-//! problems [`super::Newton`] needs far fewer forces. Not for the path between equilibria:
-//! the motion has no physical time, and overshoots can break bonds that a slow load would not.
+//! Robust for softening, fracture and contact, where the tangent is misleading. For smooth problems
+//! [`super::Newton`] needs far fewer evaluations of the force. Not for the path between equilibria: the motion has
+//! no physical time, and overshoots can break bonds that a slow load would not.
 
 use super::error::{SolverError, same_length};
 use super::reduce::{dot, sum_of};
@@ -85,7 +85,7 @@ impl Relaxation {
     /// `force(u, out)` writes the force of all components into `out` (zero for held ones),
     /// after refreshing what follows `u`, such as mirrored boundary layers.
     /// `fictitious_mass`: see [`fictitious_mass`]; positive, in the unit of force per metre.
-    /// `loads`: what the residual is measured against, in its unit; zero for that of the initial guess.
+    /// `loads`: the residual that the relative tolerance refers to, in its unit; zero for that of the initial guess.
     ///
     /// # Errors
     /// No convergence, numbers that are not finite (the mass is too small), vectors of

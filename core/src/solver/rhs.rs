@@ -4,8 +4,8 @@ use super::error::SolverError;
 
 /// A vector function `f(t, y)`: the rate of a state, or the residual force of a body.
 ///
-/// Implement [`Rhs::rate`] and every method of this module works; add the tangent and its
-/// diagonal to make the implicit ones faster. A plain closure will do: see [`rhs`].
+/// [`Rhs::rate`] is enough for every method of this module; the tangent and its diagonal make the implicit ones
+/// faster. [`rhs`] makes one of a closure.
 pub trait Rhs {
     /// Writes `f(time, state)` into `rate`, which holds unspecified numbers on entry.
     ///
@@ -14,7 +14,7 @@ pub trait Rhs {
     fn rate(&mut self, time: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError>;
 
     /// Writes `df/dy(at) . direction` into `out` and returns true, or returns false if the
-    /// model has no tangent: then a difference of two rates replaces it.
+    /// model has no tangent: then a difference of two rates over a distance by [`Rhs::scale`] replaces it.
     ///
     /// # Errors
     /// Those of the model.
@@ -37,9 +37,16 @@ pub trait Rhs {
         Ok(false)
     }
 
+    /// Norm of a state of usual size, in its unit: differences of rates that stand in for the tangent change the
+    /// state by `sqrt(eps)` of this and of the norm of the state together. The default suits states whose numbers
+    /// are about 1 or larger; a model in other units gives its own.
+    fn scale(&self) -> f64 {
+        1.0
+    }
+
     /// Positive weights `w` for which `diag(w) df/dy` is symmetric, as the volumes of points of
-    /// several sizes are; `None` where `df/dy` is symmetric itself or nobody cares. Residuals are
-    /// measured with them.
+    /// several sizes are; `None` where `df/dy` is symmetric itself or symmetry is not needed. Norms of
+    /// residuals include them.
     fn weights(&self) -> Option<&[f64]> {
         None
     }

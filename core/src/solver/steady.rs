@@ -1,4 +1,4 @@
-//! Steady states of `y' = f(t, y)`: the state at which the rate vanishes, without marching to it.
+//! Steady states of `y' = f(t, y)`: the state at which the rate vanishes, without time steps.
 
 use super::error::SolverError;
 use super::krylov::{Hints, NullSpace};
@@ -43,7 +43,7 @@ pub fn steady_state(
         ..Hints::default()
     };
     let report = newton.solve(rhs, time, state, hints)?;
-    // the projection keeps the sum to the rounding of each iteration; this removes what built up
+    // the projection keeps the sum to rounding in each iteration; this removes the accumulated error
     let size = weights.as_deref().map_or(state.len() as f64, sum);
     let excess = (total(state) - before) / size;
     update(state, [], |y, []| y - excess);

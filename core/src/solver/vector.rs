@@ -3,7 +3,7 @@
 use super::reduce::CHUNK;
 use rayon::prelude::*;
 
-/// Below this length another thread costs more than it saves.
+/// Below this length, another thread costs more than it saves.
 const PARALLEL: usize = 8 * CHUNK;
 
 /// `out_i = f(out_i, [a_i, b_i, ...])` for all entries.

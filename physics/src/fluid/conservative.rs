@@ -142,7 +142,7 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey
         let plain = 1.0 - self.central;
         let stretch: f64 = (0..D).map(|a| held[a] * xi[a]).sum();
         let along_bond =
-            self.central * (D as f64 + 2.0) * stretch * bond.by_length * bond.by_length;
+            self.central * (D as f64 + 2.0) * stretch * bond.inverse_length * bond.inverse_length;
         let mut square = along_bond * stretch;
         for (v, x) in held.iter().zip(along) {
             put(viscous * (plain * v + along_bond * x));

@@ -5,13 +5,14 @@ use nalgebra::Matrix3;
 use super::moduli::Moduli;
 use super::plasticity::StressState;
 
-/// What a point's stress depends on besides its strain.
+/// The law by which the stress of a point follows its strain.
 #[derive(Clone, Copy)]
 pub(super) struct Point {
     pub(super) moduli: Moduli,
     pub(super) eigenstrain: f64,
-    /// Plastic and annealed strain as xx, yy, zz, xy, yz, zx, and its trace as far as the dimensions see.
+    /// Plastic and annealed strain as xx, yy, zz, xy, yz, zx.
     pub(super) inelastic: [f64; 6],
+    /// Trace of `inelastic` in the stress state of the body.
     trace: f64,
     dimension: usize,
 }
@@ -27,7 +28,7 @@ impl Point {
         }
     }
 
-    /// A point whose bonds are too few for a strain: it has no stress, whatever its inelastic strain.
+    /// A loose point, whose bonds do not span the dimensions: it has no stress.
     pub(super) fn loose(moduli: Moduli, dimension: usize) -> Self {
         let moduli = Moduli {
             shear: 0.0,
@@ -37,7 +38,7 @@ impl Point {
         Point::new(moduli, 0.0, dimension)
     }
 
-    /// `C : (strain - eigenstrain - inelastic strain)`, Pa, in the dimensions that there are.
+    /// `C : (strain - eigenstrain - inelastic strain)`, Pa; zero in components that the dimension leaves out.
     pub(super) fn stress(&self, strain: &Matrix3<f64>) -> Matrix3<f64> {
         let d = self.dimension;
         let trace: f64 = (0..d).map(|a| strain[(a, a)]).sum();
@@ -87,7 +88,7 @@ impl Point {
         }
     }
 
-    /// Stress of a body that has not turned, Pa: second Piola-Kirchhoff under finite kinematics.
+    /// Stress without the rotation of the point, Pa: second Piola-Kirchhoff under finite kinematics.
     pub(super) fn material_stress(&self, gradient: &Matrix3<f64>, finite: bool) -> Matrix3<f64> {
         let strain = Self::strain(gradient, finite);
         let eigenstrain = match finite {
@@ -113,7 +114,7 @@ impl Point {
     }
 }
 
-/// An inelastic strain as a layer has it, which goes on as the strain does: `sym(scale e mirror)`.
+/// Inelastic strain of a mirror image, which continues as the strain does: `sym(scale e mirror)`.
 pub(super) fn image_of(scale: &Matrix3<f64>, strain: &[f64; 6], mirror: &Matrix3<f64>) -> [f64; 6] {
     let image = scale * symmetric(strain) * mirror;
     COMPONENTS.map(|(a, b)| 0.5 * (image[(a, b)] + image[(b, a)]))

@@ -6,6 +6,7 @@ use perimelt_core::solver::largest_eigenvalue;
 use perimelt_core::{Physics, Setup, World};
 
 use super::Mechanical;
+use super::fracture::FractureState;
 use super::solid::Solid;
 use crate::testing::{block, read};
 
@@ -56,7 +57,11 @@ fn damaged(
             }
         });
     }
-    solid.fracture_mut().expect("it breaks").state.broken = broken;
+    let state = FractureState {
+        broken,
+        ..FractureState::intact(solid.family(), position.len())
+    };
+    solid.replace_fracture_state(state).expect("it breaks");
     solid
 }
 
@@ -67,9 +72,9 @@ fn scattered(p: Vector3<f64>, q: Vector3<f64>) -> f64 {
     (spread.sin() * 43758.5453).fract().abs()
 }
 
-/// Random damage that leaves this share of the bonds.
-fn leaving(share: f64) -> impl Fn(Vector3<f64>, Vector3<f64>) -> bool {
-    move |p, q| scattered(p, q) > share
+/// Random damage that leaves this fraction of the bonds.
+fn leaving(fraction: f64) -> impl Fn(Vector3<f64>, Vector3<f64>) -> bool {
+    move |p, q| scattered(p, q) > fraction
 }
 
 /// Displacement of the points of a body.
@@ -234,8 +239,8 @@ fn rigid_rotation_of_a_damaged_body_meets_no_force() {
 #[test]
 fn damaged_bodies_are_stable_at_the_stable_step() {
     all(|body, horizon| {
-        let square = |share: f64| {
-            let mut solid = damaged(body, horizon, leaving(share));
+        let square = |fraction: f64| {
+            let mut solid = damaged(body, horizon, leaving(fraction));
             let free = |i: usize| if i % 3 < body.dimension { 1.0 } else { 0.0 };
             let inverse: Vec<f64> = (0..3 * body.points.len()).map(free).collect();
             let square = largest_eigenvalue(&inverse, |u, out| {
@@ -245,9 +250,9 @@ fn damaged_bodies_are_stable_at_the_stable_step() {
             (square, solid.rise_by_damage())
         };
         let (whole, rise) = square(1.0);
-        for share in [0.7, 0.5, 0.3, 0.15] {
-            let risen = square(share).0 / whole;
-            assert!(risen < rise, "{horizon} {share}: {risen}");
+        for fraction in [0.7, 0.5, 0.3, 0.15] {
+            let risen = square(fraction).0 / whole;
+            assert!(risen < rise, "{horizon} {fraction}: {risen}");
         }
     });
 }

@@ -1,4 +1,4 @@
-//! Fracture: bonds that are pulled too far break for ever.
+//! Fracture: bonds break irreversibly at a critical stretch or energy.
 //!
 //! ```text
 //! s - e >= s_c                      stretch,    spec 04, eqs. 2.13 and 2.14
@@ -7,7 +7,7 @@
 //! ```
 //!
 //! with the thermo-elastic stretch `s - e`, in tension only; `s_c`, `kappa` and `e` are the means of both
-//! ends. The energy that all bonds across a plane take is the fracture energy G:
+//! ends. The limits follow from the fracture energy G, which is the energy to break all bonds across a plane:
 //!
 //! ```text
 //! G = s_c^2 horizon { 2 (d + 2) mu A + 2 a B },   kappa = 2 G, pi/2 G, 4/3 G  in 1D, 2D, 3D
@@ -15,9 +15,9 @@
 //! B = 0, 16/(9 pi^2), (3/4)^4
 //! ```
 //!
-//! with the dilatation stiffness a. A is derived for any influence function w; with the constant one it
+//! with the dilatation stiffness a. A is derived for any influence function w; the constant one
 //! gives the published 6 mu/pi and 3 mu. B is that of the source, for the constant influence. Correspondence
-//! solids break by stretch, at the limit of the ordinary ones.
+//! solids break by stretch, at the limit of ordinary state-based ones.
 
 use perimelt_core::family::BrokenBonds;
 use perimelt_core::material::Property;
@@ -34,19 +34,19 @@ use super::stretch::TotalWeight;
 pub struct FractureSection {
     /// What is compared with its limit.
     pub criterion: Criterion,
-    /// Regions whose bonds never break, such as those where loads are put on.
+    /// Regions whose bonds never break, such as those under loads.
     pub no_fail: Vec<String>,
 }
 
-/// What breaks a bond.
+/// Criterion by which a bond breaks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Criterion {
     /// Its thermo-elastic stretch.
     #[default]
     Stretch,
-    /// The energy that it stores; needs the `fracture_energy`. Not of `correspondence`, whose stress is
-    /// that of points.
+    /// The energy that it stores; needs the `fracture_energy`. Not available for `correspondence`, whose bonds have
+    /// no energy of their own.
     Energy,
 }
 
@@ -62,24 +62,51 @@ pub struct Fracture {
     unbreakable: Vec<bool>,
     /// `A` of the energy of stretched bonds.
     crossing: f64,
-    /// Critical stretch, or kappa in J/m², of each point now.
+    /// Critical stretch, or kappa in J/m², of each point at its present temperature.
     pub critical: Vec<f64>,
-    /// By how much bonds of a point exceed their limit, in all; zero where none does.
+    /// Sum of the excess of the bonds of each point over their limits; zero where no bond exceeds its limit.
     pub excess: Vec<f64>,
     /// Total weight of the bonds of each point, 1/m.
     pub weight: Vec<f64>,
-    /// What has happened.
+    /// Broken bonds.
     pub state: FractureState,
 }
 
-/// What has happened to a body that breaks.
+/// Broken bonds of a body, and the stress that they carried.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct FractureState {
     /// Bonds that broke.
     pub broken: BrokenBonds,
-    /// The stress conjugate to the eigenstrain that bonds of each point carried when they broke, Pa. It
-    /// stays part of the `eigenstress`, whose change heats: a break is no unloading.
+    /// The stress conjugate to the eigenstrain that bonds of each point carried when they broke, Pa. It remains
+    /// part of the `conjugate_stress`: a change of that field heats the body, and a break is not an unloading.
     pub frozen: Vec<f64>,
+}
+
+/// Bonds that broke in one evaluation.
+#[derive(Clone, Debug, Default)]
+pub struct NewBreaks {
+    /// Pairs of points that lost their bond.
+    pub pairs: Vec<[u32; 2]>,
+    /// Whether any bond broke, including bonds to a layer.
+    pub any: bool,
+}
+
+/// How the bonds of a body are loaded.
+pub struct BondLoads<R, C> {
+    /// Load over limit of a bond, from the slots of both ends.
+    pub ratio: R,
+    /// Stress conjugate to the eigenstrain that the bond of a point with a slot carries, Pa.
+    pub conjugate: C,
+}
+
+impl FractureState {
+    /// No broken bonds.
+    pub fn intact(family: &Family, points: usize) -> Self {
+        FractureState {
+            broken: family.unbroken(),
+            frozen: vec![0.0; points],
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -147,16 +174,18 @@ impl Fracture {
             critical: vec![f64::INFINITY; points],
             excess: vec![0.0; points],
             weight: weight.into_iter().map(|[w]| w).collect(),
-            state: FractureState {
-                broken: family.unbroken(),
-                frozen: vec![0.0; points],
-            },
+            state: FractureState::intact(family, points),
         })
     }
 
     /// Whether the energy of bonds is compared, not their stretch.
     pub fn compares_energy(&self) -> bool {
         self.criterion == Criterion::Energy
+    }
+
+    /// Bonds that broke.
+    pub fn broken(&self) -> &BrokenBonds {
+        &self.state.broken
     }
 
     /// Whether strengths are the same at all temperatures.
@@ -185,8 +214,8 @@ impl Fracture {
             ) {
                 (Strength::Stretch(stretch), _) => at(stretch),
                 (Strength::Energy(energy), Criterion::Energy) => {
-                    let shares = [2.0, std::f64::consts::FRAC_PI_2, 4.0 / 3.0];
-                    shares[self.dimension - 1] * at(energy)
+                    let factors = [2.0, std::f64::consts::FRAC_PI_2, 4.0 / 3.0];
+                    factors[self.dimension - 1] * at(energy)
                 }
                 (Strength::Energy(energy), Criterion::Stretch) => {
                     let of_square = self.energy_of_square(&moduli(i)) * self.horizon[i];
@@ -204,19 +233,18 @@ impl Fracture {
             + 2.0 * moduli.dilatation_stiffness(self.dimension) * dilatation
     }
 
-    /// Breaks the bonds of which `ratio` (what is compared over its limit) is at least 1 and at least
-    /// `share` of the largest; adds the share of weight that points lost to `damage`. `conjugate` is the
-    /// stress conjugate to the eigenstrain that the bond of a point with a slot carries, Pa; `ratio` takes
-    /// bond and slots of both ends. Asks only points with an excess. Returns the pairs of points that lost their bond, and whether any bond broke,
-    /// also one to a layer.
+    /// Breaks the bonds of which `ratio` (load over limit) is at least 1 and at least `fraction` of the largest;
+    /// adds the fraction of the weight of its bonds that a point lost to `damage`. `ratio` takes a bond and the
+    /// slots of both ends; `conjugate` is the stress conjugate to the eigenstrain that the bond of a point with a
+    /// slot carries, Pa. Only the bonds of points with an excess are examined.
     pub fn break_bonds(
         &mut self,
         family: &Family,
-        share: f64,
+        fraction: f64,
         damage: &mut [f64],
-        ratio: impl Fn(&Bond, usize, usize) -> f64,
-        conjugate: impl Fn(usize, &Bond, usize) -> f64,
-    ) -> (Vec<[u32; 2]>, bool) {
+        loads: BondLoads<impl Fn(&Bond, usize, usize) -> f64, impl Fn(usize, &Bond, usize) -> f64>,
+    ) -> NewBreaks {
+        let BondLoads { ratio, conjugate } = loads;
         let mut exceeding = Vec::new();
         let points = self.excess.iter().enumerate().filter(|(_, e)| **e > 0.0);
         for (point, _) in points {
@@ -231,23 +259,27 @@ impl Fracture {
             });
         }
         let largest = exceeding.iter().map(|e| e.0).fold(0.0, f64::max);
-        exceeding.retain(|e| e.0 >= share * largest);
+        exceeding.retain(|e| e.0 >= fraction * largest);
         let mut pairs = Vec::new();
         for &(_, point, slot) in &exceeding {
             let pair = family.point_in(slot).map(|other| [point, other]);
-            let mut news = self.break_bond(family, (point, slot), damage, &conjugate);
+            let mut is_new = self.break_bond(family, (point, slot), damage, &conjugate);
             if let Some([_, other]) = pair {
-                // rounding may have found it from one end only
-                news |= self.break_bond(family, (other, family.slot_of(point)), damage, &conjugate);
-                if news {
+                // by rounding, only one end may have exceeded the limit
+                is_new |=
+                    self.break_bond(family, (other, family.slot_of(point)), damage, &conjugate);
+                if is_new {
                     pairs.push([point.min(other) as u32, point.max(other) as u32]);
                 }
             }
         }
-        (pairs, !exceeding.is_empty())
+        NewBreaks {
+            pairs,
+            any: !exceeding.is_empty(),
+        }
     }
 
-    /// Breaks the bond of a point with what is in a slot; whether it was whole.
+    /// Breaks the bond of a point with a slot; whether it was intact.
     fn break_bond(
         &mut self,
         family: &Family,
@@ -257,16 +289,16 @@ impl Fracture {
     ) -> bool {
         let FractureState { broken, frozen } = &mut self.state;
         let total = self.weight[point];
-        let mut news = false;
+        let mut was_intact = false;
         family.for_each_bond(point, |bond, geometry, other| {
             if other == slot && !broken.is_broken(point, bond) {
                 broken.break_bond(point, bond);
                 damage[point] = (damage[point] + geometry.weight / total).min(1.0);
                 frozen[point] += conjugate(point, geometry, other);
-                news = true;
+                was_intact = true;
             }
         });
-        news
+        was_intact
     }
 
     /// All pairs of points that lost their bond.

@@ -23,16 +23,16 @@ impl<const D: usize, const Q: usize> BondKernel<3, Q> for Moment<D> {
     }
 }
 
-/// A point is loose when the least eigenvalue of K is below this share of the mean one of its whole family. At
+/// A point is loose when the least eigenvalue of K is below this fraction of the mean one of its intact family. At
 /// horizons of 2 and 3 spacings, corners that cracks leave of complete families keep 21 and 18 % in 2D, 17 and 12 %
-/// in 3D. Smaller shares make damaged bodies stiffer, see [`RISE`]: a twentieth, 9 times.
+/// in 3D. Smaller fractions make damaged bodies stiffer, see [`RISE`]: a twentieth, 9 times.
 const LEAST: f64 = 0.1;
 
-/// By how much lost bonds raise the square of the largest frequency of a body, at most: measured, under random damage.
-/// A strain that few bonds carry has a large `K^-1`.
+/// Largest factor by which broken bonds raise the square of the largest frequency of a body, measured under random
+/// damage: a point with few bonds has a large `K^-1`.
 pub(super) const RISE: f64 = 5.0;
 
-/// K of a point, m: of all its bonds, and of those that are left.
+/// K of a point, m: over all its bonds, and over the unbroken ones.
 fn shape_tensors(family: &Family, point: usize, broken: Option<&BrokenBonds>) -> [Matrix3<f64>; 2] {
     let [mut whole, mut left] = [Matrix3::zeros(); 2];
     family.for_each_bond(point, |number, bond, _| {
@@ -68,10 +68,10 @@ pub(super) struct Gradient {
     pub(super) inverse_shape: Vec<Matrix3<f64>>,
     /// Broken bonds of each point when its tensor was inverted.
     lost: Vec<u32>,
-    /// H as last evaluated.
+    /// The last H.
     pub(super) values: Vec<Matrix3<f64>>,
     sums: Vec<f64>,
-    /// Stands for inputs that there are not.
+    /// Takes the place of inputs that the dimension leaves out.
     pub(super) zeros: Vec<f64>,
 }
 
@@ -107,15 +107,15 @@ impl Gradient {
         self.inverse_shape[point][(0, 0)] == 0.0
     }
 
-    /// Inverts the shape tensors of points that lost bonds; whether there were any.
-    pub(super) fn follow(&mut self, broken: Option<&BrokenBonds>) -> bool {
+    /// Inverts the shape tensors of points whose bonds broke; whether there were any.
+    pub(super) fn update_shapes(&mut self, broken: Option<&BrokenBonds>) -> bool {
         let Some(broken) = broken else {
             return false;
         };
         let (family, dimension) = (&self.family, self.dimension);
         let points = self.inverse_shape.par_iter_mut().zip(&mut self.lost);
         let points = points.enumerate().with_min_len(1024);
-        let follow = |(point, (inverse, lost)): (usize, (&mut Matrix3<f64>, &mut u32))| {
+        let update = |(point, (inverse, lost)): (usize, (&mut Matrix3<f64>, &mut u32))| {
             let now = broken.of(point) as u32;
             if *lost == now {
                 return false;
@@ -126,11 +126,11 @@ impl Gradient {
             *inverse = inverse_of(left, least, dimension).unwrap_or_default();
             true
         };
-        points.map(follow).reduce(|| false, |any, one| any | one)
+        points.map(update).reduce(|| false, |any, one| any | one)
     }
 
-    /// Takes no tensor for that of the bonds that are broken now: they may be others than before.
-    pub(super) fn forget(&mut self) {
+    /// Makes the next update invert all shape tensors: other bonds may be broken than before.
+    pub(super) fn invalidate(&mut self) {
         self.lost.fill(u32::MAX);
     }
 
@@ -141,7 +141,7 @@ impl Gradient {
         displacement: [&[f64]; 3],
         broken: Option<&BrokenBonds>,
     ) -> bool {
-        let changed = self.follow(broken);
+        let changed = self.update_shapes(broken);
         match self.dimension {
             1 | 2 => self.evaluate_in::<2, 4>(displacement, broken),
             _ => self.evaluate_in::<3, 9>(displacement, broken),

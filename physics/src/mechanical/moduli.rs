@@ -1,4 +1,4 @@
-//! Elastic moduli in the dimensions that there are.
+//! Elastic moduli in one, two or three dimensions.
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::Traction;
@@ -7,7 +7,7 @@ use perimelt_core::{Face, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What holds across the thickness of a 2D body.
+/// State across the thickness of a 2D body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Plane {
@@ -24,7 +24,7 @@ pub enum Plane {
 pub struct Moduli {
     /// Bulk modulus of `d` dimensions.
     pub bulk: f64,
-    /// Shear modulus; in 1D the value that makes a bond-based solid of the bar.
+    /// Shear modulus; in 1D the value that gives a bond-based bar its Young's modulus.
     pub shear: f64,
     /// First Lamé constant of `d` dimensions: `bulk - 2 shear / d`.
     pub lame: f64,
@@ -100,15 +100,15 @@ impl Moduli {
         poissons_ratio * (stress[0] + stress[1]) - 2.0 * self.shear * strain
     }
 
-    /// `a` of Wang (2025), table 3-1, Pa: what dilatation adds to the energy of the bonds. Negative
-    /// below Poisson's ratio of the bond-based solid.
+    /// `a` of Wang (2025), table 3-1, Pa: the stiffness against dilatation besides that of the bonds. Negative
+    /// if Poisson's ratio is below that of the bond-based solid.
     pub fn dilatation_stiffness(&self, dimension: usize) -> f64 {
         let d = dimension as f64;
         0.5 * (self.bulk - (d + 2.0) / d * self.shear)
     }
 }
 
-/// Poisson's ratio that bonds alone have.
+/// Poisson's ratio of a bond-based solid.
 pub fn bond_based_poissons_ratio(dimension: usize, plane: Plane) -> f64 {
     match (dimension, plane) {
         (2, Plane::Stress) => 1.0 / 3.0,
@@ -122,13 +122,13 @@ pub struct Elasticity {
     dimension: usize,
     plane: Plane,
     youngs_modulus: Vec<Property>,
-    /// `None`: that of the bonds.
+    /// `None` for that of a bond-based solid.
     poissons_ratio: Option<Vec<Property>>,
 }
 
 impl Elasticity {
     /// Takes the properties of the materials of `body`; Poisson's ratio only where the formulation
-    /// leaves it free.
+    /// permits any.
     ///
     /// # Errors
     /// A material lacks one.
@@ -150,7 +150,7 @@ impl Elasticity {
         })
     }
 
-    /// Young's moduli and the Poisson's ratio of the bonds, in plane stress.
+    /// Young's moduli and the Poisson's ratio of a bond-based solid, in plane stress.
     pub fn bond_based(youngs_modulus: Vec<Property>, dimension: usize) -> Self {
         Elasticity {
             dimension,
@@ -160,12 +160,12 @@ impl Elasticity {
         }
     }
 
-    /// Whether Poisson's ratio is that of the material, not that of the bonds.
+    /// Whether Poisson's ratio is that of the material, not that of a bond-based solid.
     pub fn has_free_poissons_ratio(&self) -> bool {
         self.poissons_ratio.is_some()
     }
 
-    /// Whether a 2D body is held across its plane.
+    /// Whether the body is in plane strain.
     pub fn is_plane_strain(&self) -> bool {
         self.dimension == 2 && self.plane == Plane::Strain
     }
@@ -194,7 +194,7 @@ impl Elasticity {
         Some(self.at(0, 0.0))
     }
 
-    /// The stiffest moduli that a material can have: those of the stable step.
+    /// The stiffest moduli of a material over its temperature range, for the stable step.
     pub fn stiffest(&self, material: usize) -> Moduli {
         let largest = |p: &Property| p.values().into_iter().fold(0.0, f64::max);
         let poissons_ratio = self.poissons_ratio.as_deref().map_or_else(

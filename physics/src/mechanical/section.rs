@@ -1,11 +1,11 @@
-//! Force through a plane section of the body: the sum of the pair forces of all bonds that cross it
-//! (spec 07, 1.8, S3), exact in the balance of forces.
+//! Force through a plane section of the body: the sum of the forces of all bonds that cross it (spec 07, 1.8,
+//! S3), which balances the forces on either side exactly.
 
 use perimelt_core::{Axis, Report, Setup, SetupError, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Run;
+use super::step::Run;
 
 /// A plane across the body, best halfway between points.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -1,4 +1,4 @@
-//! What the solvers ask of a formulation.
+//! What the solvers need of a formulation, and what all formulations share.
 
 use std::fmt::Debug;
 
@@ -6,12 +6,38 @@ use perimelt_core::family::{Continuation, LayerRule};
 use perimelt_core::{Body, Family};
 use rayon::prelude::*;
 
-use super::fracture::Fracture;
-use super::moduli::Moduli;
+use super::elastic::ElasticPoints;
+use super::fracture::{Fracture, FractureState, NewBreaks};
+use super::moduli::{Elasticity, Moduli};
 use super::plasticity::Plasticity;
 
+/// The constitutive behaviour of a body.
+#[derive(Debug)]
+pub struct Constitution {
+    /// Elastic properties of its materials.
+    pub elasticity: Elasticity,
+    /// Finite kinematics: current lengths and directions of bonds.
+    pub finite: bool,
+    /// Plastic state, if the body flows.
+    pub plasticity: Option<Plasticity>,
+    /// Strength of the bonds, if they break.
+    pub fracture: Option<Fracture>,
+}
+
+impl Constitution {
+    /// An elastic body of small displacements that does not break.
+    pub fn elastic(elasticity: Elasticity) -> Self {
+        Constitution {
+            elasticity,
+            finite: false,
+            plasticity: None,
+            fracture: None,
+        }
+    }
+}
+
 /// Forces, stiffness, energy and stress of a body in one formulation. Vectors have three components
-/// per point whatever the dimension; those that the dimension leaves out stay zero. Symmetric tensors
+/// per point whatever the dimension; those that the dimension leaves out are zero. Symmetric tensors
 /// are xx, yy, zz, xy, yz, zx.
 pub trait Solid: Debug {
     /// Evaluates the moduli at the temperature of each point, K.
@@ -20,10 +46,10 @@ pub trait Solid: Debug {
     /// Takes the stiffest moduli of each material: those of the stable step.
     fn set_stiffest_moduli(&mut self, body: &Body);
 
-    /// Takes the stress-free strain of each point; layers mirror it.
+    /// Takes the stress-free strain of each point; mirrored layers take that of their points.
     fn set_eigenstrain(&mut self, eigenstrain: &[f64]);
 
-    /// Takes displacements, m, and fills the layers by `rules`.
+    /// Takes displacements, m, and sets the mirrored layers by `rules`.
     fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]);
 
     /// Largest horizon, m.
@@ -36,108 +62,146 @@ pub trait Solid: Debug {
     /// [`Solid::force`] about the undeformed state, whatever the kinematics.
     fn stiffness(&mut self, out: &mut [f64]);
 
-    /// Takes the state of the last [`Solid::force`] as the one about which [`Solid::tangent`] is linear.
+    /// Linearises the plastic flow about the state of the last [`Solid::force`], for [`Solid::tangent`].
     fn linearise(&mut self) {}
 
-    /// Stiffness of the body as it flows times the displacement that was set, N/m³; about the undeformed
-    /// shape, whatever the kinematics.
+    /// Elastic-plastic stiffness times the displacement that was set, N/m³; about the undeformed shape, whatever
+    /// the kinematics.
     fn tangent(&mut self, out: &mut [f64]) {
         self.stiffness(out);
     }
 
-    /// Whether forces are the derivative of an energy of the strain that makes the body flow: then
-    /// [`Solid::tangent`] is symmetric.
-    fn flows_by_its_own_strain(&self) -> bool;
+    /// Whether [`Solid::tangent`] is symmetric under plastic flow: forces must be the derivative of an energy of
+    /// the strain that enters the flow rule.
+    fn has_symmetric_plastic_tangent(&self) -> bool;
 
-    /// Whether bonds resist motion across them.
+    /// Whether bonds resist relative motion perpendicular to them.
     fn bonds_shear(&self) -> bool {
         false
     }
 
-    /// Diagonal block of the stiffness of each point, N/m⁵, or a good estimate.
+    /// Diagonal block of the stiffness of each point, N/m⁵, or an estimate of it.
     fn blocks(&mut self) -> &[[f64; 6]];
 
-    /// An upper bound of the frequencies at which the body can vibrate, rad/s, or `None` where there is
-    /// only the power iteration; `density` in kg/m³ by point.
+    /// An upper bound of the eigenfrequencies of the body, rad/s, or `None` if the formulation has none and a
+    /// power iteration is needed; `density` in kg/m³ by point.
     fn frequency_bound(&mut self, _density: &[f64]) -> Option<f64> {
         None
     }
 
-    /// By how much lost bonds may raise the square of the largest frequency of the whole body.
+    /// Factor by which broken bonds may raise the square of the largest frequency of the intact body.
     fn rise_by_damage(&self) -> f64 {
         1.0
     }
 
-    /// Plastic state, where there is one. [`Solid::force`] leaves the state that it tried there.
+    /// Plastic state, if the body flows. [`Solid::force`] sets its trial state.
     fn plasticity(&mut self) -> Option<&mut Plasticity>;
 
-    /// Strength and broken bonds, where bonds break.
+    /// Strength and broken bonds, if bonds break.
     fn fracture(&self) -> Option<&Fracture> {
         None
     }
 
-    /// As [`Solid::fracture`].
-    fn fracture_mut(&mut self) -> Option<&mut Fracture> {
+    /// Replaces the broken bonds, and invalidates what was computed from them; returns those before. `None` if
+    /// bonds do not break.
+    fn replace_fracture_state(&mut self, _state: FractureState) -> Option<FractureState> {
         None
     }
 
-    /// Breaks those bonds that exceed their limit in the displacement of the last [`Solid::force`] and are
-    /// loaded to at least `share` of the worst; see [`Fracture::break_bonds`].
-    fn break_bonds(&mut self, _share: f64, _damage: &mut [f64]) -> (Vec<[u32; 2]>, bool) {
-        (Vec::new(), false)
+    /// Breaks those bonds that exceed their limit in the displacement of the last [`Solid::force`] and whose
+    /// load is at least `fraction` of the largest; see [`Fracture::break_bonds`].
+    fn break_bonds(&mut self, _fraction: f64, _damage: &mut [f64]) -> NewBreaks {
+        NewBreaks::default()
     }
 
-    /// The bonds.
+    /// The bonds of the body.
     fn family(&self) -> &Family;
 
-    /// Stress of each point as plastic flow sees it, Pa: unrotated, of the state that was tried last.
+    /// Stress of each point that enters the flow rule, Pa: without rotation, in the last trial state.
     fn material_stress(&mut self) -> Vec<[f64; 6]>;
 
-    /// Moduli of a point now.
+    /// Moduli of a point at its present temperature.
     fn moduli_of(&self, point: usize) -> Moduli;
 
     /// Elastic energy density of the total strain (J/m³), and the stress conjugate to the eigenstrain
     /// (Pa), of each point.
     fn energy(&mut self) -> &[[f64; 2]];
 
-    /// Stress of each point, Pa, with the inelastic strain that was tried last.
+    /// Stress of each point, Pa, with the inelastic strain of the last trial state.
     fn stress(&mut self) -> &[[f64; 6]];
 
-    /// Passes each point below the plane `x_axis = at` (m) and the force density of its bonds with what
-    /// lies above, N/m³, to `receive`.
+    /// Passes each point below the plane `x_axis = at` (m) and the force density of its bonds with points above
+    /// the plane, N/m³, to `receive`.
     fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3]));
 }
 
-/// Which strain a stress is evaluated of.
+/// The strain from which a stress is evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Of {
-    /// The elastic one: without eigenstrain and tried inelastic strain.
+pub(super) enum StrainKind {
+    /// The elastic strain: the total strain minus eigenstrain and inelastic strain of the trial state.
     Elastic,
-    /// The total one.
+    /// The total strain.
     Total,
-    /// A change, without the change of the inelastic strain that it makes.
+    /// A change of the total strain minus the change of the inelastic strain that it causes.
     Change,
 }
 
-/// Fills the slots of a displacement (m; `vector` has one array for each dimension) from the points and
-/// by the rules of its layers; `at` gives moduli and eigenstrain of a point, which the slope under a
-/// traction needs.
+/// Writes a value of each point into slots; mirrored layers take those of their points.
+pub(super) fn load_mirrored(family: &Family, values: &[f64], slots: &mut [f64]) {
+    family.scatter(values, 1, 0, slots);
+    family.fill_layers(&[], 0, slots);
+}
+
+/// A displacement, m, with the rules of its layers.
+#[derive(Clone, Copy)]
+pub(super) struct LayeredDisplacement<'a> {
+    /// Three components for each point.
+    pub(super) values: &'a [f64],
+    pub(super) rules: &'a [LayerRule],
+}
+
+/// Writes a displacement into slots (one array for each dimension) and continues it into the layers. Under a
+/// traction the slope of the layer follows from the moduli and the eigenstrain of `elastic`.
 pub(super) fn continue_displacement(
     family: &Family,
-    (displacement, rules): (&[f64], &[LayerRule]),
-    (vector, continuation): (&mut [Vec<f64>], &mut Continuation),
-    at: impl Fn(usize) -> (Moduli, f64),
+    displacement: LayeredDisplacement<'_>,
+    elastic: &ElasticPoints,
+    vector: &mut [Vec<f64>],
+    continuation: &mut Continuation,
 ) {
+    let LayeredDisplacement { values, rules } = displacement;
     let dimension = vector.len();
     let axes = vector.par_iter_mut().enumerate();
-    axes.for_each(|(axis, slots)| family.scatter(displacement, 3, axis, slots));
+    axes.for_each(|(axis, slots)| family.scatter(values, 3, axis, slots));
     family.continue_vector(
         rules,
         vector,
         continuation,
         |face, traction, point, lateral| {
-            let (moduli, eigenstrain) = at(point);
+            let eigenstrain = elastic.eigenstrain[point];
+            let moduli = elastic.moduli(point);
             moduli.slope_under_traction((face, traction), lateral, eigenstrain, dimension)
         },
     );
+}
+
+/// Where sums of `D` components go: to the output itself in 3D, else to the work array.
+pub(super) fn flat<'a, const D: usize>(
+    padded: &'a mut [f64],
+    out: &'a mut [[f64; 3]],
+) -> &'a mut [[f64; D]] {
+    match D {
+        3 => bytemuck::cast_slice_mut::<f64, [f64; D]>(bytemuck::cast_slice_mut(out)),
+        _ => bytemuck::cast_slice_mut(padded),
+    }
+}
+
+/// Spreads sums of `D` components to vectors of three.
+pub(super) fn unflatten<const D: usize>(padded: &[f64], out: &mut [f64]) {
+    if D < 3 {
+        let (vectors, _) = out.as_chunks_mut::<3>();
+        for (out, sum) in vectors.iter_mut().zip(padded.as_chunks::<D>().0) {
+            *out = std::array::from_fn(|axis| if axis < D { sum[axis] } else { 0.0 });
+        }
+    }
 }

@@ -198,7 +198,7 @@ const FORMULATIONS: [&str; 3] = [
 const STORES: [&str; 2] = ["", "# list"];
 const PLANES: [&str; 2] = ["", "plane = \"strain\""];
 
-/// Worst error of energy and stress over the given points, as a share of the classical ones.
+/// Worst error of energy and stress over the given points, relative to the classical ones.
 fn error(evaluated: &Evaluated, points: &[usize], exact: (f64, [f64; 6])) -> f64 {
     let scale = exact.1.iter().fold(0.0f64, |s, x| s.max(x.abs()));
     let of = |&i: &usize| {
@@ -248,7 +248,7 @@ fn uniform_strain_gives_the_classical_energy_and_stress() {
                     } else if which == 0 {
                         assert!(inside < 1e-10, "{case}");
                         // calibrated by the owner's bonds along each axis; the stress at an edge also
-                        // takes the dilatation through a lopsided family
+                        // takes the dilatation of an incomplete family
                         assert!(energy_error(&evaluated, exact.0) < 1e-10, "{case}");
                     } else {
                         // anisotropy of lattices; exact values in the tests below

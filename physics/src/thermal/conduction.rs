@@ -64,7 +64,7 @@ struct Uniform {
 impl BondKernel<1, 1> for Uniform {
     #[inline(always)]
     fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
-        [2.0 * self.conductivity * bond.mean() * bond.by_length * (other - own)]
+        [2.0 * self.conductivity * bond.mean() * bond.inverse_length * (other - own)]
     }
 }
 
@@ -75,7 +75,7 @@ impl BondKernel<2, 1> for Varying {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 2], other: [f64; 2]) -> [f64; 1] {
         let twice_mean = own[1] + other[1];
-        [twice_mean * bond.mean() * bond.by_length * (other[0] - own[0])]
+        [twice_mean * bond.mean() * bond.inverse_length * (other[0] - own[0])]
     }
 }
 
@@ -87,7 +87,7 @@ impl BondKernel<1, 1> for RowSum {
 
     #[inline(always)]
     fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
-        [bond.mean() * bond.by_length * (own + other)]
+        [bond.mean() * bond.inverse_length * (own + other)]
     }
 }
 

@@ -37,7 +37,7 @@ impl BondKernel<2, 2> for Diffusion {
     /// Rate of the moisture, kg/(m³ s), and its coefficient, 1/s, which limits the step.
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 2], other: [f64; 2]) -> [f64; 2] {
-        let coefficient = (own[1] + other[1]) * bond.mean() * bond.by_length;
+        let coefficient = (own[1] + other[1]) * bond.mean() * bond.inverse_length;
         [coefficient * (other[0] - own[0]), coefficient]
     }
 }

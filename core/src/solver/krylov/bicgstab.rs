@@ -1,4 +1,4 @@
-//! BiCGStab for matrices that are not symmetric, preconditioned from the right.
+//! BiCGStab for nonsymmetric matrices, preconditioned from the right.
 
 use super::{Hints, KrylovOptions, KrylovReport, Work};
 use crate::solver::error::SolverError;
@@ -57,7 +57,7 @@ pub(super) fn solve(
         apply(z, v)?;
         let shadow_image = dot(shadow, v);
         if shadow_image.abs() <= BREAKDOWN * norm(shadow) * norm(v) {
-            // start afresh from the present residual; a steepest-descent-like step follows
+            // restart from the present residual; a steepest-descent-like step follows
             if rho == residual * residual {
                 return Err(SolverError::NotConverged {
                     method: "BiCGStab",

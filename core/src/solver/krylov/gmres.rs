@@ -1,12 +1,12 @@
-//! GMRES with restarts for matrices that are not symmetric, preconditioned from the right: of all
-//! methods that build on products with the matrix the one that needs fewest, for a vector each.
+//! GMRES with restarts for nonsymmetric matrices, preconditioned from the right. It needs the fewest products with
+//! the matrix of all Krylov methods, and stores one vector for each.
 
 use super::{Hints, KrylovOptions, KrylovReport, Work};
 use crate::solver::error::SolverError;
 use crate::solver::reduce::{dot, norm};
 use crate::solver::vector::update;
 
-/// Vectors that are kept at most.
+/// Largest number of vectors between restarts.
 const RESTART: usize = 100;
 
 pub(super) fn solve(
@@ -36,7 +36,7 @@ pub(super) fn solve(
             ..
         } = &mut *work;
         let start = norm(r);
-        // the triangular system of the least squares: columns, rotations that made them, right side
+        // triangular system of the least-squares problem: columns, the rotations that made them, right-hand side
         let mut columns: Vec<Vec<f64>> = Vec::new();
         let mut rotations: Vec<[f64; 2]> = Vec::new();
         let mut side = vec![start];
@@ -79,7 +79,7 @@ pub(super) fn solve(
             side.push(-s * side[k]);
             side[k] *= c;
             residual = side[k + 1].abs();
-            // nothing is left of it when the solution is exact
+            // zero when the solution is exact
             update(w, [], |w, []| if next > 0.0 { w / next } else { 0.0 });
             iterations += 1;
         }

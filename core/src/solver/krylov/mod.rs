@@ -4,8 +4,8 @@
 //! 9.1 (preconditioned conjugate gradients), 7.7 and 9.5 (BiCGStab and GMRES, preconditioned from the
 //! right so that the residual tested is that of the system itself).
 //!
-//! The diagonal preconditions, and for elastic bodies a [`CoarseSpace`] besides. Not for systems that
-//! are nearly singular without a [`NullSpace`].
+//! Preconditioned by the diagonal and, for elastic bodies, by a [`CoarseSpace`]. Singular systems need their
+//! [`NullSpace`].
 
 mod bicgstab;
 mod coarse;
@@ -30,11 +30,11 @@ use serde::{Deserialize, Serialize};
 pub enum KrylovMethod {
     /// Symmetric positive (semi-)definite matrices: one product with `A` per iteration.
     ConjugateGradient,
-    /// Any matrix: two products with `A` per iteration, convergence not monotone. Bears functions with
-    /// kinks, such as melting, whose differences depend on the direction.
+    /// Any matrix: two products with `A` per iteration, convergence not monotone. Tolerates functions
+    /// with kinks, such as melting, whose differences depend on the direction.
     BiCgStab,
-    /// Any matrix: one product with `A` per iteration, each of which keeps a vector. For products that cost
-    /// much, and good preconditioners.
+    /// Any matrix: one product with `A` and one stored vector per iteration. For expensive products and good
+    /// preconditioners.
     Gmres,
 }
 
@@ -75,7 +75,7 @@ pub struct KrylovReport {
 pub struct Hints<'a> {
     /// Diagonal of the matrix, used as preconditioner; positive for conjugate gradients.
     pub diagonal: Option<&'a [f64]>,
-    /// Vectors that the matrix maps to zero, for instance rigid motions of a free body.
+    /// Vectors that the matrix maps to zero, for instance the rigid modes of a free body.
     /// Right-hand side and corrections are kept orthogonal to them, so the component of
     /// the initial guess along them stays as it is. For the other methods the range of the matrix
     /// must be orthogonal to them too, as it is for a symmetric matrix.
@@ -123,10 +123,10 @@ struct Work {
     direction: Vec<f64>,
     preconditioned: Vec<f64>,
     image: Vec<f64>,
-    // of BiCGStab only
+    // used by BiCGStab only
     shadow: Vec<f64>,
     second_image: Vec<f64>,
-    /// Of GMRES; as many as it needed so far.
+    /// Used by GMRES; as many as it has needed so far.
     basis: Vec<Vec<f64>>,
 }
 

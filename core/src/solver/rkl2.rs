@@ -1,4 +1,4 @@
-//! Explicit steps for `y' = f(t, y)`: forward Euler and a stabilised Runge-Kutta method.
+//! Explicit steps for `y' = f(t, y)` by a stabilised Runge-Kutta method.
 //!
 //! The state is what is conserved. Heat conduction advances the enthalpy; its rate function
 //! turns enthalpy into temperature and sums the heat flow over the bonds. If the entries of
@@ -7,34 +7,6 @@
 use super::error::{SolverError, positive};
 use super::rhs::Rhs;
 use super::vector::update;
-
-/// Forward Euler, `y += dt f(t, y)`: first order, stable for `dt <= 2 / |lambda|max`.
-///
-/// Wang (2025), eq. 7.10 for heat; its stability limits are in spec 02, section 1.4.
-#[derive(Debug, Clone, Default)]
-pub struct ForwardEuler {
-    rate: Vec<f64>,
-}
-
-impl ForwardEuler {
-    /// Advances `state` from `time` by `dt` (s).
-    ///
-    /// # Errors
-    /// A step that is not positive, and errors of the model.
-    pub fn step(
-        &mut self,
-        rhs: &mut dyn Rhs,
-        time: f64,
-        dt: f64,
-        state: &mut [f64],
-    ) -> Result<(), SolverError> {
-        positive("the time step [s]", dt)?;
-        self.rate.resize(state.len(), 0.0);
-        rhs.rate(time, state, &mut self.rate)?;
-        update(state, [&self.rate], |y, [rate]| y + dt * rate);
-        Ok(())
-    }
-}
 
 /// Second-order Runge-Kutta-Legendre: one step of `s` stages is stable for a step
 /// `(s^2 + s - 2) / 4` times that of forward Euler, at `s` rates.
@@ -175,15 +147,6 @@ mod tests {
     use crate::solver::test_problems::{insulated_bar, order_of_convergence};
 
     #[test]
-    fn forward_euler_is_of_first_order() {
-        let order = order_of_convergence(|f, time, dt, y| {
-            ForwardEuler::default().step(f, time, dt, y).unwrap();
-        });
-        // the next term of the error is dt relative to the first: 1 % at the steps used
-        assert!((order - 1.0).abs() < 0.02, "{order}");
-    }
-
-    #[test]
     fn rkl2_is_of_second_order_also_for_rates_that_depend_on_time() {
         for stages in [2, 3, 4, 9, 15] {
             let order = order_of_convergence(|f, time, dt, y| {
@@ -277,8 +240,8 @@ mod tests {
         assert!(Rkl2::stages(f64::NAN, 1.0).is_err());
         assert!(Rkl2::stages(1.0, 0.0).is_err());
         assert!(
-            ForwardEuler::default()
-                .step(&mut failing, 0.0, -1.0, &mut y)
+            Rkl2::default()
+                .step(&mut failing, 0.0, -1.0, 3, &mut y)
                 .is_err()
         );
         assert_eq!(y, [1.0]);

@@ -1,0 +1,300 @@
+//! The coarse grid: its cells, the points in them, and the stiffness between its nodes.
+
+use nalgebra::Vector3;
+
+use super::Spring;
+use super::banded::Banded;
+
+/// Largest number of multiplications for the factors of a coarse matrix, a few tenths of a second. Cells are
+/// widened until the factors take less.
+const MOST_WORK: usize = 600_000_000;
+
+/// Smallest width of a cell in neighbourhoods. Cells of a whole neighbourhood take a fifth to a third more
+/// iterations.
+const LEAST_WIDTH: f64 = 0.5;
+
+/// With fewer nodes than these the diagonal alone does as well.
+const LEAST_NODES: usize = 12;
+
+/// Largest number of cells that a spring spans along an axis. Where neighbourhoods differ in size, cells are
+/// widened to meet it.
+const MOST_REACH: f64 = 3.0;
+
+/// Corners of a cell in three dimensions.
+pub(super) const CORNERS: usize = 8;
+
+/// Cells and nodes of a grid of a given width.
+#[derive(Clone, Debug)]
+struct Layout {
+    dimension: usize,
+    /// Lower corner and extent of the grid.
+    low: Vector3<f64>,
+    extent: Vector3<f64>,
+    /// Number of cells along each axis.
+    cells: [usize; 3],
+    nodes: usize,
+    /// Difference of the numbers of two nodes that are neighbours along each axis.
+    stride: [usize; 3],
+    /// Largest number of cells that springs span along an axis.
+    reach: usize,
+    /// Largest distance between two rows of the matrix that springs connect.
+    band: usize,
+}
+
+/// Points in the cells of a grid.
+#[derive(Clone, Debug)]
+pub(super) struct Grid {
+    layout: Layout,
+    /// The cell of each point along each axis.
+    cell: Vec<[usize; 3]>,
+    /// Multilinear weights of the corners of the cell of each point; bit `axis` of a corner's number is set at
+    /// its upper side.
+    pub(super) weights: Vec<[f64; CORNERS]>,
+    /// One or, for held components, zero.
+    pub(super) free: Vec<[f64; 3]>,
+    /// The points of each cell that has any.
+    pub(super) members: Vec<Vec<u32>>,
+}
+
+impl Layout {
+    /// The finest layout over `position` whose factors are affordable; `None` if it has few nodes. `shortest`
+    /// and `longest` are the smallest and the largest half-width of a neighbourhood.
+    fn fitting(
+        position: &[Vector3<f64>],
+        dimension: usize,
+        [shortest, longest]: [f64; 2],
+    ) -> Option<Self> {
+        let first = *position.first()?;
+        let (low, high) = position
+            .iter()
+            .fold((first, first), |(low, high), x| (low.inf(x), high.sup(x)));
+        // with a margin for rounding
+        let mut size = 1.002 * (LEAST_WIDTH * shortest).max(longest / MOST_REACH);
+        if size == 0.0 {
+            return None;
+        }
+        loop {
+            let layout = Layout::of_width(size, dimension, [low, high - low], longest);
+            if dimension * layout.nodes * layout.band * layout.band <= MOST_WORK {
+                return (layout.nodes >= LEAST_NODES).then_some(layout);
+            }
+            size *= 1.05;
+        }
+    }
+
+    /// The layout of cells of width `size`; `longest` is the length of the longest spring.
+    fn of_width(
+        size: f64,
+        dimension: usize,
+        [low, extent]: [Vector3<f64>; 2],
+        longest: f64,
+    ) -> Self {
+        let cells: [usize; 3] = std::array::from_fn(|axis| match axis < dimension {
+            true => ((extent[axis] / size) as usize).max(1),
+            false => 0,
+        });
+        // the largest stride along the longest axis makes the narrowest band
+        let mut axes = [0, 1, 2];
+        axes.sort_by_key(|axis| cells[*axis]);
+        let (mut stride, mut nodes) = ([0; 3], 1);
+        for axis in axes {
+            stride[axis] = nodes;
+            nodes *= cells[axis] + 1;
+        }
+        let reach = (1.001 * longest / size).ceil() as usize;
+        let diagonal: usize = stride[..dimension].iter().sum();
+        Layout {
+            dimension,
+            low,
+            extent,
+            cells,
+            nodes,
+            stride,
+            reach,
+            band: dimension * ((reach + 1) * diagonal + 1) - 1,
+        }
+    }
+
+    /// Coordinate along an axis in cells.
+    fn place(&self, x: &Vector3<f64>, axis: usize) -> f64 {
+        let fraction = (x[axis] - self.low[axis]) / self.extent[axis].max(f64::MIN_POSITIVE);
+        fraction * self.cells[axis] as f64
+    }
+
+    fn cell_at(&self, x: &Vector3<f64>) -> [usize; 3] {
+        let last = |axis: usize| self.cells[axis].saturating_sub(1);
+        std::array::from_fn(|axis| (self.place(x, axis) as usize).min(last(axis)))
+    }
+
+    /// Multilinear weights of the corners of `cell` at `x`.
+    fn weights(&self, x: &Vector3<f64>, cell: &[usize; 3]) -> [f64; CORNERS] {
+        std::array::from_fn(|corner| {
+            let along = |axis: usize| {
+                let within = self.place(x, axis) - cell[axis] as f64;
+                if corner >> axis & 1 == 1 {
+                    within
+                } else {
+                    1.0 - within
+                }
+            };
+            (0..self.dimension).map(along).product()
+        })
+    }
+}
+
+impl Grid {
+    /// The finest affordable grid; `None` if it has few nodes. `reaches` are the smallest and the largest
+    /// half-width of a neighbourhood.
+    pub(super) fn new(
+        position: &[Vector3<f64>],
+        dimension: usize,
+        reaches: [f64; 2],
+        free: Vec<[f64; 3]>,
+    ) -> Option<Self> {
+        let layout = Layout::fitting(position, dimension, reaches)?;
+        let cell: Vec<[usize; 3]> = position.iter().map(|x| layout.cell_at(x)).collect();
+        let weights = position.iter().zip(&cell);
+        let mut grid = Grid {
+            weights: weights.map(|(x, cell)| layout.weights(x, cell)).collect(),
+            cell,
+            free,
+            members: vec![Vec::new(); layout.nodes],
+            layout,
+        };
+        for point in 0..position.len() {
+            let first = grid.first_node(point);
+            grid.members[first].push(point as u32);
+        }
+        grid.members.retain(|members| !members.is_empty());
+        Some(grid)
+    }
+
+    pub(super) fn dimension(&self) -> usize {
+        self.layout.dimension
+    }
+
+    /// Number of rows of the matrix, and its band.
+    pub(super) fn size(&self) -> (usize, usize) {
+        (self.layout.dimension * self.layout.nodes, self.layout.band)
+    }
+
+    /// Number of the node at a corner of the cell whose first node is `first`.
+    pub(super) fn corner_node(&self, first: usize, corner: usize) -> usize {
+        first + self.node(std::array::from_fn(|axis| corner >> axis & 1))
+    }
+
+    /// Number of a node, or the difference of the numbers of two.
+    fn node(&self, at: [usize; 3]) -> usize {
+        (0..3).map(|axis| at[axis] * self.layout.stride[axis]).sum()
+    }
+
+    /// The lowest node of the cell of a point.
+    pub(super) fn first_node(&self, point: usize) -> usize {
+        self.node(self.cell[point])
+    }
+
+    /// Index of a corner of a cell in the window of another cell, `shift` cells away.
+    fn in_window(&self, corner: usize, shift: [isize; 3]) -> usize {
+        let along = |axis: usize| {
+            (shift[axis] + self.layout.reach as isize) as usize + (corner >> axis & 1)
+        };
+        let axes = (0..self.layout.dimension).rev();
+        axes.fold(0, |place, axis| self.window() * place + along(axis))
+    }
+
+    /// Number of nodes along an axis that the springs of the points of a cell connect.
+    fn window(&self) -> usize {
+        2 * self.layout.reach + 2
+    }
+
+    /// Forces on the corners of the cell of `members` under unit displacements of the nodes in its window, by
+    /// corner and node.
+    pub(super) fn stiffness(
+        &self,
+        members: &[u32],
+        springs: impl Fn(usize, &mut dyn FnMut(Spring)),
+    ) -> Vec<[[f64; 3]; 3]> {
+        let corners = 1 << self.layout.dimension;
+        let window = self.window().pow(self.layout.dimension as u32);
+        let to_corner = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner| self.in_window(corner, [0; 3]));
+        let mut block = vec![[[0.0; 3]; 3]; corners * window];
+        let mut on_point = vec![[[0.0; 3]; 3]; window];
+        for &point in members {
+            let point = point as usize;
+            on_point.fill([[0.0; 3]; 3]);
+            let mut follow = |other: usize, shift: [isize; 3], mut stiffness: [[f64; 3]; 3]| {
+                for row in &mut stiffness {
+                    (0..3).for_each(|axis| row[axis] *= self.free[other][axis]);
+                }
+                let from = self.in_window(0, shift);
+                let weights = self.weights[other].iter().zip(to_corner).take(corners);
+                for (weight, corner) in weights {
+                    accumulate(
+                        &mut on_point[from + corner - to_corner[0]],
+                        [*weight; 3],
+                        &stiffness,
+                    );
+                }
+            };
+            let mut own = [[0.0; 3]; 3];
+            springs(point, &mut |spring| {
+                let cells = [point, spring.to].map(|point| self.cell[point]);
+                let shift: [isize; 3] = std::array::from_fn(|axis| {
+                    cells[1][axis].wrapping_sub(cells[0][axis]) as isize
+                });
+                let stiffness: [[f64; 3]; 3] = std::array::from_fn(|a| {
+                    std::array::from_fn(|b| {
+                        let both = (1.0 - spring.across) * spring.along[a] * spring.along[b];
+                        spring.stiffness * if a == b { both + spring.across } else { both }
+                    })
+                });
+                accumulate(&mut own, [1.0; 3], &stiffness);
+                let end = |row: [f64; 3]| std::array::from_fn(|b| -spring.scale[b] * row[b]);
+                follow(spring.to, shift, stiffness.map(end));
+            });
+            follow(point, [0; 3], own);
+            let weights = self.weights[point]
+                .iter()
+                .zip(block.chunks_exact_mut(window));
+            for (weight, block) in weights {
+                let factors = self.free[point].map(|free| weight * free);
+                let nodes = block.iter_mut().zip(&on_point);
+                nodes.for_each(|(sum, stiffness)| accumulate(sum, factors, stiffness));
+            }
+        }
+        block
+    }
+
+    /// Adds the stiffness of a cell to the rows of its corners.
+    pub(super) fn add(&self, members: &[u32], block: &[[[f64; 3]; 3]], matrix: &mut Banded) {
+        let dimension = self.layout.dimension;
+        let first = self.first_node(members[0] as usize);
+        let before = self.layout.reach * self.layout.stride[..dimension].iter().sum::<usize>();
+        let window = self.window().pow(dimension as u32);
+        for (index, stiffness) in block.iter().enumerate() {
+            let (corner, place) = (index / window, index % window);
+            let node = self.corner_node(first, corner);
+            let along = |axis: usize| place / self.window().pow(axis as u32) % self.window();
+            let after = (0..dimension).map(|axis| along(axis) * self.layout.stride[axis]);
+            // the window may reach beyond the grid
+            let Some(other) = (first + after.sum::<usize>()).checked_sub(before) else {
+                continue;
+            };
+            for (a, row) in stiffness.iter().enumerate().take(dimension) {
+                for (b, value) in row.iter().enumerate().take(dimension) {
+                    if *value != 0.0 {
+                        matrix.add(dimension * node + a, dimension * other + b, *value);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Adds a matrix to another, row by row times a factor.
+#[inline(always)]
+fn accumulate(sum: &mut [[f64; 3]; 3], factors: [f64; 3], matrix: &[[f64; 3]; 3]) {
+    for ((sum, factor), row) in sum.iter_mut().zip(factors).zip(matrix) {
+        (0..3).for_each(|axis| sum[axis] += factor * row[axis]);
+    }
+}

@@ -1,0 +1,119 @@
+//! Coarse space for networks of springs: multilinear displacements on a coarse grid.
+//!
+//! The diagonal of the stiffness preconditions interactions between neighbours. Deformations that extend over
+//! the whole body then need as many Krylov iterations as there are neighbourhoods along it. The grid solves
+//! for them directly; both together make the number of iterations independent of the size of the body and of
+//! jumps in stiffness: two-level additive Schwarz, see Toselli & Widlund, Domain Decomposition Methods (2005),
+//! chapter 3. Displacements are multilinear within a cell, so that a uniform strain has its exact energy.
+
+mod banded;
+mod grid;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use banded::Banded;
+use grid::{CORNERS, Grid};
+
+/// Fraction of the coarse displacement that is applied: the diagonal corrects smooth displacements, too.
+const DAMPING: f64 = 0.6;
+
+/// Number of cells whose stiffness is held in memory at once.
+const BATCH: usize = 64;
+
+/// A spring from a point to another point or to its mirror image.
+#[derive(Clone, Copy, Debug)]
+pub struct Spring {
+    /// Force over extension.
+    pub stiffness: f64,
+    /// Fraction of the stiffness that also resists motion across the spring (-).
+    pub across: f64,
+    /// Unit vector.
+    pub along: [f64; 3],
+    /// The point at the other end, or the point whose image is there.
+    pub to: usize,
+    /// Factors on the displacement of `to`: those of its image, or one.
+    pub scale: [f64; 3],
+}
+
+/// Displacements of the nodes of a coarse grid, and the factors of the stiffness between them.
+#[derive(Clone, Debug)]
+pub struct CoarseSpace {
+    grid: Grid,
+    factor: Banded,
+}
+
+impl CoarseSpace {
+    /// The space for points at `position` (m) with the `springs` of each, whose stiffness is that of the
+    /// system to be solved. `free` is zero for held components, else one. `None` for bodies of few cells.
+    pub fn new(
+        position: &[Vector3<f64>],
+        dimension: usize,
+        free: Vec<[f64; 3]>,
+        springs: impl Fn(usize, &mut dyn FnMut(Spring)) + Sync,
+    ) -> Option<Self> {
+        let reach_of = |point: usize| {
+            let mut reach: f64 = 0.0;
+            springs(point, &mut |spring| {
+                reach = reach.max((position[spring.to] - position[point]).amax());
+            });
+            reach
+        };
+        let reaches: Vec<f64> = (0..position.len()).into_par_iter().map(reach_of).collect();
+        let longest = reaches.iter().copied().fold(0.0, f64::max);
+        let shortest = reaches.into_iter().fold(longest, f64::min);
+        let grid = Grid::new(position, dimension, [shortest, longest], free)?;
+        let (rows, band) = grid.size();
+        let mut matrix = Banded::new(rows, band);
+        for cells in grid.members.chunks(BATCH) {
+            let blocks = cells.par_iter().map(|m| grid.stiffness(m, &springs));
+            let blocks: Vec<_> = blocks.collect();
+            for (members, block) in cells.iter().zip(&blocks) {
+                grid.add(members, block, &mut matrix);
+            }
+        }
+        let factor = matrix.factors()?;
+        Some(CoarseSpace { grid, factor })
+    }
+
+    /// Adds the coarse displacement under `residual` to `out`, three components for each point.
+    pub(super) fn add_correction(&self, residual: &[f64], out: &mut [f64]) {
+        let (grid, dimension) = (&self.grid, self.grid.dimension());
+        let (forces, _) = residual.as_chunks::<3>();
+        let sums = grid.members.par_iter().map(|members| {
+            let mut sums = [[0.0; 3]; CORNERS];
+            for &point in members {
+                let point = point as usize;
+                for (sum, weight) in sums.iter_mut().zip(grid.weights[point]) {
+                    for axis in 0..dimension {
+                        sum[axis] += weight * grid.free[point][axis] * forces[point][axis];
+                    }
+                }
+            }
+            sums
+        });
+        let sums: Vec<_> = sums.collect();
+        let mut nodes = vec![0.0; grid.size().0];
+        for (members, sums) in grid.members.iter().zip(&sums) {
+            let first = grid.first_node(members[0] as usize);
+            for (corner, sum) in sums.iter().enumerate().take(1 << dimension) {
+                let node = grid.corner_node(first, corner);
+                (0..dimension).for_each(|axis| nodes[dimension * node + axis] += sum[axis]);
+            }
+        }
+        self.factor.solve(&mut nodes);
+        let (vectors, _) = out.as_chunks_mut::<3>();
+        vectors.par_iter_mut().enumerate().for_each(|(point, out)| {
+            let first = grid.first_node(point);
+            for (corner, weight) in grid.weights[point].iter().enumerate().take(1 << dimension) {
+                let node = grid.corner_node(first, corner);
+                for axis in 0..dimension {
+                    out[axis] +=
+                        DAMPING * weight * grid.free[point][axis] * nodes[dimension * node + axis];
+                }
+            }
+        });
+    }
+}

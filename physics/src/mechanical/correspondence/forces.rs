@@ -1,0 +1,130 @@
+//! Force states of the points, forces of the bonds, and the excess of bonds over their critical stretch.
+
+use nalgebra::Matrix3;
+use perimelt_core::BrokenBonds;
+use rayon::prelude::*;
+
+use super::Correspondence;
+use super::kernels::{DISPLACEMENT, Force, INPUTS};
+use crate::mechanical::classical::{Point, diagonal, image_of};
+use crate::mechanical::fracture::Fracture;
+use crate::mechanical::solid::{StrainKind, flat, unflatten};
+use crate::mechanical::specialise::specialise;
+use crate::mechanical::stretch::{EXCESS_INPUTS, Excess};
+
+impl Correspondence {
+    pub(super) fn broken(&self) -> Option<&BrokenBonds> {
+        self.fracture.as_ref().map(Fracture::broken)
+    }
+
+    /// Evaluates H of the displacement that was set.
+    pub(super) fn load_gradient(&mut self) {
+        let axes = std::array::from_fn(|axis| &self.slots[DISPLACEMENT + axis][..]);
+        let broken = self.fracture.as_ref().map(Fracture::broken);
+        if self.gradient.evaluate(axes, broken) {
+            self.load_stabilisation();
+        }
+    }
+
+    /// `P K^-1 - g H` of a point with the law `point`, whose g is that of the point number `i`.
+    fn force_state_of(
+        &self,
+        (i, point): (usize, Point),
+        finite: bool,
+        gradient: &Matrix3<f64>,
+        inverse: &Matrix3<f64>,
+    ) -> Matrix3<f64> {
+        point.piola(gradient, finite) * inverse - self.spring(i) * gradient
+    }
+
+    /// Evaluates the stress and loads the force states.
+    pub(super) fn load_force_state(&mut self, strain: StrainKind, finite: bool) {
+        let mut states = std::mem::take(&mut self.force_state);
+        let mut slots = std::mem::take(&mut self.slots);
+        let (values, inverse) = (&self.gradient.values, &self.gradient.inverse_shape);
+        states.par_iter_mut().enumerate().for_each(|(i, state)| {
+            let point = self.point(i, strain);
+            *state = self.force_state_of((i, point), finite, &values[i], &inverse[i]);
+        });
+        // nalgebra stores columns
+        let flat: &[f64] = bytemuck::cast_slice(&states);
+        for (row, column) in self.entries() {
+            let slots = &mut slots[3 * row + column];
+            self.family.scatter(flat, 9, 3 * column + row, slots);
+        }
+        for image in self.family.images(&self.continuation) {
+            let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
+            let gradient = scale * values[image.point] * mirror + image.bend;
+            let inverse = mirror * inverse[image.point] * mirror;
+            let mut point = self.point(image.point, strain);
+            if let Some(plasticity) = &self.plasticity {
+                let inelastic = image_of(&scale, &point.inelastic, &mirror);
+                point = point.with_inelastic(plasticity.stress_state, inelastic);
+            }
+            let state = self.force_state_of((image.point, point), finite, &gradient, &inverse);
+            for (row, column) in self.entries() {
+                slots[3 * row + column][image.slot] = state[(row, column)];
+            }
+        }
+        (self.force_state, self.slots) = (states, slots);
+    }
+
+    /// Rows and columns of tensors in the dimensions of the body.
+    fn entries(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let dimension = self.dimension;
+        (0..dimension).flat_map(move |row| (0..dimension).map(move |column| (row, column)))
+    }
+
+    /// Inputs of the kernels; zeros in place of those that the dimension leaves out.
+    pub(super) fn inputs(&self) -> [&[f64]; INPUTS] {
+        kernel_inputs(&self.slots, &self.gradient.zeros)
+    }
+
+    pub(super) fn sum_forces(&mut self, out: &mut [f64]) {
+        match self.dimension {
+            2 => self.sum_forces_in::<2>(out),
+            _ => self.sum_forces_in::<3>(out),
+        }
+    }
+
+    fn sum_forces_in<const D: usize>(&mut self, out: &mut [f64]) {
+        let inputs = kernel_inputs(&self.slots, &self.gradient.zeros);
+        let broken = self.fracture.as_ref().map(Fracture::broken);
+        let sums = flat::<D>(&mut self.padded, bytemuck::cast_slice_mut(out));
+        self.family.sum_unbroken(&Force, inputs, broken, sums);
+        unflatten::<D>(&self.padded, out);
+    }
+
+    /// Sums the excess of bonds over their critical stretch.
+    pub(super) fn sum_excess(&mut self) {
+        let Some(fracture) = &mut self.fracture else {
+            return;
+        };
+        let inputs = excess_inputs(&self.slots, &self.strength, &self.gradient.zeros);
+        let (finite, broken) = (self.elastic.finite, Some(&fracture.state.broken));
+        let (family, sums) = (&self.family, bytemuck::cast_slice_mut(&mut fracture.excess));
+        specialise!(FINITE = finite =>
+            family.sum_unbroken(&Excess::<FINITE>, inputs, broken, sums));
+    }
+}
+
+fn kernel_inputs<'a>(slots: &'a [Vec<f64>; INPUTS], zeros: &'a [f64]) -> [&'a [f64]; INPUTS] {
+    slots.each_ref().map(|s| match s.is_empty() {
+        true => zeros,
+        false => s,
+    })
+}
+
+/// Inputs of [`Excess`].
+pub(super) fn excess_inputs<'a>(
+    slots: &'a [Vec<f64>; INPUTS],
+    [eigenstrain, critical]: &'a [Vec<f64>; 2],
+    zeros: &'a [f64],
+) -> [&'a [f64]; EXCESS_INPUTS] {
+    let inputs = kernel_inputs(slots, zeros);
+    std::array::from_fn(|i| match i {
+        3 => &eigenstrain[..],
+        4 => critical,
+        axis => inputs[DISPLACEMENT + axis],
+    })
+}

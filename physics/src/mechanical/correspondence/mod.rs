@@ -1,0 +1,373 @@
+//! Correspondence solids (non-ordinary state-based): force states from a classical stress.
+//!
+//! ```text
+//! F = 1 + H,  H = [sum_j w (u_j - u_i) (x) xi] K^-1,  K = sum_j w xi (x) xi      Wang (2025), eqs. 3.15, 3.19
+//! P = sigma(H)                 linear kinematics: linear elasticity
+//! P = F S,  S = C : (E - e),  E = (F^T F - 1)/2      finite: Saint Venant-Kirchhoff, eqs. 3.16 to 3.18
+//! T_ij = w_ij { P K^-1 xi + g z },  z = u_j - u_i - H xi,  g = G 2 d bulk / horizon
+//!                                                     eqs. 3.14, 3.20; corrected, see spec 01, 1.4
+//! f_i = sum_j T_ij - T_ji
+//! ```
+//!
+//! `w` is the weight of the bond in the family of the owner. The term `g z` stabilises the zero-energy modes
+//! (Silling 2017) and vanishes in every affine deformation. Any uniform strain is exact on any cloud, also at
+//! surfaces, and needs no calibration.
+//!
+//! Bonds break at their critical stretch ([`fracture`](super::fracture)). All sums, that of K included, run over
+//! unbroken bonds, so that a uniform strain stays exact beside cracks. A *loose* point, whose bonds no longer span
+//! the dimensions, has no strain, no stress and no `g z` of its own; only the force states of its neighbours act
+//! on it. The energy criterion of fracture is not available: stress belongs to points, and no bond has an energy
+//! of its own.
+
+mod forces;
+mod kernels;
+
+use std::sync::Arc;
+
+use nalgebra::Matrix3;
+use perimelt_core::family::{Continuation, LayerRule};
+use perimelt_core::{Body, Bond, Family};
+use rayon::prelude::*;
+
+use super::classical::{COMPONENTS, Point};
+use super::elastic::ElasticPoints;
+use super::fracture::{BondLoads, Fracture, FractureState, NewBreaks};
+use super::gradient::{FlatFamily, Gradient, RISE};
+use super::moduli::Moduli;
+use super::plasticity::Plasticity;
+use super::solid::{
+    Constitution, LayeredDisplacement, Solid, StrainKind, continue_displacement, load_mirrored,
+};
+use super::specialise::specialise;
+use super::stretch::Excess;
+use forces::excess_inputs;
+use kernels::{Block, DISPLACEMENT, Force, INPUTS, STABILISATION, SquaredExtension};
+
+/// A correspondence solid.
+#[derive(Debug)]
+pub struct Correspondence {
+    family: Arc<Family>,
+    dimension: usize,
+    /// The horizon of each point, m.
+    horizon: Vec<f64>,
+    /// G.
+    stabilisation: f64,
+    elastic: ElasticPoints,
+    plasticity: Option<Plasticity>,
+    fracture: Option<Fracture>,
+    continuation: Continuation,
+    slots: [Vec<f64>; INPUTS],
+    /// Eigenstrain and critical stretch in slot space; empty if bonds do not break.
+    strength: [Vec<f64>; 2],
+    /// H of each point.
+    gradient: Gradient,
+    /// `P K^-1 - g H` of each point.
+    force_state: Vec<Matrix3<f64>>,
+    /// Sums with as many components as the dimension, in 2D.
+    padded: Vec<f64>,
+    energy: Vec<[f64; 2]>,
+    tensors: Vec<[f64; 6]>,
+}
+
+impl Correspondence {
+    /// The solid of `body` with the given family; `stabilisation` is G.
+    ///
+    /// # Errors
+    /// A point whose bonds do not span the dimensions.
+    pub fn new(
+        body: &Body,
+        family: Arc<Family>,
+        constitution: Constitution,
+        stabilisation: f64,
+    ) -> Result<Self, FlatFamily> {
+        let (points, dimension) = (body.points.len(), body.dimension);
+        let Constitution {
+            elasticity,
+            finite,
+            plasticity,
+            fracture,
+        } = constitution;
+        let slots = family.slots();
+        let breaking = if fracture.is_some() { slots } else { 0 };
+        let needed = |i: usize| match i {
+            STABILISATION => true,
+            i if i >= DISPLACEMENT => i - DISPLACEMENT < dimension,
+            i => i / 3 < dimension && i % 3 < dimension,
+        };
+        let horizon = body.points.spacing.iter();
+        let horizon = horizon.map(|s| family.spec().horizon.of(*s));
+        let mut this = Correspondence {
+            dimension,
+            horizon: horizon.collect(),
+            stabilisation,
+            elastic: ElasticPoints::new(body, elasticity, finite),
+            plasticity,
+            fracture,
+            continuation: Continuation::default(),
+            slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
+            strength: std::array::from_fn(|_| vec![0.0; breaking]),
+            gradient: Gradient::new(body, family.clone())?,
+            force_state: vec![Matrix3::zeros(); points],
+            padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
+            energy: vec![[0.0; 2]; points],
+            tensors: vec![[0.0; 6]; points],
+            family,
+        };
+        this.load_stabilisation();
+        this.load_limits(body, None);
+        Ok(this)
+    }
+
+    /// g; zero for loose points.
+    fn spring(&self, point: usize) -> f64 {
+        if self.gradient.is_loose(point) {
+            return 0.0;
+        }
+        let bond_stiffness = 2.0 * self.dimension as f64 * self.elastic.moduli(point).bulk;
+        self.stabilisation * bond_stiffness / self.horizon[point]
+    }
+
+    fn load_stabilisation(&mut self) {
+        let springs: Vec<f64> = (0..self.horizon.len()).map(|i| self.spring(i)).collect();
+        load_mirrored(&self.family, &springs, &mut self.slots[STABILISATION]);
+    }
+
+    fn load_limits(&mut self, body: &Body, temperature: Option<&[f64]>) {
+        if let Some(fracture) = &mut self.fracture {
+            fracture.load(body, temperature, |i| self.elastic.moduli(i));
+            load_mirrored(&self.family, &fracture.critical, &mut self.strength[1]);
+        }
+    }
+
+    /// The law of a point for the given kind of strain.
+    fn point(&self, i: usize, strain: StrainKind) -> Point {
+        let law = self.elastic.strained(&self.gradient).law(i);
+        let law = match strain {
+            StrainKind::Elastic => law,
+            StrainKind::Total | StrainKind::Change => law.of_change(),
+        };
+        match (&self.plasticity, strain) {
+            (None, _) | (_, StrainKind::Total) => law,
+            (Some(p), StrainKind::Elastic) => law.with_inelastic(p.stress_state, p.tried[i].strain),
+            (Some(p), StrainKind::Change) => law.with_inelastic(p.stress_state, p.change[i]),
+        }
+    }
+}
+
+impl Solid for Correspondence {
+    fn set_moduli(&mut self, body: &Body, temperature: Option<&[f64]>) {
+        let changed = self.elastic.set_moduli(body, temperature);
+        if changed {
+            self.load_stabilisation();
+        }
+        if changed || !self.fracture.as_ref().is_none_or(Fracture::is_constant) {
+            self.load_limits(body, temperature);
+        }
+    }
+
+    fn set_stiffest_moduli(&mut self, body: &Body) {
+        if self.elastic.set_stiffest_moduli(body) {
+            self.load_stabilisation();
+        }
+    }
+
+    fn set_eigenstrain(&mut self, eigenstrain: &[f64]) {
+        if self.elastic.set_eigenstrain(eigenstrain) && self.fracture.is_some() {
+            let eigenstrain = &self.elastic.eigenstrain;
+            load_mirrored(&self.family, eigenstrain, &mut self.strength[0]);
+        }
+    }
+
+    fn set_displacement(&mut self, values: &[f64], rules: &[LayerRule]) {
+        continue_displacement(
+            &self.family,
+            LayeredDisplacement { values, rules },
+            &self.elastic,
+            &mut self.slots[DISPLACEMENT..DISPLACEMENT + self.dimension],
+            &mut self.continuation,
+        );
+    }
+
+    fn force(&mut self, out: &mut [f64]) {
+        self.load_gradient();
+        if let Some(plasticity) = &mut self.plasticity {
+            plasticity.try_strains(self.elastic.strained(&self.gradient));
+        }
+        self.load_force_state(StrainKind::Elastic, self.elastic.finite);
+        self.sum_forces(out);
+        self.sum_excess();
+    }
+
+    fn stiffness(&mut self, out: &mut [f64]) {
+        self.load_gradient();
+        self.load_force_state(StrainKind::Total, false);
+        self.sum_forces(out);
+        out.par_iter_mut().for_each(|f| *f = -*f);
+    }
+
+    /// Forces and flow follow the same strain, that of points.
+    fn has_symmetric_plastic_tangent(&self) -> bool {
+        true
+    }
+
+    fn bonds_shear(&self) -> bool {
+        true
+    }
+
+    fn linearise(&mut self) {
+        if let Some(plasticity) = &mut self.plasticity {
+            plasticity.linearise(self.elastic.strained(&self.gradient));
+        }
+    }
+
+    fn tangent(&mut self, out: &mut [f64]) {
+        self.load_gradient();
+        if let Some(plasticity) = &mut self.plasticity {
+            plasticity.follow(&self.gradient.values);
+        }
+        self.load_force_state(StrainKind::Change, false);
+        self.sum_forces(out);
+        out.par_iter_mut().for_each(|f| *f = -*f);
+    }
+
+    fn blocks(&mut self) -> &[[f64; 6]] {
+        let broken = self.fracture.as_ref().map(Fracture::broken);
+        if self.gradient.update_shapes(broken) {
+            self.load_stabilisation();
+        }
+        let points = self.horizon.len();
+        let mut slots: [Vec<f64>; 9] = std::array::from_fn(|_| vec![0.0; self.family.slots()]);
+        let mut field = vec![0.0; points];
+        for (slots, (row, column)) in slots.iter_mut().zip(COMPONENTS) {
+            let entries = field.iter_mut().zip(&self.gradient.inverse_shape);
+            entries.for_each(|(entry, inverse)| *entry = inverse[(row, column)]);
+            self.family.scatter(&field, 1, 0, slots);
+            for image in self.family.images(&self.continuation) {
+                slots[image.slot] = image.mirror[row] * image.mirror[column] * field[image.point];
+            }
+        }
+        let constants: [fn(Moduli) -> f64; 2] = [|m| m.lame, |m| m.shear];
+        for (slots, constant) in slots[6..].iter_mut().zip(constants) {
+            let entries = field.iter_mut().enumerate();
+            entries.for_each(|(i, entry)| *entry = constant(self.elastic.moduli(i)));
+            load_mirrored(&self.family, &field, slots);
+        }
+        slots[8].copy_from_slice(&self.slots[STABILISATION]);
+        let (inputs, tensors) = (slots.each_ref().map(|s| &s[..]), &mut self.tensors);
+        let broken = self.fracture.as_ref().map(Fracture::broken);
+        self.family.sum_unbroken(&Block, inputs, broken, tensors);
+        &self.tensors
+    }
+
+    fn rise_by_damage(&self) -> f64 {
+        self.fracture.as_ref().map_or(1.0, |_| RISE)
+    }
+
+    fn energy(&mut self) -> &[[f64; 2]] {
+        self.load_gradient();
+        let points = self.horizon.len();
+        let mut extension = vec![[0.0]; points];
+        let inputs = self.inputs();
+        let inputs = std::array::from_fn(|axis| inputs[DISPLACEMENT + axis]);
+        self.family
+            .sum_unbroken(&SquaredExtension, inputs, self.broken(), &mut extension);
+        let mut energy = std::mem::take(&mut self.energy);
+        for (i, energy) in energy.iter_mut().enumerate() {
+            let (gradient, point) = (&self.gradient.values[i], self.point(i, StrainKind::Total));
+            let strain = Point::strain(gradient, self.elastic.finite);
+            let stress = point.stress(&strain);
+            // sum_j w |z|^2 = sum_j w |u_j - u_i|^2 - H : H K, with K the inverse of its inverse
+            let mut shape = self.gradient.inverse_shape[i];
+            (self.dimension..3).for_each(|a| shape[(a, a)] = 1.0);
+            // a loose point has no shape tensor; it has no springs either
+            let affine = shape
+                .try_inverse()
+                .map_or(0.0, |shape| gradient.dot(&(gradient * shape)));
+            let modes = 0.5 * self.spring(i) * (extension[i][0] - affine).max(0.0);
+            let conjugate = (0..self.dimension).map(|a| stress[(a, a)]).sum::<f64>();
+            *energy = [
+                0.5 * stress.dot(&strain) + modes,
+                conjugate * point.moduli.swelling,
+            ];
+        }
+        self.energy = energy;
+        &self.energy
+    }
+
+    fn horizon(&self) -> f64 {
+        self.horizon.iter().copied().fold(0.0, f64::max)
+    }
+
+    fn plasticity(&mut self) -> Option<&mut Plasticity> {
+        self.plasticity.as_mut()
+    }
+
+    fn fracture(&self) -> Option<&Fracture> {
+        self.fracture.as_ref()
+    }
+
+    fn replace_fracture_state(&mut self, state: FractureState) -> Option<FractureState> {
+        let fracture = self.fracture.as_mut()?;
+        self.gradient.invalidate();
+        Some(std::mem::replace(&mut fracture.state, state))
+    }
+
+    /// Broken bonds leave no frozen stress: the conjugate stress is that of points.
+    fn break_bonds(&mut self, fraction: f64, damage: &mut [f64]) -> NewBreaks {
+        let finite = self.elastic.finite;
+        let inputs = excess_inputs(&self.slots, &self.strength, &self.gradient.zeros);
+        let ratio = |bond: &Bond, own: usize, other: usize| {
+            let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
+            let (stretch, limit) = specialise!(FINITE = finite =>
+                Excess::<FINITE>::stretch_and_limit(bond, own, other));
+            stretch / limit
+        };
+        let Some(fracture) = &mut self.fracture else {
+            return NewBreaks::default();
+        };
+        let conjugate = |_: usize, _: &Bond, _: usize| 0.0;
+        let loads = BondLoads { ratio, conjugate };
+        fracture.break_bonds(&self.family, fraction, damage, loads)
+    }
+
+    fn family(&self) -> &Family {
+        &self.family
+    }
+
+    fn material_stress(&mut self) -> Vec<[f64; 6]> {
+        let plasticity = self.plasticity.as_ref();
+        plasticity.map_or_else(Vec::new, |p| {
+            p.tried_stress(self.elastic.strained(&self.gradient))
+        })
+    }
+
+    fn moduli_of(&self, point: usize) -> Moduli {
+        self.elastic.moduli(point)
+    }
+
+    /// Cauchy stress under finite kinematics.
+    fn stress(&mut self) -> &[[f64; 6]] {
+        self.load_gradient();
+        let finite = self.elastic.finite;
+        let mut tensors = std::mem::take(&mut self.tensors);
+        for (i, tensor) in tensors.iter_mut().enumerate() {
+            let gradient = &self.gradient.values[i];
+            let point = self.point(i, StrainKind::Elastic);
+            let mut stress = point.piola(gradient, finite);
+            if finite {
+                let deformation = Matrix3::identity() + gradient;
+                stress = stress * deformation.transpose() / deformation.determinant();
+            }
+            *tensor = point.components(&stress, self.elastic.is_plane_strain());
+        }
+        self.tensors = tensors;
+        &self.tensors
+    }
+
+    fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3])) {
+        self.load_gradient();
+        self.load_force_state(StrainKind::Elastic, self.elastic.finite);
+        self.family
+            .sum_across(&Force, (self.inputs(), self.broken()), plane, receive);
+    }
+}

@@ -1,0 +1,134 @@
+//! Moduli and stress-free strain of the points of a body, and the elastic law that they give each point.
+
+use perimelt_core::Body;
+use rayon::prelude::*;
+
+use super::classical::{Point, symmetric};
+use super::gradient::Gradient;
+use super::moduli::{Elasticity, Moduli};
+
+/// Moduli and eigenstrain of the points of a body.
+#[derive(Debug)]
+pub(super) struct ElasticPoints {
+    pub(super) dimension: usize,
+    /// Finite kinematics.
+    pub(super) finite: bool,
+    elasticity: Elasticity,
+    /// The moduli where they are the same everywhere at any temperature; otherwise `moduli` has those of each
+    /// point.
+    uniform: Option<Moduli>,
+    moduli: Vec<Moduli>,
+    /// In-plane stress-free strain of each point.
+    pub(super) eigenstrain: Vec<f64>,
+}
+
+impl ElasticPoints {
+    pub(super) fn new(body: &Body, elasticity: Elasticity, finite: bool) -> Self {
+        let uniform = elasticity.uniform();
+        let moduli = body.material_of_point.iter();
+        let moduli = moduli.map(|&m| elasticity.at(m as usize, 0.0));
+        ElasticPoints {
+            dimension: body.dimension,
+            finite,
+            moduli: match uniform {
+                Some(_) => Vec::new(),
+                None => moduli.collect(),
+            },
+            uniform,
+            elasticity,
+            eigenstrain: vec![0.0; body.points.len()],
+        }
+    }
+
+    pub(super) fn moduli(&self, point: usize) -> Moduli {
+        self.uniform.unwrap_or_else(|| self.moduli[point])
+    }
+
+    /// The moduli where they are the same everywhere at any temperature.
+    pub(super) fn uniform(&self) -> Option<Moduli> {
+        self.uniform
+    }
+
+    pub(super) fn is_plane_strain(&self) -> bool {
+        self.elasticity.is_plane_strain()
+    }
+
+    /// Evaluates the moduli at the temperature of each point, K; whether they can have changed.
+    pub(super) fn set_moduli(&mut self, body: &Body, temperature: Option<&[f64]>) -> bool {
+        if self.uniform.is_some() {
+            return false;
+        }
+        let elasticity = &self.elasticity;
+        let points = self.moduli.par_iter_mut().zip(&body.material_of_point);
+        points.enumerate().for_each(|(i, (moduli, &m))| {
+            *moduli = elasticity.at(m as usize, temperature.map_or(0.0, |t| t[i]));
+        });
+        true
+    }
+
+    /// Takes the stiffest moduli of each material; whether they can have changed.
+    pub(super) fn set_stiffest_moduli(&mut self, body: &Body) -> bool {
+        for (moduli, &m) in self.moduli.iter_mut().zip(&body.material_of_point) {
+            *moduli = self.elasticity.stiffest(m as usize);
+        }
+        self.uniform.is_none()
+    }
+
+    /// Takes the stress-free strain of each point; whether it changed.
+    pub(super) fn set_eigenstrain(&mut self, eigenstrain: &[f64]) -> bool {
+        let (uniform, moduli) = (self.uniform, &self.moduli);
+        let moduli = |i: usize| uniform.unwrap_or_else(|| moduli[i]);
+        let in_plane = |i: usize| eigenstrain[i] * moduli(i).swelling;
+        let points = self.eigenstrain.par_iter().enumerate().with_min_len(4096);
+        if points.all(|(i, own)| *own == in_plane(i)) {
+            return false;
+        }
+        let points = self.eigenstrain.par_iter_mut().enumerate();
+        let points = points.with_min_len(4096);
+        points.for_each(|(i, own)| *own = in_plane(i));
+        true
+    }
+
+    /// The points with their displacement gradients.
+    pub(super) fn strained<'a>(&'a self, gradient: &'a Gradient) -> StrainedPoints<'a> {
+        StrainedPoints {
+            elastic: self,
+            gradient,
+        }
+    }
+}
+
+/// The points of a body with their displacement gradients.
+#[derive(Clone, Copy)]
+pub(super) struct StrainedPoints<'a> {
+    elastic: &'a ElasticPoints,
+    gradient: &'a Gradient,
+}
+
+impl StrainedPoints<'_> {
+    /// The elastic law of a point. A loose point has no stiffness.
+    pub(super) fn law(&self, point: usize) -> Point {
+        let Self { elastic, gradient } = self;
+        let (moduli, dimension) = (elastic.moduli(point), elastic.dimension);
+        match gradient.is_loose(point) {
+            true => Point::loose(moduli, dimension),
+            false => Point::new(moduli, elastic.eigenstrain[point], dimension),
+        }
+    }
+
+    /// Stress of a point by the law `law`, Pa: without the rotation of the point.
+    pub(super) fn stress(&self, point: usize, law: &Point) -> [f64; 6] {
+        let gradient = &self.gradient.values[point];
+        let stress = law.material_stress(gradient, self.elastic.finite);
+        law.components(&stress, self.elastic.is_plane_strain())
+    }
+
+    /// Elastic stress of a strain (xx, yy, zz, xy, yz, zx) alone, Pa.
+    pub(super) fn elastic_stress(&self, law: &Point, strain: &[f64; 6]) -> [f64; 6] {
+        let law = law.of_change();
+        law.components(
+            &law.stress(&symmetric(strain)),
+            self.elastic.is_plane_strain(),
+        )
+    }
+}

@@ -1,0 +1,74 @@
+//! Equilibrium under finite kinematics does not depend on the unit of length.
+
+use nalgebra::Vector3;
+use perimelt_core::body::Store;
+use perimelt_core::{Coupler, RunError, Setup, SetupError, Step, World, Write, keys};
+use serde::{Deserialize, Serialize};
+
+use super::Mechanical;
+use crate::testing::{block, read, run, simulation, values};
+
+/// Holds both ends of a film across x, and stretches it by 5 %.
+#[derive(Debug, Default, Serialize, Deserialize)]
+struct Stretching {
+    #[serde(skip)]
+    fields: Option<[Write<Vector3<f64>>; 2]>,
+}
+
+#[typetag::serde(name = "test_stretching")]
+impl Coupler for Stretching {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let constraint = setup.add(0, &keys::CONSTRAINT)?;
+        self.fields = Some([constraint, setup.add(0, &keys::HELD_DISPLACEMENT)?]);
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, _: Step) -> Result<(), RunError> {
+        let [constraint, held] = self.fields.expect("prepared");
+        let (mut constraint, mut held) = (world.write(constraint), world.write(held));
+        let body = world.body(0);
+        let ((min, max), spacing) = (body.bounds(), body.coarsest_spacing());
+        for (i, x) in body.points.position.iter().enumerate() {
+            let is_right = max[0] - x.x < 2.0 * spacing;
+            if is_right || x.x - min[0] < 2.0 * spacing {
+                constraint[i] += Vector3::repeat(1.0);
+                let pull = if is_right { 0.05 } else { 0.0 };
+                held[i] += Vector3::new(pull * (max[0] - min[0]), 0.0, 0.0);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Displacement over spacing, and the number of evaluations of forces.
+fn stretched(spacing: f64, keys: &str) -> (Vec<f64>, u64) {
+    let material = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3";
+    let body = block([16, 6, 1], 2, spacing, Store::Lattice, material);
+    let mechanical: Mechanical = read(keys);
+    let coupler = Stretching::default();
+    let mut s = simulation(
+        body,
+        vec![Box::new(mechanical)],
+        vec![Box::new(coupler)],
+        1.0,
+    );
+    run(&mut s);
+    let displacement = values(&s, "displacement");
+    let relative = displacement.iter().map(|u| u / spacing).collect();
+    (relative, s.progress().evaluations[0])
+}
+
+#[test]
+fn a_nanometre_film_converges_as_a_metre_film_does() {
+    for formulation in ["bond", "ordinary", "correspondence"] {
+        let keys = format!("formulation = \"{formulation}\"\nkinematics = \"finite\"");
+        let (metres, evaluations) = stretched(1.0, &keys);
+        // a power of two, so that no number rounds otherwise
+        let (nanometres, as_many) = stretched(0.5f64.powi(30), &keys);
+        assert_eq!(evaluations, as_many, "{formulation}");
+        let size = metres.iter().fold(0.0f64, |s, u| s.max(u.abs()));
+        for (a, b) in metres.iter().zip(&nanometres) {
+            assert!((a - b).abs() < 1e-12 * size, "{formulation}: {a} {b}");
+        }
+    }
+}

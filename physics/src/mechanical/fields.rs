@@ -1,0 +1,104 @@
+//! Fields that the mechanical physics reads and writes.
+
+use nalgebra::{Matrix3, Vector3};
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Read, ReadIfProvided, Setup, SetupError, Write, keys};
+
+/// Handles of the fields of a body.
+#[derive(Debug)]
+pub(super) struct Fields {
+    pub(super) displacement: Write<Vector3<f64>>,
+    /// Of the explicit solver.
+    pub(super) velocity: Option<Write<Vector3<f64>>>,
+    pub(super) stress: Write<Matrix3<f64>>,
+    pub(super) conjugate_stress: Write<f64>,
+    /// Whether a coupler reads the conjugate stress, so that it is needed in each step.
+    pub(super) conjugate_stress_is_read: bool,
+    pub(super) plastic: Option<PlasticFields>,
+    /// If bonds break.
+    pub(super) damage: Option<Write<f64>>,
+    pub(super) eigenstrain: Option<Read<f64>>,
+    pub(super) body_force: Option<Read<Vector3<f64>>>,
+    /// Of the explicit solver.
+    pub(super) impulse: Option<Read<Vector3<f64>>>,
+    /// If boundaries hold points.
+    pub(super) hold: Option<Hold>,
+    pub(super) temperature: ReadIfProvided<f64>,
+}
+
+/// Fields of the boundaries that hold points.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hold {
+    /// Number of boundaries that hold each component.
+    pub(super) constraint: Read<Vector3<f64>>,
+    /// Sum of the displacements at which they hold it, m.
+    pub(super) displacement: Read<Vector3<f64>>,
+}
+
+/// Fields of a body that flows plastically.
+#[derive(Debug)]
+pub(super) struct PlasticFields {
+    pub(super) strain: Write<Matrix3<f64>>,
+    pub(super) equivalent: Write<f64>,
+    pub(super) work: Write<f64>,
+}
+
+/// Which optional fields a body has.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Features {
+    pub(super) is_explicit: bool,
+    pub(super) is_plastic: bool,
+    pub(super) breaks: bool,
+}
+
+impl Fields {
+    /// Declares the fields of `body`.
+    pub(super) fn declare(
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+        features: Features,
+    ) -> Result<Self, SetupError> {
+        let Features {
+            is_explicit,
+            is_plastic,
+            breaks,
+        } = features;
+        let hold = match setup.consume_if_added(body, &keys::CONSTRAINT)? {
+            Some(constraint) => Some(Hold {
+                constraint,
+                displacement: setup.consume(body, &keys::HELD_DISPLACEMENT)?,
+            }),
+            None => None,
+        };
+        Ok(Fields {
+            displacement: setup.own(body, &keys::DISPLACEMENT)?,
+            velocity: match is_explicit {
+                true => Some(setup.own(body, &keys::VELOCITY)?),
+                false => None,
+            },
+            stress: setup.own(body, &keys::STRESS)?,
+            plastic: match is_plastic {
+                true => Some(PlasticFields {
+                    strain: setup.own(body, &keys::PLASTIC_STRAIN)?,
+                    equivalent: setup.own(body, &keys::EQUIVALENT_PLASTIC_STRAIN)?,
+                    work: setup.own(body, &keys::PLASTIC_WORK)?,
+                }),
+                false => None,
+            },
+            damage: match breaks {
+                true => Some(setup.own(body, &keys::DAMAGE)?),
+                false => None,
+            },
+            conjugate_stress_is_read: setup.is_read(body, &keys::CONJUGATE_STRESS),
+            conjugate_stress: setup.own(body, &keys::CONJUGATE_STRESS)?,
+            eigenstrain: setup.consume_if_added(body, &keys::EIGENSTRAIN)?,
+            body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
+            impulse: match is_explicit {
+                true => setup.take_if_added(body, &keys::IMPULSE)?,
+                false => None,
+            },
+            hold,
+            temperature: setup.read_if_provided(body, &keys::TEMPERATURE)?,
+        })
+    }
+}

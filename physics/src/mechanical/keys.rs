@@ -1,0 +1,132 @@
+//! Keys of a `mechanical` table in a case file.
+
+use perimelt_core::solver::RelaxationOptions;
+use perimelt_core::{Correction, Horizon, Influence, PartialVolume, StepSize, Update};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::fracture::FractureSection;
+use super::moduli::Plane;
+use super::plasticity::PlasticitySection;
+use super::section::Section;
+use super::step::Run;
+
+/// Thermoelastic solid: bond-based, ordinary state-based or by correspondence; owns `displacement` and `velocity`,
+/// consumes `eigenstrain` and `body_force`, provides `stress` and `conjugate_stress`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Mechanical {
+    /// Body that deforms; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Law of the bond forces.
+    #[serde(default)]
+    pub formulation: Formulation,
+    /// Plane stress or plane strain, for a 2D body.
+    #[serde(default)]
+    pub plane: Plane,
+    /// Stabilisation G of the zero-energy modes of `correspondence`.
+    #[serde(default = "tenth")]
+    pub stabilisation: f64,
+    /// Horizon in spacings of each point, or `{ length = ... }` in m for a uniform one; default 3 spacings, or 2 for
+    /// `correspondence`.
+    #[serde(default)]
+    pub horizon: Option<Horizon>,
+    /// Partial volume of neighbours at the edge of the horizon.
+    #[serde(default)]
+    pub partial_volume: PartialVolume,
+    /// Influence of neighbours by their distance.
+    #[serde(default)]
+    pub influence: Influence,
+    /// Calibration of the bonds.
+    #[serde(default)]
+    pub correction: Correction,
+    /// Small displacements, or finite ones by current lengths and directions of bonds.
+    #[serde(default)]
+    pub kinematics: Kinematics,
+    /// Plastic flow, such as `{ annealing_temperature = 1300 }`; elastic if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plasticity: Option<PlasticitySection>,
+    /// When bonds break, such as `{ no_fail = ["grip"] }`; never if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fracture: Option<FractureSection>,
+    /// Solver of equilibrium or motion.
+    #[serde(default)]
+    pub solver: MechanicalSolver,
+    /// Step in s, or "auto" (explicit solver).
+    #[serde(default)]
+    pub step: StepSize,
+    /// Advance in every macro `step`, or once per `log` interval.
+    #[serde(default)]
+    pub update: Update,
+    /// Planes whose force is reported with each logged state, such as
+    /// `sections = [{ name = "middle", axis = "x", at = 0 }]`.
+    #[serde(default)]
+    pub sections: Vec<Section>,
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub(super) run: Option<Run>,
+}
+
+fn tenth() -> f64 {
+    0.1
+}
+
+/// Law of the bond forces, which limits Poisson's ratio.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Formulation {
+    /// A force along the bond that depends on its own stretch. Poisson's ratio is 1/4 (3D, plane strain) or 1/3
+    /// (plane stress); that of the material is ignored.
+    #[default]
+    Bond,
+    /// A force along the bond that depends on its stretch and on the dilatation at its ends: any Poisson's ratio.
+    Ordinary,
+    /// A force from the classical stress at both ends: exact for uniform strain on any cloud of points; most
+    /// accurate with a horizon of 2 spacings.
+    Correspondence,
+}
+
+/// Measure of stretch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Kinematics {
+    /// Stretch linear in the displacement, directions of the reference configuration.
+    #[default]
+    Linear,
+    /// Current lengths and directions: large rotations and displacements.
+    Finite,
+}
+
+/// Solver of the mechanical state.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MechanicalSolver {
+    /// Equilibrium at every step by Newton-Krylov, without stress waves.
+    QuasiStatic {
+        /// Unbalanced force relative to the loads at which the iteration stops.
+        #[serde(default = "tolerance")]
+        tolerance: f64,
+    },
+    /// Equilibrium at every step by adaptive dynamic relaxation, as published; `relative_tolerance`
+    /// is relative to the loads.
+    Relaxation(RelaxationOptions),
+    /// Motion by velocity Verlet, with stress waves.
+    Explicit {
+        /// Mass-proportional damping rate, 1/s.
+        #[serde(default)]
+        damping: f64,
+    },
+}
+
+pub(super) fn tolerance() -> f64 {
+    1e-8
+}
+
+impl Default for MechanicalSolver {
+    fn default() -> Self {
+        MechanicalSolver::QuasiStatic {
+            tolerance: tolerance(),
+        }
+    }
+}

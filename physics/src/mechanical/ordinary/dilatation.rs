@@ -1,0 +1,172 @@
+//! Dilatation of the points and the pressure that it causes.
+
+use nalgebra::Matrix3;
+use perimelt_core::family::{Continuation, Image};
+use perimelt_core::{BrokenBonds, Family};
+use rayon::prelude::*;
+
+use super::inputs::Inputs;
+use crate::mechanical::classical::{diagonal, image_of, symmetric};
+use crate::mechanical::elastic::ElasticPoints;
+use crate::mechanical::plasticity::Plasticity;
+use crate::mechanical::solid::StrainKind;
+use crate::mechanical::specialise::specialise;
+use crate::mechanical::stretch::{self, Directions, Expansion, INPUTS, PRESSURE, TotalWeight};
+
+/// Dilatation and pressure of the points of a body.
+#[derive(Debug)]
+pub(super) struct Dilatation {
+    /// `N = d / sum_j w_ij` of each point.
+    pub(super) normaliser: Vec<f64>,
+    /// `sum_j w s` of each point.
+    pub(super) sums: Vec<[f64; 1]>,
+    /// The parts of `sums` along the axes, which the images of points need; empty without layers.
+    parts: Vec<[f64; 3]>,
+    /// `sum_j w n (x) n` of each point; empty until a layer is bent.
+    directions: Vec<[f64; 6]>,
+    pressure: Vec<f64>,
+}
+
+/// The law by which the pressure of a point follows its dilatation.
+pub(super) struct PressureLaw<'a> {
+    pub(super) elastic: &'a ElasticPoints,
+    pub(super) plasticity: Option<&'a Plasticity>,
+    pub(super) strain: StrainKind,
+}
+
+impl PressureLaw<'_> {
+    /// Inelastic strain of a point; `None` if there is none.
+    fn inelastic(&self, point: usize) -> Option<[f64; 6]> {
+        let plasticity = self.plasticity?;
+        match self.strain {
+            StrainKind::Elastic => Some(plasticity.tried[point].strain),
+            StrainKind::Change => Some(plasticity.change[point]),
+            StrainKind::Total => None,
+        }
+    }
+
+    /// `p = 2 a N theta`, Pa, from `sum_j w s`. The stress of an inelastic strain is `lame tr + 2 mu strain`;
+    /// bonds contribute `mu` of the trace instead of `lame`, and the pressure contributes the difference.
+    fn pressure(
+        &self,
+        point: usize,
+        normaliser: f64,
+        dilation: f64,
+        inelastic: Option<[f64; 6]>,
+    ) -> f64 {
+        let dimension = self.elastic.dimension;
+        let moduli = self.elastic.moduli(point);
+        let d = dimension as f64;
+        let dilatation = normaliser * dilation;
+        let pressure = 2.0 * moduli.dilatation_stiffness(dimension);
+        let eigenstrain = match self.strain {
+            StrainKind::Elastic => self.elastic.eigenstrain[point],
+            StrainKind::Total | StrainKind::Change => 0.0,
+        };
+        let relieved = inelastic
+            .zip(self.plasticity)
+            .map_or(0.0, |(strain, plasticity)| {
+                let in_plane: f64 = strain[..dimension].iter().sum();
+                moduli.lame * plasticity.stress_state.trace(&strain) - moduli.shear * in_plane
+            });
+        normaliser * (pressure * (dilatation - d * eigenstrain) - relieved)
+    }
+}
+
+impl Dilatation {
+    pub(super) fn new(family: &Family, points: usize, dimension: usize) -> Self {
+        let mut total = vec![[0.0]; points];
+        family.sum(&TotalWeight, [], &mut total);
+        let normaliser = total.iter().map(|[total]| dimension as f64 / total);
+        let parts = if family.has_layers() { points } else { 0 };
+        Dilatation {
+            normaliser: normaliser.collect(),
+            sums: vec![[0.0]; points],
+            parts: vec![[0.0; 3]; parts],
+            directions: Vec::new(),
+            pressure: vec![0.0; points],
+        }
+    }
+
+    /// Sums the stretches of the displacement that was loaded.
+    pub(super) fn sum(&mut self, finite: bool, inputs: &Inputs, broken: Option<&BrokenBonds>) {
+        let Self { sums, parts, .. } = self;
+        if parts.is_empty() {
+            specialise!(FINITE = finite => inputs.sum(&stretch::Dilation::<FINITE>, broken, sums));
+            return;
+        }
+        specialise!(FINITE = finite => inputs.sum(&Expansion::<FINITE>, broken, parts));
+        let sums = sums.par_iter_mut().zip(parts).with_min_len(4096);
+        sums.for_each(|(sum, parts)| *sum = [parts.iter().sum()]);
+    }
+
+    /// Loads the pressure of the dilatation that was summed last.
+    pub(super) fn load_pressure(
+        &mut self,
+        law: &PressureLaw<'_>,
+        family: &Family,
+        inputs: &mut Inputs,
+        continuation: &Continuation,
+    ) {
+        let (normaliser, sums) = (&self.normaliser, &self.sums);
+        let pressures = self.pressure.par_iter_mut().enumerate();
+        pressures.for_each(|(i, pressure)| {
+            *pressure = law.pressure(i, normaliser[i], sums[i][0], law.inelastic(i));
+        });
+        let slots = &mut inputs.slots[PRESSURE];
+        family.scatter(&self.pressure, 1, 0, slots);
+        for image in family.images(continuation) {
+            let bent = continuation.is_bent();
+            slots[image.slot] = self.pressure_of_image(law, &image, bent);
+        }
+    }
+
+    /// Pressure of the mirror image of a point, Pa.
+    fn pressure_of_image(&self, law: &PressureLaw<'_>, image: &Image, bent: bool) -> f64 {
+        let point = image.point;
+        let sums = self.parts[point];
+        let mut sums: [f64; 3] =
+            std::array::from_fn(|a| image.scale[a] * image.mirror[a] * sums[a]);
+        if bent {
+            let mirror = Matrix3::from_diagonal(&image.mirror.into());
+            let directions = mirror * symmetric(&self.directions[point]) * mirror;
+            sums[0] += image.bend.dot(&directions);
+        }
+        let inelastic = law.inelastic(point).map(|strain| {
+            let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
+            image_of(&scale, &strain, &mirror)
+        });
+        law.pressure(point, self.normaliser[point], sums.iter().sum(), inelastic)
+    }
+
+    /// Sums what bent layers need.
+    pub(super) fn sum_directions(
+        &mut self,
+        continuation: &Continuation,
+        inputs: &Inputs,
+        broken: Option<&BrokenBonds>,
+    ) {
+        if continuation.is_bent() && self.directions.is_empty() {
+            self.directions = vec![[0.0; 6]; self.sums.len()];
+            inputs.sum::<INPUTS, 6>(&Directions, broken, &mut self.directions);
+        }
+    }
+
+    /// Dilatation of a point, from the stretches that were summed last.
+    pub(super) fn of(&self, point: usize) -> f64 {
+        self.normaliser[point] * self.sums[point][0]
+    }
+
+    /// Contribution of `sum_j w s` to the stress conjugate to the eigenstrain, Pa.
+    pub(super) fn conjugate_stress(
+        &self,
+        elastic: &ElasticPoints,
+        point: usize,
+        [dilation]: [f64; 1],
+    ) -> f64 {
+        let d = elastic.dimension;
+        let a = elastic.moduli(point).dilatation_stiffness(d);
+        let theta = self.normaliser[point] * dilation;
+        2.0 * a * theta * d as f64
+    }
+}

@@ -1,0 +1,186 @@
+//! Forces of the bonds, and the breaking of bonds.
+
+use perimelt_core::{Bond, BondKernel, BrokenBonds};
+use rayon::prelude::*;
+
+use super::Ordinary;
+use super::dilatation::PressureLaw;
+use crate::mechanical::fracture::{BondLoads, Fracture, NewBreaks};
+use crate::mechanical::solid::{StrainKind, flat, unflatten};
+use crate::mechanical::specialise::specialise;
+use crate::mechanical::stretch::{
+    Breaking, Dilation, Energy, Force, INPUTS, Load, Plastic, Stiffness,
+};
+
+/// Which forces are summed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sum {
+    /// Forces of the displacement.
+    Force,
+    /// Minus the forces of the linear elastic body.
+    Stiffness,
+    /// Forces of a change of displacement and inelastic strain.
+    Change,
+}
+
+impl Ordinary {
+    pub(super) fn broken(&self) -> Option<&BrokenBonds> {
+        self.fracture.as_ref().map(Fracture::broken)
+    }
+
+    /// Evaluates the pressure of the displacement that was set.
+    pub(super) fn load_pressure(&mut self, strain: StrainKind, finite: bool) {
+        let Some(dilatation) = &mut self.dilatation else {
+            return;
+        };
+        let broken = self.fracture.as_ref().map(Fracture::broken);
+        dilatation.sum(finite, &self.inputs, broken);
+        dilatation.sum_directions(&self.continuation, &self.inputs, broken);
+        let law = PressureLaw {
+            elastic: &self.elastic,
+            plasticity: self.plastic.as_ref().map(|p| &p.state),
+            strain,
+        };
+        dilatation.load_pressure(&law, &self.family, &mut self.inputs, &self.continuation);
+    }
+
+    /// Loads the inelastic strain of the trial state, or its change.
+    pub(super) fn load_inelastic(&mut self, strain: StrainKind) {
+        let Some(plastic) = &self.plastic else {
+            return;
+        };
+        let state = &plastic.state;
+        let strain_of = |i: usize| match strain {
+            StrainKind::Change => &state.change[i],
+            StrainKind::Elastic | StrainKind::Total => &state.tried[i].strain,
+        };
+        self.inputs
+            .load_inelastic(state.tried.len(), &self.continuation, strain_of);
+    }
+
+    /// Returns the stress of the displacement that was set to the flow stress.
+    pub(super) fn return_to_flow_stress(&mut self) {
+        let Some(plastic) = &mut self.plastic else {
+            return;
+        };
+        let broken = self.fracture.as_ref().map(Fracture::broken);
+        let displacement = self.inputs.displacement();
+        plastic.gradient.evaluate(displacement, broken);
+        plastic
+            .state
+            .try_strains(self.elastic.strained(&plastic.gradient));
+    }
+
+    /// Sums forces and, if bonds break, the excess of bonds over their limit.
+    pub(super) fn sum_forces_and_excess(&mut self, out: &mut [f64]) {
+        match (&self.fracture, self.plastic.is_some(), self.dimension) {
+            (None, ..) => self.sum_forces(Sum::Force, out),
+            (Some(_), true, _) => {
+                self.sum_forces(Sum::Force, out);
+                self.sum_plastic_excess();
+            }
+            (Some(_), false, 2) => self.sum_breaking::<2>(out),
+            (Some(_), false, _) => self.sum_breaking::<3>(out),
+        }
+    }
+
+    pub(super) fn sum_forces(&mut self, sum: Sum, out: &mut [f64]) {
+        match self.dimension {
+            2 => self.sum_forces_in::<2>(sum, out),
+            _ => self.sum_forces_in::<3>(sum, out),
+        }
+    }
+
+    fn sum_forces_in<const D: usize>(&mut self, sum: Sum, out: &mut [f64]) {
+        let broken = self.fracture.as_ref().map(Fracture::broken);
+        let (inputs, finite) = (&self.inputs, self.elastic.finite);
+        let sums = flat::<D>(&mut self.padded, bytemuck::cast_slice_mut(out));
+        let dilatation = self.dilatation.is_some();
+        match sum {
+            Sum::Change => inputs.sum_plastic_change(Force::<false, true>, broken, sums),
+            Sum::Stiffness => specialise!(DILATATION = dilatation =>
+                inputs.sum_forces(&Stiffness::<DILATATION>, broken, sums)),
+            Sum::Force if self.plastic.is_some() => specialise!(FINITE = finite =>
+                inputs.sum_plastic(Force::<FINITE, true>, broken, sums)),
+            Sum::Force => specialise!(FINITE = finite, DILATATION = dilatation =>
+                inputs.sum_forces(&Force::<FINITE, DILATATION>, broken, sums)),
+        }
+        unflatten::<D>(&self.padded, out);
+        if sum == Sum::Change {
+            out.par_iter_mut().for_each(|f| *f = -*f);
+        }
+    }
+
+    /// Forces and, in the same sweep, the excess of bonds over their limit.
+    fn sum_breaking<const D: usize>(&mut self, out: &mut [f64]) {
+        let Some(fracture) = &mut self.fracture else {
+            return;
+        };
+        let (energy, dilatation) = (fracture.compares_energy(), self.dilatation.is_some());
+        let (inputs, finite) = (&self.inputs, self.elastic.finite);
+        let (vectors, _) = out.as_chunks_mut::<3>();
+        let sums = (vectors, &mut fracture.excess[..]);
+        let broken = Some(&fracture.state.broken);
+        specialise!(FINITE = finite, DILATATION = dilatation, ENERGY = energy => {
+            let kernel = Breaking::<D, FINITE, DILATATION, ENERGY>;
+            inputs.sum_forces_and_excess(&kernel, broken, sums);
+        });
+    }
+
+    /// The excess of the bonds of a plastic body.
+    fn sum_plastic_excess(&mut self) {
+        let kernel = self.load_kernel();
+        let Some(fracture) = &mut self.fracture else {
+            return;
+        };
+        let broken = Some(&fracture.state.broken);
+        self.inputs.sum_plastic(kernel, broken, &mut self.energy);
+        let excess = fracture.excess.iter_mut().zip(&self.energy);
+        excess.for_each(|(excess, [_, load])| *excess = *load);
+    }
+
+    fn load_kernel(&self) -> Load {
+        Load {
+            finite: self.elastic.finite,
+            energy: (self.fracture.as_ref()).is_some_and(Fracture::compares_energy),
+            pairs: self.dilatation.is_none(),
+        }
+    }
+
+    pub(super) fn break_exceeding_bonds(&mut self, fraction: f64, damage: &mut [f64]) -> NewBreaks {
+        let load = self.load_kernel();
+        let Some(fracture) = &mut self.fracture else {
+            return NewBreaks::default();
+        };
+        let (family, elastic) = (&self.family, &self.elastic);
+        let (finite, dilatation) = (elastic.finite, self.dilatation.as_ref());
+        let (inputs, pairs) = (self.inputs.first::<INPUTS>(), dilatation.is_none());
+        let ends = |own, other| [own, other].map(|slot: usize| inputs.map(|i| i[slot]));
+        let conjugate = |point: usize, bond: &Bond, other: usize| {
+            let [own, other] = ends(family.slot_of(point), other);
+            let [_, stress] = specialise!(FINITE = finite =>
+                Energy::<FINITE> { pairs }.bond(bond, own, other));
+            let Some(dilatation) = dilatation else {
+                return stress;
+            };
+            let [own, other] = [own, other].map(|[x, y, z, ..]| [x, y, z]);
+            let dilation = specialise!(FINITE = finite =>
+                Dilation::<FINITE>.bond(bond, own, other));
+            stress + dilatation.conjugate_stress(elastic, point, dilation)
+        };
+        if self.plastic.is_some() {
+            let (kernel, inputs) = (Plastic(load), self.inputs.plastic());
+            let ratio = |bond: &Bond, own: usize, other: usize| {
+                let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
+                kernel.bond(bond, own, other)[0]
+            };
+            let loads = BondLoads { ratio, conjugate };
+            return fracture.break_bonds(family, fraction, damage, loads);
+        }
+        let ratio = |bond: &Bond, own, other| {
+            let [own, other] = ends(own, other);
+            load.bond(bond, own, other)[0]
+        };
+        fracture.break_bonds(family, fraction, damage, BondLoads { ratio, conjugate })
+    }
+}

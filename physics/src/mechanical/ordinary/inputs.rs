@@ -1,0 +1,183 @@
+//! Inputs of the bond kernels in slot space, and sums of kernels over them.
+
+use std::sync::Arc;
+
+use perimelt_core::family::Continuation;
+use perimelt_core::{BondKernel, BrokenBonds, Family};
+
+use crate::mechanical::classical::{diagonal, image_of};
+use crate::mechanical::solid::load_mirrored;
+use crate::mechanical::stretch::{
+    CRITICAL, EIGENSTRAIN, INPUTS, PLASTIC_INPUTS, PRESSURE, Plastic, STIFFNESS, Uniform,
+};
+
+/// What the kernels of a body need besides displacement, eigenstrain and stiffness.
+#[derive(Clone, Copy)]
+pub(super) struct Needs {
+    /// The pressure from dilatation.
+    pub(super) pressure: bool,
+    /// The limits of bonds.
+    pub(super) limits: bool,
+    /// The inelastic strain.
+    pub(super) inelastic: bool,
+}
+
+/// Inputs of the bond kernels of a body.
+#[derive(Debug)]
+pub(super) struct Inputs {
+    family: Arc<Family>,
+    has_pressure: bool,
+    pub(super) slots: [Vec<f64>; INPUTS],
+    /// Components of the inelastic strain; empty without plasticity.
+    inelastic: [Vec<f64>; 6],
+    /// Takes the place of inputs that the body does not have.
+    zeros: Vec<f64>,
+    /// Eigenstrain, stiffness and limit where they are the same for all points; the other entries are zero.
+    pub(super) uniform: Option<[f64; INPUTS]>,
+}
+
+impl Inputs {
+    pub(super) fn new(family: Arc<Family>, dimension: usize, needs: Needs) -> Self {
+        let slots = family.slots();
+        let needed = |input| match input {
+            EIGENSTRAIN | STIFFNESS => true,
+            PRESSURE => needs.pressure,
+            CRITICAL => needs.limits,
+            axis => axis < dimension,
+        };
+        let inelastic = if needs.inelastic { slots } else { 0 };
+        Inputs {
+            has_pressure: needs.pressure,
+            slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
+            inelastic: std::array::from_fn(|_| vec![0.0; inelastic]),
+            zeros: vec![0.0; slots],
+            uniform: None,
+            family,
+        }
+    }
+
+    /// Takes a value of each point; mirrored layers take those of their points.
+    pub(super) fn load(&mut self, input: usize, values: &[f64]) {
+        load_mirrored(&self.family, values, &mut self.slots[input]);
+    }
+
+    /// Takes the inelastic strain of each point; layers continue it as they do the strain.
+    pub(super) fn load_inelastic<'a>(
+        &mut self,
+        points: usize,
+        continuation: &Continuation,
+        strain: impl Fn(usize) -> &'a [f64; 6],
+    ) {
+        let mut component = vec![0.0; points];
+        for (c, slots) in self.inelastic.iter_mut().enumerate() {
+            let values = component.iter_mut().enumerate();
+            values.for_each(|(i, value)| *value = strain(i)[c]);
+            self.family.scatter(&component, 1, 0, slots);
+        }
+        for image in self.family.images(continuation) {
+            let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
+            let strain = image_of(&scale, strain(image.point), &mirror);
+            let slots = self.inelastic.iter_mut().zip(strain);
+            slots.for_each(|(slots, e)| slots[image.slot] = e);
+        }
+    }
+
+    /// The displacement along each axis; empty along those that the dimension leaves out.
+    pub(super) fn displacement(&self) -> [&[f64]; 3] {
+        std::array::from_fn(|axis| &self.slots[axis][..])
+    }
+
+    /// An input; zeros if the body does not have it.
+    fn get(&self, i: usize) -> &[f64] {
+        match self.slots[i].is_empty() {
+            true => &self.zeros,
+            false => &self.slots[i],
+        }
+    }
+
+    /// The first `I` inputs.
+    pub(super) fn first<const I: usize>(&self) -> [&[f64]; I] {
+        std::array::from_fn(|i| self.get(i))
+    }
+
+    /// The inputs of [`Plastic`] kernels.
+    pub(super) fn plastic(&self) -> [&[f64]; PLASTIC_INPUTS] {
+        std::array::from_fn(|i| match i.checked_sub(INPUTS) {
+            Some(component) => &self.inelastic[component][..],
+            None => self.get(i),
+        })
+    }
+
+    /// Sums a kernel of the first `I` inputs over unbroken bonds.
+    pub(super) fn sum<const I: usize, const O: usize>(
+        &self,
+        kernel: &impl BondKernel<I, O>,
+        broken: Option<&BrokenBonds>,
+        sums: &mut [[f64; O]],
+    ) {
+        self.family.sum_unbroken(kernel, self.first(), broken, sums);
+    }
+
+    /// Sums a kernel of forces, loading only those inputs in which points differ.
+    pub(super) fn sum_forces<const O: usize>(
+        &self,
+        kernel: &impl BondKernel<INPUTS, O>,
+        broken: Option<&BrokenBonds>,
+        sums: &mut [[f64; O]],
+    ) {
+        const WITH_PRESSURE: usize = PRESSURE + 1;
+        match self.uniform {
+            Some(point) if self.has_pressure => {
+                self.sum::<WITH_PRESSURE, O>(&Uniform(kernel, point), broken, sums);
+            }
+            Some(point) => self.sum::<PRESSURE, O>(&Uniform(kernel, point), broken, sums),
+            None => self.sum(kernel, broken, sums),
+        }
+    }
+
+    /// As [`Inputs::sum_forces`], with forces and the excess of bonds in arrays of their own.
+    pub(super) fn sum_forces_and_excess(
+        &self,
+        kernel: &impl BondKernel<INPUTS, 4>,
+        broken: Option<&BrokenBonds>,
+        sums: (&mut [[f64; 3]], &mut [f64]),
+    ) {
+        const WITH_PRESSURE: usize = PRESSURE + 1;
+        let family = &self.family;
+        match self.uniform {
+            Some(point) if self.has_pressure => {
+                let inputs = self.first::<WITH_PRESSURE>();
+                family.sum_apart(&Uniform(kernel, point), inputs, broken, sums);
+            }
+            Some(point) => {
+                let inputs = self.first::<PRESSURE>();
+                family.sum_apart(&Uniform(kernel, point), inputs, broken, sums);
+            }
+            None => family.sum_apart(kernel, self.first(), broken, sums),
+        }
+    }
+
+    /// Sums a kernel with the inelastic strain.
+    pub(super) fn sum_plastic<const O: usize>(
+        &self,
+        kernel: impl BondKernel<INPUTS, O>,
+        broken: Option<&BrokenBonds>,
+        sums: &mut [[f64; O]],
+    ) {
+        let (kernel, inputs) = (Plastic(kernel), self.plastic());
+        self.family.sum_unbroken(&kernel, inputs, broken, sums);
+    }
+
+    /// As [`Inputs::sum_plastic`], without the eigenstrain: for changes of the displacement.
+    pub(super) fn sum_plastic_change<const O: usize>(
+        &self,
+        kernel: impl BondKernel<INPUTS, O>,
+        broken: Option<&BrokenBonds>,
+        sums: &mut [[f64; O]],
+    ) {
+        let mut inputs = self.plastic();
+        inputs[EIGENSTRAIN] = &self.zeros;
+        self.family
+            .sum_unbroken(&Plastic(kernel), inputs, broken, sums);
+    }
+}

@@ -1,0 +1,276 @@
+//! Plastic flow of hot metal: J2 plasticity with isotropic hardening and annealing.
+//!
+//! ```text
+//! q = sqrt(3/2 s : s) <= flow stress = yield_stress(T) h(p) + hardening_modulus(T) p
+//! d(plastic strain) = 3/2 s/q dp,   p' >= 0
+//! ```
+//!
+//! with s the stress deviator, p the equivalent plastic strain, h a table. The stress is returned implicitly to
+//! the flow stress: by radial return in 3D and plane strain, by Simo & Hughes (1998), Computational Inelasticity,
+//! section 3.4, in plane stress. At and above the annealing temperature a point loses its stress and its
+//! hardening: its elastic strain becomes inelastic, so that it is free of stress in the shape in which it
+//! solidifies.
+//!
+//! Small elastic strains; no kinematic hardening, no rate dependence.
+
+mod return_mapping;
+
+use nalgebra::{Matrix3, Matrix6, Vector6};
+use perimelt_core::material::{Property, Table};
+use perimelt_core::{Setup, SetupError};
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::classical::{COMPONENTS, Point};
+use super::elastic::StrainedPoints;
+use super::moduli::{Moduli, Plane};
+use return_mapping::relieved_strain;
+pub use return_mapping::{FlowStress, StressState, return_to_yield};
+
+/// Plastic flow by the material properties `yield_stress` and, if given, `hardening_modulus`.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlasticitySection {
+    /// Temperature (K) at and above which a point loses its stress and its hardening; default never.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub annealing_temperature: Option<f64>,
+    /// Flow stress over yield stress by equivalent plastic strain.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hardening: Option<HardeningTable>,
+}
+
+/// Rows of a hardening curve; beyond the last row the flow stress is constant.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HardeningTable {
+    /// Equivalent plastic strain, increasing from 0.
+    pub plastic_strain: Vec<f64>,
+    /// Flow stress over the yield stress at the same temperature; never falling.
+    pub factor: Vec<f64>,
+}
+
+impl HardeningTable {
+    fn table(&self) -> Result<Table, SetupError> {
+        let Self {
+            plastic_strain,
+            factor,
+        } = self;
+        let falls = factor.windows(2).any(|w| w[1] < w[0]);
+        if falls || plastic_strain.first() != Some(&0.0) {
+            return Err(SetupError::value(
+                "plasticity.hardening",
+                "the hardening curve falls or does not start at 0",
+                "`plastic_strain` increasing from 0, `factor` never falling",
+            ));
+        }
+        Table::new(plastic_strain.clone(), factor.clone())
+            .map_err(|e| SetupError::other("plasticity.hardening", e))
+    }
+}
+
+/// Inelastic strain of a point (xx, yy, zz, xy, yz, zx) and equivalent plastic strain.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Inelastic {
+    /// Plastic and annealed strain.
+    pub strain: [f64; 6],
+    /// Equivalent plastic strain since the last annealing.
+    pub equivalent: f64,
+}
+
+/// Plastic state of a body: at the end of the last step, and for the trial displacement of a solver.
+#[derive(Debug)]
+pub struct Plasticity {
+    /// The components that the stress has.
+    pub stress_state: StressState,
+    yield_stress: Vec<Property>,
+    hardening_modulus: Vec<Option<Property>>,
+    table: Option<Table>,
+    /// K.
+    pub annealing_temperature: Option<f64>,
+    /// Yield stress and hardening modulus of each point at its present temperature, Pa.
+    flow: Vec<[f64; 2]>,
+    /// State at the end of the last step.
+    pub settled: Vec<Inelastic>,
+    /// Trial state of the displacement in the last evaluation of forces.
+    pub tried: Vec<Inelastic>,
+    /// Derivative of the inelastic strain by the strain, of the points that flow in the linearised state.
+    tangents: Vec<(usize, Matrix6<f64>)>,
+    /// Change of the inelastic strain of each point with a change of the displacement, by the tangents.
+    pub(super) change: Vec<[f64; 6]>,
+}
+
+impl Plasticity {
+    /// Takes the properties of the materials of a body.
+    ///
+    /// # Errors
+    /// A material without yield stress, a hardening table that falls or does not start at 0.
+    pub fn of(
+        section: &PlasticitySection,
+        setup: &Setup<'_>,
+        body: usize,
+        plane: Plane,
+    ) -> Result<Self, SetupError> {
+        let this = setup.body(body);
+        let table = match &section.hardening {
+            None => None,
+            Some(hardening) => Some(hardening.table()?),
+        };
+        let points = this.points.len();
+        Ok(Plasticity {
+            stress_state: StressState::of(this.dimension, plane),
+            yield_stress: setup.property(body, "yield_stress")?,
+            hardening_modulus: this
+                .materials
+                .iter()
+                .map(|m| m.get("hardening_modulus").cloned())
+                .collect(),
+            table,
+            annealing_temperature: section.annealing_temperature,
+            flow: vec![[0.0; 2]; points],
+            settled: vec![Inelastic::default(); points],
+            tried: vec![Inelastic::default(); points],
+            tangents: Vec::new(),
+            change: vec![[0.0; 6]; points],
+        })
+    }
+
+    /// Evaluates yield stress and hardening modulus at the temperature of each point, K.
+    pub fn set_temperature(&mut self, material: &[u16], temperature: Option<&[f64]>) {
+        let (yields, moduli) = (&self.yield_stress, &self.hardening_modulus);
+        let points = self.flow.par_iter_mut().zip(material).enumerate();
+        points.for_each(|(i, (flow, &m))| {
+            let t = temperature.map_or(0.0, |t| t[i]);
+            let modulus = moduli[m as usize].as_ref();
+            *flow = [
+                yields[m as usize].at(t, 0.0),
+                modulus.map_or(0.0, |h| h.at(t, 0.0)),
+            ];
+        });
+    }
+
+    /// Returns the stresses of all points to the flow stress: sets the trial state.
+    pub(super) fn try_strains(&mut self, points: StrainedPoints<'_>) {
+        let Self {
+            stress_state,
+            table,
+            flow,
+            settled,
+            tried,
+            ..
+        } = self;
+        tried.par_iter_mut().enumerate().for_each(|(i, tried)| {
+            let flow = flow_stress(&flow[i], table.as_ref());
+            *tried = settled[i];
+            let law = points
+                .law(i)
+                .with_inelastic(*stress_state, settled[i].strain);
+            let trial = points.stress(i, &law);
+            let equivalent = settled[i].equivalent;
+            let moved = return_to_yield(*stress_state, &trial, &law.moduli, flow, equivalent);
+            if let Some((strain, increment)) = moved {
+                tried
+                    .strain
+                    .iter_mut()
+                    .zip(strain)
+                    .for_each(|(e, de)| *e += de);
+                tried.equivalent += increment;
+            }
+        });
+    }
+
+    /// Derivatives of the inelastic strains of the trial state by the strains, for points that flow: the consistent
+    /// tangent of the return mapping, by central differences.
+    pub(super) fn linearise(&mut self, points: StrainedPoints<'_>) {
+        /// Step of the differences in yield strains: errors of 1e-8 from the curvature, and less from
+        /// the return, which is found to rounding.
+        const STEP: f64 = 1e-4;
+        let (tried, settled, state) = (&self.tried, &self.settled, self.stress_state);
+        let flows = |&i: &usize| tried[i].equivalent > settled[i].equivalent;
+        let flowing: Vec<usize> = (0..tried.len()).filter(flows).collect();
+        let tangents = flowing.into_par_iter().map(|i| {
+            let law = points.law(i);
+            let settled = &settled[i];
+            let flow = flow_stress(&self.flow[i], self.table.as_ref());
+            let trial = points.stress(i, &law.with_inelastic(state, settled.strain));
+            let step = STEP * flow.yield_stress / (2.0 * law.moduli.shear);
+            let returned = |change: &[f64; 6], factor: f64| {
+                let stress = std::array::from_fn(|c| trial[c] + factor * change[c]);
+                return_to_yield(state, &stress, &law.moduli, flow, settled.equivalent)
+                    .map_or([0.0; 6], |(strain, _)| strain)
+            };
+            let tangent = Matrix6::from_columns(&std::array::from_fn::<_, 6, _>(|component| {
+                let mut unit = [0.0; 6];
+                unit[component] = 1.0;
+                let stress = points.elastic_stress(&law, &unit);
+                let (up, down) = (returned(&stress, step), returned(&stress, -step));
+                Vector6::from_fn(|c, _| (up[c] - down[c]) / (2.0 * step))
+            }));
+            (i, tangent)
+        });
+        self.tangents = tangents.collect();
+    }
+
+    /// Sets the change of the inelastic strains under a change of the displacement gradients.
+    pub(super) fn follow(&mut self, gradients: &[Matrix3<f64>]) {
+        self.change.fill([0.0; 6]);
+        for (i, tangent) in &self.tangents {
+            let strain = Point::strain(&gradients[*i], false);
+            let change = tangent * Vector6::from(COMPONENTS.map(|at| strain[at]));
+            self.change[*i] = change.into();
+        }
+    }
+
+    /// Stress of each point in the trial state, Pa, without the rotation of the point.
+    pub(super) fn tried_stress(&self, points: StrainedPoints<'_>) -> Vec<[f64; 6]> {
+        let stress = |(i, tried): (usize, &Inelastic)| {
+            let law = points.law(i);
+            points.stress(i, &law.with_inelastic(self.stress_state, tried.strain))
+        };
+        self.tried.iter().enumerate().map(stress).collect()
+    }
+
+    /// Accepts the trial state; adds the work of the flow, J/m³, to `work`.
+    pub fn settle(&mut self, work: &mut [f64]) {
+        for (i, work) in work.iter_mut().enumerate() {
+            let flow = flow_stress(&self.flow[i], self.table.as_ref());
+            let equivalent = self.tried[i].equivalent;
+            *work += flow.at(equivalent) * (equivalent - self.settled[i].equivalent);
+        }
+        self.settled.copy_from_slice(&self.tried);
+    }
+
+    /// Turns the elastic strain of points at or above the annealing temperature into inelastic strain
+    /// and forgets their hardening; `stress` in Pa by point.
+    pub fn anneal(
+        &mut self,
+        temperature: &[f64],
+        stress: &[[f64; 6]],
+        moduli: impl Fn(usize) -> Moduli,
+    ) {
+        let Some(limit) = self.annealing_temperature else {
+            return;
+        };
+        for (i, settled) in self.settled.iter_mut().enumerate() {
+            if temperature[i] < limit {
+                continue;
+            }
+            let relieved = relieved_strain(self.stress_state, &stress[i], &moduli(i));
+            let strain = settled.strain.iter_mut().zip(relieved);
+            strain.for_each(|(e, de)| *e += de);
+            settled.equivalent = 0.0;
+        }
+    }
+}
+
+/// Resistance to flow of a point with a yield stress and a hardening modulus, Pa.
+fn flow_stress<'a>(
+    &[yield_stress, modulus]: &[f64; 2],
+    table: Option<&'a Table>,
+) -> FlowStress<'a> {
+    FlowStress {
+        yield_stress,
+        modulus,
+        table,
+    }
+}

@@ -1,0 +1,279 @@
+//! Return of a trial stress to the flow stress, and relief by annealing: the law of one point.
+
+use perimelt_core::material::Table;
+
+use crate::mechanical::moduli::{Moduli, Plane};
+
+/// The components that the stress of a body has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StressState {
+    /// 1D.
+    Uniaxial,
+    /// 2D without stress across the plane.
+    Plane,
+    /// 3D and plane strain.
+    Full,
+}
+
+impl StressState {
+    /// The stress state of a body.
+    pub fn of(dimension: usize, plane: Plane) -> Self {
+        match (dimension, plane) {
+            (1, _) => StressState::Uniaxial,
+            (2, Plane::Stress) => StressState::Plane,
+            _ => StressState::Full,
+        }
+    }
+
+    /// Trace of an inelastic strain over the axes that have a stress.
+    pub fn trace(self, strain: &[f64; 6]) -> f64 {
+        match self {
+            StressState::Uniaxial => strain[0],
+            StressState::Plane => strain[0] + strain[1],
+            StressState::Full => strain[0] + strain[1] + strain[2],
+        }
+    }
+}
+
+/// Resistance of a point to flow.
+#[derive(Clone, Copy, Debug)]
+pub struct FlowStress<'a> {
+    /// Yield stress, Pa.
+    pub yield_stress: f64,
+    /// Hardening modulus, Pa.
+    pub modulus: f64,
+    /// h(p).
+    pub table: Option<&'a Table>,
+}
+
+impl FlowStress<'_> {
+    /// Flow stress at an equivalent plastic strain, Pa.
+    pub fn at(&self, equivalent: f64) -> f64 {
+        let factor = self.table.map_or(1.0, |t| t.at(equivalent));
+        self.yield_stress * factor + self.modulus * equivalent
+    }
+}
+
+/// Increments of plastic strain (xx, yy, zz, xy, yz, zx) and equivalent plastic strain that bring a
+/// trial stress (Pa) back to the flow stress; `None` when it is below.
+pub fn return_to_yield(
+    state: StressState,
+    trial: &[f64; 6],
+    moduli: &Moduli,
+    flow: FlowStress<'_>,
+    equivalent: f64,
+) -> Option<([f64; 6], f64)> {
+    let [xx, yy, zz, xy, yz, zx] = *trial;
+    match state {
+        StressState::Uniaxial => {
+            let q = xx.abs();
+            let excess = |dp: f64| q - moduli.bulk * dp - flow.at(equivalent + dp);
+            let dp = root(excess, q / moduli.bulk)?;
+            let along = dp * xx.signum();
+            Some(([along, -0.5 * along, -0.5 * along, 0.0, 0.0, 0.0], dp))
+        }
+        StressState::Full => {
+            let mean = (xx + yy + zz) / 3.0;
+            let deviator = [xx - mean, yy - mean, zz - mean, xy, yz, zx];
+            let q = equivalent_stress(&deviator);
+            let excess = |dp: f64| q - 3.0 * moduli.shear * dp - flow.at(equivalent + dp);
+            let dp = root(excess, q / (3.0 * moduli.shear))?;
+            Some((deviator.map(|s| 1.5 * dp * s / q), dp))
+        }
+        StressState::Plane => {
+            // the in-plane mean and the deviatoric part decrease with g by different moduli
+            let (sum, difference) = (xx + yy, xx - yy);
+            let fall = |g: f64| {
+                (
+                    1.0 / (1.0 + 2.0 / 3.0 * moduli.bulk * g),
+                    1.0 / (1.0 + 2.0 * moduli.shear * g),
+                )
+            };
+            let q = |g: f64| {
+                let (mean, rest) = fall(g);
+                let square = (sum * mean).powi(2) / 6.0
+                    + (0.5 * difference.powi(2) + 2.0 * xy * xy) * rest * rest;
+                (1.5 * square).sqrt()
+            };
+            let excess = |g: f64| q(g) - flow.at(equivalent + 2.0 / 3.0 * g * q(g));
+            // q decreases to zero for large g, so that the flow stress is reached
+            let mut most = 1.0 / moduli.shear;
+            while excess(most) > 0.0 {
+                most *= 4.0;
+            }
+            let g = root(excess, most)?;
+            let (mean, rest) = fall(g);
+            let (sum, difference, shear) = (sum * mean, difference * rest, xy * rest);
+            let (x, y) = (0.5 * (sum + difference), 0.5 * (sum - difference));
+            let across = -(x + y) / 3.0;
+            let strain = [x + across, y + across, across, shear, 0.0, 0.0].map(|s| g * s);
+            Some((strain, 2.0 / 3.0 * g * q(g)))
+        }
+    }
+}
+
+/// `sqrt(3/2 s : s)` of a deviator.
+fn equivalent_stress(s: &[f64; 6]) -> f64 {
+    let normal: f64 = s[..3].iter().map(|c| c * c).sum();
+    let shear: f64 = s[3..].iter().map(|c| 2.0 * c * c).sum();
+    (1.5 * (normal + shear)).sqrt()
+}
+
+/// Root between 0 and `most` of a decreasing function, by the Illinois method; `None` if it is not positive at 0.
+fn root(f: impl Fn(f64) -> f64, most: f64) -> Option<f64> {
+    let (mut low, mut f_low) = (0.0, f(0.0));
+    let scale = f_low;
+    if f_low <= 0.0 {
+        return None;
+    }
+    let (mut high, mut f_high) = (most, f(most));
+    let mut x = high;
+    for _ in 0..100 {
+        x = (low * f_high - high * f_low) / (f_high - f_low);
+        let value = f(x);
+        if value.abs() <= 1e-14 * scale || high - low <= 1e-16 * most {
+            break;
+        }
+        if value > 0.0 {
+            (low, f_low) = (x, value);
+            f_high *= 0.5;
+        } else {
+            (high, f_high) = (x, value);
+            f_low *= 0.5;
+        }
+    }
+    Some(x)
+}
+
+/// The elastic strain that annealing relieves. In 3D and plane strain it is only that of the deviator: confined
+/// metal keeps its volume, and with it its pressure. Relieving the pressure, too, would lose percents of the volume
+/// of a weld pool that cold metal confines, and leave a hydrostatic stress of GPa.
+pub(super) fn relieved_strain(state: StressState, stress: &[f64; 6], moduli: &Moduli) -> [f64; 6] {
+    let mut strain = elastic_strain(state, stress, moduli);
+    if state == StressState::Full {
+        let mean = (strain[0] + strain[1] + strain[2]) / 3.0;
+        strain[..3].iter_mut().for_each(|e| *e -= mean);
+    }
+    strain
+}
+
+/// Elastic strain of a stress (Pa); in plane stress, of the components in the plane.
+fn elastic_strain(state: StressState, stress: &[f64; 6], moduli: &Moduli) -> [f64; 6] {
+    let [xx, yy, zz, ..] = *stress;
+    let shear = 2.0 * moduli.shear;
+    let mut strain = stress.map(|s| s / shear);
+    // mean stress, and its strain along each axis
+    let (axes, mean, expansion) = match state {
+        StressState::Uniaxial => return [xx / moduli.bulk, 0.0, 0.0, 0.0, 0.0, 0.0],
+        StressState::Plane => (2, 0.5 * (xx + yy), 0.25 * (xx + yy) / moduli.bulk),
+        StressState::Full => {
+            let mean = (xx + yy + zz) / 3.0;
+            (3, mean, mean / (3.0 * moduli.lame + shear))
+        }
+    };
+    (0..axes).for_each(|a| strain[a] = (stress[a] - mean) / shear + expansion);
+    strain
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn annealing_keeps_the_volume_where_no_direction_is_free() {
+        let full = moduli(StressState::Full);
+        let stress = [90e6, -30e6, 60e6, 10e6, 0.0, 0.0];
+        let strain = relieved_strain(StressState::Full, &stress, &full);
+        assert!((strain[0] + strain[1] + strain[2]).abs() < 1e-18);
+        let deviator = [50e6, -70e6, 20e6, 10e6, 0.0, 0.0];
+        for (strain, deviator) in strain.iter().zip(deviator) {
+            assert!((strain - deviator / (2.0 * full.shear)).abs() < 1e-15);
+        }
+        // across a plane in plane stress metal flows freely
+        let (state, plane) = (StressState::Plane, moduli(StressState::Plane));
+        let all = relieved_strain(state, &stress, &plane);
+        assert_eq!(all, elastic_strain(state, &stress, &plane));
+    }
+
+    const YIELD: f64 = 250e6;
+
+    fn moduli(state: StressState) -> Moduli {
+        let dimension = match state {
+            StressState::Uniaxial => 1,
+            StressState::Plane => 2,
+            StressState::Full => 3,
+        };
+        Moduli::new(2e11, 0.3, dimension, Plane::Stress)
+    }
+
+    /// Stress of an elastic strain in the dimensions of the state.
+    fn stress_of(state: StressState, strain: &[f64; 6]) -> [f64; 6] {
+        let moduli = moduli(state);
+        let mut stress = strain.map(|e| 2.0 * moduli.shear * e);
+        let axes = match state {
+            StressState::Uniaxial => 1,
+            StressState::Plane => 2,
+            StressState::Full => 3,
+        };
+        let trace: f64 = strain[..axes].iter().sum();
+        (0..6).for_each(|c| match c < axes {
+            true => stress[c] += moduli.lame * trace,
+            false if c < 3 || axes == 1 || axes == 2 && c > 3 => stress[c] = 0.0,
+            false => {}
+        });
+        stress
+    }
+
+    fn von_mises(stress: &[f64; 6]) -> f64 {
+        let mean = stress[..3].iter().sum::<f64>() / 3.0;
+        let mut deviator = *stress;
+        deviator[..3].iter_mut().for_each(|s| *s -= mean);
+        equivalent_stress(&deviator)
+    }
+
+    proptest! {
+        #[test]
+        fn the_returned_stress_lies_on_the_flow_stress(
+            strain in prop::array::uniform6(-0.01..0.01f64),
+            equivalent in 0.0..0.05f64,
+        ) {
+            let table = Table::new(vec![0.0, 0.01, 0.1], vec![1.0, 1.2, 1.5]).expect("rows");
+            for state in [StressState::Uniaxial, StressState::Plane, StressState::Full] {
+                let flow = FlowStress { yield_stress: YIELD, modulus: 2e9, table: Some(&table) };
+                let trial = stress_of(state, &strain);
+                let moved = return_to_yield(state, &trial, &moduli(state), flow, equivalent);
+                let Some((plastic, increment)) = moved else {
+                    prop_assert!(von_mises(&trial) <= flow.at(equivalent));
+                    continue;
+                };
+                let relieved = stress_of(state, &plastic);
+                let stress: [f64; 6] = std::array::from_fn(|c| trial[c] - relieved[c]);
+                let flow_stress = flow.at(equivalent + increment);
+                prop_assert!((von_mises(&stress) / flow_stress - 1.0).abs() < 1e-9, "{state:?}");
+                let volume: f64 = plastic[..3].iter().sum();
+                prop_assert!(volume.abs() < 1e-15);
+                // the flow is as large as its equivalent and along the deviator of the result
+                let size = equivalent_stress(&plastic) / 1.5;
+                prop_assert!((size / increment - 1.0).abs() < 1e-9, "{state:?} {size} {increment}");
+                let along: f64 = (0..6).map(|c| {
+                    let mean = if c < 3 { stress[..3].iter().sum::<f64>() / 3.0 } else { 0.0 };
+                    (if c < 3 { 1.0 } else { 2.0 }) * plastic[c] * (stress[c] - mean)
+                }).sum();
+                prop_assert!((along / (flow_stress * increment) - 1.0).abs() < 1e-9);
+            }
+        }
+
+        #[test]
+        fn elastic_strains_belong_to_their_stress(strain in prop::array::uniform6(-0.01..0.01f64)) {
+            for state in [StressState::Uniaxial, StressState::Plane, StressState::Full] {
+                let stress = stress_of(state, &strain);
+                let found = elastic_strain(state, &stress, &moduli(state));
+                let again = stress_of(state, &found);
+                for (a, b) in stress.iter().zip(again) {
+                    prop_assert!((a - b).abs() < 1e-12 * 2e11 * 0.01, "{state:?}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! The solid and the solvers of a body, from the keys of its case file.
+
+use std::sync::Arc;
+
+use perimelt_core::solver::Verlet;
+use perimelt_core::world::{BodyIndex, LayersHandle};
+use perimelt_core::{Body, Correction, Family, FamilySpec, Horizon, Setup, SetupError, keys};
+
+use super::correspondence::Correspondence;
+use super::equilibrium::Statics;
+use super::fields::{Features, Fields};
+use super::fracture::{Criterion, Fracture};
+use super::keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
+use super::moduli::Elasticity;
+use super::ordinary::Ordinary;
+use super::plasticity::Plasticity;
+use super::solid::{Constitution, Solid};
+use super::step::{Run, State};
+
+/// Prepares the run of the body that `keys` name.
+pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, SetupError> {
+    let body = setup.find_body(keys.body.as_deref())?;
+    let (family, layers) = family(keys, setup, body)?;
+    for section in &keys.sections {
+        section.check(setup, body)?;
+    }
+    let constitution = constitution(keys, setup, body, &family)?;
+    let damping = match keys.solver {
+        MechanicalSolver::Explicit { damping } => Some(damping),
+        _ => None,
+    };
+    let features = Features {
+        is_explicit: damping.is_some(),
+        is_plastic: constitution.plasticity.is_some(),
+        breaks: constitution.fracture.is_some(),
+    };
+    let is_linear = !(constitution.finite || features.is_plastic);
+    let solid = solid(keys, setup, body, family, constitution)?;
+    let density = setup.density_at_points(body)?;
+    let fields = Fields::declare(setup, body, features)?;
+    Ok(Run {
+        body,
+        layers,
+        fields,
+        solid,
+        work: vec![0.0; 3 * density.len()],
+        free_inverse_density: density.iter().flat_map(|rho| [1.0 / rho; 3]).collect(),
+        density,
+        relative_volume: relative_volumes(setup.body(body)),
+        statics: Statics::new(&keys.solver, is_linear),
+        eigenstrain_size: 0.0,
+        section_forces: vec![[0.0; 3]; keys.sections.len()],
+        state: State {
+            verlet: Verlet::new(damping.unwrap_or(0.0)),
+            ..State::default()
+        },
+    })
+}
+
+/// Volume over mean volume of each component, if points differ; else empty.
+fn relative_volumes(body: &Body) -> Vec<f64> {
+    let volume = &body.points.volume;
+    let mean = volume.iter().sum::<f64>() / volume.len() as f64;
+    match body.lattice() {
+        Some(_) => Vec::new(),
+        None => volume.iter().flat_map(|v| [v / mean; 3]).collect(),
+    }
+}
+
+/// The bonds of the body and the layers of its displacement.
+fn family(
+    keys: &Mechanical,
+    setup: &mut Setup<'_>,
+    body: BodyIndex,
+) -> Result<(Arc<Family>, LayersHandle), SetupError> {
+    let correspondence = keys.formulation == Formulation::Correspondence;
+    let usual = Horizon::Spacings(if correspondence { 2.0 } else { 3.0 });
+    let horizon = keys.horizon.unwrap_or(usual);
+    horizon.check(setup.body(body))?;
+    let (layers, faces, _) = setup.layers(body, &keys::DISPLACEMENT);
+    let spec = FamilySpec {
+        horizon,
+        partial_volume: keys.partial_volume,
+        influence: keys.influence,
+        // correspondence is exact without a correction
+        correction: match correspondence {
+            true => Correction::Lattice,
+            false => keys.correction,
+        },
+        layers: faces,
+        audited: Vec::new(),
+    };
+    Ok((setup.family(body, &spec)?, layers))
+}
+
+/// Elasticity, plasticity and strength of the body.
+fn constitution(
+    keys: &Mechanical,
+    setup: &Setup<'_>,
+    body: BodyIndex,
+    family: &Family,
+) -> Result<Constitution, SetupError> {
+    let bond_based = keys.formulation == Formulation::Bond;
+    if bond_based && keys.plasticity.is_some() {
+        let message = "a bond-based solid has no plastic flow at constant volume";
+        let expected = "`formulation` \"ordinary\" or \"correspondence\"";
+        return Err(SetupError::value("plasticity", message, expected));
+    }
+    let criterion = keys.fracture.as_ref().map(|section| section.criterion);
+    let by_energy = criterion == Some(Criterion::Energy);
+    if by_energy && keys.formulation == Formulation::Correspondence {
+        let message = "a bond of a correspondence solid has no energy of its own";
+        let expected = "\"stretch\", or `formulation` \"bond\" or \"ordinary\"";
+        return Err(SetupError::value("fracture.criterion", message, expected));
+    }
+    Ok(Constitution {
+        elasticity: Elasticity::of(setup, body, keys.plane, bond_based)?,
+        finite: keys.kinematics == Kinematics::Finite,
+        plasticity: match &keys.plasticity {
+            Some(section) => Some(Plasticity::of(section, setup, body, keys.plane)?),
+            None => None,
+        },
+        fracture: match &keys.fracture {
+            Some(section) => Some(Fracture::of(section, setup, body, family)?),
+            None => None,
+        },
+    })
+}
+
+fn solid(
+    keys: &Mechanical,
+    setup: &Setup<'_>,
+    body: BodyIndex,
+    family: Arc<Family>,
+    constitution: Constitution,
+) -> Result<Box<dyn Solid>, SetupError> {
+    let body = setup.body(body);
+    let refused = |error| SetupError::other("", error);
+    match keys.formulation {
+        Formulation::Bond | Formulation::Ordinary => {
+            let solid = Ordinary::new(body, family, constitution);
+            Ok(Box::new(solid.map_err(refused)?))
+        }
+        Formulation::Correspondence => {
+            let solid = Correspondence::new(body, family, constitution, keys.stabilisation);
+            Ok(Box::new(solid.map_err(refused)?))
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Unbalanced force of a body, for Newton's method.
+
+use perimelt_core::family::LayerRule;
+use perimelt_core::solver::{At, Rhs, SolverError};
+
+use super::solid::Solid;
+
+/// Unbalanced force of a displacement; zero for held components.
+pub(super) struct Residual<'a> {
+    pub(super) solid: &'a mut dyn Solid,
+    pub(super) rules: &'a [LayerRule],
+    /// The rules with prescribed values of zero, for differences of displacements.
+    pub(super) homogeneous: Vec<LayerRule>,
+    pub(super) body_force: &'a [f64],
+    /// Relative volumes of the components, if they differ: forces are densities.
+    pub(super) volumes: Option<&'a [f64]>,
+    pub(super) constraint: &'a [f64],
+    pub(super) dimension: usize,
+    pub(super) tangent: Tangent,
+}
+
+/// How the residual changes with the displacement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Tangent {
+    /// By the elastic stiffness.
+    Stiffness,
+    /// By the elastic-plastic stiffness.
+    Plastic,
+    /// By differences of forces.
+    Differences,
+}
+
+impl Residual<'_> {
+    /// Sets held components and those that the dimension leaves out.
+    fn set_held(&self, out: &mut [f64], value: f64) {
+        for (i, (f, c)) in out.iter_mut().zip(self.constraint).enumerate() {
+            if *c > 0.0 || i % 3 >= self.dimension {
+                *f = value;
+            }
+        }
+    }
+}
+
+impl Rhs for Residual<'_> {
+    fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+        self.solid.set_displacement(state, self.rules);
+        self.solid.force(rate);
+        rate.iter_mut()
+            .zip(self.body_force)
+            .for_each(|(f, b)| *f += b);
+        self.set_held(rate, 0.0);
+        Ok(())
+    }
+
+    fn tangent(
+        &mut self,
+        _: At<'_>,
+        direction: &[f64],
+        out: &mut [f64],
+    ) -> Result<bool, SolverError> {
+        if self.tangent == Tangent::Differences {
+            return Ok(false);
+        }
+        self.solid.set_displacement(direction, &self.homogeneous);
+        match self.tangent {
+            Tangent::Plastic => self.solid.tangent(out),
+            _ => self.solid.stiffness(out),
+        }
+        out.iter_mut().for_each(|f| *f = -*f);
+        self.set_held(out, 0.0);
+        Ok(true)
+    }
+
+    /// The norm of displacements of a horizon each, so that the tangent by differences does not depend on the size
+    /// of the body.
+    fn scale(&self) -> f64 {
+        self.solid.horizon() * (self.constraint.len() as f64).sqrt()
+    }
+
+    fn weights(&self) -> Option<&[f64]> {
+        self.volumes
+    }
+
+    /// Called once in each iteration, right after the rate of its state.
+    fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
+        if self.tangent == Tangent::Plastic {
+            self.solid.linearise();
+        }
+        for (out, block) in out.chunks_exact_mut(3).zip(self.solid.blocks()) {
+            (0..3).for_each(|axis| out[axis] = -block[axis]);
+        }
+        self.set_held(out, -1.0);
+        if let Some(fracture) = self.solid.fracture() {
+            // a point without unbroken bonds does not move
+            let lost = |point| fracture.broken().of(point) > 0;
+            let zeros = out.iter_mut().enumerate().filter(|(_, d)| **d == 0.0);
+            zeros
+                .filter(|(i, _)| lost(i / 3))
+                .for_each(|(_, d)| *d = -1.0);
+        }
+        match out.iter().position(|&d| d == 0.0) {
+            Some(component) => Err(SolverError::model(UnresistedPoint {
+                point: component / 3,
+                axis: ["x", "y", "z"][component % 3],
+            })),
+            None => Ok(true),
+        }
+    }
+}
+
+/// A point that can move along an axis without stretching a bond.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "no bond of point {point} resists motion along {axis}: the body needs two points or more along {axis}, or that direction held"
+)]
+struct UnresistedPoint {
+    point: usize,
+    axis: &'static str,
+}

@@ -1,0 +1,227 @@
+//! A step of a body: loads and moduli, the solver, plastic flow, and breaking bonds.
+
+use nalgebra::{Matrix3, Vector3};
+use perimelt_core::family::LayerRule;
+use perimelt_core::solver::reduce::max_abs;
+use perimelt_core::solver::{Verlet, largest_eigenvalue};
+use perimelt_core::world::{BodyIndex, LayersHandle};
+use perimelt_core::{Body, Step, World};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::classical;
+use super::equilibrium::Statics;
+use super::fields::{Fields, Hold};
+use super::fracture::FractureState;
+use super::moduli::Moduli;
+use super::momentum::Momentum;
+use super::plasticity::Inelastic;
+use super::solid::Solid;
+
+/// A body between set-up and the end of the run.
+#[derive(Debug)]
+pub(super) struct Run {
+    pub(super) body: BodyIndex,
+    pub(super) layers: LayersHandle,
+    pub(super) fields: Fields,
+    pub(super) solid: Box<dyn Solid>,
+    /// kg/m³, by point.
+    pub(super) density: Vec<f64>,
+    /// m³/kg, by component; zero where it is held. Of the explicit solver.
+    pub(super) free_inverse_density: Vec<f64>,
+    /// Volume over mean volume of each component, if points differ; else empty.
+    pub(super) relative_volume: Vec<f64>,
+    pub(super) statics: Statics,
+    /// Three components for each point.
+    pub(super) work: Vec<f64>,
+    /// Sum of the largest eigenstrain and the largest inelastic strain.
+    pub(super) eigenstrain_size: f64,
+    /// By section, N.
+    pub(super) section_forces: Vec<[f64; 3]>,
+    pub(super) state: State,
+}
+
+/// What a restart needs besides the fields.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct State {
+    pub(super) verlet: Verlet,
+    /// The body force in the force that `verlet` carries to the next step, N/m³; empty if there is none.
+    pub(super) loaded_body_force: Vec<f64>,
+    /// Momentum at the start.
+    pub(super) initial: Momentum,
+    /// What the surroundings gave since the start.
+    pub(super) given: Momentum,
+}
+
+impl Run {
+    /// Completes the initial state.
+    pub(super) fn start(&mut self, world: &World) {
+        let temperature = world.read_if_provided(self.fields.temperature);
+        self.solid
+            .set_moduli(world.body(self.body), temperature.as_deref());
+        if self.fields.conjugate_stress_is_read {
+            self.provide_conjugate_stress(world);
+        }
+        self.state.initial = self.momentum(world);
+    }
+
+    /// Takes the present loads and moduli, and writes held components into `displacement`.
+    pub(super) fn load(&mut self, world: &World, step: Step) {
+        let body = world.body(self.body);
+        let temperature = world.read_if_provided(self.fields.temperature);
+        self.solid.set_moduli(body, temperature.as_deref());
+        self.eigenstrain_size = 0.0;
+        if let Some(eigenstrain) = self.fields.eigenstrain {
+            let eigenstrain = world.read(eigenstrain);
+            self.solid.set_eigenstrain(&eigenstrain);
+            self.eigenstrain_size = max_abs(&eigenstrain);
+        }
+        self.load_plasticity(world, temperature.as_deref());
+        if let Some(hold) = self.fields.hold {
+            self.stop_held_points(world, hold, step.size);
+            self.hold_points(world, hold);
+        }
+    }
+
+    /// Sets held components of the displacement to the mean of the values at which boundaries hold them.
+    fn hold_points(&mut self, world: &World, hold: Hold) {
+        let (constraint, held) = (world.read(hold.constraint), world.read(hold.displacement));
+        let mut displacement = world.write(self.fields.displacement);
+        let points = displacement.par_iter_mut().zip(&*constraint).zip(&*held);
+        points.with_min_len(4096).for_each(|((u, c), h)| {
+            for axis in 0..3 {
+                if c[axis] > 0.0 {
+                    u[axis] = h[axis] / c[axis];
+                }
+            }
+        });
+    }
+
+    /// Number of boundaries that hold each component of the displacement.
+    pub(super) fn constraints(&self, world: &World) -> Vec<f64> {
+        match self.fields.hold {
+            Some(hold) => bytemuck::cast_slice(&world.read(hold.constraint)).to_vec(),
+            None => vec![0.0; self.work.len()],
+        }
+    }
+
+    pub(super) fn load_displacement(&mut self, world: &World) {
+        let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
+        let rules = world.layer_rules(self.layers);
+        self.solid
+            .set_displacement(bytemuck::cast_slice(&displacement), &rules);
+    }
+
+    /// Takes the plastic state from the fields, and the flow stress at the temperature of each point.
+    pub(super) fn load_plasticity(&mut self, world: &World, temperature: Option<&[f64]>) {
+        let (Some(fields), Some(plasticity)) = (&self.fields.plastic, self.solid.plasticity())
+        else {
+            return;
+        };
+        plasticity.set_temperature(&world.body(self.body).material_of_point, temperature);
+        let strains = world.read::<Matrix3<f64>>(fields.strain.into());
+        let equivalents = world.read::<f64>(fields.equivalent.into());
+        let settled = plasticity
+            .settled
+            .iter_mut()
+            .zip(&*strains)
+            .zip(&*equivalents);
+        settled.for_each(|((settled, strain), &equivalent)| {
+            let strain = classical::COMPONENTS.map(|at| strain[at]);
+            *settled = Inelastic { strain, equivalent };
+        });
+        plasticity.tried.copy_from_slice(&plasticity.settled);
+        let strains = plasticity.settled.iter().map(|s| max_abs(&s.strain));
+        self.eigenstrain_size += strains.fold(0.0, f64::max);
+    }
+
+    /// Accepts the plastic flow of the displacement that the solver found, and anneals.
+    pub(super) fn settle(&mut self, world: &World) {
+        if self.fields.plastic.is_none() {
+            return;
+        }
+        self.load_displacement(world);
+        self.solid.force(&mut self.work);
+        if let (Some(fields), Some(plasticity)) = (&self.fields.plastic, self.solid.plasticity()) {
+            plasticity.settle(&mut world.write(fields.work));
+        }
+        self.anneal(world);
+        let (Some(fields), Some(plasticity)) = (&self.fields.plastic, self.solid.plasticity())
+        else {
+            return;
+        };
+        plasticity.tried.copy_from_slice(&plasticity.settled);
+        let (mut strains, mut equivalents) =
+            (world.write(fields.strain), world.write(fields.equivalent));
+        let points = strains.iter_mut().zip(equivalents.iter_mut());
+        for ((strain, equivalent), settled) in points.zip(&plasticity.settled) {
+            *strain = classical::symmetric(&settled.strain);
+            *equivalent = settled.equivalent;
+        }
+    }
+
+    fn anneal(&mut self, world: &World) {
+        let anneals = (self.solid.plasticity()).is_some_and(|p| p.annealing_temperature.is_some());
+        let Some(temperature) = world.read_if_provided(self.fields.temperature) else {
+            return;
+        };
+        if !anneals {
+            return;
+        }
+        let points = 0..self.density.len();
+        let moduli: Vec<Moduli> = points.map(|i| self.solid.moduli_of(i)).collect();
+        let stress = self.solid.material_stress();
+        if let Some(plasticity) = self.solid.plasticity() {
+            plasticity.anneal(&temperature, &stress, |i| moduli[i]);
+        }
+    }
+
+    /// Breaks the bonds that exceed their limit in the displacement of the last force and whose load is at
+    /// least `fraction` of the largest; whether there were any.
+    pub(super) fn break_bonds(&mut self, world: &World, fraction: f64) -> bool {
+        let Some(damage) = self.fields.damage else {
+            return false;
+        };
+        let mut damage = world.write(damage);
+        let breaks = self.solid.break_bonds(fraction, &mut damage);
+        let mut broken = world.broken_pairs_mut(self.body);
+        broken.pairs.extend(breaks.pairs);
+        breaks.any
+    }
+
+    /// An upper bound of the highest frequency in any state of damage, at the stiffest moduli, rad/s.
+    pub(super) fn largest_frequency(&mut self, world: &World) -> f64 {
+        let body = world.body(self.body);
+        self.solid.set_stiffest_moduli(body);
+        // that of the intact body, so that a resumed run takes the same steps
+        let intact = FractureState::intact(self.solid.family(), self.density.len());
+        let state = self.solid.replace_fracture_state(intact);
+        let largest = match self.solid.frequency_bound(&self.density) {
+            Some(bound) => bound,
+            None => self.frequency_by_power_iteration(world, body),
+        };
+        if let Some(state) = state {
+            self.solid.replace_fracture_state(state);
+        }
+        largest * self.solid.rise_by_damage().sqrt()
+    }
+
+    fn frequency_by_power_iteration(&mut self, world: &World, body: &Body) -> f64 {
+        let components = 0..3 * self.density.len();
+        let inverse_density = components.map(|i| match i % 3 < body.dimension {
+            true => 1.0 / self.density[i / 3],
+            false => 0.0,
+        });
+        let inverse_density: Vec<f64> = inverse_density.collect();
+        let rules: Vec<LayerRule> = world
+            .layer_rules(self.layers)
+            .iter()
+            .map(LayerRule::homogeneous)
+            .collect();
+        let square = largest_eigenvalue(&inverse_density, |u, out| {
+            self.solid.set_displacement(u, &rules);
+            self.solid.stiffness(out);
+        });
+        square.sqrt()
+    }
+}

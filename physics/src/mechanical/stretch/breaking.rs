@@ -1,0 +1,129 @@
+//! Loads and limits of bonds that break.
+
+use perimelt_core::{Bond, BondKernel};
+
+use super::{CRITICAL, EIGENSTRAIN, Ends, INPUTS, pull, stretched, stretched_by, stretched_in};
+
+/// [`Force`] along `D` axes, and the sum of the excess of bonds over their limits (of energy if `ENERGY`).
+pub struct Breaking<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: bool>;
+
+/// The load of a bond over its limit (`[0]`), and its excess over the limit (`[1]`), as in [`Breaking`].
+pub struct Load {
+    /// Finite kinematics.
+    pub finite: bool,
+    /// The limit is one of energy.
+    pub energy: bool,
+    /// Bonds take the means of their ends: a bond-based solid.
+    pub pairs: bool,
+}
+
+/// Sum of the excess of bonds over their critical stretch, in a correspondence solid. Inputs: the displacement,
+/// eigenstrain, critical stretch.
+pub struct Excess<const FINITE: bool>;
+
+/// Inputs of [`Excess`].
+pub const EXCESS_INPUTS: usize = 5;
+
+impl<const FINITE: bool> Excess<FINITE> {
+    /// Thermo-elastic stretch of a bond, and the critical one.
+    #[inline(always)]
+    pub fn stretch_and_limit(
+        bond: &Bond,
+        own: [f64; EXCESS_INPUTS],
+        other: [f64; EXCESS_INPUTS],
+    ) -> (f64, f64) {
+        let [own, other] = [own, other].map(|[x, y, z, eigenstrain, critical]| {
+            let mut end = [x, y, z, 0.0, 0.0, 0.0, 0.0];
+            (end[EIGENSTRAIN], end[CRITICAL]) = (eigenstrain, critical);
+            end
+        });
+        let ends = (&own, &other);
+        let stretch = stretched::<FINITE, 3, _>(bond, ends).stretch();
+        load_and_limit(false, bond, (stretch, 0.0), ends)
+    }
+}
+
+/// Load of a bond and its limit: thermo-elastic stretch, or energy and limit both times the weight. The load is
+/// positive in tension only. `force` along the bond in N/m³.
+#[inline(always)]
+fn load_and_limit(
+    energy: bool,
+    bond: &Bond,
+    (stretch, force): (f64, f64),
+    (own, other): Ends<'_>,
+) -> (f64, f64) {
+    let elastic = stretch - 0.5 * (own[EIGENSTRAIN] + other[EIGENSTRAIN]);
+    let limit = 0.5 * (own[CRITICAL] + other[CRITICAL]);
+    match energy {
+        true => (
+            0.5 * force.max(0.0) * bond.length * elastic,
+            limit * bond.mean(),
+        ),
+        false => (elastic, limit),
+    }
+}
+
+impl<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: bool>
+    BondKernel<INPUTS, 4> for Breaking<D, FINITE, DILATATION, ENERGY>
+{
+    const PAIRED: usize = if FINITE { D } else { 0 };
+
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 4] {
+        let ends = (&own, &other);
+        let change = stretched::<FINITE, D, _>(bond, ends);
+        let stretch = change.stretch();
+        let force = pull::<DILATATION>(bond, stretch, ends);
+        let (load, limit) = load_and_limit(ENERGY, bond, (stretch, force), ends);
+        let mut sums = [0.0, 0.0, 0.0, (load - limit).max(0.0)];
+        let vector = change.vector(force);
+        (0..D).for_each(|axis| sums[axis] = vector[axis]);
+        sums
+    }
+
+    #[inline(always)]
+    fn add_ends(
+        &self,
+        bond: &Bond,
+        own: [f64; INPUTS],
+        other: [f64; INPUTS],
+        [here, there]: [&mut [f64; 4]; 2],
+    ) {
+        let ends = (&own, &other);
+        let change = stretched_by::<FINITE, true, D, _>(bond, ends);
+        let stretch = change.stretch_by::<true>();
+        let force = pull::<DILATATION>(bond, stretch, ends);
+        let (load, limit) = load_and_limit(ENERGY, bond, (stretch, force), ends);
+        here[3] += (load - limit).max(0.0);
+        change.add_pull(force, [here, there]);
+    }
+}
+
+impl<const FINITE: bool> BondKernel<EXCESS_INPUTS, 1> for Excess<FINITE> {
+    #[inline(always)]
+    fn bond(
+        &self,
+        bond: &Bond,
+        own: [f64; EXCESS_INPUTS],
+        other: [f64; EXCESS_INPUTS],
+    ) -> [f64; 1] {
+        let (stretch, limit) = Self::stretch_and_limit(bond, own, other);
+        [(stretch - limit).max(0.0)]
+    }
+}
+
+impl BondKernel<INPUTS, 2> for Load {
+    const RARE: bool = true;
+
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
+        let ends = (&own, &other);
+        let stretch = stretched_in(self.finite, bond, ends).stretch();
+        let force = match self.pairs {
+            true => pull::<false>(bond, stretch, ends),
+            false => pull::<true>(bond, stretch, ends),
+        };
+        let (load, limit) = load_and_limit(self.energy, bond, (stretch, force), ends);
+        [load / limit, (load - limit).max(0.0)]
+    }
+}

@@ -1,0 +1,52 @@
+//! Energy of the bonds and the stress that they carry.
+
+use perimelt_core::{Bond, BondKernel};
+
+use super::{EIGENSTRAIN, INPUTS, PRESSURE, STIFFNESS, dyad, stretched, stretched_in};
+
+/// Energy density `c/4 sum_j w |xi| s^2` (J/m³) of the bonds of a point at their total stretch, and the stress
+/// `c/2 sum_j w |xi| s` conjugate to the eigenstrain (Pa); in a bond-based solid with the mean c of both ends.
+pub struct Energy<const FINITE: bool> {
+    /// Bonds take the means of their ends: a bond-based solid.
+    pub pairs: bool,
+}
+
+/// Peridynamic stress `sum_j T_ij (x) xi` (Pa) as xx, yy, zz, xy, yz, zx (spec 07, 1.8, S1): the
+/// momentum that the point's own bonds carry; or half of that of both ends, `1/2 sum_j (T_ij - T_ji) (x) xi` (S2).
+pub struct Stress {
+    /// Finite kinematics.
+    pub finite: bool,
+    /// S2, which is more accurate where horizons change. The sums of S1 and S2 over a body are equal.
+    pub symmetric: bool,
+}
+
+impl<const FINITE: bool> BondKernel<INPUTS, 2> for Energy<FINITE> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
+        let stretch = stretched::<FINITE, 3, _>(bond, (&own, &other)).stretch();
+        let density = 0.25 * own[STIFFNESS] * bond.weight * bond.length * stretch * stretch;
+        let force = match self.pairs {
+            true => 0.5 * (own[STIFFNESS] + other[STIFFNESS]) * bond.mean(),
+            false => own[STIFFNESS] * bond.weight,
+        };
+        [density, 0.5 * force * bond.length * stretch]
+    }
+}
+
+impl BondKernel<INPUTS, 6> for Stress {
+    const RARE: bool = true;
+
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 6] {
+        let change = stretched_in(self.finite, bond, (&own, &other));
+        let carried = |weight: f64, point: &[f64; INPUTS]| {
+            let stretch = change.stretch() - point[EIGENSTRAIN];
+            weight * (0.5 * point[STIFFNESS] * stretch * bond.length + point[PRESSURE])
+        };
+        let tension = match self.symmetric {
+            true => 0.5 * (carried(bond.weight, &own) + carried(bond.dual, &other)),
+            false => carried(bond.weight, &own),
+        };
+        dyad(tension, &change.vector(1.0))
+    }
+}

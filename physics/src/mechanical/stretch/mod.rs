@@ -1,0 +1,182 @@
+//! Bond kernels of solids with forces along the bonds: bond-based and ordinary state-based.
+//!
+//! ```text
+//! T_ij = [ c_i/2 (s - e_i) + p_i / |xi| ] w_ij n         Wang (2025), eqs. 3.3, 3.10; spec 04, 1.3
+//! f_i  = sum_j T_ij - T_ji
+//! s    = (|y_j - y_i| - |xi|) / |xi|                     finite kinematics, eq. 3.5
+//! s    = n . (u_j - u_i) / |xi|                          linear kinematics
+//! c = 2 (d + 2) mu,   p = 2 a N theta,   theta = N sum_j s w_ij - d e,   N = d / sum_j w_ij
+//! ```
+//!
+//! `w` is the weight of the bond in the family of the owner of the force state (`c` and `p` are free
+//! of horizons, since the weights contain the moment of the family), `e` the eigenstrain (thermal expansion), `mu` the
+//! shear modulus, `a` the dilatation stiffness, `d` the dimension. In a bond-based solid `a` and `p`
+//! are zero, and a bond takes the means of c and e at its ends. Forces are the derivative of the energy `sum_i V_i (a theta_i^2 + c_i/4 sum_j w_ij
+//! |xi| (s - e_i)^2)`, with single and dual horizons.
+
+mod adapters;
+mod breaking;
+mod energy;
+mod force;
+mod sums;
+
+use perimelt_core::Bond;
+
+pub use adapters::{PLASTIC_INPUTS, Plastic, Uniform};
+pub use breaking::{Breaking, EXCESS_INPUTS, Excess, Load};
+pub use energy::{Energy, Stress};
+pub use force::{Block, Force, Stiffness};
+pub use sums::{Dilation, Directions, Expansion, TotalWeight, WeightOverLength};
+
+/// Inputs of every kernel, in slot space; the first three are the displacement, m.
+pub const INPUTS: usize = 7;
+/// Input that holds the pressure p from dilatation, Pa.
+pub const PRESSURE: usize = 3;
+/// Input that holds the eigenstrain.
+pub const EIGENSTRAIN: usize = 4;
+/// Input that holds the bond stiffness c, Pa.
+pub const STIFFNESS: usize = 5;
+/// Input that holds the limit of bonds: critical stretch, or energy in J/m².
+pub const CRITICAL: usize = 6;
+
+type Ends<'a> = (&'a [f64; INPUTS], &'a [f64; INPUTS]);
+
+/// Force density along a bond of a bond-based solid with the mean stiffness and eigenstrain of its ends (Wang
+/// (2025), eqs. 7.14, 7.15), N/m³. The mean of the products at both ends differs by several percent where both
+/// change within a horizon, as at a melt pool.
+#[inline(always)]
+fn pair_tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
+    let mean = |i: usize| 0.5 * (own[i] + other[i]);
+    bond.mean() * mean(STIFFNESS) * (stretch - mean(EIGENSTRAIN))
+}
+
+/// Force density along the bond from the stretch of both ends, N/m³.
+#[inline(always)]
+fn tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
+    // computed once if stiffness and eigenstrain are the same at both ends
+    let end = |point: &[f64; INPUTS]| 0.5 * point[STIFFNESS] * (stretch - point[EIGENSTRAIN]);
+    bond.weight * end(own) + bond.dual * end(other)
+}
+
+#[inline(always)]
+fn pressure(bond: &Bond, (own, other): Ends<'_>) -> f64 {
+    (bond.weight * own[PRESSURE] + bond.dual * other[PRESSURE]) * bond.inverse_length
+}
+
+/// Force density along the bond of either solid, N/m³.
+#[inline(always)]
+fn pull<const DILATATION: bool>(bond: &Bond, stretch: f64, ends: Ends<'_>) -> f64 {
+    match DILATATION {
+        true => tension(bond, stretch, ends) + pressure(bond, ends),
+        false => pair_tension(bond, stretch, ends),
+    }
+}
+
+/// Stretch of a bond, `scale sum_a relative_a arm_a`.
+struct Stretched<const D: usize> {
+    relative: [f64; D],
+    arm: [f64; D],
+    scale: f64,
+    /// The current bond, m; the reference one in linear kinematics.
+    along: [f64; D],
+    /// One over the length of `along`, 1/m.
+    inverse_length: f64,
+}
+
+#[inline(always)]
+fn stretched<const FINITE: bool, const D: usize, const I: usize>(
+    bond: &Bond,
+    ends: (&[f64; I], &[f64; I]),
+) -> Stretched<D> {
+    stretched_by::<FINITE, false, D, I>(bond, ends)
+}
+
+/// [`stretched`], by fused multiply-adds if `FUSED`.
+#[inline(always)]
+fn stretched_by<const FINITE: bool, const FUSED: bool, const D: usize, const I: usize>(
+    bond: &Bond,
+    (own, other): (&[f64; I], &[f64; I]),
+) -> Stretched<D> {
+    let relative: [f64; D] = std::array::from_fn(|a| other[a] - own[a]);
+    let xi: [f64; D] = std::array::from_fn(|a| bond.xi[a]);
+    if FINITE {
+        let along: [f64; D] = std::array::from_fn(|a| xi[a] + relative[a]);
+        let length = dot::<FUSED, D>(along, along).sqrt();
+        // l - l0 = (l^2 - l0^2) / (l + l0) avoids cancellation at small stretches; one division serves both
+        // the stretch and the direction
+        let sum = (length + bond.length) * bond.length;
+        let inverse = 1.0 / (length * sum);
+        Stretched {
+            arm: std::array::from_fn(|a| xi[a] + along[a]),
+            scale: inverse * length,
+            inverse_length: inverse * sum,
+            relative,
+            along,
+        }
+    } else {
+        Stretched {
+            arm: xi,
+            scale: bond.inverse_length * bond.inverse_length,
+            along: xi,
+            relative,
+            inverse_length: bond.inverse_length,
+        }
+    }
+}
+
+/// Starts from the first product, not from zero, since compilers keep an addition of zero.
+#[inline(always)]
+fn dot<const FUSED: bool, const D: usize>(a: [f64; D], b: [f64; D]) -> f64 {
+    (1..D).fold(a[0] * b[0], |sum, axis| match FUSED {
+        true => a[axis].mul_add(b[axis], sum),
+        false => sum + a[axis] * b[axis],
+    })
+}
+
+impl<const D: usize> Stretched<D> {
+    #[inline(always)]
+    fn stretch(&self) -> f64 {
+        self.stretch_by::<false>()
+    }
+
+    #[inline(always)]
+    fn stretch_by<const FUSED: bool>(&self) -> f64 {
+        self.scale * dot::<FUSED, D>(self.relative, self.arm)
+    }
+
+    /// Contributions of the axes to the stretch.
+    #[inline(always)]
+    fn parts(&self) -> [f64; D] {
+        std::array::from_fn(|a| self.relative[a] * self.arm[a] * self.scale)
+    }
+
+    /// Adds a vector along the bond to one end, and subtracts it from the other.
+    #[inline(always)]
+    fn add_pull<const O: usize>(&self, size: f64, [here, there]: [&mut [f64; O]; 2]) {
+        let size = size * self.inverse_length;
+        for axis in 0..D {
+            here[axis] = size.mul_add(self.along[axis], here[axis]);
+            there[axis] = (-size).mul_add(self.along[axis], there[axis]);
+        }
+    }
+
+    /// A vector along the bond.
+    #[inline(always)]
+    fn vector(&self, size: f64) -> [f64; D] {
+        let size = size * self.inverse_length;
+        std::array::from_fn(|a| size * self.along[a])
+    }
+}
+
+#[inline(always)]
+fn stretched_in(finite: bool, bond: &Bond, ends: Ends<'_>) -> Stretched<3> {
+    match finite {
+        true => stretched::<true, 3, _>(bond, ends),
+        false => stretched::<false, 3, _>(bond, ends),
+    }
+}
+
+#[inline(always)]
+fn dyad(factor: f64, &[x, y, z]: &[f64; 3]) -> [f64; 6] {
+    [x * x, y * y, z * z, x * y, y * z, z * x].map(|n| factor * n)
+}

@@ -1,0 +1,129 @@
+//! A body of its own physics that meets a body of ours: the points of a fender sit on springs and dashpots (`fender`), and a
+//! coupler pushes them and the points of a ship apart (`bumper`). Linking this crate makes both known.
+use nalgebra::Vector3;
+use perimelt_core::{
+    Clock, Coupler, PairList, Physics, Read, RunError, Setup, SetupError, Step, StepSize, Work,
+    World, Write, keys, register_coupler, register_physics,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Points on springs and dashpots: `rho u'' = -k u - c u' + j`, with the impulses j of others.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Fender {
+    /// Body that yields.
+    body: String,
+    /// Stiffness by volume, N/m⁴.
+    stiffness: f64,
+    /// Damping by volume, N s/m⁴.
+    damping: f64,
+    #[serde(skip)]
+    prepared: Option<FenderFields>,
+}
+
+struct FenderFields {
+    displacement: Write<Vector3<f64>>,
+    velocity: Write<Vector3<f64>>,
+    impulse: Option<Read<Vector3<f64>>>,
+    density: Vec<f64>,
+}
+
+#[typetag::serde(name = "fender")]
+impl Physics for Fender {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(Some(&self.body))?;
+        self.prepared = Some(FenderFields {
+            displacement: setup.own(body, &keys::DISPLACEMENT)?,
+            velocity: setup.own(body, &keys::VELOCITY)?,
+            impulse: setup.take_if_added(body, &keys::IMPULSE)?,
+            density: setup.density_at_points(body)?,
+        });
+        Ok(())
+    }
+
+    fn clock(&self) -> Clock {
+        Clock {
+            step: StepSize::Auto,
+            ..Clock::default()
+        }
+    }
+
+    fn stable_step(&mut self, _world: &World) -> Option<f64> {
+        let density = &self.prepared.as_ref()?.density;
+        let lightest = density.iter().copied().fold(f64::INFINITY, f64::min);
+        Some((2.0 * (lightest / self.stiffness).sqrt()).min(lightest / self.damping))
+    }
+
+    fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
+        let fields = self
+            .prepared
+            .as_ref()
+            .expect("prepared before the first step");
+        let (mut u, mut v) = (
+            world.write(fields.displacement),
+            world.write(fields.velocity),
+        );
+        let impulse = fields.impulse.map(|j| world.read(j));
+        for (i, rho) in fields.density.iter().enumerate() {
+            let given = impulse.as_deref().map_or_else(Vector3::zeros, |j| j[i]);
+            let force = -self.stiffness * u[i] - self.damping * v[i];
+            v[i] += (given + step.size * force) / *rho;
+            u[i] += step.size * v[i];
+        }
+        Ok(Work::of_stages(1))
+    }
+}
+
+/// Points of two bodies that are closer than `reach` push each other apart.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Bumper {
+    /// The two bodies.
+    bodies: [String; 2],
+    /// Distance at which points meet, m.
+    reach: f64,
+    /// Force by distance and volumes, N/m⁷.
+    stiffness: f64,
+    #[serde(skip)]
+    prepared: Option<(PairList, [Write<Vector3<f64>>; 2], [Vec<f64>; 2])>,
+}
+
+#[typetag::serde(name = "bumper")]
+impl Coupler for Bumper {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let [a, b] = &self.bodies;
+        let bodies = [setup.find_body(Some(a))?, setup.find_body(Some(b))?];
+        let volumes = bodies.map(|body| setup.body(body).points.volume.clone());
+        let reach = volumes.each_ref().map(|v| vec![self.reach; v.len()]);
+        let impulses = [
+            setup.add(bodies[0], &keys::IMPULSE)?,
+            setup.add(bodies[1], &keys::IMPULSE)?,
+        ];
+        self.prepared = Some((PairList::between(bodies, reach), impulses, volumes));
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let (pairs, impulses, volumes) = self.prepared.as_mut().expect("prepared before the run");
+        pairs.update(world);
+        let (first, positions) = (pairs.first_points(), pairs.positions());
+        let [mut on_first, mut on_second] = impulses.map(|j| world.write(j));
+        for i in 0..first {
+            for &j in pairs.candidates(i) {
+                let apart = positions[i] - positions[j as usize];
+                let overlap = self.reach - apart.norm();
+                if overlap > 0.0 {
+                    let j = j as usize - first;
+                    let impulse = apart.normalize() * (step.size * self.stiffness * overlap);
+                    on_first[i] += impulse * volumes[1][j];
+                    on_second[j] -= impulse * volumes[0][i];
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+register_physics!("fender", Fender);
+register_coupler!("bumper", Bumper);
