@@ -261,10 +261,14 @@ impl Family {
     ) {
         #[cfg(target_arch = "x86_64")]
         match instructions() {
-            // SAFETY: the instruction set was detected.
-            Instructions::Avx512 => unsafe { sweep_box_avx512(self, kernel, inputs, target) },
-            // SAFETY: the instruction set was detected.
-            Instructions::Avx2 => unsafe { sweep_box_avx2(self, kernel, inputs, target) },
+            Instructions::Avx512 => {
+                // SAFETY: the instruction set was detected.
+                unsafe { sweep_box_avx512(self, kernel, inputs, target) }
+            }
+            Instructions::Avx2 => {
+                // SAFETY: the instruction set was detected.
+                unsafe { sweep_box_avx2(self, kernel, inputs, target) }
+            }
             Instructions::Baseline => unreachable!("bonds are visited once where `can_fuse`"),
         }
         #[cfg(not(target_arch = "x86_64"))]
