@@ -98,6 +98,12 @@ fn add_parts<const O: usize>([here, there]: [&mut [f64; O]; 2], parts: [[f64; O]
     }
 }
 
+/// Calls `sweep` with each of the parts of a sweep, on all threads. What distributes them is compiled once, not for
+/// every kernel, as one dynamic call for each part costs nothing beside it.
+fn for_each<T: Sync>(parts: &[T], sweep: &(dyn Fn(&T) + Sync)) {
+    parts.par_iter().for_each(sweep);
+}
+
 /// Whether this machine has fused multiply-adds, without which bonds are not visited once.
 fn can_fuse() -> bool {
     #[cfg(target_arch = "x86_64")]
@@ -236,9 +242,9 @@ impl Family {
         {
             return self.sum_pairs((kernel, pairs), (&inputs, broken), &output);
         }
-        self.chunks
-            .par_iter()
-            .for_each(|chunk| self.sweep(kernel, (&inputs, broken), &output, chunk));
+        for_each(&self.chunks, &|chunk| {
+            self.sweep(kernel, (&inputs, broken), &output, chunk);
+        });
     }
 
     fn check_inputs<const I: usize>(&self, inputs: &[&[f64]; I]) {
