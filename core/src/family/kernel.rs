@@ -2,7 +2,8 @@
 //!
 //! Complete families: [`LANES`] neighbouring points advance together through the shared
 //! stencil, their sums in registers; per bond and point one load of each input. The
-//! compiler vectorises the lane loop for the instruction set chosen at run time. Fused multiply-adds are used only
+//! compiler vectorises the lane loop for AVX2 and AVX-512, one of which is chosen at run time; machines of the x86
+//! kind that have neither evaluate bond by bond. Fused multiply-adds are used only
 //! where bonds are visited once ([`BondKernel::add_ends`]), as they give other bits than machines without them.
 
 use std::marker::PhantomData;
@@ -60,8 +61,8 @@ pub trait BondKernel<const I: usize, const O: usize>: Sync {
     const RARE: bool = false;
 
     /// How many of the sums, from the first, the bond adds to at both of its ends ([`BondKernel::ends`]). On a
-    /// lattice it is then visited from one end only, to which it adds the others. Without weight, and from inputs of
-    /// zero, it must add nothing to both.
+    /// lattice, where the machine has fused multiply-adds, it is then visited from one end only, to which it adds the
+    /// others. Without weight, and from inputs of zero, it must add nothing to both.
     const PAIRED: usize = 0;
 
     /// The contributions of one bond.
@@ -97,6 +98,12 @@ fn add_parts<const O: usize>([here, there]: [&mut [f64; O]; 2], parts: [[f64; O]
     }
 }
 
+/// Calls `sweep` with each of the parts of a sweep, on all threads. What distributes them is compiled once, not for
+/// every kernel, as one dynamic call for each part costs nothing beside it.
+fn for_each<T: Sync>(parts: &[T], sweep: &(dyn Fn(&T) + Sync)) {
+    parts.par_iter().for_each(sweep);
+}
+
 /// Whether this machine has fused multiply-adds, without which bonds are not visited once.
 fn can_fuse() -> bool {
     #[cfg(target_arch = "x86_64")]
@@ -105,10 +112,10 @@ fn can_fuse() -> bool {
     return cfg!(target_arch = "aarch64");
 }
 
-/// Vector instructions of this machine for which sweeps are compiled.
+/// The instruction sets for which sweeps are compiled.
 #[cfg(target_arch = "x86_64")]
 enum Instructions {
-    /// None that every machine has: kernels are evaluated bond by bond.
+    /// What every machine has: kernels are evaluated bond by bond, not side by side.
     Baseline,
     /// With fused multiply-adds.
     Avx2,
@@ -235,9 +242,9 @@ impl Family {
         {
             return self.sum_pairs((kernel, pairs), (&inputs, broken), &output);
         }
-        self.chunks
-            .par_iter()
-            .for_each(|chunk| self.sweep(kernel, (&inputs, broken), &output, chunk));
+        for_each(&self.chunks, &|chunk| {
+            self.sweep(kernel, (&inputs, broken), &output, chunk);
+        });
     }
 
     fn check_inputs<const I: usize>(&self, inputs: &[&[f64]; I]) {
@@ -379,19 +386,21 @@ impl Family {
         }
         #[cfg(target_arch = "x86_64")]
         match instructions() {
-            // SAFETY: the instruction set was detected.
-            Instructions::Avx512 if const { K::PAIRED == 0 } && !self.is_cloud() => unsafe {
-                sweep_avx512(self, kernel, inputs, output, chunk)
-            },
-            // SAFETY: the instruction set was detected. On clouds also where there is AVX-512, whose gather
-            // instructions are slower than loads one by one.
-            Instructions::Avx512 | Instructions::Avx2 => unsafe {
-                match self.is_cloud() {
-                    true => sweep_cloud_avx2(self, kernel, inputs, output, chunk),
-                    false => sweep_avx2(self, kernel, inputs, output, chunk),
-                }
-            },
             Instructions::Baseline => self.sweep_plainly(kernel, inputs, output, chunk),
+            // not AVX-512: its gather instructions are slower than loads one by one
+            _ if self.is_cloud() => {
+                // SAFETY: the instruction set was detected.
+                unsafe { sweep_cloud_avx2(self, kernel, inputs, output, chunk) }
+            }
+            // of paired kernels only bodies come here that are too narrow for pairs
+            Instructions::Avx512 if const { K::PAIRED == 0 } => {
+                // SAFETY: the instruction set was detected.
+                unsafe { sweep_avx512(self, kernel, inputs, output, chunk) }
+            }
+            Instructions::Avx512 | Instructions::Avx2 => {
+                // SAFETY: the instruction set was detected, or one that includes it.
+                unsafe { sweep_avx2(self, kernel, inputs, output, chunk) }
+            }
         }
         #[cfg(not(target_arch = "x86_64"))]
         match self.is_cloud() {

@@ -10,9 +10,7 @@
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-use rayon::prelude::*;
-
-use super::{Bits, Bond, BondKernel, Inputs, Output, bits, lanes, sum_lanes};
+use super::{Bits, Bond, BondKernel, Inputs, Output, bits, for_each, lanes, sum_lanes};
 #[cfg(target_arch = "x86_64")]
 use super::{Instructions, instructions};
 use crate::family::blocks::{BLOCK, Blocks, Builder, Head, Weights};
@@ -238,16 +236,18 @@ impl Family {
             slots: self.slots,
         };
         for boxes in &pairs.boxes {
-            boxes
-                .par_iter()
-                .for_each(|section| self.sweep_box((kernel, pairs), inputs, (&planes, section)));
+            for_each(boxes, &|section| {
+                self.sweep_box((kernel, pairs), inputs, (&planes, section));
+            });
         }
-        let heads = pairs.ahead.blocks.head.par_iter().with_min_len(CHUNK);
-        heads.for_each(|head| {
-            for lane in 0..head.len as usize {
-                let slot = head.slot as usize + lane;
-                let sum = std::array::from_fn(|o| planes.take(o, slot));
-                output.set(head.point as usize + lane, sum);
+        let parts: Vec<&[Head]> = pairs.ahead.blocks.head.chunks(CHUNK).collect();
+        for_each(&parts, &|heads| {
+            for head in *heads {
+                for lane in 0..head.len as usize {
+                    let slot = head.slot as usize + lane;
+                    let sum = std::array::from_fn(|o| planes.take(o, slot));
+                    output.set(head.point as usize + lane, sum);
+                }
             }
         });
         *lock() = work;
@@ -261,10 +261,14 @@ impl Family {
     ) {
         #[cfg(target_arch = "x86_64")]
         match instructions() {
-            // SAFETY: the instruction set was detected.
-            Instructions::Avx512 => unsafe { sweep_box_avx512(self, kernel, inputs, target) },
-            // SAFETY: the instruction set was detected.
-            Instructions::Avx2 => unsafe { sweep_box_avx2(self, kernel, inputs, target) },
+            Instructions::Avx512 => {
+                // SAFETY: the instruction set was detected.
+                unsafe { sweep_box_avx512(self, kernel, inputs, target) }
+            }
+            Instructions::Avx2 => {
+                // SAFETY: the instruction set was detected.
+                unsafe { sweep_box_avx2(self, kernel, inputs, target) }
+            }
             Instructions::Baseline => unreachable!("bonds are visited once where `can_fuse`"),
         }
         #[cfg(not(target_arch = "x86_64"))]
