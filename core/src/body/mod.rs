@@ -16,7 +16,7 @@ pub use cloud::{Cloud, Jitter};
 pub use face::{Face, SurfaceCell};
 pub use interpolate::weights_among;
 pub use lattice::{Lattice, NO_POINT};
-pub use table::TableError;
+pub use table::PointTableError;
 pub use zones::{Zone, ZoneError};
 
 use std::collections::BTreeMap;
@@ -181,7 +181,7 @@ pub enum BodyError {
     },
     /// A table of points that cannot be read.
     #[error(transparent)]
-    Table(#[from] TableError),
+    Table(#[from] PointTableError),
     /// More points than the index type holds.
     #[error("the body has {0:.1e} cells, but at most 4e9 are supported: choose a larger `spacing`")]
     TooManyPoints(f64),
@@ -352,7 +352,7 @@ impl Body {
                         f64::from(u8::from(lattice.neighbour(point, face).is_none()))
                     }
                     Discretisation::Cloud(cloud) => {
-                        cloud.bare_share(self.dimension, &self.points.spacing, point, face)
+                        cloud.bare_fraction(self.dimension, &self.points.spacing, point, face)
                     }
                 };
                 if bare > 0.0 {
