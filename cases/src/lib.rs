@@ -2,7 +2,8 @@
 //!
 //! - [`case`]: TOML text -> a composed [`core::Simulation`], with mistakes shown at their lines;
 //! - [`run`]: steps a case, logs it, resumes it;
-//! - [`probe`]: numbers taken from the fields with every logged state;
+//! - [`probe`]: numbers computed from the fields with every logged state;
+//! - [`interpolation`]: fields between points; [`melt_pool`]: extents above an isotherm;
 //! - [`library`]: the materials that come with the program;
 //! - [`commands`]: the command line; [`plot`], [`export`] and [`verify`] behind it.
 //!
@@ -20,7 +21,7 @@ mod cell_grid;
 pub mod commands;
 mod component;
 pub mod export;
-mod interpolation;
+pub mod interpolation;
 pub mod library;
 pub mod melt_pool;
 pub mod plot;

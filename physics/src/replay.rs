@@ -10,7 +10,7 @@
 use std::path::PathBuf;
 
 use nalgebra::{Matrix3, Vector3};
-use perimelt_core::log::{Cloud, CloudField, Log, LogError};
+use perimelt_core::log::{CloudField, Log, LogError, LoggedCloud};
 use perimelt_core::{Key, Physics, Problem, RunError, Setup, SetupError, Step, Work, World, Write};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -53,8 +53,8 @@ impl std::fmt::Debug for Run {
 struct Window {
     /// Index of the older state in the log.
     first: usize,
-    older: Cloud,
-    newer: Cloud,
+    older: LoggedCloud,
+    newer: LoggedCloud,
 }
 
 /// A field of the body that is read from the log, with its name.
@@ -154,11 +154,11 @@ impl Run {
     }
 }
 
-fn find<'a>(cloud: &'a Cloud, name: &str) -> Option<&'a CloudField> {
+fn find<'a>(cloud: &'a LoggedCloud, name: &str) -> Option<&'a CloudField> {
     cloud.fields.iter().find(|f| f.name == name)
 }
 
-fn values<'a>(cloud: &'a Cloud, name: &str) -> &'a [f64] {
+fn values<'a>(cloud: &'a LoggedCloud, name: &str) -> &'a [f64] {
     find(cloud, name).map_or(&[], |f| &f.values)
 }
 

@@ -5,13 +5,13 @@ use std::{
     io::{self, Write},
 };
 
-use perimelt_core::log::{Cloud, Progress, Series};
+use perimelt_core::log::{LoggedCloud, Progress, Series};
 
 use super::fit_f32;
 use crate::component::{TENSOR, VECTOR};
 
 /// Positions and fields, a line per point.
-pub(super) fn cloud(file: &mut impl Write, cloud: &Cloud) -> io::Result<()> {
+pub(super) fn cloud(file: &mut impl Write, cloud: &LoggedCloud) -> io::Result<()> {
     let mut header: Vec<String> = VECTOR.map(|axis| title(axis, "m")).into();
     for field in &cloud.fields {
         let suffixes: &[&str] = match field.components {

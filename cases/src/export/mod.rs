@@ -21,7 +21,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use perimelt_core::log::{BodyInfo, Cloud, Log, LogError};
+use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
 
 use crate::plot::{beside, nearest};
 
@@ -260,7 +260,7 @@ impl Folder {
         &mut self,
         body: &str,
         index: usize,
-        cloud: &Cloud,
+        cloud: &LoggedCloud,
         format: ExportFormat,
     ) -> Result<String, ExportError> {
         match format {

@@ -5,7 +5,7 @@
 
 use std::io::{self, Write};
 
-use perimelt_core::log::Cloud;
+use perimelt_core::log::LoggedCloud;
 
 use super::fit_f32;
 
@@ -65,7 +65,7 @@ impl Data<'_> {
 }
 
 /// A cloud as an unstructured grid of vertices.
-pub(super) fn write_cloud(file: &mut impl Write, cloud: &Cloud) -> io::Result<()> {
+pub(super) fn write_cloud(file: &mut impl Write, cloud: &LoggedCloud) -> io::Result<()> {
     let points = cloud.positions.len();
     let numbers = |name, components, values| Array {
         name,

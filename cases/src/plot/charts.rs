@@ -1,6 +1,6 @@
 //! The charts of a run.
 
-use perimelt_core::log::{BodyInfo, Cloud, Series};
+use perimelt_core::log::{BodyInfo, LoggedCloud, Series};
 
 use super::{
     curves::{Chart, Panel},
@@ -25,7 +25,7 @@ pub(super) fn balance_chart(balance: &Series) -> Chart {
 }
 
 /// A scalar along a one-dimensional body.
-pub(super) fn line_chart(title: String, cloud: &Cloud, scalar: &Scalar) -> Chart {
+pub(super) fn line_chart(title: String, cloud: &LoggedCloud, scalar: &Scalar) -> Chart {
     let mut order: Vec<usize> = (0..cloud.positions.len()).collect();
     let x = |point: usize| cloud.positions[point][0];
     order.sort_by(|&a, &b| x(a).total_cmp(&x(b)));

@@ -31,7 +31,7 @@ use std::{
 };
 
 use crate::run::record::SPACING;
-use perimelt_core::log::{BodyInfo, Cloud, Log};
+use perimelt_core::log::{BodyInfo, Log, LoggedCloud};
 
 use crate::cell_grid::CellGrid;
 use crate::melt_pool::Travel;
@@ -246,7 +246,7 @@ impl Plotter<'_> {
     }
 
     /// The fields of a cloud to draw.
-    fn fields(&self, cloud: &Cloud) -> Vec<String> {
+    fn fields(&self, cloud: &LoggedCloud) -> Vec<String> {
         let there = |name: &&str| scalar(cloud, name).is_some();
         let asked: Vec<&str> = self.args.field.iter().map(String::as_str).collect();
         let wanted = if asked.is_empty() {
@@ -269,7 +269,7 @@ impl Plotter<'_> {
         wanted: &[usize],
         isotherms: &[Isotherm],
     ) -> Result<(), PlotError> {
-        let mut shown: Vec<(Cloud, Scalar)> = Vec::new();
+        let mut shown: Vec<(LoggedCloud, Scalar)> = Vec::new();
         for &index in wanted {
             let cloud = self.log.cloud(&body.name, index)?;
             if let Some(scalar) = scalar(&cloud, field) {
@@ -360,7 +360,7 @@ impl Plotter<'_> {
 }
 
 /// The grid of a body's points, by the spacings that a cloud has logged with them.
-fn grid_of(body: &BodyInfo, cloud: &Cloud, positions: &[[f64; 3]]) -> Option<CellGrid> {
+fn grid_of(body: &BodyInfo, cloud: &LoggedCloud, positions: &[[f64; 3]]) -> Option<CellGrid> {
     let spacing = cloud.fields.iter().find(|f| f.name == SPACING);
     match spacing {
         Some(spacing) => CellGrid::of_spacings(positions, &spacing.values),
@@ -369,7 +369,7 @@ fn grid_of(body: &BodyInfo, cloud: &Cloud, positions: &[[f64; 3]]) -> Option<Cel
 }
 
 /// Displacements (m) times `factor`; `None` for a body without.
-fn deformation(cloud: &Cloud, factor: f64) -> Option<Vec<[f64; 3]>> {
+fn deformation(cloud: &LoggedCloud, factor: f64) -> Option<Vec<[f64; 3]>> {
     let field = cloud
         .fields
         .iter()

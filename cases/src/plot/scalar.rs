@@ -1,6 +1,6 @@
 //! One number per point from a logged field.
 
-use perimelt_core::log::{Cloud, CloudField};
+use perimelt_core::log::{CloudField, LoggedCloud};
 
 use crate::component::Number;
 
@@ -18,7 +18,7 @@ pub(crate) struct Scalar {
 /// The scalar called `name`: a scalar field, the magnitude of a vector field, the von Mises
 /// equivalent of a tensor field, or one of their numbers such as `field.x`, `field.principal_1`.
 /// `None` if the cloud has no such field.
-pub(crate) fn scalar(cloud: &Cloud, name: &str) -> Option<Scalar> {
+pub(crate) fn scalar(cloud: &LoggedCloud, name: &str) -> Option<Scalar> {
     let field = |name: &str| cloud.fields.iter().find(|field| field.name == name);
     let pretty = super::unit::pretty_name;
     if let Some(field) = field(name) {
@@ -60,7 +60,7 @@ mod tests {
             components,
             values,
         };
-        let cloud = Cloud {
+        let cloud = LoggedCloud {
             time: 0.0,
             positions: vec![[0.0; 3]],
             fields: vec![

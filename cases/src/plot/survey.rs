@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use perimelt_core::log::{BodyInfo, Cloud, Log, LogError};
+use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
 
 use super::scalar::scalar;
 use crate::melt_pool::{MeltPool, MeltPoolGauge, Travel};
@@ -79,7 +79,7 @@ impl Reference {
     }
 
     /// Reference positions (m) of the points of a cloud; for a fluid, the current ones.
-    pub(crate) fn positions<'a>(&'a self, cloud: &'a Cloud) -> &'a [[f64; 3]] {
+    pub(crate) fn positions<'a>(&'a self, cloud: &'a LoggedCloud) -> &'a [[f64; 3]] {
         match &self.first {
             Some(first) if first.len() == cloud.positions.len() => first,
             _ => &cloud.positions,

@@ -16,7 +16,7 @@ pub use cloud::{Cloud, Jitter};
 pub use face::{Face, SurfaceCell};
 pub use interpolate::weights_among;
 pub use lattice::{Lattice, NO_POINT};
-pub use table::TableError;
+pub use table::PointTableError;
 pub use zones::{Zone, ZoneError};
 
 use std::collections::BTreeMap;
@@ -181,7 +181,7 @@ pub enum BodyError {
     },
     /// A table of points that cannot be read.
     #[error(transparent)]
-    Table(#[from] TableError),
+    Table(#[from] PointTableError),
     /// More points than the index type holds.
     #[error("the body has {0:.1e} cells, but at most 4e9 are supported: choose a larger `spacing`")]
     TooManyPoints(f64),
@@ -215,10 +215,10 @@ impl Body {
     /// Makes the body periodic along these axes.
     ///
     /// # Errors
-    /// When the body has no such axis or does not fill its box.
+    /// When the body has no such axis or does not cover both faces across it.
     pub fn repeat(&mut self, axes: &[Axis]) -> Result<(), BodyError> {
         for &axis in axes {
-            if axis.index() >= self.dimension || !self.fills_box() {
+            if axis.index() >= self.dimension || !self.fills_faces(axis.index()) {
                 let dimension = self.dimension;
                 return Err(BodyError::Repeated { axis, dimension });
             }
@@ -312,6 +312,21 @@ impl Body {
                 volume > (1.0 - 1e-6) * box_volume * self.thickness
             }
         }
+    }
+
+    /// Whether cells of points cover both faces of the bounding box across an axis.
+    fn fills_faces(&self, axis: usize) -> bool {
+        if self.lattice().is_none() {
+            return self.fills_box();
+        }
+        let (min, max) = self.bounds();
+        let cells = |a: usize| ((max[a] - min[a]) / self.finest_spacing()).round();
+        let across = (0..self.dimension).filter(|a| *a != axis);
+        let expected: f64 = across.map(cells).product();
+        [min[axis], max[axis]].into_iter().all(|face| {
+            let at_face = |x: &&Vector3<f64>| (x[axis] - face).abs() < self.finest_spacing();
+            self.points.position.iter().filter(at_face).count() as f64 == expected
+        })
     }
 
     /// Position of a face of the tank, or else of the bounding box, along its axis, m.

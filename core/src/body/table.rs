@@ -8,7 +8,7 @@ const SLACK: f64 = 0.25;
 
 /// What can be wrong with a table of points.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum TableError {
+pub enum PointTableError {
     /// A column that is missing.
     #[error(
         "the table of points has no column `{0}`: its first line names x, y, z and volume or spacing"
@@ -56,12 +56,12 @@ impl Body {
         let column = |name: &'static str| header.iter().position(|h| *h == name);
         let axes: Vec<usize> = ["x", "y", "z"][..dimension]
             .iter()
-            .map(|axis| column(axis).ok_or(TableError::Column(axis)))
+            .map(|axis| column(axis).ok_or(PointTableError::Column(axis)))
             .collect::<Result<_, _>>()?;
         let (volumes, size) = match (column("volume"), column("spacing")) {
             (Some(volume), _) => (true, volume),
             (None, Some(spacing)) => (false, spacing),
-            (None, None) => return Err(TableError::Column("volume").into()),
+            (None, None) => return Err(PointTableError::Column("volume").into()),
         };
         let mut points = Points {
             position: Vec::new(),
@@ -74,7 +74,7 @@ impl Body {
                 let text = cells.get(column).copied().unwrap_or("");
                 let value = text.parse::<f64>().ok();
                 let value = value.filter(|v| v.is_finite() && *v > least);
-                value.ok_or_else(|| TableError::Number {
+                value.ok_or_else(|| PointTableError::Number {
                     line: line + 1,
                     text: text.into(),
                     expected,
@@ -97,7 +97,7 @@ impl Body {
             }
         }
         if points.is_empty() {
-            return Err(TableError::Empty.into());
+            return Err(PointTableError::Empty.into());
         }
         let (points, discretisation) = points.into_cloud(SLACK);
         Ok(Body::new(

@@ -56,7 +56,7 @@ pub use writer::Writer;
 
 /// One body at one time, as read back from a log.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cloud {
+pub struct LoggedCloud {
     /// simulated time, s
     pub time: f64,
     /// current positions of all points, m
@@ -65,7 +65,7 @@ pub struct Cloud {
     pub fields: Vec<CloudField>,
 }
 
-/// One field of a [`Cloud`].
+/// One field of a [`LoggedCloud`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct CloudField {
     /// name, as in the field's key

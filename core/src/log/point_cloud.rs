@@ -12,7 +12,7 @@ use prost::{
 };
 use prost_types::Timestamp;
 
-use super::{Cloud, CloudField, CloudView, LogError, Precision};
+use super::{CloudField, CloudView, LogError, LoggedCloud, Precision};
 
 #[derive(Clone, PartialEq, Message)]
 struct PointCloud {
@@ -221,8 +221,8 @@ impl Undecodable {
 }
 
 /// Appends the points of the next part of a state.
-pub(super) fn append(cloud: &mut Cloud, next: Cloud) -> Result<(), Undecodable> {
-    let layout = |cloud: &Cloud| -> Vec<(String, usize)> {
+pub(super) fn append(cloud: &mut LoggedCloud, next: LoggedCloud) -> Result<(), Undecodable> {
+    let layout = |cloud: &LoggedCloud| -> Vec<(String, usize)> {
         let fields = cloud.fields.iter();
         fields.map(|f| (f.name.clone(), f.components)).collect()
     };
@@ -239,7 +239,7 @@ pub(super) fn append(cloud: &mut Cloud, next: Cloud) -> Result<(), Undecodable> 
 }
 
 /// The cloud in a message; `time` (s) is the exact time, units are left empty.
-pub(super) fn decode(message: &[u8], time: f64) -> Result<Cloud, Undecodable> {
+pub(super) fn decode(message: &[u8], time: f64) -> Result<LoggedCloud, Undecodable> {
     let message = PointCloud::decode(message).map_err(Undecodable::Protobuf)?;
     let stride = message.point_stride as usize;
     if stride == 0 || !message.data.len().is_multiple_of(stride) {
@@ -270,7 +270,7 @@ pub(super) fn decode(message: &[u8], time: f64) -> Result<Cloud, Undecodable> {
         .chunks_exact(3)
         .map(|p| [p[0], p[1], p[2]])
         .collect();
-    Ok(Cloud {
+    Ok(LoggedCloud {
         time,
         positions,
         fields,

@@ -10,7 +10,7 @@ use mcap::records::{MessageHeader, Record};
 use serde_json::{Map, Value};
 
 use super::{
-    CheckpointInfo, Cloud, Ending, LogError, Progress, RunInfo, Series, point_cloud,
+    CheckpointInfo, Ending, LogError, LoggedCloud, Progress, RunInfo, Series, point_cloud,
     scan::{Contents, MessagePlace},
     source::Source,
     topic,
@@ -139,7 +139,7 @@ impl Log {
     ///
     /// # Errors
     /// No such body or cloud, or the file is damaged there.
-    pub fn cloud(&self, body: &str, index: usize) -> Result<Cloud, LogError> {
+    pub fn cloud(&self, body: &str, index: usize) -> Result<LoggedCloud, LogError> {
         let info = self
             .run
             .bodies
@@ -154,7 +154,7 @@ impl Log {
             .times(body)
             .get(index)
             .ok_or_else(|| self.no_such(&topic, index))?;
-        let mut cloud: Option<Cloud> = None;
+        let mut cloud: Option<LoggedCloud> = None;
         for place in self.parts(&topic, index)? {
             let part = point_cloud::decode(&self.message(place)?, time)
                 .map_err(|undecodable| undecodable.in_topic(&topic))?;

@@ -46,7 +46,7 @@ fn numbers(count: usize, seed: u64) -> Vec<f64> {
         .collect()
 }
 
-fn some_cloud(time: f64, points: usize, seed: u64) -> Cloud {
+fn some_cloud(time: f64, points: usize, seed: u64) -> LoggedCloud {
     let coordinates = numbers(3 * points, seed);
     let field = |name: &str, unit: &str, components: usize| CloudField {
         name: name.into(),
@@ -54,7 +54,7 @@ fn some_cloud(time: f64, points: usize, seed: u64) -> Cloud {
         components,
         values: numbers(components * points, seed + components as u64),
     };
-    Cloud {
+    LoggedCloud {
         time,
         positions: coordinates
             .chunks_exact(3)
@@ -68,7 +68,11 @@ fn some_cloud(time: f64, points: usize, seed: u64) -> Cloud {
     }
 }
 
-fn log_cloud(writer: &mut Writer, precision: Precision, cloud: &Cloud) -> Result<(), LogError> {
+fn log_cloud(
+    writer: &mut Writer,
+    precision: Precision,
+    cloud: &LoggedCloud,
+) -> Result<(), LogError> {
     let fields: Vec<_> = cloud
         .fields
         .iter()
@@ -465,7 +469,7 @@ fn mistakes_in_logging_are_refused() {
     coordinate.fields[0].name = "x".into();
     let error = log_cloud(&mut writer, Precision::F32, &coordinate).unwrap_err();
     assert!(matches!(error, LogError::Field { .. }), "{error}");
-    let never = Cloud {
+    let never = LoggedCloud {
         time: f64::NAN,
         ..good
     };

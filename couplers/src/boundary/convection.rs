@@ -42,7 +42,8 @@ pub struct Convection {
 struct ConvectionState {
     heat: SurfaceHeat,
     temperature: Read<f64>,
-    step_limit: Option<f64>,
+    /// Shortest time in which a surface point takes up the temperature of the fluid, s.
+    time_constant: Option<f64>,
 }
 
 #[typetag::serde(name = "convection")]
@@ -69,9 +70,7 @@ impl Coupler for Convection {
         self.prepared = Some(ConvectionState {
             heat,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
-            step_limit: capacity
-                .filter(|_| exchange > 0.0)
-                .map(|c| STEP_FRACTION * c / exchange),
+            time_constant: capacity.filter(|_| exchange > 0.0).map(|c| c / exchange),
         });
         Ok(())
     }
@@ -92,7 +91,13 @@ impl Coupler for Convection {
     }
 
     fn step_limit(&self) -> Option<f64> {
-        self.prepared.as_ref().and_then(|p| p.step_limit)
+        let time_constant = self.prepared.as_ref().and_then(|p| p.time_constant);
+        time_constant.map(|time| STEP_FRACTION * time)
+    }
+
+    /// The exchange is explicit: beyond its time constant the temperature of a point overshoots that of the fluid.
+    fn stable_step(&mut self, _world: &World) -> Option<f64> {
+        self.prepared.as_ref().and_then(|p| p.time_constant)
     }
 
     fn report(&self) -> Vec<Report> {

@@ -1,6 +1,6 @@
 //! A number, or a few, measured while a simulation runs.
 //!
-//! [`prepare`] finds what a `measure` key of a case file names, [`sample`] takes the values.
+//! `prepare` finds bodies, fields and points that a `measure` key names, `sample` takes the values.
 
 mod prepare;
 mod sample;
