@@ -62,7 +62,7 @@ pub struct BodySection {
     /// Other materials by region: `materials = { insert = "IN625" }`.
     #[serde(default)]
     pub materials: BTreeMap<String, String>,
-    /// Axes along which the body is periodic, such as `["x"]`; it must fill its box.
+    /// Axes along which the body is periodic, such as `["x"]`; it must cover both faces across them.
     #[serde(default)]
     pub periodic: Vec<Axis>,
     /// Box of the walls around a fluid with a free surface, where it is larger than that of the body:

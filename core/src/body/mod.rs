@@ -164,7 +164,7 @@ pub enum BodyError {
     #[error("`jitter.amplitude` = {0} must be at least 0 and below 0.5")]
     Jitter(f64),
     /// A body that cannot be periodic.
-    #[error("a {dimension}D body cannot be periodic along {}: it must have that axis and fill its box", ["x", "y", "z"][axis.index()])]
+    #[error("a {dimension}D body cannot be periodic along {}: it must have that axis and cover both faces across it", ["x", "y", "z"][axis.index()])]
     Repeated {
         /// The axis.
         axis: Axis,

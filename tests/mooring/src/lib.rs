@@ -2,8 +2,8 @@
 //! coupler pushes them and the points of a ship apart (`bumper`). Linking this crate makes both known.
 use nalgebra::Vector3;
 use perimelt_core::{
-    Clock, Coupler, PairList, Physics, Read, RunError, Setup, SetupError, Step, StepSize, Work,
-    World, Write, keys, register_coupler, register_physics,
+    Coupler, PairList, Physics, Read, RunError, Setup, SetupError, Step, Work, World, Write, keys,
+    register_coupler, register_physics,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -42,13 +42,6 @@ impl Physics for Fender {
         Ok(())
     }
 
-    fn clock(&self) -> Clock {
-        Clock {
-            step: StepSize::Auto,
-            ..Clock::default()
-        }
-    }
-
     fn stable_step(&mut self, _world: &World) -> Option<f64> {
         let density = &self.prepared.as_ref()?.density;
         let lightest = density.iter().copied().fold(f64::INFINITY, f64::min);
@@ -56,14 +49,9 @@ impl Physics for Fender {
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
-        let fields = self
-            .prepared
-            .as_ref()
-            .expect("prepared before the first step");
-        let (mut u, mut v) = (
-            world.write(fields.displacement),
-            world.write(fields.velocity),
-        );
+        let fields = self.prepared.as_ref().expect("prepared");
+        let mut u = world.write(fields.displacement);
+        let mut v = world.write(fields.velocity);
         let impulse = fields.impulse.map(|j| world.read(j));
         for (i, rho) in fields.density.iter().enumerate() {
             let given = impulse.as_deref().map_or_else(Vector3::zeros, |j| j[i]);
