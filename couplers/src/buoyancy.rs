@@ -1,8 +1,8 @@
 //! Buoyancy of a fluid whose density hardly changes with temperature (Boussinesq):
 //! `body_force -= rho0 beta (T - T_ref) g`, with `beta` three times the linear thermal expansion.
 //!
-//! Gao (2020), eqs. 5.128 to 5.136. The weight itself only makes a hydrostatic pressure and is left out; so
-//! would a reference temperature in the middle of those that occur keep pressures small.
+//! Gao (2020), eqs. 5.128 to 5.136. The weight itself only makes a hydrostatic pressure and is left out. A reference
+//! temperature in the middle of those that occur keeps the pressures small.
 
 use nalgebra::Vector3;
 use perimelt_core::material::Property;
