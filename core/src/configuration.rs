@@ -201,19 +201,17 @@ impl Configurations {
 impl FollowerState {
     /// Brings the family up to date. Whoever still holds it keeps the family as it was.
     fn place(&mut self, (body, spec): (&Body, &FamilySpec), now: &Configuration) {
-        if Arc::get_mut(&mut self.family).is_none()
-            && let Ok(fresh) = Family::moving(body, spec)
-        {
+        if Arc::get_mut(&mut self.family).is_none() {
+            let fresh = Family::moving(body, spec).expect("the same family was built at set-up");
             (self.family, self.has_old_rows) = (Arc::new(fresh), true);
         }
-        if let Some(family) = Arc::get_mut(&mut self.family) {
-            if self.has_old_rows {
-                family.look_from(&self.found_at);
-                self.has_old_rows = false;
-            }
-            family.place_at(&now.positions, &now.volumes);
-            self.placed_for = now.version;
+        let family = Arc::get_mut(&mut self.family).expect("nobody else has it");
+        if self.has_old_rows {
+            family.look_from(&self.found_at);
+            self.has_old_rows = false;
         }
+        family.place_at(&now.positions, &now.volumes);
+        self.placed_for = now.version;
     }
 }
 

@@ -79,7 +79,7 @@ pub mod keys {
         TEMPERATURE: f64 = "temperature", "K", "temperature";
         /// Enthalpy per reference volume, J/m³.
         ENTHALPY: f64 = "enthalpy", "J/m3", "enthalpy per reference volume";
-        /// Heat added per volume and time, W/m³ (sink field of the thermal and fluid physics).
+        /// Heat added per reference volume and time, W/m³ (sink field of the thermal physics).
         HEAT_SOURCE: f64 = "heat_source", "W/m3", "heat added per volume and time";
         /// How often a point's temperature is held: 0 where it is free, one for each boundary that
         /// holds it (sink field of the thermal physics; the value is in [`HELD_TEMPERATURE`]).

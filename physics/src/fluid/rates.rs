@@ -69,7 +69,7 @@ impl Stability {
     }
 }
 
-/// Largest sums over the bonds of a point, in units that only their ratio matters.
+/// Largest sums over the bonds of a point; only their growth matters.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LargestSums {
     /// Of the weights of bonds times their lengths: bounds the response of first derivatives.

@@ -1,9 +1,10 @@
 //! One step of the flow.
 //!
-//! 1. The work of viscous friction is counted, where somebody reads it. Artificial viscosity slows points that approach each other.
-//! 2. Density, pressure and velocity advance in the order of the [`Scheme`].
-//! 3. Velocity and density are smoothed, in every n-th step.
-//! 4. Points that move are displaced, put in order and put back into their box; the configuration of the body is set.
+//! 1. The work of viscous friction is counted, where somebody reads it.
+//! 2. Artificial viscosity slows points that approach each other.
+//! 3. Density, pressure and velocity advance in the order of the [`Scheme`].
+//! 4. Velocity and density are smoothed, in every n-th step.
+//! 5. Points that move are displaced, put in order and put back into their box; the configuration of the body is set.
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;

@@ -17,6 +17,8 @@ use rayon::prelude::*;
 #[derive(Debug)]
 pub(super) struct Conduction {
     conductivity: Vec<Property>,
+    /// Largest conductivity of each material, W/(m K).
+    largest: Vec<f64>,
     uniform: Option<f64>,
     /// What the conductivities of bonds are multiplied by, so that a complete family is exact.
     calibration: f64,
@@ -102,6 +104,7 @@ impl Conduction {
         let uniform = Property::common(&conductivity);
         let varying = if uniform.is_some() { 0 } else { points };
         Conduction {
+            largest: conductivity.iter().map(|k| max_abs(&k.values())).collect(),
             conductivity,
             uniform,
             calibration,
@@ -254,16 +257,12 @@ impl Conduction {
 
     /// Largest conductivity of a material, W/(m K).
     pub(super) fn largest_conductivity(&self, material: u16) -> f64 {
-        max_abs(&self.conductivity[material as usize].values())
+        self.largest[material as usize]
     }
 
     /// Sum of the coefficients of each point's bonds at the largest conductivities, W/(m³ K).
     pub(super) fn largest_row_sums(&self, family: &Family, material: &[u16]) -> Vec<[f64; 1]> {
-        let largest: Vec<f64> = self
-            .conductivity
-            .iter()
-            .map(|k| max_abs(&k.values()))
-            .collect();
+        let largest = &self.largest;
         if let Some(SecondDerivatives { pddo, .. }) = &self.derivatives {
             let points = material.par_iter().enumerate();
             let sum =

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::conduction::{Conduction, Matter};
 use super::keys::ThermalSolver;
-use super::run::{Neighbours, Run};
+use super::run::Run;
 
 /// A solver with its work vectors.
 #[derive(Debug)]
@@ -64,9 +64,19 @@ impl Integrator {
         }
     }
 
-    /// Takes the explicit limit (s) and the largest row sums of the conduction, W/(m³ K).
-    pub(super) fn set_limits(&mut self, stable_step: f64, row_sums: Vec<[f64; 1]>) {
-        (self.stable_step, self.row_sums) = (stable_step, row_sums);
+    /// Sets the sums of the coefficients of each point's bonds at the largest conductivities, W/(m³ K).
+    pub(super) fn set_row_sums(&mut self, row_sums: Vec<[f64; 1]>) {
+        self.row_sums = row_sums;
+    }
+
+    /// What [`Integrator::set_row_sums`] set; empty before.
+    pub(super) fn row_sums(&self) -> &[[f64; 1]] {
+        &self.row_sums
+    }
+
+    /// Sets the largest stable explicit step, s.
+    pub(super) fn set_stable_step(&mut self, stable_step: f64) {
+        self.stable_step = stable_step;
     }
 }
 
@@ -76,7 +86,9 @@ struct Flow<'a> {
     matter: Matter<'a>,
     /// Reference volumes, to which enthalpies and sources refer, m³.
     volume: &'a [f64],
-    /// Current volumes, m³, and what they are in terms of the reference volumes; where points move.
+    /// Whether the volumes make the conduction symmetric: where they differ, or points move.
+    is_weighted: bool,
+    /// Where points move.
     current: Option<CurrentVolumes<'a>>,
     source: Option<&'a [f64]>,
     /// Heat that an Eulerian fluid carries to each point, W/m³.
@@ -194,36 +206,98 @@ impl Rhs for TemperatureRate<'_> {
     }
 }
 
+/// Fields of the heat during a step, and their account.
+struct Fields<'a> {
+    temperature: &'a mut [f64],
+    enthalpy: &'a mut [f64],
+    /// Heat supplied since the start, J.
+    supplied: &'a mut f64,
+}
+
+impl Fields<'_> {
+    fn advance_explicitly(self, mut flow: Flow<'_>, dt: f64) -> Work {
+        *self.supplied += dt * flow.evaluate(self.temperature);
+        let curves = flow.matter.curves;
+        let points = self
+            .temperature
+            .par_iter_mut()
+            .zip(self.enthalpy)
+            .zip(&flow.conduction.rate)
+            .zip(flow.matter.material);
+        points
+            .with_min_len(4096)
+            .for_each(|(((t, h), [rate]), &m)| {
+                (*t, *h) = curves[m as usize].advance(*t, *h, dt * rate);
+            });
+        Work::of_stages(1)
+    }
+
+    /// Finds the steady state at a time, s; `floating` where nothing holds the level of the temperature.
+    fn find_steady_state(
+        self,
+        (newton, tolerance): (&mut Newton, f64),
+        mut flow: Flow<'_>,
+        (time, floating): (f64, bool),
+    ) -> Result<Work, SolverError> {
+        newton.options.linear = flow.conduction.is_linear();
+        flow.evaluate(&vec![0.0; self.temperature.len()]);
+        let mut loads: Vec<f64> = bytemuck::cast_slice(&flow.conduction.rate).to_vec();
+        let (volume, matter) = (flow.volume, flow.matter);
+        let weights = flow.is_weighted.then_some(volume);
+        if weights.is_some() {
+            loads.iter_mut().zip(volume).for_each(|(q, v)| *q *= v);
+        }
+        newton.options.absolute_tolerance = tolerance * norm(&loads);
+        let mut rate = TemperatureRate { flow, weights };
+        let report = steady_state(newton, &mut rate, time, self.temperature, floating)?;
+        let points = self.enthalpy.iter_mut().zip(&*self.temperature);
+        for (((h, t), &m), v) in points.zip(matter.material).zip(volume) {
+            let new = matter.curves[m as usize].enthalpy(*t);
+            *self.supplied += v * (new - *h);
+            *h = new;
+        }
+        Ok(report.into())
+    }
+
+    /// Advances the enthalpies together with the heat supplied by `take`, a step of a solver.
+    fn advance_enthalpy(
+        self,
+        flow: Flow<'_>,
+        state: &mut Vec<f64>,
+        take: impl FnOnce(&mut EnthalpyRate<'_>, &mut Vec<f64>) -> Result<Work, SolverError>,
+    ) -> Result<Work, SolverError> {
+        let matter = flow.matter;
+        state.clear();
+        state.extend_from_slice(self.enthalpy);
+        state.push(0.0);
+        let work = take(&mut EnthalpyRate(flow), state)?;
+        let points = self.enthalpy.len();
+        *self.supplied += state[points];
+        self.enthalpy.copy_from_slice(&state[..points]);
+        let points = self.temperature.par_iter_mut().zip(&*self.enthalpy);
+        let points = points.zip(matter.material);
+        points.for_each(|((t, h), &m)| *t = matter.curves[m as usize].temperature(*h));
+        Ok(work)
+    }
+}
+
 impl Run {
     /// Advances temperature and enthalpy over `step`.
     pub(super) fn advance(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
-        let body = world.body(self.body);
-        let (volume, material) = (&body.points.volume[..], &body.material_of_point[..]);
-        let source = self.heat_source.map(|s| world.read(s));
-        let constraint = self.constraint.map(|c| world.read(c));
+        self.hold_temperatures(world);
         let rules = world.layer_rules(self.layers);
         self.find_carried(world, &rules);
+        let body = world.body(self.body);
+        let source = self.heat_source.map(|s| world.read(s));
+        let constraint = self.constraint.map(|c| world.read(c));
         let family = self.neighbours.now(world);
-        let (current, ratios) = (
-            match self.neighbours {
-                Neighbours::Moving(_) => Some(world.configuration(self.body)),
-                Neighbours::AtRest(_) => None,
-            },
-            self.volume_ratios(world),
-        );
-        let mut temperature = world.write(self.temperature);
-        let mut enthalpy = world.write(self.enthalpy);
-        let curves = &self.curves[..];
-
-        if let (Some(constraint), Some(held)) = (&constraint, self.held) {
-            let held = world.read(held);
-            for (i, c) in constraint.iter().enumerate().filter(|(_, c)| **c > 0.0) {
-                temperature[i] = held[i] / c;
-                let new = curves[material[i] as usize].enthalpy(temperature[i]);
-                self.heat.supplied += volume[i] * (new - enthalpy[i]);
-                enthalpy[i] = new;
-            }
-        }
+        let ratios = self.volume_ratios(world);
+        let configuration = ratios.as_ref().map(|_| world.configuration(self.body));
+        let current = configuration.as_ref().zip(ratios.as_ref());
+        let current = current.map(|(now, ratio)| CurrentVolumes {
+            volume: now.volumes(),
+            ratio,
+        });
         let Integrator {
             method,
             stable_step,
@@ -231,88 +305,64 @@ impl Run {
             state,
             temperature: work,
         } = &mut self.integrator;
-        let mut flow = Flow {
+        let flow = Flow {
             conduction: &mut self.conduction,
             matter: Matter {
                 family: &family,
                 rules: &rules,
-                material,
-                curves,
+                material: &body.material_of_point,
+                curves: &self.curves,
                 least_conductivity: self.carried.as_ref().map(|c| &c.least_conductivity[..]),
             },
-            volume,
-            current: current
-                .as_ref()
-                .zip(ratios.as_ref())
-                .map(|(now, ratio)| CurrentVolumes {
-                    volume: now.volumes(),
-                    ratio,
-                }),
+            volume: &body.points.volume,
+            is_weighted: body.lattice().is_none() || current.is_some(),
+            current,
             source: source.as_deref(),
             carried: self.carried.as_ref().map(|c| &c.rate[..]),
             constraint: constraint.as_deref(),
             row_sums,
             temperature: work,
         };
-        if let Method::Explicit = method {
-            self.heat.supplied += step.size * flow.evaluate(&temperature);
-            let points = temperature
-                .par_iter_mut()
-                .zip(&mut *enthalpy)
-                .zip(&flow.conduction.rate)
-                .zip(material);
-            points
-                .with_min_len(4096)
-                .for_each(|(((t, h), [rate]), &m)| {
-                    (*t, *h) = curves[m as usize].advance(*t, *h, step.size * rate);
-                });
-            return Ok(Work::of_stages(1));
-        }
-        if let Method::Steady(newton, tolerance) = method {
-            newton.options.linear = flow.conduction.is_linear();
-            flow.evaluate(&vec![0.0; temperature.len()]);
-            let mut loads: Vec<f64> = bytemuck::cast_slice(&flow.conduction.rate).to_vec();
-            let is_uniform = body.lattice().is_some() && flow.current.is_none();
-            let weights = (!is_uniform).then_some(volume);
-            if weights.is_some() {
-                loads.iter_mut().zip(volume).for_each(|(q, v)| *q *= v);
-            }
-            newton.options.absolute_tolerance = *tolerance * norm(&loads);
-            let floating = self.floating;
-            let mut rate = TemperatureRate { flow, weights };
-            let report = steady_state(newton, &mut rate, step.end(), &mut temperature, floating)?;
-            for (((h, t), &m), v) in enthalpy
-                .iter_mut()
-                .zip(&*temperature)
-                .zip(material)
-                .zip(volume)
-            {
-                let new = curves[m as usize].enthalpy(*t);
-                self.heat.supplied += v * (new - *h);
-                *h = new;
-            }
-            return Ok(report.into());
-        }
-        state.clear();
-        state.extend_from_slice(&enthalpy);
-        state.push(0.0);
-        let mut rate = EnthalpyRate(flow);
-        let work = match method {
-            Method::Rkl2(rkl2) => {
-                let stages = Rkl2::stages(step.size, *stable_step)?;
-                rkl2.step(&mut rate, step.start, step.size, stages, state)?;
-                Work::of_stages(stages)
-            }
-            Method::Implicit(implicit) => {
-                let report = implicit.step(&mut rate, step.start, step.size, state)?;
-                report.into()
-            }
-            Method::Explicit | Method::Steady(..) => unreachable!("returned above"),
+        let fields = Fields {
+            temperature: &mut world.write(self.temperature),
+            enthalpy: &mut world.write(self.enthalpy),
+            supplied: &mut self.heat.supplied,
         };
-        self.heat.supplied += state[enthalpy.len()];
-        enthalpy.copy_from_slice(&state[..volume.len()]);
-        let points = temperature.par_iter_mut().zip(&*enthalpy).zip(material);
-        points.for_each(|((t, h), &m)| *t = curves[m as usize].temperature(*h));
-        Ok(work)
+        let (start, size) = (step.start, step.size);
+        match method {
+            Method::Explicit => Ok(fields.advance_explicitly(flow, size)),
+            Method::Steady(newton, tolerance) => {
+                let at = (step.end(), self.floating);
+                fields.find_steady_state((newton, *tolerance), flow, at)
+            }
+            Method::Rkl2(rkl2) => {
+                let stages = Rkl2::stages(size, *stable_step)?;
+                fields.advance_enthalpy(flow, state, |rate, state| {
+                    rkl2.step(rate, start, size, stages, state)?;
+                    Ok(Work::of_stages(stages))
+                })
+            }
+            Method::Implicit(implicit) => fields.advance_enthalpy(flow, state, |rate, state| {
+                Ok(implicit.step(rate, start, size, state)?.into())
+            }),
+        }
+    }
+
+    /// Sets the temperatures that boundaries hold.
+    fn hold_temperatures(&mut self, world: &World) {
+        let (Some(constraint), Some(held)) = (self.constraint, self.held) else {
+            return;
+        };
+        let (constraint, held) = (world.read(constraint), world.read(held));
+        let mut temperature = world.write(self.temperature);
+        let mut enthalpy = world.write(self.enthalpy);
+        let points = &world.body(self.body).points;
+        let material = &world.body(self.body).material_of_point;
+        for (i, c) in constraint.iter().enumerate().filter(|(_, c)| **c > 0.0) {
+            temperature[i] = held[i] / c;
+            let new = self.curves[material[i] as usize].enthalpy(temperature[i]);
+            self.heat.supplied += points.volume[i] * (new - enthalpy[i]);
+            enthalpy[i] = new;
+        }
     }
 }

@@ -131,41 +131,57 @@ impl Run {
         Some(points.map(|(now, reference)| now / reference).collect())
     }
 
-    /// Finds the largest stable explicit step for the current configuration and velocity, and lets the integrator know:
-    /// the monotone limit `min C / sum_j kappa v V / |xi|` (spec 02, 1.4), with the smallest capacity and the largest
-    /// conductivity of each material.
-    pub(super) fn find_stable_step(&mut self, world: &World) {
-        let body = world.body(self.body);
-        let material = &body.material_of_point;
+    /// Finds the sums over the bonds of each point, which change only where points move.
+    fn find_row_sums(&mut self, world: &World) {
+        let is_at_rest = matches!(self.neighbours, Neighbours::AtRest(_));
+        if is_at_rest && !self.integrator.row_sums().is_empty() {
+            return;
+        }
+        let material = &world.body(self.body).material_of_point;
         let family = self.neighbours.now(world);
         let mut row_sums = self.conduction.largest_row_sums(&family, material);
         if let Some(ratios) = self.volume_ratios(world) {
             let sums = row_sums.iter_mut().zip(ratios);
             sums.for_each(|([sum], ratio)| *sum *= ratio);
         }
+        self.integrator.set_row_sums(row_sums);
+    }
+
+    /// Finds the largest stable explicit step for the current configuration and velocity: the monotone limit
+    /// `min C / sum_j kappa v V / |xi|` (spec 02, 1.4), with the smallest capacity and the largest conductivity of each
+    /// material, and that of the heat that a flow carries.
+    pub(super) fn find_stable_step(&mut self, world: &World) {
+        self.find_row_sums(world);
+        let body = world.body(self.body);
         let capacity = |m: u16| self.curves[m as usize].minimum_capacity();
-        let points = row_sums.iter().zip(material);
-        let limits = points.clone().map(|([sum], &m)| capacity(m) / sum);
-        self.stable_step = limits.fold(f64::INFINITY, f64::min);
-        if let Some(carried) = &self.carried {
-            let velocity = world.read(carried.velocity);
-            let speed = velocity
-                .iter()
-                .map(|v| v.norm_squared())
-                .fold(0.0, f64::max);
-            let limits = points
-                .zip(&body.points.spacing)
-                .map(|(([sum], &m), spacing)| {
+        let points = self
+            .integrator
+            .row_sums()
+            .iter()
+            .zip(&body.material_of_point);
+        let stable_step = match &self.carried {
+            None => {
+                let limits = points.map(|([sum], &m)| capacity(m) / sum);
+                limits.fold(f64::INFINITY, f64::min)
+            }
+            Some(carried) => {
+                let velocity = world.read(carried.velocity);
+                let squares = velocity.iter().map(|v| v.norm_squared());
+                let speed = squares.fold(0.0, f64::max).sqrt();
+                let points = points.zip(&body.points.spacing);
+                let limits = points.map(|(([sum], &m), spacing)| {
                     let at = Diffusion {
                         conductivity: self.conduction.largest_conductivity(m),
                         row_sum: *sum,
                         capacity: capacity(m),
                     };
-                    carried.stable_step(at, speed.sqrt(), *spacing)
+                    carried.stable_step(at, speed, *spacing)
                 });
-            self.stable_step = limits.fold(f64::INFINITY, f64::min);
-        }
-        self.integrator.set_limits(self.stable_step, row_sums);
+                limits.fold(f64::INFINITY, f64::min)
+            }
+        };
+        self.stable_step = stable_step;
+        self.integrator.set_stable_step(stable_step);
     }
 
     /// Whether the stable step changes during the run.
