@@ -366,6 +366,9 @@ pub struct BalanceMeasure {
 pub struct ReportMeasure {
     /// Its name, such as "energy.deposited".
     pub name: String,
+    /// The mean over the logged states from this time on, s; the last state alone when left out.
+    #[serde(default)]
+    pub since: Option<f64>,
     /// When, s: a multiple of the log interval; the end when left out.
     #[serde(default)]
     pub time: Option<f64>,

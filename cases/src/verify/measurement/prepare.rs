@@ -66,7 +66,10 @@ pub(super) fn sampler(
         Measure::Deviation(m) => (deviation(m, simulation)?, m.time.into()),
         Measure::MeltPool(m) => (melt_pool(m, simulation)?, m.time.into()),
         Measure::Balance(m) => (balance(m, simulation)?, each_step),
-        Measure::Report(m) => (report(m, simulation)?, m.time.into()),
+        Measure::Report(m) => {
+            let (time, since) = (m.time, m.since);
+            (report(m, simulation)?, Schedule { time, since })
+        }
     })
 }
 
