@@ -92,8 +92,8 @@ impl Family {
     /// [`follow`](Family::follow) them.
     ///
     /// # Errors
-    /// As [`Family::build`]; and for cuts, corrections, audited faces and horizons that differ, which families of
-    /// moving points do not support.
+    /// As [`Family::build`]; and for cuts, corrections and horizons that differ, which families of moving points do
+    /// not support.
     pub fn moving(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
         check(body, spec)?;
         let spacings = &body.points.spacing;

@@ -33,17 +33,16 @@ fn to_the_end(s: &mut Simulation) {
 
 #[test]
 fn an_eulerian_flow_carries_temperature_along_and_a_lagrangian_one_with_its_points() {
-    let material = "density = 1\nviscosity = 1\nspecific_heat = 1\nconductivity = 0.05";
+    let material = "density = 1\nviscosity = 0.1\nspecific_heat = 1\nconductivity = 0.05";
     let (end, v) = (0.25, 1.0);
     for (description, form, carried) in [
         ("eulerian", "second_derivatives", true),
         ("eulerian", "bonds", true),
-        ("total_lagrangian", "second_derivatives", false),
         ("total_lagrangian", "bonds", false),
     ] {
         let fluid =
-            format!("description = '{description}'\nstate.tait.sound_speed = 10\nstep = 1e-4");
-        let thermal = format!("form = '{form}'\nhorizon = 3.015\nstep = 1e-4");
+            format!("description = '{description}'\nstate.tait.sound_speed = 10\nstep = 4e-4");
+        let thermal = format!("form = '{form}'\nhorizon = 3.015\nstep = 4e-4");
         let mut s = flow_with_heat(periodic(40, material), &fluid, &thermal, end);
         set(&mut s, "velocity", |_| [v, 0.0, 0.0]);
         set(&mut s, "temperature", |[x, _, _]| [2.0 + (TAU * x).sin()]);
