@@ -1,24 +1,34 @@
 //! Contact: points that come too close push each other away, whatever bonds there are, and rub.
 //!
 //! ```text
-//! J_n = dt k (d_ij - |y_i - y_j|) V_i V_j  where positive,   k = 15 c / horizon
-//! J_t = min(mu J_n, m_ij |v_t|)            against the relative velocity v_t across the normal (Coulomb)
-//! d_ij = min(0.9 |x_i - x_j|, 1.35 (spacing_i + spacing_j) / 2)
+//! J_n = dt k (d_ij - g_ij) w_ij V_i V_j   where positive,   k = 15 c / horizon
+//! J_t = min(mu J_n, m_ij |v_t|)           against the relative velocity v_t across the normal (Coulomb)
 //! ```
 //!
-//! after Silling and Askari (2005), section 6, with the bond constant c of a horizon of 3 spacings at
-//! Young's modulus of the points. Bonded neighbours repel each other only once they are 10 % closer than
-//! in the reference configuration. The bound of the friction impulse, with
-//! `1 / m_ij = n_i / m_i + n_j / m_j` for points in n contacts, takes just the relative velocity: contacts stick.
+//! with the bond constant c of a horizon of 3 spacings at Young's modulus of the points (Silling and Askari (2005),
+//! section 6).
+//!
+//! - *Pieces of one body*: the gap g is the distance of the two points, the normal the line between them, `w = 1`, and
+//!   `d = min(0.9 |x_i - x_j|, 1.35 (spacing_i + spacing_j) / 2)`, so that bonded neighbours repel each other only once
+//!   they are 10 % closer than in the reference configuration.
+//! - *Two bodies*: the normal is the mean of those of the two surfaces, or that of a plane that an edge meets, g the distance along it, d the mean spacing, at
+//!   which the surfaces touch, and w a weight that falls smoothly over two spacings along the surface, with sum 1. Points
+//!   of a surface are then felt as a plane: with the line between points a block would hold on to a lattice below it without any
+//!   friction.
+//!
+//! The bound of the friction impulse, with `1 / m_ij = n_i / m_i + n_j / m_j` for points in n contacts, takes just the
+//! relative velocity: contacts stick.
 //!
 //! Both bodies get the impulses J of a step at its beginning, where both are at one time: equal and opposite,
 //! whatever steps they take. A repulsive force applied so is that of the symplectic Euler scheme: it keeps energy but
-//! for oscillations. Impulses J_n act along the line between two points, so that they keep angular
-//! momentum, too; J_t, which acts across it, does not.
+//! for oscillations. Between pieces of one body J_n keeps angular momentum, too; other impulses act across the line between two
+//! points and keep it only in the mean.
 
 mod impactor;
+mod normals;
 
 pub use impactor::Impactor;
+use normals::Neighbourhoods;
 
 use nalgebra::Vector3;
 use perimelt_core::solver::reduce::max_abs;
@@ -62,6 +72,10 @@ const POINTS: usize = 1024;
 const REACH: f64 = 1.35;
 /// Distance at which bonded points meet, as a fraction of that at rest.
 const CLOSE: f64 = 0.9;
+/// How far a point of another body is felt along the surface, in spacings.
+const WIDTH: f64 = 2.0;
+/// Difference of two surfaces from flat by which one of them counts as an edge.
+const EDGE: f64 = 0.02;
 /// Contacts along the normal that a point may have at a time, by dimension: for the stable step.
 const FACING: [f64; 3] = [1.0, 2.0, 4.0];
 
@@ -73,6 +87,8 @@ struct ContactState {
     version: u64,
     /// Square of the distance at which each candidate is met, m².
     squares: Vec<f64>,
+    /// Of two bodies.
+    surfaces: Option<Surfaces>,
     /// The following are by point, those of the first body first.
     points: Vec<ContactPoint>,
     /// m/s.
@@ -84,6 +100,14 @@ struct ContactState {
     dimension: usize,
     /// Size of the last step, s.
     step: f64,
+}
+
+/// Surfaces of two bodies.
+#[derive(Debug, Default)]
+struct Surfaces {
+    neighbourhoods: Neighbourhoods,
+    /// Outward, zero inside, and how far from flat the surface is.
+    normals: Vec<(Vector3<f64>, f64)>,
 }
 
 /// A body in contact.
@@ -115,6 +139,11 @@ impl ContactPoint {
         let reach = 0.5 * REACH * (self.spacing + other.spacing);
         reach.min(CLOSE * rest)
     }
+}
+
+/// Farthest that a point of another body is felt, m, along and across its surface.
+fn felt(spacing: f64) -> f64 {
+    (1.0 + WIDTH * WIDTH).sqrt() * spacing
 }
 
 /// Stiffness of the contact of each point, N/m⁷.
@@ -160,7 +189,13 @@ impl ContactState {
         self.squares.clear();
         for (i, point) in self.points.iter().enumerate() {
             let others = pairs.candidates(i).iter();
-            let square = |&j: &u32| point.distance(&self.points[j as usize]).powi(2);
+            let square = |&j: &u32| {
+                let other = &self.points[j as usize];
+                match self.surfaces {
+                    Some(_) => (0.5 * felt(point.spacing) + 0.5 * felt(other.spacing)).powi(2),
+                    None => point.distance(other).powi(2),
+                }
+            };
             self.squares.extend(others.map(square));
         }
     }
@@ -173,19 +208,57 @@ impl ContactState {
             let j = j as usize;
             let apart = positions[i] - positions[j];
             let square = apart.norm_squared();
-            if square < limit && square > 0.0 {
-                let (distance, other) = (square.sqrt(), &self.points[j]);
+            if square >= limit || square == 0.0 {
+                continue;
+            }
+            let other = &self.points[j];
+            let (normal, overlap) = match &self.surfaces {
+                None => {
+                    let distance = square.sqrt();
+                    (apart / distance, limit.sqrt() - distance)
+                }
+                Some(surfaces) => self.overlap(surfaces, (i, j), &apart),
+            };
+            if overlap > 0.0 {
                 let stiffness = 0.5 * (point.stiffness + other.stiffness);
-                let force = stiffness * (limit.sqrt() - distance) * point.volume * other.volume;
-                receive(
-                    j,
-                    Touch {
-                        normal: apart / distance,
-                        impulse: dt * force,
-                    },
-                );
+                let impulse = dt * stiffness * overlap * point.volume * other.volume;
+                receive(j, Touch { normal, impulse });
             }
         }
+    }
+
+    /// Normal between the surfaces of two bodies, from point j to point i, and how far they overlap along it, times the
+    /// weight of the pair, m.
+    fn overlap(
+        &self,
+        surfaces: &Surfaces,
+        (i, j): (usize, usize),
+        apart: &Vector3<f64>,
+    ) -> (Vector3<f64>, f64) {
+        let [(own, own_edge), (other, other_edge)] = [surfaces.normals[i], surfaces.normals[j]];
+        // an edge that meets a plane is met by the plane
+        let mean = match (own_edge - other_edge).abs() > EDGE {
+            true if own_edge < other_edge => -own,
+            true => other,
+            false => other - own,
+        };
+        let along = if mean.norm_squared() > 0.0 {
+            &mean
+        } else {
+            apart
+        };
+        let normal = along.normalize();
+        let spacing = 0.5 * (self.points[i].spacing + self.points[j].spacing);
+        let gap = normal.dot(apart);
+        let across = (apart - gap * normal).norm() / (WIDTH * spacing);
+        // sums of the weight over a line or a plane of points
+        let sum = [
+            1.0,
+            16.0 / 15.0 * WIDTH,
+            std::f64::consts::PI / 3.0 * WIDTH * WIDTH,
+        ];
+        let weight = (1.0 - across * across).max(0.0).powi(2) / sum[self.dimension - 1];
+        (normal, (spacing - gap).max(0.0) * weight)
     }
 
     fn load_velocities(&mut self, world: &World) {
@@ -225,6 +298,11 @@ impl ContactState {
     fn evaluate(&mut self, world: &World, dt: f64, friction: f64) {
         self.step = dt;
         self.update_pairs(world);
+        if let Some(surfaces) = &mut self.surfaces {
+            let positions = self.pairs.positions();
+            let normals = &mut surfaces.normals;
+            surfaces.neighbourhoods.normals(positions, normals);
+        }
         if friction > 0.0 {
             self.load_velocities(world);
             self.count_contacts();
@@ -295,6 +373,7 @@ impl Coupler for Contact {
         }
         let bodies = self.bodies(setup)?;
         let (mut sides, mut points, mut reach) = (Vec::new(), Vec::new(), Vec::new());
+        let mut surfaces = Surfaces::default();
         for &body in &bodies {
             setup.read(body, &keys::DISPLACEMENT)?;
             sides.push(Side {
@@ -312,7 +391,11 @@ impl Coupler for Contact {
                 stiffness: stiffness[i],
             }));
             let spacings = own.spacing.iter();
-            reach.push(spacings.map(|s| REACH * s).collect::<Vec<_>>());
+            reach.push(match bodies.len() {
+                1 => spacings.map(|s| REACH * s).collect::<Vec<_>>(),
+                _ => spacings.map(|s| felt(*s)).collect(),
+            });
+            surfaces.neighbourhoods.add(setup.body(body));
         }
         let pairs = match (&bodies[..], &mut reach[..]) {
             (&[first, second], [a, b]) => {
@@ -325,6 +408,7 @@ impl Coupler for Contact {
             pairs,
             version: 0,
             squares: Vec::new(),
+            surfaces: (bodies.len() == 2).then_some(surfaces),
             velocity: vec![Vector3::zeros(); points.len()],
             contacts: vec![0.0; points.len()],
             impulse: vec![Vector3::zeros(); points.len()],
@@ -396,19 +480,19 @@ mod tests {
 
     /// A world of two blocks, the second moved by `offset`.
     fn two(offset: [f64; 3]) -> World {
-        let mut second = block([3, 2, 2], 3, ELASTIC);
+        let mut second = block([3, 5, 5], 3, ELASTIC);
         second.name = "second".into();
         second
             .points
             .position
             .iter_mut()
             .for_each(|x| *x += Vector3::from(offset));
-        World::new(vec![block([3, 2, 2], 3, ELASTIC), second])
+        World::new(vec![block([3, 5, 5], 3, ELASTIC), second])
     }
 
     #[test]
     fn bodies_repel_each_other_and_keep_their_momentum() {
-        for (gap, touch) in [(0.3, true), (0.4, false)] {
+        for (gap, touch) in [(-0.1, true), (0.1, false)] {
             // apart by one spacing and the gap at the nearest points
             let mut world = two([4.0, 0.1, 0.0]);
             let mut contact: Contact = read("body = 'block'\nother = 'second'");

@@ -58,7 +58,7 @@ impl Run {
         fluid.check_walls(&solids)?;
         let Neighbours { family, moving } = neighbours(fluid, setup, body, &spec)?;
         let this = setup.body(body);
-        let sums = LargestSums::of(&family, this.points.len());
+        let sums = LargestSums::of(&family, this.points.len(), None);
         let treatments = Treatments::new(CompleteFamily::of(this, &family), this.dimension);
         let rates: Box<dyn Rates> = match fluid.form {
             Form::Conservative => {

@@ -79,9 +79,15 @@ pub(super) struct LargestSums {
 }
 
 impl LargestSums {
-    pub(super) fn of(family: &Family, points: usize) -> Self {
+    /// Over the bonds of a family, and those to walls.
+    pub(super) fn of(family: &Family, points: usize, walls: Option<&Walls>) -> Self {
+        let mut at_walls = Vec::new();
+        if let Some(walls) = walls.filter(|w| !w.is_empty()) {
+            at_walls.resize(points, [0.0; 2]);
+            walls.add_sums(&mut at_walls);
+        }
         let sums = |point: usize| {
-            let (mut first, mut second) = (0.0, 0.0);
+            let [mut first, mut second] = at_walls.get(point).copied().unwrap_or_default();
             family.for_each_bond(point, |_, bond, _| {
                 first += bond.weight * bond.length;
                 second += bond.weight;

@@ -493,7 +493,7 @@ fn the_stable_step_follows_the_arrangement_of_the_points() {
     let body = block([12, 12, 1], 2, 0.1, Store::Lattice, material);
     let points = body.points.len();
     let mut family = Family::moving(&body, &Pddo::spec(Horizon::Spacings(3.015))).expect("valid");
-    let initial = LargestSums::of(&family, points);
+    let initial = LargestSums::of(&family, points, None);
     let stability = Stability {
         wave_number: 1.0,
         laplacian: 1.0,
@@ -503,7 +503,7 @@ fn the_stable_step_follows_the_arrangement_of_the_points() {
         let positions = body.points.position.iter().map(|x| x * scale);
         let positions: Vec<_> = positions.collect();
         family.follow(&positions, &body.points.volume);
-        let now = stability.scaled(initial, LargestSums::of(&family, points));
+        let now = stability.scaled(initial, LargestSums::of(&family, points, None));
         // the sum goes with the number of points in the horizon
         let expected = if grows { 1.1..1.35 } else { 1.0..1.0 + 1e-9 };
         assert!(expected.contains(&now.laplacian), "{scale}: {now:?}");

@@ -193,6 +193,19 @@ impl Walls {
         }
     }
 
+    /// Adds the weights of the bonds to ghosts, times their lengths and as they are, by point.
+    pub(super) fn add_sums(&self, sums: &mut [[f64; 2]]) {
+        let mut found = Vec::new();
+        for wall in &self.bodies {
+            let part = |n: usize| {
+                let (bond, ..) = wall.bonds.bond(n);
+                [bond.weight * bond.length, bond.weight]
+            };
+            wall.bonds.sum_by_owner(part, &mut found);
+            add_to_owners(&wall.bonds, &found, sums);
+        }
+    }
+
     /// Passes each fluid point at a wall, with the compression of ghosts that it takes up (1/s), to `receive`.
     pub(super) fn for_each_compression(&mut self, mut receive: impl FnMut(usize, f64)) {
         for wall in &mut self.bodies {
