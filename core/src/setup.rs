@@ -396,7 +396,7 @@ impl<'w> Setup<'w> {
         }
     }
 
-    /// A sink field of amounts, such as [`keys::IMPULSE`](crate::field::keys::IMPULSE), that the calling physics takes up
+    /// A sink field of amounts, such as [`keys::IMPULSE`], that the calling physics takes up
     /// once at the start of a step, where a coupler adds into it. When the physics takes several sub-steps while its
     /// couplers are applied once, the sink is zero from the second sub-step on.
     ///

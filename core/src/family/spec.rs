@@ -62,7 +62,7 @@ pub struct FamilySpec {
     pub correction: Correction,
     /// Faces behind which the body continues as a mirrored layer.
     pub layers: Vec<Face>,
-    /// Those of `layers` whose exchange with the body is wanted ([`Family::sum_from_layers`]).
+    /// Those of `layers` whose exchange with the body is wanted ([`crate::Family::sum_from_layers`]).
     pub audited: Vec<Face>,
 }
 

@@ -11,7 +11,8 @@
 //! - *Pieces of one body*: the gap g is the distance of the two points, the normal the line between them, `w = 1`, and
 //!   `d = min(0.9 |x_i - x_j|, 1.35 (spacing_i + spacing_j) / 2)`, so that bonded neighbours repel each other only once
 //!   they are 10 % closer than in the reference configuration.
-//! - *Two bodies*: the normal is the mean of those of the two surfaces, or that of a plane that an edge meets, g the distance along it, d the mean spacing, at
+//! - *Two bodies*: the normal is the mean of those of the two surfaces, that of a plane that an edge meets, or between edges the line
+//!   between the points, g the distance along it, d the mean spacing, at
 //!   which the surfaces touch, and w a weight that falls smoothly over two spacings along the surface, with sum 1. Points
 //!   of a surface are then felt as a plane: with the line between points a block would hold on to a lattice below it without any
 //!   friction.
@@ -74,8 +75,8 @@ const REACH: f64 = 1.35;
 const CLOSE: f64 = 0.9;
 /// How far a point of another body is felt along the surface, in spacings.
 const WIDTH: f64 = 2.0;
-/// Difference of two surfaces from flat by which one of them counts as an edge.
-const EDGE: f64 = 0.02;
+/// Largest deviation of a plane from flat, by dimension: a plane has 1, 0.6 and 0.38, an edge 0.94 and 0.6.
+const FLAT: [f64; 3] = [f64::INFINITY, 0.75, 0.48];
 /// Contacts along the normal that a point may have at a time, by dimension: for the stable step.
 const FACING: [f64; 3] = [1.0, 2.0, 4.0];
 
@@ -236,16 +237,13 @@ impl ContactState {
         apart: &Vector3<f64>,
     ) -> (Vector3<f64>, f64) {
         let [(own, own_edge), (other, other_edge)] = [surfaces.normals[i], surfaces.normals[j]];
-        // an edge that meets a plane is met by the plane
-        let mean = match (own_edge - other_edge).abs() > EDGE {
-            true if own_edge < other_edge => -own,
-            true => other,
-            false => other - own,
-        };
-        let along = if mean.norm_squared() > 0.0 {
-            &mean
-        } else {
-            apart
+        let is_flat = |edge: f64| edge < FLAT[self.dimension - 1];
+        // an edge that meets a plane is met by the plane, edges meet along the line between them
+        let along = match (is_flat(own_edge), is_flat(other_edge)) {
+            (true, true) => other - own,
+            (true, false) => -own,
+            (false, true) => other,
+            (false, false) => *apart,
         };
         let normal = along.normalize();
         let spacing = 0.5 * (self.points[i].spacing + self.points[j].spacing);

@@ -10,7 +10,7 @@
 //!
 //! A step takes up the sink `impulse` at the positions of its start (`P += J`, `L += sum x_i x j_i`), so that what
 //! another body loses this one gets to rounding, and then integrates `body_force`, springs and dashpots by velocity
-//! Verlet. Free rotation in 3D is a composition of exact rotations that keeps S as it is ([`rotation`]); in 2D and about
+//! Verlet. Free rotation in 3D is a composition of exact rotations that keeps S as it is (`rotation.rs`); in 2D and about
 //! a fixed axis it is an angle. Points are placed by the rigid motion and never integrated one by one: the shape stays
 //! what it was to rounding over any number of steps.
 //!

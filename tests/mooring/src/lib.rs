@@ -74,8 +74,11 @@ struct Bumper {
     /// Force by distance and volumes, N/m⁷.
     stiffness: f64,
     #[serde(skip)]
-    prepared: Option<(PairList, [Write<Vector3<f64>>; 2], [Vec<f64>; 2])>,
+    prepared: Option<(PairList, [BumperSide; 2])>,
 }
+
+/// Momentum that a body gets, and the volumes of its points, m³.
+struct BumperSide(Write<Vector3<f64>>, Vec<f64>);
 
 #[typetag::serde(name = "bumper")]
 impl Coupler for Bumper {
@@ -84,19 +87,18 @@ impl Coupler for Bumper {
         let bodies = [setup.find_body(Some(a))?, setup.find_body(Some(b))?];
         let volumes = bodies.map(|body| setup.body(body).points.volume.clone());
         let reach = volumes.each_ref().map(|v| vec![self.reach; v.len()]);
-        let impulses = [
-            setup.add(bodies[0], &keys::IMPULSE)?,
-            setup.add(bodies[1], &keys::IMPULSE)?,
-        ];
-        self.prepared = Some((PairList::between(bodies, reach), impulses, volumes));
+        let [first, second] = volumes;
+        let first = BumperSide(setup.add(bodies[0], &keys::IMPULSE)?, first);
+        let second = BumperSide(setup.add(bodies[1], &keys::IMPULSE)?, second);
+        self.prepared = Some((PairList::between(bodies, reach), [first, second]));
         Ok(())
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let (pairs, impulses, volumes) = self.prepared.as_mut().expect("prepared before the run");
+        let (pairs, [a, b]) = self.prepared.as_mut().expect("prepared");
         pairs.update(world);
         let (first, positions) = (pairs.first_points(), pairs.positions());
-        let [mut on_first, mut on_second] = impulses.map(|j| world.write(j));
+        let (mut on_first, mut on_second) = (world.write(a.0), world.write(b.0));
         for i in 0..first {
             for &j in pairs.candidates(i) {
                 let apart = positions[i] - positions[j as usize];
@@ -104,8 +106,8 @@ impl Coupler for Bumper {
                 if overlap > 0.0 {
                     let j = j as usize - first;
                     let impulse = apart.normalize() * (step.size * self.stiffness * overlap);
-                    on_first[i] += impulse * volumes[1][j];
-                    on_second[j] -= impulse * volumes[0][i];
+                    on_first[i] += impulse * b.1[j];
+                    on_second[j] -= impulse * a.1[i];
                 }
             }
         }

@@ -117,10 +117,10 @@ impl Sampler {
                     *values = Some(vec![before + fraction * (now - before)]);
                 }
             }
-            Sampler::Onset { largest, above } => {
-                if values.is_none() && largest.measure(world)[0] > *above {
-                    *values = Some(vec![now]);
-                }
+            Sampler::Onset { largest, above }
+                if values.is_none() && largest.measure(world)[0] > *above =>
+            {
+                *values = Some(vec![now]);
             }
             Sampler::History {
                 component,

@@ -4,7 +4,7 @@ use perimelt_core::{Bond, BondKernel};
 
 use super::{CRITICAL, EIGENSTRAIN, Ends, INPUTS, pull, stretched, stretched_by, stretched_in};
 
-/// [`Force`] along `D` axes, and the sum of the excess of bonds over their limits (of energy if `ENERGY`).
+/// The kernel `Force` along `D` axes, and the sum of the excess of bonds over their limits (of energy if `ENERGY`).
 pub struct Breaking<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: bool>;
 
 /// The load of a bond over its limit (`[0]`), and its excess over the limit (`[1]`), as in [`Breaking`].
