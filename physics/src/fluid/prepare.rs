@@ -96,7 +96,7 @@ impl Run {
                 mover,
                 family,
                 initial_sums: sums,
-                mass: Vec::new(),
+                mass: vec![0.0; this.points.len()],
                 position: Vec::new(),
                 volume: Vec::new(),
             }),

@@ -62,7 +62,7 @@ pub(super) struct Moving {
     pub(super) family: MovingFamily,
     /// Largest sums over the families at the reference positions.
     pub(super) initial_sums: LargestSums,
-    /// kg; empty until the run starts or a state is restored.
+    /// kg; zero until the run starts or a state is restored.
     pub(super) mass: Vec<f64>,
     /// Work arrays: the next configuration, in m and m³.
     pub(super) position: Vec<Vector3<f64>>,
