@@ -7,11 +7,11 @@
 //! The rest of the work is stored in dislocations; the fraction is 0.8 to 1 in metals. The heat contains
 //! the whole change of the work since it was last computed, whatever the step sizes of the two physics.
 
-use perimelt_core::{Coupler, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{Coupler, Report, RunError, Setup, SetupError, Step, World, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::rate::Rate;
+use crate::rate::WorkHeat;
 
 /// Heat from the plastic work of a `mechanical` with `plasticity`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -25,23 +25,11 @@ pub struct PlasticHeat {
     pub fraction: f64,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<PlasticHeatState>,
+    heat: Option<WorkHeat>,
 }
 
 fn usual_fraction() -> f64 {
     0.9
-}
-
-/// Handles and the plastic work when the heat was last computed.
-#[derive(Debug)]
-struct PlasticHeatState {
-    body: usize,
-    work: Read<f64>,
-    heat_source: Write<f64>,
-    /// Rate of the plastic work, W/m³.
-    rate: Rate,
-    /// Of the last step, W.
-    power: f64,
 }
 
 #[typetag::serde(name = "plastic_heat")]
@@ -52,51 +40,32 @@ impl Coupler for PlasticHeat {
             return Err(SetupError::value("fraction", message, "0 to 1"));
         }
         let body = setup.find_body(self.body.as_deref())?;
-        self.prepared = Some(PlasticHeatState {
-            body,
-            work: setup.read(body, &keys::PLASTIC_WORK)?,
-            heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
-            rate: Rate::new(setup.body(body).points.len()),
-            power: 0.0,
-        });
+        self.heat = Some(WorkHeat::prepare(setup, body, &keys::PLASTIC_WORK)?);
         Ok(())
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_mut().expect("prepared before the run");
-        p.rate.take(&world.read(p.work), step.size);
-        let mut heat_source = world.write(p.heat_source);
-        p.power = 0.0;
-        let volumes = &world.body(p.body).points.volume;
-        let points = heat_source.iter_mut().zip(&p.rate.values).zip(volumes);
-        for ((heat_source, rate), volume) in points {
-            let heat = self.fraction * rate;
-            *heat_source += heat;
-            p.power += heat * volume;
-        }
+        let heat = self.heat.as_mut().expect("prepared before the run");
+        heat.add(world, self.fraction, step.size);
         Ok(())
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        let prepared = self.prepared.as_ref().expect("prepared before a save");
-        Box::new(&prepared.rate.seen)
+        let heat = self.heat.as_ref().expect("prepared before a save");
+        Box::new(&heat.rate.seen)
     }
 
     fn load(
         &mut self,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        let p = self.prepared.as_mut().expect("prepared before a restart");
-        p.rate.seen = erased_serde::deserialize(state)?;
+        let heat = self.heat.as_mut().expect("prepared before a restart");
+        heat.rate.seen = erased_serde::deserialize(state)?;
         Ok(())
     }
 
     fn report(&self) -> Vec<Report> {
-        vec![Report {
-            name: "power from plastic work".into(),
-            unit: "W".into(),
-            value: self.prepared.as_ref().map_or(0.0, |p| p.power),
-        }]
+        WorkHeat::report(self.heat.as_ref(), "power from plastic work")
     }
 }
 

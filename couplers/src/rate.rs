@@ -1,4 +1,7 @@
-//! The rate of a field between the times at which a coupler is applied.
+//! The rate of a field between the times at which a coupler is applied, and heat from the rate of a work.
+
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Key, Read, Report, Setup, SetupError, World, Write, keys};
 
 /// Rate of a field from its values when the rate was last taken. All changes are counted exactly once, whatever
 /// the step size of the physics that changes the field.
@@ -30,5 +33,57 @@ impl Rate {
             };
             *seen = *now;
         }
+    }
+}
+
+/// Heat from a work per volume that a physics does: a fraction of its rate is added to the heat source.
+#[derive(Debug)]
+pub(crate) struct WorkHeat {
+    body: BodyIndex,
+    work: Read<f64>,
+    heat_source: Write<f64>,
+    /// Rate of the work, W/m³; what it has seen is the state of a restart.
+    pub rate: Rate,
+    /// Of the last step, W.
+    power: f64,
+}
+
+impl WorkHeat {
+    /// Heat from the work of `key` (J/m³) of a body.
+    pub fn prepare(
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+        key: &Key<f64>,
+    ) -> Result<WorkHeat, SetupError> {
+        Ok(WorkHeat {
+            body,
+            work: setup.read(body, key)?,
+            heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
+            rate: Rate::new(setup.body(body).points.len()),
+            power: 0.0,
+        })
+    }
+
+    /// Adds a fraction of the work done since the last time, as heat over a step of `size` (s).
+    pub fn add(&mut self, world: &World, fraction: f64, size: f64) {
+        self.rate.take(&world.read(self.work), size);
+        let mut heat_source = world.write(self.heat_source);
+        self.power = 0.0;
+        let volumes = &world.body(self.body).points.volume;
+        let points = heat_source.iter_mut().zip(&self.rate.values).zip(volumes);
+        for ((heat_source, rate), volume) in points {
+            let heat = fraction * rate;
+            *heat_source += heat;
+            self.power += heat * volume;
+        }
+    }
+
+    /// The power of the last step under a name.
+    pub fn report(heat: Option<&WorkHeat>, name: &str) -> Vec<Report> {
+        vec![Report {
+            name: name.into(),
+            unit: "W".into(),
+            value: heat.map_or(0.0, |h| h.power),
+        }]
     }
 }

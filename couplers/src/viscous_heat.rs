@@ -6,11 +6,11 @@
 //!
 //! The change of the work since the heat was last computed is taken up in full, whatever the steps of the two physics.
 
-use perimelt_core::{Coupler, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{Coupler, Report, RunError, Setup, SetupError, Step, World, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::rate::Rate;
+use crate::rate::WorkHeat;
 
 /// Heat from the work of viscous friction of a `fluid`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -21,68 +21,39 @@ pub struct ViscousHeat {
     pub body: Option<String>,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<Prepared>,
-}
-
-#[derive(Debug)]
-struct Prepared {
-    body: usize,
-    work: Read<f64>,
-    heat_source: Write<f64>,
-    /// Rate of the work, W/m³.
-    rate: Rate,
-    /// W.
-    power: f64,
+    heat: Option<WorkHeat>,
 }
 
 #[typetag::serde(name = "viscous_heat")]
 impl Coupler for ViscousHeat {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        self.prepared = Some(Prepared {
-            body,
-            work: setup.read(body, &keys::VISCOUS_WORK)?,
-            heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
-            rate: Rate::new(setup.body(body).points.len()),
-            power: 0.0,
-        });
+        self.heat = Some(WorkHeat::prepare(setup, body, &keys::VISCOUS_WORK)?);
         Ok(())
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_mut().expect("prepared before the run");
-        p.rate.take(&world.read(p.work), step.size);
-        let mut heat_source = world.write(p.heat_source);
-        p.power = 0.0;
-        let volumes = &world.body(p.body).points.volume;
-        let points = heat_source.iter_mut().zip(&p.rate.values).zip(volumes);
-        for ((heat_source, rate), volume) in points {
-            *heat_source += rate;
-            p.power += rate * volume;
-        }
+        let heat = self.heat.as_mut().expect("prepared before the run");
+        heat.add(world, 1.0, step.size);
         Ok(())
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        let prepared = self.prepared.as_ref().expect("prepared before a save");
-        Box::new(&prepared.rate.seen)
+        let heat = self.heat.as_ref().expect("prepared before a save");
+        Box::new(&heat.rate.seen)
     }
 
     fn load(
         &mut self,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        let p = self.prepared.as_mut().expect("prepared before a restart");
-        p.rate.seen = erased_serde::deserialize(state)?;
+        let heat = self.heat.as_mut().expect("prepared before a restart");
+        heat.rate.seen = erased_serde::deserialize(state)?;
         Ok(())
     }
 
     fn report(&self) -> Vec<Report> {
-        vec![Report {
-            name: "power from friction".into(),
-            unit: "W".into(),
-            value: self.prepared.as_ref().map_or(0.0, |p| p.power),
-        }]
+        WorkHeat::report(self.heat.as_ref(), "power from friction")
     }
 }
 
