@@ -260,6 +260,12 @@ impl Fields {
         &self.fields[index]
     }
 
+    pub(crate) fn values_mut(&mut self, index: FieldIndex) -> &mut [f64] {
+        let field = &mut self.fields[index];
+        *field.changes.get_mut() += 1;
+        field.data.get_mut().flat_mut()
+    }
+
     /// Finds or adds the field of `key`; `Err` with the present number of components
     /// when it is known with another type.
     pub(crate) fn intern<T: Value>(
@@ -297,7 +303,7 @@ impl Field {
     }
 
     /// The values, whatever their type (for initial values and checkpoints).
-    pub fn data_mut(&self) -> RefMut<'_, Data> {
+    pub(crate) fn data_mut(&self) -> RefMut<'_, Data> {
         self.changes.set(self.changes.get() + 1);
         self.data.borrow_mut()
     }

@@ -50,6 +50,13 @@ pub struct BrokenPairs {
     pub pairs: Vec<[u32; 2]>,
     /// How often the list was replaced, because a state was restored: start again with it then.
     pub replaced: usize,
+    has_breaker: bool,
+}
+
+/// Permission of one physics to break the bonds of a body.
+#[derive(Debug)]
+pub struct BondBreaker {
+    body: BodyIndex,
 }
 
 /// Bodies, fields, layers: everything that plugins act on.
@@ -165,9 +172,28 @@ impl World {
         self.broken[body].borrow()
     }
 
-    /// As [`World::broken_pairs`], for the physics that breaks bonds.
-    pub fn broken_pairs_mut(&self, body: BodyIndex) -> RefMut<'_, BrokenPairs> {
-        self.broken[body].borrow_mut()
+    /// Adds pairs whose bond broke in this step.
+    pub fn break_pairs(&self, breaker: &BondBreaker, pairs: impl IntoIterator<Item = [u32; 2]>) {
+        self.broken[breaker.body].borrow_mut().pairs.extend(pairs);
+    }
+
+    /// Replaces the list of broken pairs by that of a restored state.
+    pub fn replace_broken_pairs(&self, breaker: &BondBreaker, pairs: Vec<[u32; 2]>) {
+        let mut broken = self.broken[breaker.body].borrow_mut();
+        broken.pairs = pairs;
+        broken.replaced += 1;
+    }
+
+    /// Declares that one physics breaks the bonds of a body; `None` if another one does.
+    pub(crate) fn set_breaker(&mut self, body: BodyIndex) -> Option<BondBreaker> {
+        let broken = self.broken[body].get_mut();
+        let is_first = !std::mem::replace(&mut broken.has_breaker, true);
+        is_first.then_some(BondBreaker { body })
+    }
+
+    /// All components of a field, for the program that owns the world. Plugins write through handles.
+    pub fn values_mut(&mut self, field: usize) -> &mut [f64] {
+        self.fields.values_mut(field)
     }
 
     fn set_rule(&self, handle: LayerHandle, rule: LayerRule) {

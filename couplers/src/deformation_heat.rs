@@ -146,8 +146,8 @@ mod tests {
                 setup.consume(0, &keys::HEAT_SOURCE).expect("free");
             })
             .expect("valid");
-            set(&world, &keys::TEMPERATURE, |_| 400.0);
-            set(&world, &keys::CONJUGATE_STRESS, |i| [1e9, -1e9][i]);
+            set(&mut world, &keys::TEMPERATURE, |_| 400.0);
+            set(&mut world, &keys::CONJUGATE_STRESS, |i| [1e9, -1e9][i]);
             apply(&world, &mut coupler, 0.0);
             for (value, expected) in values(&world, &keys::HEAT_SOURCE).iter().zip([heat, -heat]) {
                 // rounding of three factors

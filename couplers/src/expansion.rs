@@ -131,8 +131,8 @@ mod tests {
             setup.consume(0, &keys::EIGENSTRAIN).expect("free");
         })
         .expect("valid");
-        set(&world, &keys::TEMPERATURE, |i| [200.0, 300.0, 800.0][i]);
-        set(&world, &keys::EIGENSTRAIN, |_| 1.0);
+        set(&mut world, &keys::TEMPERATURE, |i| [200.0, 300.0, 800.0][i]);
+        set(&mut world, &keys::EIGENSTRAIN, |_| 1.0);
         apply(&world, &mut expansion, 0.0);
         // 15e-6 half way through the table, 10e-6 below it; added to what was there
         let expected = [1.0 - 10e-6 * 100.0, 1.0, 1.0 + 15e-6 * 500.0];
@@ -151,7 +151,9 @@ mod tests {
             setup.consume(0, &keys::EIGENSTRAIN).expect("free");
         })
         .expect("valid");
-        set(&world, &keys::TEMPERATURE, |i| [300.0, 800.0, 2800.0][i]);
+        set(&mut world, &keys::TEMPERATURE, |i| {
+            [300.0, 800.0, 2800.0][i]
+        });
         apply(&world, &mut expansion, 0.0);
         let strain = values(&world, &keys::EIGENSTRAIN);
         assert_eq!(strain[0], 0.0);

@@ -135,7 +135,7 @@ mod tests {
         assert_eq!(latent.form, LatentHeatForm::Apparent);
         assert_eq!(latent.mushy_capacity, MushyCapacity::LatentOnly);
         let temperatures = [300.0, 1700.0, 1725.0, 2000.0];
-        set(&world, &keys::TEMPERATURE, |i| temperatures[i]);
+        set(&mut world, &keys::TEMPERATURE, |i| temperatures[i]);
         apply(&world, &mut change, 0.0);
         assert_eq!(
             values(&world, &keys::LIQUID_FRACTION),
@@ -153,9 +153,9 @@ mod tests {
             setup.own(0, &keys::ENTHALPY).expect("free");
         })
         .expect("valid");
-        set(&world, &keys::TEMPERATURE, |_| 273.0);
+        set(&mut world, &keys::TEMPERATURE, |_| 273.0);
         // 3e8 J/m³ melt all of it
-        set(&world, &keys::ENTHALPY, |i| [-1.0, 0.75e8, 4e8][i]);
+        set(&mut world, &keys::ENTHALPY, |i| [-1.0, 0.75e8, 4e8][i]);
         apply(&world, &mut change, 0.0);
         assert_eq!(values(&world, &keys::LIQUID_FRACTION), [0.0, 0.25, 1.0]);
     }

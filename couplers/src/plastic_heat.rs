@@ -86,7 +86,7 @@ mod tests {
         })
         .expect("valid");
         coupler.apply(&world, Step::new(0.0, 0.0)).expect("applies");
-        set(&world, &keys::PLASTIC_WORK, |i| [0.0, 5e6][i]);
+        set(&mut world, &keys::PLASTIC_WORK, |i| [0.0, 5e6][i]);
         coupler.apply(&world, Step::new(0.0, 0.5)).expect("applies");
         assert_eq!(values(&world, &keys::HEAT_SOURCE), [0.0, 0.8 * 5e6 / 0.5]);
     }

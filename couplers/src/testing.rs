@@ -77,10 +77,9 @@ pub fn values<T: Value>(world: &World, key: &Key<T>) -> Vec<f64> {
 }
 
 /// Sets a scalar field of the first body, point by point.
-pub fn set(world: &World, key: &Key<f64>, value: impl Fn(usize) -> f64) {
+pub fn set(world: &mut World, key: &Key<f64>, value: impl Fn(usize) -> f64) {
     let index = world.fields().find(0, &key.name).expect("a known field");
-    let mut data = world.fields().field(index).data_mut();
-    let entries = data.flat_mut().iter_mut().enumerate();
+    let entries = world.values_mut(index).iter_mut().enumerate();
     entries.for_each(|(i, v)| *v = value(i));
 }
 
@@ -95,9 +94,8 @@ pub fn total(world: &World, key: &Key<f64>) -> f64 {
 }
 
 /// Sets a vector field of the first body everywhere.
-pub fn set_vector(world: &World, key: &Key<Vector3<f64>>, value: Vector3<f64>) {
+pub fn set_vector(world: &mut World, key: &Key<Vector3<f64>>, value: Vector3<f64>) {
     let index = world.fields().find(0, &key.name).expect("a known field");
-    let mut data = world.fields().field(index).data_mut();
-    let points = data.flat_mut().chunks_exact_mut(3);
+    let points = world.values_mut(index).chunks_exact_mut(3);
     points.for_each(|v| v.copy_from_slice(value.as_slice()));
 }

@@ -151,24 +151,14 @@ fn vibrating(steps_per_period: f64, periods: f64, coupled: bool, iteration: &str
         [time]\nend = {end}\nstep = {step}\n{iteration}\n[log]\ninterval = {end}"
     );
     let mut simulation = compose(&body, &rest);
-    let displacement = simulation
-        .world()
-        .body(0)
-        .points
-        .position
-        .iter()
-        .flat_map(|x| {
-            let along = -1e-6 * (std::f64::consts::PI * x.x / length).cos();
-            [along, 0.0, 0.0]
-        });
-    let displacement: Vec<f64> = displacement.collect();
-    let fields = simulation.world().fields();
-    let index = fields.find(0, "displacement").expect("it is owned");
-    fields
-        .field(index)
-        .data_mut()
-        .flat_mut()
-        .copy_from_slice(&displacement);
+    let positions = simulation.world().body(0).points.position.clone();
+    for (point, x) in positions.iter().enumerate() {
+        let along = -1e-6 * (std::f64::consts::PI * x.x / length).cos();
+        let point = std::iter::once(point);
+        simulation
+            .set_initial(0, "displacement", point, &[along, 0.0, 0.0])
+            .expect("it is owned");
+    }
     simulation.start().expect("it starts");
     simulation
 }

@@ -114,6 +114,7 @@ benchmarks!(
     "interface-added-mass",
     "interface-drag-array",
     "interface-floating-block",
+    "interface-heat-perfect",
     "interface-heat-steady",
     "gao-5.5.1-hydrostatic-first",
     "gao-5.5.1-hydrostatic",

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::configuration::{Description, MovingFamily, PointMover};
 use crate::error::SetupError;
 use crate::family::{Family, FamilySpec};
-use crate::world::{BodyIndex, World};
+use crate::world::{BodyIndex, BondBreaker, World};
 
 use super::Setup;
 
@@ -98,6 +98,19 @@ impl Setup<'_> {
             return Err(SetupError::value("body", message, expected));
         }
         Ok(())
+    }
+
+    /// Declares that the calling physics breaks bonds of a body; it adds them to the list that others see with the
+    /// handle ([`World::break_pairs`]).
+    ///
+    /// # Errors
+    /// When another physics breaks them.
+    pub fn break_bonds(&mut self, body: BodyIndex) -> Result<BondBreaker, SetupError> {
+        self.world.set_breaker(body).ok_or_else(|| {
+            let name = &self.body(body).name;
+            let message = format!("another physics already breaks bonds of body `{name}`");
+            SetupError::value("body", message, "one physics that breaks bonds")
+        })
     }
 
     /// What the points of a body are, as declared by a physics prepared before: updated Lagrangian where one moves

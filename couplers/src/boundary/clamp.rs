@@ -106,7 +106,7 @@ mod tests {
         assert_eq!(clamp.next_event(0.0), Some(3.0));
         assert_eq!(clamp.next_event(3.0), None);
         for (start, held) in [(0.0, 1.0), (2.0, 1.0), (2.0 + 1e-15, 1.0), (3.0, 0.0)] {
-            set_vector(&world, &keys::CONSTRAINT, Vector3::zeros());
+            set_vector(&mut world, &keys::CONSTRAINT, Vector3::zeros());
             apply(&world, &mut clamp, start);
             let constraint = values(&world, &keys::CONSTRAINT);
             assert_eq!(constraint, [held, held, 0.0, 0.0, 0.0, 0.0], "from {start}");

@@ -125,7 +125,7 @@ mod tests {
             setup.consume(0, &keys::HEAT_SOURCE).expect("free");
         })
         .expect("valid");
-        set(&world, &keys::TEMPERATURE, |_| 400.0);
+        set(&mut world, &keys::TEMPERATURE, |_| 400.0);
         apply(&world, &mut boundary, 0.0);
         // middle of the first second: 275 K; coefficient 20; corner, edge, face, heart
         let heat = values(&world, &keys::HEAT_SOURCE);

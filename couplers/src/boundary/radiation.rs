@@ -118,7 +118,7 @@ mod tests {
             setup.consume(0, &keys::HEAT_SOURCE).expect("free");
         })
         .expect("valid");
-        set(&world, &keys::TEMPERATURE, |_| 1000.0);
+        set(&mut world, &keys::TEMPERATURE, |_| 1000.0);
         apply(&world, &mut boundary, 0.0);
         boundary.report()[0].value
     }

@@ -496,10 +496,8 @@ mod tests {
             let mut contact: Contact = read("body = 'block'\nother = 'second'");
             prepare(&mut world, &mut contact, |setup| own(setup, 2)).expect("valid");
             let index = world.fields().find(0, "displacement").expect("owned");
-            let mut data = world.fields().field(index).data_mut();
-            let x = data.flat_mut().chunks_exact_mut(3);
+            let x = world.values_mut(index).chunks_exact_mut(3);
             x.for_each(|v| v[0] = 1.0 - gap);
-            drop(data);
             contact.apply(&world, Step::new(0.0, 0.1)).expect("applies");
             let total = |body: usize| {
                 let index = world.fields().find(body, "impulse").expect("a sink");
@@ -527,10 +525,8 @@ mod tests {
             let turn = nalgebra::Rotation3::from_euler_angles(0.4, 1.0, -0.3);
             let positions = world.body(0).points.position.clone();
             let index = world.fields().find(0, "displacement").expect("owned");
-            let mut data = world.fields().field(index).data_mut();
-            let u = data.flat_mut().chunks_exact_mut(3).zip(&positions);
+            let u = world.values_mut(index).chunks_exact_mut(3).zip(&positions);
             u.for_each(|(u, x)| u.copy_from_slice((turn * (x * shrink) - x).as_slice()));
-            drop(data);
             contact.apply(&world, Step::new(0.0, 0.1)).expect("applies");
             let force = values(&world, &keys::IMPULSE);
             assert_eq!(force.iter().any(|f| f.abs() > 1e-6), touch, "{shrink}");
@@ -546,11 +542,10 @@ mod tests {
         let mut other = World::new(vec![block([6, 5, 4], 3, ELASTIC)]);
         let mut new: Contact = read("");
         prepare(&mut other, &mut new, |setup| own(setup, 1)).expect("valid");
-        for world in [&world, &other] {
+        for world in [&mut world, &mut other] {
             let positions = world.body(0).points.position.clone();
             let index = world.fields().find(0, "displacement").expect("owned");
-            let mut data = world.fields().field(index).data_mut();
-            let u = data.flat_mut().chunks_exact_mut(3).zip(&positions);
+            let u = world.values_mut(index).chunks_exact_mut(3).zip(&positions);
             // within the skin, so that the list of the first one serves
             u.for_each(|(u, x)| u[0] = 0.14 * (7.0 * x.x + 3.0 * x.y + x.z).sin());
         }

@@ -36,6 +36,10 @@ impl Run {
             _ => Some(setup.own(body, &keys::DISPLACEMENT)?),
         };
         let body_force = setup.consume_if_added(body, &keys::BODY_FORCE)?;
+        let impulse = match fluid.description {
+            Description::UpdatedLagrangian => setup.take_if_added(body, &keys::IMPULSE)?,
+            _ => None,
+        };
         let (velocity_layers, walls, _) = setup.layers(body, &keys::VELOCITY);
         if !fluid.may_have_free_surface() {
             check_closed(setup, body, &walls)?;
@@ -82,6 +86,7 @@ impl Run {
             pressure,
             displacement,
             body_force,
+            impulse,
             temperature,
             viscous_work,
             velocity_layers,

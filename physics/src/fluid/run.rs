@@ -19,6 +19,8 @@ pub(super) struct Run {
     pub(super) pressure: Write<f64>,
     pub(super) displacement: Option<Write<Vector3<f64>>>,
     pub(super) body_force: Option<Read<Vector3<f64>>>,
+    /// Of points that move, where another body gives impulses.
+    pub(super) impulse: Option<Read<Vector3<f64>>>,
     /// Where the viscosity depends on it.
     pub(super) temperature: Option<FluidTemperature>,
     /// Where somebody reads it.

@@ -1,10 +1,11 @@
 //! One step of the flow.
 //!
-//! 1. The work of viscous friction is counted, where somebody reads it.
-//! 2. Artificial viscosity slows points that approach each other.
-//! 3. Density, pressure and velocity advance in the order of the [`Scheme`].
-//! 4. Velocity and density are smoothed, in every n-th step.
-//! 5. Points that move are displaced, put in order and put back into their box; the configuration of the body is set.
+//! 1. The points take up the impulses that other bodies gave.
+//! 2. The work of viscous friction is counted, where somebody reads it.
+//! 3. Artificial viscosity slows points that approach each other.
+//! 4. Density, pressure and velocity advance in the order of the [`Scheme`].
+//! 5. Velocity and density are smoothed, in every n-th step.
+//! 6. Points that move are displaced, put in order and put back into their box; the configuration of the body is set.
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
@@ -44,6 +45,7 @@ impl Run {
         world: &World,
         step: Step,
     ) -> Result<(), PddoError> {
+        self.take_up_impulses(world);
         self.set_viscosity(world);
         self.rates.follow_walls(world, self.body);
         self.advance_flow(fluid, world, step);
@@ -52,6 +54,25 @@ impl Run {
         self.move_points(fluid, world, step.size);
         self.count_momentum(fluid, world, step);
         self.set_configuration(world)
+    }
+
+    /// Adds the momentum that other bodies gave to the velocities.
+    fn take_up_impulses(&mut self, world: &World) {
+        let (Some(impulse), Some(moving)) = (self.impulse, &self.moving) else {
+            return;
+        };
+        let (impulse, reference) = (world.read(impulse), &world.body(self.body).points.volume);
+        let now = world.configuration(self.body);
+        let mut velocity = world.write(self.velocity);
+        let mut given = [Vector3::zeros(); 2];
+        let points = velocity.iter_mut().zip(now.positions()).enumerate();
+        for (i, (v, x)) in points {
+            let given_to_point = reference[i] * impulse[i];
+            *v += given_to_point / moving.mass[i];
+            given[0] += given_to_point;
+            given[1] += x.cross(&given_to_point);
+        }
+        self.count_given(given, 1.0);
     }
 
     /// Evaluates a viscosity that varies from point to point.
@@ -177,10 +198,13 @@ impl Run {
             let on_walls = walls.total_force(world);
             (0..2).for_each(|k| given[k] -= on_walls[k]);
         }
-        for (account, given) in [&mut self.momentum, &mut self.angular_momentum]
-            .into_iter()
-            .zip(given)
-        {
+        self.count_given(given, time);
+    }
+
+    /// Adds a force and its moment over a time (s) to what the fluid was given.
+    fn count_given(&mut self, given: [Vector3<f64>; 2], time: f64) {
+        let accounts = [&mut self.momentum, &mut self.angular_momentum];
+        for (account, given) in accounts.into_iter().zip(given) {
             if let Some([_, sum]) = account {
                 *sum += time * given;
             }

@@ -1,7 +1,7 @@
 //! Fields that the mechanical physics reads and writes.
 
 use nalgebra::{Matrix3, Vector3};
-use perimelt_core::world::BodyIndex;
+use perimelt_core::world::{BodyIndex, BondBreaker};
 use perimelt_core::{Read, ReadIfProvided, Setup, SetupError, Write, keys};
 
 /// Handles of the fields of a body.
@@ -16,7 +16,7 @@ pub(super) struct Fields {
     pub(super) conjugate_stress_is_read: bool,
     pub(super) plastic: Option<PlasticFields>,
     /// If bonds break.
-    pub(super) damage: Option<Write<f64>>,
+    pub(super) damage: Option<Damage>,
     pub(super) eigenstrain: Option<Read<f64>>,
     pub(super) body_force: Option<Read<Vector3<f64>>>,
     /// Of the explicit solver.
@@ -33,6 +33,13 @@ pub(super) struct Hold {
     pub(super) constraint: Read<Vector3<f64>>,
     /// Sum of the displacements at which they hold it, m.
     pub(super) displacement: Read<Vector3<f64>>,
+}
+
+/// What a body whose bonds break writes.
+#[derive(Debug)]
+pub(super) struct Damage {
+    pub(super) field: Write<f64>,
+    pub(super) breaker: BondBreaker,
 }
 
 /// Fields of a body that flows plastically.
@@ -86,7 +93,10 @@ impl Fields {
                 false => None,
             },
             damage: match breaks {
-                true => Some(setup.own(body, &keys::DAMAGE)?),
+                true => Some(Damage {
+                    field: setup.own(body, &keys::DAMAGE)?,
+                    breaker: setup.break_bonds(body)?,
+                }),
                 false => None,
             },
             conjugate_stress_is_read: setup.is_read(body, &keys::CONJUGATE_STRESS),

@@ -160,7 +160,7 @@ impl Physics for Mechanical {
         if !matches!(self.solver, MechanicalSolver::Explicit { .. }) {
             return Vec::new();
         }
-        run.balances(world, self.kinematics == Kinematics::Finite)
+        run.balances(world)
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
@@ -183,10 +183,9 @@ impl Physics for Mechanical {
 
     fn restored(&mut self, world: &World) -> Result<(), RunError> {
         let run = self.run.as_ref().expect("prepared before a restart");
-        if let Some(fracture) = run.solid.fracture() {
-            let mut broken = world.broken_pairs_mut(run.body);
-            broken.pairs = fracture.broken_pairs(run.solid.family());
-            broken.replaced += 1;
+        if let (Some(fracture), Some(damage)) = (run.solid.fracture(), &run.fields.damage) {
+            let pairs = fracture.broken_pairs(run.solid.family());
+            world.replace_broken_pairs(&damage.breaker, pairs);
         }
         Ok(())
     }

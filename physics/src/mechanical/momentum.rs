@@ -44,40 +44,116 @@ impl AddAssign for Momentum {
     }
 }
 
-/// The part of one point in the sums of a [`Momentum`].
-pub(super) type Part = [f64; 12];
+/// Which momenta of a body are balanced: no others are summed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Balanced {
+    /// Of the body.
+    pub(super) dimension: usize,
+    /// Angular momentum is, too: under finite kinematics.
+    pub(super) angular: bool,
+}
 
-/// The part of a momentum or impulse `p` (N s) at `x` (m).
-pub(super) fn part(x: [f64; 3], p: [f64; 3]) -> Part {
-    let mut part = [0.0; 12];
-    for axis in 0..3 {
-        let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
-        let (plus, minus) = (x[b] * p[c], x[c] * p[b]);
-        part[axis] = p[axis];
-        part[3 + axis] = plus - minus;
-        part[6 + axis] = p[axis].abs();
-        part[9 + axis] = plus.abs() + minus.abs();
+/// A momentum or impulse (N s), behind the position where it is (m).
+pub(super) type Located = [[f64; 3]; 2];
+
+/// Two parts of the moment of a momentum about an axis; their difference is the moment.
+#[inline(always)]
+fn moments([x, p]: Located, axis: usize) -> [f64; 2] {
+    let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
+    [x[b] * p[c], x[c] * p[b]]
+}
+
+/// Components `0..A` of the momentum, and their sizes behind them.
+#[inline(always)]
+fn linear<const A: usize, const N: usize>(located: Located) -> [f64; N] {
+    let mut sums = [0.0; N];
+    for axis in 0..A {
+        let p = located[1][axis];
+        (sums[axis], sums[A + axis]) = (p, p.abs());
     }
-    part
+    sums
+}
+
+/// As [`linear`], and behind it the moments about `axes` and their sizes.
+#[inline(always)]
+fn linear_and_angular<const A: usize, const N: usize>(
+    located: Located,
+    axes: std::ops::Range<usize>,
+) -> [f64; N] {
+    let mut sums = linear::<A, N>(located);
+    let (first, count) = (2 * A, axes.len());
+    for (n, axis) in axes.enumerate() {
+        let [plus, minus] = moments(located, axis);
+        (sums[first + n], sums[first + count + n]) = (plus - minus, plus.abs() + minus.abs());
+    }
+    sums
 }
 
 impl Momentum {
-    /// Sums the parts of all points.
-    pub(super) fn sum(points: usize, part: impl Fn(usize) -> Part + Sync) -> Self {
-        let sums = sum_points(points, part);
-        let group = |first: usize| std::array::from_fn(|axis| sums[first + axis]);
+    /// Sums what the points have.
+    pub(super) fn sum(
+        balanced: Balanced,
+        points: usize,
+        of: impl Fn(usize) -> Located + Sync,
+    ) -> Self {
+        let mut all = Momentum::default();
+        match (balanced.dimension, balanced.angular) {
+            (3, false) => {
+                let s = sum_points(points, |i| linear::<3, 6>(of(i)));
+                all.linear = [s[0], s[1], s[2]];
+                all.linear_size = [s[3], s[4], s[5]];
+            }
+            (3, true) => {
+                let s = sum_points(points, |i| linear_and_angular::<3, 12>(of(i), 0..3));
+                let group = |first: usize| std::array::from_fn(|axis| s[first + axis]);
+                (all.linear, all.linear_size) = (group(0), group(3));
+                (all.angular, all.angular_size) = (group(6), group(9));
+            }
+            (_, false) => {
+                let [x, y, x_size, y_size] = sum_points(points, |i| linear::<2, 4>(of(i)));
+                (all.linear, all.linear_size) = ([x, y, 0.0], [x_size, y_size, 0.0]);
+            }
+            (_, true) => {
+                let sum = sum_points(points, |i| linear_and_angular::<2, 6>(of(i), 2..3));
+                let [x, y, x_size, y_size, moment, moment_size] = sum;
+                (all.linear, all.linear_size) = ([x, y, 0.0], [x_size, y_size, 0.0]);
+                (all.angular[2], all.angular_size[2]) = (moment, moment_size);
+            }
+        }
+        all
+    }
+
+    /// What a force gives in a time (s).
+    pub(super) fn times(self, time: f64) -> Self {
+        let times = |vector: [f64; 3]| vector.map(|v| v * time);
         Momentum {
-            linear: group(0),
-            angular: group(3),
-            linear_size: group(6),
-            angular_size: group(9),
+            linear: times(self.linear),
+            angular: times(self.angular),
+            linear_size: times(self.linear_size),
+            angular_size: times(self.angular_size),
+        }
+    }
+
+    /// Without the linear part: what an unchanged momentum that moves adds.
+    pub(super) fn only_angular(self) -> Self {
+        Momentum {
+            linear: [0.0; 3],
+            linear_size: [0.0; 3],
+            ..self
         }
     }
 }
 
 /// Current position of a point, m.
+#[inline(always)]
 pub(super) fn place(reference: &Vector3<f64>, displacement: &[f64]) -> [f64; 3] {
-    std::array::from_fn(|axis| reference[axis] + displacement[axis])
+    by_axis(|axis| reference[axis] + displacement[axis])
+}
+
+/// Three components. In sums over points `std::array::from_fn` is a call, which takes longer than the rest.
+#[inline(always)]
+pub(super) fn by_axis(f: impl Fn(usize) -> f64) -> [f64; 3] {
+    [f(0), f(1), f(2)]
 }
 
 impl Run {
@@ -90,25 +166,25 @@ impl Run {
         let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
         let (points, density) = (&world.body(self.body).points, &self.density);
         let (velocity, displacement) = (&*velocity, &*displacement);
-        Momentum::sum(points.len(), |i| {
+        Momentum::sum(self.balanced, points.len(), |i| {
             let x = place(&points.position[i], displacement[i].as_slice());
             let mass = density[i] * points.volume[i];
-            part(x, (mass * velocity[i]).into())
+            [x, (mass * velocity[i]).into()]
         })
     }
 
     /// Balances of momentum and, under finite kinematics, of angular momentum about the origin.
-    pub(super) fn balances(&self, world: &World, is_finite: bool) -> Vec<Balance> {
+    pub(super) fn balances(&self, world: &World) -> Vec<Balance> {
         let (now, initial) = (self.momentum(world), &self.state.initial);
         let given = &self.state.given;
-        let dimension = world.body(self.body).dimension;
+        let Balanced { dimension, angular } = self.balanced;
         let linear = (0..dimension).map(|a| {
             let name = format!("momentum.{}", ["x", "y", "z"][a]);
             let (initial, given_to) = (initial.linear[a], given.linear[a]);
             Balance::new(&name, "N s", now.linear[a], initial, given_to)
                 .of_size(now.linear_size[a] + given.linear_size[a])
         });
-        let axes = match (is_finite, dimension) {
+        let axes = match (angular, dimension) {
             (true, 2) => 2..3,
             (true, 3) => 0..3,
             _ => 0..0,

@@ -8,7 +8,7 @@ use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
 
 use super::fields::Hold;
-use super::momentum::{Momentum, part, place};
+use super::momentum::{Balanced, Momentum, by_axis, place};
 use super::solid::Solid;
 use super::step::Run;
 
@@ -32,10 +32,12 @@ impl Run {
             body_force: body_force.map_or(&[], |b| bytemuck::cast_slice(b)),
             density: &self.density,
             inverse_density: &self.free_inverse_density,
+            balanced: self.balanced,
             has_held_points: self.fields.hold.is_some(),
             has_layers: self.solid.family().has_layers(),
             solid: &mut *self.solid,
             loaded: &mut self.state.loaded_body_force,
+            external_force: &mut self.state.external_force,
             given: &mut self.state.given,
         };
         let verlet = &mut self.state.verlet;
@@ -54,14 +56,14 @@ impl Run {
             &world.body(self.body).points,
             &self.free_inverse_density[..],
         );
-        self.state.given += Momentum::sum(points.len(), |i| {
+        self.state.given += Momentum::sum(self.balanced, points.len(), |i| {
             let x = place(&points.position[i], displacement[i].as_slice());
             let free = |axis: usize| inverse[3 * i + axis] != 0.0;
             let impulse_on = |axis: usize| match free(axis) {
                 true => points.volume[i] * impulse[i][axis],
                 false => 0.0,
             };
-            part(x, std::array::from_fn(impulse_on))
+            [x, by_axis(impulse_on)]
         });
         let mut velocity = world.write(velocity);
         let velocity: &mut [f64] = bytemuck::cast_slice_mut(&mut velocity);
@@ -71,12 +73,17 @@ impl Run {
         components.for_each(|((v, j), inverse)| *v += j * inverse);
     }
 
-    /// Stops the held components. Called before their displacement is set.
-    pub(super) fn stop_held_points(&mut self, world: &World, hold: Hold, duration: f64) {
+    /// Stops components that are held anew or move, before they take the displacement at which they are held. Whether
+    /// there are any.
+    pub(super) fn stop_held_points(&mut self, world: &World, hold: Hold, duration: f64) -> bool {
         let Some(velocity) = self.fields.velocity else {
-            return;
+            return true;
         };
         let mut velocity = world.write(velocity);
+        if !self.holding_changes(world, hold, &velocity) {
+            return false;
+        }
+        self.state.external_force = None;
         let given = self.impulse_of_holding(world, hold, &velocity, duration);
         self.state.given += given;
         let constraint = world.read(hold.constraint);
@@ -90,6 +97,27 @@ impl Run {
                 velocity[axis] = if free { velocity[axis] } else { 0.0 };
             }
         });
+        true
+    }
+
+    /// Whether components are held or let go that were not, or held ones move.
+    fn holding_changes(&self, world: &World, hold: Hold, velocity: &[Vector3<f64>]) -> bool {
+        let (constraint, held) = (world.read(hold.constraint), world.read(hold.displacement));
+        let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
+        let displacement: &[f64] = bytemuck::cast_slice(&displacement);
+        let (constraint, held): (&[f64], &[f64]) = (
+            bytemuck::cast_slice(&constraint),
+            bytemuck::cast_slice(&held),
+        );
+        let velocity: &[f64] = bytemuck::cast_slice(velocity);
+        let inverse = &self.free_inverse_density[..];
+        let changes = |n: usize| {
+            let is_held = constraint[n] > 0.0;
+            let moves = || velocity[n] != 0.0 || held[n] / constraint[n] != displacement[n];
+            is_held != (inverse[n] == 0.0) || (is_held && moves())
+        };
+        let components = (0..inverse.len()).into_par_iter();
+        components.with_min_len(4096).any(changes)
     }
 
     /// Change of momentum and of its moment when the held components stop and their displacement jumps to the held
@@ -112,31 +140,32 @@ impl Run {
             Some(force) if !has_layers => force - loaded.get(component).unwrap_or(&0.0),
             _ => 0.0,
         };
-        Momentum::sum(points.len(), |i| {
-            let (c, u, v) = (&constraint[i], &displacement[i], &velocity[i]);
-            if c.iter().all(|c| *c <= 0.0) {
-                return [0.0; 12];
-            }
-            let (volume, is_held) = (points.volume[i], |axis: usize| c[axis] > 0.0);
-            let momentum = |axis: usize| volume * density[i] * v[axis];
-            let stop = |axis: usize| if is_held(axis) { -momentum(axis) } else { 0.0 };
-            let stopped = part(
-                place(&points.position[i], u.as_slice()),
-                std::array::from_fn(stop),
-            );
-            let jump: [f64; 3] = std::array::from_fn(|axis| match is_held(axis) {
-                true => held[i][axis] / c[axis] - u[axis],
-                false => 0.0,
+        let is_held = |i: usize, axis: usize| constraint[i][axis] > 0.0;
+        let jump = |i: usize, axis: usize| match is_held(i, axis) {
+            true => held[i][axis] / constraint[i][axis] - displacement[i][axis],
+            false => 0.0,
+        };
+        let stop = |i: usize, axis: usize| match is_held(i, axis) {
+            true => -points.volume[i] * density[i] * velocity[i][axis],
+            false => 0.0,
+        };
+        let mut given = Momentum::sum(self.balanced, points.len(), |i| {
+            let x = place(&points.position[i], displacement[i].as_slice());
+            [x, by_axis(|axis| stop(i, axis))]
+        });
+        if self.balanced.angular {
+            let moved = Momentum::sum(self.balanced, points.len(), |i| {
+                let half_kick = |axis: usize| 0.5 * duration * bond_force(3 * i + axis);
+                let remaining = |axis: usize| {
+                    let momentum = density[i] * velocity[i][axis] + half_kick(axis);
+                    points.volume[i] * momentum + stop(i, axis)
+                };
+                let jump = by_axis(|axis| jump(i, axis));
+                [jump, by_axis(remaining)]
             });
-            let half_kick = |axis: usize| 0.5 * duration * volume * bond_force(3 * i + axis);
-            let remaining = |axis: usize| momentum(axis) + stop(axis) + half_kick(axis);
-            let moved = part(jump, std::array::from_fn(remaining));
-            // the jump changes only moments
-            std::array::from_fn(|n| match n {
-                0..3 | 6..9 => stopped[n],
-                _ => stopped[n] + moved[n],
-            })
-        })
+            given += moved.only_angular();
+        }
+        given
     }
 }
 
@@ -150,10 +179,13 @@ struct SolidDynamics<'a> {
     density: &'a [f64],
     /// m³/kg, by component; zero where it is held.
     inverse_density: &'a [f64],
+    balanced: Balanced,
     has_held_points: bool,
     has_layers: bool,
     /// The body force in the last force.
     loaded: &'a mut Vec<f64>,
+    /// Its sum at the displacement and the force of the moment, if it is known.
+    external_force: &'a mut Option<Momentum>,
     given: &'a mut Momentum,
 }
 
@@ -163,50 +195,67 @@ impl Dynamics for SolidDynamics<'_> {
         self.solid.force(force);
         let forces = force.par_iter_mut().zip(self.body_force);
         forces.with_min_len(4096).for_each(|(f, b)| *f += b);
+        *self.external_force = None;
         self.loaded.clear();
         self.loaded.extend_from_slice(self.body_force);
         Ok(())
     }
 
-    /// Forces of bonds between points cancel; what is left is given by the surroundings: body forces, damping, the
-    /// reaction of held components to their bonds, and the forces of bonds to layers.
     fn before_half_kick(&mut self, kick: &HalfKick<'_>) {
-        let is_damped = kick.friction != 0.0;
-        let has_forces = !self.loaded.is_empty() || self.has_layers || is_damped;
-        if !has_forces && !self.has_held_points {
-            return;
+        let external = match self.external_force.take() {
+            Some(known) => known,
+            None => self.external_force(kick),
+        };
+        *self.given += external.times(kick.duration);
+        *self.external_force = Some(external);
+        if kick.friction != 0.0 {
+            *self.given += self.impulse_of_friction(kick);
         }
-        let (points, rule, has_layers) = (self.points, kick.rule(), self.has_layers);
-        let (density, inverse_density) = (self.density, self.inverse_density);
-        let loaded = &self.loaded[..];
-        let impulse = |point: usize, component: usize| {
-            let (force, velocity) = (kick.force[component], kick.velocity[component]);
-            let body_force = loaded.get(component).copied().unwrap_or(0.0);
-            let inverse = inverse_density[component];
-            let is_free = inverse != 0.0;
-            let external = match (has_layers, is_free) {
-                (false, true) => body_force,
-                (false, false) => body_force - force,
+    }
+}
+
+impl SolidDynamics<'_> {
+    /// Sum of the forces of the surroundings (N) and of their moments. Forces of bonds between points cancel; what is
+    /// left are body forces, the reaction of held components to their bonds, and the forces of bonds to layers.
+    fn external_force(&self, kick: &HalfKick<'_>) -> Momentum {
+        let has_loads = !self.loaded.is_empty() || self.has_layers;
+        if !has_loads && !self.has_held_points {
+            return Momentum::default();
+        }
+        let (points, has_layers) = (self.points, self.has_layers);
+        let (inverse_density, loaded) = (self.inverse_density, &self.loaded[..]);
+        let external = |component: usize| {
+            let force = kick.force[component];
+            let is_free = inverse_density[component] != 0.0;
+            match (has_layers, is_free) {
                 (true, true) => force,
                 (true, false) => 0.0,
-            };
-            let friction = match is_damped && is_free {
-                true => {
-                    let after = rule(velocity, force, inverse);
-                    kick.friction * density[point] * (velocity + after)
-                }
-                false => 0.0,
-            };
-            points.volume[point] * (kick.duration * external - friction)
-        };
-        *self.given += Momentum::sum(points.len(), |i| {
-            let components = 3 * i..3 * i + 3;
-            let is_held = || inverse_density[components.clone()].contains(&0.0);
-            if !has_forces && !is_held() {
-                return [0.0; 12];
+                (false, true) => loaded.get(component).copied().unwrap_or(0.0),
+                (false, false) => loaded.get(component).copied().unwrap_or(0.0) - force,
             }
-            let x = place(&points.position[i], &kick.displacement[components.clone()]);
-            part(x, std::array::from_fn(|axis| impulse(i, 3 * i + axis)))
-        });
+        };
+        Momentum::sum(self.balanced, points.len(), |i| {
+            let x = place(&points.position[i], &kick.displacement[3 * i..3 * i + 3]);
+            [x, by_axis(|axis| points.volume[i] * external(3 * i + axis))]
+        })
+    }
+
+    /// What damping takes.
+    fn impulse_of_friction(&self, kick: &HalfKick<'_>) -> Momentum {
+        let (points, rule) = (self.points, kick.rule());
+        let (density, inverse_density) = (self.density, self.inverse_density);
+        let friction = |point: usize, component: usize| {
+            let inverse = inverse_density[component];
+            if inverse == 0.0 {
+                return 0.0;
+            }
+            let velocity = kick.velocity[component];
+            let after = rule(velocity, kick.force[component], inverse);
+            -points.volume[point] * kick.friction * density[point] * (velocity + after)
+        };
+        Momentum::sum(self.balanced, points.len(), |i| {
+            let x = place(&points.position[i], &kick.displacement[3 * i..3 * i + 3]);
+            [x, by_axis(|axis| friction(i, 3 * i + axis))]
+        })
     }
 }

@@ -12,6 +12,7 @@ use super::fields::{Features, Fields};
 use super::fracture::{Criterion, Fracture};
 use super::keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
 use super::moduli::Elasticity;
+use super::momentum::Balanced;
 use super::ordinary::Ordinary;
 use super::plasticity::Plasticity;
 use super::solid::{Constitution, Solid};
@@ -39,6 +40,10 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, Setup
     let density = setup.density_at_points(body)?;
     let fields = Fields::declare(setup, body, features)?;
     Ok(Run {
+        balanced: Balanced {
+            dimension: setup.body(body).dimension,
+            angular: keys.kinematics == Kinematics::Finite,
+        },
         body,
         layers,
         fields,

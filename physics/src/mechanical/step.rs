@@ -11,10 +11,10 @@ use serde::{Deserialize, Serialize};
 
 use super::classical;
 use super::equilibrium::Statics;
-use super::fields::{Fields, Hold};
+use super::fields::{Damage, Fields, Hold};
 use super::fracture::FractureState;
 use super::moduli::Moduli;
-use super::momentum::Momentum;
+use super::momentum::{Balanced, Momentum};
 use super::plasticity::Inelastic;
 use super::solid::Solid;
 
@@ -38,6 +38,7 @@ pub(super) struct Run {
     pub(super) eigenstrain_size: f64,
     /// By section, N.
     pub(super) section_forces: Vec<[f64; 3]>,
+    pub(super) balanced: Balanced,
     pub(super) state: State,
 }
 
@@ -47,6 +48,8 @@ pub(super) struct State {
     pub(super) verlet: Verlet,
     /// The body force in the force that `verlet` carries to the next step, N/m³; empty if there is none.
     pub(super) loaded_body_force: Vec<f64>,
+    /// Sum of the forces of the surroundings in that force, N, and of their moments, unless points were held anew.
+    pub(super) external_force: Option<Momentum>,
     /// Momentum at the start.
     pub(super) initial: Momentum,
     /// What the surroundings gave since the start.
@@ -78,8 +81,9 @@ impl Run {
         }
         self.load_plasticity(world, temperature.as_deref());
         if let Some(hold) = self.fields.hold {
-            self.stop_held_points(world, hold, step.size);
-            self.hold_points(world, hold);
+            if self.stop_held_points(world, hold, step.size) {
+                self.hold_points(world, hold);
+            }
         }
     }
 
@@ -179,13 +183,11 @@ impl Run {
     /// Breaks the bonds that exceed their limit in the displacement of the last force and whose load is at
     /// least `fraction` of the largest; whether there were any.
     pub(super) fn break_bonds(&mut self, world: &World, fraction: f64) -> bool {
-        let Some(damage) = self.fields.damage else {
+        let Some(Damage { field, breaker }) = &self.fields.damage else {
             return false;
         };
-        let mut damage = world.write(damage);
-        let breaks = self.solid.break_bonds(fraction, &mut damage);
-        let mut broken = world.broken_pairs_mut(self.body);
-        broken.pairs.extend(breaks.pairs);
+        let breaks = self.solid.break_bonds(fraction, &mut world.write(*field));
+        world.break_pairs(breaker, breaks.pairs);
         breaks.any
     }
 
