@@ -382,8 +382,8 @@ impl Rates for Conservative {
         Ok(())
     }
 
-    fn follow_walls(&mut self, world: &World, body: BodyIndex) {
-        self.walls.follow(world, body);
+    fn follow_walls(&mut self, world: &World, body: BodyIndex, time: f64) {
+        self.walls.follow(world, body, time);
     }
 
     fn give_impulses(&mut self, world: &World, velocity: &[Vec<f64>], time: f64) {
@@ -396,6 +396,10 @@ impl Rates for Conservative {
 
     fn walls(&self) -> Option<&Walls> {
         Some(&self.walls)
+    }
+
+    fn walls_mut(&mut self) -> Option<&mut Walls> {
+        Some(&mut self.walls)
     }
 
     fn stability(&self) -> Stability {

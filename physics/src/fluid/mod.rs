@@ -63,6 +63,7 @@ use perimelt_core::{
 use nalgebra::Vector3;
 use rates::Stability;
 use run::Run;
+use walls::Walls;
 
 /// Steps after which the stable step of points that move is found again.
 const STEPS_BETWEEN_LIMITS: u64 = 64;
@@ -87,7 +88,12 @@ impl Physics for Fluid {
             let now = run.angular_momentum_now(world, |x, v| x.cross(v));
             run.angular_momentum = Some([now, Vector3::zeros()]);
         }
-        run.set_configuration(world).map_err(|e| failed(e, 0.0))
+        run.set_configuration(world).map_err(|e| failed(e, 0.0))?;
+        if run.moving.is_some() {
+            run.rates.follow_walls(world, run.body, 0.0);
+            run.update_stability();
+        }
+        Ok(())
     }
 
     fn clock(&self) -> Clock {
@@ -153,6 +159,7 @@ impl Physics for Fluid {
             run.steps,
             run.stability,
             mass,
+            run.rates.walls().map(Walls::state),
         ))
     }
 
@@ -162,13 +169,18 @@ impl Physics for Fluid {
     ) -> Result<(), erased_serde::Error> {
         let run = self.run_mut();
         let mass: Option<Vec<f64>>;
+        let walls: Option<_>;
         (
             run.initial_mass,
             (run.momentum, run.angular_momentum),
             run.steps,
             run.stability,
             mass,
+            walls,
         ) = erased_serde::deserialize(state)?;
+        if let (Some(walls), Some(state)) = (run.rates.walls_mut(), walls) {
+            walls.restore(state);
+        }
         if let (Some(moving), Some(mass)) = (&mut run.moving, mass) {
             moving.mass = mass;
         }

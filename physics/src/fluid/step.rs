@@ -1,11 +1,11 @@
 //! One step of the flow.
 //!
-//! 1. The points take up the impulses that other bodies gave.
-//! 2. The work of viscous friction is counted, where somebody reads it.
-//! 3. Artificial viscosity slows points that approach each other.
-//! 4. Density, pressure and velocity advance in the order of the [`Scheme`].
-//! 5. Velocity and density are smoothed, in every n-th step.
-//! 6. Points that move are displaced, put in order and put back into their box; the configuration of the body is set.
+//! 1. The work of viscous friction is counted, where somebody reads it.
+//! 2. Artificial viscosity slows points that approach each other.
+//! 3. Density, pressure and velocity advance in the order of the [`Scheme`]; impulses that other bodies gave belong to
+//!    the pressure.
+//! 4. Velocity and density are smoothed, in every n-th step.
+//! 5. Points that move are displaced, put in order and put back into their box; the configuration of the body is set.
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
@@ -34,8 +34,27 @@ struct Advance<'a> {
     /// Components of the velocity by slot.
     slots: &'a mut [Vec<f64>],
     terms: Terms<'a>,
+    impulses: Option<Impulses<'a>>,
     /// s.
     dt: f64,
+}
+
+/// Impulses that other bodies gave to points that move.
+struct Impulses<'a> {
+    /// N s/m³ of the reference volume.
+    density: &'a [Vector3<f64>],
+    /// m³.
+    reference_volume: &'a [f64],
+    /// kg.
+    mass: &'a [f64],
+}
+
+impl Impulses<'_> {
+    fn take_up(&self, velocity: &mut [Vector3<f64>]) {
+        let points = velocity.iter_mut().zip(self.density);
+        let points = points.zip(self.reference_volume.iter().zip(self.mass));
+        points.for_each(|((v, j), (volume, mass))| *v += j * (volume / mass));
+    }
 }
 
 impl Run {
@@ -45,34 +64,14 @@ impl Run {
         world: &World,
         step: Step,
     ) -> Result<(), PddoError> {
-        self.take_up_impulses(world);
         self.set_viscosity(world);
-        self.rates.follow_walls(world, self.body);
+        self.rates.follow_walls(world, self.body, step.start);
         self.advance_flow(fluid, world, step);
         self.steps += 1;
         self.smooth(fluid, world);
         self.move_points(fluid, world, step.size);
         self.count_momentum(fluid, world, step);
         self.set_configuration(world)
-    }
-
-    /// Adds the momentum that other bodies gave to the velocities.
-    fn take_up_impulses(&mut self, world: &World) {
-        let (Some(impulse), Some(moving)) = (self.impulse, &self.moving) else {
-            return;
-        };
-        let (impulse, reference) = (world.read(impulse), &world.body(self.body).points.volume);
-        let now = world.configuration(self.body);
-        let mut velocity = world.write(self.velocity);
-        let mut given = [Vector3::zeros(); 2];
-        let points = velocity.iter_mut().zip(now.positions()).enumerate();
-        for (i, (v, x)) in points {
-            let given_to_point = reference[i] * impulse[i];
-            *v += given_to_point / moving.mass[i];
-            given[0] += given_to_point;
-            given[1] += x.cross(&given_to_point);
-        }
-        self.count_given(given, 1.0);
     }
 
     /// Evaluates a viscosity that varies from point to point.
@@ -93,6 +92,8 @@ impl Run {
         let mut pressure = world.write(self.pressure);
         let rules = world.layer_rules(self.velocity_layers);
         let force = self.body_force.map(|f| world.read(f));
+        let impulse = self.impulse.map(|j| world.read(j));
+        let impulses = impulse.as_deref().zip(self.moving.as_ref());
         let mut advance = Advance {
             rates: &mut *self.rates,
             treatments: &mut self.treatments,
@@ -106,6 +107,11 @@ impl Run {
                 convection: fluid.eulerian_convection(),
                 acceleration_fraction: startup(fluid.startup, step.middle()),
             },
+            impulses: impulses.map(|(density, moving)| Impulses {
+                density,
+                reference_volume: &world.body(self.body).points.volume,
+                mass: &moving.mass,
+            }),
             dt: step.size,
         };
         let mut flow = Flow {
@@ -183,6 +189,16 @@ impl Run {
             return;
         }
         let time = step.size * startup(fluid.startup, step.middle());
+        if let Some(impulse) = self.impulse {
+            let volume = &world.body(self.body).points.volume;
+            let now = world.configuration(self.body);
+            let mut given = [Vector3::zeros(); 2];
+            for ((j, volume), x) in world.read(impulse).iter().zip(volume).zip(now.positions()) {
+                given[0] += *volume * j;
+                given[1] += x.cross(&(*volume * j));
+            }
+            self.count_given(given, 1.0);
+        }
         let mut given = [Vector3::zeros(); 2];
         if let Some(force) = self.body_force {
             let density = world.read::<f64>(self.density.into());
@@ -264,6 +280,9 @@ impl Advance<'_> {
             self.rates.set_pressure(flow.pressure, force);
         }
         self.kick(last, world, flow);
+        if let Some(impulses) = &self.impulses {
+            impulses.take_up(flow.velocity);
+        }
     }
 
     /// Advances the velocity by a time (s), and gives the walls the opposite of what they do.

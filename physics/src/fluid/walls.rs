@@ -34,6 +34,7 @@ use perimelt_core::world::BodyIndex;
 use perimelt_core::{
     Bond, BondKernel, FamilySpec, Read, Report, Setup, SetupError, Wall, World, Write, keys,
 };
+use serde::{Deserialize, Serialize};
 
 /// All walls of a fluid.
 #[derive(Debug, Default)]
@@ -46,6 +47,8 @@ pub(super) struct Walls {
 pub(super) struct WallBody {
     name: String,
     wall: Wall,
+    /// Density of the fluid over that of each point of the wall.
+    density_ratio: Vec<f64>,
     velocity: Read<Vector3<f64>>,
     impulse: Write<Vector3<f64>>,
     bonds: ForeignBonds,
@@ -56,6 +59,16 @@ pub(super) struct WallBody {
     forces: Vec<[f64; 3]>,
     /// On the wall in the last step, N.
     force: Vector3<f64>,
+    before: Option<Before>,
+}
+
+/// Where the points of a wall were at an earlier time.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Before {
+    /// s.
+    time: f64,
+    /// m.
+    positions: Vec<Vector3<f64>>,
 }
 
 /// A point of a wall as a point of the fluid.
@@ -102,9 +115,13 @@ impl Walls {
         let mut bodies = Vec::new();
         for wall in setup.walls(body) {
             setup.read(wall.other, &keys::DISPLACEMENT)?;
+            let density = setup.density_at_points(body)?;
+            let heaviest = density.into_iter().fold(0.0, f64::max);
+            let of_wall = setup.density_at_points(wall.other)?;
             bodies.push(WallBody {
                 name: setup.body(wall.other).name.clone(),
                 wall,
+                density_ratio: of_wall.iter().map(|rho| heaviest / rho).collect(),
                 velocity: setup.read(wall.other, &keys::VELOCITY)?,
                 impulse: setup.give_impulses(&wall)?,
                 bonds: ForeignBonds::new(setup.body(body), spec),
@@ -114,17 +131,30 @@ impl Walls {
                 extra: Vec::new(),
                 forces: Vec::new(),
                 force: Vector3::zeros(),
+                before: None,
             });
         }
         Ok(Walls { bodies })
+    }
+
+    /// What a restart needs, for each wall.
+    pub(super) fn state(&self) -> Vec<Option<Before>> {
+        self.bodies.iter().map(|wall| wall.before.clone()).collect()
+    }
+
+    pub(super) fn restore(&mut self, state: Vec<Option<Before>>) {
+        let bodies = self.bodies.iter_mut().zip(state);
+        bodies.for_each(|(wall, before)| wall.before = before);
     }
 
     pub(super) fn is_empty(&self) -> bool {
         self.bodies.is_empty()
     }
 
-    /// Lets the points of the walls be where they are now, with their velocities.
-    pub(super) fn follow(&mut self, world: &World, body: BodyIndex) {
+    /// Lets the points of the walls be where they are at a time (s), with the mean velocity of their way since the last
+    /// step. Density and pressure then follow from the volume that the walls have left to the fluid. With the
+    /// velocities of the moment they would not, and the fluid would give energy to walls that yield.
+    pub(super) fn follow(&mut self, world: &World, body: BodyIndex, time: f64) {
         if self.is_empty() {
             return;
         }
@@ -136,10 +166,7 @@ impl Walls {
                 volumes: c.volumes(),
             });
             wall.bonds.follow(own, foreign);
-            let velocity = world.read(wall.velocity);
-            wall.points.resize(velocity.len(), WallPoint::default());
-            let points = wall.points.iter_mut().zip(&*velocity);
-            points.for_each(|(point, v)| point.velocity = *v);
+            wall.set_mean_velocity(&world.read(wall.velocity), other.positions(), time);
             wall.force = Vector3::zeros();
         }
     }
@@ -193,13 +220,15 @@ impl Walls {
         }
     }
 
-    /// Adds the weights of the bonds to ghosts, times their lengths and as they are, by point.
+    /// Adds the weights of the bonds to ghosts, times their lengths and as they are, by point. A wall that yields
+    /// raises the squared frequency of a bond by the ratio of the inertias, `1/m_i + 1/m_j` over `1/m_i`.
     pub(super) fn add_sums(&self, sums: &mut [[f64; 2]]) {
         let mut found = Vec::new();
         for wall in &self.bodies {
             let part = |n: usize| {
-                let (bond, ..) = wall.bonds.bond(n);
-                [bond.weight * bond.length, bond.weight]
+                let (bond, _, ghost) = wall.bonds.bond(n);
+                let rise = 1.0 + wall.density_ratio[ghost.point];
+                [bond.weight * bond.length * rise.sqrt(), bond.weight * rise]
             };
             wall.bonds.sum_by_owner(part, &mut found);
             add_to_owners(&wall.bonds, &found, sums);
@@ -301,6 +330,30 @@ fn add_to_owners<const O: usize>(bonds: &ForeignBonds, found: &[[f64; O]], sums:
 }
 
 impl WallBody {
+    fn set_mean_velocity(
+        &mut self,
+        velocity: &[Vector3<f64>],
+        positions: &[Vector3<f64>],
+        time: f64,
+    ) {
+        self.points.resize(velocity.len(), WallPoint::default());
+        let before = self.before.get_or_insert_with(|| Before {
+            time,
+            positions: positions.to_vec(),
+        });
+        let since = time - before.time;
+        let points = self.points.iter_mut().zip(velocity).zip(positions);
+        for (((point, v), x), before) in points.zip(&mut before.positions) {
+            point.velocity = if since > 0.0 {
+                (x - *before) / since
+            } else {
+                *v
+            };
+            *before = *x;
+        }
+        before.time = time;
+    }
+
     fn set_velocity<S, F>(&mut self, fluid: &FluidAtWall<'_, S, F>)
     where
         S: Fn(usize) -> usize + Sync,
