@@ -116,6 +116,8 @@ benchmarks!(
     "interface-floating-block",
     "interface-heat-perfect",
     "interface-heat-steady",
+    "interface-oil-on-water",
+    "interface-two-layers",
     "gao-5.5.1-hydrostatic-first",
     "gao-5.5.1-hydrostatic",
     "gao-5.5.1-hydrostatic-long",
