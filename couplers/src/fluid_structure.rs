@@ -1,5 +1,7 @@
 //! The interface between a fluid and a solid of any shape, deformable or rigid.
 //!
+//! The solid may also be another updated Lagrangian fluid, with which the first one does not mix.
+//!
 //! The points of the solid are walls for the fluid: the fluid sees their positions and velocities, and gives each of them
 //! the opposite of what it gets from it, as an impulse at the start of the solid's step: pressure, and the
 //! traction of viscosity unless the fluid slips along the solid. Momentum of fluid and solid is kept to rounding, whatever
@@ -19,7 +21,7 @@ const COARSEST: f64 = 1.05;
 pub struct FluidStructure {
     /// Body that flows.
     pub fluid: String,
-    /// Body that is a wall for it, with explicit mechanics or rigid.
+    /// Body that is a wall for it: with explicit mechanics, rigid, or another fluid.
     pub solid: String,
     /// Whether the fluid slips along the solid; else it sticks.
     #[serde(default)]
