@@ -12,9 +12,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::case::formula::Formula;
 use crate::case::sections::{Components, Statistic};
 use crate::interpolation::Interpolation;
+use perimelt_core::formula::Formula;
 
 /// A measurement, its reference and the limit of their difference.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

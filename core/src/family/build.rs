@@ -8,11 +8,10 @@ use nalgebra::Vector3;
 use crate::body::{Body, Discretisation, Face, Lattice, Store};
 
 use super::blocks::{self, BLOCK};
-use super::calibration::{Strain, calibration, factor_along};
+use super::calibration::{Calibration, factor_along};
 use super::layer::Grid;
 use super::{
-    Bond, Chunk, Correction, Cut, Family, FamilyError, FamilySpec, Ghost, Order, Rows, Span,
-    StencilBond,
+    Bond, Chunk, Cut, Family, FamilyError, FamilySpec, Ghost, Order, Rows, Span, StencilBond,
 };
 
 /// Points per chunk: small enough to balance two to many cores, large enough to amortise.
@@ -153,12 +152,8 @@ impl Family {
             .map(|&s| steps.iter().all(|(o, _)| neighbour(s, *o).is_some()))
             .collect();
 
-        let strain = Strain::of(spec.correction);
-        let lattice_factor = if spec.correction == Correction::None {
-            1.0
-        } else {
-            calibration(body.dimension, strain, steps.iter().map(|(_, b)| b))[0]
-        };
+        let calibration = Calibration::new(body, spec);
+        let lattice_factor = calibration.factors(horizon, steps.iter().map(|(_, b)| b))[0];
 
         // per-point factors only where they differ from the lattice factor; a cut does not
         // count as missing material: at a crack nothing is repaired (spec 02, 4.3)
@@ -172,7 +167,7 @@ impl Family {
                     let present = steps
                         .iter()
                         .filter(|(o, _)| neighbour(slot_of_point[p], *o).is_some());
-                    calibration(body.dimension, strain, present.map(|(_, b)| b))
+                    calibration.factors(horizon, present.map(|(_, b)| b))
                 })
                 .collect()
         } else {

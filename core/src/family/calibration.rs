@@ -1,8 +1,50 @@
-//! Factors that make a discrete family exact.
+//! Factors that correct the bonds of a discrete family.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Bond, Correction};
+use crate::body::Body;
+
+use super::{Bond, Correction, FamilySpec};
+
+/// The correction of the bonds of a point from its own family.
+pub(super) struct Calibration {
+    dimension: usize,
+    correction: Correction,
+    /// Volume of a full horizon over its moment, for a horizon of 1 m: [`FamilySpec::volume`] and
+    /// [`FamilySpec::moment`].
+    volume_over_moment: f64,
+}
+
+impl Calibration {
+    pub(super) fn new(body: &Body, spec: &FamilySpec) -> Self {
+        Calibration {
+            dimension: body.dimension,
+            correction: spec.correction,
+            volume_over_moment: spec.volume(body, 1.0) / spec.moment(body, 1.0),
+        }
+    }
+
+    /// Factors along the axes of the bonds of a point with this horizon, m.
+    pub(super) fn factors<'a>(
+        &self,
+        horizon: f64,
+        bonds: impl Iterator<Item = &'a Bond> + Clone,
+    ) -> [f64; 3] {
+        let sum = |part: fn(&Bond) -> f64| bonds.clone().map(part).sum::<f64>();
+        let strain = match self.correction {
+            Correction::None => return [1.0; 3],
+            Correction::Lattice => {
+                return [self.dimension as f64 / sum(|b| b.weight * b.length); 3];
+            }
+            Correction::Volume => {
+                return [self.volume_over_moment / horizon / sum(|b| b.weight); 3];
+            }
+            Correction::Point => Strain::Isotropic,
+            Correction::Uniaxial => Strain::Uniaxial,
+        };
+        calibration(self.dimension, strain, bonds)
+    }
+}
 
 /// Factors `a_m` along the axes that calibrate the bonds of a point: weighted with the [`factor_along`]
 /// each of them, `sum_j weight |xi| n_m^2 = 1` along every axis m, so that the energy of conduction
@@ -13,7 +55,7 @@ use super::{Bond, Correction};
 /// for positive weights get one factor for all directions.
 ///
 /// Under uniaxial strain `sum_j weight |xi| n_m^4 = 3/(dimension + 2)` instead.
-pub(super) fn calibration<'a>(
+fn calibration<'a>(
     dimension: usize,
     strain: Strain,
     bonds: impl Iterator<Item = &'a Bond> + Clone,
@@ -63,16 +105,53 @@ pub(super) fn factor_along(bond: &Bond, factors: &[f64; 3]) -> f64 {
 
 /// The strain whose energy a calibration makes exact.
 #[derive(Clone, Copy)]
-pub(super) enum Strain {
+enum Strain {
     Isotropic,
     Uniaxial,
 }
 
-impl Strain {
-    pub(super) fn of(correction: Correction) -> Self {
-        match correction {
-            Correction::Uniaxial => Strain::Uniaxial,
-            _ => Strain::Isotropic,
+#[cfg(test)]
+mod tests {
+    use crate::body::{Body, Store};
+    use crate::family::{Family, FamilySpec, Influence, PartialVolume};
+    use crate::shape::{BoxShape, Shape};
+
+    use super::*;
+
+    #[test]
+    fn the_volume_correction_gives_each_point_the_volume_of_a_complete_family() {
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [0.4, 1.2, 0.1],
+        });
+        let mut body = Body::fill("gate", &shape, 2, 0.1, 0.5).expect("valid");
+        for store in [Store::Lattice, Store::List] {
+            body.store = store;
+            for influence in [Influence::Constant, Influence::Conical] {
+                let spec = FamilySpec {
+                    influence,
+                    correction: Correction::Volume,
+                    partial_volume: PartialVolume::None,
+                    ..FamilySpec::new(0.36)
+                };
+                let family = Family::build(&body, &spec).expect("valid");
+                let complete = spec.volume(&body, 0.36) / spec.moment(&body, 0.36);
+                if influence == Influence::Constant {
+                    // pi delta^2 / (pi delta^3 / 3)
+                    assert!((complete - 3.0 / 0.36).abs() < 1e-9);
+                }
+                for point in 0..body.points.len() {
+                    let (mut own, mut ratios) = (0.0, Vec::new());
+                    family.for_each_bond(point, |_, bond, _| {
+                        own += bond.weight;
+                        let share = spec.share(0.36, 0.1, bond.length);
+                        ratios.push(bond.weight / share);
+                    });
+                    assert!((own / complete - 1.0).abs() < 1e-12, "point {point}");
+                    // one factor for all bonds of a point
+                    assert!(ratios.iter().all(|r| (r / ratios[0] - 1.0).abs() < 1e-12));
+                }
+            }
         }
     }
 }

@@ -14,10 +14,10 @@ use crate::cell_list::CellList;
 
 use super::blocks::Blocks;
 use super::build::{chunks, cuts};
-use super::calibration::{Strain, calibration, factor_along};
+use super::calibration::{Calibration, factor_along};
 use super::images::Images;
 use super::kernel::ROW_LANES;
-use super::{Bond, Correction, Cut, Family, FamilyError, FamilySpec, Order, Rows, Span, TIE};
+use super::{Bond, Cut, Family, FamilyError, FamilySpec, Order, Rows, Span, TIE};
 
 /// Bonds of a point beyond which a horizon is taken for a mistake.
 const MOST_BONDS: usize = 65_535;
@@ -25,6 +25,7 @@ const MOST_BONDS: usize = 65_535;
 /// Points and images, with what their families need.
 struct Members<'a> {
     spec: &'a FamilySpec,
+    calibration: Calibration,
     images: Images,
     spacing: &'a [f64],
     volume: &'a [f64],
@@ -99,13 +100,7 @@ impl Members<'_> {
         if trace <= 0.0 {
             return Err(self.no_neighbours(body, point));
         }
-        Ok(match self.spec.correction {
-            Correction::None => [1.0; 3],
-            Correction::Lattice => [body.dimension as f64 / trace; 3],
-            Correction::Point | Correction::Uniaxial => {
-                calibration(body.dimension, Strain::of(self.spec.correction), own())
-            }
-        })
+        Ok(self.calibration.factors(self.horizon[point], own()))
     }
 
     fn no_neighbours(&self, body: &Body, point: usize) -> FamilyError {
@@ -130,6 +125,7 @@ impl Family {
         let widest = reach(horizon.iter().copied().fold(0.0, f64::max));
         let members = Members {
             spec,
+            calibration: Calibration::new(body, spec),
             images: Images::new(body, spec, widest),
             spacing: &body.points.spacing,
             volume: &body.points.volume,

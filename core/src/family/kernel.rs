@@ -36,7 +36,7 @@ pub struct Bond {
     pub inverse_length: f64,
     /// Weight of the neighbour in the family of the point, 1/m: its volume times influence,
     /// partial volume and correction, over the moment of the family ([`FamilySpec::moment`]).
-    /// Corrected families have `sum_j weight |xi| = dimension`.
+    /// Calibrated families have `sum_j weight |xi| = dimension`.
     pub weight: f64,
     /// Weight with which the neighbour's family holds the point, for the force that the
     /// neighbour's state exerts along the bond: the same but for the horizon and the moment,

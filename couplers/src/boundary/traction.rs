@@ -10,7 +10,9 @@
 use nalgebra::Vector3;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::world::LayerHandle;
-use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Face, InSpace, Report, RunError, Setup, SetupError, Step, World, Write, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -32,9 +34,10 @@ pub struct Traction {
     /// Force per area (Pa), by component.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub traction: Option<[f64; 3]>,
-    /// Pressure (Pa), against the outward normal.
+    /// Pressure (Pa), against the outward normal: a number, or a formula in the reference position x, y, z (m) and the
+    /// time t (s), such as `"9800 * (0.14 - y)"` (not with `by = "layer"`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pressure: Option<f64>,
+    pub pressure: Option<InSpace>,
     /// As force on points, or by a layer behind the face.
     #[serde(default)]
     pub by: By,
@@ -78,17 +81,18 @@ enum TractionSink {
     Layers(Vec<(Face, LayerHandle)>),
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 enum Load {
     Traction(Vector3<f64>),
-    Pressure(f64),
+    Pressure(InSpace),
 }
 
 impl Load {
-    fn on(self, face: Face) -> Vector3<f64> {
+    /// Force per area (Pa) on a face at a reference position (m) and time (s).
+    fn on(&self, face: Face, position: [f64; 3], time: f64) -> Vector3<f64> {
         match self {
-            Load::Traction(traction) => traction,
-            Load::Pressure(pressure) => -pressure * face.normal(),
+            Load::Traction(traction) => *traction,
+            Load::Pressure(pressure) => -pressure.at(position, time) * face.normal(),
         }
     }
 }
@@ -101,6 +105,11 @@ impl Traction {
         if setup.body(body).lattice().is_none() {
             let message = "a traction layer needs a body with one spacing";
             return Err(SetupError::value("by", message, "\"body_force\""));
+        }
+        if matches!(self.pressure, Some(InSpace::Formula(_))) {
+            let message = "`by = \"layer\"` loads whole faces uniformly";
+            let expected = "a number, or `by = \"body_force\"`";
+            return Err(SetupError::value("pressure", message, expected));
         }
         if self.region.is_some() {
             let message = "`by = \"layer\"` loads whole faces";
@@ -124,9 +133,9 @@ impl Traction {
 impl Coupler for Traction {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        let load = match (self.traction, self.pressure) {
+        let load = match (self.traction, &self.pressure) {
             (Some(traction), None) => Load::Traction(traction.into()),
-            (None, Some(pressure)) => Load::Pressure(pressure),
+            (None, Some(pressure)) => Load::Pressure(pressure.clone()),
             _ => {
                 let message = "`traction` and `pressure` are both given or both missing";
                 let expected = "either `traction` or `pressure`";
@@ -146,20 +155,24 @@ impl Coupler for Traction {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let p = self.prepared.as_mut().expect("prepared before the run");
         let factor = self.factor.at(step.end());
-        let volume = &world.body(p.body).points.volume;
-        let on_cell = |cell: &SurfaceCell| p.load.on(cell.face) * (factor * cell.area);
+        let points = &world.body(p.body).points;
+        let on_cell = |cell: &SurfaceCell| {
+            let point = cell.point as usize;
+            let centre = points.position[point] + 0.5 * points.spacing[point] * cell.face.normal();
+            p.load.on(cell.face, centre.into(), step.end()) * (factor * cell.area)
+        };
         p.force = p.cells.iter().map(on_cell).sum();
         match &p.sink {
             TractionSink::Points(body_force) => {
                 let mut body_force = world.write(*body_force);
                 for cell in &p.cells {
                     let point = cell.point as usize;
-                    body_force[point] += on_cell(cell) / volume[point];
+                    body_force[point] += on_cell(cell) / points.volume[point];
                 }
             }
             TractionSink::Layers(layers) => {
                 for (face, layer) in layers {
-                    let stress = factor * p.load.on(*face);
+                    let stress = factor * p.load.on(*face, [0.0; 3], step.end());
                     world.set_traction_layer(*layer, stress.into());
                 }
             }
@@ -222,6 +235,18 @@ mod tests {
         assert_eq!(loaded("faces = ['z+']\npressure = 2").1, [0.0, 0.0, -24.0]);
         let all = "faces = ['x-', 'x+', 'y-', 'y+', 'z-', 'z+']\npressure = 2";
         assert_eq!(loaded(all).1, [0.0; 3]);
+    }
+
+    #[test]
+    fn pressure_may_be_a_formula_in_place_and_time() {
+        // faces of unit area at x = 0, with centres at y = 0.5, 1.5, 2.5
+        let (body_force, force) = loaded("faces = ['x-']\npressure = '10 * (3 - y) * t'");
+        assert_eq!(force, [2.0 * 45.0, 0.0, 0.0]);
+        assert_eq!([body_force[0], body_force[12]], [25.0, 15.0]);
+        let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
+        let table = "faces = ['x+']\npressure = 'y'\nby = 'layer'";
+        let mut boundary: Traction = read(table);
+        assert!(refusal(&mut world, &mut boundary).starts_with("pressure"));
     }
 
     #[test]

@@ -100,11 +100,15 @@ impl Thermal {
     fn check_correction(&self, description: Description) -> Result<(), SetupError> {
         let (message, expected) = match (self.correction, self.form, description) {
             (Some(Correction::Uniaxial), ..) => ("conduction has no uniaxial strain", "\"point\""),
-            (Some(Correction::Point | Correction::Lattice), Form::SecondDerivatives, _) => {
+            (
+                Some(Correction::Point | Correction::Lattice | Correction::Volume),
+                Form::SecondDerivatives,
+                _,
+            ) => {
                 let message = "`correction` applies to bonds; second derivatives are exact without";
                 (message, "\"none\", or leave it out")
             }
-            (Some(Correction::Point), _, Description::UpdatedLagrangian) => {
+            (Some(Correction::Point | Correction::Volume), _, Description::UpdatedLagrangian) => {
                 let message = "bonds of points that move are calibrated for complete families";
                 (message, "\"lattice\" or \"none\"")
             }

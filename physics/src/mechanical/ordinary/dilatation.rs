@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 use perimelt_core::family::{Continuation, Image};
-use perimelt_core::{BrokenBonds, Family};
+use perimelt_core::{Body, BrokenBonds, Correction, Family};
 use rayon::prelude::*;
 
 use super::inputs::Inputs;
@@ -16,7 +16,7 @@ use crate::mechanical::stretch::{self, Directions, Expansion, INPUTS, PRESSURE, 
 /// Dilatation and pressure of the points of a body.
 #[derive(Debug)]
 pub(super) struct Dilatation {
-    /// `N = d / sum_j w_ij` of each point.
+    /// `N = d / sum_j w_ij` of each point; without correction of the bonds, that of a full horizon.
     pub(super) normaliser: Vec<f64>,
     /// `sum_j w s` of each point.
     pub(super) sums: Vec<[f64; 1]>,
@@ -73,14 +73,29 @@ impl PressureLaw<'_> {
     }
 }
 
+/// `N = d / sum_j w_ij` of each point, so that the dilatation of any family is exact under isotropic strain. Without
+/// correction the sum is that of a full horizon, `integral of w dV / M`: the published constant `d` (Gao (2020),
+/// eq. 2.11).
+fn normaliser(family: &Family, body: &Body) -> Vec<f64> {
+    let (d, spec) = (body.dimension as f64, family.spec());
+    if spec.correction == Correction::None {
+        let of_point = |spacing: &f64| {
+            let horizon = spec.horizon.of(*spacing);
+            d * spec.moment(body, horizon) / spec.volume(body, horizon)
+        };
+        return body.points.spacing.iter().map(of_point).collect();
+    }
+    let mut total = vec![[0.0]; body.points.len()];
+    family.sum(&TotalWeight, [], &mut total);
+    total.iter().map(|[total]| d / total).collect()
+}
+
 impl Dilatation {
-    pub(super) fn new(family: &Family, points: usize, dimension: usize) -> Self {
-        let mut total = vec![[0.0]; points];
-        family.sum(&TotalWeight, [], &mut total);
-        let normaliser = total.iter().map(|[total]| dimension as f64 / total);
+    pub(super) fn new(family: &Family, body: &Body) -> Self {
+        let points = body.points.len();
         let parts = if family.has_layers() { points } else { 0 };
         Dilatation {
-            normaliser: normaliser.collect(),
+            normaliser: normaliser(family, body),
             sums: vec![[0.0]; points],
             parts: vec![[0.0; 3]; parts],
             directions: Vec::new(),

@@ -94,7 +94,7 @@ impl Ordinary {
             horizons_differ: matches!(family.spec().horizon, Horizon::Spacings(_))
                 && body.points.spacing.windows(2).any(|s| s[0] != s[1]),
             elastic: ElasticPoints::new(body, elasticity, finite),
-            dilatation: is_ordinary.then(|| Dilatation::new(&family, points, dimension)),
+            dilatation: is_ordinary.then(|| Dilatation::new(&family, body)),
             plastic,
             fracture,
             continuation: Continuation::default(),

@@ -8,6 +8,8 @@
 //! c = 2 (d + 2) mu,   p = 2 a N theta,   theta = N sum_j s w_ij - d e,   N = d / sum_j w_ij
 //! ```
 //!
+//! Without correction of the bonds, `N = d M / integral of w dV` over a full horizon, as published.
+//!
 //! `w` is the weight of the bond in the family of the owner of the force state (`c` and `p` are free
 //! of horizons, since the weights contain the moment of the family), `e` the eigenstrain (thermal expansion), `mu` the
 //! shear modulus, `a` the dilatation stiffness, `d` the dimension. In a bond-based solid `a` and `p`
