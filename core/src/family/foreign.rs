@@ -56,6 +56,8 @@ pub struct ForeignBonds {
     spacing: f64,
     /// Axis and position (m) of mirrored faces.
     mirrors: Vec<(usize, f64)>,
+    /// Periodic axes and the positions of their faces, m.
+    periods: Vec<(usize, [f64; 2])>,
     cells: CellList,
     /// Positions at which the bonds were found, of own and foreign points, m.
     found_at: [Vec<Vector3<f64>>; 2],
@@ -92,12 +94,15 @@ impl ForeignBonds {
         let horizon = spec.horizon.of(spacing);
         let faces = spec.layers.iter().filter(|f| !body.periodic[f.axis()]);
         let mirror = |f: &Face| (f.axis(), body.face_position(*f));
+        let periodic = (0..body.dimension).filter(|axis| body.periodic[*axis]);
+        let ends = |axis: usize| [0, 1].map(|end| body.face_position(Face::ALL[2 * axis + end]));
         ForeignBonds {
             spec: spec.clone(),
             horizon,
             moment: spec.moment(body, horizon),
             spacing,
             mirrors: faces.map(mirror).collect(),
+            periods: periodic.map(|axis| (axis, ends(axis))).collect(),
             cells: CellList::default(),
             found_at: [Vec::new(), Vec::new()],
             ghosts: Vec::new(),
@@ -131,7 +136,7 @@ impl ForeignBonds {
         self.spec.reach(self.horizon, self.spacing) + SKIN * self.spacing
     }
 
-    /// Foreign points and their images behind mirrored faces, with their positions (m).
+    /// Foreign points and their images behind mirrored and periodic faces, with their positions (m).
     fn images(&self, foreign: &[Vector3<f64>]) -> (Vec<ForeignGhost>, Vec<Vector3<f64>>) {
         let as_it_is = |point| ForeignGhost {
             point,
@@ -141,6 +146,22 @@ impl ForeignBonds {
         let mut ghosts: Vec<_> = (0..foreign.len()).map(as_it_is).collect();
         let mut positions = foreign.to_vec();
         let reach = self.reach();
+        for &(axis, [low, high]) in &self.periods {
+            for n in 0..ghosts.len() {
+                let at = positions[n][axis];
+                let shifts = [
+                    (at <= low + reach, high - low),
+                    (at >= high - reach, low - high),
+                ];
+                for (_, shift) in shifts.into_iter().filter(|(is_near, _)| *is_near) {
+                    let (mut ghost, mut x) = (ghosts[n], positions[n]);
+                    ghost.offset[axis] = shift;
+                    x[axis] += shift;
+                    ghosts.push(ghost);
+                    positions.push(x);
+                }
+            }
+        }
         for &(axis, face) in &self.mirrors {
             for n in 0..ghosts.len() {
                 let (mut ghost, mut x) = (ghosts[n], positions[n]);

@@ -32,7 +32,7 @@ use nalgebra::Vector3;
 use perimelt_core::family::{ForeignBonds, Places};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Bond, BondKernel, FamilySpec, Read, Report, Setup, SetupError, Wall, World, Write, keys,
+    Body, Bond, BondKernel, FamilySpec, Read, Report, Setup, SetupError, Wall, World, Write, keys,
 };
 use serde::{Deserialize, Serialize};
 
@@ -166,7 +166,9 @@ impl Walls {
                 volumes: c.volumes(),
             });
             wall.bonds.follow(own, foreign);
-            wall.set_mean_velocity(&world.read(wall.velocity), other.positions(), time);
+            let body = world.body(wall.wall.other);
+            let way = |way| shortest(body, way);
+            wall.set_mean_velocity(&world.read(wall.velocity), (other.positions(), time), way);
             wall.force = Vector3::zeros();
         }
     }
@@ -322,6 +324,15 @@ impl Walls {
     }
 }
 
+/// A way (m) without the extents of a periodic body that a point has been moved by.
+fn shortest(body: &Body, mut way: Vector3<f64>) -> Vector3<f64> {
+    for axis in (0..body.dimension).filter(|axis| body.periodic[*axis]) {
+        let extent = body.extent(axis);
+        way[axis] -= extent * (way[axis] / extent).round();
+    }
+    way
+}
+
 fn add_to_owners<const O: usize>(bonds: &ForeignBonds, found: &[[f64; O]], sums: &mut [[f64; O]]) {
     for (&owner, found) in bonds.owners().iter().zip(found) {
         let sums = &mut sums[owner as usize];
@@ -333,8 +344,8 @@ impl WallBody {
     fn set_mean_velocity(
         &mut self,
         velocity: &[Vector3<f64>],
-        positions: &[Vector3<f64>],
-        time: f64,
+        (positions, time): (&[Vector3<f64>], f64),
+        shortest: impl Fn(Vector3<f64>) -> Vector3<f64>,
     ) {
         self.points.resize(velocity.len(), WallPoint::default());
         let before = self.before.get_or_insert_with(|| Before {
@@ -345,7 +356,7 @@ impl WallBody {
         let points = self.points.iter_mut().zip(velocity).zip(positions);
         for (((point, v), x), before) in points.zip(&mut before.positions) {
             point.velocity = if since > 0.0 {
-                (x - *before) / since
+                shortest(x - *before) / since
             } else {
                 *v
             };
