@@ -18,6 +18,7 @@ pub mod configuration;
 pub mod error;
 pub mod family;
 pub mod field;
+pub mod formula;
 pub mod in_time;
 pub mod log;
 pub mod material;
@@ -40,6 +41,7 @@ pub use family::{
     Operator, PartialVolume,
 };
 pub use field::{Key, Read, ReadIfProvided, Write, keys};
+pub use formula::Formula;
 pub use in_time::InTime;
 pub use pair_list::PairList;
 pub use pddo::{Derivatives, Pddo, PddoError};

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use perimelt_core::Formula;
 use schemars::JsonSchema;
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
-use super::formula::Formula;
 use super::sections::{Components, ComponentsVisitor};
 
 /// An initial field: one value, one value with others in some regions, a gradient, or a formula.

@@ -12,7 +12,6 @@
 mod bodies;
 mod compose;
 mod error;
-pub mod formula;
 mod initial;
 mod locate;
 mod reword;

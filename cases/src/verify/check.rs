@@ -9,10 +9,10 @@
 //! source = "spec 02, 4.6"
 //! ```
 
+use perimelt_core::Formula;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::case::formula::Formula;
 use crate::case::sections::{Components, Statistic};
 use crate::interpolation::Interpolation;
 

@@ -147,9 +147,9 @@ impl Run {
         }
         if fluid.shifting > 0.0 {
             let fraction = fluid.shifting * dt;
-            let medium = &self.medium;
+            let surroundings = (family, self.rates.walls(), &self.medium);
             self.treatments
-                .shift((family, medium), fraction, &velocity, &mut displacement);
+                .shift(surroundings, fraction, &velocity, &mut displacement);
         }
         let rules = world.layer_rules(self.velocity_layers);
         let body = world.body(self.body);

@@ -35,6 +35,8 @@ use perimelt_core::{
     Bond, BondKernel, FamilySpec, Read, Report, Setup, SetupError, Wall, World, Write, keys,
 };
 
+use super::treatments::Crowding;
+
 /// All walls of a fluid.
 #[derive(Debug, Default)]
 pub(super) struct Walls {
@@ -206,6 +208,26 @@ impl Walls {
         }
     }
 
+    /// Adds the points of the walls to the sums of `kernel` over neighbours that count one each. A wall point counts as
+    /// its volume in those of a fluid point, so that a finer solid does not repel more.
+    pub(super) fn add_crowding(&self, kernel: &Crowding, sums: &mut [[f64; 6]]) {
+        let mut found = Vec::new();
+        for wall in &self.bodies {
+            let part = |n: usize| {
+                let (bond, ..) = wall.bonds.bond(n);
+                let [counted @ .., weight]: [f64; 6] = kernel.bond(bond, [], []);
+                let volumes = match bond.dual > 0.0 {
+                    true => bond.weight / bond.dual,
+                    false => 0.0,
+                };
+                let [length, number, x, y, z] = counted.map(|value| volumes * value);
+                [length, number, x, y, z, weight]
+            };
+            wall.bonds.sum_by_owner(part, &mut found);
+            add_to_owners(&wall.bonds, &found, sums);
+        }
+    }
+
     /// Passes each fluid point at a wall, with the compression of ghosts that it takes up (1/s), to `receive`.
     pub(super) fn for_each_compression(&mut self, mut receive: impl FnMut(usize, f64)) {
         for wall in &mut self.bodies {
@@ -277,19 +299,20 @@ impl Walls {
         totals
     }
 
+    /// Force on each wall and, where there are several, on all of them, N.
     pub(super) fn reports(&self) -> Vec<Report> {
-        let of_wall = |wall: &WallBody| {
-            let (name, force) = (wall.name.clone(), wall.force);
-            ["x", "y", "z"]
-                .into_iter()
-                .enumerate()
-                .map(move |(a, axis)| Report {
-                    name: format!("force.{name}.{axis}"),
-                    unit: "N".into(),
-                    value: force[a],
-                })
+        let mut forces: Vec<_> = self.bodies.iter().map(|w| (&w.name[..], w.force)).collect();
+        if forces.len() > 1 {
+            forces.push(("all", forces.iter().map(|(_, force)| force).sum()));
+        }
+        let of_wall = |(name, force): (&str, Vector3<f64>)| {
+            [("x", force.x), ("y", force.y), ("z", force.z)].map(|(axis, value)| Report {
+                name: format!("force.{name}.{axis}"),
+                unit: "N".into(),
+                value,
+            })
         };
-        self.bodies.iter().flat_map(of_wall).collect()
+        forces.into_iter().flat_map(of_wall).collect()
     }
 }
 
