@@ -358,3 +358,66 @@ fn shifting_keeps_a_stream_along_a_body_without_holes() {
         assert!(balance.relative_error() < 1e-11, "{balance:?}");
     }
 }
+
+/// Between two impulses of the pressure a stiff solid vibrates: its velocity at the end of each step of the fluid is the
+/// rebound, which must not count as the motion of the wall.
+#[test]
+fn a_fluid_at_rest_under_pressure_is_not_pumped_up_by_an_elastic_plate() {
+    let mut rest = compose(
+        "[bodies.water]
+        shape.difference = { from = { box = { min = [0, 0, 0], max = [0.9, 0.6, 0.025] } }, subtract = { box = { min = [0.2, 0.275, 0], max = [0.5, 0.325, 0.025] } } }
+        dimension = 2
+        thickness = 1
+        spacing = 0.025
+        material = 'oil'
+        periodic = ['x', 'y']
+        initial.pressure = 2
+        [bodies.plate]
+        shape.box = { min = [0.2, 0.275, 0], max = [0.5, 0.325, 0.025] }
+        dimension = 2
+        thickness = 1
+        spacing = 0.0125
+        material = 'rubber'
+        regions.grip.box = { min = [0.2, 0.275, 0], max = [0.25, 0.325, 0.025] }
+        [materials.oil]
+        density = 1
+        viscosity = 0.01
+        [materials.rubber]
+        density = 1
+        youngs_modulus = 1.2e4
+        poissons_ratio = 0.3
+        [[physics]]
+        type = 'fluid'
+        body = 'water'
+        form = 'conservative'
+        state.tait = { sound_speed = 15, background = 2 }
+        density_diffusion = 0.1
+        shifting = 0.1
+        [[physics]]
+        type = 'mechanical'
+        body = 'plate'
+        formulation = 'correspondence'
+        plane = 'strain'
+        solver.explicit = { damping = 10 }
+        [[couplers]]
+        type = 'clamp'
+        body = 'plate'
+        region = 'grip'
+        [[couplers]]
+        type = 'fluid_structure'
+        fluid = 'water'
+        solid = 'plate'
+        [time]
+        end = 0.5
+        [log]
+        interval = 0.25",
+    );
+    while !rest.is_finished() {
+        rest.step().expect("a step");
+    }
+    let fields = rest.world().fields();
+    let pressure = fields.field(fields.find(0, "pressure").expect("a known field"));
+    let pressure = pressure.data();
+    let mean = pressure.flat().iter().sum::<f64>() / pressure.flat().len() as f64;
+    assert!((mean / 2.0 - 1.0).abs() < 0.05, "{mean} Pa instead of 2 Pa");
+}

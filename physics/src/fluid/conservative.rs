@@ -398,6 +398,10 @@ impl Rates for Conservative {
         Some(&self.walls)
     }
 
+    fn walls_mut(&mut self) -> Option<&mut Walls> {
+        Some(&mut self.walls)
+    }
+
     fn stability(&self) -> Stability {
         let CompleteFamily {
             point,

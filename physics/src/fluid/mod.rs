@@ -63,6 +63,7 @@ use perimelt_core::{
 use nalgebra::Vector3;
 use rates::Stability;
 use run::Run;
+use walls::{WallMotion, Walls};
 
 /// Steps after which the stable step of points that move is found again.
 const STEPS_BETWEEN_LIMITS: u64 = 64;
@@ -153,6 +154,7 @@ impl Physics for Fluid {
             run.steps,
             run.stability,
             mass,
+            run.rates.walls().map(Walls::motions),
         ))
     }
 
@@ -162,15 +164,20 @@ impl Physics for Fluid {
     ) -> Result<(), erased_serde::Error> {
         let run = self.run_mut();
         let mass: Option<Vec<f64>>;
+        let motions: Option<Vec<WallMotion>>;
         (
             run.initial_mass,
             (run.momentum, run.angular_momentum),
             run.steps,
             run.stability,
             mass,
+            motions,
         ) = erased_serde::deserialize(state)?;
         if let (Some(moving), Some(mass)) = (&mut run.moving, mass) {
             moving.mass = mass;
+        }
+        if let (Some(walls), Some(motions)) = (run.rates.walls_mut(), motions) {
+            walls.set_motions(motions);
         }
         Ok(())
     }

@@ -126,6 +126,11 @@ pub(super) trait Rates: std::fmt::Debug {
         None
     }
 
+    /// The same, to restore their state.
+    fn walls_mut(&mut self) -> Option<&mut Walls> {
+        None
+    }
+
     /// What the largest stable step depends on, for the points at their reference positions.
     fn stability(&self) -> Stability;
 

@@ -2,7 +2,7 @@
 //!
 //! The points of a wall are foreign ghosts of the fluid ([`ForeignBonds`]). With the velocity v_w and the position
 //! of each wall point j, its values as a point of the fluid are means over the fluid around it
-//! (Adami, Hu and Adams (2012)),
+//! (Adami, Hu and Adams (2012)), and v_w the mean velocity over its last step ([`WallMotion`]),
 //!
 //! ```text
 //! <f>_j = sum_i w f_i V_i / sum_i w V_i
@@ -35,6 +35,8 @@ use perimelt_core::{
     Bond, BondKernel, FamilySpec, Read, Report, Setup, SetupError, Wall, World, Write, keys,
 };
 
+use serde::{Deserialize, Serialize};
+
 use super::treatments::Crowding;
 
 /// All walls of a fluid.
@@ -49,6 +51,7 @@ pub(super) struct WallBody {
     name: String,
     wall: Wall,
     velocity: Read<Vector3<f64>>,
+    motion: WallMotion,
     impulse: Write<Vector3<f64>>,
     bonds: ForeignBonds,
     points: Vec<WallPoint>,
@@ -58,6 +61,42 @@ pub(super) struct WallBody {
     forces: Vec<[f64; 3]>,
     /// On the wall in the last step, N.
     force: Vector3<f64>,
+}
+
+/// How the points of a wall move: their mean velocities over the last step of the wall.
+///
+/// The volume that a wall displaces in the fluid is then that of its displacement. The velocity at the end of a step
+/// would not do: a wall of sub-steps shorter than those of the fluid vibrates between two impulses, and what it has
+/// at the end of each step is the rebound from the pressure, which would pump the fluid up. For a wall without forces
+/// of its own both are the same.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct WallMotion {
+    /// Time at which the points were where they are, s.
+    time: f64,
+    /// m.
+    position: Vec<Vector3<f64>>,
+    /// m/s.
+    velocity: Vec<Vector3<f64>>,
+}
+
+impl WallMotion {
+    /// Takes the positions (m) of a time (s); `velocity` (m/s) counts before the first step.
+    fn follow(&mut self, time: f64, positions: &[Vector3<f64>], velocity: &[Vector3<f64>]) {
+        if self.position.len() != positions.len() {
+            self.velocity = velocity.to_vec();
+        } else if time > self.time {
+            let size = time - self.time;
+            let moved = positions.iter().zip(&self.position);
+            self.velocity.clear();
+            self.velocity
+                .extend(moved.map(|(x, from)| (x - from) / size));
+        } else {
+            return;
+        }
+        self.time = time;
+        self.position.clear();
+        self.position.extend_from_slice(positions);
+    }
 }
 
 /// A point of a wall as a point of the fluid.
@@ -108,6 +147,7 @@ impl Walls {
                 name: setup.body(wall.other).name.clone(),
                 wall,
                 velocity: setup.read(wall.other, &keys::VELOCITY)?,
+                motion: WallMotion::default(),
                 impulse: setup.give_impulses(&wall)?,
                 bonds: ForeignBonds::new(setup.body(body), spec),
                 points: Vec::new(),
@@ -138,9 +178,12 @@ impl Walls {
                 volumes: c.volumes(),
             });
             wall.bonds.follow(own, foreign);
-            let velocity = world.read(wall.velocity);
-            wall.points.resize(velocity.len(), WallPoint::default());
-            let points = wall.points.iter_mut().zip(&*velocity);
+            let time = world.time_of(wall.velocity);
+            let motion = &mut wall.motion;
+            motion.follow(time, other.positions(), &world.read(wall.velocity));
+            wall.points
+                .resize(motion.velocity.len(), WallPoint::default());
+            let points = wall.points.iter_mut().zip(&motion.velocity);
             points.for_each(|(point, v)| point.velocity = *v);
             wall.force = Vector3::zeros();
         }
@@ -299,6 +342,18 @@ impl Walls {
         totals
     }
 
+    /// What a resumed run must know of the walls.
+    pub(super) fn motions(&self) -> Vec<&WallMotion> {
+        self.bodies.iter().map(|w| &w.motion).collect()
+    }
+
+    /// Restores what [`Walls::motions`] gave.
+    pub(super) fn set_motions(&mut self, motions: Vec<WallMotion>) {
+        for (wall, motion) in self.bodies.iter_mut().zip(motions) {
+            wall.motion = motion;
+        }
+    }
+
     /// Force on each wall and, where there are several, on all of them, N.
     pub(super) fn reports(&self) -> Vec<Report> {
         let mut forces: Vec<_> = self.bodies.iter().map(|w| (&w.name[..], w.force)).collect();
@@ -412,5 +467,25 @@ impl WallBody {
             _ => 0.0,
         });
         kernel.bond(bond, own(point), other)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wall_moves_with_its_mean_velocity_over_its_own_steps() {
+        let at = |x: f64| vec![Vector3::new(x, 0.0, 0.0)];
+        let mut motion = WallMotion::default();
+        motion.follow(0.0, &at(1.0), &at(7.0));
+        assert_eq!(motion.velocity, at(7.0), "no step yet");
+        motion.follow(0.5, &at(2.0), &at(-7.0));
+        assert_eq!(motion.velocity, at(2.0));
+        // the fluid takes several sub-steps in one of the wall
+        motion.follow(0.5, &at(2.0), &at(-7.0));
+        assert_eq!(motion.velocity, at(2.0));
+        motion.follow(1.0, &at(2.0), &at(-7.0));
+        assert_eq!(motion.velocity, at(0.0));
     }
 }
