@@ -1,6 +1,7 @@
 //! Formulas in case files, such as `"0.04 * sin(2 * PI * x)"`.
 
 use std::borrow::Cow;
+use std::fmt;
 
 use exmex::{Express, FlatEx, FloatOpsFactory, MatchLiteral, literal_matcher_from_pattern};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -100,9 +101,34 @@ impl Serialize for Formula {
     }
 }
 
+/// A text, or a number for a formula that is constant.
 impl<'de> Deserialize<'de> for Formula {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        Formula::new(&String::deserialize(deserializer)?).map_err(de::Error::custom)
+        struct FormulaVisitor;
+        impl de::Visitor<'_> for FormulaVisitor {
+            type Value = Formula;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number, or a formula in x, y, z (m) and t (s)")
+            }
+
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<Formula, E> {
+                Formula::new(text).map_err(E::custom)
+            }
+
+            fn visit_f64<E: de::Error>(self, value: f64) -> Result<Formula, E> {
+                self.visit_str(&value.to_string())
+            }
+
+            fn visit_i64<E: de::Error>(self, value: i64) -> Result<Formula, E> {
+                self.visit_str(&value.to_string())
+            }
+
+            fn visit_u64<E: de::Error>(self, value: u64) -> Result<Formula, E> {
+                self.visit_str(&value.to_string())
+            }
+        }
+        deserializer.deserialize_any(FormulaVisitor)
     }
 }
 
@@ -113,7 +139,7 @@ impl JsonSchema for Formula {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         schemars::json_schema!({
-            "type": "string",
+            "type": ["string", "number"],
             "description": "formula in x, y, z (m) and t (s), such as \"0.04 * sin(2 * PI * x)\""
         })
     }
@@ -129,6 +155,18 @@ mod tests {
         let value = formula.at([0.5, 3.0, 7.0], 2.0);
         assert!((value - 9.0 * (-2.0f64).exp()).abs() < 1e-14);
         assert_eq!(Formula::new("4").expect("valid").at([0.0; 3], 0.0), 4.0);
+    }
+
+    #[test]
+    fn a_number_is_a_constant_formula() {
+        #[derive(Deserialize)]
+        struct Keys {
+            all: [Formula; 4],
+        }
+        let keys: Keys = toml::from_str("all = [-2, 3.5, '2 * t', -1e-7]").expect("valid");
+        let values = keys.all.map(|f| f.at([0.0; 3], 4.0));
+        assert_eq!(values, [-2.0, 3.5, 8.0, -1e-7]);
+        assert!(toml::from_str::<Keys>("all = [true, 0, 0, 0]").is_err());
     }
 
     #[test]

@@ -42,6 +42,7 @@ pub use family::{
     Operator, PartialVolume,
 };
 pub use field::{Key, Read, ReadIfProvided, Write, keys};
+pub use formula::Formula;
 pub use in_space::InSpace;
 pub use in_time::InTime;
 pub use pair_list::PairList;

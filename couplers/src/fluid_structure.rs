@@ -6,7 +6,7 @@
 //! the opposite of what it gets from it, as an impulse at the start of the solid's step: pressure, and the
 //! traction of viscosity unless the fluid slips along the solid. Momentum of fluid and solid is kept to rounding, whatever
 //! steps the two take. The forces themselves are part of the fluid (`fluid`, conservative form), which reports them as
-//! `force.<solid>.x` and so on.
+//! `force.<solid>.x` and so on, and of several together as `force.all.x`.
 
 use perimelt_core::{Coupler, RunError, Setup, SetupError, Step, Wall, World};
 use schemars::JsonSchema;

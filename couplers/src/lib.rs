@@ -30,6 +30,7 @@
 //! | `contact` | [`contact::Contact`] | displacement, velocity of one body or two | impulse |
 //! | `fluid_structure` | [`fluid_structure::FluidStructure`] | displacement, velocity of the solid | impulse, by way of the fluid |
 //! | `impactor` | [`contact::Impactor`] | displacement, velocity | body force |
+//! | `forcing_zone` | [`forcing_zone::ForcingZone`] | velocity | body force |
 //! | `heat_interface` | [`heat_interface::HeatInterface`] | temperature of two bodies | heat source |
 //! | `insulated_crack` | [`boundary::InsulatedCrack`] | | cuts the families of the body |
 //!
@@ -42,6 +43,7 @@ pub mod contact;
 pub mod deformation_heat;
 pub mod expansion;
 pub mod fluid_structure;
+pub mod forcing_zone;
 pub mod heat_interface;
 pub mod heat_source;
 pub mod phase_change;
@@ -64,7 +66,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 28);
+        assert_eq!(couplers.len(), 29);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

@@ -9,12 +9,12 @@
 //! source = "spec 02, 4.6"
 //! ```
 
+use perimelt_core::Formula;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::case::sections::{Components, Statistic};
 use crate::interpolation::Interpolation;
-use perimelt_core::formula::Formula;
 
 /// A measurement, its reference and the limit of their difference.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -90,8 +90,12 @@ impl Images {
                 (false, true) => *n + 1,
             };
             let source = match before {
-                [0, 0, 0] => image.point,
-                _ => slot_of[&(image.point, before)],
+                [0, 0, 0] => Some(image.point),
+                _ => slot_of.get(&(image.point, before)).copied(),
+            };
+            // a point of a run that has blown up may lie far outside of the box, with a part of its images only
+            let Some(source) = source else {
+                continue;
             };
             slot_of.insert((image.point, image.n), slot);
             let ghost = all.ghosts.len();

@@ -415,6 +415,27 @@ mod tests {
     }
 
     #[test]
+    fn a_point_far_outside_of_its_box_is_no_panic() {
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [0.8, 0.6, 0.1],
+        });
+        let mut body = Body::fill("block", &shape, 2, 0.1, 0.5).expect("valid");
+        body.periodic = [true, false, false];
+        let spec = FamilySpec {
+            layers: vec![Face::YMin, Face::YMax],
+            correction: Correction::None,
+            ..FamilySpec::new(0.25)
+        };
+        let mut family = Family::moving(&body, &spec).expect("valid");
+        let mut positions = body.points.position.clone();
+        // only its second periodic copy lies near the box
+        positions[0].x = 2.5 * 0.8;
+        family.follow(&positions, &body.points.volume);
+        assert!(family.slots() > body.points.len());
+    }
+
+    #[test]
     fn what_a_moving_family_does_not_support_is_refused() {
         let shape = Shape::Box(BoxShape {
             min: [0.0; 3],

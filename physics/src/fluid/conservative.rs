@@ -382,8 +382,8 @@ impl Rates for Conservative {
         Ok(())
     }
 
-    fn follow_walls(&mut self, world: &World, body: BodyIndex, time: f64) {
-        self.walls.follow(world, body, time);
+    fn follow_walls(&mut self, world: &World, body: BodyIndex) {
+        self.walls.follow(world, body);
     }
 
     fn give_impulses(&mut self, world: &World, velocity: &[Vec<f64>], time: f64) {

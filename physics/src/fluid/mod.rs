@@ -48,6 +48,7 @@ mod step;
 #[cfg(test)]
 mod tests;
 mod treatments;
+mod wall_motion;
 mod walls;
 
 pub use crate::advection::Convection;
@@ -63,6 +64,7 @@ use perimelt_core::{
 use nalgebra::Vector3;
 use rates::Stability;
 use run::Run;
+use wall_motion::WallMotion;
 use walls::Walls;
 
 /// Steps after which the stable step of points that move is found again.
@@ -90,7 +92,7 @@ impl Physics for Fluid {
         }
         run.set_configuration(world).map_err(|e| failed(e, 0.0))?;
         if run.moving.is_some() {
-            run.rates.follow_walls(world, run.body, 0.0);
+            run.rates.follow_walls(world, run.body);
             run.update_stability();
         }
         Ok(())
@@ -159,7 +161,7 @@ impl Physics for Fluid {
             run.steps,
             run.stability,
             mass,
-            run.rates.walls().map(Walls::state),
+            run.rates.walls().map(Walls::motions),
         ))
     }
 
@@ -169,20 +171,20 @@ impl Physics for Fluid {
     ) -> Result<(), erased_serde::Error> {
         let run = self.run_mut();
         let mass: Option<Vec<f64>>;
-        let walls: Option<_>;
+        let motions: Option<Vec<WallMotion>>;
         (
             run.initial_mass,
             (run.momentum, run.angular_momentum),
             run.steps,
             run.stability,
             mass,
-            walls,
+            motions,
         ) = erased_serde::deserialize(state)?;
-        if let (Some(walls), Some(state)) = (run.rates.walls_mut(), walls) {
-            walls.restore(state);
-        }
         if let (Some(moving), Some(mass)) = (&mut run.moving, mass) {
             moving.mass = mass;
+        }
+        if let (Some(walls), Some(motions)) = (run.rates.walls_mut(), motions) {
+            walls.set_motions(motions);
         }
         Ok(())
     }

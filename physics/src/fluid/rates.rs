@@ -115,8 +115,8 @@ pub(super) trait Rates: std::fmt::Debug {
         family: &dyn Fn() -> Arc<Family>,
     ) -> Result<(), PddoError>;
 
-    /// Takes positions and velocities of the bodies that are walls for the fluid of `body`, at a time (s).
-    fn follow_walls(&mut self, _world: &World, _body: BodyIndex, _time: f64) {}
+    /// Takes positions and velocities of the bodies that are walls for the fluid of `body`.
+    fn follow_walls(&mut self, _world: &World, _body: BodyIndex) {}
 
     /// Gives the walls the opposite of what they do to the fluid in a time (s), with the velocity by slot as last set.
     fn give_impulses(&mut self, _world: &World, _velocity: &[Vec<f64>], _time: f64) {}
@@ -126,7 +126,7 @@ pub(super) trait Rates: std::fmt::Debug {
         None
     }
 
-    /// Bodies that are walls.
+    /// The same, to restore their state.
     fn walls_mut(&mut self) -> Option<&mut Walls> {
         None
     }

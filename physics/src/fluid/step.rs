@@ -65,7 +65,7 @@ impl Run {
         step: Step,
     ) -> Result<(), PddoError> {
         self.set_viscosity(world);
-        self.rates.follow_walls(world, self.body, step.start);
+        self.rates.follow_walls(world, self.body);
         self.advance_flow(fluid, world, step);
         self.steps += 1;
         self.smooth(fluid, world);
@@ -174,9 +174,9 @@ impl Run {
         }
         if fluid.shifting > 0.0 {
             let fraction = fluid.shifting * dt;
-            let medium = &self.medium;
+            let surroundings = (family, self.rates.walls(), &self.medium);
             self.treatments
-                .shift((family, medium), fraction, &velocity, &mut displacement);
+                .shift(surroundings, fraction, &velocity, &mut displacement);
         }
         let rules = world.layer_rules(self.velocity_layers);
         let body = world.body(self.body);

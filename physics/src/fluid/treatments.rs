@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::medium::Medium;
 use super::rates::POINTS_PER_TASK;
+use super::walls::Walls;
 
 /// Fraction of a complete family below which a point counts as a surface point: the first row below a flat surface
 /// has 0.69, the second row 0.93.
@@ -47,7 +48,7 @@ pub(super) struct Treatments {
 }
 
 /// Sum of the distances of the neighbours (m), their number, `sum_j xi / |xi|^3` (1/m²), `sum w` (1/m).
-struct Crowding;
+pub(super) struct Crowding;
 
 impl BondKernel<0, 6> for Crowding {
     #[inline(always)]
@@ -182,9 +183,13 @@ impl Treatments {
         }
     }
 
-    fn sum_crowding(&mut self, family: &Family, points: usize) {
+    /// Walls that are bodies count as neighbours.
+    fn sum_crowding(&mut self, family: &Family, walls: Option<&Walls>, points: usize) {
         self.crowding.resize(points, [0.0; 6]);
         family.sum(&Crowding, [], &mut self.crowding);
+        if let Some(walls) = walls {
+            walls.add_crowding(&Crowding, &mut self.crowding);
+        }
     }
 
     /// Shifting: moves points away from crowded places by `-C |v|max dt U` with `U = sum_j (r / |xi|)^2 n` and the
@@ -192,14 +197,14 @@ impl Treatments {
     /// `C dt` (s) (Gao (2020), eqs. 6.46 to 6.50; corrected, see spec 05, E23).
     pub(super) fn shift(
         &mut self,
-        (family, medium): (&Family, &Medium),
+        (family, walls, medium): (&Family, Option<&Walls>, &Medium),
         fraction: f64,
         velocity: &[Vector3<f64>],
         displacement: &mut [Vector3<f64>],
     ) {
         let square = velocity.iter().map(Vector3::norm_squared);
         let fastest = square.fold(0.0, f64::max).sqrt();
-        self.sum_crowding(family, velocity.len());
+        self.sum_crowding(family, walls, velocity.len());
         let least = NEAR_SURFACE * self.complete.content;
         let points = displacement
             .par_iter_mut()
@@ -224,7 +229,7 @@ impl Treatments {
         (family, medium): (&Family, &Medium),
         (density, pressure): (&mut [f64], &mut [f64]),
     ) {
-        self.sum_crowding(family, pressure.len());
+        self.sum_crowding(family, None, pressure.len());
         let least = AT_SURFACE * self.complete.content;
         for (i, [.., content]) in self.crowding.iter().enumerate() {
             if *content < least {

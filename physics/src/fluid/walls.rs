@@ -2,7 +2,7 @@
 //!
 //! The points of a wall are foreign ghosts of the fluid ([`ForeignBonds`]). With the velocity v_w and the position
 //! of each wall point j, its values as a point of the fluid are means over the fluid around it
-//! (Adami, Hu and Adams (2012)),
+//! (Adami, Hu and Adams (2012)), and v_w the mean velocity over its last step ([`WallMotion`]),
 //!
 //! ```text
 //! <f>_j = sum_i w f_i V_i / sum_i w V_i
@@ -32,9 +32,11 @@ use nalgebra::Vector3;
 use perimelt_core::family::{ForeignBonds, Places};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Body, Bond, BondKernel, FamilySpec, Read, Report, Setup, SetupError, Wall, World, Write, keys,
+    Bond, BondKernel, FamilySpec, Read, Report, Setup, SetupError, Wall, World, Write, keys,
 };
-use serde::{Deserialize, Serialize};
+
+use super::treatments::Crowding;
+use super::wall_motion::WallMotion;
 
 /// All walls of a fluid.
 #[derive(Debug, Default)]
@@ -50,6 +52,7 @@ pub(super) struct WallBody {
     /// Density of the fluid over that of each point of the wall.
     density_ratio: Vec<f64>,
     velocity: Read<Vector3<f64>>,
+    motion: WallMotion,
     impulse: Write<Vector3<f64>>,
     bonds: ForeignBonds,
     points: Vec<WallPoint>,
@@ -59,16 +62,6 @@ pub(super) struct WallBody {
     forces: Vec<[f64; 3]>,
     /// On the wall in the last step, N.
     force: Vector3<f64>,
-    before: Option<Before>,
-}
-
-/// Where the points of a wall were at an earlier time.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Before {
-    /// s.
-    time: f64,
-    /// m.
-    positions: Vec<Vector3<f64>>,
 }
 
 /// A point of a wall as a point of the fluid.
@@ -123,6 +116,7 @@ impl Walls {
                 wall,
                 density_ratio: of_wall.iter().map(|rho| heaviest / rho).collect(),
                 velocity: setup.read(wall.other, &keys::VELOCITY)?,
+                motion: WallMotion::default(),
                 impulse: setup.give_impulses(&wall)?,
                 bonds: ForeignBonds::new(setup.body(body), spec),
                 points: Vec::new(),
@@ -131,30 +125,17 @@ impl Walls {
                 extra: Vec::new(),
                 forces: Vec::new(),
                 force: Vector3::zeros(),
-                before: None,
             });
         }
         Ok(Walls { bodies })
-    }
-
-    /// What a restart needs, for each wall.
-    pub(super) fn state(&self) -> Vec<Option<Before>> {
-        self.bodies.iter().map(|wall| wall.before.clone()).collect()
-    }
-
-    pub(super) fn restore(&mut self, state: Vec<Option<Before>>) {
-        let bodies = self.bodies.iter_mut().zip(state);
-        bodies.for_each(|(wall, before)| wall.before = before);
     }
 
     pub(super) fn is_empty(&self) -> bool {
         self.bodies.is_empty()
     }
 
-    /// Lets the points of the walls be where they are at a time (s), with the mean velocity of their way since the last
-    /// step. Density and pressure then follow from the volume that the walls have left to the fluid. With the
-    /// velocities of the moment they would not, and the fluid would give energy to walls that yield.
-    pub(super) fn follow(&mut self, world: &World, body: BodyIndex, time: f64) {
+    /// Lets the points of the walls be where they are now, with their mean velocities.
+    pub(super) fn follow(&mut self, world: &World, body: BodyIndex) {
         if self.is_empty() {
             return;
         }
@@ -166,9 +147,14 @@ impl Walls {
                 volumes: c.volumes(),
             });
             wall.bonds.follow(own, foreign);
-            let body = world.body(wall.wall.other);
-            let way = |way| shortest(body, way);
-            wall.set_mean_velocity(&world.read(wall.velocity), (other.positions(), time), way);
+            let time = world.time_of(wall.velocity);
+            let motion = &mut wall.motion;
+            let walls = world.body(wall.wall.other);
+            motion.follow(walls, time, other.positions(), &world.read(wall.velocity));
+            wall.points
+                .resize(motion.velocity.len(), WallPoint::default());
+            let points = wall.points.iter_mut().zip(&motion.velocity);
+            points.for_each(|(point, v)| point.velocity = *v);
             wall.force = Vector3::zeros();
         }
     }
@@ -231,6 +217,26 @@ impl Walls {
                 let (bond, _, ghost) = wall.bonds.bond(n);
                 let rise = 1.0 + wall.density_ratio[ghost.point];
                 [bond.weight * bond.length * rise.sqrt(), bond.weight * rise]
+            };
+            wall.bonds.sum_by_owner(part, &mut found);
+            add_to_owners(&wall.bonds, &found, sums);
+        }
+    }
+
+    /// Adds the points of the walls to the sums of `kernel` over neighbours that count one each. A wall point counts as
+    /// its volume in those of a fluid point, so that a finer solid does not repel more.
+    pub(super) fn add_crowding(&self, kernel: &Crowding, sums: &mut [[f64; 6]]) {
+        let mut found = Vec::new();
+        for wall in &self.bodies {
+            let part = |n: usize| {
+                let (bond, ..) = wall.bonds.bond(n);
+                let [counted @ .., weight]: [f64; 6] = kernel.bond(bond, [], []);
+                let volumes = match bond.dual > 0.0 {
+                    true => bond.weight / bond.dual,
+                    false => 0.0,
+                };
+                let [length, number, x, y, z] = counted.map(|value| volumes * value);
+                [length, number, x, y, z, weight]
             };
             wall.bonds.sum_by_owner(part, &mut found);
             add_to_owners(&wall.bonds, &found, sums);
@@ -308,29 +314,33 @@ impl Walls {
         totals
     }
 
-    pub(super) fn reports(&self) -> Vec<Report> {
-        let of_wall = |wall: &WallBody| {
-            let (name, force) = (wall.name.clone(), wall.force);
-            ["x", "y", "z"]
-                .into_iter()
-                .enumerate()
-                .map(move |(a, axis)| Report {
-                    name: format!("force.{name}.{axis}"),
-                    unit: "N".into(),
-                    value: force[a],
-                })
-        };
-        self.bodies.iter().flat_map(of_wall).collect()
+    /// What a resumed run must know of the walls.
+    pub(super) fn motions(&self) -> Vec<&WallMotion> {
+        self.bodies.iter().map(|w| &w.motion).collect()
     }
-}
 
-/// A way (m) without the extents of a periodic body that a point has been moved by.
-fn shortest(body: &Body, mut way: Vector3<f64>) -> Vector3<f64> {
-    for axis in (0..body.dimension).filter(|axis| body.periodic[*axis]) {
-        let extent = body.extent(axis);
-        way[axis] -= extent * (way[axis] / extent).round();
+    /// Restores what [`Walls::motions`] gave.
+    pub(super) fn set_motions(&mut self, motions: Vec<WallMotion>) {
+        for (wall, motion) in self.bodies.iter_mut().zip(motions) {
+            wall.motion = motion;
+        }
     }
-    way
+
+    /// Force on each wall and, where there are several, on all of them, N.
+    pub(super) fn reports(&self) -> Vec<Report> {
+        let mut forces: Vec<_> = self.bodies.iter().map(|w| (&w.name[..], w.force)).collect();
+        if forces.len() > 1 {
+            forces.push(("all", forces.iter().map(|(_, force)| force).sum()));
+        }
+        let of_wall = |(name, force): (&str, Vector3<f64>)| {
+            [("x", force.x), ("y", force.y), ("z", force.z)].map(|(axis, value)| Report {
+                name: format!("force.{name}.{axis}"),
+                unit: "N".into(),
+                value,
+            })
+        };
+        forces.into_iter().flat_map(of_wall).collect()
+    }
 }
 
 fn add_to_owners<const O: usize>(bonds: &ForeignBonds, found: &[[f64; O]], sums: &mut [[f64; O]]) {
@@ -341,30 +351,6 @@ fn add_to_owners<const O: usize>(bonds: &ForeignBonds, found: &[[f64; O]], sums:
 }
 
 impl WallBody {
-    fn set_mean_velocity(
-        &mut self,
-        velocity: &[Vector3<f64>],
-        (positions, time): (&[Vector3<f64>], f64),
-        shortest: impl Fn(Vector3<f64>) -> Vector3<f64>,
-    ) {
-        self.points.resize(velocity.len(), WallPoint::default());
-        let before = self.before.get_or_insert_with(|| Before {
-            time,
-            positions: positions.to_vec(),
-        });
-        let since = time - before.time;
-        let points = self.points.iter_mut().zip(velocity).zip(positions);
-        for (((point, v), x), before) in points.zip(&mut before.positions) {
-            point.velocity = if since > 0.0 {
-                shortest(x - *before) / since
-            } else {
-                *v
-            };
-            *before = *x;
-        }
-        before.time = time;
-    }
-
     fn set_velocity<S, F>(&mut self, fluid: &FluidAtWall<'_, S, F>)
     where
         S: Fn(usize) -> usize + Sync,
