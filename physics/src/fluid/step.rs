@@ -4,13 +4,14 @@
 //! 2. Artificial viscosity slows points that approach each other.
 //! 3. Density, pressure and velocity advance in the order of the [`Scheme`].
 //! 4. Velocity and density are smoothed, in every n-th step.
-//! 5. Points that move are displaced, put in order and put back into their box; the configuration of the body is set.
+//! 5. Points that move collide with walls that they would penetrate, are displaced, put in order and put back into their box; the configuration of the body is set.
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::{PddoError, Step, World};
 
 use super::boundaries::keep_inside;
+use super::collision::FluidPoints;
 use super::keys::{Fluid, Scheme, Stress, Surface};
 use super::medium::Medium;
 use super::rates::{Rates, Terms, load};
@@ -134,6 +135,17 @@ impl Run {
         };
         let mut displacement = world.write(displacement);
         let mut velocity = world.write(self.velocity);
+        if fluid.collisions
+            && let Some(moving) = &self.moving
+        {
+            let points = FluidPoints {
+                velocity: &mut velocity,
+                mass: &moving.mass,
+                pressure: &world.read(self.pressure.into()),
+                dt,
+            };
+            self.rates.collide(world, self.body, points);
+        }
         let points = displacement.iter_mut().zip(&*velocity);
         points.for_each(|(u, v)| *u += dt * v);
         if self.moving.is_none() {
@@ -163,6 +175,7 @@ impl Run {
         }
         let time = step.size * startup(fluid.startup, step.middle());
         let mut given = [Vector3::zeros(); 2];
+        let mut collided = given;
         if let Some(force) = self.body_force {
             let density = world.read::<f64>(self.density.into());
             let mass = self.mass_of_points(world, &density);
@@ -176,13 +189,15 @@ impl Run {
         if let Some(walls) = self.rates.walls() {
             let on_walls = walls.total_force(world);
             (0..2).for_each(|k| given[k] -= on_walls[k]);
+            collided = walls.collisions();
         }
-        for (account, given) in [&mut self.momentum, &mut self.angular_momentum]
+        for ((account, given), collided) in [&mut self.momentum, &mut self.angular_momentum]
             .into_iter()
             .zip(given)
+            .zip(collided)
         {
             if let Some([_, sum]) = account {
-                *sum += time * given;
+                *sum += time * given + collided;
             }
         }
     }
