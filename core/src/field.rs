@@ -101,6 +101,9 @@ pub mod keys {
         HELD_DISPLACEMENT: Vector3<f64> = "held_displacement", "m", "sum of the displacements at which boundaries hold the point";
         /// Velocity, m/s.
         VELOCITY: Vector3<f64> = "velocity", "m/s", "velocity";
+        /// Unit normal of a solid at its interface with a fluid, from the fluid to the solid; zero away from the
+        /// interface.
+        INTERFACE_NORMAL: Vector3<f64> = "interface_normal", "1", "normal from the fluid to the solid, zero away from their interface";
         /// Density, kg/m³.
         DENSITY: f64 = "density", "kg/m3", "density";
         /// Pressure, Pa.

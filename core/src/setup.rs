@@ -474,6 +474,11 @@ impl<'w> Setup<'w> {
         own.map(take).collect()
     }
 
+    /// Declares that the points of a body move together; called by the physics of a rigid body.
+    pub fn set_rigid(&mut self, body: BodyIndex) {
+        self.world.rigid[body] = true;
+    }
+
     /// The impulses that the calling physics gives to the points of a wall, as momentum per reference volume of the
     /// other body (N s/m³).
     ///

@@ -70,6 +70,8 @@ pub struct World {
     times: Vec<f64>,
     pub(crate) phase_change: Vec<Option<PhaseChange>>,
     pub(crate) configurations: Configurations,
+    /// By body: whether its points move together.
+    pub(crate) rigid: Vec<bool>,
     broken: Vec<RefCell<BrokenPairs>>,
 }
 
@@ -79,6 +81,7 @@ impl World {
         World {
             phase_change: vec![None; bodies.len()],
             configurations: Configurations::new(bodies.len()),
+            rigid: vec![false; bodies.len()],
             broken: bodies.iter().map(|_| RefCell::default()).collect(),
             bodies,
             ..World::default()
@@ -93,6 +96,12 @@ impl World {
     /// One body.
     pub fn body(&self, index: BodyIndex) -> &Body {
         &self.bodies[index]
+    }
+
+    /// Whether the points of a body move together, so that a single one has the inertia of the whole body
+    /// ([`crate::Setup::set_rigid`]).
+    pub fn is_rigid(&self, body: BodyIndex) -> bool {
+        self.rigid[body]
     }
 
     /// Where the points of a body are now, m: [`World::configuration`] as a list of its own.

@@ -8,6 +8,8 @@
 //!
 //! Behind mirrored faces of the body the foreign points have images, too.
 
+use std::ops::Range;
+
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -257,6 +259,16 @@ impl ForeignBonds {
         self.bonds = bonds;
     }
 
+    /// Reach of the bonds, m.
+    pub fn horizon(&self) -> f64 {
+        self.horizon
+    }
+
+    /// Spacing of the own points, m.
+    pub fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
     /// Number of bonds.
     pub fn len(&self) -> usize {
         self.bonds.len()
@@ -277,6 +289,39 @@ impl ForeignBonds {
         let point = self.owners[self.owner[number] as usize] as usize;
         let ghost = &self.ghosts[self.ghost[number] as usize];
         (&self.bonds[number], point, ghost)
+    }
+
+    /// Numbers of the bonds of an owner, given by its place among the owners.
+    pub fn bonds_of(&self, owner: usize) -> Range<usize> {
+        self.start[owner]..self.start[owner + 1]
+    }
+
+    /// Numbers of the bonds of a foreign point and its images.
+    pub fn bonds_to(&self, point: usize) -> &[u32] {
+        &self.reverse[self.reverse_start[point]..self.reverse_start[point + 1]]
+    }
+
+    /// Passes the foreign points, and their images behind mirrored faces, whose distance from `at` (m) is not more than
+    /// `reach` (m) to `receive`, each with its vector from `at` (m), always in the same order. `foreign`: positions of the
+    /// foreign points that the bonds follow, m.
+    pub fn for_each_foreign(
+        &self,
+        foreign: &[Vector3<f64>],
+        (at, reach): (&Vector3<f64>, f64),
+        mut receive: impl FnMut(&ForeignGhost, Vector3<f64>),
+    ) {
+        // points may have moved by half the skin since they were sorted
+        let within = reach + 0.5 * SKIN * self.spacing;
+        let mut near = Vec::new();
+        self.cells.visit_near(at, within, |ghost| near.push(ghost));
+        near.sort_unstable();
+        for ghost in near {
+            let ghost = &self.ghosts[ghost];
+            let xi = ghost.place(foreign) - at;
+            if xi.norm_squared() <= reach * reach {
+                receive(ghost, xi);
+            }
+        }
     }
 
     /// Volume of the own point of a bond, m³.
@@ -301,10 +346,7 @@ impl ForeignBonds {
         part: impl Fn(usize) -> [f64; O] + Sync,
         sums: &mut Vec<[f64; O]>,
     ) {
-        let sum = |point: usize| {
-            let bonds = &self.reverse[self.reverse_start[point]..self.reverse_start[point + 1]];
-            add_all(bonds.iter().map(|b| part(*b as usize)))
-        };
+        let sum = |point: usize| add_all(self.bonds_to(point).iter().map(|b| part(*b as usize)));
         let points = (0..self.reverse_start.len() - 1).into_par_iter();
         points.with_min_len(POINTS).map(sum).collect_into_vec(sums);
     }

@@ -31,6 +31,7 @@ use perimelt_core::world::BodyIndex;
 use perimelt_core::{Body, Bond, BondKernel, Family, PddoError, World};
 use rayon::prelude::*;
 
+use super::collision::FluidPoints;
 use super::medium::Medium;
 use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms, load_weighted};
 use super::treatments::CompleteFamily;
@@ -392,6 +393,14 @@ impl Rates for Conservative {
             2 => self.give::<2, 6, 14, 4>(world, velocity, time),
             _ => self.give::<3, 8, 24, 7>(world, velocity, time),
         }
+    }
+
+    fn collide(&mut self, world: &World, body: BodyIndex, fluid: FluidPoints<'_>) {
+        self.walls.collide(world, body, fluid);
+    }
+
+    fn observe_walls(&mut self, world: &World, body: BodyIndex) {
+        self.walls.observe(world, body);
     }
 
     fn walls(&self) -> Option<&Walls> {

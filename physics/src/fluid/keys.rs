@@ -66,6 +66,10 @@ pub struct Fluid {
     /// velocity has a curvature, they do not follow the fluid exactly.
     #[serde(default)]
     pub xsph: f64,
+    /// Whether points that would penetrate a solid (`fluid_structure`) collide with it: the velocity relative to the solid is
+    /// reflected (Gao (2020), eqs. 7.10 to 7.14; corrected, see spec 06, E6). For impacts that pressure does not stop.
+    #[serde(default)]
+    pub collisions: bool,
     /// Viscosity between points that approach each other, as a fraction of 1.2 spacings times the speed of sound,
     /// such as 0.02 (Gao (2020), eq. 6.56; corrected, see spec 05, E26). It damps sound and impacts, and also shear,
     /// by about a tenth of it in two dimensions.
@@ -199,6 +203,11 @@ impl Fluid {
             let message = "a body is a wall for this fluid, which only the conservative form knows";
             let expected = "`form = \"conservative\"`";
             return Err(SetupError::value("form", message, expected));
+        }
+        if walls.is_empty() && self.collisions {
+            let message = "no body is a wall for this fluid, with which its points could collide";
+            let expected = "a coupler `fluid_structure`, or leave `collisions` out";
+            return Err(SetupError::value("collisions", message, expected));
         }
         if !walls.is_empty() && self.surface != Surface::Natural {
             let message = "zero pressure at surfaces would also act at the body that is a wall";

@@ -35,8 +35,10 @@
 //! Not for: turbulence, surface tension.
 
 mod boundaries;
+mod collision;
 mod conservative;
 mod differences;
+mod interface;
 mod keys;
 mod medium;
 mod prepare;

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use crate::advection::Convection;
 
+use super::collision::FluidPoints;
 use super::medium::Medium;
 use super::walls::Walls;
 
@@ -120,6 +121,12 @@ pub(super) trait Rates: std::fmt::Debug {
 
     /// Gives the walls the opposite of what they do to the fluid in a time (s), with the velocity by slot as last set.
     fn give_impulses(&mut self, _world: &World, _velocity: &[Vec<f64>], _time: f64) {}
+
+    /// Lets points that would penetrate walls in this step collide with them.
+    fn collide(&mut self, _world: &World, _body: BodyIndex, _fluid: FluidPoints<'_>) {}
+
+    /// Finds what is logged of walls.
+    fn observe_walls(&mut self, _world: &World, _body: BodyIndex) {}
 
     /// Bodies that are walls.
     fn walls(&self) -> Option<&Walls> {

@@ -52,6 +52,7 @@ impl Run {
 
     /// Finds what is reported.
     pub(super) fn observe(&mut self, world: &World) {
+        self.rates.observe_walls(world, self.body);
         let velocity = world.read::<Vector3<f64>>(self.velocity.into());
         let density = world.read::<f64>(self.density.into());
         let square: Vec<f64> = velocity.iter().map(Vector3::norm_squared).collect();

@@ -5,13 +5,15 @@
 //! 3. Density, pressure and velocity advance in the order of the [`Scheme`]; impulses that other bodies gave belong to
 //!    the pressure.
 //! 4. Velocity and density are smoothed, in every n-th step.
-//! 5. Points that move are displaced, put in order and put back into their box; the configuration of the body is set.
+//! 5. Points that move collide with walls that they would penetrate, are displaced, put in order and put back into their
+//!    box; the configuration of the body is set.
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::{PddoError, Step, World};
 
 use super::boundaries::keep_inside;
+use super::collision::FluidPoints;
 use super::keys::{Fluid, Scheme, Stress, Surface};
 use super::medium::Medium;
 use super::rates::{Rates, Terms, load};
@@ -161,6 +163,17 @@ impl Run {
         };
         let mut displacement = world.write(displacement);
         let mut velocity = world.write(self.velocity);
+        if fluid.collisions
+            && let Some(moving) = &self.moving
+        {
+            let points = FluidPoints {
+                velocity: &mut velocity,
+                mass: &moving.mass,
+                pressure: &world.read(self.pressure.into()),
+                dt,
+            };
+            self.rates.collide(world, self.body, points);
+        }
         let points = displacement.iter_mut().zip(&*velocity);
         points.for_each(|(u, v)| *u += dt * v);
         if self.moving.is_none() {
@@ -200,6 +213,7 @@ impl Run {
             self.count_given(given, 1.0);
         }
         let mut given = [Vector3::zeros(); 2];
+        let mut collided = given;
         if let Some(force) = self.body_force {
             let density = world.read::<f64>(self.density.into());
             let mass = self.mass_of_points(world, &density);
@@ -213,8 +227,10 @@ impl Run {
         if let Some(walls) = self.rates.walls() {
             let on_walls = walls.total_force(world);
             (0..2).for_each(|k| given[k] -= on_walls[k]);
+            collided = walls.collisions();
         }
         self.count_given(given, time);
+        self.count_given(collided, 1.0);
     }
 
     /// Adds a force and its moment over a time (s) to what the fluid was given.

@@ -25,6 +25,8 @@
 //! fluid and wall is kept to rounding, bond by bond. Pressure acts along the bond or through the symmetric A_i, so that
 //! angular momentum is kept, too, with viscosity along bonds (`stress = "central"`).
 //!
+//! With `collisions`, points that pressure does not keep out collide with the wall ([`super::collision`]).
+//!
 //! Walls must be so thick that the fluid sees no fluid behind them: three rows of points, two with `influence =
 //! "wendland"` at a horizon of three spacings.
 
@@ -32,9 +34,12 @@ use nalgebra::Vector3;
 use perimelt_core::family::{ForeignBonds, Places};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Bond, BondKernel, FamilySpec, Read, Report, Setup, SetupError, Wall, World, Write, keys,
+    Bond, BondKernel, Configuration, FamilySpec, Read, Report, Setup, SetupError, Wall, World,
+    Write, keys,
 };
 
+use super::collision::{CollisionWall, FluidPoints};
+use super::interface::{Interface, NormalField};
 use super::treatments::Crowding;
 use super::wall_motion::WallMotion;
 
@@ -62,6 +67,11 @@ pub(super) struct WallBody {
     forces: Vec<[f64; 3]>,
     /// On the wall in the last step, N.
     force: Vector3<f64>,
+    /// Masses of its points, kg; empty without a density.
+    mass: Vec<f64>,
+    normal: Option<NormalField>,
+    /// Momentum (N s) and angular momentum (N m s) that collisions gave to the fluid in the last step.
+    collisions: [Vector3<f64>; 2],
 }
 
 /// A point of a wall as a point of the fluid.
@@ -110,11 +120,16 @@ impl Walls {
             setup.read(wall.other, &keys::DISPLACEMENT)?;
             let density = setup.density_at_points(body)?;
             let heaviest = density.into_iter().fold(0.0, f64::max);
-            let of_wall = setup.density_at_points(wall.other)?;
+            let solid = setup.body(wall.other);
+            let density = setup.density_at_points(wall.other)?;
+            let mass = density.iter().zip(&solid.points.volume);
             bodies.push(WallBody {
-                name: setup.body(wall.other).name.clone(),
+                name: solid.name.clone(),
+                mass: mass.map(|(rho, volume)| rho * volume).collect(),
+                normal: NormalField::declare(setup, wall.other),
+                collisions: Default::default(),
                 wall,
-                density_ratio: of_wall.iter().map(|rho| heaviest / rho).collect(),
+                density_ratio: density.iter().map(|rho| heaviest / rho).collect(),
                 velocity: setup.read(wall.other, &keys::VELOCITY)?,
                 motion: WallMotion::default(),
                 impulse: setup.give_impulses(&wall)?,
@@ -142,11 +157,7 @@ impl Walls {
         let own = world.configuration(body);
         for wall in &mut self.bodies {
             let other = world.configuration(wall.wall.other);
-            let [own, foreign] = [&own, &other].map(|c| Places {
-                positions: c.positions(),
-                volumes: c.volumes(),
-            });
-            wall.bonds.follow(own, foreign);
+            wall.bonds.follow(places(&own), places(&other));
             let time = world.time_of(wall.velocity);
             let motion = &mut wall.motion;
             let walls = world.body(wall.wall.other);
@@ -156,6 +167,49 @@ impl Walls {
             let points = wall.points.iter_mut().zip(&motion.velocity);
             points.for_each(|(point, v)| point.velocity = *v);
             wall.force = Vector3::zeros();
+            wall.collisions = Default::default();
+            if wall.normal.as_ref().is_some_and(|n| n.is_read) {
+                wall.set_normals(world, places(&other));
+            }
+        }
+    }
+
+    /// Lets fluid points that would penetrate walls collide with them, before they are displaced.
+    pub(super) fn collide(&mut self, world: &World, body: BodyIndex, mut fluid: FluidPoints<'_>) {
+        if self.is_empty() {
+            return;
+        }
+        let own = world.configuration(body);
+        let others: Vec<_> = (self.bodies.iter())
+            .map(|wall| world.configuration(wall.wall.other))
+            .collect();
+        let walls = self.bodies.iter().zip(&others);
+        let interfaces: Vec<_> = walls
+            .map(|(wall, other)| wall.interface(world, places(other)))
+            .collect();
+        let collide = |(number, wall): (usize, &WallBody)| {
+            wall.collide(world, own.positions(), (&interfaces, number), &mut fluid)
+        };
+        let found: Vec<_> = self.bodies.iter().enumerate().map(collide).collect();
+        for (wall, collisions) in self.bodies.iter_mut().zip(found) {
+            wall.force -= collisions[0] / fluid.dt;
+            wall.collisions = collisions;
+        }
+    }
+
+    /// Momentum (N s) and angular momentum (N m s) that collisions with walls gave to the fluid in the last step.
+    pub(super) fn collisions(&self) -> [Vector3<f64>; 2] {
+        let sum = |k: usize| self.bodies.iter().map(|wall| wall.collisions[k]).sum();
+        [sum(0), sum(1)]
+    }
+
+    /// Finds the normals of the walls at the interface.
+    pub(super) fn observe(&mut self, world: &World, body: BodyIndex) {
+        let own = world.configuration(body);
+        for wall in &mut self.bodies {
+            let other = world.configuration(wall.wall.other);
+            wall.bonds.follow(places(&own), places(&other));
+            wall.set_normals(world, places(&other));
         }
     }
 
@@ -343,6 +397,13 @@ impl Walls {
     }
 }
 
+fn places(configuration: &Configuration) -> Places<'_> {
+    Places {
+        positions: configuration.positions(),
+        volumes: configuration.volumes(),
+    }
+}
+
 fn add_to_owners<const O: usize>(bonds: &ForeignBonds, found: &[[f64; O]], sums: &mut [[f64; O]]) {
     for (&owner, found) in bonds.owners().iter().zip(found) {
         let sums = &mut sums[owner as usize];
@@ -351,6 +412,56 @@ fn add_to_owners<const O: usize>(bonds: &ForeignBonds, found: &[[f64; O]], sums:
 }
 
 impl WallBody {
+    fn interface<'a>(&'a self, world: &World, solid: Places<'a>) -> Interface<'a> {
+        let solid_body = world.body(self.wall.other);
+        Interface {
+            bonds: &self.bonds,
+            solid,
+            horizon: self.bonds.horizon(),
+            spacing: self.bonds.spacing(),
+            dimension: solid_body.dimension,
+        }
+    }
+
+    fn set_normals(&self, world: &World, solid: Places<'_>) {
+        let Some(normal) = &self.normal else {
+            return;
+        };
+        normal.set(world, &self.interface(world, solid));
+    }
+
+    /// Lets points of the fluid collide with the wall; returns the momentum (N s) and angular momentum (N m s) that they get.
+    fn collide(
+        &self,
+        world: &World,
+        places_of_fluid: &[Vector3<f64>],
+        (interfaces, number): (&[Interface<'_>], usize),
+        fluid: &mut FluidPoints<'_>,
+    ) -> [Vector3<f64>; 2] {
+        let solid = world.body(self.wall.other);
+        let moves_as_one = world.is_rigid(self.wall.other) || self.mass.is_empty();
+        let wall = CollisionWall {
+            interfaces,
+            number,
+            spacing: solid.finest_spacing(),
+            mass: (!moves_as_one).then_some(&self.mass[..]),
+        };
+        let mut velocity: Vec<_> = self.points.iter().map(|p| p.velocity).collect();
+        let mut impulses = Vec::new();
+        let mut collisions = [Vector3::zeros(); 2];
+        wall.collide(fluid, &mut velocity, &mut impulses, |hit| {
+            collisions[0] += hit.impulse;
+            collisions[1] += places_of_fluid[hit.point].cross(&hit.impulse);
+        });
+        if !impulses.is_empty() {
+            let mut sink = world.write(self.impulse);
+            for (point, taken) in impulses {
+                sink[point] += taken / solid.points.volume[point];
+            }
+        }
+        collisions
+    }
+
     fn set_velocity<S, F>(&mut self, fluid: &FluidAtWall<'_, S, F>)
     where
         S: Fn(usize) -> usize + Sync,

@@ -296,6 +296,7 @@ impl Physics for RigidBody {
             spring: self.spring.clone(),
             damping: self.damping.clone(),
         };
+        setup.set_rigid(body);
         let volume = setup.body(body).points.volume.clone();
         self.run = Some(Run {
             body,
