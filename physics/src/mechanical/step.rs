@@ -80,10 +80,10 @@ impl Run {
             self.eigenstrain_size = max_abs(&eigenstrain);
         }
         self.load_plasticity(world, temperature.as_deref());
-        if let Some(hold) = self.fields.hold {
-            if self.stop_held_points(world, hold, step.size) {
-                self.hold_points(world, hold);
-            }
+        if let Some(hold) = self.fields.hold
+            && self.stop_held_points(world, hold, step.size)
+        {
+            self.hold_points(world, hold);
         }
     }
 
