@@ -65,8 +65,8 @@ pub(super) struct Conservative {
     family: Arc<Family>,
     complete: CompleteFamily,
     walls: Walls,
-    /// 1 for viscous forces along bonds, else 0.
-    central: f64,
+    /// Whether viscous forces act along bonds.
+    is_central: bool,
     /// Kernel sum of a complete family, 1/m.
     crowd: f64,
     /// m.
@@ -109,7 +109,10 @@ struct Survey<const D: usize> {
     laplacian: f64,
     /// m.
     horizon: f64,
-    /// 1 for viscous forces along bonds, `(d + 2) (v_j - v_i) . e e` in place of `v_j - v_i`, else 0.
+    /// 0 for viscous forces along bonds, else 1.
+    plain: f64,
+    /// `(d + 2) / r^2` for viscous forces along bonds, `(d + 2) (v_j - v_i) . xi xi / r^2` in place of `v_j - v_i`, with
+    /// the mean `r^2 = sum w |xi|^4 / sum w |xi|^2` of a complete family; else 0. 1/m².
     central: f64,
 }
 
@@ -140,17 +143,15 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Survey
         }
         let diffusive = weight * self.laplacian;
         let viscous = diffusive * 0.5 * (own[2 * D + 1] + other[2 * D + 1]);
-        let plain = 1.0 - self.central;
         let stretch: f64 = (0..D).map(|a| held[a] * xi[a]).sum();
-        let along_bond =
-            self.central * (D as f64 + 2.0) * stretch * bond.inverse_length * bond.inverse_length;
-        let mut square = along_bond * stretch;
+        let (plain, central) = (viscous * self.plain, viscous * self.central * stretch);
+        let mut work = central * stretch;
         for (v, x) in held.iter().zip(along) {
-            put(viscous * (plain * v + along_bond * x));
-            square += plain * v * v;
+            put(plain * v + central * x);
+            work += plain * v * v;
         }
         // each end gets half of the work of the pair
-        put(0.5 * viscous * square);
+        put(0.5 * work);
         put(diffusive * difference[2 * D]);
         for x in along {
             put(diffusive * x);
@@ -221,7 +222,7 @@ impl Conservative {
             family,
             complete,
             walls,
-            central: if is_central { 1.0 } else { 0.0 },
+            is_central,
             crowd,
             horizon,
             velocity: vec![Vec::new(); dimension],
@@ -245,7 +246,11 @@ impl Conservative {
         Survey {
             laplacian: self.laplacian(),
             horizon: self.horizon,
-            central: self.central,
+            plain: if self.is_central { 0.0 } else { 1.0 },
+            central: match self.is_central {
+                true => (D as f64 + 2.0) / self.complete.mean_square,
+                false => 0.0,
+            },
         }
     }
 

@@ -29,6 +29,8 @@ pub(super) struct CompleteFamily {
     pub point: usize,
     /// `sum w |xi|^2 V / dimension`, m.
     pub moment: f64,
+    /// `sum w |xi|^4 V` over `sum w |xi|^2 V`, m².
+    pub mean_square: f64,
     /// `sum w V` of the neighbours, 1/m.
     pub content: f64,
     /// Weight of a point in its own family over its volume, 1/m⁴ (3D).
@@ -102,11 +104,16 @@ impl CompleteFamily {
                 (square, content, point) = (own_square, own_content, candidate);
             }
         }
+        let mut fourth = 0.0;
+        family.for_each_bond(point, |_, bond, _| {
+            fourth += bond.weight * bond.length.powi(4);
+        });
         let horizon = family.spec().horizon.of(body.finest_spacing());
         let own_weight = 1.0 / family.spec().moment(body, horizon);
         CompleteFamily {
             point,
             moment: square / body.dimension as f64,
+            mean_square: fourth / square,
             content,
             own_weight,
             own_content: own_weight * body.points.volume[0],
