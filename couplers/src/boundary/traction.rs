@@ -239,10 +239,10 @@ mod tests {
 
     #[test]
     fn pressure_may_be_a_formula_in_place_and_time() {
-        // faces of unit area at x = 0, with centres at y = 0.5, 1.5, 2.5
+        // two rows of faces of unit area at x = 0, with centres at y = 0.5, 1.5, 2.5; the step ends at 2 s
         let (body_force, force) = loaded("faces = ['x-']\npressure = '10 * (3 - y) * t'");
-        assert_eq!(force, [2.0 * 45.0, 0.0, 0.0]);
-        assert_eq!([body_force[0], body_force[12]], [25.0, 15.0]);
+        assert_eq!(force, [2.0 * 2.0 * 45.0, 0.0, 0.0]);
+        assert_eq!([body_force[0], body_force[12]], [50.0, 30.0]);
         let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
         let table = "faces = ['x+']\npressure = 'y'\nby = 'layer'";
         let mut boundary: Traction = read(table);

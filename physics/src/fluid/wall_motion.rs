@@ -54,3 +54,32 @@ fn shortest(body: &Body, mut way: Vector3<f64>) -> Vector3<f64> {
     }
     way
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use perimelt_core::Axis;
+    use perimelt_core::shape::{BoxShape, Shape};
+
+    #[test]
+    fn a_wall_moves_with_its_mean_velocity_over_its_own_steps() {
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [4.0, 1.0, 1.0],
+        });
+        let mut body = Body::fill("wall", &shape, 2, 1.0, 1.0).expect("valid");
+        body.repeat(&[Axis::X]).expect("it covers both faces");
+        let at = |x: f64| vec![Vector3::new(x, 0.0, 0.0)];
+        let mut motion = WallMotion::default();
+        motion.follow(&body, 0.0, &at(1.0), &at(7.0));
+        assert_eq!(motion.velocity, at(7.0), "no step yet");
+        motion.follow(&body, 0.5, &at(2.0), &at(-7.0));
+        assert_eq!(motion.velocity, at(2.0));
+        // the fluid takes several sub-steps in one of the wall
+        motion.follow(&body, 0.5, &at(2.0), &at(-7.0));
+        assert_eq!(motion.velocity, at(2.0));
+        // through the periodic face
+        motion.follow(&body, 1.0, &at(-1.0), &at(-7.0));
+        assert_eq!(motion.velocity, at(2.0));
+    }
+}
