@@ -138,7 +138,7 @@ struct Slider {
     conductance: Option<f64>,
     /// m/s.
     velocity: f64,
-    /// Step of the plate as a fraction of 0.02 s, if given.
+    /// Step of the plate as a fraction of 0.005 s, if given.
     step: Option<f64>,
 }
 
@@ -185,7 +185,7 @@ impl Slider {
             )
         };
         let conductance = self.conductance.map(|h| format!("conductance = {h}"));
-        let step = self.step.map(|s| format!("step = {}", 0.02 * s));
+        let step = self.step.map(|s| format!("step = {}", 0.005 * s));
         compose(&format!(
             "{}{}
             [[physics]]
