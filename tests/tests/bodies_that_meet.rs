@@ -170,7 +170,7 @@ fn bodies_that_meet_do_not_gain_energy_by_the_order_of_their_steps() {
 #[test]
 fn collisions_alone_keep_momentum_and_angular_momentum() {
     // accelerations are switched off, so that pressure does not keep the drop out; its points fly through each other
-    let mut simulation = drop_and_blocks("startup = 1e12\n collisions = true", 3e-3);
+    let mut simulation = drop_and_blocks("startup = 1e12\n collisions = {}", 3e-3);
     let quantities = ["momentum.x", "momentum.y", "angular_momentum.z"];
     let drifts = largest_drift(&mut simulation, &quantities);
     assert!(drifts.iter().all(|d| *d < 1e-12), "{drifts:?}");

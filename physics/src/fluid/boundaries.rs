@@ -11,12 +11,21 @@ pub(super) fn check_closed(
     body: BodyIndex,
     walls: &[Face],
 ) -> Result<(), SetupError> {
-    let this = setup.body(body);
-    if !this.fills_box() {
+    if !setup.body(body).fills_box() {
         let message = "the body does not fill its box, so that its surface is free";
         let expected = "`form = \"conservative\"`, or a body that fills its box";
         return Err(SetupError::value("form", message, expected));
     }
+    check_faces(setup, body, walls)
+}
+
+/// Refuses a body with a face that is neither a wall nor periodic.
+pub(super) fn check_faces(
+    setup: &Setup<'_>,
+    body: BodyIndex,
+    walls: &[Face],
+) -> Result<(), SetupError> {
+    let this = setup.body(body);
     let is_open =
         |f: &Face| f.axis() < this.dimension && !this.periodic[f.axis()] && !walls.contains(f);
     match Face::ALL.into_iter().find(is_open) {

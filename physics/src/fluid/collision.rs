@@ -1,30 +1,35 @@
 //! Collision of fluid points with walls that are bodies, where pressure does not keep them out: at speeds near that of
 //! sound, or for single points, which have no pressure.
 //!
-//! A point f of the fluid collides with the nearest point s of a wall if it approaches it and would lie within half a spacing
-//! of the wall before it (Gao (2020), eqs. 7.10 to 7.14; corrected, see spec 06, E6: with the velocity relative to the wall),
+//! A point f of the fluid collides with the nearest point s of a wall if it approaches it and would come closer to it than
+//! d spacings along its normal (Gao (2020), eqs. 7.10 to 7.14; corrected, see spec 06, E6: with the velocity relative to
+//! the wall),
 //!
 //! ```text
-//! n . (y_f + dt v_f - (y_s + dt v_s - dx n / 2)) > 0   and   n . (v_f - v_w) > 0
-//! v_f <- v_f - 2 M / (m_f + M) [n . (v_f - v_w)] n
+//! n . (y_f + dt v_f - (y_s + dt v_s - d dx n)) > 0   and   n . (v_f - v_w) > 0
+//! v_f <- v_f - (1 + e) M / (m_f + M) [n . (v_f - v_w)] n
 //! ```
 //!
-//! with the normal n of the wall from the fluid to the solid ([`wall_normal`]). It is then displaced with this velocity
+//! with the coefficient of restitution e (1 in the reference) and the normal n of the wall from the fluid to the solid
+//! ([`wall_normal`]). It is then displaced with this velocity
 //! from its old position and so does not penetrate; no point is displaced beside that, so that momenta are not moved.
 //!
 //! The wall takes the opposite of what the fluid gets. It is distributed over the points of the wall around by weights with
 //! `sum_k l_k = 1` and `sum_k l_k (y_k - y_f) = 0` along the wall (moving least squares of first order), so that angular
 //! momentum is kept, too. In return the wall has the velocity `v_w = sum_k l_k v_k`, and the mass
-//! `1/M = sum_k l_k^2 / m_k` if its points move on their own: the collision is elastic for fluid and wall together. The
-//! reference takes M as infinite, with which a fluid that collides with a light solid gains energy; so does this scheme for
+//! `1/M = sum_k l_k^2 / m_k` if its points move on their own: with e = 1 the collision is elastic for fluid and wall together.
+//! The reference takes M as infinite, with which a fluid that collides with a light solid gains energy; so does this scheme for
 //! rigid bodies, whose mass is large beside that of a fluid point.
 //!
-//! A point under tension, which the wall attracts, loses its approach only (restitution 0 instead of 1). Density and velocity
+//! A point under tension, which the wall attracts, loses its approach only (e = 0). Density and velocity
 //! advance one after the other, with the invariant `q^2 + v^2 + w dt q v` of a sound wave (q: pressure over `rho c`): a reversal of v
 //! adds to it where the pressure is negative, and a single point that bounces along a wall gains energy without bound.
 
 use nalgebra::{Matrix4, Vector3, Vector4};
+use perimelt_core::SetupError;
 use perimelt_core::family::ForeignBonds;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::interface::{Interface, wall_normal};
 
@@ -34,6 +39,45 @@ const NEAREST: f64 = 1.1;
 /// Least determinant of the moments of a distribution; a complete neighbourhood has about 0.1.
 const LEAST_DETERMINANT: f64 = 1e-4;
 
+/// Collision of points of a fluid with solids that they would penetrate (Gao (2020), eqs. 7.10 to 7.14; corrected, see
+/// spec 06, E6). Without keys as published: elastic, at the face of the solid.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Collisions {
+    /// Coefficient of restitution, from 0 to 1: 1 reflects the velocity relative to the solid, 0 takes the approach only.
+    pub restitution: f64,
+    /// Distance from the first points of the solid within which points collide, in spacings of the solid, from 0 to 1:
+    /// its face lies at 0.5. Fluid under pressure against a curved solid touches the face, and its collisions there
+    /// are noise in the pressure; 0.25 lets only those collide that the pressure has not kept out.
+    pub distance: f64,
+}
+
+impl Default for Collisions {
+    fn default() -> Self {
+        Collisions {
+            restitution: 1.0,
+            distance: 0.5,
+        }
+    }
+}
+
+impl Collisions {
+    pub(super) fn check(&self) -> Result<(), SetupError> {
+        let numbers = [
+            ("collisions.restitution", self.restitution),
+            ("collisions.distance", self.distance),
+        ];
+        let wrong = |(_, value): &(&str, f64)| !(0.0..=1.0).contains(value);
+        match numbers.into_iter().find(wrong) {
+            None => Ok(()),
+            Some((key, value)) => {
+                let message = format!("`{key}` is {value}");
+                Err(SetupError::value(key, message, "a number from 0 to 1"))
+            }
+        }
+    }
+}
+
 /// Points of the fluid during a step.
 pub(super) struct FluidPoints<'a> {
     /// m/s.
@@ -42,6 +86,7 @@ pub(super) struct FluidPoints<'a> {
     pub(super) mass: &'a [f64],
     /// Pa.
     pub(super) pressure: &'a [f64],
+    pub(super) rule: Collisions,
     /// Of the step, s.
     pub(super) dt: f64,
 }
@@ -106,10 +151,9 @@ impl CollisionWall<'_> {
                 mass.map_or(0.0, |m| part.fraction * part.fraction / m)
             };
             let mobility = parts.iter().map(inverse).sum();
-            let restitution = if fluid.pressure[point] < 0.0 {
-                0.0
-            } else {
-                1.0
+            let restitution = match fluid.pressure[point] < 0.0 {
+                true => 0.0,
+                false => fluid.rule.restitution,
             };
             let impulse = impulse(approach, (fluid.mass[point], mobility), restitution) * normal;
             fluid.velocity[point] += impulse / fluid.mass[point];
@@ -147,7 +191,8 @@ impl CollisionWall<'_> {
         let normal = ghost.reflect(wall_normal(self.interfaces, at)?);
         let distance = normal.dot(&Vector3::from(bond.xi));
         let approach = normal.dot(&relative);
-        if !(approach > 0.0 && distance - fluid.dt * approach < 0.5 * self.spacing) {
+        if !(approach > 0.0 && distance - fluid.dt * approach < fluid.rule.distance * self.spacing)
+        {
             return None;
         }
         let all = bonds.bonds_of(owner);
@@ -283,6 +328,7 @@ mod tests {
             velocity: &mut velocity,
             mass: &[0.2],
             pressure: &[pressure],
+            rule: Collisions::default(),
             dt: DT,
         };
         let mut impulses = Vec::new();

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::advection::Convection;
 
+use super::collision::Collisions;
 use super::run::Run;
 use super::state::State;
 use super::walls::Walls;
@@ -66,10 +67,10 @@ pub struct Fluid {
     /// velocity has a curvature, they do not follow the fluid exactly.
     #[serde(default)]
     pub xsph: f64,
-    /// Whether points that would penetrate a solid (`fluid_structure`) collide with it: the velocity relative to the solid is
-    /// reflected (Gao (2020), eqs. 7.10 to 7.14; corrected, see spec 06, E6). For impacts that pressure does not stop.
-    #[serde(default)]
-    pub collisions: bool,
+    /// Collision of points with solids (`fluid_structure`) that they would penetrate, for impacts and edges at which
+    /// pressure does not keep points out; when left out, points do not collide.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub collisions: Option<Collisions>,
     /// Viscosity between points that approach each other, as a fraction of 1.2 spacings times the speed of sound,
     /// such as 0.02 (Gao (2020), eq. 6.56; corrected, see spec 05, E26). It damps sound and impacts, and also shear,
     /// by about a tenth of it in two dimensions.
@@ -119,6 +120,10 @@ pub enum Surface {
     /// No external pressure, which follows from the conservative form without a condition.
     #[default]
     Natural,
+    /// There is none: the fluid fills a closed container, and its total volume stays that of the start. The sum of
+    /// the volumes of points that move drifts otherwise, as divergences of points in disorder do not add up to zero,
+    /// and the level of the pressure with it. For the conservative form.
+    Closed,
     /// Points of the first row have no pressure and the reference density (Gao (2020), eq. 6.59). Their
     /// compression does no work, so that impacts may become unstable.
     ZeroPressure,
@@ -188,13 +193,11 @@ impl Fluid {
             ("artificial_viscosity", self.artificial_viscosity),
         ];
         let wrong = |(_, value): &(&str, f64)| !(value.is_finite() && *value >= 0.0);
-        match numbers.into_iter().find(wrong) {
-            None => Ok(()),
-            Some((key, value)) => {
-                let message = format!("`{key}` is {value}");
-                Err(SetupError::value(key, message, "zero or above"))
-            }
+        if let Some((key, value)) = numbers.into_iter().find(wrong) {
+            let message = format!("`{key}` is {value}");
+            return Err(SetupError::value(key, message, "zero or above"));
         }
+        self.collisions.map_or(Ok(()), |c| c.check())
     }
 
     /// Refuses bodies as walls where the form does not know them.
@@ -204,17 +207,17 @@ impl Fluid {
             let expected = "`form = \"conservative\"`";
             return Err(SetupError::value("form", message, expected));
         }
-        if walls.is_empty() && self.collisions {
+        if walls.is_empty() && self.collisions.is_some() {
             let message = "no body is a wall for this fluid, with which its points could collide";
             let expected = "a coupler `fluid_structure`, or leave `collisions` out";
             return Err(SetupError::value("collisions", message, expected));
         }
-        if !walls.is_empty() && self.surface != Surface::Natural {
+        if !walls.is_empty() && self.surface == Surface::ZeroPressure {
             let message = "zero pressure at surfaces would also act at the body that is a wall";
             return Err(SetupError::value(
                 "surface",
                 message,
-                "`surface = \"natural\"`",
+                "`surface = \"natural\"` or `\"closed\"`",
             ));
         }
         Ok(())
@@ -224,7 +227,7 @@ impl Fluid {
     pub(super) fn keeps_angular_momentum(&self) -> bool {
         self.form == Form::Conservative
             && self.stress == Stress::Central
-            && self.surface == Surface::Natural
+            && self.surface != Surface::ZeroPressure
             && self.smoothing == 0
             && self.xsph == 0.0
             && self.shifting == 0.0
@@ -249,6 +252,11 @@ impl Fluid {
     }
 
     fn check_description(&self) -> Result<(), SetupError> {
+        if self.surface == Surface::Closed && self.form != Form::Conservative {
+            let message = "closed containers belong to the conservative form";
+            let expected = "`form = \"conservative\"`, or another `surface`";
+            return Err(SetupError::value("surface", message, expected));
+        }
         if self.stress == Stress::Central && self.form != Form::Conservative {
             let message = "forces along bonds belong to the conservative form";
             let expected = "`form = \"conservative\"`, or another `stress`";

@@ -54,6 +54,7 @@ mod wall_motion;
 mod walls;
 
 pub use crate::advection::Convection;
+pub use collision::Collisions;
 pub use keys::{Fluid, Form, Scheme, Stress, Surface};
 pub use perimelt_core::Description;
 pub use state::{State, Tait};

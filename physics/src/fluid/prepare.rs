@@ -8,10 +8,10 @@ use perimelt_core::{
     SetupError, World, keys,
 };
 
-use super::boundaries::check_closed;
+use super::boundaries::{check_closed, check_faces};
 use super::conservative::Conservative;
 use super::differences::Differences;
-use super::keys::{Fluid, Form, Stress};
+use super::keys::{Fluid, Form, Stress, Surface};
 use super::medium::{Coefficient, Medium};
 use super::rates::{LargestSums, Rates};
 use super::run::{FluidTemperature, Moving, Run};
@@ -43,6 +43,9 @@ impl Run {
         let (velocity_layers, walls, _) = setup.layers(body, &keys::VELOCITY);
         if !fluid.may_have_free_surface() {
             check_closed(setup, body, &walls)?;
+        }
+        if fluid.surface == Surface::Closed {
+            check_faces(setup, body, &walls)?;
         }
         let medium = prepare_medium(fluid, setup, body)?;
         let temperature = match medium.viscosity.depends_on_temperature() {

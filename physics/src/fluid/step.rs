@@ -10,6 +10,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
+use perimelt_core::solver::reduce::{sum, sum_of};
 use perimelt_core::{PddoError, Step, World};
 
 use super::boundaries::keep_inside;
@@ -37,8 +38,25 @@ struct Advance<'a> {
     slots: &'a mut [Vec<f64>],
     terms: Terms<'a>,
     impulses: Option<Impulses<'a>>,
+    /// Of a fluid without free surface.
+    container: Option<Container<'a>>,
     /// s.
     dt: f64,
+}
+
+/// What a fluid fills.
+struct Container<'a> {
+    /// Of the points, kg.
+    mass: &'a [f64],
+    /// m³.
+    volume: f64,
+}
+
+impl Container<'_> {
+    /// Factor of all densities with which the points fill the container.
+    fn compression(&self, density: &[f64]) -> f64 {
+        sum_of([self.mass, density], |[mass, density]| mass / density) / self.volume
+    }
 }
 
 /// Impulses that other bodies gave to points that move.
@@ -96,6 +114,8 @@ impl Run {
         let force = self.body_force.map(|f| world.read(f));
         let impulse = self.impulse.map(|j| world.read(j));
         let impulses = impulse.as_deref().zip(self.moving.as_ref());
+        let container = self.moving.as_ref();
+        let container = container.filter(|_| fluid.surface == Surface::Closed);
         let mut advance = Advance {
             rates: &mut *self.rates,
             treatments: &mut self.treatments,
@@ -113,6 +133,10 @@ impl Run {
                 density,
                 reference_volume: &world.body(self.body).points.volume,
                 mass: &moving.mass,
+            }),
+            container: container.map(|moving| Container {
+                mass: &moving.mass,
+                volume: sum(&world.body(self.body).points.volume),
             }),
             dt: step.size,
         };
@@ -163,13 +187,14 @@ impl Run {
         };
         let mut displacement = world.write(displacement);
         let mut velocity = world.write(self.velocity);
-        if fluid.collisions
+        if let Some(rule) = fluid.collisions
             && let Some(moving) = &self.moving
         {
             let points = FluidPoints {
                 velocity: &mut velocity,
                 mass: &moving.mass,
                 pressure: &world.read(self.pressure.into()),
+                rule,
                 dt,
             };
             self.rates.collide(world, self.body, points);
@@ -287,6 +312,14 @@ impl Advance<'_> {
         }
         let fields = (&mut *flow.density, &mut *flow.pressure);
         self.rates.advance_density(&self.terms, dt, fields);
+        if let Some(container) = &self.container {
+            let factor = container.compression(flow.density);
+            for (i, (rho, p)) in flow.density.iter_mut().zip(&mut *flow.pressure).enumerate() {
+                let before = *rho;
+                *rho *= factor;
+                *p = self.terms.medium.pressure(i, (before, *rho), *p);
+            }
+        }
         if fluid.surface == Surface::ZeroPressure {
             let family = (self.rates.family(), self.terms.medium);
             let fields = (&mut *flow.density, &mut *flow.pressure);
