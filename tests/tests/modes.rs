@@ -168,6 +168,9 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path) {
     let half = options(&at("half.mcap"), Some(0.5 * case.time.end));
     let stopped = run::run(&case, &half).expect("it runs");
     assert_eq!(stopped.end, End::Until, "{name}");
+    let half = at("half.mcap");
+    let half = told(&["info", &half.to_string_lossy()]);
+    assert!(half.contains("the run was interrupted"), "{name}: {half}");
     run::resume(&at("half.mcap"), &options(&at("half.mcap"), None)).expect("it resumes");
     assert!(
         last_checkpoint(&at("half.mcap")) == straight,
@@ -182,19 +185,9 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path) {
             "{name}: the start and four intervals"
         );
     }
-    for command in ["info", "replay"] {
-        let mut program = Command::new(env!("CARGO_BIN_EXE_perimelt-tests"));
-        let output = program
-            .arg(command)
-            .arg(at("straight.mcap"))
-            .output()
-            .expect("it starts");
-        let errors = String::from_utf8_lossy(&output.stderr);
-        assert!(
-            output.status.success() && !output.stdout.is_empty(),
-            "{name}: {command}: {errors}"
-        );
-    }
+    let straight = at("straight.mcap");
+    assert!(!told(&["info", &straight.to_string_lossy()]).contains("interrupted"));
+    told(&["replay", &straight.to_string_lossy()]);
 
     // equilibrium only as good as the default would hide behind its tolerance; that of a slender body cannot be found more
     // exactly than its displacements are rounded
@@ -260,4 +253,17 @@ fn every_case_ends_in_the_same_state_in_all_modes() {
             started.elapsed()
         );
     }
+}
+
+/// What the program prints.
+fn told(arguments: &[&str]) -> String {
+    let mut program = Command::new(env!("CARGO_BIN_EXE_perimelt-tests"));
+    let output = program.args(arguments).output().expect("it starts");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(
+        output.status.success() && !text.is_empty(),
+        "{arguments:?}: {errors}"
+    );
+    text
 }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use perimelt_core::log::{Ending, Log};
 
 use super::Done;
+use crate::run::case_of;
 use crate::run::display::duration;
 
 #[derive(clap::Args, Debug)]
@@ -26,7 +27,7 @@ pub fn run(args: &InfoArgs) -> Done {
         run.threads
     )?;
     match log.ending() {
-        Ending::Finished => writeln!(out, "the log is complete")?,
+        Ending::Finished => writeln!(out, "the log is complete{}", early_end(&log))?,
         Ending::Unfinished { at } => writeln!(out, "the log is unfinished: it ends at byte {at}")?,
         Ending::Damaged { at, what } => writeln!(out, "the log is damaged at byte {at}: {what}")?,
     }
@@ -92,4 +93,20 @@ pub fn run(args: &InfoArgs) -> Done {
         .collect();
     writeln!(out, "checkpoints at t = {} s", times.join(", "))?;
     Ok(())
+}
+
+/// What to say of a run that was interrupted or failed; empty for one that reached its end.
+fn early_end(log: &Log) -> String {
+    // a case that this program cannot read tells no end
+    let (Ok(case), Some(last)) = (case_of(log), log.progress().last()) else {
+        return String::new();
+    };
+    let end = case.time.end;
+    match last.time >= end {
+        true => String::new(),
+        false => format!(
+            "; the run was interrupted or failed at t = {:.6e} s of {end:.6e} s: `perimelt resume` continues it",
+            last.time
+        ),
+    }
 }

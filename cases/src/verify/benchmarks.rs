@@ -82,6 +82,8 @@ benchmarks!(
     "wang-7.5.1-stefan-no-latent",
     "wang-7.5.2-neumann",
     "wang-7.5.2-neumann-plate",
+    "freezing-water",
+    "freezing-water-horizon-3",
     "wang-7.5.3-point",
     "wang-7.5.4.1-goldak",
     "wang-7.5.4.1-goldak-window",

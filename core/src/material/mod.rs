@@ -7,9 +7,11 @@
 //! - [`MaterialSection`]: how a case file or a library file writes a material, with its mistakes
 //!   reported where they are;
 //! - [`Material`]: the checked set that physics and couplers read;
-//! - [`EnthalpyCurve`]: heat content against temperature with melting, and back.
+//! - [`EnthalpyCurve`]: heat content against temperature with melting, and back;
+//! - [`HeatPotential`]: the integral of the conductivity over the temperature.
 
 mod enthalpy;
+mod potential;
 mod property;
 mod section;
 mod table;
@@ -21,6 +23,7 @@ mod library_files;
 pub use enthalpy::{
     EnthalpyCurve, EnthalpyError, LatentHeat, LatentHeatForm, MushyCapacity, REFERENCE_TEMPERATURE,
 };
+pub use potential::HeatPotential;
 pub use property::Property;
 pub use section::MaterialSection;
 pub use table::{Table, TableError};

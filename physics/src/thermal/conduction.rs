@@ -1,17 +1,26 @@
 //! The conduction operator: the divergence of the heat flux at the points of a body, in one of two forms.
 //!
 //! ```text
-//! bonds               sum_j kappa_ij v V_j (T_j - T_i) / |xi|,   kappa_ij = (k_i + k_j) / M
+//! bonds               sum_j kappa_ij v V_j (T_j - T_i) / |xi|,   kappa_ij = 2 k_ij / M
 //! second derivatives  k lap T + grad k . grad T
 //! ```
+//!
+//! The conductivity of a bond within a material is the mean over the temperatures between its ends,
+//! `k_ij (T_j - T_i) = Theta(T_j) - Theta(T_i)` with the [`HeatPotential`] Theta: where the conductivity jumps at a
+//! melting front, the front takes its place within the bond. The mean of the ends, `(k_i + k_j) / 2` (Wang (2025), eq.
+//! 6.5), counts the bond that holds the front with the conductivity of the wrong phase, so that fronts lag by half a
+//! spacing. Between materials it is the mean of the ends.
 
 use std::sync::Arc;
 
 use perimelt_core::family::LayerRule;
-use perimelt_core::material::{EnthalpyCurve, Property};
+use perimelt_core::material::{EnthalpyCurve, HeatPotential, Property};
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::{Bond, BondKernel, BrokenBonds, Derivatives, Family, Pddo};
 use rayon::prelude::*;
+
+/// Slots that a thread takes at a time.
+const SLOTS_PER_TASK: usize = 4096;
 
 /// The conduction operator with its work arrays.
 #[derive(Debug)]
@@ -26,12 +35,49 @@ pub(super) struct Conduction {
     temperature_slots: Vec<f64>,
     conductivity_slots: Vec<f64>,
     conductivity_field: Vec<f64>,
-    /// Whether what was loaded last has one conductivity.
-    is_uniform: bool,
+    /// Of each material, where conductivities depend on the temperature.
+    potentials: Vec<HeatPotential>,
+    /// By slot, W/m.
+    potential_slots: Vec<f64>,
+    potential_field: Vec<f64>,
+    /// By slot, of the points that they mirror.
+    mirrored: Mirrored,
+    /// What was loaded last.
+    loaded: Loaded,
     /// Bonds that conduct no more.
     pub(super) broken: Option<BrokenBonds>,
     /// Heat that flowed to each point when last asked for, W/m³.
     pub(super) rate: Vec<[f64; 1]>,
+}
+
+/// Fields behind faces as those of the points that they mirror, by slot.
+#[derive(Debug, Default)]
+struct Mirrored {
+    /// K.
+    temperature: Vec<f64>,
+    material: Vec<f64>,
+    material_field: Vec<f64>,
+}
+
+/// What bonds conduct by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Loaded {
+    /// One conductivity.
+    Uniform,
+    /// The conductivities of their ends.
+    Ends,
+    /// The potential of the one material.
+    Potential,
+    /// The potential within a material, the conductivities of the ends between materials.
+    Mixed,
+}
+
+/// Fields by slot for the kernel that sums them: temperatures (K) or potentials (W/m); temperatures and conductivities
+/// (W/(m K)); and these with potentials and materials.
+enum Inputs<'a> {
+    One(Uniform, [&'a [f64]; 1]),
+    Ends([&'a [f64]; 2]),
+    Mixed([&'a [f64]; 4]),
 }
 
 /// The form of second derivatives.
@@ -57,7 +103,7 @@ pub(super) struct Matter<'a> {
     pub(super) least_conductivity: Option<&'a [f64]>,
 }
 
-/// Conduction with one conductivity, W/(m K); the micro-conductivity is `2 k / M`, and weights
+/// Conduction with one conductivity, W/(m K), or by a potential (W/m) with a conductivity of one; the micro-conductivity is `2 k / M`, and weights
 /// of bonds hold the `1 / M`.
 struct Uniform {
     conductivity: f64,
@@ -78,6 +124,19 @@ impl BondKernel<2, 1> for Varying {
     fn bond(&self, bond: &Bond, own: [f64; 2], other: [f64; 2]) -> [f64; 1] {
         let twice_mean = own[1] + other[1];
         [twice_mean * bond.mean() * bond.inverse_length * (other[0] - own[0])]
+    }
+}
+
+/// Conduction by temperature, conductivity, potential and material of the ends.
+struct Mixed;
+
+impl BondKernel<4, 1> for Mixed {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 4], other: [f64; 4]) -> [f64; 1] {
+        let between = (own[1] + other[1]) * (other[0] - own[0]);
+        let within = 2.0 * (other[2] - own[2]);
+        let twice = if own[3] == other[3] { within } else { between };
+        [twice * bond.mean() * bond.inverse_length]
     }
 }
 
@@ -112,7 +171,11 @@ impl Conduction {
             temperature_slots: vec![0.0; family.slots()],
             conductivity_slots: vec![0.0; if varying == 0 { 0 } else { family.slots() }],
             conductivity_field: vec![0.0; varying],
-            is_uniform: uniform.is_some(),
+            potentials: Vec::new(),
+            potential_slots: Vec::new(),
+            potential_field: Vec::new(),
+            mirrored: Mirrored::default(),
+            loaded: Loaded::Uniform,
             broken: None,
             rate: vec![[0.0]; points],
         }
@@ -145,11 +208,31 @@ impl Conduction {
         self.temperature_slots.resize(family.slots(), 0.0);
         family.scatter(temperature, 1, 0, &mut self.temperature_slots);
         family.fill_layers(matter.rules, 0, &mut self.temperature_slots);
-        self.is_uniform = self.uniform.is_some()
-            && (matter.least_conductivity.is_none() || self.derivatives.is_some());
-        if self.is_uniform {
+        self.loaded = self.what_to_load(matter);
+        if self.loaded == Loaded::Uniform {
             return;
         }
+        if self.loaded != Loaded::Potential {
+            self.load_conductivity(matter, temperature);
+        }
+        if [Loaded::Potential, Loaded::Mixed].contains(&self.loaded) {
+            self.load_potential(matter, temperature);
+        }
+    }
+
+    fn what_to_load(&self, matter: &Matter<'_>) -> Loaded {
+        let by_derivatives = self.derivatives.is_some();
+        match (self.uniform, matter.least_conductivity) {
+            (Some(_), None) => Loaded::Uniform,
+            (Some(_), _) if by_derivatives => Loaded::Uniform,
+            (_, Some(_)) => Loaded::Ends,
+            _ if by_derivatives || self.is_linear() => Loaded::Ends,
+            _ if self.conductivity.len() == 1 => Loaded::Potential,
+            _ => Loaded::Mixed,
+        }
+    }
+
+    fn load_conductivity(&mut self, matter: &Matter<'_>, temperature: &[f64]) {
         self.conductivity_field.resize(temperature.len(), 0.0);
         let properties = &self.conductivity;
         let calibration = self.calibration;
@@ -168,9 +251,57 @@ impl Conduction {
             let values = self.conductivity_field.iter_mut().zip(least);
             values.for_each(|(k, least)| *k = k.max(calibration * least));
         }
+        let family = matter.family;
         self.conductivity_slots.resize(family.slots(), 0.0);
         family.scatter(&self.conductivity_field, 1, 0, &mut self.conductivity_slots);
         family.fill_layers(&[], 0, &mut self.conductivity_slots);
+    }
+
+    /// Behind faces the potential continues as the temperature does: as far from its value at the mean of both sides.
+    fn load_potential(&mut self, matter: &Matter<'_>, temperature: &[f64]) {
+        if self.potentials.is_empty() {
+            let materials = self.conductivity.iter().zip(matter.curves);
+            self.potentials = materials.map(|(k, c)| HeatPotential::new(k, c)).collect();
+        }
+        let (family, potentials) = (matter.family, &self.potentials);
+        let calibration = self.calibration;
+        let points = temperature.par_iter().zip(matter.material);
+        let potential = points.map(|(&t, &m)| calibration * potentials[m as usize].at(t));
+        potential.collect_into_vec(&mut self.potential_field);
+        let mirror = |field: &[f64], slots: &mut Vec<f64>| {
+            slots.resize(family.slots(), 0.0);
+            family.scatter(field, 1, 0, slots);
+            family.fill_layers(&[], 0, slots);
+        };
+        mirror(&self.potential_field, &mut self.potential_slots);
+        let several = potentials.len() > 1;
+        let mirrored = &mut self.mirrored;
+        if several {
+            mirrored.material_field.clear();
+            let materials = matter.material.iter().map(|&m| f64::from(m));
+            mirrored.material_field.extend(materials);
+            mirror(&mirrored.material_field, &mut mirrored.material);
+        }
+        if matter.rules.is_empty() {
+            return;
+        }
+        mirror(temperature, &mut mirrored.temperature);
+        let material = |slot: usize| match several {
+            true => mirrored.material[slot] as usize,
+            false => 0,
+        };
+        let behind = self
+            .potential_slots
+            .par_iter_mut()
+            .zip(&self.temperature_slots)
+            .zip(&mirrored.temperature);
+        let behind = behind.enumerate().with_min_len(SLOTS_PER_TASK);
+        behind.for_each(|(slot, ((potential, here), mirrored))| {
+            if here != mirrored {
+                let face = potentials[material(slot)].at(0.5 * (here + mirrored));
+                *potential = 2.0 * calibration * face - *potential;
+            }
+        });
     }
 
     /// Heat that flows to each point, W/m³, from what was loaded.
@@ -178,23 +309,36 @@ impl Conduction {
         if self.derivatives.is_some() {
             return self.flow_by_derivatives(matter.least_conductivity);
         }
-        let (kernel, family) = (self.kernel(), matter.family);
-        let (slots, broken) = (&self.temperature_slots[..], self.broken.as_ref());
-        match kernel {
-            Some(kernel) => family.sum_unbroken(&kernel, [slots], broken, &mut self.rate),
-            None => {
-                let inputs = [slots, &self.conductivity_slots];
-                family.sum_unbroken(&Varying, inputs, broken, &mut self.rate);
+        let mut rate = std::mem::take(&mut self.rate);
+        let (family, broken) = (matter.family, self.broken.as_ref());
+        match self.inputs() {
+            Inputs::One(kernel, inputs) => {
+                family.sum_unbroken(&kernel, inputs, broken, &mut rate);
             }
+            Inputs::Ends(inputs) => family.sum_unbroken(&Varying, inputs, broken, &mut rate),
+            Inputs::Mixed(inputs) => family.sum_unbroken(&Mixed, inputs, broken, &mut rate),
         }
+        self.rate = rate;
     }
 
-    /// The kernel of one conductivity, where what was loaded has one.
-    fn kernel(&self) -> Option<Uniform> {
-        let uniform = self.uniform.filter(|_| self.is_uniform);
-        uniform.map(|k| Uniform {
-            conductivity: self.calibration * k,
-        })
+    /// What was loaded, for its kernel.
+    fn inputs(&self) -> Inputs<'_> {
+        let temperature = &self.temperature_slots[..];
+        let (conductivity, potential) = (&self.conductivity_slots[..], &self.potential_slots[..]);
+        match self.loaded {
+            Loaded::Uniform => {
+                let conductivity = self.calibration * self.uniform.unwrap_or_default();
+                Inputs::One(Uniform { conductivity }, [temperature])
+            }
+            Loaded::Potential => Inputs::One(Uniform { conductivity: 1.0 }, [potential]),
+            Loaded::Ends => Inputs::Ends([temperature, conductivity]),
+            Loaded::Mixed => Inputs::Mixed([
+                temperature,
+                conductivity,
+                potential,
+                &self.mirrored.material,
+            ]),
+        }
     }
 
     fn flow_by_derivatives(&mut self, least_conductivity: Option<&[f64]>) {
@@ -208,12 +352,13 @@ impl Conduction {
             conductivity,
         } = derivatives;
         pddo.gradient_and_laplacian(&self.temperature_slots, work, temperature);
-        if !self.is_uniform {
+        let is_uniform = self.loaded == Loaded::Uniform;
+        if !is_uniform {
             pddo.gradient(&self.conductivity_slots, work, conductivity);
         }
         let dimension = pddo.dimension();
         let (uniform, field) = (self.uniform, &self.conductivity_field);
-        let (is_uniform, conductivity) = (self.is_uniform, &*conductivity);
+        let conductivity = &*conductivity;
         let rows = self.rate.par_iter_mut().enumerate().with_min_len(1024);
         rows.for_each(|(i, [rate])| {
             let row = &temperature[i * (dimension + 1)..][..dimension + 1];
@@ -237,10 +382,10 @@ impl Conduction {
             return total;
         }
         let add = |point: usize, [rate]: [f64; 1]| total += volume[point] * rate;
-        let slots = &self.temperature_slots[..];
-        match self.kernel() {
-            Some(kernel) => family.sum_from_layers(&kernel, [slots], add),
-            None => family.sum_from_layers(&Varying, [slots, &self.conductivity_slots], add),
+        match self.inputs() {
+            Inputs::One(kernel, inputs) => family.sum_from_layers(&kernel, inputs, add),
+            Inputs::Ends(inputs) => family.sum_from_layers(&Varying, inputs, add),
+            Inputs::Mixed(inputs) => family.sum_from_layers(&Mixed, inputs, add),
         }
         total
     }
