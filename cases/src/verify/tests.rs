@@ -1,0 +1,107 @@
+//! Cases that stop, and values over time.
+
+use super::*;
+
+/// A bar of 8 points whose mean temperature rises by `flux` (W/m²) over 8000 in a second.
+fn heated_bar(flux: f64, checks: &str) -> String {
+    format!(
+        r#"
+        [bodies.bar]
+        shape.box = {{ min = [0, 0, 0], max = [0.008, 1, 1] }}
+        dimension = 1
+        spacing = 0.001
+        material = "m"
+        initial.temperature = 300
+
+        [materials.m]
+        density = 1000
+        conductivity = 1
+        specific_heat = 1000
+
+        [[physics]]
+        type = "thermal"
+        step = 0.1
+
+        [[couplers]]
+        type = "heat_flux"
+        faces = ["x-"]
+        flux = {flux:e}
+
+        [time]
+        end = 10
+        step = 0.1
+
+        [log]
+        interval = 1
+
+        {checks}
+        "#
+    )
+}
+
+const MEAN: &str = "statistic = { field = \"temperature\", statistic = \"mean\" }";
+
+fn check(quantity: &str, measure: &str, reference: f64) -> String {
+    format!(
+        r#"
+        [[verify]]
+        quantity = "{quantity}"
+        measure.{measure}
+        reference = {reference}
+        limit.absolute = 1e-9
+        source = "closed form"
+        "#
+    )
+}
+
+/// Checks case files of a temporary folder.
+fn outcomes(files: &[(&str, String)]) -> Vec<Outcome> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (name, text) in files {
+        let path = folder.path().join(format!("{name}.toml"));
+        std::fs::write(path, text).expect("a writable folder");
+    }
+    let args = VerifyArgs {
+        cases: Some(folder.path().into()),
+        ..VerifyArgs::default()
+    };
+    verify(&args).expect("valid cases")
+}
+
+fn is_audit(outcome: &&Outcome) -> bool {
+    outcome.quantity.starts_with("audit")
+}
+
+#[test]
+fn a_run_that_stops_fails_its_checks_and_no_others() {
+    // 10 K in 10 s
+    let sound = check("end", MEAN, 310.0);
+    let ratio = check("ratio", MEAN, 1.0).replace("reference", "of = \"a-blown-up\"\nreference");
+    let early = "field = { field = \"temperature\", at = [[0.004, 0, 0]], time = 0.1 }";
+    let history = "history = { field = \"temperature\", at = [0.004, 0, 0] }";
+    let stopped = check("early", early, 1e14)
+        + &check("history", history, 1.0).replace("reference = 1", "reference = [1, 2, 3, 4]");
+    let unknown = check(
+        "unknown",
+        "field = { field = \"temperatur\", at = [[0, 0, 0]] }",
+        1.0,
+    );
+    let all = outcomes(&[
+        ("a-blown-up", heated_bar(1e25, &stopped)),
+        ("b-sound", heated_bar(8000.0, &(sound + &ratio + &unknown))),
+    ]);
+    let all: Vec<_> = all.iter().filter(|o| !is_audit(o)).collect();
+    assert_eq!(all.len(), 5, "{all:?}");
+    for (outcome, reason) in [
+        (all[0], "temperature"),
+        (all[1], "temperature"),
+        (all[3], "the run of a-blown-up stopped"),
+        (all[4], "temperatur"),
+    ] {
+        let failure = outcome.failure.as_deref().unwrap_or_default();
+        assert!(!outcome.passed && failure.contains(reason), "{outcome:?}");
+    }
+    assert!(all[2].passed, "{:?}", all[2]);
+    let table = OutcomeTable(&all.iter().map(|o| (*o).clone()).collect::<Vec<_>>()).to_string();
+    assert_eq!(table.matches("the run of a-blown-up stopped").count(), 2);
+}
