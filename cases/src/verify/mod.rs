@@ -9,6 +9,7 @@
 
 pub mod benchmarks;
 pub mod check;
+pub mod limit;
 mod measured_run;
 pub mod measurement;
 pub mod table;

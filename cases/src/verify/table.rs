@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use super::check::{Check, Limit};
+use super::check::Check;
+use super::limit::Limit;
 
 /// A check with its result.
 #[derive(Clone, Debug)]

@@ -105,3 +105,43 @@ fn a_run_that_stops_fails_its_checks_and_no_others() {
     let table = OutcomeTable(&all.iter().map(|o| (*o).clone()).collect::<Vec<_>>()).to_string();
     assert_eq!(table.matches("the run of a-blown-up stopped").count(), 2);
 }
+
+#[test]
+fn values_over_time_are_of_the_states_that_are_asked_for() {
+    // 1 K/s, logged every second
+    let at = "field = \"temperature\", statistic = \"mean\"";
+    let checks = [
+        ("", 310.0),
+        (", over_time = \"last\", time = 3", 303.0),
+        (", over_time = \"max\"", 310.0),
+        (", over_time = \"max\", time = 5", 305.0),
+        (", over_time = \"min\"", 301.0),
+        (", over_time = \"min\", since = 4", 304.0),
+        (", over_time = \"mean\"", 305.5),
+        (", since = 8", 309.0),
+        (", over_time = \"mean\", since = 8, time = 9", 308.5),
+    ];
+    let checks: String = checks
+        .map(|(keys, reference)| {
+            check(
+                keys.trim_matches(',').replace('"', "'").trim(),
+                &format!("statistic = {{ {at}{keys} }}"),
+                reference,
+            )
+        })
+        .concat();
+    for outcome in outcomes(&[("bar", heated_bar(8000.0, &checks))]) {
+        assert!(outcome.passed, "{outcome:?}");
+    }
+    let mistaken = check(
+        "q",
+        &format!("statistic = {{ {at}, over_time = \"last\", since = 2 }}"),
+        1.0,
+    );
+    let all = outcomes(&[("bar", heated_bar(8000.0, &mistaken))]);
+    let failure = all[0].failure.as_deref().unwrap_or_default();
+    assert!(
+        failure.contains("measure.over_time") || failure.contains("does not begin"),
+        "{failure}"
+    );
+}
