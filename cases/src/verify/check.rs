@@ -72,6 +72,8 @@ pub enum Measure {
     Balance(BalanceMeasure),
     /// A number that plugins report, summed over them.
     Report(ReportMeasure),
+    /// Mean number of passes of a macro step since the start; more than one with `time.iteration`.
+    Passes,
 }
 
 /// One value from those of several states.
@@ -418,15 +420,27 @@ pub struct ReportMeasure {
 
 /// When a check is made.
 #[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Serialize,
+    Deserialize,
+    JsonSchema,
+    clap::ValueEnum,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Level {
     /// Always.
     #[default]
     Everyday,
-    /// With `--full` only.
-    Full,
+    /// At the level "nightly" only: it takes longer than a few seconds.
+    #[serde(alias = "full")]
+    Nightly,
 }
 
 #[cfg(test)]

@@ -6,7 +6,10 @@ use std::time::Instant;
 use perimelt_core::{RunError, Simulation};
 
 use super::Planned;
+use super::audit::Audit;
+use super::check::{Check, Measure};
 use super::measurement::Measurement;
+use super::table::Outcome;
 use crate::case::Case;
 use crate::run::Failure;
 use crate::run::display::{Display, duration};
@@ -17,6 +20,9 @@ pub(super) struct MeasuredRun {
     measured: Vec<Result<Vec<f64>, String>>,
     /// Why the run did not reach its end.
     stopped: Option<String>,
+    audit: Audit,
+    /// Wall time, s.
+    pub(super) seconds: f64,
 }
 
 impl MeasuredRun {
@@ -40,27 +46,31 @@ impl MeasuredRun {
                 false => Err(String::new()),
             })
             .collect();
-        let result = advance(
-            case,
-            &mut simulation,
-            measurements.iter_mut().flatten().collect(),
-        );
+        let mut audit = Audit::default();
+        let measured = measurements.iter_mut().flatten().collect();
+        let result = advance(case, &mut simulation, measured, &mut audit);
+        let seconds = started.elapsed().as_secs_f64();
         let progress = simulation.progress();
         let steps = progress.macro_steps;
         let iterations: u64 = progress.iterations.iter().sum();
         let evaluations: u64 = progress.evaluations.iter().sum();
-        let wall = duration(started.elapsed().as_secs_f64());
+        let wall = duration(seconds);
         match result {
             Ok(()) => eprintln!(
                 "{name}: {steps} steps, {iterations} iterations, {evaluations} evaluations in {wall}"
             ),
-            Err(failure) => return MeasuredRun::stopped(name, &failure),
+            Err(failure) => {
+                let stopped = MeasuredRun::stopped(name, &failure);
+                return MeasuredRun { seconds, ..stopped };
+            }
         }
         let none = "the run has no state at the time of the measurement";
         let values = |m: Measurement| m.values().map(<[f64]>::to_vec).ok_or(none.to_string());
         MeasuredRun {
             measured: measurements.into_iter().map(|m| values(m?)).collect(),
             stopped: None,
+            audit,
+            seconds,
         }
     }
 
@@ -73,6 +83,27 @@ impl MeasuredRun {
         MeasuredRun {
             measured: Vec::new(),
             stopped: Some(reason),
+            audit: Audit::default(),
+            seconds: 0.0,
+        }
+    }
+
+    /// Outcomes of the audits of the run, without the balances that checks of the case cover. A run without checks has
+    /// at least one outcome: whether it reached its end.
+    pub(super) fn audits(&self, case: &str, checks: &[&Check]) -> Vec<Outcome> {
+        if let Some(reason) = &self.stopped {
+            // checks of the case give the reason, if there are any
+            let alone = checks.is_empty().then(|| reason.clone());
+            return alone.map_or(Vec::new(), |r| vec![Outcome::end(case, Err(r))]);
+        }
+        let is_checked = |quantity: &str| {
+            let mut measures = checks.iter().map(|c| &c.measure);
+            measures.any(|m| matches!(m, Measure::Balance(b) if b.quantity == quantity))
+        };
+        let outcomes = self.audit.outcomes(case, is_checked);
+        match outcomes.is_empty() && checks.is_empty() {
+            true => vec![Outcome::end(case, Ok(()))],
+            false => outcomes,
         }
     }
 
@@ -94,6 +125,7 @@ fn advance(
     case: &Case,
     simulation: &mut Simulation,
     mut measurements: Vec<&mut Measurement>,
+    audit: &mut Audit,
 ) -> Result<(), Failure> {
     case.start(simulation)?;
     let mut display = Display::new(simulation, f64::INFINITY, !std::io::stderr().is_terminal());
@@ -102,9 +134,11 @@ fn advance(
             break Ok(());
         }
         match simulation.step() {
-            Ok(logging) => measurements
-                .iter_mut()
-                .for_each(|m| m.observe(simulation, logging)),
+            Ok(logging) => {
+                let measurements = measurements.iter_mut();
+                measurements.for_each(|m| m.observe(simulation, logging));
+                audit.observe(simulation);
+            }
             Err(failure) => break Err::<(), RunError>(failure),
         }
         display.update(simulation);

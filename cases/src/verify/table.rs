@@ -2,21 +2,25 @@
 
 use std::fmt;
 
-use super::check::Check;
+use serde::{Deserialize, Serialize};
+
+use super::check::{Check, Level};
 use super::limit::Limit;
 
 /// A check with its result.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Outcome {
     /// Name of the case.
     pub case: String,
     /// What was compared.
     pub quantity: String,
     /// Measured value with the largest error.
+    #[serde(with = "null_for_nan")]
     pub measured: f64,
     /// Reference of that value.
     pub reference: f64,
     /// Error, as defined by the limit; NaN without a measured value.
+    #[serde(with = "null_for_nan")]
     pub error: f64,
     /// Largest permitted error.
     pub limit: Limit,
@@ -25,7 +29,14 @@ pub struct Outcome {
     /// Whether all of them are within the limit.
     pub passed: bool,
     /// Why there is nothing to compare.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
+    /// Source of the reference.
+    pub source: String,
+    /// When it is checked.
+    pub level: Level,
+    /// Wall time of the run of the case, s.
+    pub seconds: f64,
 }
 
 impl Outcome {
@@ -80,6 +91,38 @@ impl Outcome {
             values: 0,
             passed: false,
             failure: Some(reason),
+            source: check.source.clone(),
+            level: check.level,
+            seconds: 0.0,
+        }
+    }
+
+    /// An error that is audited without a check in the case.
+    pub fn audit(case: &str, quantity: String, error: f64, limit: f64) -> Outcome {
+        Outcome {
+            case: case.into(),
+            quantity,
+            measured: error,
+            reference: 0.0,
+            error,
+            limit: Limit::Absolute(limit),
+            values: 1,
+            passed: error <= limit,
+            failure: None,
+            source: "conservation".into(),
+            level: Level::Everyday,
+            seconds: 0.0,
+        }
+    }
+
+    /// Whether a run that has neither checks nor audits reached its end.
+    pub fn end(case: &str, result: Result<(), String>) -> Outcome {
+        let error = if result.is_ok() { 0.0 } else { f64::NAN };
+        let audit = Outcome::audit(case, "audit of the end of the run".into(), error, 0.0);
+        Outcome {
+            failure: result.err(),
+            source: "the case".into(),
+            ..audit
         }
     }
 
@@ -111,7 +154,8 @@ impl Outcome {
         }
     }
 
-    fn cells(&self) -> [String; 7] {
+    /// What a table shows of it.
+    pub(super) fn cells(&self) -> [String; 7] {
         let percent = |value: f64| format!("{} %", number(100.0 * value));
         let of_peak = |value: f64| format!("{} % of peak", number(100.0 * value));
         let (reference, error, limit) = match self.limit {
@@ -157,7 +201,7 @@ impl Outcome {
     }
 }
 
-const HEADINGS: [&str; 7] = [
+pub(super) const HEADINGS: [&str; 7] = [
     "case",
     "quantity",
     "measured",
@@ -211,8 +255,21 @@ impl fmt::Display for OutcomeTable<'_> {
     }
 }
 
+/// JSON has no NaN.
+mod null_for_nan {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        value.is_finite().then_some(*value).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
+        Ok(Option::deserialize(value)?.unwrap_or(f64::NAN))
+    }
+}
+
 /// Six significant digits, in plain notation where that is short.
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 {
         return "0".into();

@@ -103,7 +103,8 @@ fn a_run_that_stops_fails_its_checks_and_no_others() {
     }
     assert!(all[2].passed, "{:?}", all[2]);
     let table = OutcomeTable(&all.iter().map(|o| (*o).clone()).collect::<Vec<_>>()).to_string();
-    assert_eq!(table.matches("the run of a-blown-up stopped").count(), 2);
+    // each reason once
+    assert_eq!(table.matches("the run of a-blown-up stopped").count(), 1);
 }
 
 #[test]
@@ -144,4 +145,19 @@ fn values_over_time_are_of_the_states_that_are_asked_for() {
         failure.contains("measure.over_time") || failure.contains("does not begin"),
         "{failure}"
     );
+}
+
+#[test]
+fn balances_are_audited_unless_the_case_checks_them() {
+    let audits = |checks: &str| {
+        let all = outcomes(&[("bar", heated_bar(8000.0, checks))]);
+        all.into_iter().filter(|o| is_audit(&o)).collect::<Vec<_>>()
+    };
+    let mean = check("mean", MEAN, 310.0);
+    let found = audits(&mean);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(found[0].passed && found[0].quantity == "audit of heat, thermal");
+    assert!(found[0].error < 1e-12, "{:?}", found[0]);
+    let own = check("own", "balance = { quantity = \"heat\" }", 0.0);
+    assert!(audits(&(mean + &own)).is_empty());
 }

@@ -116,6 +116,7 @@ pub(super) fn sampler(
         ),
         Measure::MeltPool(m) => (melt_pool(m, simulation)?, Schedule::at(m.time)),
         Measure::Balance(m) => (balance(m, simulation)?, each_step),
+        Measure::Passes => (Sampler::Passes, Schedule::at(None)),
         Measure::Report(m) => (
             report(m, simulation)?,
             Schedule::new(m.over_time, [m.since, m.time])?,
