@@ -89,8 +89,11 @@ impl Results {
         let key = |o: &Outcome| (o.case.clone(), o.quantity.clone());
         let new: BTreeSet<_> = outcomes.iter().map(key).collect();
         self.checks.retain(|c| !new.contains(&key(&c.outcome)));
-        let number = self.sessions.len();
-        self.sessions.push(session);
+        let known = self.sessions.iter().position(|s| *s == session);
+        let number = known.unwrap_or_else(|| {
+            self.sessions.push(session);
+            self.sessions.len() - 1
+        });
         self.checks.extend(outcomes.iter().map(|outcome| Recorded {
             session: number,
             outcome: outcome.clone(),
