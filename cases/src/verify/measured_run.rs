@@ -88,9 +88,9 @@ impl MeasuredRun {
         }
     }
 
-    /// Outcomes of the audits of the run, without the balances that checks of the case cover. A run without checks has
-    /// at least one outcome: whether it reached its end.
-    pub(super) fn audits(&self, case: &str, checks: &[&Check]) -> Vec<Outcome> {
+    /// Outcomes of the audits of the run, without the balances that checks of the case cover at any level. A case
+    /// without checks has at least one outcome: whether its run reached the end.
+    pub(super) fn audits(&self, case: &str, checks: &[Check]) -> Vec<Outcome> {
         if let Some(reason) = &self.stopped {
             // checks of the case give the reason, if there are any
             let alone = checks.is_empty().then(|| reason.clone());

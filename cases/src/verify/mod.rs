@@ -180,21 +180,25 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
 pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
     let cases = benchmarks::load(args.cases.as_deref())?;
     let (filter, level) = (args.filter.as_deref().unwrap_or(""), args.level());
+    let mut declared: BTreeMap<&str, Vec<Check>> = BTreeMap::new();
+    for (name, case) in &cases {
+        declared.insert(name, case.verify_entries()?);
+    }
     let mut planned = Vec::new();
     let mut without_checks = BTreeSet::new();
-    for (name, case) in cases.iter().filter(|(name, _)| name.contains(filter)) {
-        let checks: Vec<Check> = case.verify_entries()?;
+    for (name, _) in cases.iter().filter(|(name, _)| name.contains(filter)) {
+        let checks = &declared[name.as_str()];
         if checks.is_empty() && level == Level::Nightly {
             without_checks.insert(name.as_str());
         }
-        let wanted = checks.into_iter().filter(|c| c.level <= level);
+        let wanted = checks.iter().filter(|c| c.level <= level);
         planned.extend(wanted.map(|check| Planned {
             case: name.clone(),
-            check,
+            check: check.clone(),
         }));
     }
     if planned.is_empty() && without_checks.is_empty() {
-        let known = cases.into_iter().map(|(name, _)| name).collect();
+        let known = cases.iter().map(|(name, _)| name.clone()).collect();
         return Err(VerifyError::Nothing {
             filter: filter.into(),
             known,
@@ -221,9 +225,8 @@ pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
         .filter_map(|(name, _)| Some((name, runs.get(name.as_str())?)));
     let judged = ran.flat_map(|(name, run)| {
         let checks = planned.iter().enumerate().filter(|(_, p)| p.case == *name);
-        let own: Vec<&Check> = checks.clone().map(|(_, p)| &p.check).collect();
         let outcomes = checks.map(|(index, p)| judge(index, p, &runs));
-        let outcomes = outcomes.chain(run.audits(name, &own));
+        let outcomes = outcomes.chain(run.audits(name, &declared[name.as_str()]));
         let timed = |outcome| Outcome {
             seconds: run.seconds,
             ..outcome
