@@ -185,8 +185,9 @@ pub struct Balance {
     pub initial: f64,
     /// What came in through sources and boundaries, negative when it left.
     pub supplied: f64,
-    /// How much there is of it, such as the sum of the sizes of all momenta, where neither changes nor supplies
-    /// say against what an error counts.
+    /// How much there is of it and was exchanged: the sum of the absolute values of what points have, such as momenta,
+    /// and of what sources and boundaries gave and took in each step. An error counts against it also where both
+    /// changes and supplies cancel, as at the end of a cycle.
     #[serde(default)]
     pub size: f64,
 }

@@ -21,7 +21,7 @@ fn every_published_benchmark_is_met() {
 fn a_uniform_temperature_stays_uniform() {
     // a flow needs its walls; what it carries is uniform, too
     let everything_else = ["phase_change", "thermal_expansion", "wall"];
-    for (name, text) in benchmarks::BENCHMARKS {
+    for benchmarks::BuiltIn { name, text, .. } in benchmarks::BENCHMARKS {
         let mut table: toml::Table = text.parse().expect("valid TOML");
         let physics = table["physics"].as_array().expect("a list");
         if physics

@@ -1,20 +1,37 @@
-//! The benchmark cases: `cases/verification/*.toml`, built into the program.
+//! The benchmark cases, built into the program: `cases/verification/*.toml`, and the cases of `cases/welding` and
+//! `cases/additive`, which show the use of the program.
 
 use std::path::Path;
 
 use super::VerifyError;
 use crate::case::Case;
 
+/// A case file in the program.
+#[derive(Clone, Copy, Debug)]
+pub struct BuiltIn {
+    /// Folder in `cases`.
+    pub folder: &'static str,
+    /// Name.
+    pub name: &'static str,
+    /// Text.
+    pub text: &'static str,
+}
+
 macro_rules! benchmarks {
-    ($($name:literal),* $(,)?) => {
-        /// Names and texts of the benchmark cases.
-        pub const BENCHMARKS: &[(&str, &str)] = &[
-            $(($name, include_str!(concat!("../../verification/", $name, ".toml")))),*
-        ];
+    ($($folder:literal: [$($name:literal),* $(,)?]),* $(,)?) => {
+        /// The benchmark cases.
+        pub const BENCHMARKS: &[BuiltIn] = &[$($(
+            BuiltIn {
+                folder: $folder,
+                name: $name,
+                text: include_str!(concat!("../../", $folder, "/", $name, ".toml")),
+            }
+        ),*),*];
     };
 }
 
 benchmarks!(
+    "verification": [
     "wang-4.0.3-roller-bb",
     "wang-4.0.3-roller-osb",
     "wang-4.0.3-roller-nosb",
@@ -93,6 +110,7 @@ benchmarks!(
     "wang-7.5.5.1-gauss-A",
     "wang-7.5.5.1-gauss-B",
     "wang-7.5.5.1-gauss-B-horizon-3",
+        "wang-7.5.5.1-gauss-B-published",
     "wang-7.5.5.2-gauss-phase-C",
     "wang-7.5.5.2-gauss-phase-D",
     "wang-7.5.5.2-gauss-phase-D-constant-modulus",
@@ -185,12 +203,17 @@ benchmarks!(
     "khoshrou-4.2-phi8-unstable",
     "clamped-bar-residual-stress",
     "three-bar-residual-stress",
+        "plastic-heat-bar",
+        "strong-coupling-bar",
     "gao-3.6.1-bending",
     "gao-3.6.2a-cracked-plate",
     "gao-3.6.2b-tearing-plate-uncoupled",
     "gao-3.6.2b-tearing-plate-coupled",
     "gao-3.6.2b-tearing-plate-nosb",
     "gao-3.6.3-kalthoff",
+    ],
+    "welding": ["bead_on_plate", "residual_stress"],
+    "additive": ["single_track", "hatch"],
 );
 
 /// The benchmark cases of the program, or those of a folder, with their names.
@@ -199,12 +222,11 @@ benchmarks!(
 /// The folder cannot be read, or the first mistake in a case.
 pub fn load(folder: Option<&Path>) -> Result<Vec<(String, Case)>, VerifyError> {
     let Some(folder) = folder else {
-        let parse = |(name, text): &(&str, &str)| {
-            let file = format!("cases/verification/{name}.toml");
-            Ok((
-                name.to_string(),
-                Case::parse(&file, text.to_string(), Path::new(""))?,
-            ))
+        let parse = |built_in: &BuiltIn| {
+            let BuiltIn { folder, name, text } = built_in;
+            let file = format!("cases/{folder}/{name}.toml");
+            let case = Case::parse(&file, text.to_string(), Path::new(""))?;
+            Ok((name.to_string(), case))
         };
         return BENCHMARKS.iter().map(parse).collect();
     };
@@ -236,19 +258,34 @@ mod tests {
 
     #[test]
     fn every_benchmark_file_is_built_in() {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/verification");
-        let files: BTreeSet<String> = std::fs::read_dir(folder)
-            .expect("the folder of the benchmarks")
-            .map(|entry| entry.expect("readable").path())
-            .filter(|path| path.extension().is_some_and(|e| e == "toml"))
-            .filter_map(|path| Some(path.file_stem()?.to_str()?.to_string()))
-            .collect();
-        assert_eq!(
-            files,
-            BENCHMARKS
-                .iter()
-                .map(|(name, _)| name.to_string())
+        let names = |folder: &str| -> BTreeSet<String> {
+            std::fs::read_dir(format!("{}/{folder}", env!("CARGO_MANIFEST_DIR")))
+                .expect("the folder of the benchmarks")
+                .map(|entry| entry.expect("readable").path())
+                .filter(|path| path.extension().is_some_and(|e| e == "toml"))
+                .filter_map(|path| Some(path.file_stem()?.to_str()?.to_string()))
                 .collect()
-        );
+        };
+        for folder in ["verification", "welding", "additive"] {
+            let built_in = BENCHMARKS.iter().filter(|b| b.folder == folder);
+            assert_eq!(
+                names(folder),
+                built_in.map(|b| b.name.into()).collect(),
+                "{folder}"
+            );
+        }
+    }
+
+    #[test]
+    fn no_two_checks_of_a_case_have_one_name() {
+        for (name, case) in load(None).expect("valid cases") {
+            let checks: Vec<super::super::check::Check> = case.verify_entries().expect("valid");
+            let names: BTreeSet<_> = checks.iter().map(|c| &c.quantity).collect();
+            assert_eq!(
+                names.len(),
+                checks.len(),
+                "{name}: results are kept by quantity"
+            );
+        }
     }
 }

@@ -13,6 +13,7 @@ use perimelt_core::Formula;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::limit::Limit;
 use crate::case::sections::{Components, Statistic};
 use crate::interpolation::Interpolation;
 
@@ -71,6 +72,22 @@ pub enum Measure {
     Balance(BalanceMeasure),
     /// A number that plugins report, summed over them.
     Report(ReportMeasure),
+    /// Mean number of passes of a macro step since the start; more than one with `time.iteration`.
+    Passes,
+}
+
+/// One value from those of several states.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum OverTime {
+    /// Of the last state.
+    Last,
+    /// Largest.
+    Max,
+    /// Smallest.
+    Min,
+    /// Mean.
+    Mean,
 }
 
 /// A field at positions.
@@ -117,7 +134,10 @@ pub struct PassingMeasure {
     pub component: Option<String>,
     /// Positions, m.
     pub at: Vec<[f64; 3]>,
-    /// The mean over the logged states from this time on, s; the last state alone when left out.
+    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
+    #[serde(default)]
+    pub over_time: Option<OverTime>,
+    /// First logged state, s; the first one after the start when left out.
     #[serde(default)]
     pub since: Option<f64>,
     /// When, s: a multiple of the log interval; the end when left out.
@@ -134,6 +154,12 @@ pub struct ReachMeasure {
     pub body: Option<String>,
     /// The direction.
     pub along: [f64; 3],
+    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
+    #[serde(default)]
+    pub over_time: Option<OverTime>,
+    /// First logged state, s; the first one after the start when left out.
+    #[serde(default)]
+    pub since: Option<f64>,
     /// When, s: a multiple of the log interval; the end when left out.
     #[serde(default)]
     pub time: Option<f64>,
@@ -146,6 +172,12 @@ pub struct NearestMeasure {
     /// Body, which must have a displacement; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
+    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
+    #[serde(default)]
+    pub over_time: Option<OverTime>,
+    /// First logged state, s; the first one after the start when left out.
+    #[serde(default)]
+    pub since: Option<f64>,
     /// When, s: a multiple of the log interval; the end when left out.
     #[serde(default)]
     pub time: Option<f64>,
@@ -241,7 +273,10 @@ pub struct StatisticMeasure {
     pub region: Option<String>,
     /// Which number.
     pub statistic: Statistic,
-    /// The mean over the logged states from this time on, s; the last state alone when left out.
+    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
+    #[serde(default)]
+    pub over_time: Option<OverTime>,
+    /// First logged state, s; the first one after the start when left out.
     #[serde(default)]
     pub since: Option<f64>,
     /// When, s: a multiple of the log interval; the end when left out.
@@ -306,6 +341,12 @@ pub struct DeviationMeasure {
     /// Norm over the points.
     #[serde(default)]
     pub norm: Norm,
+    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
+    #[serde(default)]
+    pub over_time: Option<OverTime>,
+    /// First logged state, s; the first one after the start when left out.
+    #[serde(default)]
+    pub since: Option<f64>,
     /// When, s: a multiple of the log interval; the end when left out.
     #[serde(default)]
     pub time: Option<f64>,
@@ -366,7 +407,10 @@ pub struct BalanceMeasure {
 pub struct ReportMeasure {
     /// Its name, such as "energy.deposited".
     pub name: String,
-    /// The mean over the logged states from this time on, s; the last state alone when left out.
+    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
+    #[serde(default)]
+    pub over_time: Option<OverTime>,
+    /// First logged state, s; the first one after the start when left out.
     #[serde(default)]
     pub since: Option<f64>,
     /// When, s: a multiple of the log interval; the end when left out.
@@ -374,89 +418,34 @@ pub struct ReportMeasure {
     pub time: Option<f64>,
 }
 
-/// Limit of the difference between measured value and reference.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Limit {
-    /// `|measured - reference|`, in the unit of the quantity.
-    Absolute(f64),
-    /// `|measured - reference| / |reference|`, number by number.
-    Relative(f64),
-    /// `|measured - reference|` over the largest absolute reference.
-    #[serde(alias = "share_of_peak")]
-    FractionOfPeak(f64),
-    /// Root mean square of `measured - reference` over all values, over the largest absolute reference.
-    Rms(f64),
-    /// Mean of `|measured - reference| / |reference|` over all values (Khoshrou, eq. 99).
-    MeanRelative(f64),
-    /// As `rms`, but the error must be at least this large: a known error must be detected.
-    RmsAbove(f64),
-    /// As `mean_relative`, but the error must be at least this large.
-    MeanRelativeAbove(f64),
-    /// As `fraction_of_peak`, but the error of at least one value must be this large.
-    #[serde(alias = "share_of_peak_above")]
-    FractionOfPeakAbove(f64),
-    /// The measured value lies between these numbers; the reference is only printed.
-    Between([f64; 2]),
-}
-
 /// When a check is made.
 #[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Serialize,
+    Deserialize,
+    JsonSchema,
+    clap::ValueEnum,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Level {
     /// Always.
     #[default]
     Everyday,
-    /// With `--full` only.
-    Full,
-}
-
-impl Limit {
-    /// Error of one value and its limit. `peak`: the largest absolute reference.
-    pub fn judge(self, measured: f64, reference: f64, peak: f64) -> (f64, f64) {
-        let difference = (measured - reference).abs();
-        match self {
-            Limit::Absolute(limit) => (difference, limit),
-            Limit::Relative(limit) => (difference / reference.abs(), limit),
-            Limit::FractionOfPeak(limit) => (difference / peak, limit),
-            // these limits apply to all values together
-            Limit::MeanRelative(_) | Limit::MeanRelativeAbove(_) => {
-                (difference / reference.abs(), f64::INFINITY)
-            }
-            Limit::Rms(_) | Limit::RmsAbove(_) | Limit::FractionOfPeakAbove(_) => {
-                (difference / peak, f64::INFINITY)
-            }
-            // the distance from the middle, so that errors compare
-            Limit::Between([low, high]) => {
-                ((measured - 0.5 * (low + high)).abs(), 0.5 * (high - low))
-            }
-        }
-    }
+    /// At the level "nightly" only: it takes longer than a few seconds.
+    #[serde(alias = "full")]
+    Nightly,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn limits_measure_what_they_say() {
-        let cases = [
-            (Limit::Absolute(0.5), (3.0, 0.5)),
-            (Limit::Relative(0.1), (0.3, 0.1)),
-            (Limit::FractionOfPeak(0.1), (0.03, 0.1)),
-            (Limit::Between([10.0, 20.0]), (2.0, 5.0)),
-        ];
-        for (limit, (error, most)) in cases {
-            let judged = limit.judge(13.0, 10.0, 100.0);
-            // rounding of one division
-            assert!(
-                (judged.0 - error).abs() < 1e-15 && judged.1 == most,
-                "{limit:?}: {judged:?}"
-            );
-        }
-    }
 
     #[test]
     fn an_unknown_key_is_refused() {

@@ -1,25 +1,34 @@
 //! `perimelt verify`: runs benchmark cases from their case files and compares numbers of the
 //! running simulation (not of its log) with the references in their `[[verify]]` tables.
 //!
-//! [`check`] has the tables of case files, [`measurement`] takes the values, [`table`] compares and prints them.
+//! [`check`] has the tables of case files, `measured_run` runs a case and takes the values by [`measurement`], `audit`
+//! watches what every run must keep, [`table`] compares and prints. [`results`] keeps the outcomes in a file, from which
+//! [`report`] makes the tables of `docs/benchmarks.md`.
+//!
+//! Mistakes that can be found before the first run end the command. What goes wrong with one case after that makes
+//! its checks fail, with the reason, and no others.
 
+mod audit;
 pub mod benchmarks;
 pub mod check;
+pub mod limit;
+mod measured_run;
 pub mod measurement;
+pub mod report;
+pub mod results;
 pub mod table;
 
-use std::collections::BTreeMap;
-use std::io::{IsTerminal, Write};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use perimelt_core::{RunError, SetupError};
-
-use crate::case::{Case, CaseError};
-use crate::run::display::{Display, duration};
-use crate::run::{Failure, on_workers};
+use crate::case::CaseError;
+use crate::run::display::duration;
+use crate::run::on_workers;
 use check::{Check, Level};
-use measurement::Measurement;
+use measured_run::MeasuredRun;
+use results::{Results, Session};
 use table::{Outcome, OutcomeTable};
 
 /// Arguments of `perimelt verify`.
@@ -27,8 +36,11 @@ use table::{Outcome, OutcomeTable};
 pub struct VerifyArgs {
     /// Only cases whose name contains this text
     pub filter: Option<String>,
-    /// Also run the long cases
-    #[arg(long)]
+    /// Which checks: those that take seconds, or all of them at full size
+    #[arg(long, value_enum)]
+    pub level: Option<Level>,
+    /// The same as `--level nightly`
+    #[arg(long, conflicts_with = "level")]
     pub full: bool,
     /// Case files of this folder instead of those of the program
     #[arg(long, value_name = "FOLDER")]
@@ -36,6 +48,24 @@ pub struct VerifyArgs {
     /// Threads
     #[arg(long)]
     pub threads: Option<usize>,
+    /// Writes the results to this JSON file; results of other checks in it are kept
+    #[arg(long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Runs nothing: prints the results of such a file as tables in Markdown
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["full", "level", "output", "threads"])]
+    pub report: Option<PathBuf>,
+    /// With `--report`: renews the tables of this document, between the comments that mark them
+    #[arg(long, value_name = "DOCUMENT", requires = "report")]
+    pub into: Option<PathBuf>,
+}
+
+impl VerifyArgs {
+    fn level(&self) -> Level {
+        match self.full {
+            true => Level::Nightly,
+            false => self.level.unwrap_or_default(),
+        }
+    }
 }
 
 /// Why benchmarks could not be compared.
@@ -44,30 +74,6 @@ pub enum VerifyError {
     /// A mistake in a case file.
     #[error("{}", .0.render(false))]
     Case(#[from] Box<CaseError>),
-    /// A check that does not fit its case.
-    #[error("cannot measure `{quantity}` in case `{case}`: {cause}")]
-    Check {
-        /// The case.
-        case: String,
-        /// What should be measured.
-        quantity: String,
-        /// Why not.
-        cause: Box<SetupError>,
-    },
-    /// A list of references that does not fit what is measured.
-    #[error(
-        "`{quantity}` of case `{case}` has {references} references for {measured} measured values; give one for all, or one for each"
-    )]
-    References {
-        /// The case.
-        case: String,
-        /// What is measured.
-        quantity: String,
-        /// References given.
-        references: usize,
-        /// Values measured.
-        measured: usize,
-    },
     /// `of` names no case.
     #[error("`{quantity}` of case `{case}` is compared with case `{of}`, which does not exist")]
     NoSuchCase {
@@ -85,6 +91,22 @@ pub enum VerifyError {
         filter: String,
         /// Names of all cases.
         known: Vec<String>,
+    },
+    /// A file of results, or a document, that cannot be read or written.
+    #[error("the file {} {what}: {cause}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What it cannot.
+        what: &'static str,
+        /// Error of the operating system or of the format.
+        cause: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// A document without the comments that mark its tables.
+    #[error("{} has no lines `{}` and `{}` between which the tables stand", path.display(), report::BEGIN, report::END)]
+    NoMarks {
+        /// The document.
+        path: PathBuf,
     },
     /// A folder that cannot be read.
     #[error("the folder {} cannot be read: {source}", folder.display())]
@@ -105,7 +127,7 @@ pub enum VerifyError {
 }
 
 /// A check and where it belongs.
-struct Planned {
+pub(crate) struct Planned {
     case: String,
     check: Check,
 }
@@ -113,49 +135,70 @@ struct Planned {
 /// Runs `perimelt verify`.
 ///
 /// # Errors
-/// A mistake in a case, or a check that fails.
+/// A mistake in a case, a file that cannot be read or written, or a check that fails.
 pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
+    if let Some(results) = &args.report {
+        let cases = benchmarks::load(args.cases.as_deref())?;
+        let tables = report::tables(&Results::read(results)?, &cases)?;
+        return match &args.into {
+            Some(document) => Ok(report::renew(document, &tables)?),
+            None => Ok(write!(std::io::stdout(), "{tables}")?),
+        };
+    }
     if let Some(threads) = args.threads {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build_global()?;
     }
+    // a file that cannot be read is found before the runs, not after them
+    let mut results = match &args.output {
+        Some(path) if path.exists() => Results::read(path)?,
+        _ => Results::default(),
+    };
+    let started = Instant::now();
     let outcomes = on_workers(|| verify(args))?;
+    let wall = duration(started.elapsed().as_secs_f64());
     let mut out = std::io::stdout().lock();
     write!(out, "{}", OutcomeTable(&outcomes))?;
+    if let Some(path) = &args.output {
+        results.add(Session::now(args.level()), &outcomes);
+        results.write(path)?;
+    }
     let failed = outcomes.iter().filter(|o| !o.passed).count();
     let all = outcomes.len();
     if failed > 0 {
         return Err(VerifyError::Failed { failed, all }.into());
     }
-    Ok(writeln!(out, "all {all} checks passed")?)
+    Ok(writeln!(out, "all {all} checks passed in {wall}")?)
 }
 
-/// Runs the cases that the arguments select and judges their checks, in the order of the files.
+/// Runs the cases that the arguments select and judges their checks, in the order of the files, with the audits of
+/// each run behind the checks of its case. Cases without checks run at the level "nightly", for their audits.
 ///
 /// # Errors
-/// A mistake in a case or check. A run that fails is no error: its checks have not passed.
+/// A mistake that is found before the first run. A run that fails is no error: its checks have not passed.
 pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
     let cases = benchmarks::load(args.cases.as_deref())?;
-    let filter = args.filter.as_deref().unwrap_or("");
-    let level = if args.full {
-        Level::Full
-    } else {
-        Level::Everyday
-    };
-    let mut planned = Vec::new();
+    let (filter, level) = (args.filter.as_deref().unwrap_or(""), args.level());
+    let mut declared: BTreeMap<&str, Vec<Check>> = BTreeMap::new();
     for (name, case) in &cases {
-        let checks: Vec<Check> = case.verify_entries()?;
-        let wanted = checks
-            .into_iter()
-            .filter(|c| c.level <= level && name.contains(filter));
+        declared.insert(name, case.verify_entries()?);
+    }
+    let mut planned = Vec::new();
+    let mut without_checks = BTreeSet::new();
+    for (name, _) in cases.iter().filter(|(name, _)| name.contains(filter)) {
+        let checks = &declared[name.as_str()];
+        if checks.is_empty() && level == Level::Nightly {
+            without_checks.insert(name.as_str());
+        }
+        let wanted = checks.iter().filter(|c| c.level <= level);
         planned.extend(wanted.map(|check| Planned {
             case: name.clone(),
-            check,
+            check: check.clone(),
         }));
     }
-    if planned.is_empty() {
-        let known = cases.into_iter().map(|(name, _)| name).collect();
+    if planned.is_empty() && without_checks.is_empty() {
+        let known = cases.iter().map(|(name, _)| name.clone()).collect();
         return Err(VerifyError::Nothing {
             filter: filter.into(),
             known,
@@ -170,104 +213,43 @@ pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
         return Err(VerifyError::NoSuchCase { case, quantity, of });
     }
 
-    // results of each run, by name of the case: one entry per planned check
-    let mut measured: BTreeMap<&str, Vec<Option<Vec<f64>>>> = BTreeMap::new();
+    let mut runs: BTreeMap<&str, MeasuredRun> = BTreeMap::new();
     for (name, case) in &cases {
         let concerns = |p: &Planned| p.case == *name || p.check.of.as_deref() == Some(name);
-        if planned.iter().any(concerns) {
-            measured.insert(name, measure(name, case, &planned, concerns)?);
+        if planned.iter().any(concerns) || without_checks.contains(name.as_str()) {
+            runs.insert(name, MeasuredRun::of(name, case, &planned, concerns));
         }
     }
-    let judge = |(index, p): (usize, &Planned)| {
-        let of_run = |name: &str| measured[name][index].as_deref();
-        let own = of_run(&p.case);
-        let values = match p.check.of.as_deref() {
-            None => own.map(<[f64]>::to_vec),
-            Some(other) => own
-                .zip(of_run(other))
-                .map(|(a, b)| a.iter().zip(b).map(|(a, b)| a / b).collect()),
+    let ran = cases
+        .iter()
+        .filter_map(|(name, _)| Some((name, runs.get(name.as_str())?)));
+    let judged = ran.flat_map(|(name, run)| {
+        let checks = planned.iter().enumerate().filter(|(_, p)| p.case == *name);
+        let outcomes = checks.map(|(index, p)| judge(index, p, &runs));
+        let outcomes = outcomes.chain(run.audits(name, &declared[name.as_str()]));
+        let timed = |outcome| Outcome {
+            seconds: run.seconds,
+            ..outcome
         };
-        let references = p.check.reference.as_slice().len();
-        let measured = values.as_ref().map_or(references, Vec::len);
-        if references == 0 || measured == 0 || (references != 1 && references != measured) {
-            let (case, quantity) = (p.case.clone(), p.check.quantity.clone());
-            return Err(VerifyError::References {
-                case,
-                quantity,
-                references,
-                measured,
-            });
-        }
-        Ok(Outcome::new(&p.case, &p.check, values.as_deref()))
-    };
-    planned.iter().enumerate().map(judge).collect()
+        outcomes.map(timed).collect::<Vec<_>>()
+    });
+    Ok(judged.collect())
 }
 
-/// Runs one case and takes the measurements that concern it.
-fn measure(
-    name: &str,
-    case: &Case,
-    planned: &[Planned],
-    concerns: impl Fn(&Planned) -> bool,
-) -> Result<Vec<Option<Vec<f64>>>, VerifyError> {
-    let started = Instant::now();
-    let mut simulation = case.compose()?;
-    let mut measurements = Vec::new();
-    for p in planned {
-        let measurement = concerns(p)
-            .then(|| Measurement::new(&p.check.measure, &simulation))
-            .transpose();
-        measurements.push(measurement.map_err(|cause| {
-            let (case, quantity) = (name.to_string(), p.check.quantity.clone());
-            VerifyError::Check {
-                case,
-                quantity,
-                cause: Box::new(cause),
-            }
-        })?);
+fn judge(index: usize, p: &Planned, runs: &BTreeMap<&str, MeasuredRun>) -> Outcome {
+    let own = runs[p.case.as_str()].values(index);
+    let values = match &p.check.of {
+        None => own.map(<[f64]>::to_vec),
+        Some(other) => own.and_then(|own| {
+            let other = runs[other.as_str()].values(index)?;
+            Ok(own.iter().zip(other).map(|(a, b)| a / b).collect())
+        }),
+    };
+    match values {
+        Ok(values) => Outcome::new(&p.case, &p.check, &values),
+        Err(reason) => Outcome::failed(&p.case, &p.check, reason),
     }
-    let result = advance(
-        case,
-        &mut simulation,
-        measurements.iter_mut().flatten().collect(),
-    );
-    let steps = simulation.progress().macro_steps;
-    let iterations: u64 = simulation.progress().iterations.iter().sum();
-    let evaluations: u64 = simulation.progress().evaluations.iter().sum();
-    let wall = duration(started.elapsed().as_secs_f64());
-    match result {
-        Ok(()) => eprintln!(
-            "{name}: {steps} steps, {iterations} iterations, {evaluations} evaluations in {wall}"
-        ),
-        Err(Failure::Case(mistake)) => return Err(VerifyError::Case(mistake)),
-        Err(failure) => eprintln!("{name}: stopped after {steps} steps and {wall}: {failure}"),
-    }
-    Ok(measurements
-        .into_iter()
-        .map(|r| Some(r?.values()?.to_vec()))
-        .collect())
 }
 
-/// Steps to the end of the case.
-fn advance(
-    case: &Case,
-    simulation: &mut perimelt_core::Simulation,
-    mut measurements: Vec<&mut Measurement>,
-) -> Result<(), Failure> {
-    case.start(simulation)?;
-    let mut display = Display::new(simulation, f64::INFINITY, !std::io::stderr().is_terminal());
-    let result = loop {
-        if simulation.is_finished() {
-            break Ok(());
-        }
-        match simulation.step() {
-            Ok(logging) => measurements
-                .iter_mut()
-                .for_each(|m| m.observe(simulation, logging)),
-            Err(failure) => break Err::<(), RunError>(failure),
-        }
-        display.update(simulation);
-    };
-    display.finish();
-    Ok(result?)
-}
+#[cfg(test)]
+mod tests;

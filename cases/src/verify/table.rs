@@ -2,20 +2,25 @@
 
 use std::fmt;
 
-use super::check::{Check, Limit};
+use serde::{Deserialize, Serialize};
+
+use super::check::{Check, Level};
+use super::limit::Limit;
 
 /// A check with its result.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Outcome {
     /// Name of the case.
     pub case: String,
     /// What was compared.
     pub quantity: String,
     /// Measured value with the largest error.
+    #[serde(with = "null_for_nan")]
     pub measured: f64,
     /// Reference of that value.
     pub reference: f64,
-    /// Error, as defined by the limit; NaN when the run ended before the measurement.
+    /// Error, as defined by the limit; NaN without a measured value.
+    #[serde(with = "null_for_nan")]
     pub error: f64,
     /// Largest permitted error.
     pub limit: Limit,
@@ -23,25 +28,38 @@ pub struct Outcome {
     pub values: usize,
     /// Whether all of them are within the limit.
     pub passed: bool,
+    /// Why there is nothing to compare.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failure: Option<String>,
+    /// Source of the reference.
+    pub source: String,
+    /// When it is checked.
+    pub level: Level,
+    /// Wall time of the run of the case, s.
+    pub seconds: f64,
 }
 
 impl Outcome {
     /// Judges the values measured for a check.
-    pub fn new(case: &str, check: &Check, values: Option<&[f64]>) -> Outcome {
+    pub fn new(case: &str, check: &Check, values: &[f64]) -> Outcome {
         let references = check.reference.as_slice();
+        let count = (references.len(), values.len());
+        if count.0 == 0 || count.1 == 0 || (count.0 != 1 && count.0 != count.1) {
+            let reason = format!(
+                "{} references for {} measured values; give one for all, or one for each",
+                count.0, count.1
+            );
+            return Outcome::failed(case, check, reason);
+        }
         let peak = references.iter().fold(0.0_f64, |a, b| a.max(b.abs()));
         let mut outcome = Outcome {
-            case: case.into(),
-            quantity: check.quantity.clone(),
-            measured: f64::NAN,
-            reference: references.first().copied().unwrap_or(f64::NAN),
-            error: f64::NAN,
-            limit: check.limit,
-            values: values.map_or(0, <[f64]>::len),
-            passed: values.is_some(),
+            values: values.len(),
+            passed: true,
+            failure: None,
+            ..Outcome::failed(case, check, String::new())
         };
         let mut worst = -1.0;
-        for (i, &measured) in values.unwrap_or_default().iter().enumerate() {
+        for (i, &measured) in values.iter().enumerate() {
             let number = if references.len() == 1 { 0 } else { i };
             let reference = references.get(number).copied().unwrap_or(f64::NAN);
             let (error, most) = check.limit.judge(measured, reference, peak);
@@ -52,10 +70,60 @@ impl Outcome {
                 (outcome.measured, outcome.reference, outcome.error) = (measured, reference, error);
             }
         }
-        if let Some(values) = values {
-            outcome.judge_together(references, values, peak);
-        }
+        outcome.judge_together(references, values, peak);
         outcome
+    }
+
+    /// A check that has failed because there is nothing to compare.
+    pub fn failed(case: &str, check: &Check, reason: String) -> Outcome {
+        Outcome {
+            case: case.into(),
+            quantity: check.quantity.clone(),
+            measured: f64::NAN,
+            reference: check
+                .reference
+                .as_slice()
+                .first()
+                .copied()
+                .unwrap_or(f64::NAN),
+            error: f64::NAN,
+            limit: check.limit,
+            values: 0,
+            passed: false,
+            failure: Some(reason),
+            source: check.source.clone(),
+            level: check.level,
+            seconds: 0.0,
+        }
+    }
+
+    /// An error that is audited without a check in the case.
+    pub fn audit(case: &str, quantity: String, error: f64, limit: f64) -> Outcome {
+        Outcome {
+            case: case.into(),
+            quantity,
+            measured: error,
+            reference: 0.0,
+            error,
+            limit: Limit::Absolute(limit),
+            values: 1,
+            passed: error <= limit,
+            failure: None,
+            source: "conservation".into(),
+            level: Level::Everyday,
+            seconds: 0.0,
+        }
+    }
+
+    /// Whether a run that has neither checks nor audits reached its end.
+    pub fn end(case: &str, result: Result<(), String>) -> Outcome {
+        let error = if result.is_ok() { 0.0 } else { f64::NAN };
+        let audit = Outcome::audit(case, "audit of the end of the run".into(), error, 0.0);
+        Outcome {
+            failure: result.err(),
+            source: "the case".into(),
+            ..audit
+        }
     }
 
     /// The error and verdict of limits on all values together.
@@ -86,7 +154,8 @@ impl Outcome {
         }
     }
 
-    fn cells(&self) -> [String; 7] {
+    /// What a table shows of it.
+    pub(super) fn cells(&self) -> [String; 7] {
         let percent = |value: f64| format!("{} %", number(100.0 * value));
         let of_peak = |value: f64| format!("{} % of peak", number(100.0 * value));
         let (reference, error, limit) = match self.limit {
@@ -132,7 +201,7 @@ impl Outcome {
     }
 }
 
-const HEADINGS: [&str; 7] = [
+pub(super) const HEADINGS: [&str; 7] = [
     "case",
     "quantity",
     "measured",
@@ -174,12 +243,33 @@ impl fmt::Display for OutcomeTable<'_> {
             }
             line(cells)?;
         }
+        let mut last = "";
+        for outcome in self.0 {
+            let Some(reason) = outcome.failure.as_deref().filter(|r| *r != last) else {
+                continue;
+            };
+            writeln!(f, "\n{}, {}: {reason}", outcome.case, outcome.quantity)?;
+            last = reason;
+        }
         Ok(())
     }
 }
 
+/// JSON has no NaN.
+mod null_for_nan {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(value: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+        value.is_finite().then_some(*value).serialize(serializer)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
+        Ok(Option::deserialize(value)?.unwrap_or(f64::NAN))
+    }
+}
+
 /// Six significant digits, in plain notation where that is short.
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 {
         return "0".into();
@@ -210,11 +300,11 @@ mod tests {
     #[test]
     fn the_worst_value_is_shown() {
         let values = [1.1, -10.3, 4.0];
-        let absolute = Outcome::new("case", &check("absolute = 0.2"), Some(&values));
+        let absolute = Outcome::new("case", &check("absolute = 0.2"), &values);
         assert_eq!((absolute.measured, absolute.passed), (-10.3, false));
-        let relative = Outcome::new("case", &check("relative = 0.11"), Some(&values));
+        let relative = Outcome::new("case", &check("relative = 0.11"), &values);
         assert_eq!((relative.measured, relative.passed), (1.1, true));
-        let peak = Outcome::new("case", &check("fraction_of_peak = 0.029"), Some(&values));
+        let peak = Outcome::new("case", &check("fraction_of_peak = 0.029"), &values);
         assert_eq!((peak.measured, peak.passed), (-10.3, false));
     }
 
@@ -223,12 +313,12 @@ mod tests {
         let values = [1.3, -10.4, 4.0];
         // sqrt((0.3^2 + 0.4^2) / 3) / 10
         let error = 0.5 / 3f64.sqrt() / 10.0;
-        let below = Outcome::new("case", &check("rms = 0.03"), Some(&values));
+        let below = Outcome::new("case", &check("rms = 0.03"), &values);
         assert!((below.error - error).abs() < 1e-12 && below.passed);
-        assert!(!Outcome::new("case", &check("rms = 0.028"), Some(&values)).passed);
-        assert!(Outcome::new("case", &check("rms_above = 0.028"), Some(&values)).passed);
-        assert!(!Outcome::new("case", &check("rms_above = 0.03"), Some(&values)).passed);
-        assert!(!Outcome::new("case", &check("rms = 0.03"), Some(&[f64::NAN; 3])).passed);
+        assert!(!Outcome::new("case", &check("rms = 0.028"), &values).passed);
+        assert!(Outcome::new("case", &check("rms_above = 0.028"), &values).passed);
+        assert!(!Outcome::new("case", &check("rms_above = 0.03"), &values).passed);
+        assert!(!Outcome::new("case", &check("rms = 0.03"), &[f64::NAN; 3]).passed);
     }
 
     #[test]
@@ -236,9 +326,10 @@ mod tests {
         let values = [1.3, -10.0, 4.4];
         // (0.3 + 0 + 0.1) / 3
         let error = 0.4 / 3.0;
-        let below = Outcome::new("case", &check("mean_relative = 0.14"), Some(&values));
+        let below = Outcome::new("case", &check("mean_relative = 0.14"), &values);
         assert!((below.error - error).abs() < 1e-12 && below.passed);
-        let passed = |limit: &str, values| Outcome::new("case", &check(limit), Some(values)).passed;
+        let passed =
+            |limit: &str, values: &[f64]| Outcome::new("case", &check(limit), values).passed;
         assert!(!passed("mean_relative = 0.13", &values));
         assert!(passed("mean_relative_above = 0.13", &values));
         assert!(!passed("mean_relative_above = 0.14", &values));
@@ -247,7 +338,8 @@ mod tests {
 
     #[test]
     fn one_value_far_off_is_enough_for_what_must_show() {
-        let passed = |limit: &str, values| Outcome::new("case", &check(limit), Some(values)).passed;
+        let passed =
+            |limit: &str, values: &[f64]| Outcome::new("case", &check(limit), values).passed;
         let values = [1.0, -10.0, 4.5];
         assert!(passed("fraction_of_peak_above = 0.049", &values));
         assert!(!passed("fraction_of_peak_above = 0.051", &values));
@@ -258,9 +350,12 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_or_was_never_measured_fails() {
-        assert!(!Outcome::new("case", &check("absolute = 9"), Some(&[1.0, f64::NAN, 4.0])).passed);
-        assert!(!Outcome::new("case", &check("absolute = 9"), None).passed);
+    fn what_is_no_number_or_has_no_reference_fails() {
+        assert!(!Outcome::new("case", &check("absolute = 9"), &[1.0, f64::NAN, 4.0]).passed);
+        for values in [&[][..], &[1.0], &[1.0; 4]] {
+            let outcome = Outcome::new("case", &check("absolute = 99"), values);
+            assert!(!outcome.passed && outcome.failure.is_some(), "{outcome:?}");
+        }
     }
 
     #[test]

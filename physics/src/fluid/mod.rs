@@ -87,11 +87,15 @@ impl Physics for Fluid {
         run.weigh_points(world);
         run.initial_mass = run.mass(world);
         if run.momentum.is_some() {
-            run.momentum = Some([run.momentum_now(world, |v| *v), Vector3::zeros()]);
+            run.momentum = Some([
+                run.momentum_now(world, |v| *v),
+                Vector3::zeros(),
+                Vector3::zeros(),
+            ]);
         }
         if run.angular_momentum.is_some() {
             let now = run.angular_momentum_now(world, |x, v| x.cross(v));
-            run.angular_momentum = Some([now, Vector3::zeros()]);
+            run.angular_momentum = Some([now, Vector3::zeros(), Vector3::zeros()]);
         }
         run.set_configuration(world).map_err(|e| failed(e, 0.0))?;
         if run.moving.is_some() {

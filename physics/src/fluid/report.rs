@@ -12,16 +12,16 @@ impl Run {
     pub(super) fn balances(&self, world: &World) -> Vec<Balance> {
         let mass = Balance::new("mass", "kg", self.mass(world), self.initial_mass, 0.0);
         let mut all = vec![mass.of_size(self.initial_mass)];
-        if let Some([initial, given]) = self.momentum {
+        if let Some([initial, given, exchanged]) = self.momentum {
             let now = self.momentum_now(world, |v| *v);
             let size = self.momentum_now(world, |v| Vector3::repeat(v.norm()));
             for (axis, name) in ["x", "y", "z"].iter().enumerate().take(self.slots.len()) {
                 let name = format!("momentum.{name}");
                 let balance = Balance::new(&name, "N s", now[axis], initial[axis], given[axis]);
-                all.push(balance.of_size(size[axis]));
+                all.push(balance.of_size(size[axis] + exchanged[axis]));
             }
         }
-        if let Some([initial, given]) = self.angular_momentum {
+        if let Some([initial, given, exchanged]) = self.angular_momentum {
             let now = self.angular_momentum_now(world, |x, v| x.cross(v));
             let size =
                 self.angular_momentum_now(world, |x, v| Vector3::repeat(x.norm() * v.norm()));
@@ -30,7 +30,7 @@ impl Run {
                 let name = format!("angular_momentum.{}", ["x", "y", "z"][axis]);
                 let (now, initial, given) = (now[axis], initial[axis], given[axis]);
                 let balance = Balance::new(&name, "N m s", now, initial, given);
-                all.push(balance.of_size(size[axis]));
+                all.push(balance.of_size(size[axis] + exchanged[axis]));
             }
         }
         all

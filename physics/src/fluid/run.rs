@@ -40,10 +40,11 @@ pub(super) struct Run {
     pub(super) moving: Option<Moving>,
     pub(super) steps: u64,
     pub(super) initial_mass: f64,
-    /// Where no face takes momentum: at the start and given by forces and walls since, N s.
-    pub(super) momentum: Option<[Vector3<f64>; 2]>,
+    /// Where no face takes momentum: at the start, given by forces and walls since, and the sum of the absolute values
+    /// of what they gave in each step, N s.
+    pub(super) momentum: Option<[Vector3<f64>; 3]>,
     /// Where it is kept: angular momentum about the origin, likewise, N m s.
-    pub(super) angular_momentum: Option<[Vector3<f64>; 2]>,
+    pub(super) angular_momentum: Option<[Vector3<f64>; 3]>,
     /// J.
     pub(super) kinetic_energy: f64,
     /// Largest `|rho/rho0 - 1|`.

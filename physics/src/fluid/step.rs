@@ -238,7 +238,6 @@ impl Run {
             self.count_given(given, 1.0);
         }
         let mut given = [Vector3::zeros(); 2];
-        let mut collided = given;
         if let Some(force) = self.body_force {
             let density = world.read::<f64>(self.density.into());
             let mass = self.mass_of_points(world, &density);
@@ -249,21 +248,23 @@ impl Run {
                 given[1] += x.cross(&force);
             }
         }
+        self.count_given(given, time);
         if let Some(walls) = self.rates.walls() {
             let on_walls = walls.total_force(world);
-            (0..2).for_each(|k| given[k] -= on_walls[k]);
-            collided = walls.collisions();
+            let collided = walls.collisions();
+            self.count_given(on_walls, -time);
+            self.count_given(collided, 1.0);
         }
-        self.count_given(given, time);
-        self.count_given(collided, 1.0);
     }
 
     /// Adds a force and its moment over a time (s) to what the fluid was given.
     fn count_given(&mut self, given: [Vector3<f64>; 2], time: f64) {
         let accounts = [&mut self.momentum, &mut self.angular_momentum];
         for (account, given) in accounts.into_iter().zip(given) {
-            if let Some([_, sum]) = account {
-                *sum += time * given;
+            if let Some([_, sum, exchanged]) = account {
+                let given = time * given;
+                *sum += given;
+                *exchanged += given.abs();
             }
         }
     }

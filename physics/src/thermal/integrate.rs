@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::conduction::{Conduction, Matter};
 use super::keys::ThermalSolver;
-use super::run::Run;
+use super::run::{HeatAccount, Run};
 
 /// A solver with its work vectors.
 #[derive(Debug)]
@@ -210,13 +210,12 @@ impl Rhs for TemperatureRate<'_> {
 struct Fields<'a> {
     temperature: &'a mut [f64],
     enthalpy: &'a mut [f64],
-    /// Heat supplied since the start, J.
-    supplied: &'a mut f64,
+    account: &'a mut HeatAccount,
 }
 
 impl Fields<'_> {
     fn advance_explicitly(self, mut flow: Flow<'_>, dt: f64) -> Work {
-        *self.supplied += dt * flow.evaluate(self.temperature);
+        self.account.supply(dt * flow.evaluate(self.temperature));
         let curves = flow.matter.curves;
         let points = self
             .temperature
@@ -250,12 +249,14 @@ impl Fields<'_> {
         newton.options.absolute_tolerance = tolerance * norm(&loads);
         let mut rate = TemperatureRate { flow, weights };
         let report = steady_state(newton, &mut rate, time, self.temperature, floating)?;
+        let mut supplied = 0.0;
         let points = self.enthalpy.iter_mut().zip(&*self.temperature);
         for (((h, t), &m), v) in points.zip(matter.material).zip(volume) {
             let new = matter.curves[m as usize].enthalpy(*t);
-            *self.supplied += v * (new - *h);
+            supplied += v * (new - *h);
             *h = new;
         }
+        self.account.supply(supplied);
         Ok(report.into())
     }
 
@@ -272,7 +273,7 @@ impl Fields<'_> {
         state.push(0.0);
         let work = take(&mut EnthalpyRate(flow), state)?;
         let points = self.enthalpy.len();
-        *self.supplied += state[points];
+        self.account.supply(state[points]);
         self.enthalpy.copy_from_slice(&state[..points]);
         let points = self.temperature.par_iter_mut().zip(&*self.enthalpy);
         let points = points.zip(matter.material);
@@ -326,7 +327,7 @@ impl Run {
         let fields = Fields {
             temperature: &mut world.write(self.temperature),
             enthalpy: &mut world.write(self.enthalpy),
-            supplied: &mut self.heat.supplied,
+            account: &mut self.heat,
         };
         let (start, size) = (step.start, step.size);
         match method {
@@ -358,11 +359,13 @@ impl Run {
         let mut enthalpy = world.write(self.enthalpy);
         let points = &world.body(self.body).points;
         let material = &world.body(self.body).material_of_point;
+        let mut supplied = 0.0;
         for (i, c) in constraint.iter().enumerate().filter(|(_, c)| **c > 0.0) {
             temperature[i] = held[i] / c;
             let new = self.curves[material[i] as usize].enthalpy(temperature[i]);
-            self.heat.supplied += points.volume[i] * (new - enthalpy[i]);
+            supplied += points.volume[i] * (new - enthalpy[i]);
             enthalpy[i] = new;
         }
+        self.heat.supply(supplied);
     }
 }

@@ -43,7 +43,7 @@ mod tests;
 pub use crate::advection::Convection;
 pub use keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
 
-use perimelt_core::solver::reduce::weighted_sum;
+use perimelt_core::solver::reduce::{sum_of, weighted_sum};
 use perimelt_core::{
     Balance, Clock, Physics, Report, RunError, Setup, SetupError, Step, Work, World,
 };
@@ -148,8 +148,12 @@ impl Physics for Thermal {
         }
         let enthalpy = world.read::<f64>(run.enthalpy.into());
         let stored = weighted_sum(&enthalpy, &world.body(run.body).points.volume);
+        let volume = &world.body(run.body).points.volume;
+        // the heat of a body that cools down again ends where it began
+        let content = sum_of([&enthalpy, volume], |[h, v]| (h * v).abs());
         let (initial, supplied) = (run.heat.initial, run.heat.supplied);
-        vec![Balance::new("heat", "J", stored, initial, supplied)]
+        let balance = Balance::new("heat", "J", stored, initial, supplied);
+        vec![balance.of_size(content + run.heat.exchanged)]
     }
 
     fn report(&self) -> Vec<Report> {

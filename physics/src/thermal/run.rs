@@ -60,6 +60,16 @@ impl Neighbours {
 pub(super) struct HeatAccount {
     pub(super) initial: f64,
     pub(super) supplied: f64,
+    /// Sum of the absolute values of what was supplied in each step.
+    pub(super) exchanged: f64,
+}
+
+impl HeatAccount {
+    /// Counts the heat of a step (J), negative when it leaves.
+    pub(super) fn supply(&mut self, heat: f64) {
+        self.supplied += heat;
+        self.exchanged += heat.abs();
+    }
 }
 
 /// How many of the broken bonds of the mechanics have been taken over.

@@ -88,7 +88,7 @@ impl Physics for MoistureDiffusion {
     fn balance(&self, world: &World) -> Vec<Balance> {
         let run = self.run.as_ref().expect("prepared");
         let now = world.integral(run.body, run.moisture.into());
-        vec![Balance::new("moisture", "kg", now, run.initial, 0.0)]
+        vec![Balance::new("moisture", "kg", now, run.initial, 0.0).of_size(run.initial)]
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {

@@ -7,7 +7,8 @@ mod sample;
 
 use perimelt_core::{SetupError, Simulation};
 
-use super::check::Measure;
+use super::check::{Measure, OverTime};
+use crate::probe::largest;
 use prepare::Schedule;
 use sample::Sampler;
 
@@ -15,7 +16,7 @@ use sample::Sampler;
 pub struct Measurement {
     sampler: Sampler,
     schedule: Schedule,
-    /// States in the mean so far.
+    /// Number of states in `values`.
     states: u32,
     values: Option<Vec<f64>>,
 }
@@ -44,24 +45,27 @@ impl Measurement {
         }
     }
 
-    /// Takes the values, or adds them to their mean, if it is time.
+    /// Takes the values of a state if it counts.
     fn take(&mut self, simulation: &Simulation) {
         let (now, end) = (simulation.time(), simulation.options().end);
-        let time = self.schedule.time.unwrap_or(end);
-        let near = 1e-9 * end;
-        match self.schedule.since {
-            None if (now - time).abs() <= near => {
-                self.values = Some(self.sampler.take(simulation));
+        if !self.schedule.includes(now, end) {
+            return;
+        }
+        let taken = self.sampler.take(simulation);
+        self.states += 1;
+        let fraction = 1.0 / f64::from(self.states);
+        let combine = |all: f64, value: f64| match self.schedule.over_time {
+            OverTime::Last => value,
+            OverTime::Max => largest([all, value].into_iter()),
+            OverTime::Min => -largest([-all, -value].into_iter()),
+            OverTime::Mean => all + fraction * (value - all),
+        };
+        match &mut self.values {
+            None => self.values = Some(taken),
+            Some(values) => {
+                let pairs = values.iter_mut().zip(taken);
+                pairs.for_each(|(all, value)| *all = combine(*all, value));
             }
-            Some(since) if now >= since - near && now <= time + near => {
-                let taken = self.sampler.take(simulation);
-                let means = self.values.get_or_insert_with(|| vec![0.0; taken.len()]);
-                self.states += 1;
-                let fraction = 1.0 / f64::from(self.states);
-                let pairs = means.iter_mut().zip(taken);
-                pairs.for_each(|(mean, value)| *mean += fraction * (value - *mean));
-            }
-            _ => {}
         }
     }
 

@@ -10,22 +10,63 @@ use crate::melt_pool::{MeltPoolGauge, Travel};
 use crate::probe::{Component, Probe, find_body, find_field, points_of};
 use crate::verify::check::{
     BalanceMeasure, CrossingMeasure, DeviationMeasure, FieldMeasure, HistoryMeasure, Measure,
-    MeltPoolMeasure, OnsetMeasure, PassingMeasure, PlaceMeasure, ReportMeasure, StatisticMeasure,
-    TipMeasure,
+    MeltPoolMeasure, OnsetMeasure, OverTime, PassingMeasure, PlaceMeasure, ReportMeasure,
+    StatisticMeasure, TipMeasure,
 };
 
-/// When the values of a measurement are taken.
-#[derive(Clone, Copy, Debug, Default)]
+/// When the values of a measurement are taken, and which of them count.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Schedule {
-    /// s; the end when left out.
-    pub(super) time: Option<f64>,
-    /// From when on the mean is taken, s; one state alone when left out.
-    pub(super) since: Option<f64>,
+    /// First state, s; the first one after the start when left out.
+    since: Option<f64>,
+    /// Last state, s; the end when left out.
+    until: Option<f64>,
+    pub(super) over_time: OverTime,
 }
 
-impl From<Option<f64>> for Schedule {
-    fn from(time: Option<f64>) -> Self {
-        Self { time, since: None }
+impl Schedule {
+    /// The schedule that `over_time`, `since` and `time` of a measurement give.
+    ///
+    /// # Errors
+    /// The last state alone does not begin at `since`.
+    fn new(
+        over_time: Option<OverTime>,
+        [since, until]: [Option<f64>; 2],
+    ) -> Result<Self, SetupError> {
+        let over_time = match (over_time, since) {
+            (Some(OverTime::Last), Some(since)) => {
+                let message = format!("the last state alone does not begin at {since} s");
+                let expected = "\"max\", \"min\" or \"mean\", or no `since`";
+                return Err(SetupError::value("measure.over_time", message, expected));
+            }
+            (Some(over_time), _) => over_time,
+            (None, Some(_)) => OverTime::Mean,
+            (None, None) => OverTime::Last,
+        };
+        Ok(Schedule {
+            since,
+            until,
+            over_time,
+        })
+    }
+
+    /// The state at `time` alone, s; the end when left out.
+    fn at(time: Option<f64>) -> Self {
+        Schedule {
+            since: None,
+            until: time,
+            over_time: OverTime::Last,
+        }
+    }
+
+    /// Whether the logged state at a time (s) counts, in a run to `end` (s).
+    pub(super) fn includes(&self, now: f64, end: f64) -> bool {
+        let (until, near) = (self.until.unwrap_or(end), 1e-9 * end);
+        let since = match self.over_time {
+            OverTime::Last => until,
+            _ => self.since.unwrap_or(0.0),
+        };
+        now >= since - near && now <= until + near
     }
 }
 
@@ -37,39 +78,49 @@ pub(super) fn sampler(
     measure: &Measure,
     simulation: &Simulation,
 ) -> Result<(Sampler, Schedule), SetupError> {
-    let each_step = Schedule::default();
+    let each_step = Schedule::at(None);
     let moving_body = |name: &Option<String>| find_moving_body(simulation, name.as_deref());
     Ok(match measure {
-        Measure::Field(m) => (field(m, simulation)?, m.time.into()),
-        Measure::Passing(m) => {
-            let (time, since) = (m.time, m.since);
-            (passing(m, simulation)?, Schedule { time, since })
-        }
+        Measure::Field(m) => (field(m, simulation)?, Schedule::at(m.time)),
+        Measure::Passing(m) => (
+            passing(m, simulation)?,
+            Schedule::new(m.over_time, [m.since, m.time])?,
+        ),
         Measure::Reach(m) => {
             let body = moving_body(&m.body)?;
             let along = direction(m.along, "measure.reach.along")?;
-            (Sampler::Reach { body, along }, m.time.into())
+            (
+                Sampler::Reach { body, along },
+                Schedule::new(m.over_time, [m.since, m.time])?,
+            )
         }
         Measure::Nearest(m) => {
             let body = moving_body(&m.body)?;
-            (Sampler::Nearest { body }, m.time.into())
+            (
+                Sampler::Nearest { body },
+                Schedule::new(m.over_time, [m.since, m.time])?,
+            )
         }
         Measure::History(m) => (history(m, simulation)?, each_step),
         Measure::Crossing(m) => (crossing(m, simulation)?, each_step),
         Measure::Onset(m) => (onset(m, simulation)?, each_step),
-        Measure::Tip(m) => (tip(m, simulation)?, m.time.into()),
-        Measure::Statistic(m) => {
-            let (time, since) = (m.time, m.since);
-            (statistic(m, simulation)?, Schedule { time, since })
-        }
-        Measure::Place(m) => (place(m, simulation)?, m.time.into()),
-        Measure::Deviation(m) => (deviation(m, simulation)?, m.time.into()),
-        Measure::MeltPool(m) => (melt_pool(m, simulation)?, m.time.into()),
+        Measure::Tip(m) => (tip(m, simulation)?, Schedule::at(m.time)),
+        Measure::Statistic(m) => (
+            statistic(m, simulation)?,
+            Schedule::new(m.over_time, [m.since, m.time])?,
+        ),
+        Measure::Place(m) => (place(m, simulation)?, Schedule::at(m.time)),
+        Measure::Deviation(m) => (
+            deviation(m, simulation)?,
+            Schedule::new(m.over_time, [m.since, m.time])?,
+        ),
+        Measure::MeltPool(m) => (melt_pool(m, simulation)?, Schedule::at(m.time)),
         Measure::Balance(m) => (balance(m, simulation)?, each_step),
-        Measure::Report(m) => {
-            let (time, since) = (m.time, m.since);
-            (report(m, simulation)?, Schedule { time, since })
-        }
+        Measure::Passes => (Sampler::Passes, Schedule::at(None)),
+        Measure::Report(m) => (
+            report(m, simulation)?,
+            Schedule::new(m.over_time, [m.since, m.time])?,
+        ),
     })
 }
 

@@ -80,6 +80,7 @@ pub(super) enum Sampler {
     Report {
         name: String,
     },
+    Passes,
 }
 
 impl Sampler {
@@ -213,6 +214,10 @@ impl Sampler {
                 let reports = simulation.reports();
                 let all = reports.iter().flat_map(|(_, r)| r);
                 vec![all.filter(|r| r.name == *name).map(|r| r.value).sum()]
+            }
+            Sampler::Passes => {
+                let progress = simulation.progress();
+                vec![progress.passes as f64 / progress.macro_steps as f64]
             }
             Sampler::Tip {
                 body,

@@ -1,0 +1,148 @@
+//! One run of a case with the measurements of all checks that concern it.
+
+use std::io::IsTerminal;
+use std::time::Instant;
+
+use perimelt_core::{RunError, Simulation};
+
+use super::Planned;
+use super::audit::Audit;
+use super::check::{Check, Measure};
+use super::measurement::Measurement;
+use super::table::Outcome;
+use crate::case::Case;
+use crate::run::Failure;
+use crate::run::display::{Display, duration};
+
+/// What a run gave.
+pub(super) struct MeasuredRun {
+    /// Values or the reason why there are none, by planned check; checks of other cases have none.
+    measured: Vec<Result<Vec<f64>, String>>,
+    /// Why the run did not reach its end.
+    stopped: Option<String>,
+    audit: Audit,
+    /// Wall time, s.
+    pub(super) seconds: f64,
+}
+
+impl MeasuredRun {
+    /// Runs a case to its end and takes the measurements that concern it.
+    pub(super) fn of(
+        name: &str,
+        case: &Case,
+        planned: &[Planned],
+        concerns: impl Fn(&Planned) -> bool,
+    ) -> MeasuredRun {
+        let started = Instant::now();
+        let mut simulation = match case.compose() {
+            Ok(simulation) => simulation,
+            Err(mistake) => return MeasuredRun::stopped(name, &Failure::Case(mistake)),
+        };
+        let mut measurements: Vec<Result<Measurement, String>> = planned
+            .iter()
+            .map(|p| match concerns(p) {
+                true => Measurement::new(&p.check.measure, &simulation)
+                    .map_err(|mistake| mistake.to_string()),
+                false => Err(String::new()),
+            })
+            .collect();
+        let mut audit = Audit::default();
+        let measured = measurements.iter_mut().flatten().collect();
+        let result = advance(case, &mut simulation, measured, &mut audit);
+        let seconds = started.elapsed().as_secs_f64();
+        let progress = simulation.progress();
+        let steps = progress.macro_steps;
+        let iterations: u64 = progress.iterations.iter().sum();
+        let evaluations: u64 = progress.evaluations.iter().sum();
+        let wall = duration(seconds);
+        match result {
+            Ok(()) => eprintln!(
+                "{name}: {steps} steps, {iterations} iterations, {evaluations} evaluations in {wall}"
+            ),
+            Err(failure) => {
+                let stopped = MeasuredRun::stopped(name, &failure);
+                return MeasuredRun { seconds, ..stopped };
+            }
+        }
+        let none = "the run has no state at the time of the measurement";
+        let values = |m: Measurement| m.values().map(<[f64]>::to_vec).ok_or(none.to_string());
+        MeasuredRun {
+            measured: measurements.into_iter().map(|m| values(m?)).collect(),
+            stopped: None,
+            audit,
+            seconds,
+        }
+    }
+
+    fn stopped(name: &str, failure: &Failure) -> MeasuredRun {
+        let reason = match failure {
+            Failure::Case(mistake) => mistake.render(false),
+            failure => format!("the run of {name} stopped: {failure}"),
+        };
+        eprintln!("{name}: {reason}");
+        MeasuredRun {
+            measured: Vec::new(),
+            stopped: Some(reason),
+            audit: Audit::default(),
+            seconds: 0.0,
+        }
+    }
+
+    /// Outcomes of the audits of the run, without the balances that checks of the case cover at any level. A case
+    /// without checks has at least one outcome: whether its run reached the end.
+    pub(super) fn audits(&self, case: &str, checks: &[Check]) -> Vec<Outcome> {
+        if let Some(reason) = &self.stopped {
+            // checks of the case give the reason, if there are any
+            let alone = checks.is_empty().then(|| reason.clone());
+            return alone.map_or(Vec::new(), |r| vec![Outcome::end(case, Err(r))]);
+        }
+        let is_checked = |quantity: &str| {
+            let mut measures = checks.iter().map(|c| &c.measure);
+            measures.any(|m| matches!(m, Measure::Balance(b) if b.quantity == quantity))
+        };
+        let outcomes = self.audit.outcomes(case, is_checked);
+        match outcomes.is_empty() && checks.is_empty() {
+            true => vec![Outcome::end(case, Ok(()))],
+            false => outcomes,
+        }
+    }
+
+    /// The values measured for a planned check.
+    ///
+    /// # Errors
+    /// The reason why there are none. The values of a run that stopped do not count, also where they were taken
+    /// before.
+    pub(super) fn values(&self, check: usize) -> Result<&[f64], String> {
+        match &self.stopped {
+            Some(reason) => Err(reason.clone()),
+            None => self.measured[check].as_deref().map_err(Clone::clone),
+        }
+    }
+}
+
+/// Steps to the end of the case.
+fn advance(
+    case: &Case,
+    simulation: &mut Simulation,
+    mut measurements: Vec<&mut Measurement>,
+    audit: &mut Audit,
+) -> Result<(), Failure> {
+    case.start(simulation)?;
+    let mut display = Display::new(simulation, f64::INFINITY, !std::io::stderr().is_terminal());
+    let result = loop {
+        if simulation.is_finished() {
+            break Ok(());
+        }
+        match simulation.step() {
+            Ok(logging) => {
+                let measurements = measurements.iter_mut();
+                measurements.for_each(|m| m.observe(simulation, logging));
+                audit.observe(simulation);
+            }
+            Err(failure) => break Err::<(), RunError>(failure),
+        }
+        display.update(simulation);
+    };
+    display.finish();
+    Ok(result?)
+}

@@ -1,0 +1,163 @@
+//! Cases that stop, and values over time.
+
+use super::*;
+
+/// A bar of 8 points whose mean temperature rises by `flux` (W/m²) over 8000 in a second.
+fn heated_bar(flux: f64, checks: &str) -> String {
+    format!(
+        r#"
+        [bodies.bar]
+        shape.box = {{ min = [0, 0, 0], max = [0.008, 1, 1] }}
+        dimension = 1
+        spacing = 0.001
+        material = "m"
+        initial.temperature = 300
+
+        [materials.m]
+        density = 1000
+        conductivity = 1
+        specific_heat = 1000
+
+        [[physics]]
+        type = "thermal"
+        step = 0.1
+
+        [[couplers]]
+        type = "heat_flux"
+        faces = ["x-"]
+        flux = {flux:e}
+
+        [time]
+        end = 10
+        step = 0.1
+
+        [log]
+        interval = 1
+
+        {checks}
+        "#
+    )
+}
+
+const MEAN: &str = "statistic = { field = \"temperature\", statistic = \"mean\" }";
+
+fn check(quantity: &str, measure: &str, reference: f64) -> String {
+    format!(
+        r#"
+        [[verify]]
+        quantity = "{quantity}"
+        measure.{measure}
+        reference = {reference}
+        limit.absolute = 1e-9
+        source = "closed form"
+        "#
+    )
+}
+
+/// Checks case files of a temporary folder.
+fn outcomes(files: &[(&str, String)]) -> Vec<Outcome> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (name, text) in files {
+        let path = folder.path().join(format!("{name}.toml"));
+        std::fs::write(path, text).expect("a writable folder");
+    }
+    let args = VerifyArgs {
+        cases: Some(folder.path().into()),
+        ..VerifyArgs::default()
+    };
+    verify(&args).expect("valid cases")
+}
+
+fn is_audit(outcome: &&Outcome) -> bool {
+    outcome.quantity.starts_with("audit")
+}
+
+#[test]
+fn a_run_that_stops_fails_its_checks_and_no_others() {
+    // 10 K in 10 s
+    let sound = check("end", MEAN, 310.0);
+    let ratio = check("ratio", MEAN, 1.0).replace("reference", "of = \"a-blown-up\"\nreference");
+    let early = "field = { field = \"temperature\", at = [[0.004, 0, 0]], time = 0.1 }";
+    let history = "history = { field = \"temperature\", at = [0.004, 0, 0] }";
+    let stopped = check("early", early, 1e14)
+        + &check("history", history, 1.0).replace("reference = 1", "reference = [1, 2, 3, 4]");
+    let unknown = check(
+        "unknown",
+        "field = { field = \"temperatur\", at = [[0, 0, 0]] }",
+        1.0,
+    );
+    let all = outcomes(&[
+        ("a-blown-up", heated_bar(1e25, &stopped)),
+        ("b-sound", heated_bar(8000.0, &(sound + &ratio + &unknown))),
+    ]);
+    let all: Vec<_> = all.iter().filter(|o| !is_audit(o)).collect();
+    assert_eq!(all.len(), 5, "{all:?}");
+    for (outcome, reason) in [
+        (all[0], "temperature"),
+        (all[1], "temperature"),
+        (all[3], "the run of a-blown-up stopped"),
+        (all[4], "temperatur"),
+    ] {
+        let failure = outcome.failure.as_deref().unwrap_or_default();
+        assert!(!outcome.passed && failure.contains(reason), "{outcome:?}");
+    }
+    assert!(all[2].passed, "{:?}", all[2]);
+    let table = OutcomeTable(&all.iter().map(|o| (*o).clone()).collect::<Vec<_>>()).to_string();
+    // each reason once
+    assert_eq!(table.matches("the run of a-blown-up stopped").count(), 1);
+}
+
+#[test]
+fn values_over_time_are_of_the_states_that_are_asked_for() {
+    // 1 K/s, logged every second
+    let at = "field = \"temperature\", statistic = \"mean\"";
+    let checks = [
+        ("", 310.0),
+        (", over_time = \"last\", time = 3", 303.0),
+        (", over_time = \"max\"", 310.0),
+        (", over_time = \"max\", time = 5", 305.0),
+        (", over_time = \"min\"", 301.0),
+        (", over_time = \"min\", since = 4", 304.0),
+        (", over_time = \"mean\"", 305.5),
+        (", since = 8", 309.0),
+        (", over_time = \"mean\", since = 8, time = 9", 308.5),
+    ];
+    let checks: String = checks
+        .map(|(keys, reference)| {
+            check(
+                keys.trim_matches(',').replace('"', "'").trim(),
+                &format!("statistic = {{ {at}{keys} }}"),
+                reference,
+            )
+        })
+        .concat();
+    for outcome in outcomes(&[("bar", heated_bar(8000.0, &checks))]) {
+        assert!(outcome.passed, "{outcome:?}");
+    }
+    let mistaken = check(
+        "q",
+        &format!("statistic = {{ {at}, over_time = \"last\", since = 2 }}"),
+        1.0,
+    );
+    let all = outcomes(&[("bar", heated_bar(8000.0, &mistaken))]);
+    let failure = all[0].failure.as_deref().unwrap_or_default();
+    assert!(
+        failure.contains("measure.over_time") || failure.contains("does not begin"),
+        "{failure}"
+    );
+}
+
+#[test]
+fn balances_are_audited_unless_the_case_checks_them() {
+    let audits = |checks: &str| {
+        let all = outcomes(&[("bar", heated_bar(8000.0, checks))]);
+        all.into_iter().filter(|o| is_audit(&o)).collect::<Vec<_>>()
+    };
+    let mean = check("mean", MEAN, 310.0);
+    let found = audits(&mean);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(found[0].passed && found[0].quantity == "audit of heat, thermal");
+    assert!(found[0].error < 1e-12, "{:?}", found[0]);
+    let own = check("own", "balance = { quantity = \"heat\" }", 0.0);
+    assert!(audits(&(mean + &own)).is_empty());
+}
