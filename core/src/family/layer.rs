@@ -268,6 +268,22 @@ impl Family {
         }
     }
 
+    /// Coordinate along an axis by slot, m; behind faces that of the mirror point, behind periodic faces that of the copy.
+    pub fn mirrored_coordinates(&self, axis: usize, slots: &mut Vec<f64>) {
+        slots.clear();
+        slots.extend((0..self.slots()).map(|slot| self.place(slot, axis)));
+        for (face, range) in &self.layers {
+            for ghost in &self.ghosts[range.clone()] {
+                let (slot, source) = (ghost.slot as usize, ghost.source as usize);
+                let way = match self.periodic[face.axis()] {
+                    true => self.place(slot, axis) - self.place(source, axis),
+                    false => 0.0,
+                };
+                slots[slot] = slots[source] + way;
+            }
+        }
+    }
+
     /// Fills the slots of the layer points with the values of their mirror points, with the other sign where
     /// `turns(axis)` says that a mirror across that axis turns it. Copies behind periodic faces do not turn.
     pub fn fill_layers_turning(&self, slots: &mut [f64], turns: impl Fn(usize) -> bool) {

@@ -6,6 +6,15 @@
 //!   divergence is no longer the adjoint of the gradient of the mirrored pressure.
 //! - An Eulerian fluid carries density by `div(rho v)`, velocity and temperature `f` by
 //!   `(div(rho v f) - f div(rho v)) / rho`: mass and momentum are kept to rounding, and uniform fields stay uniform.
+//!
+//! Only the part of the density that is not hydrostatic diffuses, pair by pair and with nothing through walls, so that
+//! mass is kept to rounding where all families are equal:
+//!
+//! ```text
+//! sum_j g2 [rho_j - rho_i - (s_i + s_j)/2 . (x_j - x_i)],   s = f / c^2
+//! ```
+//!
+//! with the force density f; behind a wall rho, s and x are those of the mirror point.
 
 use std::sync::Arc;
 
@@ -16,7 +25,7 @@ use rayon::prelude::*;
 use crate::advection::Flux;
 
 use super::medium::{Coefficient, Medium};
-use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms, load_weighted};
+use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms, load, load_weighted};
 
 /// A field in slot space, and some of its derivatives.
 #[derive(Debug, Default)]
@@ -32,6 +41,69 @@ impl Differentiated {
         if coefficient.varies {
             coefficient.load(pddo.family(), &mut self.slots);
             pddo.gradient(&self.slots, work, &mut self.rows);
+        }
+    }
+}
+
+/// Laplacian of the part of the density that is not hydrostatic, with its work arrays.
+#[derive(Debug, Default)]
+struct DensityDiffusion {
+    /// kg/m⁵.
+    laplacian: Vec<f64>,
+    axes: [Along; 3],
+    has_coordinates: bool,
+    /// `rho - s . x / 2` by slot, kg/m³.
+    reduced: Vec<f64>,
+}
+
+/// Coordinates and hydrostatic slopes along an axis.
+#[derive(Debug, Default)]
+struct Along {
+    /// Coordinate by slot, m, and its Laplacian at points, 1/m.
+    coordinate: Vec<f64>,
+    coordinate_laplacian: Vec<f64>,
+    /// Slope by point and by slot, kg/m⁴, and its Laplacian at points, kg/m⁶.
+    slope: Vec<f64>,
+    slope_slots: Vec<f64>,
+    slope_laplacian: Vec<f64>,
+}
+
+impl DensityDiffusion {
+    fn find(
+        &mut self,
+        (pddo, work): (&Pddo, &mut Derivatives),
+        density: &[f64],
+        terms: &Terms<'_>,
+    ) {
+        let family = pddo.family();
+        load(family, (density, 1), 0, &[], &mut self.reduced);
+        let mut loaded = [false; 3];
+        for (axis, along) in self.axes.iter_mut().enumerate().take(pddo.dimension()) {
+            if !self.has_coordinates {
+                family.mirrored_coordinates(axis, &mut along.coordinate);
+                pddo.laplacian(&along.coordinate, work, &mut along.coordinate_laplacian);
+            }
+            along.slope.clear();
+            let slopes = (0..density.len()).map(|i| terms.density_slope(i, axis));
+            along.slope.extend(slopes);
+            loaded[axis] = along.slope.iter().any(|s| *s != 0.0);
+            if loaded[axis] {
+                load(family, (&along.slope, 1), 0, &[], &mut along.slope_slots);
+                let hydrostatic = along.slope_slots.iter().zip(&along.coordinate);
+                let slots = self.reduced.iter_mut().zip(hydrostatic);
+                slots.for_each(|(rho, (s, x))| *rho -= 0.5 * s * x);
+                pddo.laplacian(&along.slope_slots, work, &mut along.slope_laplacian);
+            }
+        }
+        self.has_coordinates = true;
+        pddo.laplacian(&self.reduced, work, &mut self.laplacian);
+        for (along, _) in self.axes.iter().zip(loaded).filter(|(_, loaded)| *loaded) {
+            for (i, laplacian) in self.laplacian.iter_mut().enumerate() {
+                let x = along.coordinate[family.slot_of(i)];
+                *laplacian += 0.5
+                    * (x * along.slope_laplacian[i]
+                        - along.slope[i] * along.coordinate_laplacian[i]);
+            }
         }
     }
 }
@@ -56,8 +128,7 @@ pub(super) struct Differences {
     carried_momentum: Vec<Flux>,
     /// By slot.
     density: Vec<f64>,
-    /// kg/m⁵.
-    density_laplacian: Vec<f64>,
+    diffusion: DensityDiffusion,
     work: Derivatives,
     pressure: Differentiated,
     viscosity: Differentiated,
@@ -71,7 +142,7 @@ impl Differences {
             flux: Flux::new(pddo.dimension()),
             carried_momentum: vec![Flux::new(pddo.dimension()); pddo.dimension()],
             density: Vec::new(),
-            density_laplacian: Vec::new(),
+            diffusion: DensityDiffusion::default(),
             work: Derivatives::default(),
             pressure: Differentiated::default(),
             viscosity: Differentiated::default(),
@@ -141,6 +212,7 @@ impl Rates for Differences {
         positions: &[Vector3<f64>],
         family: &dyn Fn() -> Arc<Family>,
     ) -> Result<(), PddoError> {
+        self.diffusion.has_coordinates = false;
         self.pddo.rebuild(positions, family)
     }
 
@@ -167,7 +239,7 @@ impl Rates for Differences {
         if terms.compressible {
             pddo.gradient_of_divergence(velocity, work, &mut self.slope_of_divergence);
         }
-        if is_eulerian || terms.density_diffusion > 0.0 {
+        if is_eulerian {
             // the density of the hydrostatic pressure behind the faces
             load_weighted(
                 pddo.family(),
@@ -177,7 +249,7 @@ impl Rates for Differences {
             );
         }
         if terms.density_diffusion > 0.0 {
-            pddo.laplacian(&self.density, work, &mut self.density_laplacian);
+            self.diffusion.find((pddo, work), density, terms);
         }
         let density = is_eulerian.then_some(&self.density[..]);
         self.flux.find((pddo, work), velocity, density);
@@ -217,7 +289,7 @@ impl Rates for Differences {
                     None => -before * self.flux.divergence[i],
                 };
                 if terms.density_diffusion > 0.0 {
-                    rate += terms.density_diffusivity(i) * self.density_laplacian[i];
+                    rate += terms.density_diffusivity(i) * self.diffusion.laplacian[i];
                 }
                 *rho += dt * rate;
                 *p = medium.pressure(i, (before, *rho), *p);
