@@ -48,7 +48,9 @@ fn a_uniform_temperature_stays_uniform() {
             .get("step")
             .and_then(toml::Value::as_float)
             .unwrap_or(0.05);
-        let end = (10.0 * step).min(0.05);
+        let end = &table["time"]["end"];
+        let end = end.as_float().or(end.as_integer().map(|e| e as f64));
+        let end = (10.0 * step).min(0.05).min(0.05 * end.expect("a time"));
         table["time"]["end"] = end.into();
         table.insert(
             "log".into(),
