@@ -8,6 +8,7 @@ use super::Correspondence;
 use super::kernels::{DISPLACEMENT, Force, INPUTS};
 use crate::mechanical::classical::{Point, diagonal, image_of};
 use crate::mechanical::fracture::Fracture;
+use crate::mechanical::layer_forces::gives_way;
 use crate::mechanical::solid::{StrainKind, flat, unflatten};
 use crate::mechanical::specialise::specialise;
 use crate::mechanical::stretch::{EXCESS_INPUTS, Excess};
@@ -54,7 +55,11 @@ impl Correspondence {
         }
         for image in self.family.images(&self.continuation) {
             let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
-            let gradient = scale * values[image.point] * mirror + image.bend;
+            // a state that gives way to other forces keeps the stress of no strain where the layer is constant
+            let gradient = match gives_way(&image, self.dimension) {
+                true => Matrix3::zeros(),
+                false => scale * values[image.point] * mirror + image.bend,
+            };
             let inverse = mirror * inverse[image.point] * mirror;
             let mut point = self.point(image.point, strain);
             if let Some(plasticity) = &self.plasticity {
@@ -93,6 +98,9 @@ impl Correspondence {
         let sums = flat::<D>(&mut self.padded, bytemuck::cast_slice_mut(out));
         self.family.sum_unbroken(&Force, inputs, broken, sums);
         unflatten::<D>(&self.padded, out);
+        let continued = (&*self.family, &self.continuation);
+        let layers = &mut self.layer_forces;
+        layers.complete::<_, D>((&Force, DISPLACEMENT), continued, (inputs, broken), out);
     }
 
     /// Sums the excess of bonds over their critical stretch.

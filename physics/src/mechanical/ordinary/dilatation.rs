@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::inputs::Inputs;
 use crate::mechanical::classical::{diagonal, image_of, symmetric};
 use crate::mechanical::elastic::ElasticPoints;
+use crate::mechanical::layer_forces::gives_way;
 use crate::mechanical::plasticity::Plasticity;
 use crate::mechanical::solid::StrainKind;
 use crate::mechanical::specialise::specialise;
@@ -140,8 +141,11 @@ impl Dilatation {
     fn pressure_of_image(&self, law: &PressureLaw<'_>, image: &Image, bent: bool) -> f64 {
         let point = image.point;
         let sums = self.parts[point];
-        let mut sums: [f64; 3] =
-            std::array::from_fn(|a| image.scale[a] * image.mirror[a] * sums[a]);
+        // a state that gives way to other forces keeps the pressure of no strain where the layer is constant
+        let mut sums: [f64; 3] = match gives_way(image, law.elastic.dimension) {
+            true => [0.0; 3],
+            false => std::array::from_fn(|a| image.scale[a] * image.mirror[a] * sums[a]),
+        };
         if bent {
             let mirror = Matrix3::from_diagonal(&image.mirror.into());
             let directions = mirror * symmetric(&self.directions[point]) * mirror;
