@@ -14,6 +14,9 @@
 //! the state of the image has no such meaning: its forces make the stiffness nonsymmetric, and a body that vibrates
 //! gains energy without bound.
 //!
+//! Solvers of equilibrium take the states of images at all layers: both kinds of forces differ at the points next to the
+//! face only, and the displacement of a clamped plate under tension by 0.03 %.
+//!
 //! In a component in which a layer is constant while it is not in others, layer points keep the part of their states
 //! that depends on that component alone.
 
@@ -69,35 +72,40 @@ struct Ghost {
     bonds: Vec<usize>,
 }
 
-/// Whether the state of an image of a body gives way to the forces of this file.
-pub(super) fn gives_way(image: &Image, dimension: usize) -> bool {
-    let is_constant = image.scale[..dimension].iter().all(|s| *s == 0.0);
-    !(image.is_symmetric() || image.is_bent || is_constant)
-}
-
 impl LayerForces {
-    pub(super) fn new(dimension: usize, volume: &[f64]) -> Self {
+    /// Of a body with these volumes of its points (m³) that moves; if it does not, there are none.
+    pub(super) fn new(dimension: usize, volume: &[f64], in_motion: bool) -> Self {
         LayerForces {
             dimension,
-            volume: volume.to_vec(),
+            volume: if in_motion {
+                volume.to_vec()
+            } else {
+                Vec::new()
+            },
             ..LayerForces::default()
         }
+    }
+
+    /// Whether the state of an image gives way to the forces of this file.
+    pub(super) fn replace(&self, image: &Image) -> bool {
+        let is_constant = image.scale[..self.dimension].iter().all(|s| *s == 0.0);
+        let keeps_state = image.is_symmetric() || image.is_bent || is_constant;
+        !(keeps_state || self.volume.is_empty())
     }
 
     /// Finds the bonds if layers scale the displacement in another way than before.
     pub(super) fn follow(&mut self, family: &Family, continuation: &Continuation) {
         let layout = continuation.layout();
-        if self.layout == layout {
+        if self.volume.is_empty() || self.layout == layout {
             return;
         }
         self.layout = layout;
         let mut number_in = vec![u32::MAX; family.slots()];
         self.ghosts.clear();
-        let dimension = self.dimension;
-        for image in family
-            .images(continuation)
-            .filter(|i| gives_way(i, dimension))
-        {
+        let images: Vec<Image> = (family.images(continuation))
+            .filter(|image| self.replace(image))
+            .collect();
+        for image in images {
             number_in[image.slot] = self.ghosts.len() as u32;
             self.ghosts.push(Ghost {
                 slot: image.slot,

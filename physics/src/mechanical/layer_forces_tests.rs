@@ -131,7 +131,9 @@ fn the_stiffness_of_bodies_with_layers_is_symmetric_and_not_negative() {
             let body = body(cells, is_cloud);
             for formulation in FORMULATIONS {
                 for (name, rules) in layers() {
-                    let keys = format!("formulation = '{formulation}'\nhorizon = 2");
+                    let keys = format!(
+                        "formulation = '{formulation}'\nhorizon = 2\nsolver.explicit = {{}}"
+                    );
                     let mut solid = solid(&body, &keys, &rules);
                     let matrix = stiffness_matrix(&body, &mut *solid, &rules);
                     let (largest, asymmetric) =
@@ -157,7 +159,8 @@ fn frequencies_with_layers_are_below_their_bound() {
         let body = body(cells, false);
         for formulation in ["bond", "ordinary"] {
             for (name, rules) in layers() {
-                let keys = format!("formulation = '{formulation}'\nhorizon = 2");
+                let keys =
+                    format!("formulation = '{formulation}'\nhorizon = 2\nsolver.explicit = {{}}");
                 let mut solid = solid(&body, &keys, &rules);
                 let matrix = stiffness_matrix(&body, &mut *solid, &rules);
                 let mass = 8000.0 * body.points.volume[0];
@@ -185,8 +188,9 @@ fn forces_with_layers_are_the_derivative_of_the_energy_under_finite_kinematics()
                 if is_constant {
                     continue;
                 }
-                let keys =
-                    format!("formulation = '{formulation}'\nhorizon = 2\nkinematics = 'finite'");
+                let keys = format!(
+                    "formulation = '{formulation}'\nhorizon = 2\nkinematics = 'finite'\nsolver.explicit = {{}}"
+                );
                 let mut solid = solid(&body, &keys, &rules);
                 let n = 3 * body.points.len();
                 // strains of several percent

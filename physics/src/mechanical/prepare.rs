@@ -134,6 +134,7 @@ fn constitution(
     Ok(Constitution {
         elasticity: Elasticity::of(setup, body, keys.plane, bond_based)?,
         finite: keys.kinematics == Kinematics::Finite,
+        in_motion: matches!(keys.solver, MechanicalSolver::Explicit { .. }),
         plasticity: match &keys.plasticity {
             Some(section) => Some(Plasticity::of(section, setup, body, keys.plane)?),
             None => None,

@@ -8,7 +8,6 @@ use super::Correspondence;
 use super::kernels::{DISPLACEMENT, Force, INPUTS};
 use crate::mechanical::classical::{Point, diagonal, image_of};
 use crate::mechanical::fracture::Fracture;
-use crate::mechanical::layer_forces::gives_way;
 use crate::mechanical::solid::{StrainKind, flat, unflatten};
 use crate::mechanical::specialise::specialise;
 use crate::mechanical::stretch::{EXCESS_INPUTS, Excess};
@@ -56,7 +55,7 @@ impl Correspondence {
         for image in self.family.images(&self.continuation) {
             let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
             // a state that gives way to other forces keeps the stress of no strain where the layer is constant
-            let gradient = match gives_way(&image, self.dimension) {
+            let gradient = match self.layer_forces.replace(&image) {
                 true => Matrix3::zeros(),
                 false => scale * values[image.point] * mirror + image.bend,
             };

@@ -88,6 +88,7 @@ impl Correspondence {
             finite,
             plasticity,
             fracture,
+            in_motion,
         } = constitution;
         let slots = family.slots();
         let breaking = if fracture.is_some() { slots } else { 0 };
@@ -106,7 +107,7 @@ impl Correspondence {
             plasticity,
             fracture,
             continuation: Continuation::default(),
-            layer_forces: LayerForces::new(dimension, &body.points.volume),
+            layer_forces: LayerForces::new(dimension, &body.points.volume, in_motion),
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
             strength: std::array::from_fn(|_| vec![0.0; breaking]),
             gradient: Gradient::new(body, family.clone())?,

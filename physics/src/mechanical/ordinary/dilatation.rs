@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::inputs::Inputs;
 use crate::mechanical::classical::{diagonal, image_of, symmetric};
 use crate::mechanical::elastic::ElasticPoints;
-use crate::mechanical::layer_forces::gives_way;
+use crate::mechanical::layer_forces::LayerForces;
 use crate::mechanical::plasticity::Plasticity;
 use crate::mechanical::solid::StrainKind;
 use crate::mechanical::specialise::specialise;
@@ -32,6 +32,7 @@ pub(super) struct Dilatation {
 pub(super) struct PressureLaw<'a> {
     pub(super) elastic: &'a ElasticPoints,
     pub(super) plasticity: Option<&'a Plasticity>,
+    pub(super) layers: &'a LayerForces,
     pub(super) strain: StrainKind,
 }
 
@@ -142,7 +143,7 @@ impl Dilatation {
         let point = image.point;
         let sums = self.parts[point];
         // a state that gives way to other forces keeps the pressure of no strain where the layer is constant
-        let mut sums: [f64; 3] = match gives_way(image, law.elastic.dimension) {
+        let mut sums: [f64; 3] = match law.layers.replace(image) {
             true => [0.0; 3],
             false => std::array::from_fn(|a| image.scale[a] * image.mirror[a] * sums[a]),
         };

@@ -39,6 +39,7 @@ impl Ordinary {
         let law = PressureLaw {
             elastic: &self.elastic,
             plasticity: self.plastic.as_ref().map(|p| &p.state),
+            layers: &self.layer_forces,
             strain,
         };
         dilatation.load_pressure(&law, &self.family, &mut self.inputs, &self.continuation);

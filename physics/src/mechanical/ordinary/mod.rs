@@ -76,6 +76,7 @@ impl Ordinary {
             finite,
             plasticity,
             fracture,
+            in_motion,
         } = constitution;
         let is_ordinary = elasticity.has_free_poissons_ratio();
         let needs = Needs {
@@ -100,7 +101,7 @@ impl Ordinary {
             plastic,
             fracture,
             continuation: Continuation::default(),
-            layer_forces: LayerForces::new(dimension, &body.points.volume),
+            layer_forces: LayerForces::new(dimension, &body.points.volume, in_motion),
             inputs: Inputs::new(family.clone(), dimension, needs),
             padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
             energy: vec![[0.0; 2]; points],
