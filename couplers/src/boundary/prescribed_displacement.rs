@@ -1,8 +1,8 @@
 //! Prescribed displacement behind a face or at points, component by component.
 //!
 //! Behind a face, at the end of the step: `u(layer) = 2 b(t) - u(mirror)` or `b(t)` for the components that
-//! are given, `u(mirror)` for the others. The forces on the layer act on the mirror points in turn, so that the body has an
-//! energy. The points of a region have the displacement b(t) in the
+//! are given, `u(mirror)` for the others. In explicit motion the forces on the layer act on the mirror points in turn, so
+//! that the body keeps its energy. The points of a region have the displacement b(t) in the
 //! components that are given.
 
 use nalgebra::Vector3;
