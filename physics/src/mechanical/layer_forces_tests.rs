@@ -259,7 +259,7 @@ fn energy_that_grows_without_work_stops_the_run() {
     s.start().expect("starts");
     let error = loop {
         match s.step() {
-            Ok(()) => assert!(s.progress().sub_steps[0] < 100_000, "it does not stop"),
+            Ok(_) => assert!(s.progress().sub_steps[0] < 100_000, "it does not stop"),
             Err(error) => break error.to_string(),
         }
     };
