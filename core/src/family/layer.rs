@@ -95,6 +95,65 @@ impl Continuation {
     pub fn is_bent(&self) -> bool {
         !self.bends.is_empty()
     }
+
+    /// The rules.
+    pub fn rules(&self) -> &[LayerRule] {
+        &self.rules
+    }
+
+    /// The linear part of how the field continues, but for the slopes of bent layers.
+    pub fn layout(&self) -> Layout {
+        let of_rule = |r: &LayerRule| (r.face, r.scale, r.traction.is_some());
+        let values = self.rules.iter().enumerate().flat_map(|(i, rule)| {
+            let others = self.rules[..i].iter();
+            others.map(move |other| {
+                std::array::from_fn(|a| match (rule.prescribed(a), other.prescribed(a)) {
+                    (Some(value), Some(other)) => value != other,
+                    _ => false,
+                })
+            })
+        });
+        Layout {
+            rules: self.rules.iter().map(of_rule).collect(),
+            disagree: values.collect(),
+        }
+    }
+}
+
+/// The linear part of a [`Continuation`]: layers of equal layouts scale the field alike.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Layout {
+    /// Face, factors on the components, whether a traction bends the layer.
+    rules: Vec<(Face, [f64; 3], bool)>,
+    /// By pair of rules and component, whether both prescribe a value and the values differ.
+    disagree: Vec<[bool; 3]>,
+}
+
+/// A component of a field behind a corner at which faces prescribe different values.
+struct Jump {
+    /// Mean of what the faces prescribe.
+    mean: f64,
+    /// Factor on the deviation of the point from the mean.
+    scale: f64,
+}
+
+impl Jump {
+    /// `None` where the faces of `corner` agree.
+    fn at(corner: &Ghost, rules: &[LayerRule], component: usize) -> Option<Jump> {
+        let passed = |r: &&LayerRule| corner.passes[r.face as usize] > 0;
+        let faces = || {
+            let rules = rules.iter().filter(passed);
+            rules.filter_map(|r| Some((r.prescribed(component)?, r.scale[component])))
+        };
+        let (first, _) = faces().next()?;
+        if faces().all(|(value, _)| value == first) {
+            return None;
+        }
+        Some(Jump {
+            mean: faces().map(|(value, _)| value).sum::<f64>() / faces().count() as f64,
+            scale: -faces().map(|(_, scale)| scale).product::<f64>().abs(),
+        })
+    }
 }
 
 /// A layer point as the image of a point: `dv/dx (slot) = scale dv/dx (point) mirror + bend` for a
@@ -112,6 +171,16 @@ pub struct Image {
     pub mirror: [f64; 3],
     /// What tractions add to the gradient.
     pub bend: Matrix3<f64>,
+    /// Whether it lies behind a face under traction.
+    pub is_bent: bool,
+}
+
+impl Image {
+    /// Whether the body and its image form one body that deforms symmetrically: components change sign across the
+    /// faces to which they are normal, and only there.
+    pub fn is_symmetric(&self) -> bool {
+        self.scale == self.mirror && !self.is_bent
+    }
 }
 
 /// Slots as cells, and what is in them.
@@ -231,19 +300,31 @@ impl Family {
     /// Continues a field behind corners at which faces disagree: odd about the mean of what they prescribe, or
     /// constant where their layers are. One face after the other would let the last one go on beyond the corner.
     fn fill_corners(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
-        let mut prescribed = [None; 6];
-        for rule in rules {
-            let of_face = rule.prescribed(component);
-            prescribed[rule.face as usize] = of_face.map(|value| (value, rule.scale[component]));
-        }
         for corner in &self.corners {
-            let passed = Face::ALL.iter().filter(|f| corner.passes[**f as usize] > 0);
-            let faces = || passed.clone().filter_map(|f| prescribed[*f as usize]);
-            if faces().any(|(value, _)| faces().any(|(other, _)| other != value)) {
-                let mean = faces().map(|(value, _)| value).sum::<f64>() / faces().count() as f64;
-                let scale = faces().map(|(_, scale)| scale).product::<f64>().abs();
+            if let Some(jump) = Jump::at(corner, rules, component) {
                 let image = slots[self.slot_of(corner.point as usize)];
-                slots[corner.slot as usize] = mean + scale * (mean - image);
+                slots[corner.slot as usize] = jump.mean + jump.scale * (image - jump.mean);
+            }
+        }
+    }
+
+    /// Transpose of the linear part of [`Family::fill_layers`]: adds the values of the layer points to those of the
+    /// points that they follow, and clears them.
+    pub fn fold_layers(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
+        if rules.iter().any(|r| r.offset[component] != 0.0) {
+            for corner in &self.corners {
+                if let Some(jump) = Jump::at(corner, rules, component) {
+                    let value = std::mem::take(&mut slots[corner.slot as usize]);
+                    slots[self.slot_of(corner.point as usize)] += jump.scale * value;
+                }
+            }
+        }
+        for (face, range) in self.layers.iter().rev() {
+            let rule = rules.iter().find(|r| r.face == *face);
+            let scale = rule.map_or(1.0, |r| r.scale[component]);
+            for ghost in self.ghosts[range.clone()].iter().rev() {
+                let value = std::mem::take(&mut slots[ghost.slot as usize]);
+                slots[ghost.source as usize] += scale * value;
             }
         }
     }
@@ -373,10 +454,10 @@ impl Family {
         &'a self,
         continuation: &'a Continuation,
     ) -> impl Iterator<Item = Image> + 'a {
-        let scales = Face::ALL.map(|face| {
-            let rule = continuation.rules.iter().find(|r| r.face == face);
-            rule.map_or([1.0; 3], |r| r.scale)
-        });
+        let rules = &continuation.rules[..];
+        let rule_of = |face: Face| rules.iter().find(|r| r.face == face);
+        let scales = Face::ALL.map(|face| rule_of(face).map_or([1.0; 3], |r| r.scale));
+        let bent = Face::ALL.map(|face| rule_of(face).is_some_and(|r| r.traction.is_some()));
         self.ghosts.iter().enumerate().map(move |(index, ghost)| {
             let mut image = Image {
                 slot: ghost.slot as usize,
@@ -384,11 +465,17 @@ impl Family {
                 scale: [1.0; 3],
                 mirror: [1.0; 3],
                 bend: continuation.bends.get(index).copied().unwrap_or_default(),
+                is_bent: (ghost.passes.iter().zip(bent)).any(|(&n, bent)| n > 0 && bent),
             };
             for (face, &passes) in Face::ALL.iter().zip(&ghost.passes) {
                 for _ in 0..passes {
                     image.mirror[face.axis()] *= -1.0;
                     (0..3).for_each(|a| image.scale[a] *= scales[*face as usize][a]);
+                }
+            }
+            if ghost.is_corner() {
+                for (axis, scale) in image.scale.iter_mut().enumerate() {
+                    *scale = Jump::at(ghost, rules, axis).map_or(*scale, |jump| jump.scale);
                 }
             }
             image

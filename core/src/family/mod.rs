@@ -40,7 +40,7 @@ pub use foreign::{ForeignBonds, ForeignGhost, Places};
 pub use horizon::Horizon;
 pub use influence::Influence;
 pub use kernel::{Bond, BondKernel};
-pub use layer::{Continuation, Image, LayerRule, Traction};
+pub use layer::{Continuation, Image, LayerRule, Layout, Traction};
 pub use operator::Operator;
 pub use spec::{Correction, FamilyError, FamilySpec, PartialVolume};
 

@@ -43,6 +43,19 @@ impl Setup<'_> {
         self.claim_layer(body, key, face, prescribed, Access::Layer)
     }
 
+    /// Tells at set-up how a layer will continue its field, so that a physics knows it before the first step: its
+    /// stable step depends on it.
+    pub fn announce_layer(&mut self, layer: LayerHandle, rule: LayerRule) {
+        let rules = self.world.layers[layer.layers].rules.get_mut();
+        let own = rules.iter_mut().filter(|r| r.face == layer.face);
+        own.for_each(|own| *own = rule);
+    }
+
+    /// How layers continue a field, as far as boundaries told at set-up.
+    pub fn announced_layers(&self, layers: LayersHandle) -> Vec<LayerRule> {
+        self.world.layers[layers.0].rules.borrow().clone()
+    }
+
     /// As [`Setup::layer`], not prescribed, for a boundary that also makes sense where nobody
     /// owns the field.
     ///

@@ -1,10 +1,12 @@
 //! Prescribed displacement behind a face or at points, component by component.
 //!
 //! Behind a face, at the end of the step: `u(layer) = 2 b(t) - u(mirror)` or `b(t)` for the components that
-//! are given, `u(mirror)` for the others. The points of a region have the displacement b(t) in the
+//! are given, `u(mirror)` for the others. In explicit motion the forces on the layer act on the mirror points in turn, so
+//! that the body keeps its energy. The points of a region have the displacement b(t) in the
 //! components that are given.
 
 use nalgebra::Vector3;
+use perimelt_core::family::LayerRule;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, Write, keys};
 use schemars::JsonSchema;
@@ -86,7 +88,14 @@ impl Coupler for PrescribedDisplacement {
         }
         let prepared = match place(setup, body, self.face, self.region.as_deref())? {
             Place::Face(face) => {
-                DisplacementSink::Layer(setup.layer(body, &keys::DISPLACEMENT, face, true)?)
+                let layer = setup.layer(body, &keys::DISPLACEMENT, face, true)?;
+                let scale = given.map(|given| if given { self.layer.rule(0.0).0 } else { 1.0 });
+                let rule = LayerRule {
+                    scale,
+                    ..LayerRule::even(face)
+                };
+                setup.announce_layer(layer, rule);
+                DisplacementSink::Layer(layer)
             }
             Place::Points(points) => DisplacementSink::Points {
                 points,

@@ -3,12 +3,14 @@
 //! By default the traction becomes a force per volume on the points of the surface, `body_force += traction
 //! area / volume`, which acts half a spacing below the surface. With `by = "layer"` a layer behind a face of
 //! the body's box continues the strain that belongs to the traction (Wang (2025), eqs. 4.24 to 4.28). The
-//! force then acts on the face, has the error of the stiffness of the bonds, and needs an elastic surface.
+//! force then acts on the face, has the error of the stiffness of the bonds, and needs an elastic surface. Such forces
+//! have no energy, so that bodies in explicit motion refuse them.
 //!
 //! The surface is that of the reference configuration: a pressure does not turn with the body.
 
 use nalgebra::Vector3;
 use perimelt_core::body::SurfaceCell;
+use perimelt_core::family::LayerRule;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
     Coupler, Face, InSpace, Report, RunError, Setup, SetupError, Step, World, Write, keys,
@@ -122,7 +124,17 @@ impl Traction {
             let layer = layer.map_err(|e| SetupError {
                 key: "faces".into(),
                 ..e
-            })?;
+            });
+            let layer = layer?;
+            let none = perimelt_core::family::Traction {
+                stress: [0.0; 3],
+                difference: false,
+            };
+            let rule = LayerRule {
+                traction: Some(none),
+                ..LayerRule::even(face)
+            };
+            setup.announce_layer(layer, rule);
             layers.push((face, layer));
         }
         Ok(TractionSink::Layers(layers))

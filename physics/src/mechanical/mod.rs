@@ -19,6 +19,8 @@
 //! | `step` | a step: loads, solver, plastic state |
 //! | `equilibrium`, `motion` | the solvers: statics, explicit motion |
 //! | `momentum`, `reports` | balances of momentum, and stresses for the log |
+//! | `energy` | energies of explicit motion, and a watch over them |
+//! | `layer_forces` | forces of bonds to layers that are no symmetric images |
 //! | [`solid`] | what the solvers need of a formulation |
 //! | [`ordinary`], [`stretch`] | bond-based and ordinary state-based solids, and their bond kernels |
 //! | [`correspondence`] | correspondence solids |
@@ -29,6 +31,7 @@ pub mod correspondence;
 #[cfg(test)]
 mod correspondence_tests;
 mod elastic;
+mod energy;
 mod equilibrium;
 #[cfg(test)]
 mod equilibrium_tests;
@@ -38,6 +41,9 @@ pub mod fracture;
 mod fracture_tests;
 mod gradient;
 pub mod keys;
+mod layer_forces;
+#[cfg(test)]
+mod layer_forces_tests;
 #[cfg(test)]
 mod layer_tests;
 pub mod moduli;
@@ -118,7 +124,7 @@ impl Physics for Mechanical {
             }
             MechanicalSolver::Explicit { .. } => {
                 let done = run.move_points(world, step);
-                run.break_bonds(world, 0.0);
+                run.state.watch.disturbed |= run.break_bonds(world, 0.0);
                 done
             }
         };
@@ -128,6 +134,9 @@ impl Physics for Mechanical {
             cause: cause.into(),
         })?;
         run.settle(world);
+        if matches!(self.solver, MechanicalSolver::Explicit { .. }) {
+            run.watch_energy(world, step.end())?;
+        }
         if run.fields.conjugate_stress_is_read {
             run.provide_conjugate_stress(world);
         }
@@ -138,6 +147,9 @@ impl Physics for Mechanical {
         let run = self.run.as_mut().expect("prepared before the first step");
         run.provide_conjugate_stress(world);
         run.provide_stress(world);
+        if matches!(self.solver, MechanicalSolver::Explicit { .. }) {
+            run.logged_energy = Some(run.energy(world));
+        }
         for (i, section) in self.sections.iter().enumerate() {
             run.section_forces[i] = section.force(run, world);
         }
@@ -152,7 +164,8 @@ impl Physics for Mechanical {
             unit: "1".into(),
             value: 0.5 * fracture.state.broken.total() as f64,
         });
-        forces.chain(broken).collect()
+        let energies = run.logged_energy.iter().flat_map(|e| e.reports());
+        forces.chain(broken).chain(energies).collect()
     }
 
     fn balance(&self, world: &World) -> Vec<Balance> {

@@ -7,6 +7,7 @@ use perimelt_core::world::{BodyIndex, LayersHandle};
 use perimelt_core::{Body, Correction, Family, FamilySpec, Horizon, Setup, SetupError, keys};
 
 use super::correspondence::Correspondence;
+use super::energy::Energy;
 use super::equilibrium::Statics;
 use super::fields::{Features, Fields};
 use super::fracture::{Criterion, Fracture};
@@ -22,6 +23,17 @@ use super::step::{Run, State};
 pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, SetupError> {
     let body = setup.find_body(keys.body.as_deref())?;
     let (family, layers) = family(keys, setup, body)?;
+    let mut rules = setup.announced_layers(layers).into_iter();
+    let bent = rules.find(|rule| rule.traction.is_some());
+    if let (MechanicalSolver::Explicit { .. }, Some(rule)) = (&keys.solver, bent) {
+        let message = format!(
+            "the traction on face `{}` acts by a layer, whose forces have no energy: a body in motion would gain energy \
+             without bound",
+            rule.face.name()
+        );
+        let expected = "`by = \"body_force\"` in `traction`, or a solver of equilibrium: `quasi_static`, `relaxation`";
+        return Err(SetupError::value("solver", message, expected));
+    }
     for section in &keys.sections {
         section.check(setup, body)?;
     }
@@ -55,6 +67,7 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, Setup
         statics: Statics::new(&keys.solver, is_linear),
         eigenstrain_size: 0.0,
         section_forces: vec![[0.0; 3]; keys.sections.len()],
+        logged_energy: features.is_explicit.then(Energy::default),
         state: State {
             verlet: Verlet::new(damping.unwrap_or(0.0)),
             ..State::default()
@@ -121,6 +134,7 @@ fn constitution(
     Ok(Constitution {
         elasticity: Elasticity::of(setup, body, keys.plane, bond_based)?,
         finite: keys.kinematics == Kinematics::Finite,
+        in_motion: matches!(keys.solver, MechanicalSolver::Explicit { .. }),
         plasticity: match &keys.plasticity {
             Some(section) => Some(Plasticity::of(section, setup, body, keys.plane)?),
             None => None,

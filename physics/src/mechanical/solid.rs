@@ -22,6 +22,8 @@ pub struct Constitution {
     pub plasticity: Option<Plasticity>,
     /// Strength of the bonds, if they break.
     pub fracture: Option<Fracture>,
+    /// Whether the body moves, so that its forces must have an energy also at layers.
+    pub in_motion: bool,
 }
 
 impl Constitution {
@@ -32,6 +34,7 @@ impl Constitution {
             finite: false,
             plasticity: None,
             fracture: None,
+            in_motion: false,
         }
     }
 }

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::classical;
+use super::energy::{Energy, EnergyWatch};
 use super::equilibrium::Statics;
 use super::fields::{Damage, Fields, Hold};
 use super::fracture::FractureState;
@@ -38,6 +39,8 @@ pub(super) struct Run {
     pub(super) eigenstrain_size: f64,
     /// By section, N.
     pub(super) section_forces: Vec<[f64; 3]>,
+    /// Of the last logged state, with the explicit solver.
+    pub(super) logged_energy: Option<Energy>,
     pub(super) balanced: Balanced,
     pub(super) state: State,
 }
@@ -54,6 +57,7 @@ pub(super) struct State {
     pub(super) initial: Momentum,
     /// What the surroundings gave since the start.
     pub(super) given: Momentum,
+    pub(super) watch: EnergyWatch,
 }
 
 impl Run {
@@ -83,8 +87,10 @@ impl Run {
         if let Some(hold) = self.fields.hold
             && self.stop_held_points(world, hold, step.size)
         {
+            self.state.watch.disturbed = true;
             self.hold_points(world, hold);
         }
+        self.note_loads(world);
     }
 
     /// Sets held components of the displacement to the mean of the values at which boundaries hold them.
@@ -198,9 +204,14 @@ impl Run {
         // that of the intact body, so that a resumed run takes the same steps
         let intact = FractureState::intact(self.solid.family(), self.density.len());
         let state = self.solid.replace_fracture_state(intact);
+        let rules: Vec<LayerRule> = (world.layer_rules(self.layers).iter())
+            .map(LayerRule::homogeneous)
+            .collect();
+        self.solid
+            .set_displacement(&vec![0.0; self.work.len()], &rules);
         let largest = match self.solid.frequency_bound(&self.density) {
             Some(bound) => bound,
-            None => self.frequency_by_power_iteration(world, body),
+            None => self.frequency_by_power_iteration(body, &rules),
         };
         if let Some(state) = state {
             self.solid.replace_fracture_state(state);
@@ -208,20 +219,15 @@ impl Run {
         largest * self.solid.rise_by_damage().sqrt()
     }
 
-    fn frequency_by_power_iteration(&mut self, world: &World, body: &Body) -> f64 {
+    fn frequency_by_power_iteration(&mut self, body: &Body, rules: &[LayerRule]) -> f64 {
         let components = 0..3 * self.density.len();
         let inverse_density = components.map(|i| match i % 3 < body.dimension {
             true => 1.0 / self.density[i / 3],
             false => 0.0,
         });
         let inverse_density: Vec<f64> = inverse_density.collect();
-        let rules: Vec<LayerRule> = world
-            .layer_rules(self.layers)
-            .iter()
-            .map(LayerRule::homogeneous)
-            .collect();
         let square = largest_eigenvalue(&inverse_density, |u, out| {
-            self.solid.set_displacement(u, &rules);
+            self.solid.set_displacement(u, rules);
             self.solid.stiffness(out);
         });
         square.sqrt()

@@ -54,7 +54,11 @@ impl Correspondence {
         }
         for image in self.family.images(&self.continuation) {
             let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
-            let gradient = scale * values[image.point] * mirror + image.bend;
+            // a state that gives way to other forces keeps the stress of no strain where the layer is constant
+            let gradient = match self.layer_forces.replace(&image) {
+                true => Matrix3::zeros(),
+                false => scale * values[image.point] * mirror + image.bend,
+            };
             let inverse = mirror * inverse[image.point] * mirror;
             let mut point = self.point(image.point, strain);
             if let Some(plasticity) = &self.plasticity {
@@ -93,6 +97,9 @@ impl Correspondence {
         let sums = flat::<D>(&mut self.padded, bytemuck::cast_slice_mut(out));
         self.family.sum_unbroken(&Force, inputs, broken, sums);
         unflatten::<D>(&self.padded, out);
+        let continued = (&*self.family, &self.continuation);
+        let layers = &mut self.layer_forces;
+        layers.complete::<_, D>((&Force, DISPLACEMENT), continued, (inputs, broken), out);
     }
 
     /// Sums the excess of bonds over their critical stretch.

@@ -33,6 +33,7 @@ use super::classical::{COMPONENTS, Point};
 use super::elastic::ElasticPoints;
 use super::fracture::{BondLoads, Fracture, FractureState, NewBreaks};
 use super::gradient::{FlatFamily, Gradient, RISE};
+use super::layer_forces::LayerForces;
 use super::moduli::Moduli;
 use super::plasticity::Plasticity;
 use super::solid::{
@@ -56,6 +57,7 @@ pub struct Correspondence {
     plasticity: Option<Plasticity>,
     fracture: Option<Fracture>,
     continuation: Continuation,
+    layer_forces: LayerForces,
     slots: [Vec<f64>; INPUTS],
     /// Eigenstrain and critical stretch in slot space; empty if bonds do not break.
     strength: [Vec<f64>; 2],
@@ -86,6 +88,7 @@ impl Correspondence {
             finite,
             plasticity,
             fracture,
+            in_motion,
         } = constitution;
         let slots = family.slots();
         let breaking = if fracture.is_some() { slots } else { 0 };
@@ -104,6 +107,7 @@ impl Correspondence {
             plasticity,
             fracture,
             continuation: Continuation::default(),
+            layer_forces: LayerForces::new(dimension, &body.points.volume, in_motion),
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
             strength: std::array::from_fn(|_| vec![0.0; breaking]),
             gradient: Gradient::new(body, family.clone())?,
@@ -186,6 +190,7 @@ impl Solid for Correspondence {
             &mut self.slots[DISPLACEMENT..DISPLACEMENT + self.dimension],
             &mut self.continuation,
         );
+        self.layer_forces.follow(&self.family, &self.continuation);
     }
 
     fn force(&mut self, out: &mut [f64]) {

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::inputs::Inputs;
 use crate::mechanical::classical::{diagonal, image_of, symmetric};
 use crate::mechanical::elastic::ElasticPoints;
+use crate::mechanical::layer_forces::LayerForces;
 use crate::mechanical::plasticity::Plasticity;
 use crate::mechanical::solid::StrainKind;
 use crate::mechanical::specialise::specialise;
@@ -31,6 +32,7 @@ pub(super) struct Dilatation {
 pub(super) struct PressureLaw<'a> {
     pub(super) elastic: &'a ElasticPoints,
     pub(super) plasticity: Option<&'a Plasticity>,
+    pub(super) layers: &'a LayerForces,
     pub(super) strain: StrainKind,
 }
 
@@ -140,8 +142,11 @@ impl Dilatation {
     fn pressure_of_image(&self, law: &PressureLaw<'_>, image: &Image, bent: bool) -> f64 {
         let point = image.point;
         let sums = self.parts[point];
-        let mut sums: [f64; 3] =
-            std::array::from_fn(|a| image.scale[a] * image.mirror[a] * sums[a]);
+        // a state that gives way to other forces keeps the pressure of no strain where the layer is constant
+        let mut sums: [f64; 3] = match law.layers.replace(image) {
+            true => [0.0; 3],
+            false => std::array::from_fn(|a| image.scale[a] * image.mirror[a] * sums[a]),
+        };
         if bent {
             let mirror = Matrix3::from_diagonal(&image.mirror.into());
             let directions = mirror * symmetric(&self.directions[point]) * mirror;

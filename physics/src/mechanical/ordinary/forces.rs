@@ -39,6 +39,7 @@ impl Ordinary {
         let law = PressureLaw {
             elastic: &self.elastic,
             plasticity: self.plastic.as_ref().map(|p| &p.state),
+            layers: &self.layer_forces,
             strain,
         };
         dilatation.load_pressure(&law, &self.family, &mut self.inputs, &self.continuation);
@@ -106,8 +107,42 @@ impl Ordinary {
                 inputs.sum_forces(&Force::<FINITE, DILATATION>, broken, sums)),
         }
         unflatten::<D>(&self.padded, out);
+        self.complete_forces::<D>(sum, out);
         if sum == Sum::Change {
             out.par_iter_mut().for_each(|f| *f = -*f);
+        }
+    }
+
+    /// Adds what bonds to layers give besides the states of their ends.
+    fn complete_forces<const D: usize>(&mut self, sum: Sum, out: &mut [f64]) {
+        let layers = &mut self.layer_forces;
+        if layers.is_empty() {
+            return;
+        }
+        let broken = self.fracture.as_ref().map(Fracture::broken);
+        let (inputs, finite) = (&self.inputs, self.elastic.finite);
+        let continued = (&*self.family, &self.continuation);
+        let dilatation = self.dilatation.is_some();
+        let elastic = (inputs.first::<INPUTS>(), broken);
+        match sum {
+            Sum::Change => {
+                let kernel = Plastic(Force::<false, true>);
+                let inputs = (inputs.plastic_change(), broken);
+                layers.complete::<_, D>((&kernel, 0), continued, inputs, out);
+            }
+            Sum::Stiffness => specialise!(DILATATION = dilatation => {
+                let kernel = Stiffness::<DILATATION>;
+                layers.complete::<_, D>((&kernel, 0), continued, elastic, out);
+            }),
+            Sum::Force if self.plastic.is_some() => specialise!(FINITE = finite => {
+                let kernel = Plastic(Force::<FINITE, true>);
+                let inputs = (inputs.plastic(), broken);
+                layers.complete::<_, D>((&kernel, 0), continued, inputs, out);
+            }),
+            Sum::Force => specialise!(FINITE = finite, DILATATION = dilatation => {
+                let kernel = Force::<FINITE, DILATATION>;
+                layers.complete::<_, D>((&kernel, 0), continued, elastic, out);
+            }),
         }
     }
 
@@ -125,6 +160,7 @@ impl Ordinary {
             let kernel = Breaking::<D, FINITE, DILATATION, ENERGY>;
             inputs.sum_forces_and_excess(&kernel, broken, sums);
         });
+        self.complete_forces::<D>(Sum::Force, out);
     }
 
     /// The excess of the bonds of a plastic body.

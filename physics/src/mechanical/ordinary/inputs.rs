@@ -175,9 +175,15 @@ impl Inputs {
         broken: Option<&BrokenBonds>,
         sums: &mut [[f64; O]],
     ) {
-        let mut inputs = self.plastic();
-        inputs[EIGENSTRAIN] = &self.zeros;
+        let inputs = self.plastic_change();
         self.family
             .sum_unbroken(&Plastic(kernel), inputs, broken, sums);
+    }
+
+    /// The inputs of [`Plastic`] kernels for changes of the displacement, without the eigenstrain.
+    pub(super) fn plastic_change(&self) -> [&[f64]; PLASTIC_INPUTS] {
+        let mut inputs = self.plastic();
+        inputs[EIGENSTRAIN] = &self.zeros;
+        inputs
     }
 }

@@ -14,6 +14,7 @@ use super::classical::symmetric;
 use super::elastic::ElasticPoints;
 use super::fracture::{Fracture, FractureState, NewBreaks};
 use super::gradient::{FlatFamily, Gradient};
+use super::layer_forces::LayerForces;
 use super::moduli::Moduli;
 use super::plasticity::Plasticity;
 use super::solid::{
@@ -43,6 +44,7 @@ pub struct Ordinary {
     plastic: Option<PlasticPoints>,
     fracture: Option<Fracture>,
     continuation: Continuation,
+    layer_forces: LayerForces,
     inputs: Inputs,
     /// Sums with as many components as the dimension, in 2D.
     padded: Vec<f64>,
@@ -74,6 +76,7 @@ impl Ordinary {
             finite,
             plasticity,
             fracture,
+            in_motion,
         } = constitution;
         let is_ordinary = elasticity.has_free_poissons_ratio();
         let needs = Needs {
@@ -98,6 +101,7 @@ impl Ordinary {
             plastic,
             fracture,
             continuation: Continuation::default(),
+            layer_forces: LayerForces::new(dimension, &body.points.volume, in_motion),
             inputs: Inputs::new(family.clone(), dimension, needs),
             padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
             energy: vec![[0.0; 2]; points],
@@ -189,6 +193,7 @@ impl Solid for Ordinary {
             &mut self.inputs.slots[..self.dimension],
             &mut self.continuation,
         );
+        self.layer_forces.follow(&self.family, &self.continuation);
     }
 
     fn horizon(&self) -> f64 {
@@ -234,8 +239,10 @@ impl Solid for Ordinary {
 
     fn blocks(&mut self) -> &[[f64; 6]] {
         let broken = self.fracture.as_ref().map(Fracture::broken);
-        let tensors = &mut self.tensors;
-        self.inputs.sum::<INPUTS, 6>(&Block, broken, tensors);
+        let (inputs, tensors) = (&self.inputs, &mut self.tensors);
+        inputs.sum::<INPUTS, 6>(&Block, broken, tensors);
+        let layers = &self.layer_forces;
+        layers.complete_blocks::<INPUTS>(&Block, inputs.first(), broken, tensors);
         tensors
     }
 
@@ -261,7 +268,10 @@ impl Solid for Ordinary {
         let mut slots = vec![0.0; self.family.slots()];
         load_mirrored(&self.family, &stiffness, &mut slots);
         let mut blocks = vec![[0.0; 6]; points];
-        self.family.sum(&Block, [&slots[..]; INPUTS], &mut blocks);
+        let inputs = [&slots[..]; INPUTS];
+        self.family.sum(&Block, inputs, &mut blocks);
+        let layers = &self.layer_forces;
+        layers.complete_blocks(&Block, inputs, None, &mut blocks);
         let largest = |block| 2.0 * symmetric(block).symmetric_eigenvalues().max();
         let squares = blocks.iter().zip(density).map(|(b, rho)| largest(b) / rho);
         Some(squares.fold(0.0, f64::max).sqrt())

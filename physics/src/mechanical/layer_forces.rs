@@ -1,0 +1,286 @@
+//! Forces of the bonds between points and layer points that are no symmetric images.
+//!
+//! Behind a face, a layer continues the displacement by a linear map L, `u(layer) = L u + c`. The energy of the body is
+//! that of its points, `E = sum_i V_i W_i(u, L u + c)`, and its forces are the derivative
+//!
+//! ```text
+//! V f = -dE/du = -dE/du at fixed layers - L^T dE/du(layer)
+//! ```
+//!
+//! Layer points have no force states of their own: each gives the forces that the states of points exert on it to the
+//! points that it follows. Where a layer is odd in its normal component and even in the others, as behind a symmetry
+//! plane or a roller, the body and its image form one body, and those forces are what the state of the image would
+//! exert: such layers, and layers that are constant in all components, need nothing of this file. Behind a clamped face
+//! the state of the image has no such meaning: its forces make the stiffness nonsymmetric, and a body that vibrates
+//! gains energy without bound.
+//!
+//! Solvers of equilibrium take the states of images at all layers: both kinds of forces differ at the points next to the
+//! face only, and the displacement of a clamped plate under tension by 0.03 %.
+//!
+//! In a component in which a layer is constant while it is not in others, layer points keep the part of their states
+//! that depends on that component alone.
+
+use perimelt_core::family::{Continuation, Image, Layout};
+use perimelt_core::{Bond, BondKernel, BrokenBonds, Family};
+use rayon::prelude::*;
+
+/// The bonds of a body to layer points that are no symmetric images.
+#[derive(Debug, Default)]
+pub(super) struct LayerForces {
+    dimension: usize,
+    /// Of the points, m³.
+    volume: Vec<f64>,
+    /// What the bonds were found for.
+    layout: Layout,
+    owners: Vec<Owner>,
+    bonds: Vec<LayerBond>,
+    ghosts: Vec<Ghost>,
+    /// Points that ghosts follow, with their slots.
+    followed: Vec<(usize, usize)>,
+    /// Force density of the state of its point along each bond, N/m³.
+    pulls: Vec<[f64; 3]>,
+    /// Force on each slot, N: one array for each dimension.
+    reaction: Vec<Vec<f64>>,
+}
+
+/// A point with bonds to layer points.
+#[derive(Debug)]
+struct Owner {
+    point: usize,
+    slot: usize,
+    /// First and last of its bonds, exclusive.
+    bonds: [usize; 2],
+}
+
+#[derive(Debug)]
+struct LayerBond {
+    /// With the weight of its point alone, then with that of the layer point alone.
+    halves: [Bond; 2],
+    /// Among the bonds of its point.
+    number: usize,
+    owner: usize,
+    ghost: usize,
+}
+
+/// A layer point that is no symmetric image.
+#[derive(Debug)]
+struct Ghost {
+    slot: usize,
+    /// Factors on the components of its point.
+    scale: [f64; 3],
+    point: usize,
+    bonds: Vec<usize>,
+}
+
+impl LayerForces {
+    /// Of a body with these volumes of its points (m³) that moves; if it does not, there are none.
+    pub(super) fn new(dimension: usize, volume: &[f64], in_motion: bool) -> Self {
+        LayerForces {
+            dimension,
+            volume: if in_motion {
+                volume.to_vec()
+            } else {
+                Vec::new()
+            },
+            ..LayerForces::default()
+        }
+    }
+
+    /// Whether the state of an image gives way to the forces of this file.
+    pub(super) fn replace(&self, image: &Image) -> bool {
+        let is_constant = image.scale[..self.dimension].iter().all(|s| *s == 0.0);
+        let keeps_state = image.is_symmetric() || image.is_bent || is_constant;
+        !(keeps_state || self.volume.is_empty())
+    }
+
+    /// Finds the bonds if layers scale the displacement in another way than before.
+    pub(super) fn follow(&mut self, family: &Family, continuation: &Continuation) {
+        let layout = continuation.layout();
+        if self.volume.is_empty() || self.layout == layout {
+            return;
+        }
+        self.layout = layout;
+        let mut number_in = vec![u32::MAX; family.slots()];
+        self.ghosts.clear();
+        let images: Vec<Image> = (family.images(continuation))
+            .filter(|image| self.replace(image))
+            .collect();
+        for image in images {
+            number_in[image.slot] = self.ghosts.len() as u32;
+            self.ghosts.push(Ghost {
+                slot: image.slot,
+                scale: image.scale,
+                point: image.point,
+                bonds: Vec::new(),
+            });
+        }
+        self.owners.clear();
+        self.bonds.clear();
+        let points = if self.ghosts.is_empty() {
+            0
+        } else {
+            self.volume.len()
+        };
+        for point in 0..points {
+            let (first, owner) = (self.bonds.len(), self.owners.len());
+            family.for_each_bond(point, |number, bond, slot| {
+                if let Some(ghost) = self.ghosts.get_mut(number_in[slot] as usize) {
+                    ghost.bonds.push(self.bonds.len());
+                    self.bonds.push(LayerBond {
+                        halves: [[bond.weight, 0.0], [0.0, bond.dual]].map(|[weight, dual]| Bond {
+                            weight,
+                            dual,
+                            ..*bond
+                        }),
+                        number,
+                        owner,
+                        ghost: number_in[slot] as usize,
+                    });
+                }
+            });
+            if self.bonds.len() > first {
+                self.owners.push(Owner {
+                    point,
+                    slot: family.slot_of(point),
+                    bonds: [first, self.bonds.len()],
+                });
+            }
+        }
+        self.ghosts.retain(|ghost| !ghost.bonds.is_empty());
+        for (number, ghost) in self.ghosts.iter().enumerate() {
+            for &bond in &ghost.bonds {
+                self.bonds[bond].ghost = number;
+            }
+        }
+        let mut followed: Vec<usize> = self.ghosts.iter().map(|g| g.point).collect();
+        followed.sort_unstable();
+        followed.dedup();
+        self.followed = followed.iter().map(|&p| (p, family.slot_of(p))).collect();
+        self.pulls = vec![[0.0; 3]; self.bonds.len()];
+        let slots = if points == 0 { 0 } else { family.slots() };
+        self.reaction = vec![vec![0.0; slots]; self.dimension];
+    }
+
+    /// Whether all layer points are symmetric images, or their displacement is constant.
+    pub(super) fn is_empty(&self) -> bool {
+        self.bonds.is_empty()
+    }
+
+    /// Replaces what the states of layer points give to forces that `kernel` has summed in `out` (three components for
+    /// each point); the first inputs of the kernel are the components of the displacement from input `first` on.
+    pub(super) fn complete<const I: usize, const D: usize>(
+        &mut self,
+        (kernel, first): (&impl BondKernel<I, D>, usize),
+        (family, continuation): (&Family, &Continuation),
+        (inputs, broken): ([&[f64]; I], Option<&BrokenBonds>),
+        out: &mut [f64],
+    ) {
+        if self.is_empty() {
+            return;
+        }
+        let (bonds, ghosts) = (&self.bonds, &self.ghosts);
+        let at = |slot: usize| inputs.each_ref().map(|i| i[slot]);
+        let pull = |owner: &Owner, bond: &LayerBond| {
+            let ghost = &ghosts[bond.ghost];
+            let (own, other) = (at(owner.slot), at(ghost.slot));
+            let [of_point, of_layer] = &bond.halves;
+            let pull = kernel.bond(of_point, own, other);
+            let mut replaced = kernel.bond(of_layer, own, other);
+            if ghost.scale[..D].contains(&0.0) {
+                let mut kept = other;
+                for axis in (0..D).filter(|a| ghost.scale[*a] != 0.0) {
+                    kept[first + axis] = own[first + axis];
+                }
+                let kept = kernel.bond(of_layer, own, kept);
+                for axis in (0..D).filter(|a| ghost.scale[*a] == 0.0) {
+                    replaced[axis] -= kept[axis];
+                }
+            }
+            (pull, replaced)
+        };
+        // the bonds of one owner follow those of another
+        let mut rest = &mut self.pulls[..];
+        let mut parts = Vec::with_capacity(self.owners.len());
+        for owner in &self.owners {
+            let (part, behind) = rest.split_at_mut(owner.bonds[1] - owner.bonds[0]);
+            parts.push((owner, part, [0.0; D]));
+            rest = behind;
+        }
+        let sweep = parts.par_iter_mut().with_min_len(16);
+        sweep.for_each(|(owner, pulls, sum)| {
+            let own = &bonds[owner.bonds[0]..owner.bonds[1]];
+            for (bond, store) in own.iter().zip(pulls.iter_mut()) {
+                let is_broken = broken.is_some_and(|b| b.is_broken(owner.point, bond.number));
+                let (of_point, replaced) = match is_broken {
+                    true => ([0.0; D], [0.0; D]),
+                    false => pull(owner, bond),
+                };
+                for axis in 0..D {
+                    store[axis] = of_point[axis];
+                    sum[axis] -= replaced[axis];
+                }
+            }
+        });
+        for (owner, _, sum) in &parts {
+            let out = &mut out[3 * owner.point..3 * owner.point + D];
+            out.iter_mut().zip(sum).for_each(|(f, s)| *f += s);
+        }
+        drop(parts);
+        self.fold(family, continuation, out);
+    }
+
+    /// Gives the forces on layer points to the points that these follow.
+    fn fold(&mut self, family: &Family, continuation: &Continuation, out: &mut [f64]) {
+        let Self {
+            owners,
+            bonds,
+            ghosts,
+            pulls,
+            volume,
+            ..
+        } = self;
+        for (axis, reaction) in self.reaction.iter_mut().enumerate() {
+            for ghost in &*ghosts {
+                let on_ghost = |&bond: &usize| {
+                    let owner = &owners[bonds[bond].owner];
+                    -volume[owner.point] * pulls[bond][axis]
+                };
+                reaction[ghost.slot] = ghost.bonds.iter().map(on_ghost).sum();
+            }
+            family.fold_layers(continuation.rules(), axis, reaction);
+            for (point, slot) in &self.followed {
+                let force = std::mem::take(&mut reaction[*slot]);
+                out[3 * point + axis] += force / volume[*point];
+            }
+        }
+    }
+
+    /// As [`LayerForces::complete`] for the diagonal blocks of the stiffness that `kernel` has summed: xx, yy, zz, xy,
+    /// yz, zx.
+    pub(super) fn complete_blocks<const I: usize>(
+        &self,
+        kernel: &impl BondKernel<I, 6>,
+        inputs: [&[f64]; I],
+        broken: Option<&BrokenBonds>,
+        blocks: &mut [[f64; 6]],
+    ) {
+        const PAIRS: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [1, 2], [2, 0]];
+        let at = |slot: usize| inputs.each_ref().map(|i| i[slot]);
+        for bond in &self.bonds {
+            let (owner, ghost) = (&self.owners[bond.owner], &self.ghosts[bond.ghost]);
+            if broken.is_some_and(|b| b.is_broken(owner.point, bond.number)) {
+                continue;
+            }
+            let (own, other) = (at(owner.slot), at(ghost.slot));
+            let [of_point, of_layer] = (bond.halves.each_ref()).map(|b| kernel.bond(b, own, other));
+            let ratio = self.volume[owner.point] / self.volume[ghost.point];
+            for (c, [a, b]) in PAIRS.into_iter().enumerate() {
+                let scales = [ghost.scale[a], ghost.scale[b]];
+                blocks[ghost.point][c] += ratio * scales[0] * scales[1] * of_point[c];
+                if scales != [0.0; 2] {
+                    blocks[owner.point][c] -= of_layer[c];
+                }
+            }
+        }
+    }
+}
