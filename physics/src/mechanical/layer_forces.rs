@@ -215,10 +215,8 @@ impl LayerForces {
                     true => ([0.0; D], [0.0; D]),
                     false => pull(owner, bond),
                 };
-                for axis in 0..D {
-                    store[axis] = of_point[axis];
-                    sum[axis] -= replaced[axis];
-                }
+                store[..D].copy_from_slice(&of_point);
+                sum.iter_mut().zip(replaced).for_each(|(s, r)| *s -= r);
             }
         });
         for (owner, _, sum) in &parts {
