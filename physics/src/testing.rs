@@ -59,6 +59,7 @@ pub fn simulation(
     let options = TimeOptions {
         end,
         step: StepSize::Auto,
+        stages: Vec::new(),
         safety: 0.9,
         log_interval: end,
         iteration: None,

@@ -54,6 +54,7 @@ impl Case {
         let options = TimeOptions {
             end: self.time.end,
             step: self.time.step,
+            stages: self.time.stages.clone(),
             safety: self.time.safety,
             log_interval: self.log_interval(),
             iteration: self.time.iteration,
@@ -352,5 +353,70 @@ fn names(section: &str) -> Vec<&'static str> {
         registered::<dyn Physics>().iter().map(|r| r.name).collect()
     } else {
         registered::<dyn Coupler>().iter().map(|r| r.name).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    fn parse(stages: &str) -> Result<Case> {
+        let text = format!(
+            "[bodies.bar]
+            shape.box = {{ min = [0, 0, 0], max = [0.1, 0.01, 0.01] }}
+            dimension = 1
+            spacing = 0.01
+            material = 'steel'
+            initial.temperature = 300
+            [materials.steel]
+            density = 8000
+            specific_heat = 500
+            conductivity = 40
+            [[physics]]
+            type = 'thermal'
+            horizon = 1
+            solver = 'crank_nicolson'
+            [time]
+            end = 10
+            step = 0.5
+            stages = {stages}
+            [log]
+            interval = 10"
+        );
+        Case::parse("bar.toml", text, Path::new(""))
+    }
+
+    #[test]
+    fn each_stage_has_its_macro_step_and_starts_with_one() {
+        let case = parse("[{ from = 1.2, step = 2 }, { from = 5.2, step = 0.4 }]").expect("valid");
+        let mut simulation = case.compose().expect("valid");
+        case.start(&mut simulation).expect("it starts");
+        let mut times = Vec::new();
+        while !simulation.is_finished() {
+            simulation.step().expect("a step");
+            times.push((simulation.time() * 10.0).round() / 10.0);
+        }
+        // up to a stage steps are equal and not longer than asked for
+        let mut expected = vec![0.4, 0.8, 1.2, 3.2];
+        expected.extend((0..=12).map(|n| (52 + 4 * n) as f64 / 10.0));
+        assert_eq!(times, expected);
+    }
+
+    #[test]
+    fn stages_in_disorder_or_outside_of_the_run_are_refused() {
+        for stages in [
+            "[{ from = 5, step = 1 }, { from = 5, step = 2 }]",
+            "[{ from = 0, step = 1 }]",
+            "[{ from = 10, step = 1 }]",
+            "[{ from = nan, step = 1 }]",
+        ] {
+            let message = parse(stages).expect_err("out of order").render(false);
+            assert!(
+                message.contains("a stage of `time.stages` cannot start at"),
+                "{message}"
+            );
+        }
     }
 }

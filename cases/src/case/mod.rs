@@ -205,6 +205,16 @@ impl Case {
                 ));
             }
         }
+        let mut last = 0.0;
+        for stage in &self.time.stages {
+            // a NaN is refused, too
+            if !(stage.from > last && stage.from < self.time.end) {
+                let message = format!("a stage of `time.stages` cannot start at {} s", stage.from);
+                let expected = "expected starts above 0 s and below the end, in the order of time";
+                return Err(self.error_at("time.stages", message, expected));
+            }
+            last = stage.from;
+        }
         let safety = self.time.safety;
         if !(safety > 0.0 && safety <= 1.0) {
             let message = format!("`time.safety` cannot be {safety}");

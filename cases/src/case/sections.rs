@@ -9,7 +9,7 @@ use perimelt_core::StepSize;
 use perimelt_core::body::{Jitter, Store, Zone};
 use perimelt_core::log::Precision;
 use perimelt_core::shape::{BoxShape, Shape};
-use perimelt_core::simulation::Iteration;
+use perimelt_core::simulation::{Iteration, Stage};
 use schemars::JsonSchema;
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
@@ -151,6 +151,11 @@ pub struct TimeSection {
     /// Macro step, s, or "auto".
     #[serde(default)]
     pub step: StepSize,
+    /// Macro steps from later times on, in the order of time, such as
+    /// `[{ from = 12, step = 0.1 }, { from = 60, step = 2 }]`: small steps while a torch welds, long ones while the part
+    /// cools.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<Stage>,
     /// Factor of automatic steps to the largest stable step, 0 to 1.
     #[serde(default = "default_safety")]
     pub safety: f64,

@@ -21,6 +21,7 @@ pub use iteration::{Iteration, Unconverged};
 
 use std::path::Path;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Problem, RunError, SetupError};
@@ -39,6 +40,16 @@ pub struct Named<P: ?Sized> {
     pub plugin: Box<P>,
 }
 
+/// A part of the run with a macro step of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Stage {
+    /// Start, s.
+    pub from: f64,
+    /// Macro step from then on, s, or "auto".
+    pub step: StepSize,
+}
+
 /// When to step, log and stop.
 #[derive(Clone, Debug)]
 pub struct TimeOptions {
@@ -46,6 +57,8 @@ pub struct TimeOptions {
     pub end: f64,
     /// Macro step.
     pub step: StepSize,
+    /// Macro steps from later times on, in the order of time.
+    pub stages: Vec<Stage>,
     /// Automatic steps are this share of the largest stable one.
     pub safety: f64,
     /// Simulated time between logged states, s.

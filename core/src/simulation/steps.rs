@@ -107,7 +107,9 @@ impl Simulation {
 
     /// Largest macro step, s: as asked for, or the longest sub-step that the couplers allow.
     pub fn macro_step(&self) -> f64 {
-        if let StepSize::Fixed(step) = self.options.step {
+        let stages = self.options.stages.iter();
+        let stage = stages.take_while(|s| s.from <= self.clock.time).last();
+        if let StepSize::Fixed(step) = stage.map_or(self.options.step, |s| s.step) {
             return step;
         }
         let longest = self
@@ -152,7 +154,9 @@ impl Simulation {
             .physics
             .iter()
             .filter_map(|p| p.plugin.next_event(after));
-        let event = couplers.chain(physics).fold(log, f64::min);
+        let stages = self.options.stages.iter().map(|s| s.from);
+        let stage = stages.filter(|from| *from > after).fold(log, f64::min);
+        let event = couplers.chain(physics).fold(stage, f64::min);
         let target = if log - event <= tolerance { log } else { event };
         let steps = ((target - time) / limit * (1.0 - 1e-9)).ceil().max(1.0);
         let end = if steps == 1.0 {

@@ -87,24 +87,28 @@ impl Run {
         if let Some(hold) = self.fields.hold
             && self.stop_held_points(world, hold, step.size)
         {
-            self.state.watch.disturbed = true;
-            self.hold_points(world, hold);
+            self.state.watch.disturbed |= self.hold_points(world, hold);
         }
         self.note_loads(world);
     }
 
-    /// Sets held components of the displacement to the mean of the values at which boundaries hold them.
-    fn hold_points(&mut self, world: &World, hold: Hold) {
+    /// Sets held components of the displacement to the mean of the values at which boundaries hold them. Whether any of them
+    /// changed.
+    fn hold_points(&mut self, world: &World, hold: Hold) -> bool {
         let (constraint, held) = (world.read(hold.constraint), world.read(hold.displacement));
         let mut displacement = world.write(self.fields.displacement);
         let points = displacement.par_iter_mut().zip(&*constraint).zip(&*held);
-        points.with_min_len(4096).for_each(|((u, c), h)| {
+        let hold = |((u, c), h): ((&mut Vector3<f64>, &Vector3<f64>), &Vector3<f64>)| {
+            let before = *u;
             for axis in 0..3 {
                 if c[axis] > 0.0 {
                     u[axis] = h[axis] / c[axis];
                 }
             }
-        });
+            *u != before
+        };
+        let points = points.with_min_len(4096);
+        points.map(hold).reduce(|| false, |a, b| a | b)
     }
 
     /// Number of boundaries that hold each component of the displacement.
