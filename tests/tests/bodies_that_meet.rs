@@ -2,7 +2,7 @@
 
 mod meeting;
 
-use meeting::{compose, largest_drift};
+use meeting::{compose, largest_drift, oil_and_rubber};
 use perimelt::core::Simulation;
 
 /// A drop that flies against an elastic block, which floats free, above a rigid one.
@@ -27,30 +27,7 @@ fn drop_and_blocks(steps: &str, end: f64) -> Simulation {
         thickness = 1
         spacing = 0.0025
         material = 'rubber'
-        [materials.oil]
-        density = 900
-        viscosity = 1
-        [materials.rubber]
-        density = 1100
-        youngs_modulus = 1e6
-        poissons_ratio = 0.4
-        [[physics]]
-        type = 'fluid'
-        body = 'drop'
-        form = 'conservative'
-        stress = 'central'
-        state.tait.sound_speed = 20
-        artificial_viscosity = 0.1
-        {steps}
-        [[physics]]
-        type = 'mechanical'
-        body = 'block'
-        formulation = 'ordinary'
-        kinematics = 'finite'
-        solver.explicit = {{}}
-        [[physics]]
-        type = 'rigid_body'
-        body = 'float'
+        {}
         [[couplers]]
         type = 'fluid_structure'
         fluid = 'drop'
@@ -63,7 +40,8 @@ fn drop_and_blocks(steps: &str, end: f64) -> Simulation {
         [time]
         end = {end}
         [log]
-        interval = {end}"
+        interval = {end}",
+        oil_and_rubber(steps, ["block", "float"])
     ))
 }
 

@@ -2,7 +2,7 @@
 
 mod meeting;
 
-use meeting::{compose, exchanged, largest_drift, total, unmatched};
+use meeting::{compose, exchanged, largest_drift, oil_and_rubber, total};
 use perimelt::core::Simulation;
 use proptest::prelude::*;
 
@@ -83,30 +83,7 @@ impl Encounter {
         let [slip, other_slip] = self.slip;
         compose(&format!(
             "{}
-            [materials.oil]
-            density = 900
-            viscosity = 1
-            [materials.rubber]
-            density = 1100
-            youngs_modulus = 1e6
-            poissons_ratio = 0.4
-            [[physics]]
-            type = 'fluid'
-            body = 'drop'
-            form = 'conservative'
-            stress = 'central'
-            state.tait.sound_speed = 20
-            artificial_viscosity = 0.1
-            step = {}
-            [[physics]]
-            type = 'mechanical'
-            body = 'elastic'
-            formulation = 'ordinary'
-            kinematics = 'finite'
-            solver.explicit = {{}}
-            [[physics]]
-            type = 'rigid_body'
-            body = 'rigid'
+            {}
             [[couplers]]
             type = 'fluid_structure'
             fluid = 'drop'
@@ -122,7 +99,10 @@ impl Encounter {
             [log]
             interval = 0.004",
             bodies.concat(),
-            5e-5 * self.step
+            oil_and_rubber(
+                &format!("step = {}", 5e-5 * self.step),
+                ["elastic", "rigid"]
+            )
         ))
     }
 }
@@ -218,6 +198,15 @@ impl Slider {
             conductance.unwrap_or_default(),
         ))
     }
+}
+
+/// What bodies were supplied with that no other body gave, relative to what they exchanged.
+fn unmatched(simulation: &Simulation, quantity: &str) -> f64 {
+    let balances = simulation.balances();
+    let of_quantity = balances.iter().flat_map(|(_, balances)| balances);
+    let of_quantity = of_quantity.filter(|b| b.quantity == quantity);
+    let supplied: f64 = of_quantity.map(|b| b.supplied).sum();
+    supplied.abs() / exchanged(simulation, quantity)
 }
 
 proptest! {

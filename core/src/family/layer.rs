@@ -103,30 +103,30 @@ impl Continuation {
 
     /// The linear part of how the field continues, but for the slopes of bent layers.
     pub fn layout(&self) -> Layout {
-        let of_rule = |r: &LayerRule| (r.face, r.scale, r.traction.is_some());
-        let values = self.rules.iter().enumerate().flat_map(|(i, rule)| {
-            let others = self.rules[..i].iter();
-            others.map(move |other| {
-                std::array::from_fn(|a| match (rule.prescribed(a), other.prescribed(a)) {
-                    (Some(value), Some(other)) => value != other,
-                    _ => false,
-                })
-            })
-        });
-        Layout {
-            rules: self.rules.iter().map(of_rule).collect(),
-            disagree: values.collect(),
+        let mut layout = Layout::default();
+        for (i, rule) in self.rules.iter().enumerate() {
+            let face = rule.face as usize;
+            layout.rules[face] = Some((rule.scale, rule.traction.is_some()));
+            for other in &self.rules[..i] {
+                let faces = [face.min(other.face as usize), face.max(other.face as usize)];
+                layout.disagree[faces[0]][faces[1]] =
+                    std::array::from_fn(|a| match (rule.prescribed(a), other.prescribed(a)) {
+                        (Some(value), Some(other)) => value != other,
+                        _ => false,
+                    });
+            }
         }
+        layout
     }
 }
 
 /// The linear part of a [`Continuation`]: layers of equal layouts scale the field alike.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Layout {
-    /// Face, factors on the components, whether a traction bends the layer.
-    rules: Vec<(Face, [f64; 3], bool)>,
-    /// By pair of rules and component, whether both prescribe a value and the values differ.
-    disagree: Vec<[bool; 3]>,
+    /// By face: factors on the components, and whether a traction bends the layer.
+    rules: [Option<([f64; 3], bool)>; 6],
+    /// By pair of faces and component, whether both prescribe a value and the values differ.
+    disagree: [[[bool; 3]; 6]; 6],
 }
 
 /// A component of a field behind a corner at which faces prescribe different values.
@@ -347,6 +347,20 @@ impl Family {
                 slots[slot] = slots[source] + grown;
             }
         }
+    }
+
+    /// Copies a component of a field (point-major, so many components per point) to slots, as many as there are, and
+    /// continues it behind faces by their rules.
+    pub fn load(
+        &self,
+        (field, components): (&[f64], usize),
+        component: usize,
+        rules: &[LayerRule],
+        slots: &mut Vec<f64>,
+    ) {
+        slots.resize(self.slots(), 0.0);
+        self.scatter(field, components, component, slots);
+        self.fill_layers(rules, component, slots);
     }
 
     /// Coordinate along an axis by slot, m; behind faces that of the mirror point, behind periodic faces that of the copy.

@@ -39,17 +39,13 @@ impl HeatPotential {
         }
         starts.sort_by(f64::total_cmp);
         starts.dedup();
-        let (Some(&first), Some(&last)) = (starts.first(), starts.last()) else {
-            let coefficients = [0.0, k(0.0), 0.0, 0.0];
-            let pieces = vec![Piece {
-                origin: 0.0,
-                coefficients,
-            }];
-            return HeatPotential { starts, pieces };
-        };
         let constant = |origin: f64, value: f64, k: f64| Piece {
             origin,
             coefficients: [value, k, 0.0, 0.0],
+        };
+        let (Some(&first), Some(&last)) = (starts.first(), starts.last()) else {
+            let pieces = vec![constant(0.0, 0.0, k(0.0))];
+            return HeatPotential { starts, pieces };
         };
         let mut pieces = vec![constant(first, 0.0, k(first - 1.0))];
         let mut value = 0.0;

@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use crate::advection::Flux;
 
 use super::medium::{Coefficient, Medium};
-use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms, load, load_weighted};
+use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms, load_weighted};
 
 /// A field in slot space, and some of its derivatives.
 #[derive(Debug, Default)]
@@ -51,7 +51,6 @@ struct DensityDiffusion {
     /// kg/m⁵.
     laplacian: Vec<f64>,
     axes: [Along; 3],
-    has_coordinates: bool,
     /// `rho - s . x / 2` by slot, kg/m³.
     reduced: Vec<f64>,
 }
@@ -59,7 +58,7 @@ struct DensityDiffusion {
 /// Coordinates and hydrostatic slopes along an axis.
 #[derive(Debug, Default)]
 struct Along {
-    /// Coordinate by slot, m, and its Laplacian at points, 1/m.
+    /// Coordinate by slot, m, and its Laplacian at points, 1/m; empty before they are needed.
     coordinate: Vec<f64>,
     coordinate_laplacian: Vec<f64>,
     /// Slope by point and by slot, kg/m⁴, and its Laplacian at points, kg/m⁶.
@@ -76,26 +75,25 @@ impl DensityDiffusion {
         terms: &Terms<'_>,
     ) {
         let family = pddo.family();
-        load(family, (density, 1), 0, &[], &mut self.reduced);
+        family.load((density, 1), 0, &[], &mut self.reduced);
         let mut loaded = [false; 3];
         for (axis, along) in self.axes.iter_mut().enumerate().take(pddo.dimension()) {
-            if !self.has_coordinates {
-                family.mirrored_coordinates(axis, &mut along.coordinate);
-                pddo.laplacian(&along.coordinate, work, &mut along.coordinate_laplacian);
-            }
             along.slope.clear();
             let slopes = (0..density.len()).map(|i| terms.density_slope(i, axis));
             along.slope.extend(slopes);
             loaded[axis] = along.slope.iter().any(|s| *s != 0.0);
             if loaded[axis] {
-                load(family, (&along.slope, 1), 0, &[], &mut along.slope_slots);
+                if along.coordinate.is_empty() {
+                    family.mirrored_coordinates(axis, &mut along.coordinate);
+                    pddo.laplacian(&along.coordinate, work, &mut along.coordinate_laplacian);
+                }
+                family.load((&along.slope, 1), 0, &[], &mut along.slope_slots);
                 let hydrostatic = along.slope_slots.iter().zip(&along.coordinate);
                 let slots = self.reduced.iter_mut().zip(hydrostatic);
                 slots.for_each(|(rho, (s, x))| *rho -= 0.5 * s * x);
                 pddo.laplacian(&along.slope_slots, work, &mut along.slope_laplacian);
             }
         }
-        self.has_coordinates = true;
         pddo.laplacian(&self.reduced, work, &mut self.laplacian);
         for (along, _) in self.axes.iter().zip(loaded).filter(|(_, loaded)| *loaded) {
             for (i, laplacian) in self.laplacian.iter_mut().enumerate() {
@@ -212,7 +210,8 @@ impl Rates for Differences {
         positions: &[Vector3<f64>],
         family: &dyn Fn() -> Arc<Family>,
     ) -> Result<(), PddoError> {
-        self.diffusion.has_coordinates = false;
+        let axes = self.diffusion.axes.iter_mut();
+        axes.for_each(|along| along.coordinate.clear());
         self.pddo.rebuild(positions, family)
     }
 

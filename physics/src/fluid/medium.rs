@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::advection::Convection;
 
-use super::rates::{POINTS_PER_TASK, load};
+use super::rates::POINTS_PER_TASK;
 use super::state::State;
 
 /// The fluid and its properties at its present temperature.
@@ -77,7 +77,7 @@ impl Coefficient {
     /// Copies it to slots; where it does not vary only when their number changed.
     pub(super) fn load(&self, family: &Family, slots: &mut Vec<f64>) {
         if self.varies || slots.len() != family.slots() {
-            load(family, (&self.value, 1), 0, &[], slots);
+            family.load((&self.value, 1), 0, &[], slots);
         }
     }
 

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use perimelt_core::solver::reduce::sum;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
     Description, Face, Family, FamilySpec, Influence, MovingFamily, Pddo, PointMover, Setup,
@@ -108,6 +109,7 @@ impl Run {
                 position: Vec::new(),
                 volume: Vec::new(),
             }),
+            container: (fluid.surface == Surface::Closed).then(|| sum(&this.points.volume)),
             steps: 0,
             initial_mass: 0.0,
             momentum: (is_periodic || !has_faces).then(Default::default),

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use perimelt_core::family::LayerRule;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Family, PddoError, World};
 use rayon::prelude::*;
@@ -164,19 +163,6 @@ pub(super) trait Rates: std::fmt::Debug {
 
     /// Finds the heat of viscous friction per current volume, W/m³.
     fn friction(&self, medium: &Medium, friction: &mut Vec<f64>);
-}
-
-/// Copies a component of a field to slots and continues it behind faces by their rules.
-pub(super) fn load(
-    family: &Family,
-    (field, components): (&[f64], usize),
-    component: usize,
-    rules: &[LayerRule],
-    slots: &mut Vec<f64>,
-) {
-    slots.resize(family.slots(), 0.0);
-    family.scatter(field, components, component, slots);
-    family.fill_layers(rules, component, slots);
 }
 
 /// Copies a field to slots; behind faces it is mirrored, and `rise(axis, point, distance)` is added.

@@ -38,6 +38,8 @@ pub(super) struct Run {
     /// Components of the velocity by slot.
     pub(super) slots: Vec<Vec<f64>>,
     pub(super) moving: Option<Moving>,
+    /// Volume that a fluid without free surface fills, m³.
+    pub(super) container: Option<f64>,
     pub(super) steps: u64,
     pub(super) initial_mass: f64,
     /// Where no face takes momentum: at the start, given by forces and walls since, and the sum of the absolute values

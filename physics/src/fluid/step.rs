@@ -10,14 +10,14 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
-use perimelt_core::solver::reduce::{sum, sum_of};
+use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::{PddoError, Step, World};
 
 use super::boundaries::keep_inside;
 use super::collision::FluidPoints;
 use super::keys::{Fluid, Scheme, Stress, Surface};
 use super::medium::Medium;
-use super::rates::{Rates, Terms, load};
+use super::rates::{Rates, Terms};
 use super::run::{FluidTemperature, Moving, Run};
 use super::treatments::Treatments;
 
@@ -114,8 +114,7 @@ impl Run {
         let force = self.body_force.map(|f| world.read(f));
         let impulse = self.impulse.map(|j| world.read(j));
         let impulses = impulse.as_deref().zip(self.moving.as_ref());
-        let container = self.moving.as_ref();
-        let container = container.filter(|_| fluid.surface == Surface::Closed);
+        let container = self.container.zip(self.moving.as_ref());
         let mut advance = Advance {
             rates: &mut *self.rates,
             treatments: &mut self.treatments,
@@ -134,9 +133,9 @@ impl Run {
                 reference_volume: &world.body(self.body).points.volume,
                 mass: &moving.mass,
             }),
-            container: container.map(|moving| Container {
+            container: container.map(|(volume, moving)| Container {
                 mass: &moving.mass,
-                volume: sum(&world.body(self.body).points.volume),
+                volume,
             }),
             dt: step.size,
         };
@@ -275,7 +274,8 @@ impl Advance<'_> {
     fn set_velocity(&mut self, flow: &Flow<'_>) {
         let flat = (bytemuck::cast_slice(flow.velocity), 3);
         for (axis, slots) in self.slots.iter_mut().enumerate() {
-            load(self.rates.family(), flat, axis, flow.rules, slots);
+            let family = self.rates.family();
+            family.load(flat, axis, flow.rules, slots);
         }
         self.rates
             .set_velocity(self.slots, flow.density, &self.terms);

@@ -95,8 +95,11 @@ impl LayerForces {
 
     /// Finds the bonds if layers scale the displacement in another way than before.
     pub(super) fn follow(&mut self, family: &Family, continuation: &Continuation) {
+        if self.volume.is_empty() {
+            return;
+        }
         let layout = continuation.layout();
-        if self.volume.is_empty() || self.layout == layout {
+        if self.layout == layout {
             return;
         }
         self.layout = layout;

@@ -103,8 +103,8 @@ pub(super) struct Matter<'a> {
     pub(super) least_conductivity: Option<&'a [f64]>,
 }
 
-/// Conduction with one conductivity, W/(m K), or by a potential (W/m) with a conductivity of one; the micro-conductivity is `2 k / M`, and weights
-/// of bonds hold the `1 / M`.
+/// Conduction with one conductivity, W/(m K), or by a potential (W/m) with a conductivity of one; the
+/// micro-conductivity is `2 k / M`, and weights of bonds hold the `1 / M`.
 struct Uniform {
     conductivity: f64,
 }
@@ -205,9 +205,12 @@ impl Conduction {
     /// Fills the slots from a temperature field (K) and evaluates the conductivities.
     pub(super) fn load(&mut self, matter: &Matter<'_>, temperature: &[f64]) {
         let family = matter.family;
-        self.temperature_slots.resize(family.slots(), 0.0);
-        family.scatter(temperature, 1, 0, &mut self.temperature_slots);
-        family.fill_layers(matter.rules, 0, &mut self.temperature_slots);
+        family.load(
+            (temperature, 1),
+            0,
+            matter.rules,
+            &mut self.temperature_slots,
+        );
         self.loaded = self.what_to_load(matter);
         if self.loaded == Loaded::Uniform {
             return;
@@ -251,10 +254,8 @@ impl Conduction {
             let values = self.conductivity_field.iter_mut().zip(least);
             values.for_each(|(k, least)| *k = k.max(calibration * least));
         }
-        let family = matter.family;
-        self.conductivity_slots.resize(family.slots(), 0.0);
-        family.scatter(&self.conductivity_field, 1, 0, &mut self.conductivity_slots);
-        family.fill_layers(&[], 0, &mut self.conductivity_slots);
+        let field = (&self.conductivity_field[..], 1);
+        (matter.family).load(field, 0, &[], &mut self.conductivity_slots);
     }
 
     /// Behind faces the potential continues as the temperature does: as far from its value at the mean of both sides.
@@ -268,11 +269,7 @@ impl Conduction {
         let points = temperature.par_iter().zip(matter.material);
         let potential = points.map(|(&t, &m)| calibration * potentials[m as usize].at(t));
         potential.collect_into_vec(&mut self.potential_field);
-        let mirror = |field: &[f64], slots: &mut Vec<f64>| {
-            slots.resize(family.slots(), 0.0);
-            family.scatter(field, 1, 0, slots);
-            family.fill_layers(&[], 0, slots);
-        };
+        let mirror = |field: &[f64], slots: &mut Vec<f64>| family.load((field, 1), 0, &[], slots);
         mirror(&self.potential_field, &mut self.potential_slots);
         let several = potentials.len() > 1;
         let mirrored = &mut self.mirrored;
@@ -418,9 +415,8 @@ impl Conduction {
             .iter()
             .map(|&m| self.calibration * largest[m as usize])
             .collect();
-        let mut slots = vec![0.0; family.slots()];
-        family.scatter(&conductivity, 1, 0, &mut slots);
-        family.fill_layers(&[], 0, &mut slots);
+        let mut slots = Vec::new();
+        family.load((&conductivity, 1), 0, &[], &mut slots);
         let mut sums = vec![[0.0]; conductivity.len()];
         family.sum(&RowSum, [&slots], &mut sums);
         sums

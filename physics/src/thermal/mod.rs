@@ -147,8 +147,8 @@ impl Physics for Thermal {
             return Vec::new();
         }
         let enthalpy = world.read::<f64>(run.enthalpy.into());
-        let stored = weighted_sum(&enthalpy, &world.body(run.body).points.volume);
         let volume = &world.body(run.body).points.volume;
+        let stored = weighted_sum(&enthalpy, volume);
         // the heat of a body that cools down again ends where it began
         let content = sum_of([&enthalpy, volume], |[h, v]| (h * v).abs());
         let (initial, supplied) = (run.heat.initial, run.heat.supplied);

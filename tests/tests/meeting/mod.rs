@@ -14,6 +14,37 @@ pub fn compose(text: &str) -> Simulation {
     simulation
 }
 
+/// Materials and physics of a drop of oil, `drop`, and two bodies of rubber, one of them elastic and the other one rigid.
+/// `steps` are keys of the fluid.
+pub fn oil_and_rubber(steps: &str, [elastic, rigid]: [&str; 2]) -> String {
+    format!(
+        "[materials.oil]
+        density = 900
+        viscosity = 1
+        [materials.rubber]
+        density = 1100
+        youngs_modulus = 1e6
+        poissons_ratio = 0.4
+        [[physics]]
+        type = 'fluid'
+        body = 'drop'
+        form = 'conservative'
+        stress = 'central'
+        state.tait.sound_speed = 20
+        artificial_viscosity = 0.1
+        {steps}
+        [[physics]]
+        type = 'mechanical'
+        body = '{elastic}'
+        formulation = 'ordinary'
+        kinematics = 'finite'
+        solver.explicit = {{}}
+        [[physics]]
+        type = 'rigid_body'
+        body = '{rigid}'"
+    )
+}
+
 /// Distance of the bodies of an encounter from the origin, m.
 const LEVER: f64 = 0.05;
 
@@ -36,16 +67,6 @@ pub fn exchanged(simulation: &Simulation, quantity: &str) -> f64 {
         "momentum.x" | "momentum.y" => impulse,
         _ => of(quantity),
     }
-}
-
-/// What bodies were supplied with that no other body gave, relative to what they exchanged.
-#[allow(dead_code)] // not every test that shares this module asks for it
-pub fn unmatched(simulation: &Simulation, quantity: &str) -> f64 {
-    let balances = simulation.balances();
-    let of_quantity = balances.iter().flat_map(|(_, balances)| balances);
-    let of_quantity = of_quantity.filter(|b| b.quantity == quantity);
-    let supplied: f64 = of_quantity.map(|b| b.supplied).sum();
-    supplied.abs() / exchanged(simulation, quantity)
 }
 
 /// Largest deviation of totals from their values at the start, relative to what bodies exchanged, over the whole run. All
