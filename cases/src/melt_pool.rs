@@ -8,10 +8,14 @@
 //! `(9 T1 - T2) / 8` from the two outermost points (spec 02, `ref/goldak_pd.py`). The profile
 //! crosses the isotherm by linear interpolation, with an error of `dx^2 T'' / (8 T')`.
 //!
+//! A pool that reaches a plane of symmetry of the body (coupler `symmetry`) goes on behind it: its width is that of both
+//! halves, and its volume counts the mirror images. Where half of a body is simulated without that coupler, whose face is
+//! insulated, nothing says so and half of the width is measured.
+//!
 //! Not for several pools at a time: the pool is the one around the hottest point, but a second pool
 //! is included where the two overlap in a profile.
 
-use perimelt_core::{Axis, Body, SetupError};
+use perimelt_core::{Axis, Body, Face, SetupError, World};
 
 use crate::cell_grid::CellGrid;
 
@@ -59,13 +63,15 @@ pub struct MeltPool {
     pub rear: f64,
     /// largest coordinate along the axis of the length, m
     pub front: f64,
-    /// extent along the axis of the width, m (in a body cut at a plane of symmetry this is half of
-    /// the pool); `None` if the body does not have that axis
+    /// extent along the axis of the width, m, with its mirror image behind a plane of symmetry; `None` if the body does
+    /// not have that axis
     pub width: Option<f64>,
     /// extent below the topmost surface of the body, m; `None` if the body does not have that axis
     pub depth: Option<f64>,
     /// highest temperature, K
     pub peak: f64,
+    /// number of equal parts of the pool, which planes of symmetry cut: 1 without
+    pub copies: f64,
 }
 
 impl MeltPool {
@@ -84,19 +90,22 @@ pub struct MeltPoolGauge {
     dimension: usize,
     axes: PoolAxes,
     isotherm: f64,
+    symmetry: Vec<Face>,
 }
 
 impl MeltPoolGauge {
     /// A gauge for a body in its reference configuration and an isotherm (K); `None` if the points
     /// are scattered too widely for a grid.
     #[must_use]
-    pub fn of_body(body: &Body, axes: PoolAxes, isotherm: f64) -> Option<Self> {
+    pub fn of_body(world: &World, body: usize, axes: PoolAxes, isotherm: f64) -> Option<Self> {
+        let symmetry = world.symmetry(body);
+        let body = world.body(body);
         let positions: Vec<[f64; 3]> = body.points.position.iter().map(|&p| p.into()).collect();
         let grid = match body.lattice() {
             Some(lattice) => CellGrid::new(&positions, lattice.spacing),
             None => CellGrid::of_spacings(&positions, &body.points.spacing),
         };
-        Some(Self::on(grid?, body.dimension, axes, isotherm))
+        Some(Self::on(grid?, body.dimension, axes, isotherm).with_symmetry(symmetry))
     }
 
     /// The mistake of a body that [`of_body`](Self::of_body) refuses, at `key`.
@@ -116,7 +125,14 @@ impl MeltPoolGauge {
             dimension,
             axes,
             isotherm,
+            symmetry: Vec::new(),
         }
+    }
+
+    /// The same gauge for a body with these planes of symmetry.
+    pub(crate) fn with_symmetry(mut self, faces: &[Face]) -> Self {
+        self.symmetry = faces.to_vec();
+        self
     }
 
     /// The melt pool at these temperatures (K), one per point. A pool that reaches a face of the
@@ -133,23 +149,42 @@ impl MeltPoolGauge {
                 width: has_axis(self.axes.across()).then_some(f64::NAN),
                 depth: has_axis(self.axes.down.index()).then_some(f64::NAN),
                 peak: f64::NAN,
+                copies: 1.0,
             });
         }
         let values = grid.by_cell(temperature);
-        let extent = |axis: usize| {
+        let in_cells = |axis: usize| {
             let profile = profile(&values, grid.cells, axis, self.dimension);
-            let (from, to) = extent(&profile, self.isotherm)?;
+            extent(&profile, self.isotherm)
+        };
+        let in_space = |axis: usize| {
+            let (from, to) = in_cells(axis)?;
             let coordinate = |cells: f64| grid.origin[axis] + cells * grid.spacing;
             Some((coordinate(from), coordinate(to)))
         };
+        let is_cut = |face: Face| {
+            let axis = face.axis();
+            let ends = has_axis(axis).then(|| in_cells(axis)).flatten();
+            ends.is_some_and(|(from, to)| match face.is_upper() {
+                true => to == grid.cells[axis] as f64 - 0.5,
+                false => from == -0.5,
+            })
+        };
+        let mut halves = [1.0; 3];
+        for &face in self.symmetry.iter().filter(|face| is_cut(**face)) {
+            halves[face.axis()] = 2.0;
+        }
 
-        let (rear, front) = extent(self.axes.along.index())?;
+        let (rear, front) = in_space(self.axes.along.index())?;
         let across = Some(self.axes.across()).filter(|&axis| has_axis(axis));
-        let width = across.and_then(|axis| extent(axis).map(|(from, to)| to - from));
+        let width = across.and_then(|axis| {
+            let (from, to) = in_space(axis)?;
+            Some(halves[axis] * (to - from))
+        });
         let down = Some(self.axes.down.index()).filter(|&axis| has_axis(axis));
         let depth = down.and_then(|axis| {
             let top = grid.centre(axis, grid.cells[axis] - 1) + 0.5 * grid.spacing;
-            extent(axis).map(|(bottom, _)| top - bottom)
+            in_space(axis).map(|(bottom, _)| top - bottom)
         });
         let hottest = temperature.iter().copied();
         Some(MeltPool {
@@ -158,6 +193,7 @@ impl MeltPoolGauge {
             width,
             depth,
             peak: hottest.fold(f64::NEG_INFINITY, f64::max),
+            copies: halves.iter().product(),
         })
     }
 }
@@ -272,14 +308,18 @@ mod tests {
         positions.iter().map(temperature).collect()
     }
 
+    fn gauge(positions: &[[f64; 3]], dimension: usize, travel: Travel) -> MeltPoolGauge {
+        let grid = CellGrid::new(positions, SPACING).expect("a lattice");
+        MeltPoolGauge::on(grid, dimension, travel.into(), 1500.0)
+    }
+
     fn measured(
         positions: &[[f64; 3]],
         dimension: usize,
         travel: Travel,
         temperature: &[f64],
     ) -> Option<MeltPool> {
-        let grid = CellGrid::new(positions, SPACING).expect("a lattice");
-        MeltPoolGauge::on(grid, dimension, travel.into(), 1500.0).measure(temperature)
+        gauge(positions, dimension, travel).measure(temperature)
     }
 
     fn close(found: f64, expected: f64) {
@@ -304,6 +344,15 @@ mod tests {
         close(pool.width.expect("3D"), half[1]);
         close(pool.depth.expect("3D"), half[2]);
         close(pool.length() / 2.0, half[0]);
+        assert_eq!(pool.copies, 1.0);
+
+        let symmetry = [Face::YMin, Face::XMin];
+        let gauge = gauge(&positions, 3, Travel::X).with_symmetry(&symmetry);
+        let whole = gauge.measure(&temperature).expect("a pool");
+        close(0.5 * whole.width.expect("3D"), half[1]);
+        // the pool does not reach the other plane of symmetry
+        assert_eq!(whole.copies, 2.0);
+        assert_eq!((whole.rear, whole.depth), (pool.rear, pool.depth));
     }
 
     /// The centre line lies between the points, as it does in every block of even width.

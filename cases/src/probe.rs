@@ -58,7 +58,7 @@ impl Probe {
         let name = section.name.clone();
         if let ProbeKind::MeltPool(pool) = &section.kind {
             let field = find_field(simulation, body, "temperature", "kind")?;
-            let pool = PoolProbe::new(pool, points)?;
+            let pool = PoolProbe::new(pool, world, body)?;
             let metres = ["length", "width", "depth"].map(|n| (n.to_string(), "m".to_string()));
             let columns = metres
                 .into_iter()
@@ -288,7 +288,8 @@ fn along(body: &Body, line: &LineProbe) -> Result<(Vec<String>, Vec<Weights>), S
 }
 
 impl PoolProbe {
-    fn new(section: &MeltPoolProbe, body: &Body) -> Result<PoolProbe, SetupError> {
+    fn new(section: &MeltPoolProbe, world: &World, index: usize) -> Result<PoolProbe, SetupError> {
+        let body = world.body(index);
         let isotherm = match section.isotherm {
             Some(isotherm) => isotherm,
             None => body.materials[0].constant("solidus").map_err(|e| {
@@ -313,7 +314,7 @@ impl PoolProbe {
             let message = format!("the body has {} dimensions only", body.dimension);
             return Err(SetupError::value(key, message, "another axis as `along`"));
         }
-        let gauge = MeltPoolGauge::of_body(body, axes, isotherm)
+        let gauge = MeltPoolGauge::of_body(world, index, axes, isotherm)
             .ok_or_else(|| MeltPoolGauge::scattered(body, key))?;
         Ok(PoolProbe { isotherm, gauge })
     }
@@ -326,7 +327,7 @@ impl PoolProbe {
         };
         let molten = volume.iter().zip(temperature);
         let molten = molten.filter(|(_, t)| **t >= self.isotherm);
-        let volume: f64 = molten.map(|(v, _)| v).sum();
+        let volume = pool.copies * molten.map(|(v, _)| v).sum::<f64>();
         let (width, depth) = (pool.width.unwrap_or(0.0), pool.depth.unwrap_or(0.0));
         let is_known = !pool.length().is_nan();
         vec![
@@ -380,14 +381,15 @@ mod tests {
             max: [4.0, 3.0, 0.0],
         });
         let body = Body::fill("plate", &shape, 2, 0.5, 1.0).expect("a valid plate");
+        let world = World::new(vec![body]);
         let section = |along, down| MeltPoolProbe {
             isotherm: Some(1000.0),
             along,
             down,
         };
-        assert!(PoolProbe::new(&section(Axis::Y, Axis::Z), &body).is_ok());
-        assert!(PoolProbe::new(&section(Axis::Z, Axis::Y), &body).is_err());
-        assert!(PoolProbe::new(&section(Axis::X, Axis::X), &body).is_err());
+        assert!(PoolProbe::new(&section(Axis::Y, Axis::Z), &world, 0).is_ok());
+        assert!(PoolProbe::new(&section(Axis::Z, Axis::Y), &world, 0).is_err());
+        assert!(PoolProbe::new(&section(Axis::X, Axis::X), &world, 0).is_err());
     }
 
     #[test]
@@ -398,7 +400,7 @@ mod tests {
             along: Axis::X,
             down: Axis::Z,
         };
-        let pool = PoolProbe::new(&section, &body).expect("a pool");
+        let pool = PoolProbe::new(&section, &World::new(vec![body.clone()]), 0).expect("a pool");
         // falls by 100 K per metre from x = 2, at any y and z: 1000 K at 2 - 1.3 and 2 + 1.3
         let temperature: Vec<f64> = body
             .points

@@ -48,7 +48,7 @@ pub use in_time::InTime;
 pub use pair_list::PairList;
 pub use pddo::{Derivatives, Pddo, PddoError};
 pub use plugin::{Balance, Clock, Coupler, Physics, Report, Step, StepSize, Update, Work};
-pub use setup::{Setup, Wall};
+pub use setup::{Setup, Wall, Warning};
 pub use simulation::Simulation;
 pub use world::World;
 

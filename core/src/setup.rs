@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
 
+use crate::body::Face;
 use crate::body::{Body, Region};
 use crate::error::{Problem, SetupError};
 use crate::family::Cut;
@@ -79,6 +80,15 @@ pub struct Wall {
     pub slip: bool,
 }
 
+/// Something that can be run and may be a mistake.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Warning {
+    /// Name of the plugin that noticed it.
+    pub plugin: String,
+    /// A sentence without a full stop.
+    pub message: String,
+}
+
 /// A declared access.
 #[derive(Clone, Debug)]
 pub struct Declaration {
@@ -99,6 +109,7 @@ pub struct Setup<'w> {
     families: Vec<ObtainedFamily>,
     /// Bodies that are walls for others.
     walls: Vec<DeclaredWall>,
+    warnings: Vec<Warning>,
     /// Number of plugins before the first physics, once there is one.
     first_physics: Option<usize>,
 }
@@ -121,6 +132,7 @@ impl<'w> Setup<'w> {
             declarations: Vec::new(),
             families: Vec::new(),
             walls: Vec::new(),
+            warnings: Vec::new(),
             first_physics: None,
         }
     }
@@ -134,6 +146,22 @@ impl<'w> Setup<'w> {
     pub fn next_physics(&mut self, label: &str) {
         self.first_physics.get_or_insert(self.plugins.len());
         self.next_plugin(label);
+    }
+
+    /// Tells the user about something that can be run and may be a mistake: a sentence without a full stop.
+    pub fn warn(&mut self, message: impl Into<String>) {
+        let warning = Warning {
+            plugin: self.plugins.last().cloned().unwrap_or_default(),
+            message: message.into(),
+        };
+        if !self.warnings.iter().any(|w| w.message == warning.message) {
+            self.warnings.push(warning);
+        }
+    }
+
+    /// Takes the warnings so far.
+    pub(crate) fn take_warnings(&mut self) -> Vec<Warning> {
+        std::mem::take(&mut self.warnings)
     }
 
     /// A path of the case file, relative to the file's folder.
@@ -477,6 +505,12 @@ impl<'w> Setup<'w> {
     /// Declares that the points of a body move together; called by the physics of a rigid body.
     pub fn set_rigid(&mut self, body: BodyIndex) {
         self.world.rigid[body] = true;
+    }
+
+    /// Declares that a body goes on as its mirror image behind a face, so that measurements count both halves; called by
+    /// the boundary that mirrors the fields.
+    pub fn set_symmetry(&mut self, body: BodyIndex, face: Face) {
+        self.world.symmetry[body].push(face);
     }
 
     /// The impulses that the calling physics gives to the points of a wall, as momentum per reference volume of the

@@ -72,6 +72,8 @@ pub struct World {
     pub(crate) configurations: Configurations,
     /// By body: whether its points move together.
     pub(crate) rigid: Vec<bool>,
+    /// By body: the faces that are planes of symmetry.
+    pub(crate) symmetry: Vec<Vec<Face>>,
     broken: Vec<RefCell<BrokenPairs>>,
 }
 
@@ -82,6 +84,7 @@ impl World {
             phase_change: vec![None; bodies.len()],
             configurations: Configurations::new(bodies.len()),
             rigid: vec![false; bodies.len()],
+            symmetry: vec![Vec::new(); bodies.len()],
             broken: bodies.iter().map(|_| RefCell::default()).collect(),
             bodies,
             ..World::default()
@@ -102,6 +105,11 @@ impl World {
     /// ([`crate::Setup::set_rigid`]).
     pub fn is_rigid(&self, body: BodyIndex) -> bool {
         self.rigid[body]
+    }
+
+    /// Faces of a body that are planes of symmetry ([`crate::Setup::set_symmetry`]).
+    pub fn symmetry(&self, body: BodyIndex) -> &[Face] {
+        &self.symmetry[body]
     }
 
     /// Where the points of a body are now, m: [`World::configuration`] as a list of its own.

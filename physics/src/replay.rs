@@ -301,6 +301,7 @@ mod tests {
             spacing: 1.0,
             thickness: 0.1,
             points: 6,
+            symmetry: Vec::new(),
             fields: vec![field],
         };
         let run = RunInfo {

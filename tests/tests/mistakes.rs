@@ -9,11 +9,15 @@ use perimelt::run::Failure;
 
 const WELD: &str = include_str!("cases/weld.toml");
 
+/// The case with `right` replaced by `wrong`.
+fn changed(right: &str, wrong: &str) -> String {
+    assert_eq!(WELD.matches(right).count(), 1, "`{right}` is there once");
+    WELD.replace(right, wrong)
+}
+
 /// What is said about the case with `right` replaced by `wrong`.
 fn message(right: &str, wrong: &str) -> String {
-    assert_eq!(WELD.matches(right).count(), 1, "`{right}` is there once");
-    let text = WELD.replace(right, wrong);
-    match check(text) {
+    match check(changed(right, wrong)) {
         Err(Failure::Case(mistake)) => mistake.render(false),
         Err(other) => panic!("not a mistake in the case file: {other}"),
         Ok(()) => panic!("`{wrong}` is accepted"),
@@ -21,14 +25,57 @@ fn message(right: &str, wrong: &str) -> String {
 }
 
 fn check(text: String) -> Result<(), Failure> {
+    warnings(text).map(|_| ())
+}
+
+fn warnings(text: String) -> Result<Vec<String>, Failure> {
     let case = Case::parse("weld.toml", text, Path::new(""))?;
     let mut simulation = case.compose()?;
-    Ok(case.start(&mut simulation)?)
+    case.start(&mut simulation)?;
+    Ok(case.warnings(&simulation)?)
 }
 
 #[test]
 fn the_case_itself_is_right() {
-    check(WELD.to_string()).expect("the unchanged case is valid");
+    let warnings = warnings(WELD.to_string()).expect("the unchanged case is valid");
+    assert_eq!(warnings, [""; 0]);
+}
+
+/// What may be a mistake is told and does not stop the run.
+#[test]
+fn doubtful_numbers_are_told() {
+    let steel = "[materials.steel]\ndensity = 7800";
+    let doubtful = [
+        ("initial.temperature = 300", "initial.temperature = 20"),
+        ("ambient = 300", "ambient = 20"),
+        ("spacing = 0.001\n", "spacing = 0.0007\n"),
+        ("max = [0.02, 0.01, 0.004]", "max = [20, 0.01, 0.004]"),
+        (steel, "[materials.steel]\ndensity = 7.8"),
+        ("power = 2000", "power = 2e6"),
+        ("half_width = 0.002", "half_width = 0.0002"),
+        (
+            "type = \"thermal\"",
+            "type = \"mechanical\"\nformulation = \"correspondence\"\n[[physics]]\ntype = \"thermal\"",
+        ),
+    ];
+    let mut told = String::new();
+    for (right, wrong) in doubtful {
+        let mut text = changed(right, wrong);
+        if wrong.contains("[20,") {
+            text = text
+                .replace("spacing = 0.001\n", "spacing = 0.004\n")
+                .replace("0.01, 0.001]", "0.01, 0.004]");
+        }
+        if wrong.contains("mechanical") {
+            text = text.replace(
+                steel,
+                &format!("{steel}\nyoungs_modulus = 2e11\npoissons_ratio = 0.3"),
+            );
+        }
+        let warnings = warnings(text).unwrap_or_else(|e| panic!("{wrong}: {e}"));
+        told += &format!("{}\n    {}\n", wrong.trim(), warnings.join("\n    "));
+    }
+    insta::assert_snapshot!(told);
 }
 
 macro_rules! mistakes {
@@ -76,5 +123,7 @@ mistakes! {
     body_in_a_tank_that_stays: "spacing = 0.001\n" => "spacing = 0.001\ntank = { min = [0, 0, 0], max = [0.03, 0.02, 0.01] }\n";
     moving_source_on_zones: "spacing = 0.001\n" => "zones = [{ min = [0, 0, 0], max = [0.02, 0.01, 0.004], spacing = 0.001 }]\n";
     horizon_that_reaches_nobody: "horizon = 2\n" => "horizon = { length = 0.0005 }\n";
+    temperature_below_zero: "initial.temperature = 300" => "initial.temperature = -5";
+    surroundings_below_zero: "ambient = 300" => "ambient = -5";
     horizon_in_words: "horizon = 2\n" => "horizon = \"wide\"\n";
 }

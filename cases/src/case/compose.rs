@@ -28,10 +28,10 @@ pub enum StartError {
 }
 
 /// A `[[physics]]` or `[[couplers]]` table.
-struct PluginTable<'a> {
+pub(super) struct PluginTable<'a> {
     section: &'static str,
-    kind: String,
-    value: TomlValue<'a>,
+    pub(super) kind: String,
+    pub(super) value: TomlValue<'a>,
 }
 
 impl Case {
@@ -70,6 +70,7 @@ impl Case {
             self.setup_error(table, &e)
         })?;
         self.set_initial(&mut simulation)?;
+        self.check_temperatures(&simulation)?;
         self.check_logged(&simulation)?;
         self.build_probes(&simulation)?;
         Ok(simulation)
@@ -117,7 +118,7 @@ impl Case {
         self.probes.iter().enumerate().map(build).collect()
     }
 
-    fn plugin_tables(&self, section: &'static str) -> Result<Vec<PluginTable<'_>>> {
+    pub(super) fn plugin_tables(&self, section: &'static str) -> Result<Vec<PluginTable<'_>>> {
         let whole = self.table();
         let reader = Reader {
             file: &self.file,

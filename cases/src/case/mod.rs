@@ -17,6 +17,7 @@ mod locate;
 mod reword;
 pub mod schema;
 pub mod sections;
+mod warnings;
 mod whole_schema;
 
 use std::collections::BTreeMap;

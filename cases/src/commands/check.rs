@@ -10,7 +10,7 @@ use perimelt_core::{Body, Simulation};
 use super::Done;
 use crate::case::Case;
 use crate::run::Failure;
-use crate::run::display::duration;
+use crate::run::display::{duration, warn};
 
 #[derive(clap::Args, Debug)]
 pub struct CheckArgs {
@@ -28,7 +28,9 @@ pub fn run(args: &CheckArgs) -> Done {
     }
     sizes(&simulation, &mut out)?;
     steps(&simulation, &mut out)?;
-    duration_of(&mut simulation, &mut out)
+    duration_of(&mut simulation, &mut out)?;
+    warn(&case.warnings(&simulation)?);
+    Ok(())
 }
 
 fn sizes(simulation: &Simulation, out: &mut impl Write) -> Done {

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::Done;
 use crate::case::Case;
-use crate::run::display::duration;
+use crate::run::display::{duration, warn};
 use crate::run::{self, End, Options, Summary};
 
 #[derive(clap::Args, Debug)]
@@ -126,6 +126,10 @@ impl Common {
             summary.steps,
             duration(summary.wall_seconds)
         );
+        for fact in &summary.facts {
+            println!("{fact}");
+        }
+        warn(&summary.warnings);
         if summary.end != End::Finished {
             println!("continue with: perimelt resume {log}");
         }

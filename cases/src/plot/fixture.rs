@@ -58,6 +58,7 @@ pub(crate) fn write_log(path: &Path, cells: [usize; 3]) {
             spacing: SPACING,
             thickness: 1e-3,
             points: cells.iter().product(),
+            symmetry: Vec::new(),
             fields: vec![field("temperature", "K", 1), field("displacement", "m", 3)],
         });
     }

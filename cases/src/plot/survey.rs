@@ -48,6 +48,7 @@ pub(crate) fn survey(
             let grid = super::grid_of(body, &cloud, positions);
             let pool = grid.and_then(|grid| {
                 let gauge = MeltPoolGauge::on(grid, body.dimension, travel.into(), isotherm);
+                let gauge = gauge.with_symmetry(&body.symmetry);
                 gauge.measure(&temperature.values)
             });
             survey.pools.push((cloud.time, pool));

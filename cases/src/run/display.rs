@@ -88,6 +88,13 @@ fn peak_temperature(simulation: &Simulation) -> Option<f64> {
     peak.reduce(f64::max)
 }
 
+/// Prints warnings where errors go.
+pub fn warn(warnings: &[String]) {
+    for sentence in warnings {
+        eprintln!("warning: {sentence}");
+    }
+}
+
 /// A wall time in its two largest units.
 pub fn duration(seconds: f64) -> String {
     match seconds {

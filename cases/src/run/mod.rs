@@ -4,6 +4,7 @@
 //! can be replayed and resumed, even if the run was killed.
 
 pub mod display;
+mod outcome;
 pub mod record;
 
 use std::path::{Path, PathBuf};
@@ -16,6 +17,7 @@ use perimelt_core::{RunError, Simulation};
 
 use crate::case::{Case, CaseError, StartError};
 use display::Display;
+use outcome::Outcome;
 use record::Recorder;
 
 /// How to run.
@@ -55,6 +57,10 @@ pub struct Summary {
     pub wall_seconds: f64,
     /// The log.
     pub log: PathBuf,
+    /// Sentences about what the run came to.
+    pub facts: Vec<String>,
+    /// Sentences about what may be a mistake.
+    pub warnings: Vec<String>,
 }
 
 /// Why a run failed.
@@ -109,6 +115,9 @@ pub fn on_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
     let mut simulation = case.compose()?;
     case.start(&mut simulation)?;
+    if !options.quiet {
+        display::warn(&case.warnings(&simulation)?);
+    }
     let part = part_of(&options.out);
     let info = record::run_info(case, &simulation);
     let name = Path::new(&case.file.name).file_name().unwrap_or_default();
@@ -169,6 +178,7 @@ fn go_on(
     let started = Instant::now();
     let until = options.until.unwrap_or(f64::INFINITY);
     let mut display = Display::new(&simulation, until, options.quiet);
+    let mut outcome = Outcome::new(&simulation);
     let end = loop {
         if simulation.is_finished() {
             break End::Finished;
@@ -186,6 +196,7 @@ fn go_on(
         };
         if logging {
             recorder.record(&simulation)?;
+            outcome.observe(&simulation);
             if simulation.time() >= until && !simulation.is_finished() {
                 break End::Until;
             }
@@ -198,12 +209,15 @@ fn go_on(
     recorder.checkpoint(&simulation)?;
     recorder.finish()?;
     display.finish();
+    let (facts, warnings) = outcome.sentences(&simulation);
     Ok(Summary {
         end,
         time: simulation.time(),
         steps: simulation.progress().macro_steps,
         wall_seconds: started.elapsed().as_secs_f64(),
         log: options.out.clone(),
+        facts,
+        warnings,
     })
 }
 

@@ -238,6 +238,7 @@ pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
         spacing: body.finest_spacing(),
         thickness: body.thickness,
         points: body.points.len(),
+        symmetry: simulation.world().symmetry(index).to_vec(),
         fields: simulation
             .lasting()
             .filter(|f| f.body == index)

@@ -209,6 +209,7 @@ benchmarks!(
     "clamped-bar-residual-stress",
     "three-bar-residual-stress",
     "plastic-heat-bar",
+    "melt-pool-symmetry",
     "strong-coupling-bar",
     "gao-3.6.1-bending",
     "gao-3.6.2a-cracked-plate",

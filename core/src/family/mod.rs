@@ -25,6 +25,7 @@ mod cloud;
 mod cloud_tests;
 mod cut;
 mod foreign;
+mod gaps;
 mod horizon;
 mod images;
 mod influence;
@@ -44,6 +45,7 @@ pub use layer::{Continuation, Image, LayerRule, Layout, Traction};
 pub use operator::Operator;
 pub use spec::{Correction, FamilyError, FamilySpec, PartialVolume};
 
+pub(crate) use gaps::warnings;
 pub(crate) use moving::{must_look_again, skin};
 
 use std::ops::Range;

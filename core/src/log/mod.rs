@@ -48,6 +48,8 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::body::Face;
+
 pub use error::LogError;
 pub use reader::Log;
 pub use scan::Ending;
@@ -143,6 +145,9 @@ pub struct BodyInfo {
     pub thickness: f64,
     /// number of points
     pub points: usize,
+    /// faces that are planes of symmetry: the body is a part of the whole
+    #[serde(default)]
+    pub symmetry: Vec<Face>,
     /// fields the body has, logged or not
     pub fields: Vec<FieldInfo>,
 }

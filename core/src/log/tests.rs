@@ -29,6 +29,7 @@ fn run_info() -> RunInfo {
             spacing: 1e-4,
             thickness: 1e-4,
             points: 40,
+            symmetry: vec![Face::YMin],
             fields: vec![
                 field("temperature", "K", 1),
                 field("velocity", "m/s", 3),

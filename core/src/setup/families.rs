@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::configuration::{Description, MovingFamily, PointMover};
 use crate::error::SetupError;
-use crate::family::{Family, FamilySpec};
+use crate::family::{self, Family, FamilySpec};
 use crate::world::{BodyIndex, BondBreaker, World};
 
 use super::Setup;
@@ -43,6 +43,9 @@ impl Setup<'_> {
         let family =
             Family::build(self.body(body), spec).map_err(|e| SetupError::new("horizon", e))?;
         let family = Arc::new(family);
+        for sentence in family::warnings(self.body(body), spec) {
+            self.warn(sentence);
+        }
         self.families.push(ObtainedFamily {
             body,
             plugin: self.plugins.len() - 1,

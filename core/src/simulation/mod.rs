@@ -29,7 +29,7 @@ use crate::family::Horizon;
 use crate::field::FieldIndex;
 use crate::plugin::{Balance, Coupler, Physics, Report, Step, StepSize, Update};
 use crate::schedule::Plan;
-use crate::setup::Setup;
+use crate::setup::{Setup, Warning};
 use crate::world::World;
 
 /// A plugin with the name that messages use.
@@ -114,6 +114,7 @@ pub struct Simulation {
     rates: Vec<Vec<Vec<f64>>>,
     plausible: Vec<Vec<(FieldIndex, f64)>>,
     family_sizes: Vec<FamilySize>,
+    warnings: Vec<Warning>,
 }
 
 /// Size of a family, for `check`.
@@ -174,6 +175,7 @@ impl Simulation {
             memory: f.memory(),
         };
         let family_sizes = setup.families().map(size).collect();
+        let warnings = setup.take_warnings();
         let declarations = setup
             .finish()
             .map_err(|(plugin, e)| (culprit(plugin, couplers.len()), e))?;
@@ -225,6 +227,7 @@ impl Simulation {
             rates,
             plausible: vec![Vec::new(); count],
             family_sizes,
+            warnings,
         })
     }
 
@@ -266,6 +269,11 @@ impl Simulation {
     /// Families by size.
     pub fn family_sizes(&self) -> &[FamilySize] {
         &self.family_sizes
+    }
+
+    /// What plugins noticed at set-up that may be a mistake.
+    pub fn warnings(&self) -> &[Warning] {
+        &self.warnings
     }
 
     /// Sub-step of each physics, s (infinite: as long as the macro step).

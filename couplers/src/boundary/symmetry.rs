@@ -26,6 +26,7 @@ pub struct Symmetry {
 impl Coupler for Symmetry {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        setup.set_symmetry(body, self.face);
         // a fresh layer is even
         setup.layer_if_provided(body, &keys::TEMPERATURE, self.face)?;
         for vector in [&keys::DISPLACEMENT, &keys::VELOCITY] {

@@ -16,6 +16,9 @@ use crate::toolpath::{Toolpath, Track};
 /// Fraction of the shortest length that the source may move in a step.
 const STEP_FRACTION: f64 = 0.25;
 
+/// Powers of welding sources are below this, W.
+const STRONGEST: f64 = 2e5;
+
 /// The power density of a [`MovingSource`].
 pub trait SourceShape: Clone {
     /// As a variant of [`Source`].
@@ -107,6 +110,7 @@ impl<S: SourceShape> MovingSource<S> {
         let length = self.shape.length().max(body.finest_spacing());
         self.check_path(body, &track, 2.0 * length)?;
         let speed = fastest(&track);
+        self.warn_of_size(setup, index);
         self.prepared = Some(MovingSourceState {
             body: index,
             grid,
@@ -117,6 +121,23 @@ impl<S: SourceShape> MovingSource<S> {
             track,
         });
         Ok(())
+    }
+
+    /// Tells of a source that is finer than the points that it heats, and of a power in other units.
+    fn warn_of_size(&self, setup: &mut Setup<'_>, body: usize) {
+        let (length, spacing) = (self.shape.length(), setup.body(body).finest_spacing());
+        if length > 0.0 && length < spacing {
+            setup.warn(format!(
+                "the shortest length of the source is {length:.2e} m, finer than the spacing {spacing:.2e} m: it heats \
+                 single cells"
+            ));
+        }
+        let power = self.shape.source().power();
+        if let Some(power) = power.filter(|power| *power > STRONGEST) {
+            setup.warn(format!(
+                "a power of {power:.3e} W is unusual; powers are in watts"
+            ));
+        }
     }
 
     /// Refuses a toolpath on which the source is never on within `margin` (m) of the body's box.

@@ -237,8 +237,9 @@ fn deviation(m: &DeviationMeasure, simulation: &Simulation) -> Result<Sampler, S
 fn melt_pool(m: &MeltPoolMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
     let key = "measure.melt_pool";
     let body = find_body(simulation.world(), m.body.as_deref())?;
-    let points = simulation.world().body(body);
-    let gauge = MeltPoolGauge::of_body(points, Travel::X.into(), m.isotherm);
+    let world = simulation.world();
+    let points = world.body(body);
+    let gauge = MeltPoolGauge::of_body(world, body, Travel::X.into(), m.isotherm);
     Ok(Sampler::MeltPool {
         temperature: find_field(simulation, body, "temperature", key)?,
         gauge: gauge.ok_or_else(|| MeltPoolGauge::scattered(points, key))?,

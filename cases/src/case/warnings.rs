@@ -1,0 +1,239 @@
+//! What can be run and may be a mistake: numbers in other units, points that do not fill their box, physics that do not
+//! know of each other.
+
+use std::ops::Range;
+
+use perimelt_core::material::{Material, Property};
+use perimelt_core::shape::Shape;
+use perimelt_core::{Body, Simulation};
+use toml::de::DeValue;
+
+use super::locate::TomlTable;
+use super::{Case, CaseError, Result};
+use crate::plot::unit;
+
+/// Temperatures below this (K) are suspected to be meant in degrees Celsius.
+const COLD: f64 = 150.0;
+
+/// Bodies larger than this (m) are suspected to be meant in millimetres.
+const HUGE: f64 = 10.0;
+
+/// Share of the extent of a box that points may leave out or add.
+const FILLED: f64 = 0.01;
+
+/// Density times specific heat of solids and liquids, J/(m³ K).
+const HEAT_CAPACITY: Range<f64> = 1e5..2e7;
+
+/// Keys of couplers that are temperatures, by type or for all.
+const TEMPERATURES: [(Option<&str>, &str); 2] =
+    [(None, "ambient"), (Some("prescribed_temperature"), "value")];
+
+impl Case {
+    /// Sentences about what can be run and may be a mistake: those of the plugins, then those of the case as a whole.
+    ///
+    /// # Errors
+    /// A section that cannot be read.
+    pub fn warnings(&self, simulation: &Simulation) -> Result<Vec<String>> {
+        let of_plugins = simulation.warnings().iter();
+        let mut found: Vec<String> = of_plugins
+            .map(|w| format!("{}: {}", w.plugin, w.message))
+            .collect();
+        let bodies = simulation.world().bodies();
+        for ((index, body), (_, section)) in bodies.iter().enumerate().zip(&self.bodies) {
+            found.extend(not_filled(body, &section.shape));
+            found.extend(heat_capacity(body));
+            if melts(body) {
+                found.extend(too_large(body));
+                found.extend(cold_start(simulation, index));
+            }
+        }
+        if bodies.iter().all(melts) {
+            found.extend(self.cold_surroundings()?);
+        }
+        found.extend(self.no_expansion(simulation)?);
+        Ok(found)
+    }
+
+    /// Refuses temperatures below absolute zero.
+    pub(super) fn check_temperatures(&self, simulation: &Simulation) -> Result<()> {
+        for (index, (name, _)) in self.bodies.iter().enumerate() {
+            if let Some(lowest) = lowest_temperature(simulation, index).filter(|t| *t < 0.0) {
+                let message = format!("the initial temperature is {lowest} K");
+                let key = [name.as_str(), "initial", "temperature"];
+                return Err(self.body_error(&key, message, "kelvins, zero or above"));
+            }
+        }
+        for (kind, key, numbers, span) in self.given_temperatures()? {
+            if let Some(lowest) = numbers.into_iter().find(|t| *t < 0.0) {
+                let message = format!("`{key}` of `{kind}` is {lowest} K");
+                let error = CaseError::new(&self.file, message, span);
+                return Err(error.expected("kelvins, zero or above"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Temperatures that couplers are given: type, key, numbers, place.
+    fn given_temperatures(&self) -> Result<Vec<(String, &'static str, Vec<f64>, Range<usize>)>> {
+        let mut given = Vec::new();
+        for table in self.plugin_tables("couplers")? {
+            let keys = table.value.get_ref().as_table();
+            let of_kind = |(kind, _): &(Option<&str>, _)| kind.is_none_or(|k| k == table.kind);
+            for (_, key) in TEMPERATURES.into_iter().filter(of_kind) {
+                if let Some(value) = keys.and_then(|keys| keys.get(key)) {
+                    let numbers = numbers(value.get_ref());
+                    given.push((table.kind.clone(), key, numbers, value.span()));
+                }
+            }
+        }
+        Ok(given)
+    }
+
+    fn cold_surroundings(&self) -> Result<Vec<String>> {
+        let given = self.given_temperatures()?.into_iter();
+        let cold = given.filter_map(|(kind, key, numbers, _)| {
+            let lowest = numbers.into_iter().reduce(f64::min)?;
+            (lowest < COLD).then(|| format!("`{key}` of `{kind}` is {lowest} K; {CELSIUS}"))
+        });
+        Ok(cold.collect())
+    }
+
+    /// Bodies that heat up and deform, of a material that expands, without the coupler that says so.
+    fn no_expansion(&self, simulation: &Simulation) -> Result<Option<String>> {
+        let couplers = self.plugin_tables("couplers")?;
+        if couplers.iter().any(|c| c.kind == "thermal_expansion") {
+            return Ok(None);
+        }
+        let physics = self.plugin_tables("physics")?;
+        if !physics.iter().any(|p| p.kind == "mechanical") {
+            return Ok(None);
+        }
+        let fields = simulation.world().fields();
+        let bodies = simulation.world().bodies().iter().enumerate();
+        let both = |index: usize| {
+            fields.find(index, "temperature").is_some()
+                && fields.find(index, "displacement").is_some()
+        };
+        let expands = |body: &Body| {
+            body.materials
+                .iter()
+                .any(|m| m.get("thermal_expansion").is_some())
+        };
+        let mut silent = bodies.filter(|(index, body)| both(*index) && expands(body));
+        Ok(silent.next().map(|(_, body)| {
+            format!(
+                "body `{}` heats up and deforms, and does not expand: there is no coupler `thermal_expansion`",
+                body.name
+            )
+        }))
+    }
+}
+
+const CELSIUS: &str = "temperatures are in kelvins (20 °C are 293.15 K)";
+
+/// Whether a body is of real materials that melt; numbers without a scale have no such melting points.
+fn melts(body: &Body) -> bool {
+    let solidus = |m: &Material| m.constant("solidus").is_ok_and(|t| t > COLD);
+    body.materials.iter().any(solidus)
+}
+
+/// All numbers of a value: of a table in time those of `value`.
+fn numbers(value: &DeValue<'_>) -> Vec<f64> {
+    match value {
+        DeValue::Float(number) => number
+            .as_str()
+            .replace('_', "")
+            .parse()
+            .into_iter()
+            .collect(),
+        DeValue::Integer(number) => {
+            let parsed = i64::from_str_radix(number.as_str(), number.radix());
+            parsed.into_iter().map(|n| n as f64).collect()
+        }
+        DeValue::Array(values) => values.iter().flat_map(|v| numbers(v.get_ref())).collect(),
+        DeValue::Table(keys) => of_key(keys, "value"),
+        _ => Vec::new(),
+    }
+}
+
+fn of_key(keys: &TomlTable<'_>, key: &str) -> Vec<f64> {
+    keys.get(key).map_or(Vec::new(), |v| numbers(v.get_ref()))
+}
+
+fn lowest_temperature(simulation: &Simulation, body: usize) -> Option<f64> {
+    let fields = simulation.world().fields();
+    let field = fields.field(fields.find(body, "temperature")?);
+    let data = field.data();
+    data.flat().iter().copied().reduce(f64::min)
+}
+
+fn cold_start(simulation: &Simulation, index: usize) -> Option<String> {
+    let lowest = lowest_temperature(simulation, index).filter(|t| *t < COLD)?;
+    let name = &simulation.world().body(index).name;
+    Some(format!(
+        "the initial temperature of body `{name}` is {lowest} K; {CELSIUS}"
+    ))
+}
+
+fn too_large(body: &Body) -> Option<String> {
+    let (min, max) = body.bounds();
+    let extent = (0..body.dimension)
+        .map(|a| max[a] - min[a])
+        .fold(0.0, f64::max);
+    (extent > HUGE).then(|| {
+        format!(
+            "body `{}` is {extent} m long; lengths are in metres",
+            body.name
+        )
+    })
+}
+
+/// Boxes whose extents are no multiples of the spacing.
+fn not_filled(body: &Body, shape: &Shape) -> Option<String> {
+    let Shape::Box(asked) = shape else {
+        return None;
+    };
+    body.lattice()?;
+    let (min, max) = body.bounds();
+    let axes = 0..body.dimension;
+    let lengths: Vec<[f64; 2]> = axes
+        .map(|a| [asked.max[a] - asked.min[a], max[a] - min[a]])
+        .collect();
+    let differs = |[asked, filled]: &[f64; 2]| (filled - asked).abs() > FILLED * asked;
+    if !lengths.iter().any(differs) {
+        return None;
+    }
+    let largest = lengths.iter().flatten().copied().fold(0.0, f64::max);
+    let length = unit::length(largest);
+    let product = |which: usize| {
+        let numbers: Vec<String> = lengths
+            .iter()
+            .map(|l| unit::number(length.factor * l[which], 4))
+            .collect();
+        format!("{} {}", numbers.join(" x "), length.unit)
+    };
+    Some(format!(
+        "the points of body `{}` fill {} of a box of {}: `spacing` does not divide it",
+        body.name,
+        product(1),
+        product(0)
+    ))
+}
+
+/// Materials that melt, with a density or a specific heat in other units.
+fn heat_capacity(body: &Body) -> Option<String> {
+    let at_room = |value: &Property| value.at(300.0, 0.0);
+    body.materials.iter().find_map(|material| {
+        material.get("solidus")?;
+        let density = material.reference_density().ok()?;
+        let capacity = at_room(material.get("specific_heat")?);
+        let product = density * capacity;
+        (!HEAT_CAPACITY.contains(&product)).then(|| {
+            format!(
+                "density times specific heat of material `{}` is {product:.3e} J/(m³ K), that of metals some 1e6 to 5e6: \
+                 densities are in kg/m³, specific heats in J/(kg K)",
+                material.name()
+            )
+        })
+    })
+}

@@ -1,0 +1,91 @@
+//! What a run came to, in a few sentences: energies of heat sources, and the hottest temperature that was logged.
+
+use perimelt_core::Simulation;
+
+use crate::plot::unit;
+
+/// Share of the energy that may miss the body without a warning.
+const LOST: f64 = 0.05;
+
+/// Follows a run.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Time of the first state, s.
+    since: f64,
+    /// By body: highest logged temperature, K.
+    peaks: Vec<Option<f64>>,
+}
+
+impl Outcome {
+    /// Of a run that continues from the state of `simulation`.
+    pub fn new(simulation: &Simulation) -> Self {
+        let mut outcome = Outcome {
+            since: simulation.time(),
+            peaks: vec![None; simulation.world().bodies().len()],
+        };
+        outcome.observe(simulation);
+        outcome
+    }
+
+    /// Takes note of the present state.
+    pub fn observe(&mut self, simulation: &Simulation) {
+        let fields = simulation.world().fields();
+        for (body, peak) in self.peaks.iter_mut().enumerate() {
+            let Some(field) = fields.find(body, "temperature") else {
+                continue;
+            };
+            let data = fields.field(field).data();
+            let hottest = data.flat().iter().copied().reduce(f64::max);
+            *peak = [*peak, hottest].into_iter().flatten().reduce(f64::max);
+        }
+    }
+
+    /// Sentences about sources and temperatures, and warnings.
+    pub fn sentences(&self, simulation: &Simulation) -> (Vec<String>, Vec<String>) {
+        let (mut facts, mut warnings) = (Vec::new(), Vec::new());
+        for (label, reports) in simulation.reports() {
+            let energy = |what: &str| {
+                let name = format!("energy.{what}");
+                reports.iter().find(|r| r.name == name).map(|r| r.value)
+            };
+            let (Some(asked), Some(deposited), Some(lost)) =
+                (energy("asked"), energy("deposited"), energy("lost"))
+            else {
+                continue;
+            };
+            let [a, d, l] = [asked, deposited, lost].map(|e| unit::number(e, 4));
+            facts.push(format!(
+                "{label}: {a} J asked for, {d} J deposited, {l} J lost beside the body"
+            ));
+            if lost > LOST * asked {
+                let share = unit::number(100.0 * lost / asked, 3);
+                warnings.push(format!("{label}: {share} % of the energy missed the body"));
+            }
+        }
+        for (body, peak) in simulation.world().bodies().iter().zip(&self.peaks) {
+            let Some(peak) = peak else {
+                continue;
+            };
+            let boiling =
+                |m: &perimelt_core::material::Material| m.constant("boiling_temperature").ok();
+            let boiling = body.materials.iter().filter_map(boiling).reduce(f64::min);
+            let since = match self.since {
+                0.0 => String::new(),
+                since => format!(" since {} s", unit::number(since, 5)),
+            };
+            let kelvins = unit::number(*peak, 5);
+            facts.push(format!(
+                "{}: highest logged temperature{since} {kelvins} K",
+                body.name
+            ));
+            if let Some(boiling) = boiling.filter(|b| peak > b) {
+                let boiling = unit::number(boiling, 5);
+                warnings.push(format!(
+                    "{}: the highest temperature is above that of boiling, {boiling} K, and evaporation is not modelled",
+                    body.name
+                ));
+            }
+        }
+        (facts, warnings)
+    }
+}
