@@ -89,6 +89,18 @@ pub mod keys {
         HELD_TEMPERATURE: f64 = "held_temperature", "K", "sum of the temperatures at which boundaries hold the point";
         /// Share of liquid, 0 to 1.
         LIQUID_FRACTION: f64 = "liquid_fraction", "1", "share of liquid";
+        /// Highest temperature so far, K.
+        PEAK_TEMPERATURE: f64 = "peak_temperature", "K", "highest temperature so far";
+        /// Time above a temperature so far, s.
+        TIME_ABOVE: f64 = "time_above", "s", "time above a temperature, by default the solidus";
+        /// Time of the last cooling between two temperatures, s.
+        COOLING_TIME: f64 = "cooling_time", "s", "time of the last cooling between two temperatures, by default t8/5";
+        /// Rate of cooling at the last solidification, K/s.
+        COOLING_RATE: f64 = "cooling_rate", "K/s", "rate of cooling at the last solidification";
+        /// Magnitude of the temperature gradient at the last solidification, K/m.
+        THERMAL_GRADIENT: f64 = "thermal_gradient", "K/m", "gradient of the temperature at the last solidification";
+        /// Speed of the front at the last solidification, m/s.
+        SOLIDIFICATION_SPEED: f64 = "solidification_speed", "m/s", "speed of the front at the last solidification";
         /// Displacement from the reference position, m.
         DISPLACEMENT: Vector3<f64> = "displacement", "m", "displacement from the reference position";
         /// How often a component of the displacement is held: 0 where it is free, one for each

@@ -3,6 +3,7 @@
 //! | type | owns | consumes |
 //! |---|---|---|
 //! | `thermal` | `temperature`, `enthalpy` | `heat_source` |
+//! | `thermal_history` | highest temperatures, cooling times, solidification | |
 //! | `replay` | the fields it is told to read from a log | |
 //! | `fluid` | `velocity`, `density`, `pressure` | `body_force` |
 //! | `rigid_body` | `displacement`, `velocity` | `body_force`, `impulse` |
@@ -16,3 +17,4 @@ pub mod rigid_body;
 #[cfg(test)]
 mod testing;
 pub mod thermal;
+pub mod thermal_history;

@@ -89,6 +89,7 @@ impl<S: SourceShape> MovingSource<S> {
             Toolpath::Weave(_) => "weave",
             Toolpath::Hatch(_) => "hatch",
             Toolpath::Table(_) => "table",
+            Toolpath::Gcode(_) => "gcode",
         };
         let power = self.shape.source().power();
         self.toolpath

@@ -14,6 +14,7 @@
 //! lie in planes normal to z.
 
 mod circle;
+mod gcode;
 mod hatch;
 mod line;
 mod polyline;
@@ -26,6 +27,7 @@ mod weave;
 use std::path::{Path, PathBuf};
 
 pub use circle::Circle;
+pub use gcode::{DwellUnit, Gcode, GcodeError};
 pub use hatch::Hatch;
 pub use line::Line;
 pub use polyline::{Polyline, Segment};
@@ -56,6 +58,8 @@ pub enum Toolpath {
     Hatch(Hatch),
     /// Times, positions and powers from a CSV file.
     Table(Table),
+    /// A program in G-code.
+    Gcode(Gcode),
 }
 
 impl Toolpath {
@@ -81,6 +85,7 @@ impl Toolpath {
             Self::Weave(path) => path.track(default_power),
             Self::Hatch(path) => path.track(default_power),
             Self::Table(path) => path.track(default_power, base_dir),
+            Self::Gcode(path) => path.track(default_power, base_dir),
         }
     }
 }
@@ -203,6 +208,9 @@ pub enum ToolpathError {
         /// Rows found.
         rows: usize,
     },
+    /// A program in G-code.
+    #[error(transparent)]
+    Gcode(#[from] GcodeError),
 }
 
 /// The error of the CSV reader without its line numbers, which count otherwise.
@@ -236,7 +244,8 @@ impl ToolpathError {
             | Self::TableRow { .. }
             | Self::TableValue { .. }
             | Self::TableTime { .. }
-            | Self::TableShort { .. } => "file",
+            | Self::TableShort { .. }
+            | Self::Gcode(_) => "file",
         }
     }
 }

@@ -274,6 +274,12 @@ impl TrackBuilder {
             rate,
         };
         self.push(duration, curve, [power; 2]);
+        let (sin, cos) = (rate * duration).sin_cos();
+        let turned =
+            |v: Vector3<f64>| Vector3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z);
+        self.position = centre + turned(arm);
+        let tangent = turned(Vector3::new(-arm.y, arm.x, 0.0)) * rate.signum();
+        self.direction = tangent.try_normalize(0.0).unwrap_or(self.direction);
     }
 
     /// A seam to `to` with the sideways oscillation `sideways sin(rate s)`.

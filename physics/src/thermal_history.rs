@@ -1,0 +1,514 @@
+//! What each point went through: highest temperature, time above a temperature, cooling time, and how it solidified.
+//!
+//! The physics stands after the one that owns the temperature and reads it at the end of every macro step. Between two of
+//! them the temperature is taken as linear in time, so that times of crossing have an error of second order in the step
+//! (`time.step`, `time.stages`, and no step is longer than the log interval).
+//!
+//! - `cooling_time` is that of the last time when a point cooled from the upper to the lower of two temperatures without
+//!   reaching the upper one again: `t8/5` between 800 and 500 °C.
+//! - At the last solidification of a point, when its temperature falls below that of `solidification`: `cooling_rate`
+//!   dT/dt, `thermal_gradient` G, the magnitude of the gradient by a quadratic least-squares fit to the points within two
+//!   spacings, at the time of crossing, and `solidification_speed` R = dT/dt / G of the front along its normal.
+//!
+//! All are zero where it has not happened.
+
+use nalgebra::{Cholesky, SMatrix, SVector, Vector3};
+use perimelt_core::body::Body;
+use perimelt_core::cell_list::CellList;
+use perimelt_core::{
+    Description, Physics, Read, RunError, Setup, SetupError, Step, Work, World, Write, keys,
+};
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Radius of the fit of a gradient, in spacings.
+const RADIUS: f64 = 2.01;
+
+/// Highest temperatures, times above a temperature, cooling times and solidification of all points.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ThermalHistory {
+    /// Body; may be left out when there is only one.
+    #[serde(default)]
+    pub body: Option<String>,
+    /// Temperature of `time_above`, K; the solidus of the body's material when left out.
+    #[serde(default)]
+    pub above: Option<f64>,
+    /// Upper and lower temperature of `cooling_time`, K.
+    #[serde(default = "eight_five")]
+    pub cooling: [f64; 2],
+    /// Temperature of the solidification front, K; the liquidus of the body's material when left out.
+    #[serde(default)]
+    pub solidification: Option<f64>,
+    #[serde(skip)]
+    #[schemars(skip)]
+    run: Option<Run>,
+}
+
+/// 800 and 500 °C.
+fn eight_five() -> [f64; 2] {
+    [1073.15, 773.15]
+}
+
+#[derive(Debug)]
+struct Run {
+    body: usize,
+    temperature: Read<f64>,
+    peak: Write<f64>,
+    time_above: Write<f64>,
+    cooling_time: Write<f64>,
+    cooling_rate: Write<f64>,
+    gradient: Write<f64>,
+    speed: Write<f64>,
+    above: Option<f64>,
+    solidification: Option<f64>,
+    neighbours: CellList,
+    /// At the end of the last step.
+    points: Vec<Point>,
+    /// Of this step.
+    next: Vec<(Point, Found)>,
+}
+
+/// What must be known of a point from one step to the next.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Point {
+    /// K.
+    temperature: f64,
+    /// When it fell below the upper temperature of `cooling_time`, s.
+    cooling_since: Option<f64>,
+}
+
+/// What a step adds to the history of a point.
+#[derive(Clone, Copy, Debug, Default)]
+struct Found {
+    time_above: f64,
+    cooling_time: Option<f64>,
+    solidified: Option<Solidification>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Solidification {
+    /// K/s, positive.
+    rate: f64,
+    /// K/m.
+    gradient: f64,
+}
+
+/// Share of a step after which a temperature that changes linearly passes a level, if it does.
+fn crossing(before: f64, after: f64, level: f64) -> Option<f64> {
+    ((before > level) != (after > level)).then(|| (before - level) / (before - after))
+}
+
+impl ThermalHistory {
+    fn check(&self) -> Result<(), SetupError> {
+        let [upper, lower] = self.cooling;
+        if !(upper > lower && lower > 0.0 && upper.is_finite()) {
+            let message = format!("a point cannot cool from {upper} to {lower} K");
+            return Err(SetupError::value(
+                "cooling",
+                message,
+                "the upper temperature, then the lower one, K",
+            ));
+        }
+        let given = [
+            ("above", self.above),
+            ("solidification", self.solidification),
+        ];
+        for (key, temperature) in given {
+            if let Some(t) = temperature.filter(|t| !(*t > 0.0 && t.is_finite())) {
+                return Err(SetupError::value(
+                    key,
+                    format!("`{key}` is {t} K"),
+                    "kelvins above zero",
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A property that all materials of a body share, if they do.
+fn common(body: &Body, property: &str) -> Option<f64> {
+    let mut values = body.materials.iter().map(|m| m.constant(property).ok());
+    let first = values.next()??;
+    values.all(|v| v == Some(first)).then_some(first)
+}
+
+#[typetag::serde(name = "thermal_history")]
+impl Physics for ThermalHistory {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        self.check()?;
+        let body = setup.find_body(self.body.as_deref())?;
+        if setup.description(body) != Description::TotalLagrangian {
+            let message = "matter moves past the neighbours of the points of this body";
+            return Err(SetupError::value(
+                "body",
+                message,
+                "a body whose points keep their neighbours",
+            ));
+        }
+        let this = setup.body(body);
+        let reach: Vec<f64> = this.points.spacing.iter().map(|s| RADIUS * s).collect();
+        let neighbours = CellList::new(&this.points.position, &reach);
+        let count = this.points.len();
+        let (solidus, liquidus) = (common(this, "solidus"), common(this, "liquidus"));
+        self.run = Some(Run {
+            body,
+            temperature: setup.read(body, &keys::TEMPERATURE)?,
+            peak: setup.own(body, &keys::PEAK_TEMPERATURE)?,
+            time_above: setup.own(body, &keys::TIME_ABOVE)?,
+            cooling_time: setup.own(body, &keys::COOLING_TIME)?,
+            cooling_rate: setup.own(body, &keys::COOLING_RATE)?,
+            gradient: setup.own(body, &keys::THERMAL_GRADIENT)?,
+            speed: setup.own(body, &keys::SOLIDIFICATION_SPEED)?,
+            above: self.above.or(solidus),
+            solidification: self.solidification.or(liquidus),
+            neighbours,
+            points: vec![Point::default(); count],
+            next: Vec::with_capacity(count),
+        });
+        Ok(())
+    }
+
+    fn start(&mut self, world: &World) -> Result<(), RunError> {
+        let run = self.run.as_mut().expect("prepared before the start");
+        let temperature = world.read(run.temperature);
+        world.write(run.peak).copy_from_slice(&temperature);
+        for (point, &temperature) in run.points.iter_mut().zip(&*temperature) {
+            *point = Point {
+                temperature,
+                cooling_since: None,
+            };
+        }
+        Ok(())
+    }
+
+    fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
+        let cooling = self.cooling;
+        let run = self.run.as_mut().expect("prepared before the first step");
+        run.follow(world, step, cooling);
+        run.write(world);
+        Ok(Work::default())
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(self.run.as_ref().map(|run| &run.points))
+    }
+
+    fn load(
+        &mut self,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        let points: Option<Vec<Point>> = erased_serde::deserialize(state)?;
+        if let (Some(run), Some(points)) = (&mut self.run, points) {
+            run.points = points;
+        }
+        Ok(())
+    }
+}
+
+perimelt_core::register_physics!("thermal_history", ThermalHistory);
+
+impl Run {
+    /// Finds what the step adds for each point.
+    fn follow(&mut self, world: &World, step: Step, [upper, lower]: [f64; 2]) {
+        let now = world.read(self.temperature);
+        let now: &[f64] = &now;
+        let body = world.body(self.body);
+        let (above, solidification) = (self.above, self.solidification);
+        let (points, neighbours) = (&self.points, &self.neighbours);
+        let of_point = |i: usize| {
+            let Point {
+                temperature: before,
+                mut cooling_since,
+            } = points[i];
+            let after = now[i];
+            let mut found = Found::default();
+            let at = |share: f64| step.start + share * step.size;
+            if let Some(level) = above {
+                found.time_above = step.size * share_above(before, after, level);
+            }
+            match crossing(before, after, upper) {
+                Some(share) if after < before => cooling_since = Some(at(share)),
+                Some(_) => cooling_since = None,
+                None => {}
+            }
+            let reaches_lower = crossing(before, after, lower).filter(|_| after < before);
+            if let (Some(since), Some(share)) = (cooling_since, reaches_lower) {
+                found.cooling_time = Some(at(share) - since);
+                cooling_since = None;
+            }
+            let freezes = solidification.and_then(|level| crossing(before, after, level));
+            found.solidified = freezes.filter(|_| after < before).map(|share| {
+                let field = |j: usize| {
+                    let before = points[j].temperature;
+                    before + share * (now[j] - before)
+                };
+                Solidification {
+                    rate: (before - after) / step.size,
+                    gradient: gradient(body, neighbours, i, field).norm(),
+                }
+            });
+            let point = Point {
+                temperature: after,
+                cooling_since,
+            };
+            (point, found)
+        };
+        (0..points.len())
+            .into_par_iter()
+            .map(of_point)
+            .collect_into_vec(&mut self.next);
+    }
+
+    fn write(&mut self, world: &World) {
+        let mut peak = world.write(self.peak);
+        let mut time_above = world.write(self.time_above);
+        let mut cooling_time = world.write(self.cooling_time);
+        let mut rate = world.write(self.cooling_rate);
+        let mut gradient = world.write(self.gradient);
+        let mut speed = world.write(self.speed);
+        for (i, (point, found)) in self.next.iter().enumerate() {
+            self.points[i] = *point;
+            peak[i] = peak[i].max(point.temperature);
+            time_above[i] += found.time_above;
+            if let Some(time) = found.cooling_time {
+                cooling_time[i] = time;
+            }
+            if let Some(solidified) = found.solidified {
+                rate[i] = solidified.rate;
+                gradient[i] = solidified.gradient;
+                let is_uniform = solidified.gradient == 0.0;
+                speed[i] = if is_uniform {
+                    0.0
+                } else {
+                    solidified.rate / solidified.gradient
+                };
+            }
+        }
+    }
+}
+
+/// Share of a step in which a temperature that changes linearly is above a level.
+fn share_above(before: f64, after: f64, level: f64) -> f64 {
+    match crossing(before, after, level) {
+        Some(share) if after < before => share,
+        Some(share) => 1.0 - share,
+        None if after > level => 1.0,
+        None => 0.0,
+    }
+}
+
+/// Terms of a quadratic polynomial without its constant: along three axes, squares, products.
+const TERMS: usize = 9;
+
+/// Gradient of a field at a point, per m, by a least-squares fit of a quadratic polynomial to the points around, of a
+/// linear one where they are too few; zero where they do not determine that either.
+fn gradient(
+    body: &Body,
+    list: &CellList,
+    point: usize,
+    field: impl Fn(usize) -> f64,
+) -> Vector3<f64> {
+    let (at, spacing) = (body.points.position[point], body.points.spacing[point]);
+    let own = field(point);
+    let mut moment = SMatrix::<f64, TERMS, TERMS>::zeros();
+    let mut right = SVector::<f64, TERMS>::zeros();
+    list.visit_near(&at, RADIUS * spacing, |other| {
+        let mut xi: Vector3<f64> = (body.points.position[other] - at) / spacing;
+        (body.dimension..3).for_each(|axis| xi[axis] = 0.0);
+        let squared = xi.norm_squared();
+        if other != point && squared <= RADIUS * RADIUS {
+            let [x, y, z] = xi.into();
+            let terms = SVector::from([x, y, z, x * x, y * y, z * z, x * y, y * z, z * x]);
+            moment += terms * terms.transpose() / squared;
+            right += terms * ((field(other) - own) / squared);
+        }
+    });
+    // terms along axes that the body does not have are zero
+    for term in 0..TERMS {
+        if moment[(term, term)] == 0.0 {
+            moment[(term, term)] = 1.0;
+        }
+    }
+    let quadratic = solve(moment, right).map(|all| all.fixed_rows::<3>(0).into_owned());
+    let linear = || {
+        let moment = moment.fixed_view::<3, 3>(0, 0).into_owned();
+        solve(moment, right.fixed_rows::<3>(0).into_owned())
+    };
+    quadratic.or_else(linear).unwrap_or_default() / spacing
+}
+
+/// Solves normal equations; `None` if the matrix is singular to single precision.
+fn solve<const N: usize>(
+    matrix: SMatrix<f64, N, N>,
+    right: SVector<f64, N>,
+) -> Option<SVector<f64, N>> {
+    let factor = Cholesky::new(matrix)?;
+    let pivots = factor.l_dirty().diagonal();
+    (pivots.min() > 1e-4 * pivots.max()).then(|| factor.solve(&right))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::testing::{block, read};
+    use perimelt_core::body::Store;
+
+    const ALLOY: &str = "density = 7800\nsolidus = 1700\nliquidus = 1750";
+
+    /// A block whose temperature a test sets, with its history.
+    struct Heated {
+        world: World,
+        temperature: Write<f64>,
+        history: ThermalHistory,
+        time: f64,
+    }
+
+    impl Heated {
+        fn new(dimension: usize, keys: &str, initial: impl Fn(Vector3<f64>) -> f64) -> Self {
+            let mut world = World::new(vec![block(
+                [5, 4, 3],
+                dimension,
+                0.1,
+                Store::Lattice,
+                ALLOY,
+            )]);
+            let mut history: ThermalHistory = read(keys);
+            let mut setup = Setup::new(&mut world, Path::new("."));
+            setup.next_physics("heat");
+            let temperature = setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.next_physics("history");
+            history.prepare(&mut setup).expect("valid");
+            setup.finish().expect("complete");
+            let mut heated = Heated {
+                world,
+                temperature,
+                history,
+                time: 0.0,
+            };
+            heated.set(initial);
+            heated.history.start(&heated.world).expect("it starts");
+            heated
+        }
+
+        fn set(&mut self, temperature: impl Fn(Vector3<f64>) -> f64) {
+            let positions = &self.world.body(0).points.position;
+            let mut values = self.world.write(self.temperature);
+            values
+                .iter_mut()
+                .zip(positions)
+                .for_each(|(t, x)| *t = temperature(*x));
+        }
+
+        fn step(&mut self, size: f64, temperature: impl Fn(Vector3<f64>) -> f64) {
+            self.set(temperature);
+            let step = Step::new(self.time, size);
+            self.history.advance(&self.world, step).expect("a step");
+            self.time += size;
+        }
+
+        fn field(&self, name: &str) -> Vec<f64> {
+            let fields = self.world.fields();
+            let field = fields.find(0, name).expect("owned by the history");
+            fields.field(field).data().flat().to_vec()
+        }
+    }
+
+    #[test]
+    fn a_body_that_cools_evenly_solidifies_as_its_gradient_and_rate_say() {
+        for dimension in 1..=3 {
+            let slope = Vector3::new(300.0, 400.0, 1200.0);
+            let rate = 250.0;
+            let initial = |x: Vector3<f64>| {
+                let along = (0..dimension).map(|a| slope[a] * x[a]).sum::<f64>();
+                1800.0 + along
+            };
+            let mut heated = Heated::new(dimension, "", initial);
+            // steps that end on no crossing
+            for step in 1..=10 {
+                heated.step(0.7, |x| initial(x) - rate * 0.7 * f64::from(step));
+            }
+            let gradient = slope.rows(0, dimension).norm();
+            let positions = heated.world.body(0).points.position.clone();
+            let close = |found: Vec<f64>, exact: &dyn Fn(Vector3<f64>) -> f64| {
+                for (found, x) in found.iter().zip(&positions) {
+                    let exact = exact(*x);
+                    assert!((found - exact).abs() < 1e-9 * exact, "{found} for {exact}");
+                }
+            };
+            close(heated.field("peak_temperature"), &initial);
+            close(heated.field("time_above"), &|x| {
+                (initial(x) - 1700.0) / rate
+            });
+            close(heated.field("cooling_time"), &|_| 300.0 / rate);
+            close(heated.field("cooling_rate"), &|_| rate);
+            close(heated.field("thermal_gradient"), &|_| gradient);
+            close(heated.field("solidification_speed"), &|_| rate / gradient);
+        }
+    }
+
+    #[test]
+    fn gradients_of_quadratic_fields_are_exact_also_at_faces() {
+        for dimension in 1..=3 {
+            let field = |x: Vector3<f64>| {
+                let [x, y, z] = std::array::from_fn(|a| if a < dimension { x[a] } else { 0.0 });
+                2.0 * x - y + 3.0 * z + 4.0 * x * x - 5.0 * y * y + 6.0 * z * z + x * y - y * z
+            };
+            let heated = Heated::new(dimension, "", field);
+            let body = heated.world.body(0);
+            let values: Vec<f64> = body.points.position.iter().map(|x| field(*x)).collect();
+            let run = heated.history.run.as_ref().expect("prepared");
+            for (i, x) in body.points.position.iter().enumerate() {
+                let found = gradient(body, &run.neighbours, i, |j| values[j]);
+                let exact = Vector3::new(
+                    2.0 + 8.0 * x.x + if dimension > 1 { x.y } else { 0.0 },
+                    -1.0 - 10.0 * x.y + x.x - if dimension > 2 { x.z } else { 0.0 },
+                    3.0 + 12.0 * x.z - x.y,
+                );
+                for axis in 0..dimension {
+                    let error = (found[axis] - exact[axis]).abs();
+                    assert!(error < 1e-9, "{dimension}D, {x:?}: {found:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_second_pass_replaces_the_cooling_time_of_the_first() {
+        let mut heated = Heated::new(1, "above = 1000", |_| 1200.0);
+        let cooling_time = |heated: &Heated| heated.field("cooling_time")[0];
+        // above 800 °C again before 500 °C are reached
+        heated.step(1.0, |_| 900.0);
+        heated.step(1.0, |_| 1100.0);
+        assert_eq!(cooling_time(&heated), 0.0);
+        heated.step(1.0, |_| 773.15);
+        assert!((cooling_time(&heated) - 300.0 / 326.85).abs() < 1e-12);
+        // a pass that stays below 800 °C counts for nothing
+        heated.step(1.0, |_| 1000.0);
+        heated.step(5.0, |_| 600.0);
+        assert!((cooling_time(&heated) - 300.0 / 326.85).abs() < 1e-12);
+        heated.step(1.0, |_| 1100.0);
+        heated.step(3.0, |_| 500.0);
+        assert!((cooling_time(&heated) - 1.5).abs() < 1e-12);
+        // of 1200 to 900, 900 to 1100, 1100 to 773.15, 600 to 1100, 1100 to 500, in 1, 1, 1, 1 and 3 s
+        let above = 2.0 / 3.0 + 0.5 + 100.0 / 326.85 + 0.2 + 0.5;
+        assert!((heated.field("time_above")[0] - above).abs() < 1e-12);
+        assert_eq!(heated.field("peak_temperature")[0], 1200.0);
+    }
+
+    #[test]
+    fn mistakes_are_refused() {
+        for (keys, message) in [
+            ("cooling = [700, 900]", "cannot cool from 700 to 900 K"),
+            ("above = -3", "`above` is -3 K"),
+        ] {
+            let history: ThermalHistory = read(keys);
+            let found = history.check().expect_err("a mistake").to_string();
+            assert!(found.contains(message), "{found}");
+        }
+    }
+}
