@@ -24,9 +24,11 @@ pub mod export;
 pub mod interpolation;
 pub mod library;
 pub mod melt_pool;
+mod moment;
 pub mod plot;
 pub mod probe;
 pub mod run;
+pub mod summary;
 pub mod verify;
 
 pub use commands::main;

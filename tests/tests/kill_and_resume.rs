@@ -1,27 +1,16 @@
 //! However a run is killed, its log replays up to the last interval, and `resume` ends in the
 //! state of the uninterrupted run, bit for bit.
 
+mod program;
+
 use std::path::Path;
-use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use perimelt_core::log::Log;
+use program::command;
 
 const WELD: &str = include_str!("cases/weld.toml");
 const KILLS: u32 = 20;
-
-/// The command line, built in the profile of the tests.
-const PERIMELT: &str = env!("CARGO_BIN_EXE_perimelt-tests");
-
-fn command(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(PERIMELT);
-    command
-        .current_dir(folder)
-        .args(arguments)
-        .stdout(Stdio::null())
-        .stderr(Stdio::null());
-    command
-}
 
 /// Time and bytes of the last checkpoint.
 fn final_state(log: &Path) -> (f64, Vec<u8>) {

@@ -6,9 +6,10 @@ mod info;
 mod list;
 mod replay;
 mod run;
+mod summary;
 
 use std::error::Error;
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -39,6 +40,8 @@ enum Command {
     Schema,
     /// Show the contents of a log
     Info(info::InfoArgs),
+    /// Print what a process engineer reads off a log: melt pool, cooling times, distortion, energies
+    Summary(summary::SummaryArgs),
     /// Step through a log: time, probes, balance
     Replay(replay::ReplayArgs),
     /// Resume a run from the last checkpoint of its log
@@ -62,19 +65,23 @@ pub fn main() -> ExitCode {
         Command::Explain(args) => explain::run(&args),
         Command::Schema => print_schema(),
         Command::Info(args) => info::run(&args),
+        Command::Summary(args) => summary::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Resume(args) => run::resume(&args),
-        Command::Export(args) => export::run(&args).map_err(Into::into),
-        Command::Plot(args) => plot::run(&args).map_err(Into::into),
+        Command::Export(args) => export(&args),
+        Command::Plot(args) => plot(&args),
         Command::Verify(args) => verify::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if is_closed_pipe(&*error) => ExitCode::SUCCESS,
-        Err(error) => {
-            report(&*error);
-            ExitCode::FAILURE
-        }
+        Err(error) => match error.downcast_ref() {
+            Some(run::Interrupted(signal)) => ExitCode::from(128 + *signal as u8),
+            None => {
+                report(&*error);
+                ExitCode::FAILURE
+            }
+        },
     }
 }
 
@@ -88,9 +95,14 @@ fn report(error: &(dyn Error + 'static)) {
             .or_else(|| error.downcast_ref::<Box<CaseError>>().map(|e| &**e)),
     };
     match in_case {
-        Some(mistake) => eprintln!("{}", mistake.render(std::io::stderr().is_terminal())),
-        None => eprintln!("error: {error}"),
+        Some(mistake) => tell(&mistake.render(std::io::stderr().is_terminal())),
+        None => tell(&format!("error: {error}")),
     }
+}
+
+/// Prints a line where errors go, if anything can be written there.
+pub(crate) fn tell(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
 }
 
 /// Whether the reader of the output has closed it, as `head` does.
@@ -99,8 +111,29 @@ fn is_closed_pipe(error: &(dyn Error + 'static)) -> bool {
     io.is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
+/// Writes files and prints how many, and which one to open.
+fn export(args: &export::ExportArgs) -> Done {
+    let written = export::export(args)?;
+    let Some(last) = written.last() else {
+        return Ok(());
+    };
+    let (count, last) = (written.len(), last.display());
+    Ok(writeln!(
+        std::io::stdout(),
+        "{count} files, the last is {last}"
+    )?)
+}
+
+/// Draws pictures and prints their paths.
+fn plot(args: &plot::PlotArgs) -> Done {
+    let mut out = std::io::stdout().lock();
+    for path in plot::plot(args)? {
+        writeln!(out, "{}", path.display())?;
+    }
+    Ok(())
+}
+
 fn print_schema() -> Done {
-    use std::io::Write;
     let text = serde_json::to_string_pretty(&case::whole_schema())?;
     Ok(writeln!(std::io::stdout(), "{text}")?)
 }

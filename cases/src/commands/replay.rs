@@ -7,13 +7,14 @@ use std::time::{Duration, Instant};
 use perimelt_core::log::{Log, Series};
 
 use super::Done;
+use crate::moment::state_at;
 
 #[derive(clap::Args, Debug)]
 pub struct ReplayArgs {
     /// The log
     log: PathBuf,
     /// Show only the state nearest to this time, s
-    #[arg(long, value_name = "T")]
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
     at: Option<f64>,
     /// Wait between states: simulated seconds in a second of real time
     #[arg(long, value_name = "R")]
@@ -41,9 +42,8 @@ pub fn run(args: &ReplayArgs) -> Done {
     }
     let out = &mut std::io::stdout().lock();
     if let Some(at) = args.at {
-        let distance = |i: &usize| (times[*i] - at).abs();
-        let nearest = (0..times.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        return show(out, &log, nearest.unwrap_or(0), times[nearest.unwrap_or(0)]);
+        let index = state_at(&times, at)?.unwrap_or(0);
+        return show(out, &log, index, times[index]);
     }
     let started = Instant::now();
     for (index, &time) in times.iter().enumerate() {

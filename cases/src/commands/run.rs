@@ -1,10 +1,14 @@
 //! `perimelt run` and `perimelt resume`.
 
+use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize};
 
-use super::Done;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
+
+use super::{Done, tell};
 use crate::case::Case;
 use crate::run::display::{duration, warn};
 use crate::run::{self, End, Options, Summary};
@@ -16,6 +20,9 @@ pub struct RunArgs {
     /// The log to write [default: name of the case with .mcap, in the working directory]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Replace a log that exists
+    #[arg(long)]
+    force: bool,
     #[command(flatten)]
     common: Common,
 }
@@ -51,9 +58,25 @@ enum ArgumentError {
     NoThreads,
     #[error("{path} is a log, not a case file; use `perimelt resume` to continue its run", path = .0.display())]
     IsLog(PathBuf),
+    #[error("`--threads` is {0}, expected at most {MOST_THREADS}")]
+    Threads(usize),
     #[error("the log would overwrite the case file {path}; give another `--out`", path = .0.display())]
     OverwritesCase(PathBuf),
+    #[error(
+        "{path} exists: `--force` replaces it, `perimelt resume {path}` continues its run, `--out` names another log",
+        path = .0.display()
+    )]
+    Exists(PathBuf),
 }
+
+/// More threads than any machine has cores take a minute to start.
+const MOST_THREADS: usize = 1024;
+
+/// A run that a signal ended early: no mistake, and not finished. Its exit status is that of a program that the signal
+/// ended.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("interrupted by signal {0}")]
+pub struct Interrupted(pub usize);
 
 pub fn run(args: &RunArgs) -> Done {
     if args.case.extension().is_some_and(|e| e == "mcap") {
@@ -73,10 +96,13 @@ pub fn run(args: &RunArgs) -> Done {
     {
         return Err(ArgumentError::OverwritesCase(out).into());
     }
+    // what is no file, such as /dev/null, holds nothing to lose
+    if !args.force && out.is_file() {
+        return Err(ArgumentError::Exists(out).into());
+    }
     let options = args.common.options(out);
     let summary = run::on_workers(|| run::run(&case, &options))?;
-    args.common.tell(&summary);
-    Ok(())
+    args.common.tell(&summary)
 }
 
 pub fn resume(args: &ResumeArgs) -> Done {
@@ -84,23 +110,17 @@ pub fn resume(args: &ResumeArgs) -> Done {
     let out = args.out.clone().unwrap_or_else(|| args.log.clone());
     let options = args.common.options(out);
     let summary = run::on_workers(|| run::resume(&args.log, &options))?;
-    args.common.tell(&summary);
-    Ok(())
+    args.common.tell(&summary)
 }
 
 impl Common {
     fn options(&self, out: PathBuf) -> Options {
-        let stop = Arc::new(AtomicBool::new(false));
-        let asked = stop.clone();
-        // a second request does not wait for the step to end
-        let handler = move || {
-            if asked.swap(true, Ordering::Relaxed) {
-                std::process::exit(130);
-            }
-        };
+        let stop = Arc::new(AtomicUsize::new(0));
         // without a handler the run is killed, and the log is still good
-        if let Err(error) = ctrlc::set_handler(handler) {
-            eprintln!("warning: Ctrl-C will end the run at once: {error}");
+        if let Err(error) = handle_signals(&stop) {
+            tell(&format!(
+                "warning: Ctrl-C will end the run at once: {error}"
+            ));
         }
         Options {
             out,
@@ -110,36 +130,60 @@ impl Common {
         }
     }
 
-    fn tell(&self, summary: &Summary) {
-        if self.quiet {
-            return;
+    /// Prints what the run came to; its exit status.
+    fn tell(&self, summary: &Summary) -> Done {
+        if !self.quiet {
+            self.print(summary)?;
         }
+        match summary.end {
+            End::Stopped(signal) => Err(Interrupted(signal).into()),
+            End::Finished | End::Until => Ok(()),
+        }
+    }
+
+    fn print(&self, summary: &Summary) -> std::io::Result<()> {
+        let out = &mut std::io::stdout().lock();
         let log = summary.log.display();
         let how = match summary.end {
             End::Finished => "finished",
             End::Until => "stopped at the requested time",
-            End::Stopped => "interrupted",
+            End::Stopped(_) => "interrupted",
         };
-        println!(
+        writeln!(
+            out,
             "{how} at t = {:.6e} s after {} steps in {}: {log}",
             summary.time,
             summary.steps,
             duration(summary.wall_seconds)
-        );
+        )?;
         for fact in &summary.facts {
-            println!("{fact}");
+            writeln!(out, "{fact}")?;
         }
         warn(&summary.warnings);
         if summary.end != End::Finished {
-            println!("continue with: perimelt resume {log}");
+            writeln!(out, "continue with: perimelt resume {log}")?;
         }
+        Ok(())
     }
+}
+
+/// Lets SIGINT and SIGTERM end the run after its step; a second SIGINT does not wait for that. Batch systems repeat SIGTERM.
+fn handle_signals(stop: &Arc<AtomicUsize>) -> std::io::Result<()> {
+    let impatient = Arc::new(AtomicBool::new(false));
+    // in this order: the first SIGINT finds the flag unset
+    flag::register_conditional_shutdown(SIGINT, 128 + SIGINT, impatient.clone())?;
+    flag::register(SIGINT, impatient)?;
+    for signal in [SIGINT, SIGTERM] {
+        flag::register_usize(signal, stop.clone(), signal as usize)?;
+    }
+    Ok(())
 }
 
 fn set_threads(threads: Option<usize>) -> Done {
     match threads {
         None => Ok(()),
         Some(0) => Err(ArgumentError::NoThreads.into()),
+        Some(count) if count > MOST_THREADS => Err(ArgumentError::Threads(count).into()),
         Some(count) => Ok(rayon::ThreadPoolBuilder::new()
             .num_threads(count)
             .build_global()?),

@@ -23,7 +23,8 @@ use std::{
 
 use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
 
-use crate::plot::{beside, nearest};
+use crate::moment::{MomentError, state_at};
+use crate::plot::beside;
 
 /// What to export.
 #[derive(Clone, Debug, clap::Args)]
@@ -43,7 +44,12 @@ pub struct ExportArgs {
     #[arg(long)]
     pub field: Vec<String>,
     /// logged times nearest to these, s [default: all]
-    #[arg(long, value_delimiter = ',', conflicts_with = "every")]
+    #[arg(
+        long,
+        value_delimiter = ',',
+        conflicts_with = "every",
+        allow_negative_numbers = true
+    )]
     pub at: Vec<f64>,
     /// export every n-th logged time
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
@@ -66,6 +72,9 @@ pub enum ExportError {
     /// The log cannot be read.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// No logged state at a time.
+    #[error(transparent)]
+    Moment(#[from] MomentError),
     /// No such body.
     #[error("the run has no body `{body}`; its bodies are: {}", known.join(", "))]
     UnknownBody {
@@ -92,22 +101,10 @@ pub enum ExportError {
     },
 }
 
-/// Writes the files and prints how many, and which one to open.
-///
-/// # Errors
-/// The log cannot be read, has no such body or field, or a file cannot be written.
-pub fn run(args: &ExportArgs) -> Result<(), ExportError> {
-    let written = export(args)?;
-    if let Some(last) = written.last() {
-        println!("{} files, the last is {}", written.len(), last.display());
-    }
-    Ok(())
-}
-
 /// Writes the files; their paths, that of the ParaView collection last.
 ///
 /// # Errors
-/// As [`run`].
+/// The log cannot be read, has no such body, field or time, or a file cannot be written.
 pub fn export(args: &ExportArgs) -> Result<Vec<PathBuf>, ExportError> {
     let log = Log::open(&args.log)?;
     let bodies = chosen_bodies(&log, &args.body)?;
@@ -139,7 +136,7 @@ pub fn export(args: &ExportArgs) -> Result<Vec<PathBuf>, ExportError> {
     let mut collection = Vec::new();
     for (part, body) in bodies.into_iter().enumerate() {
         let times = log.times(&body.name);
-        for index in chosen_times(times, args) {
+        for index in chosen_times(times, args)? {
             let mut cloud = log.cloud(&body.name, index)?;
             if !args.field.is_empty() {
                 cloud
@@ -217,20 +214,16 @@ fn check_fields(log: &Log, bodies: &[&BodyInfo], asked: &[String]) -> Result<(),
 }
 
 /// Numbers of the clouds to export.
-fn chosen_times(times: &[f64], args: &ExportArgs) -> Vec<usize> {
+fn chosen_times(times: &[f64], args: &ExportArgs) -> Result<Vec<usize>, MomentError> {
     if args.at.is_empty() {
-        return (0..times.len())
-            .step_by(args.every.max(1) as usize)
-            .collect();
+        let every = args.every.max(1) as usize;
+        return Ok((0..times.len()).step_by(every).collect());
     }
-    let mut chosen: Vec<_> = args
-        .at
-        .iter()
-        .filter_map(|&time| nearest(times, time))
-        .collect();
+    let at = args.at.iter().map(|&at| state_at(times, at));
+    let mut chosen: Vec<_> = at.filter_map(Result::transpose).collect::<Result<_, _>>()?;
     chosen.sort_unstable();
     chosen.dedup();
-    chosen
+    Ok(chosen)
 }
 
 /// Where the files go.

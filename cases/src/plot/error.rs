@@ -4,12 +4,17 @@ use std::path::PathBuf;
 
 use perimelt_core::log::LogError;
 
+use crate::moment::MomentError;
+
 /// Why pictures could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum PlotError {
     /// The log cannot be read.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// No logged state at a time.
+    #[error(transparent)]
+    Moment(#[from] MomentError),
     /// No such body.
     #[error("the run has no body `{body}`; its bodies are: {}", known.join(", "))]
     UnknownBody {

@@ -17,12 +17,12 @@ mod curves;
 mod error;
 #[cfg(test)]
 pub(crate) mod fixture;
-mod isotherm;
+pub(crate) mod isotherm;
 mod picture;
 pub(crate) mod scalar;
 mod section;
 mod snapshot;
-mod survey;
+pub(crate) mod survey;
 pub(crate) mod unit;
 
 use std::{
@@ -35,6 +35,7 @@ use perimelt_core::log::{BodyInfo, Log, LoggedCloud};
 
 use crate::cell_grid::CellGrid;
 use crate::melt_pool::Travel;
+use crate::moment::state_at;
 use charts::{balance_chart, line_chart, melt_pool_chart};
 use curves::Chart;
 pub use error::PlotError;
@@ -62,14 +63,14 @@ pub struct PlotArgs {
     #[arg(long)]
     pub field: Vec<String>,
     /// times of the field pictures, s [default: when the field peaks, and the end]
-    #[arg(long, value_delimiter = ',')]
+    #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
     pub at: Vec<f64>,
     /// temperatures of the lines in field pictures; the first bounds the melt pool, K [default:
     /// solidus and liquidus of the case file]
     #[arg(long, value_delimiter = ',')]
     pub isotherm: Vec<f64>,
     /// show the body deformed, its displacements this many times as large
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     pub deform: Option<f64>,
     /// axis along which the heat source travels, for the length of the melt pool
     #[arg(long, value_enum, default_value_t)]
@@ -98,21 +99,10 @@ impl PictureFormat {
     }
 }
 
-/// Writes the pictures and prints their paths.
-///
-/// # Errors
-/// The log cannot be read, has no such body or field, or a picture cannot be written.
-pub fn run(args: &PlotArgs) -> Result<(), PlotError> {
-    for path in plot(args)? {
-        println!("{}", path.display());
-    }
-    Ok(())
-}
-
 /// Writes the pictures; their paths.
 ///
 /// # Errors
-/// As [`run`].
+/// The log cannot be read, has no such body or field, or a picture cannot be written.
 pub fn plot(args: &PlotArgs) -> Result<Vec<PathBuf>, PlotError> {
     let log = Log::open(&args.log)?;
     let bodies = chosen_bodies(&log, &args.body)?;
@@ -170,12 +160,6 @@ pub(crate) fn beside(log: &Path, suffix: &str) -> PathBuf {
     log.with_file_name(format!("{stem}{suffix}"))
 }
 
-/// Number of the time nearest to `time` (s).
-pub(crate) fn nearest(times: &[f64], time: f64) -> Option<usize> {
-    let distance = |index: &usize| (times[*index] - time).abs();
-    (0..times.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
-}
-
 struct Plotter<'a> {
     log: &'a Log,
     args: &'a PlotArgs,
@@ -231,11 +215,8 @@ impl Plotter<'_> {
                     .chain([times.len() - 1])
                     .collect()
             } else {
-                self.args
-                    .at
-                    .iter()
-                    .filter_map(|&time| nearest(times, time))
-                    .collect()
+                let at = self.args.at.iter().map(|&at| state_at(times, at));
+                at.filter_map(Result::transpose).collect::<Result<_, _>>()?
             };
             wanted.sort_unstable();
             wanted.dedup();
@@ -360,7 +341,11 @@ impl Plotter<'_> {
 }
 
 /// The grid of a body's points, by the spacings that a cloud has logged with them.
-fn grid_of(body: &BodyInfo, cloud: &LoggedCloud, positions: &[[f64; 3]]) -> Option<CellGrid> {
+pub(crate) fn grid_of(
+    body: &BodyInfo,
+    cloud: &LoggedCloud,
+    positions: &[[f64; 3]],
+) -> Option<CellGrid> {
     let spacing = cloud.fields.iter().find(|f| f.name == SPACING);
     match spacing {
         Some(spacing) => CellGrid::of_spacings(positions, &spacing.values),

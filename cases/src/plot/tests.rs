@@ -116,14 +116,14 @@ fn show_pictures() {
     fixture::write_log(&log, [120, 24, 20]);
     let mut args = args(log, &folder);
     args.width = 1200;
-    run(&args).expect("pictures");
+    plot(&args).expect("pictures");
     args.field = vec!["displacement.x".into()];
     args.deform = Some(30.0);
-    run(&args).expect("pictures");
+    plot(&args).expect("pictures");
     args.field.clear();
     args.deform = None;
     args.format = PictureFormat::Svg;
-    run(&args).expect("pictures");
+    plot(&args).expect("pictures");
     let export = crate::export::ExportArgs {
         log: args.log,
         out: None,
@@ -133,5 +133,5 @@ fn show_pictures() {
         at: Vec::new(),
         every: 1,
     };
-    crate::export::run(&export).expect("files");
+    crate::export::export(&export).expect("files");
 }

@@ -40,6 +40,11 @@ pub(crate) fn value(unit: &str, largest: f64) -> (f64, String) {
             let length = length(size);
             (length.factor, length.unit.to_owned())
         }
+        ("m/s", size) if size > 0.0 && size < 0.5 => (1e3, "mm/s".to_owned()),
+        ("J", size) if size >= 1e4 => (1e-3, "kJ".to_owned()),
+        ("J/m", size) if size >= 1e4 => (1e-6, "kJ/mm".to_owned()),
+        ("J/m", _) => (1e-3, "J/mm".to_owned()),
+        ("K/m", size) if size >= 1e3 => (1e-3, "K/mm".to_owned()),
         ("Pa", size) if size >= 1e10 => (1e-9, "GPa".to_owned()),
         ("Pa", size) if size >= 1e4 => (1e-6, "MPa".to_owned()),
         (unit, _) => (1.0, pretty_unit(unit)),

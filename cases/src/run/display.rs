@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use perimelt_core::Simulation;
 
+use crate::commands::tell;
+
 /// Shows the progress of a run.
 pub struct Display {
     bar: Option<ProgressBar>,
@@ -66,7 +68,7 @@ impl Display {
                 bar.set_position((PARTS * time / self.end) as u64);
                 bar.set_message(message);
             }
-            None => eprintln!("{:5.1} %  {message}", 100.0 * time / self.end),
+            None => tell(&format!("{:5.1} %  {message}", 100.0 * time / self.end)),
         }
     }
 
@@ -91,7 +93,7 @@ fn peak_temperature(simulation: &Simulation) -> Option<f64> {
 /// Prints warnings where errors go.
 pub fn warn(warnings: &[String]) {
     for sentence in warnings {
-        eprintln!("warning: {sentence}");
+        tell(&format!("warning: {sentence}"));
     }
 }
 

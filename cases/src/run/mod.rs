@@ -9,10 +9,10 @@ pub mod record;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-use perimelt_core::log::{Log, LogError, Writer};
+use perimelt_core::log::{Log, LogError, Writer, check_unused};
 use perimelt_core::{RunError, Simulation};
 
 use crate::case::{Case, CaseError, StartError};
@@ -29,8 +29,8 @@ pub struct Options {
     pub until: Option<f64>,
     /// Show no progress.
     pub quiet: bool,
-    /// Set by another thread to end the run early.
-    pub stop: Arc<AtomicBool>,
+    /// Other than zero: the number of the signal that asks for an early end.
+    pub stop: Arc<AtomicUsize>,
 }
 
 /// Why a run ended without a failure.
@@ -40,8 +40,8 @@ pub enum End {
     Finished,
     /// The requested time.
     Until,
-    /// A request to stop.
-    Stopped,
+    /// A signal of this number.
+    Stopped(usize),
 }
 
 /// Result of a run.
@@ -113,6 +113,7 @@ pub fn on_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// # Errors
 /// A mistake in the case (no file is written then), a step that fails, a log that cannot be written.
 pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
+    check_unused(&options.out)?;
     let mut simulation = case.compose()?;
     case.start(&mut simulation)?;
     if !options.quiet {
@@ -135,6 +136,7 @@ pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
 /// # Errors
 /// As [`run`], or the log has no checkpoint or has reached its end.
 pub fn resume(path: &Path, options: &Options) -> Result<Summary, Failure> {
+    check_unused(&options.out)?;
     let log = Log::open(path)?;
     let case = case_of(&log)?;
     let last = log.last_checkpoint()?;
@@ -183,8 +185,9 @@ fn go_on(
         if simulation.is_finished() {
             break End::Finished;
         }
-        if options.stop.load(Ordering::Relaxed) {
-            break End::Stopped;
+        let signal = options.stop.load(Ordering::Relaxed);
+        if signal != 0 {
+            break End::Stopped(signal);
         }
         let logging = match simulation.step() {
             Ok(logging) => logging,

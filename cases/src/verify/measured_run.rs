@@ -11,6 +11,7 @@ use super::check::{Check, Measure};
 use super::measurement::Measurement;
 use super::table::Outcome;
 use crate::case::Case;
+use crate::commands::tell;
 use crate::run::Failure;
 use crate::run::display::{Display, duration};
 
@@ -56,9 +57,9 @@ impl MeasuredRun {
         let evaluations: u64 = progress.evaluations.iter().sum();
         let wall = duration(seconds);
         match result {
-            Ok(()) => eprintln!(
+            Ok(()) => tell(&format!(
                 "{name}: {steps} steps, {iterations} iterations, {evaluations} evaluations in {wall}"
-            ),
+            )),
             Err(failure) => {
                 let stopped = MeasuredRun::stopped(name, &failure);
                 return MeasuredRun { seconds, ..stopped };
@@ -79,7 +80,7 @@ impl MeasuredRun {
             Failure::Case(mistake) => mistake.render(false),
             failure => format!("the run of {name} stopped: {failure}"),
         };
-        eprintln!("{name}: {reason}");
+        tell(&format!("{name}: {reason}"));
         MeasuredRun {
             measured: Vec::new(),
             stopped: Some(reason),

@@ -17,6 +17,12 @@ pub enum LogError {
         /// error of the operating system
         source: io::Error,
     },
+    /// Another run writes it.
+    #[error("{path} is being written by another run; give another `--out`", path = path.display())]
+    InUse {
+        /// the log
+        path: PathBuf,
+    },
     /// An error of the MCAP library.
     #[error("could not write the log {path}: {source}", path = path.display())]
     Mcap {

@@ -54,7 +54,7 @@ pub use error::LogError;
 pub use reader::Log;
 pub use scan::Ending;
 pub use series::{Column, Series};
-pub use writer::Writer;
+pub use writer::{Writer, check_unused};
 
 /// One body at one time, as read back from a log.
 #[derive(Clone, Debug, PartialEq)]

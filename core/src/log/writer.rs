@@ -5,7 +5,7 @@ mod resume;
 
 use std::{
     collections::BTreeMap,
-    fs::File,
+    fs::{File, TryLockError},
     io::{BufWriter, Write},
     ops::Range,
     path::{Path, PathBuf},
@@ -71,6 +71,26 @@ impl Clock {
     }
 }
 
+/// Locks a log for the run that writes it, as long as the file is open. Readers need no lock.
+fn lock(file: &File, path: &Path) -> Result<(), LogError> {
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => Err(LogError::InUse { path: path.into() }),
+        // some file systems have no locks
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
+    }
+}
+
+/// Refuses a log that a run is writing.
+///
+/// # Errors
+/// [`LogError::InUse`].
+pub fn check_unused(path: &Path) -> Result<(), LogError> {
+    match File::options().write(true).open(path) {
+        Ok(file) => lock(&file, path),
+        Err(_) => Ok(()),
+    }
+}
+
 impl Writer {
     /// Creates the log of a run (an existing file is overwritten) and writes what a reader of an
     /// unfinished log needs: case, run, and the channels of every body.
@@ -93,11 +113,17 @@ impl Writer {
                 name: body.name.clone(),
             });
         }
-        let file = File::create(path).map_err(|source| LogError::Io {
+        let failed = |source| LogError::Io {
             action: "create",
             path: path.into(),
             source,
-        })?;
+        };
+        // of a file that another run writes nothing may be cut off
+        let mut options = File::options();
+        let file = options.create(true).write(true).truncate(false).open(path);
+        let file = file.map_err(failed)?;
+        lock(&file, path)?;
+        file.set_len(0).map_err(failed)?;
         let mcap = WriteOptions::new()
             .profile("perimelt")
             .library(concat!("perimelt/", env!("CARGO_PKG_VERSION")))

@@ -12,13 +12,18 @@ pub(super) struct Account {
     power: [f64; 3],
     /// J: asked for, deposited, lost.
     energy: [f64; 3],
+    /// Length of the path with power since the start, m.
+    path: f64,
     /// Whether the source has power between now and the next event.
     pub is_on: bool,
 }
 
 impl Account {
-    /// Adds a deposit of the length `duration` (s).
-    pub fn book(&mut self, deposit: &Deposit, duration: f64) {
+    /// Adds a deposit of the length `duration` (s) by a source that moves at a speed (m/s).
+    pub fn book(&mut self, deposit: &Deposit, duration: f64, speed: f64) {
+        if deposit.asked > 0.0 {
+            self.path += speed * duration;
+        }
         self.power = [deposit.asked, deposit.deposited, deposit.lost];
         for (energy, power) in self.energy.iter_mut().zip(self.power) {
             *energy += power * duration;
@@ -38,6 +43,12 @@ impl Account {
                 })
         };
         let powers = named("power", "W", self.power);
-        powers.chain(named("energy", "J", self.energy)).collect()
+        let mut all: Vec<_> = powers.chain(named("energy", "J", self.energy)).collect();
+        all.push(Report {
+            name: "path".into(),
+            unit: "m".into(),
+            value: self.path,
+        });
+        all
     }
 }

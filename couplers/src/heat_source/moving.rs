@@ -202,7 +202,7 @@ impl<S: SourceShape> MovingSource<S> {
         let pose = p.track.pose(step.middle());
         let mut heat_source = world.write(p.heat_source);
         let deposit = p.depositor.add(&body, &pose, &mut heat_source);
-        self.account.book(&deposit, step.size);
+        self.account.book(&deposit, step.size, pose.speed);
         // the next step is limited if the next move has power
         let until = p.track.next_event(step.end()).unwrap_or(f64::INFINITY);
         self.account.is_on = p.track.energy(step.end(), until) > 0.0;

@@ -69,7 +69,7 @@ impl Coupler for PulsedLaserSource {
             let mut heat_source = world.write(p.heat_source);
             let span = (step.start, step.end());
             let deposit = self.shape.add(&body, span, &mut heat_source);
-            self.account.book(&deposit, step.size);
+            self.account.book(&deposit, step.size, 0.0);
         }
         self.account.is_on = step.end() < self.end();
         Ok(())

@@ -1,0 +1,38 @@
+//! `perimelt summary`: the numbers that a process engineer reads off a log.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use perimelt_core::log::Log;
+
+use super::Done;
+use crate::melt_pool::Travel;
+use crate::summary::{print, read_off};
+
+#[derive(clap::Args, Debug)]
+pub struct SummaryArgs {
+    /// The log
+    log: PathBuf,
+    /// Temperature that bounds the melt pool and the fusion zone, K [default: the solidus]
+    #[arg(long, value_name = "T")]
+    isotherm: Option<f64>,
+    /// Axis along which the heat source travels, for the length of the melt pool
+    #[arg(long, value_enum, default_value_t)]
+    travel: Travel,
+    /// Print JSON, in SI units
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: &SummaryArgs) -> Done {
+    let log = Log::open(&args.log)?;
+    let found = read_off(&log, args.isotherm, args.travel)?;
+    let out = &mut std::io::stdout().lock();
+    if args.json {
+        serde_json::to_writer_pretty(&mut *out, &found)?;
+        writeln!(out)?;
+    } else {
+        print(&found, out)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,361 @@
+//! The numbers that a process engineer reads off a log: temperatures, melt pool, fusion zone, cooling, distortion,
+//! stress, energies.
+
+use std::io::Write;
+
+use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
+
+use crate::melt_pool::{MeltPool, MeltPoolGauge, Travel};
+use crate::plot::isotherm::isotherms;
+use crate::plot::scalar::scalar;
+use crate::plot::survey::{Reference, survey};
+use crate::plot::{grid_of, unit};
+use crate::run::record::REPORTS;
+
+/// Parts of the points with the smallest and the largest values that ranges leave out.
+const OUTSIDE: f64 = 0.1;
+
+/// Fewest logged states with a melt pool that have a steady part.
+const FEWEST: usize = 8;
+
+/// A number read off a log.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct ReadOff {
+    /// Body or source that it belongs to; empty for the run.
+    pub of: String,
+    /// What it is.
+    pub quantity: String,
+    /// In the SI unit.
+    pub value: f64,
+    /// SI unit.
+    pub unit: String,
+    /// Smallest and largest value where it is a median.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<[f64; 2]>,
+    /// When, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time: Option<f64>,
+    /// Where, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub place: Option<[f64; 3]>,
+}
+
+impl ReadOff {
+    fn new(of: &str, quantity: impl Into<String>, value: f64, unit: &str) -> Self {
+        ReadOff {
+            of: of.into(),
+            quantity: quantity.into(),
+            value,
+            unit: unit.into(),
+            range: None,
+            time: None,
+            place: None,
+        }
+    }
+
+    fn at(self, time: f64) -> Self {
+        ReadOff {
+            time: Some(time),
+            ..self
+        }
+    }
+
+    fn within(self, place: [f64; 3]) -> Self {
+        ReadOff {
+            place: Some(place),
+            ..self
+        }
+    }
+}
+
+/// Reads the numbers off a log. The isotherm (K) bounds the melt pool and the fusion zone; the solidus of the body's
+/// material when left out.
+///
+/// # Errors
+/// A log that cannot be read.
+pub fn read_off(log: &Log, asked: Option<f64>, travel: Travel) -> Result<Vec<ReadOff>, LogError> {
+    let mut found = Vec::new();
+    for body in &log.run().bodies {
+        let times = log.times(&body.name);
+        let (Some(&end), Some(last)) = (times.last(), times.len().checked_sub(1)) else {
+            continue;
+        };
+        let isotherm = isotherms(log, &body.name, asked.as_slice());
+        let isotherm = isotherm.first().map(|i| i.temperature);
+        let last = log.cloud(&body.name, last)?;
+        temperatures(log, (body, &last), isotherm, travel, &mut found)?;
+        solidification(body, &last, &mut found);
+        let mut extreme = |field: &str, quantity: &str, unit: &str| {
+            found.extend(largest(body, &last, field).map(|(value, place)| {
+                ReadOff::new(&body.name, quantity, value, unit)
+                    .at(end)
+                    .within(place)
+            }));
+        };
+        extreme("displacement", "largest displacement at the end", "m");
+        extreme("stress", "largest von Mises stress at the end", "Pa");
+        extreme("damage", "largest damage at the end", "1");
+    }
+    sources(log, &mut found);
+    found.extend(errors(log));
+    Ok(found)
+}
+
+/// Largest finite value of a field at the end, and where (m, in the present configuration).
+fn largest(body: &BodyInfo, cloud: &LoggedCloud, field: &str) -> Option<(f64, [f64; 3])> {
+    // a rigid motion of a fluid or of a free body is no distortion
+    let is_solid = field != "displacement" || body.fields.iter().any(|f| f.name == "stress");
+    let scalar = scalar(cloud, field).filter(|_| is_solid)?;
+    let values = scalar.values.iter().copied().zip(&cloud.positions);
+    let (value, place) = values
+        .filter(|(v, _)| v.is_finite())
+        .max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some((value, *place))
+}
+
+fn temperatures(
+    log: &Log,
+    (body, last): (&BodyInfo, &LoggedCloud),
+    isotherm: Option<f64>,
+    travel: Travel,
+    found: &mut Vec<ReadOff>,
+) -> Result<(), LogError> {
+    let Some(at_end) = largest(body, last, "temperature") else {
+        return Ok(());
+    };
+    let survey = survey(log, body, &["temperature".into()], isotherm, travel)?;
+    if let Some(&index) = survey.peak.get("temperature") {
+        let cloud = log.cloud(&body.name, index)?;
+        found.extend(largest(body, &cloud, "temperature").map(|(peak, place)| {
+            ReadOff::new(&body.name, "highest logged temperature", peak, "K")
+                .at(cloud.time)
+                .within(place)
+        }));
+    }
+    found.push(
+        ReadOff::new(&body.name, "highest temperature at the end", at_end.0, "K").at(last.time),
+    );
+    for (name, size) in SIZES {
+        let sizes = survey.pools.iter();
+        let sizes: Vec<(f64, f64)> = sizes
+            .filter_map(|(time, pool)| Some((*time, size(&(*pool)?)?)))
+            .collect();
+        if let Some(&(time, value)) = sizes.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
+            let quantity = format!("largest {name} of the melt pool");
+            found.push(ReadOff::new(&body.name, quantity, value, "m").at(time));
+        }
+        if sizes.len() >= FEWEST {
+            let middle = sizes.len() / 4..sizes.len() - sizes.len() / 4;
+            let steady: Vec<f64> = sizes[middle].iter().map(|(_, value)| *value).collect();
+            let quantity = format!("{name} of the melt pool, middle half of its time");
+            found.push(median(&body.name, quantity, steady, "m", 0.0));
+        }
+    }
+    let (Some(isotherm), Some(peak)) = (isotherm, scalar(last, "peak_temperature")) else {
+        return Ok(());
+    };
+    let reference = Reference::new(log, body)?;
+    let grid = grid_of(body, last, reference.positions(last));
+    let zone = grid.and_then(|grid| {
+        let gauge = MeltPoolGauge::on(grid, body.dimension, travel.into(), isotherm);
+        gauge.with_symmetry(&body.symmetry).measure(&peak.values)
+    });
+    for (name, size) in SIZES {
+        if let Some(value) = zone.as_ref().and_then(size) {
+            let quantity = format!("{name} of the fusion zone");
+            found.push(ReadOff::new(&body.name, quantity, value, "m"));
+        }
+    }
+    Ok(())
+}
+
+type Size = fn(&MeltPool) -> Option<f64>;
+
+/// Extents of a melt pool.
+const SIZES: [(&str, Size); 3] = [
+    ("length", |pool| Some(pool.length())),
+    ("width", |pool| pool.width),
+    ("depth", |pool| pool.depth),
+];
+
+/// What the physics `thermal_history` recorded, of the points where it happened.
+fn solidification(body: &BodyInfo, last: &LoggedCloud, found: &mut Vec<ReadOff>) {
+    for (field, quantity) in [
+        (
+            "cooling_time",
+            "cooling time (t8/5 unless the case says otherwise)",
+        ),
+        ("cooling_rate", "cooling rate at solidification"),
+        ("thermal_gradient", "gradient G at solidification"),
+        ("solidification_speed", "front speed R at solidification"),
+    ] {
+        let Some(scalar) = scalar(last, field) else {
+            continue;
+        };
+        let happened: Vec<f64> = scalar.values.into_iter().filter(|v| *v > 0.0).collect();
+        if !happened.is_empty() {
+            found.push(median(
+                &body.name,
+                quantity.into(),
+                happened,
+                &scalar.unit,
+                OUTSIDE,
+            ));
+        }
+    }
+}
+
+/// The median of some values and their range without the outermost parts.
+fn median(of: &str, quantity: String, mut values: Vec<f64>, unit: &str, outside: f64) -> ReadOff {
+    values.sort_by(f64::total_cmp);
+    let at = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize];
+    ReadOff {
+        range: Some([at(outside), at(1.0 - outside)]),
+        ..ReadOff::new(of, quantity, at(0.5), unit)
+    }
+}
+
+/// Energies of the heat sources, and energy per length of their paths.
+fn sources(log: &Log, found: &mut Vec<ReadOff>) {
+    let Some(reports) = log.probes().get(REPORTS) else {
+        return;
+    };
+    let column = |name: &str| {
+        let column = reports.columns.iter().find(|c| c.name == name)?;
+        Some(&column.values[..])
+    };
+    for name in reports.columns.iter().map(|c| &c.name) {
+        let Some(source) = name.strip_suffix(".energy.asked") else {
+            continue;
+        };
+        for part in ["asked", "deposited", "lost"] {
+            let energy = column(&format!("{source}.energy.{part}")).and_then(<[f64]>::last);
+            found.extend(energy.map(|e| ReadOff::new(source, format!("energy {part}"), *e, "J")));
+        }
+        let last = |what: &str| column(&format!("{source}.{what}"))?.last().copied();
+        if let (Some(energy), Some(path)) = (last("energy.deposited"), last("path"))
+            && path > 0.0
+        {
+            found.push(ReadOff::new(
+                source,
+                "length of the path with power",
+                path,
+                "m",
+            ));
+            let quantity = "energy deposited per length of the path";
+            found.push(ReadOff::new(source, quantity, energy / path, "J/m"));
+        }
+    }
+}
+
+/// Relative errors of the balances at the end, of those that have changed.
+fn errors(log: &Log) -> impl Iterator<Item = ReadOff> + '_ {
+    let balance = log.balance();
+    balance.columns.iter().filter_map(move |column| {
+        let quantity = column.name.strip_suffix(".error")?;
+        let last = |part: &str| {
+            let name = format!("{quantity}.{part}");
+            let column = balance.columns.iter().find(|c| c.name == name)?;
+            column.values.last().copied()
+        };
+        let change = (last("stored")? - last("initial")?).abs();
+        let size = change.max(last("supplied")?.abs());
+        let error = column.values.last()?.abs() / size;
+        (size > 0.0).then(|| ReadOff::new("", format!("relative error of {quantity}"), error, "1"))
+    })
+}
+
+/// Prints the numbers in the units of the workshop.
+///
+/// # Errors
+/// When the output cannot be written.
+pub fn print(found: &[ReadOff], out: &mut impl Write) -> std::io::Result<()> {
+    let widest = found
+        .iter()
+        .map(|r| r.quantity.chars().count())
+        .max()
+        .unwrap_or(0);
+    for (index, read_off) in found.iter().enumerate() {
+        let is_new = index == 0 || found[index - 1].of != read_off.of;
+        if is_new {
+            let gap = if index == 0 { "" } else { "\n" };
+            let of = if read_off.of.is_empty() {
+                "run"
+            } else {
+                &read_off.of
+            };
+            writeln!(out, "{gap}{of}")?;
+        }
+        let (factor, unit) = unit::value(&read_off.unit, read_off.value);
+        let number = |value: f64| unit::number(value * factor, 4);
+        let unit = if unit.is_empty() {
+            unit
+        } else {
+            format!(" {unit}")
+        };
+        write!(
+            out,
+            "  {:widest$}  {}{unit}",
+            read_off.quantity,
+            number(read_off.value)
+        )?;
+        if let Some([low, high]) = read_off.range {
+            write!(out, " ({} to {})", number(low), number(high))?;
+        }
+        if let Some(time) = read_off.time {
+            write!(out, " at {}", unit::time_text(time))?;
+        }
+        if let Some(place) = read_off.place {
+            let length = unit::length(place.iter().fold(0.0, |size: f64, x| size.max(x.abs())));
+            let [x, y, z] = place.map(|x| unit::number(x * length.factor, 4));
+            write!(out, ", ({x}, {y}, {z}) {}", length.unit)?;
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plot::fixture;
+
+    #[test]
+    fn numbers_of_a_log_are_read_off() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("spot.mcap");
+        fixture::write_log(&path, [12, 6, 4]);
+        let log = Log::open(&path).expect("a log");
+        let found = read_off(&log, Some(1000.0), Travel::X).expect("readable");
+        let value = |quantity: &str| {
+            let mut of_plate = found.iter().filter(|r| r.of == "plate");
+            let found = of_plate.find(|r| r.quantity == quantity);
+            found
+                .unwrap_or_else(|| panic!("{quantity} in {found:?}"))
+                .value
+        };
+        // that of the clouds themselves
+        let hottest = (0..log.times("plate").len()).map(|index| {
+            let cloud = log.cloud("plate", index).expect("a cloud");
+            let scalar = scalar(&cloud, "temperature").expect("a temperature");
+            scalar.values.into_iter().fold(0.0, f64::max)
+        });
+        assert_eq!(
+            value("highest logged temperature"),
+            hottest.fold(0.0, f64::max)
+        );
+        assert!(value("largest length of the melt pool") > value("largest depth of the melt pool"));
+        let mut text = Vec::new();
+        print(&found, &mut text).expect("it writes to memory");
+        let text = String::from_utf8(text).expect("text");
+        assert!(text.starts_with("plate\n"), "{text}");
+        assert!(text.contains(" mm at "), "{text}");
+    }
+
+    #[test]
+    fn a_median_has_a_range() {
+        let values = (1..=101).map(f64::from).rev().collect();
+        let found = median("a", "b".into(), values, "s", 0.1);
+        assert_eq!((found.value, found.range), (51.0, Some([11.0, 91.0])));
+    }
+}

@@ -1,0 +1,184 @@
+//! What the command line does with logs that exist, signals, times outside of a log, and outputs that cannot be written.
+
+#![cfg(unix)]
+
+mod program;
+
+use std::path::Path;
+use std::process::{Child, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use perimelt_core::log::Log;
+use program::command;
+
+const WELD: &str = include_str!("cases/weld.toml");
+
+/// A folder with the case, `factor` times as long.
+fn folder(factor: f64) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let case = WELD.replace("end = 1.5", &format!("end = {}", 1.5 * factor));
+    std::fs::write(folder.path().join("weld.toml"), case).expect("writable");
+    folder
+}
+
+/// Whether it succeeded, and what it said in case it did not.
+fn told(folder: &Path, arguments: &[&str]) -> (bool, String) {
+    let output = command(folder, arguments).stderr(Stdio::piped()).output();
+    let output = output.expect("it starts");
+    (
+        output.status.success(),
+        String::from_utf8_lossy(&output.stderr).into_owned(),
+    )
+}
+
+/// A run whose log exists, and which lasts for much longer.
+fn long_run(folder: &Path) -> Child {
+    let child = command(folder, &["run", "weld.toml", "--quiet"])
+        .spawn()
+        .expect("it starts");
+    let started = Instant::now();
+    while !folder.join("weld.mcap").exists() {
+        assert!(
+            started.elapsed() < Duration::from_secs(60),
+            "no log after a minute"
+        );
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    child
+}
+
+fn signal(child: &mut Child, name: &str) -> ExitStatus {
+    let pid = child.id().to_string();
+    let sent = std::process::Command::new("kill")
+        .args([name, &pid])
+        .status();
+    assert!(sent.expect("there is a `kill`").success());
+    child.wait().expect("it ends")
+}
+
+#[test]
+fn a_log_is_replaced_only_when_told_to() {
+    let folder = folder(0.1);
+    let folder = folder.path();
+    let run = ["run", "weld.toml", "--quiet", "--until", "0.05"];
+    assert_eq!(told(folder, &run), (true, String::new()));
+    let before = std::fs::read(folder.join("weld.mcap")).expect("readable");
+    let (done, message) = told(folder, &["run", "weld.toml"]);
+    assert!(
+        !done && message.contains("weld.mcap exists: `--force` replaces it"),
+        "{message}"
+    );
+    assert_eq!(
+        std::fs::read(folder.join("weld.mcap")).expect("readable"),
+        before
+    );
+    let (done, message) = told(folder, &["run", "weld.toml", "--quiet", "--force"]);
+    assert!(done, "{message}");
+    let log = Log::open(folder.join("weld.mcap")).expect("a log");
+    assert!(log.times("plate").last() > Some(&0.1));
+}
+
+#[test]
+fn two_runs_do_not_write_one_log_and_signals_end_a_run_with_their_status() {
+    for (name, status) in [("-TERM", 143), ("-INT", 130)] {
+        let folder = folder(1000.0);
+        let folder = folder.path();
+        let mut first = long_run(folder);
+        for second in [
+            &["run", "weld.toml", "--force"][..],
+            &["resume", "weld.mcap"],
+        ] {
+            let (done, message) = told(folder, second);
+            assert!(
+                !done && message.contains("is being written by another run"),
+                "{message}"
+            );
+        }
+        // readers are free
+        let (done, message) = told(folder, &["info", "weld.mcap"]);
+        assert!(done, "{message}");
+        assert_eq!(signal(&mut first, name).code(), Some(status));
+        let log = Log::open(folder.join("weld.mcap")).expect("a log");
+        // the last state has a checkpoint
+        let last = log.last_checkpoint().expect("a checkpoint");
+        assert_eq!(
+            log.times("plate").last(),
+            Some(&log.checkpoints()[last].time)
+        );
+    }
+}
+
+#[test]
+fn times_outside_of_a_log_are_refused_and_others_are_named() {
+    let folder = folder(0.1);
+    let folder = folder.path();
+    assert_eq!(
+        told(folder, &["run", "weld.toml", "--quiet"]),
+        (true, String::new())
+    );
+    for command in ["plot", "export", "replay"] {
+        let at = |time: &str| told(folder, &[command, "weld.mcap", "--at", time]);
+        let (done, message) = at("3");
+        assert!(
+            !done && message.contains("lies outside of the logged times"),
+            "{command}: {message}"
+        );
+        let (done, message) = at("-1");
+        assert!(
+            !done && message.contains("lies outside of the logged times"),
+            "{command}: {message}"
+        );
+        let (done, message) = at("nan");
+        assert!(
+            !done && message.contains("expected a time"),
+            "{command}: {message}"
+        );
+        let (done, message) = at("0.047");
+        assert!(
+            done && message.contains("nearest to 0.047 s is that at 0.04"),
+            "{command}: {message}"
+        );
+    }
+    let (done, message) = told(folder, &["run", "weld.toml", "--threads", "100000"]);
+    assert!(!done && message.contains("at most 1024"), "{message}");
+}
+
+/// `/dev/full` takes no byte.
+#[test]
+#[cfg(target_os = "linux")]
+fn outputs_that_cannot_be_written_are_errors_and_no_panics() {
+    let folder = folder(0.1);
+    let folder = folder.path();
+    assert_eq!(
+        told(folder, &["run", "weld.toml", "--quiet"]),
+        (true, String::new())
+    );
+    let full = || {
+        Stdio::from(
+            std::fs::File::options()
+                .write(true)
+                .open("/dev/full")
+                .expect("there"),
+        )
+    };
+    for arguments in [
+        &["plot", "weld.mcap"][..],
+        &["export", "weld.mcap"],
+        &["summary", "weld.mcap"],
+        &["run", "weld.toml", "--force"],
+    ] {
+        let output = command(folder, arguments)
+            .stdout(full())
+            .stderr(Stdio::piped())
+            .output();
+        let output = output.expect("it starts");
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {message}");
+        assert!(!message.contains("panicked"), "{arguments:?}: {message}");
+        let status = command(folder, arguments)
+            .stdout(full())
+            .stderr(full())
+            .status();
+        assert_eq!(status.expect("it starts").code(), Some(1), "{arguments:?}");
+    }
+}
