@@ -1,5 +1,7 @@
 //! Logged states by the times that a user asks for.
 
+use perimelt_core::log::{LogError, LoggedCloud};
+
 use crate::commands::tell;
 
 /// Why no logged state belongs to a time.
@@ -47,6 +49,20 @@ pub(crate) fn state_at(times: &[f64], at: f64) -> Result<Option<usize>, MomentEr
         ));
     }
     Ok(nearest)
+}
+
+/// A logged state; `None` for a damaged one, of which the user is told.
+///
+/// # Errors
+/// Any other error.
+pub(crate) fn sound(cloud: Result<LoggedCloud, LogError>) -> Result<Option<LoggedCloud>, LogError> {
+    match cloud {
+        Err(damage @ LogError::Damaged { .. }) => {
+            tell(&format!("warning: a state is left out: {damage}"));
+            Ok(None)
+        }
+        cloud => cloud.map(Some),
+    }
 }
 
 #[cfg(test)]

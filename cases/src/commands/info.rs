@@ -31,6 +31,10 @@ pub fn run(args: &InfoArgs) -> Done {
         Ending::Unfinished { at } => writeln!(out, "the log is unfinished: it ends at byte {at}")?,
         Ending::Damaged { at, what } => writeln!(out, "the log is damaged at byte {at}: {what}")?,
     }
+    for damage in log.damage() {
+        let (at, what) = (damage.at, &damage.what);
+        writeln!(out, "a chunk at byte {at} is damaged and left out: {what}")?;
+    }
     if let Some(last) = log.progress().last() {
         let wall = duration(last.wall_seconds);
         writeln!(

@@ -23,7 +23,7 @@ use std::{
 
 use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
 
-use crate::moment::{MomentError, state_at};
+use crate::moment::{MomentError, sound, state_at};
 use crate::plot::beside;
 
 /// What to export.
@@ -137,7 +137,9 @@ pub fn export(args: &ExportArgs) -> Result<Vec<PathBuf>, ExportError> {
     for (part, body) in bodies.into_iter().enumerate() {
         let times = log.times(&body.name);
         for index in chosen_times(times, args)? {
-            let mut cloud = log.cloud(&body.name, index)?;
+            let Some(mut cloud) = sound(log.cloud(&body.name, index))? else {
+                continue;
+            };
             if !args.field.is_empty() {
                 cloud
                     .fields
@@ -196,7 +198,7 @@ fn check_fields(log: &Log, bodies: &[&BodyInfo], asked: &[String]) -> Result<(),
         .filter(|body| !log.times(&body.name).is_empty())
     {
         known.extend(
-            log.cloud(&body.name, 0)?
+            log.first_cloud(&body.name)?
                 .fields
                 .into_iter()
                 .map(|field| field.name),

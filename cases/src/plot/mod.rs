@@ -175,7 +175,7 @@ impl Plotter<'_> {
             .iter()
             .filter(|body| !self.log.times(&body.name).is_empty())
         {
-            clouds.push(self.log.cloud(&body.name, 0)?);
+            clouds.push(self.log.first_cloud(&body.name)?);
         }
         let missing = |name: &&String| clouds.iter().all(|cloud| scalar(cloud, name).is_none());
         match self.args.field.iter().find(missing) {
@@ -201,7 +201,7 @@ impl Plotter<'_> {
         if times.is_empty() {
             return Ok(());
         }
-        let fields = self.fields(&self.log.cloud(&body.name, 0)?);
+        let fields = self.fields(&self.log.first_cloud(&body.name)?);
         let isotherms = isotherm::isotherms(self.log, &body.name, &self.args.isotherm);
         let bound = isotherms.first().map(|isotherm| isotherm.temperature);
         let survey = survey(self.log, body, &fields, bound, self.args.travel)?;
@@ -252,7 +252,9 @@ impl Plotter<'_> {
     ) -> Result<(), PlotError> {
         let mut shown: Vec<(LoggedCloud, Scalar)> = Vec::new();
         for &index in wanted {
-            let cloud = self.log.cloud(&body.name, index)?;
+            let Ok(cloud) = self.log.cloud(&body.name, index) else {
+                continue; // the survey told of it
+            };
             if let Some(scalar) = scalar(&cloud, field) {
                 shown.push((cloud, scalar));
             }

@@ -6,6 +6,7 @@ use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
 
 use super::scalar::scalar;
 use crate::melt_pool::{MeltPool, MeltPoolGauge, Travel};
+use crate::moment::sound;
 
 /// Result of the pass.
 #[derive(Clone, Debug, Default)]
@@ -28,7 +29,9 @@ pub(crate) fn survey(
     let mut largest: BTreeMap<&str, f64> = BTreeMap::new();
     let reference = Reference::new(log, body)?;
     for index in 0..log.times(&body.name).len() {
-        let cloud = log.cloud(&body.name, index)?;
+        let Some(cloud) = sound(log.cloud(&body.name, index))? else {
+            continue;
+        };
         for name in fields {
             let Some(scalar) = scalar(&cloud, name) else {
                 continue;
@@ -69,7 +72,7 @@ impl Reference {
         if log.times(&body.name).is_empty() {
             return Ok(Self::default());
         }
-        let cloud = log.cloud(&body.name, 0)?;
+        let cloud = log.first_cloud(&body.name)?;
         let is_solid = cloud
             .fields
             .iter()

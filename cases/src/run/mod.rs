@@ -139,7 +139,15 @@ pub fn resume(path: &Path, options: &Options) -> Result<Summary, Failure> {
     check_unused(&options.out)?;
     let log = Log::open(path)?;
     let case = case_of(&log)?;
-    let last = log.last_checkpoint()?;
+    let newest = log.last_checkpoint()?;
+    let (last, state) = log.last_sound_checkpoint()?;
+    if last < newest {
+        display::warn(&[format!(
+            "the checkpoint at {} s is damaged; the run goes on from the one at {} s",
+            log.checkpoints()[newest].time,
+            log.checkpoints()[last].time
+        )]);
+    }
     let time = log.checkpoints()[last].time;
     if time >= case.time.end {
         return Err(Failure::AlreadyFinished {
@@ -148,7 +156,7 @@ pub fn resume(path: &Path, options: &Options) -> Result<Summary, Failure> {
         });
     }
     let mut simulation = case.compose()?;
-    simulation.load(&log.checkpoint(last)?)?;
+    simulation.load(&state)?;
     let wall = log
         .progress()
         .iter()

@@ -52,7 +52,7 @@ use crate::body::Face;
 
 pub use error::LogError;
 pub use reader::Log;
-pub use scan::Ending;
+pub use scan::{Damage, Ending};
 pub use series::{Column, Series};
 pub use writer::{Writer, check_unused};
 

@@ -10,7 +10,7 @@ use mcap::records::{MessageHeader, Record};
 use serde_json::{Map, Value};
 
 use super::{
-    CheckpointInfo, Ending, LogError, LoggedCloud, Progress, RunInfo, Series, point_cloud,
+    CheckpointInfo, Damage, Ending, LogError, LoggedCloud, Progress, RunInfo, Series, point_cloud,
     scan::{Contents, MessagePlace},
     source::Source,
     topic,
@@ -209,7 +209,21 @@ impl Log {
         Ok(state)
     }
 
-    /// Number of the last checkpoint, the one to resume from.
+    /// The last checkpoint that can be read, the one to resume from: its number and state.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn last_sound_checkpoint(&self) -> Result<(usize, Vec<u8>), LogError> {
+        let mut index = self.last_checkpoint()?;
+        loop {
+            match self.checkpoint(index) {
+                Err(LogError::Damaged { .. }) if index > 0 => index -= 1,
+                state => return Ok((index, state?)),
+            }
+        }
+    }
+
+    /// Number of the last checkpoint, which may be damaged.
     ///
     /// # Errors
     /// There is none.
@@ -230,14 +244,34 @@ impl Log {
         Ok((end, before))
     }
 
-    /// Visits all messages in file order: topic, data of its schema, header, message.
+    /// The first cloud of a body that can be read.
+    ///
+    /// # Errors
+    /// There is none, or the file cannot be read.
+    pub fn first_cloud(&self, body: &str) -> Result<LoggedCloud, LogError> {
+        let mut index = 0;
+        loop {
+            match self.cloud(body, index) {
+                Err(LogError::Damaged { .. }) => index += 1,
+                cloud => return cloud,
+            }
+        }
+    }
+
+    /// Chunks of small messages that cannot be read: rows of probes, balances, and progress are missing.
+    #[must_use]
+    pub fn damage(&self) -> &[Damage] {
+        &self.contents.damage
+    }
+
+    /// Visits all messages in file order: topic, data of its schema, header, message. Those of damaged chunks are left out.
     pub(super) fn visit_messages(
         &self,
         mut visit: impl FnMut(&str, &[u8], &MessageHeader, &[u8]) -> Result<(), LogError>,
     ) -> Result<(), LogError> {
         let mut source = self.source.lock().unwrap_or_else(PoisonError::into_inner);
         for place in &self.contents.chunks {
-            source.visit(*place, |record| match record {
+            let visited = source.visit(*place, |record| match record {
                 Record::Message { header, data } => {
                     match self.contents.channels.get(&header.channel_id) {
                         Some(channel) => visit(&channel.topic, &channel.schema, &header, &data),
@@ -245,7 +279,11 @@ impl Log {
                     }
                 }
                 _ => Ok(()),
-            })?;
+            });
+            // the checksum is looked at before the first message
+            if !matches!(visited, Err(LogError::Damaged { .. })) {
+                visited?;
+            }
         }
         Ok(())
     }

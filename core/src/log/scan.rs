@@ -2,7 +2,7 @@
 //!
 //! Chunks with large messages only are not unpacked; the message indexes behind them are
 //! sufficient. The summary at the end of the file is not needed, so an unfinished log is read
-//! like any other, up to the first record that is incomplete or damaged.
+//! like any other, up to the first record that is incomplete or damaged. A damaged chunk of small messages is left out.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -32,6 +32,15 @@ pub enum Ending {
         /// what is wrong with it
         what: String,
     },
+}
+
+/// A chunk that cannot be read; the log goes on behind it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Damage {
+    /// where it starts, bytes
+    pub at: u64,
+    /// what is wrong with it
+    pub what: String,
 }
 
 /// A message: the `ordinal`-th of its channel in the chunk at `place`.
@@ -80,6 +89,8 @@ pub(super) struct Contents {
     pub(super) probes: BTreeMap<String, Series>,
     pub(super) balance: Series,
     pub(super) progress: Vec<Progress>,
+    /// chunks of small messages that are lost
+    pub(super) damage: Vec<Damage>,
     /// exact time and step of large messages, by topic and log time
     exact: HashMap<(String, u64), CheckpointInfo>,
     schemas: HashMap<u16, Vec<u8>>,
@@ -89,6 +100,7 @@ impl Contents {
     /// Reads the whole log; the error is only for what is not a log at all or cannot be read.
     pub(super) fn scan(source: &mut Source) -> Result<(Self, Ending), LogError> {
         let mut contents = Self::default();
+        contents.summary(source)?;
         let mut offset = mcap::MAGIC.len() as u64;
         let mut pending: Option<(Place, Vec<MessageIndex>)> = None;
         let ending = loop {
@@ -97,9 +109,8 @@ impl Contents {
             };
             if opcode != op::MESSAGE_INDEX
                 && let Some((chunk, indexes)) = pending.take()
-                && let Err(error) = contents.chunk(source, chunk, &indexes)
             {
-                break damage(error)?;
+                contents.sound_chunk(source, chunk, &indexes)?;
             }
             let taken = match opcode {
                 op::CHUNK => {
@@ -126,12 +137,47 @@ impl Contents {
             offset += place.length;
         };
         // the indexes behind the last chunk of an unfinished log may not be complete
-        if let Some((chunk, _)) = pending
-            && let Err(error) = contents.chunk(source, chunk, &[])
-        {
-            return Ok((contents, damage(error)?));
+        if let Some((chunk, _)) = pending {
+            contents.sound_chunk(source, chunk, &[])?;
         }
         Ok((contents, ending))
+    }
+
+    /// Takes schemas and channels from the summary behind the data of a finished log, which repeats them: those in a
+    /// damaged chunk are needed to read all others. Without a summary those of the chunks are left.
+    fn summary(&mut self, source: &mut Source) -> Result<(), LogError> {
+        let Some(mut offset) = source.summary_start()? else {
+            return Ok(());
+        };
+        while let Some((opcode, place)) = source.record(offset)? {
+            if matches!(opcode, op::SCHEMA | op::CHANNEL) {
+                match source.visit(place, |record| self.record(record)) {
+                    Err(LogError::Damaged { .. }) => return Ok(()),
+                    done => done?,
+                }
+            }
+            offset += place.length;
+        }
+        Ok(())
+    }
+
+    /// As [`Contents::chunk`]; a damaged one is noted and left out.
+    fn sound_chunk(
+        &mut self,
+        source: &mut Source,
+        place: Place,
+        indexes: &[MessageIndex],
+    ) -> Result<(), LogError> {
+        match self.chunk(source, place, indexes) {
+            Err(LogError::Damaged { offset, source, .. }) => {
+                self.damage.push(Damage {
+                    at: offset,
+                    what: source.to_string(),
+                });
+                Ok(())
+            }
+            done => done,
+        }
     }
 
     /// A chunk with the message indexes that follow it.

@@ -140,6 +140,24 @@ impl Source {
         Ok(())
     }
 
+    /// Where the summary of a finished file starts, by its footer; `None` without one.
+    pub(super) fn summary_start(&mut self) -> Result<Option<u64>, LogError> {
+        // the footer: start of the summary, start of its index, checksum
+        const FOOTER: u64 = RECORD_HEAD + 8 + 8 + 4;
+        let end = self.length.checked_sub(mcap::MAGIC.len() as u64);
+        let Some(at) = end.and_then(|end| end.checked_sub(FOOTER)) else {
+            return Ok(None);
+        };
+        if !self.ends_with_magic()? {
+            return Ok(None);
+        }
+        let mut footer = [0; FOOTER as usize];
+        self.read(at, &mut footer)?;
+        let start = footer[RECORD_HEAD as usize..].first_chunk();
+        let start = start.map_or(0, |bytes| u64::from_le_bytes(*bytes));
+        Ok((footer[0] == op::FOOTER && start > 0 && start < at).then_some(start))
+    }
+
     pub(super) fn ends_with_magic(&mut self) -> Result<bool, LogError> {
         let mut magic = [0; mcap::MAGIC.len()];
         self.read(self.length - magic.len() as u64, &mut magic)?;

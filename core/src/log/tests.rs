@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
+mod damage;
+
 use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
