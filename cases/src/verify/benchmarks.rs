@@ -170,6 +170,7 @@ benchmarks!(
     "gao-5.5.4-taylor-green-n100",
     "gao-5.5.6-dam",
     "gao-5.5.6-dam-long",
+    "martin-moyce-n2",
     "gao-5.6.4-mixed-re100-n50",
     "gao-5.6.4-mixed-re10-n100",
     "gao-5.6.4-mixed-re100-n100",

@@ -71,6 +71,11 @@ pub struct Fluid {
     /// pressure does not keep points out; when left out, points do not collide.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub collisions: Option<Collisions>,
+    /// Least distance of two points of an updated Lagrangian fluid, in spacings, such as 0.5: points that would come nearer
+    /// collide without rebound, and points come no nearer to walls given by faces than half of it. It prevents pairs of
+    /// points where a flow stretches and takes kinetic energy there; 0: none.
+    #[serde(default)]
+    pub least_distance: f64,
     /// Viscosity between points that approach each other, as a fraction of 1.2 spacings times the speed of sound,
     /// such as 0.02 (Gao (2020), eq. 6.56; corrected, see spec 05, E26). It damps sound and impacts, and also shear,
     /// by about a tenth of it in two dimensions.
@@ -197,6 +202,11 @@ impl Fluid {
             let message = format!("`{key}` is {value}");
             return Err(SetupError::value(key, message, "zero or above"));
         }
+        if !(0.0..1.0).contains(&self.least_distance) {
+            let message = format!("`least_distance` is {}", self.least_distance);
+            let expected = "a number from 0 to below 1, such as 0.5";
+            return Err(SetupError::value("least_distance", message, expected));
+        }
         self.collisions.map_or(Ok(()), |c| c.check())
     }
 
@@ -267,7 +277,11 @@ impl Fluid {
             let expected = "`description = \"eulerian\"`";
             return Err(SetupError::value("convection", message, expected));
         }
-        let only_updated = [("shifting", self.shifting), ("xsph", self.xsph)];
+        let only_updated = [
+            ("shifting", self.shifting),
+            ("xsph", self.xsph),
+            ("least_distance", self.least_distance),
+        ];
         match only_updated.into_iter().find(|(_, value)| *value > 0.0) {
             Some((key, _)) if self.description != Description::UpdatedLagrangian => {
                 let message = format!("`{key}` applies to the updated Lagrangian description only");

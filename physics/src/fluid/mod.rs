@@ -40,6 +40,7 @@ mod conservative;
 mod differences;
 mod interface;
 mod keys;
+mod least_distance;
 mod medium;
 mod prepare;
 mod rates;

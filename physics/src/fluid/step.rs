@@ -5,8 +5,8 @@
 //! 3. Density, pressure and velocity advance in the order of the [`Scheme`]; impulses that other bodies gave belong to
 //!    the pressure.
 //! 4. Velocity and density are smoothed, in every n-th step.
-//! 5. Points that move collide with walls that they would penetrate, are displaced, put in order and put back into their
-//!    box; the configuration of the body is set.
+//! 5. Points that move collide with walls that they would penetrate and with points that come too close, are displaced,
+//!    put in order and put back into their box; the configuration of the body is set.
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
@@ -16,6 +16,7 @@ use perimelt_core::{PddoError, Step, World};
 use super::boundaries::keep_inside;
 use super::collision::FluidPoints;
 use super::keys::{Fluid, Scheme, Stress, Surface};
+use super::least_distance::DistantPoints;
 use super::medium::Medium;
 use super::rates::{Rates, Terms};
 use super::run::{FluidTemperature, Moving, Run};
@@ -198,6 +199,23 @@ impl Run {
             };
             self.rates.collide(world, self.body, points);
         }
+        let rules = world.layer_rules(self.velocity_layers);
+        let body = world.body(self.body);
+        if fluid.least_distance > 0.0
+            && let Some(moving) = &self.moving
+        {
+            let now = world.configuration(self.body);
+            let points = DistantPoints {
+                body,
+                family: self.rates.family(),
+                rules: &rules,
+                position: now.positions(),
+                mass: &moving.mass,
+                distance: fluid.least_distance * body.finest_spacing(),
+                dt,
+            };
+            points.keep(&mut velocity);
+        }
         let points = displacement.iter_mut().zip(&*velocity);
         points.for_each(|(u, v)| *u += dt * v);
         if self.moving.is_none() {
@@ -215,8 +233,6 @@ impl Run {
             self.treatments
                 .shift(surroundings, fraction, &velocity, &mut displacement);
         }
-        let rules = world.layer_rules(self.velocity_layers);
-        let body = world.body(self.body);
         keep_inside(body, &rules, &mut displacement, &mut velocity);
     }
 
