@@ -6,6 +6,7 @@
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::{Body, Derivatives, Description, Horizon, Pddo};
+use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -66,10 +67,9 @@ impl ShortWaves {
         &mut self,
         (pddo, work): (&Pddo, &mut Derivatives),
         (rules, component): (&[LayerRule], usize),
-        difference: impl Iterator<Item = f64>,
+        difference: impl IndexedParallelIterator<Item = f64>,
     ) {
-        self.difference.clear();
-        self.difference.extend(difference);
+        difference.collect_into_vec(&mut self.difference);
         if self.difference.iter().all(|d| *d == 0.0) {
             self.rate.clear();
             return;

@@ -14,10 +14,11 @@ use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::pddo::second;
 use perimelt_core::{Derivatives, Pddo};
+use rayon::prelude::*;
 
 use crate::advection::{Flux, ShortWaves};
 
-use super::rates::Terms;
+use super::rates::{POINTS_PER_TASK, Terms};
 
 /// Convection with its work arrays.
 #[derive(Debug)]
@@ -56,20 +57,17 @@ impl CarriedFlow {
         (pddo, work): (&Pddo, &mut Derivatives),
         velocity: &[Vec<f64>],
         density: &[f64],
-        (dt, diffusion): (f64, impl Fn(usize) -> f64),
+        (dt, diffusion): (f64, impl Fn(usize) -> f64 + Sync),
     ) {
         let family = pddo.family();
         family.load((density, 1), 0, &[], &mut self.density);
         let operator = (pddo, &mut *work);
         self.mass.find(operator, velocity, Some(&self.density));
-        let rates = self.mass.divergence.iter().enumerate();
-        let rates = rates.map(|(i, divergence)| diffusion(i) - divergence);
-        self.middle_density.clear();
-        let middle = density
-            .iter()
-            .zip(rates)
-            .map(|(rho, rate)| rho + 0.5 * dt * rate);
-        self.middle_density.extend(middle);
+        let divergence = &self.mass.divergence;
+        let middle = |(i, rho): (usize, &f64)| rho + 0.5 * dt * (diffusion(i) - divergence[i]);
+        let points = density.par_iter().enumerate();
+        let points = points.with_min_len(POINTS_PER_TASK).map(middle);
+        points.collect_into_vec(&mut self.middle_density);
         family.load((&self.middle_density, 1), 0, &[], &mut self.density);
         let operator = (pddo, work);
         self.mass.find(operator, velocity, Some(&self.density));
@@ -81,7 +79,7 @@ impl CarriedFlow {
         (pddo, work): (&Pddo, &mut Derivatives),
         velocity: &[Vec<f64>],
         density: &[f64],
-        (terms, laplacian): (&Terms<'_>, impl Fn(usize, usize) -> f64),
+        (terms, laplacian): (&Terms<'_>, impl Fn(usize, usize) -> f64 + Sync),
     ) {
         let (Some(convection), medium) = (terms.convection, terms.medium) else {
             return;
@@ -101,7 +99,8 @@ impl CarriedFlow {
             density[i] * missing / sum
         };
         for (axis, short_waves) in self.short_waves.iter_mut().enumerate() {
-            let difference = (0..density.len()).map(|i| match missing(i) {
+            let points = (0..density.len()).into_par_iter();
+            let difference = points.with_min_len(POINTS_PER_TASK).map(|i| match missing(i) {
                 0.0 => 0.0,
                 missing => -missing * laplacian(i, axis),
             });

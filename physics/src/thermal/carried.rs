@@ -152,7 +152,8 @@ impl CarriedHeat {
             self.temperature_laplacian.clear();
             self.temperature_laplacian.resize(self.rate.len(), 0.0);
         }
-        let difference = self.rate.iter().zip(&self.temperature_laplacian);
+        let difference = self.rate.par_iter().zip(&self.temperature_laplacian);
+        let difference = difference.with_min_len(POINTS_PER_TASK);
         let difference = difference.map(|(missing, laplacian)| -missing * laplacian);
         let operator = (&*self.pddo, &mut self.work);
         self.short_waves
@@ -161,9 +162,10 @@ impl CarriedHeat {
 
     /// Adds what the flow carries in a step (s) to the rates of the enthalpy by conduction and sources, W/m³.
     pub(super) fn add(&mut self, matter: &Matter<'_>, dt: f64, rates: &mut [[f64; 1]]) {
-        for (i, [rate]) in rates.iter_mut().enumerate() {
-            *rate += self.short_waves.rate(i);
-        }
+        let short_waves = &self.short_waves;
+        let points = rates.par_iter_mut().enumerate();
+        let points = points.with_min_len(POINTS_PER_TASK);
+        points.for_each(|(i, [rate])| *rate += short_waves.rate(i));
         let mut temperature = std::mem::take(&mut self.middle_temperature);
         let mut enthalpy = std::mem::take(&mut self.middle_enthalpy);
         let points = self.start_enthalpy.par_iter().zip(matter.material);
@@ -173,14 +175,15 @@ impl CarriedHeat {
         enthalpy.clear();
         enthalpy.extend_from_slice(&self.start_enthalpy);
         self.find(matter, &temperature, &enthalpy);
-        for (i, h) in enthalpy.iter_mut().enumerate() {
-            *h += 0.5 * dt * (rates[i][0] + self.rate[i]);
-        }
+        let points = enthalpy.par_iter_mut().zip(&*rates).zip(&self.rate);
+        let points = points.with_min_len(POINTS_PER_TASK);
+        points.for_each(|((h, [others]), carried)| *h += 0.5 * dt * (others + carried));
         let points = enthalpy.par_iter().zip(matter.material);
         let points = points.with_min_len(POINTS_PER_TASK);
         points.map(at).collect_into_vec(&mut temperature);
         self.find(matter, &temperature, &enthalpy);
-        let points = rates.iter_mut().zip(&self.rate);
+        let points = rates.par_iter_mut().zip(&self.rate);
+        let points = points.with_min_len(POINTS_PER_TASK);
         points.for_each(|([rate], carried)| *rate += carried);
         (self.middle_temperature, self.middle_enthalpy) = (temperature, enthalpy);
     }
