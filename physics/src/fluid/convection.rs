@@ -100,10 +100,12 @@ impl CarriedFlow {
         };
         for (axis, short_waves) in self.short_waves.iter_mut().enumerate() {
             let points = (0..density.len()).into_par_iter();
-            let difference = points.with_min_len(POINTS_PER_TASK).map(|i| match missing(i) {
-                0.0 => 0.0,
-                missing => -missing * laplacian(i, axis),
-            });
+            let difference = points
+                .with_min_len(POINTS_PER_TASK)
+                .map(|i| match missing(i) {
+                    0.0 => 0.0,
+                    missing => -missing * laplacian(i, axis),
+                });
             short_waves.find((pddo, &mut *work), (terms.rules, axis), difference);
         }
     }

@@ -43,8 +43,9 @@ fn vortices_decay_at_the_rate_of_the_discrete_operator() {
         ("eulerian", 2e-3),
         ("updated_lagrangian", 4e-3),
     ] {
-        let keys =
-            format!("description = '{description}'\nstate.tait.sound_speed = 0.4\nstep = 5e-5");
+        let keys = format!(
+            "description = '{description}'\nhorizon = 3.015\nstate.tait.sound_speed = 0.4\nstep = 5e-5"
+        );
         let body = periodic(40, "density = 1\nviscosity = 1");
         let mut s = flow(body, &keys, 0.01);
         set(&mut s, "velocity", taylor_green);
@@ -462,7 +463,8 @@ fn a_restart_comes_to_the_same_steps() {
 #[test]
 fn convection_smooths_only_what_is_not_resolved() {
     let amplitude = |viscosity: f64, waves: f64, keys: &str| {
-        let keys = format!("description = 'eulerian'\nstate.tait.sound_speed = 10\n{keys}");
+        let keys =
+            format!("description = 'eulerian'\nstate.tait.sound_speed = 10\nstep = 2e-3\n{keys}");
         let body = periodic(16, &format!("density = 1\nviscosity = {viscosity}"));
         let mut s = flow(body, &keys, 1.0);
         set(&mut s, "velocity", |[_, y, _]| {
