@@ -118,6 +118,8 @@ pub mod keys {
         INTERFACE_NORMAL: Vector3<f64> = "interface_normal", "1", "normal from the fluid to the solid, zero away from their interface";
         /// Density, kg/m³.
         DENSITY: f64 = "density", "kg/m3", "density";
+        /// Flux of mass by which an Eulerian fluid advanced its density, kg/(m² s).
+        MASS_FLUX: Vector3<f64> = "mass_flux", "kg/(m2 s)", "flux of mass of an Eulerian fluid in its last step";
         /// Pressure, Pa.
         PRESSURE: f64 = "pressure", "Pa", "pressure";
         /// Force per volume, N/m³ (sink field of the mechanical and fluid physics).

@@ -349,6 +349,45 @@ impl Family {
         }
     }
 
+    /// Gives the layers of a lattice behind faces that prescribe all components of a field, odd, the curvature `c` of the
+    /// parabola through the value `b` on the face and the two points before it: adds `c x^2` at the distance x, with
+    /// `c = 4/3 (f2 - b - 3 (f1 - b)) / spacing^2`. An odd layer alone has no curvature on the face. For layers that
+    /// [`Family::fill_layers`] has filled; layers behind edges and corners stay as they are.
+    pub fn curve_layers(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
+        let Some(grid) = &self.grid else {
+            return;
+        };
+        for (face, range) in &self.layers {
+            let axis = face.axis();
+            let prescribes_all =
+                |r: &&LayerRule| r.face == *face && r.scale == [-1.0; 3] && r.traction.is_none();
+            let Some(rule) = rules.iter().find(prescribes_all) else {
+                continue;
+            };
+            if self.periodic[axis] {
+                continue;
+            }
+            let on_face = 0.5 * rule.offset[component];
+            let stride = grid.stride(axis);
+            let inwards = |slot: usize, cells: usize| match face.is_upper() {
+                true => slot - cells * stride,
+                false => slot + cells * stride,
+            };
+            for ghost in &self.ghosts[range.clone()] {
+                let (slot, source) = (ghost.slot as usize, ghost.source as usize);
+                let layer = (slot.abs_diff(source) / stride).div_ceil(2);
+                let [first, second] = [layer, layer + 1].map(|cells| inwards(slot, cells));
+                let are_points = grid.mirrored[first] == 0 && grid.mirrored[second] == 0;
+                if !are_points {
+                    continue;
+                }
+                let [first, second] = [first, second].map(|s| slots[s] - on_face);
+                let distance = layer as f64 - 0.5;
+                slots[slot] += 4.0 / 3.0 * (second - 3.0 * first) * distance * distance;
+            }
+        }
+    }
+
     /// Copies a component of a field (point-major, so many components per point) to slots, as many as there are, and
     /// continues it behind faces by their rules.
     pub fn load(

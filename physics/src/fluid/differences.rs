@@ -5,7 +5,8 @@
 //!   wall. With the velocity that a no-slip wall prescribes, a lid makes a spurious divergence at its corners, and the
 //!   divergence is no longer the adjoint of the gradient of the mirrored pressure.
 //! - An Eulerian fluid carries density by `div(rho v)`, velocity and temperature `f` by
-//!   `(div(rho v f) - f div(rho v)) / rho`: mass and momentum are kept to rounding, and uniform fields stay uniform.
+//!   `(f div(rho v) - div(rho v f)) / rho` ([`CarriedFlow`]): mass and momentum are kept to rounding, and uniform fields
+//!   stay uniform.
 //!
 //! Only the part of the density that is not hydrostatic diffuses, pair by pair and with nothing through walls, so that
 //! mass is kept to rounding where all families are equal:
@@ -24,6 +25,7 @@ use rayon::prelude::*;
 
 use crate::advection::Flux;
 
+use super::convection::{CarriedFlow, largest_rate_at_walls};
 use super::medium::{Coefficient, Medium};
 use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms, load_weighted};
 
@@ -120,12 +122,12 @@ pub(super) struct Differences {
     velocity: Vec<Vec<f64>>,
     /// Of the divergence of the velocity.
     slope_of_divergence: Vec<f64>,
-    /// The velocity of a fluid that moves, m/s; the flux of mass of one that does not, kg/(m² s).
+    /// The velocity of points that move, m/s.
     flux: Flux,
-    /// Momentum along each axis, kg/(m s²).
-    carried_momentum: Vec<Flux>,
-    /// By slot.
-    density: Vec<f64>,
+    /// In an Eulerian fluid.
+    carried: Option<CarriedFlow>,
+    /// In the middle of the step, m/s.
+    middle_velocity: Vec<Vector3<f64>>,
     diffusion: DensityDiffusion,
     work: Derivatives,
     pressure: Differentiated,
@@ -133,19 +135,48 @@ pub(super) struct Differences {
 }
 
 impl Differences {
-    pub(super) fn new(pddo: Pddo) -> Self {
+    pub(super) fn new(pddo: Pddo, is_eulerian: bool) -> Self {
         Differences {
             velocity: vec![Vec::new(); pddo.dimension()],
             slope_of_divergence: Vec::new(),
             flux: Flux::new(pddo.dimension()),
-            carried_momentum: vec![Flux::new(pddo.dimension()); pddo.dimension()],
-            density: Vec::new(),
+            carried: is_eulerian.then(|| CarriedFlow::new(pddo.dimension())),
+            middle_velocity: Vec::new(),
             diffusion: DensityDiffusion::default(),
             work: Derivatives::default(),
             pressure: Differentiated::default(),
             viscosity: Differentiated::default(),
             pddo,
         }
+    }
+
+    /// Acceleration of a point of this density (kg/m³) but for convection, m/s².
+    #[inline(always)]
+    fn acceleration<const D: usize>(
+        &self,
+        terms: &Terms<'_>,
+        (i, density): (usize, f64),
+    ) -> [f64; D] {
+        let viscosity = &terms.medium.viscosity;
+        let of: [&[f64]; D] = std::array::from_fn(|b| row(&self.velocity[b], D + 1, i));
+        let pressure = row(&self.pressure.rows, D, i);
+        let slope = viscosity.varies.then(|| row(&self.viscosity.rows, D, i));
+        let viscosity = viscosity.value[i];
+        std::array::from_fn(|a| {
+            let mut force = viscosity * of[a][D] - pressure[a];
+            if terms.compressible {
+                force += viscosity / 3.0 * row(&self.slope_of_divergence, D, i)[a];
+            }
+            if let Some(slope) = slope {
+                force += (0..D)
+                    .map(|b| (of[a][b] + of[b][a]) * slope[b])
+                    .sum::<f64>();
+            }
+            if let Some(carried) = &self.carried {
+                force += carried.short_waves(i, a);
+            }
+            force / density + terms.body_acceleration(i, a)
+        })
     }
 
     fn accelerate<const D: usize>(
@@ -155,36 +186,50 @@ impl Differences {
         velocity: &mut [Vector3<f64>],
         density: &[f64],
     ) {
-        let medium = terms.medium;
-        let viscosity = &medium.viscosity;
         let points = velocity.par_iter_mut().enumerate();
         points.with_min_len(POINTS_PER_TASK).for_each(|(i, v)| {
-            let of: [&[f64]; D] = std::array::from_fn(|b| row(&self.velocity[b], D + 1, i));
-            let pressure = row(&self.pressure.rows, D, i);
-            let slope = viscosity.varies.then(|| row(&self.viscosity.rows, D, i));
-            let before = *v;
-            let least = terms
-                .convection
-                .map_or(0.0, |c| medium.least_diffusivity(c, i, before.norm()));
-            let viscosity = viscosity.value[i].max(least * density[i]);
-            for a in 0..D {
-                let mut force = viscosity * of[a][D] - pressure[a];
-                if terms.compressible {
-                    force += viscosity / 3.0 * row(&self.slope_of_divergence, D, i)[a];
+            let mut acceleration = self.acceleration::<D>(terms, (i, density[i]));
+            if let Some(carried) = &self.carried {
+                for (a, acceleration) in acceleration.iter_mut().enumerate() {
+                    *acceleration += carried.force(i, a, v[a]) / density[i];
                 }
-                if let Some(slope) = slope {
-                    force += (0..D)
-                        .map(|b| (of[a][b] + of[b][a]) * slope[b])
-                        .sum::<f64>();
-                }
-                let mut acceleration = force / density[i] + terms.body_acceleration(i, a);
-                if terms.convection.is_some() {
-                    acceleration +=
-                        self.carried_momentum[a].net(&self.flux, i, before[a]) / density[i];
-                }
+            }
+            for (a, acceleration) in acceleration.into_iter().enumerate() {
                 v[a] += dt * terms.acceleration_fraction * acceleration;
             }
         });
+    }
+
+    /// Finds the velocity after half a step of this size (s).
+    fn find_middle<const D: usize>(
+        &self,
+        (terms, dt): (&Terms<'_>, f64),
+        velocity: &[Vector3<f64>],
+        density: &[f64],
+        middle: &mut Vec<Vector3<f64>>,
+    ) {
+        let time = 0.5 * dt * terms.acceleration_fraction;
+        let of_point = |(i, velocity): (usize, &Vector3<f64>)| {
+            let acceleration = self.acceleration::<D>(terms, (i, density[i]));
+            let mut middle = *velocity;
+            for (a, acceleration) in acceleration.into_iter().enumerate() {
+                let slope = row(&self.velocity[a], D + 1, i);
+                let carried: f64 = (0..D).map(|b| velocity[b] * slope[b]).sum();
+                middle[a] += time * (acceleration - carried);
+            }
+            middle
+        };
+        let points = velocity.par_iter().enumerate();
+        let points = points.with_min_len(POINTS_PER_TASK);
+        points.map(of_point).collect_into_vec(middle);
+    }
+
+    /// Rate of the density by diffusion, kg/(m³ s).
+    fn diffusion_rate(&self, terms: &Terms<'_>, point: usize) -> f64 {
+        match terms.density_diffusion > 0.0 {
+            true => terms.density_diffusivity(point) * self.diffusion.laplacian[point],
+            false => 0.0,
+        }
     }
 
     /// Heat of viscous friction over the viscosity, 1/s² (Gao (2020), eq. 5.65).
@@ -217,9 +262,13 @@ impl Rates for Differences {
 
     fn stability(&self) -> Stability {
         // all families are complete
+        let mut laplacian = self.pddo.laplacian_sum(0);
+        if self.carried.is_some() {
+            laplacian = laplacian.max(0.5 * largest_rate_at_walls(&self.pddo));
+        }
         Stability {
             wave_number: self.pddo.largest_wave_number(0),
-            laplacian: self.pddo.laplacian_sum(0),
+            laplacian,
         }
     }
 
@@ -230,7 +279,6 @@ impl Rates for Differences {
     }
 
     fn set_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>) {
-        let is_eulerian = terms.convection.is_some();
         let (pddo, work) = (&self.pddo, &mut self.work);
         for (slots, rows) in velocity.iter().zip(&mut self.velocity) {
             pddo.gradient_and_laplacian(slots, work, rows);
@@ -238,24 +286,40 @@ impl Rates for Differences {
         if terms.compressible {
             pddo.gradient_of_divergence(velocity, work, &mut self.slope_of_divergence);
         }
-        if is_eulerian {
-            // the density of the hydrostatic pressure behind the faces
-            load_weighted(
-                pddo.family(),
-                density,
-                &mut self.density,
-                |axis, point, distance| terms.density_slope(point, axis) * distance,
-            );
-        }
         if terms.density_diffusion > 0.0 {
             self.diffusion.find((pddo, work), density, terms);
         }
-        let density = is_eulerian.then_some(&self.density[..]);
-        self.flux.find((pddo, work), velocity, density);
-        if is_eulerian {
-            for (carried, velocity) in self.carried_momentum.iter_mut().zip(velocity) {
-                carried.carry((pddo, work), &self.flux, velocity);
-            }
+        let Some(mut carried) = self.carried.take() else {
+            return self.flux.find((pddo, work), velocity, None);
+        };
+        let mut work = std::mem::take(&mut self.work);
+        let rate = |i: usize| self.diffusion_rate(terms, i);
+        let operator = (&self.pddo, &mut work);
+        carried.set_mass(operator, velocity, density, (terms.dt, rate));
+        let dimension = velocity.len();
+        let laplacian =
+            |i: usize, axis: usize| row(&self.velocity[axis], dimension + 1, i)[dimension];
+        let operator = (&self.pddo, &mut work);
+        carried.set_short_waves(operator, velocity, density, (terms, laplacian));
+        (self.work, self.carried) = (work, Some(carried));
+    }
+
+    fn carry(&mut self, terms: &Terms<'_>, dt: f64, velocity: &[Vector3<f64>], density: &[f64]) {
+        let mut middle = std::mem::take(&mut self.middle_velocity);
+        match self.velocity.len() {
+            2 => self.find_middle::<2>((terms, dt), velocity, density, &mut middle),
+            _ => self.find_middle::<3>((terms, dt), velocity, density, &mut middle),
+        }
+        if let Some(carried) = &mut self.carried {
+            carried.set_momentum((&self.pddo, &mut self.work), &middle, terms.rules);
+        }
+        self.middle_velocity = middle;
+    }
+
+    fn mass_flux(&self, flux: &mut [Vector3<f64>]) {
+        if let Some(carried) = &self.carried {
+            let points = flux.iter_mut().enumerate();
+            points.for_each(|(i, m)| *m = carried.mass.at(self.pddo.family().slot_of(i)));
         }
     }
 
@@ -283,14 +347,11 @@ impl Rates for Differences {
             .with_min_len(POINTS_PER_TASK)
             .for_each(|(i, (rho, p))| {
                 let before = *rho;
-                let mut rate = match terms.convection {
-                    Some(_) => -self.flux.divergence[i],
-                    None => -before * self.flux.divergence[i],
+                let carried = match &self.carried {
+                    Some(carried) => carried.mass.divergence[i],
+                    None => before * self.flux.divergence[i],
                 };
-                if terms.density_diffusion > 0.0 {
-                    rate += terms.density_diffusivity(i) * self.diffusion.laplacian[i];
-                }
-                *rho += dt * rate;
+                *rho += dt * (self.diffusion_rate(terms, i) - carried);
                 *p = medium.pressure(i, (before, *rho), *p);
             });
     }

@@ -21,9 +21,10 @@ pub struct Fluid {
     /// Whether points move, and whether they change neighbours.
     #[serde(default)]
     pub description: Description,
-    /// Horizon in spacings of each point, or `{ length = ... }` in m.
-    #[serde(default = "usual_horizon")]
-    pub horizon: Horizon,
+    /// Horizon in spacings of each point, or `{ length = ... }` in m; when left out 3.015 as published, and 2.015 for an
+    /// Eulerian fluid on a lattice: less than half the error, and half the work.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub horizon: Option<Horizon>,
     /// Partial volume of neighbours at the edge of the horizon.
     #[serde(default)]
     pub partial_volume: PartialVolume,
@@ -101,10 +102,6 @@ fn usual_volume_relaxation() -> f64 {
     1e-4
 }
 
-fn usual_horizon() -> Horizon {
-    Horizon::Spacings(3.015)
-}
-
 /// How derivatives become sums.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -175,7 +172,7 @@ impl Fluid {
 
     /// Refuses keys that fit neither the body nor each other.
     pub(super) fn check(&self, body: &Body) -> Result<(), SetupError> {
-        self.horizon.check(body)?;
+        self.horizon.map_or(Ok(()), |h| h.check(body))?;
         self.state.check()?;
         self.check_numbers()?;
         if body.dimension == 1 {

@@ -5,8 +5,6 @@ use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::solver::reduce::max_abs;
 use rayon::prelude::*;
 
-use crate::advection::Convection;
-
 use super::rates::POINTS_PER_TASK;
 use super::state::State;
 
@@ -92,16 +90,6 @@ impl Medium {
     /// m/s.
     pub(super) fn sound_speed(&self, point: usize) -> f64 {
         self.state.sound_speed(self.reference_density[point])
-    }
-
-    /// Least kinematic viscosity of an Eulerian fluid of this speed (m/s), m²/s.
-    pub(super) fn least_diffusivity(
-        &self,
-        convection: Convection,
-        point: usize,
-        speed: f64,
-    ) -> f64 {
-        convection.least_diffusivity(speed, self.spacing[point])
     }
 
     /// Spacing times speed of sound, m²/s.

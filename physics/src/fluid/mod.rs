@@ -20,8 +20,8 @@
 //! - *Total Lagrangian*: points move with the fluid, families stay those of the reference configuration. For small
 //!   strains, and where nothing changes along the flow.
 //! - *Eulerian*: points stay, convective terms are added (eqs. 5.99 to 5.101; corrected, see spec 05, E7), as
-//!   fluxes that keep mass and momentum to rounding, with a least viscosity that keeps the terms stable
-//!   ([`Convection`]).
+//!   fluxes that keep mass and momentum to rounding, with a diffusion of short waves that keeps the terms stable
+//!   ([`Convection`]). Where the fluid sticks to a wall, the layers behind it have the curvature of the flow before it.
 //!
 //! Every face of the body's box, or of its `tank`, is a `wall`, a plane of `symmetry`, or periodic; in the
 //! conservative form it may be open, and the body need not fill it: its other surfaces are free. Behind
@@ -37,6 +37,7 @@
 mod boundaries;
 mod collision;
 mod conservative;
+mod convection;
 mod differences;
 mod interface;
 mod keys;
@@ -61,8 +62,7 @@ pub use perimelt_core::Description;
 pub use state::{State, Tait};
 
 use perimelt_core::{
-    Balance, Clock, PddoError, Physics, Report, RunError, Setup, SetupError, Step, StepSize, Work,
-    World,
+    Balance, Clock, PddoError, Physics, Report, RunError, Setup, SetupError, Step, Work, World,
 };
 
 use nalgebra::Vector3;
@@ -225,8 +225,7 @@ impl Fluid {
     /// Largest step (s) for which sound and viscosity are stable (spec 05, 1.10), for speeds up to a tenth
     /// of that of sound: with the frequency `w = kappa c` of sound and the rate `r = 2 S (nu + D)` of viscosity and
     /// density diffusion, a symplectic step is stable for `dt^2 w^2 + 2 dt r < 4`. In an Eulerian fluid `w` is
-    /// `kappa (c + |v|)`, and convection by old values lets sound grow by `kappa^2 c |v| dt^2 / (1 - (w dt/2)^2)^1/2`
-    /// a step while it is damped by `kappa^2 (nu + D) dt`.
+    /// `kappa (c + |v|)`; convection in the middle of the step has no limit of its own.
     fn find_stable_step(&self, world: &World) -> f64 {
         let run = self.run();
         let medium = &run.medium;
@@ -238,21 +237,18 @@ impl Fluid {
             let sound = medium.sound_speed(i);
             let passing = self.eulerian_convection().map(|c| (c, 0.1 * sound));
             let speed = passing.map_or(0.0, |(_, speed)| speed);
-            let least = passing.map_or(0.0, |(c, speed)| medium.least_diffusivity(c, i, speed));
             let artificial = self.artificial_viscosity * medium.smoothing_length(i) * sound;
-            let viscosity = medium.viscosity.largest(m) / medium.reference_density[i] + artificial;
-            let damping =
-                viscosity.max(least) + self.density_diffusion * medium.sound_diffusivity(i);
+            let largest = medium.viscosity.largest(m) / medium.reference_density[i];
+            // short waves lack more where the viscosity is small; their rate is that of the Laplacian squared
+            let missing = passing.map_or(0.0, |(c, speed)| {
+                let flow = (speed, medium.spacing[i]);
+                2.0 * c.missing_diffusivity(flow, laplacian, 0.0)
+            });
+            let viscosity = largest + artificial + missing;
+            let damping = viscosity + self.density_diffusion * medium.sound_diffusivity(i);
             let frequency = wave_number * (sound + speed);
             let rate = 2.0 * laplacian * damping;
-            let at_rest = 4.0 / (rate + (rate * rate + 4.0 * frequency * frequency).sqrt());
-            // a given step is not refused for a speed that is only guessed
-            let guessed = passing.filter(|_| self.step == StepSize::Auto);
-            let carried = guessed.map_or(f64::INFINITY, |(_, speed)| {
-                let slowly = damping / (sound * speed);
-                slowly / (1.0 + (0.5 * frequency * slowly).powi(2)).sqrt()
-            });
-            at_rest.min(carried)
+            4.0 / (rate + (rate * rate + 4.0 * frequency * frequency).sqrt())
         };
         let points = world.body(run.body).material_of_point.iter().enumerate();
         points.map(limit).fold(f64::INFINITY, f64::min)

@@ -5,9 +5,11 @@ use std::sync::Arc;
 use perimelt_core::solver::reduce::sum;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Description, Face, Family, FamilySpec, Influence, MovingFamily, Pddo, PointMover, Setup,
+    Body, Description, Face, Family, FamilySpec, Influence, MovingFamily, Pddo, PointMover, Setup,
     SetupError, World, keys,
 };
+
+use crate::advection::usual_horizon;
 
 use super::boundaries::{check_closed, check_faces};
 use super::conservative::Conservative;
@@ -36,6 +38,10 @@ impl Run {
             Description::Eulerian => None,
             _ => Some(setup.own(body, &keys::DISPLACEMENT)?),
         };
+        let mass_flux = match fluid.description {
+            Description::Eulerian => Some(setup.own(body, &keys::MASS_FLUX)?),
+            _ => None,
+        };
         let body_force = setup.consume_if_added(body, &keys::BODY_FORCE)?;
         let impulse = match fluid.description {
             Description::UpdatedLagrangian => setup.take_if_added(body, &keys::IMPULSE)?,
@@ -61,7 +67,7 @@ impl Run {
             false => None,
         };
         let has_faces = !walls.is_empty();
-        let spec = family_spec(fluid, walls);
+        let spec = family_spec(fluid, setup.body(body), walls);
         let solids = Walls::prepare(setup, body, &spec)?;
         fluid.check_walls(&solids)?;
         let Neighbours { family, moving } = neighbours(fluid, setup, body, &spec)?;
@@ -76,7 +82,8 @@ impl Run {
             Form::Differences => {
                 let pddo = Pddo::build(this, family, 2);
                 let pddo = pddo.map_err(|e| SetupError::other("horizon", e))?;
-                Box::new(Differences::new(pddo))
+                let is_eulerian = fluid.description == Description::Eulerian;
+                Box::new(Differences::new(pddo, is_eulerian))
             }
         };
         let is_periodic = this.periodic[..this.dimension] == [true; 3][..this.dimension];
@@ -89,6 +96,7 @@ impl Run {
             density,
             pressure,
             displacement,
+            mass_flux,
             body_force,
             impulse,
             temperature,
@@ -134,7 +142,8 @@ impl Run {
     }
 }
 
-fn family_spec(fluid: &Fluid, walls: Vec<Face>) -> FamilySpec {
+fn family_spec(fluid: &Fluid, body: &Body, walls: Vec<Face>) -> FamilySpec {
+    let horizon = usual_horizon(fluid.description, body);
     FamilySpec {
         partial_volume: fluid.partial_volume,
         influence: fluid.influence.unwrap_or(match fluid.form {
@@ -142,7 +151,7 @@ fn family_spec(fluid: &Fluid, walls: Vec<Face>) -> FamilySpec {
             Form::Conservative => Influence::Wendland,
         }),
         layers: walls,
-        ..Pddo::spec(fluid.horizon)
+        ..Pddo::spec(fluid.horizon.unwrap_or(horizon))
     }
 }
 

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
+use perimelt_core::family::LayerRule;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Family, PddoError, World};
 use rayon::prelude::*;
@@ -28,6 +29,10 @@ pub(super) struct Terms<'a> {
     pub(super) convection: Option<Convection>,
     /// Fraction of the acceleration that counts during the start-up.
     pub(super) acceleration_fraction: f64,
+    /// How the velocity continues behind faces.
+    pub(super) rules: &'a [LayerRule],
+    /// Step, s.
+    pub(super) dt: f64,
 }
 
 impl Terms<'_> {
@@ -148,6 +153,20 @@ pub(super) trait Rates: std::fmt::Debug {
 
     /// Sets the pressure; behind faces it grows with the weight of the fluid before them.
     fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>);
+
+    /// Sets what an Eulerian fluid carries in the middle of the next advance of the velocity by a time (s); after velocity
+    /// and pressure.
+    fn carry(
+        &mut self,
+        _terms: &Terms<'_>,
+        _time: f64,
+        _velocity: &[Vector3<f64>],
+        _density: &[f64],
+    ) {
+    }
+
+    /// Copies the flux of mass of an Eulerian fluid, kg/(m² s).
+    fn mass_flux(&self, _flux: &mut [Vector3<f64>]) {}
 
     /// Advances density and pressure.
     fn advance_density(&mut self, terms: &Terms<'_>, dt: f64, fields: (&mut [f64], &mut [f64]));

@@ -18,6 +18,8 @@ pub(super) struct Run {
     pub(super) density: Write<f64>,
     pub(super) pressure: Write<f64>,
     pub(super) displacement: Option<Write<Vector3<f64>>>,
+    /// Of an Eulerian fluid.
+    pub(super) mass_flux: Option<Write<Vector3<f64>>>,
     pub(super) body_force: Option<Read<Vector3<f64>>>,
     /// Of points that move, where another body gives impulses.
     pub(super) impulse: Option<Read<Vector3<f64>>>,

@@ -9,7 +9,6 @@
 //!    put in order and put back into their box; the configuration of the body is set.
 
 use nalgebra::Vector3;
-use perimelt_core::family::LayerRule;
 use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::{PddoError, Step, World};
 
@@ -27,8 +26,6 @@ struct Flow<'a> {
     velocity: &'a mut [Vector3<f64>],
     density: &'a mut [f64],
     pressure: &'a mut [f64],
-    /// How the velocity continues behind faces.
-    rules: &'a [LayerRule],
 }
 
 /// What advances them.
@@ -128,6 +125,8 @@ impl Run {
                 compressible: fluid.stress == Stress::Compressible,
                 convection: fluid.eulerian_convection(),
                 acceleration_fraction: startup(fluid.startup, step.middle()),
+                rules: &rules,
+                dt: step.size,
             },
             impulses: impulses.map(|(density, moving)| Impulses {
                 density,
@@ -144,7 +143,6 @@ impl Run {
             velocity: &mut velocity,
             density: &mut density,
             pressure: &mut pressure,
-            rules: &rules,
         };
         advance.set_velocity(&flow);
         if let Some(work) = self.viscous_work {
@@ -157,6 +155,9 @@ impl Run {
             advance.artificial_viscosity(strength, &mut flow);
         }
         advance.flow(fluid, world, &mut flow);
+        if let Some(flux) = self.mass_flux {
+            advance.rates.mass_flux(&mut world.write(flux));
+        }
     }
 
     /// Smooths velocity and density in every n-th step.
@@ -291,7 +292,10 @@ impl Advance<'_> {
         let flat = (bytemuck::cast_slice(flow.velocity), 3);
         for (axis, slots) in self.slots.iter_mut().enumerate() {
             let family = self.rates.family();
-            family.load(flat, axis, flow.rules, slots);
+            family.load(flat, axis, self.terms.rules, slots);
+            if self.terms.convection.is_some() {
+                family.curve_layers(self.terms.rules, axis, slots);
+            }
         }
         self.rates
             .set_velocity(self.slots, flow.density, &self.terms);
@@ -353,6 +357,8 @@ impl Advance<'_> {
 
     /// Advances the velocity by a time (s), and gives the walls the opposite of what they do.
     fn kick(&mut self, time: f64, world: &World, flow: &mut Flow<'_>) {
+        self.rates
+            .carry(&self.terms, time, flow.velocity, flow.density);
         self.rates
             .advance_velocity(&self.terms, time, flow.velocity, flow.density);
         let time = time * self.terms.acceleration_fraction;

@@ -99,8 +99,6 @@ pub(super) struct Matter<'a> {
     pub(super) rules: &'a [LayerRule],
     pub(super) material: &'a [u16],
     pub(super) curves: &'a [EnthalpyCurve],
-    /// Least conductivity of each point, W/(m K).
-    pub(super) least_conductivity: Option<&'a [f64]>,
 }
 
 /// Conduction with one conductivity, W/(m K), or by a potential (W/m) with a conductivity of one; the
@@ -211,7 +209,7 @@ impl Conduction {
             matter.rules,
             &mut self.temperature_slots,
         );
-        self.loaded = self.what_to_load(matter);
+        self.loaded = self.what_to_load();
         if self.loaded == Loaded::Uniform {
             return;
         }
@@ -223,15 +221,13 @@ impl Conduction {
         }
     }
 
-    fn what_to_load(&self, matter: &Matter<'_>) -> Loaded {
+    fn what_to_load(&self) -> Loaded {
         let by_derivatives = self.derivatives.is_some();
-        match (self.uniform, matter.least_conductivity) {
-            (Some(_), None) => Loaded::Uniform,
-            (Some(_), _) if by_derivatives => Loaded::Uniform,
-            (_, Some(_)) => Loaded::Ends,
-            _ if by_derivatives || self.is_linear() => Loaded::Ends,
-            _ if self.conductivity.len() == 1 => Loaded::Potential,
-            _ => Loaded::Mixed,
+        match self.uniform {
+            Some(_) => Loaded::Uniform,
+            None if by_derivatives || self.is_linear() => Loaded::Ends,
+            None if self.conductivity.len() == 1 => Loaded::Potential,
+            None => Loaded::Mixed,
         }
     }
 
@@ -248,12 +244,6 @@ impl Conduction {
             let m = m as usize;
             *k = calibration * properties[m].at(t, matter.curves[m].liquid_fraction(t));
         });
-        if let Some(least) = matter.least_conductivity
-            && self.derivatives.is_none()
-        {
-            let values = self.conductivity_field.iter_mut().zip(least);
-            values.for_each(|(k, least)| *k = k.max(calibration * least));
-        }
         let field = (&self.conductivity_field[..], 1);
         (matter.family).load(field, 0, &[], &mut self.conductivity_slots);
     }
@@ -304,7 +294,7 @@ impl Conduction {
     /// Heat that flows to each point, W/m³, from what was loaded.
     pub(super) fn flow(&mut self, matter: &Matter<'_>) {
         if self.derivatives.is_some() {
-            return self.flow_by_derivatives(matter.least_conductivity);
+            return self.flow_by_derivatives();
         }
         let mut rate = std::mem::take(&mut self.rate);
         let (family, broken) = (matter.family, self.broken.as_ref());
@@ -338,7 +328,7 @@ impl Conduction {
         }
     }
 
-    fn flow_by_derivatives(&mut self, least_conductivity: Option<&[f64]>) {
+    fn flow_by_derivatives(&mut self) {
         let Some(derivatives) = &mut self.derivatives else {
             return;
         };
@@ -363,7 +353,7 @@ impl Conduction {
                 Some(k) if is_uniform => k,
                 _ => field[i],
             };
-            *rate = own.max(least_conductivity.map_or(0.0, |least| least[i])) * row[dimension];
+            *rate = own * row[dimension];
             if !is_uniform {
                 let slope = &conductivity[i * dimension..][..dimension];
                 *rate += (0..dimension).map(|a| slope[a] * row[a]).sum::<f64>();

@@ -63,6 +63,15 @@ impl HeatedFace {
         }
     }
 
+    /// Heat that enters through all faces, zero in a steady state without sources.
+    pub(super) fn total(faces: &[HeatedFace]) -> Report {
+        Report {
+            name: "heat.all_faces".into(),
+            unit: "W".into(),
+            value: faces.iter().map(|f| f.inflow).sum(),
+        }
+    }
+
     pub(super) fn reports(&self) -> [Report; 3] {
         let report = |name: String, unit: &str, value: f64| Report {
             name,

@@ -12,6 +12,7 @@ use perimelt_core::solver::{
 use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
 
+use super::carried::{Carried, CarriedHeat};
 use super::conduction::{Conduction, Matter};
 use super::keys::ThermalSolver;
 use super::run::{HeatAccount, Run};
@@ -91,8 +92,8 @@ struct Flow<'a> {
     /// Where points move.
     current: Option<CurrentVolumes<'a>>,
     source: Option<&'a [f64]>,
-    /// Heat that an Eulerian fluid carries to each point, W/m³.
-    carried: Option<&'a [f64]>,
+    /// Heat that an Eulerian fluid carries, and the step, s.
+    carried: Option<(&'a mut CarriedHeat, f64)>,
     /// Positive where the temperature is held.
     constraint: Option<&'a [f64]>,
     row_sums: &'a [[f64; 1]],
@@ -120,16 +121,15 @@ impl Flow<'_> {
             let points = rate.par_iter_mut().zip(ratio).with_min_len(4096);
             points.for_each(|([r], ratio)| *r *= ratio);
         }
-        if let Some(carried) = self.carried {
-            let points = rate.par_iter_mut().zip(carried).with_min_len(4096);
-            points.for_each(|([r], carried)| *r += carried);
-        }
         if let Some(source) = self.source {
             power += sum_of([source, self.volume], |[q, v]| q * v);
             rate.par_iter_mut()
                 .zip(source)
                 .with_min_len(4096)
                 .for_each(|([r], q)| *r += q);
+        }
+        if let Some((carried, dt)) = &mut self.carried {
+            carried.add(&self.matter, *dt, rate);
         }
         if let Some(constraint) = self.constraint {
             for (([r], c), v) in rate.iter_mut().zip(constraint).zip(self.volume) {
@@ -287,13 +287,35 @@ impl Run {
     pub(super) fn advance(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
         self.hold_temperatures(world);
         let rules = world.layer_rules(self.layers);
-        self.find_carried(world, &rules);
         let body = world.body(self.body);
         let source = self.heat_source.map(|s| world.read(s));
         let constraint = self.constraint.map(|c| world.read(c));
         let family = self.neighbours.now(world);
         let ratios = self.volume_ratios(world);
         let configuration = ratios.as_ref().map(|_| world.configuration(self.body));
+        let matter = Matter {
+            family: &family,
+            rules: &rules,
+            material: &body.material_of_point,
+            curves: &self.curves,
+        };
+        if let Some(carried) = &mut self.carried {
+            let temperature = world.read::<f64>(self.temperature.into());
+            let state = Carried {
+                velocity: &world.read(carried.velocity),
+                density: &world.read(carried.density),
+                mass_flux: &world.read(carried.mass_flux),
+                temperature: &temperature,
+                enthalpy: &world.read(self.enthalpy.into()),
+            };
+            let (conduction, temperature) = (&self.conduction, &temperature[..]);
+            let conductivity = |i: usize| {
+                let (m, t) = (matter.material[i], temperature[i]);
+                let liquid = matter.curves[m as usize].liquid_fraction(t);
+                conduction.conductivity(m, t, liquid)
+            };
+            carried.start(body, (&matter, &state), conductivity);
+        }
         let current = configuration.as_ref().zip(ratios.as_ref());
         let current = current.map(|(now, ratio)| CurrentVolumes {
             volume: now.volumes(),
@@ -308,18 +330,12 @@ impl Run {
         } = &mut self.integrator;
         let flow = Flow {
             conduction: &mut self.conduction,
-            matter: Matter {
-                family: &family,
-                rules: &rules,
-                material: &body.material_of_point,
-                curves: &self.curves,
-                least_conductivity: self.carried.as_ref().map(|c| &c.least_conductivity[..]),
-            },
+            matter,
             volume: &body.points.volume,
             is_weighted: body.lattice().is_none() || current.is_some(),
             current,
             source: source.as_deref(),
-            carried: self.carried.as_ref().map(|c| &c.rate[..]),
+            carried: self.carried.as_mut().map(|c| (c, step.size)),
             constraint: constraint.as_deref(),
             row_sums,
             temperature: work,

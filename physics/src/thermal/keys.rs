@@ -18,10 +18,11 @@ pub struct Thermal {
     /// How the divergence of the heat flux becomes a sum.
     #[serde(default)]
     pub form: Form,
-    /// Horizon in spacings of each point, or `{ length = ... }` in m, the same everywhere. On a
-    /// lattice 1 is the classical stencil of nearest neighbours, the least expensive.
-    #[serde(default = "three")]
-    pub horizon: Horizon,
+    /// Horizon in spacings of each point, or `{ length = ... }` in m, the same everywhere; when left out 3, and in an
+    /// Eulerian flow that of a `fluid` without one, 2.015. On a lattice 1 is the classical stencil of nearest neighbours,
+    /// the least expensive.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub horizon: Option<Horizon>,
     /// Partial volume of neighbours at the edge of the horizon.
     #[serde(default)]
     pub partial_volume: PartialVolume,
@@ -52,10 +53,6 @@ pub struct Thermal {
     #[serde(skip)]
     #[schemars(skip)]
     pub(super) run: Option<Run>,
-}
-
-fn three() -> Horizon {
-    Horizon::Spacings(3.0)
 }
 
 fn tolerance() -> f64 {

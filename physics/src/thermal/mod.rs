@@ -157,8 +157,12 @@ impl Physics for Thermal {
     }
 
     fn report(&self) -> Vec<Report> {
-        let faces = self.run().faces.iter();
-        faces.flat_map(HeatedFace::reports).collect()
+        let faces = &self.run().faces;
+        let mut reports: Vec<Report> = faces.iter().flat_map(HeatedFace::reports).collect();
+        if faces.len() > 1 {
+            reports.push(HeatedFace::total(faces));
+        }
+        reports
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {

@@ -5,11 +5,13 @@ use std::sync::Arc;
 use perimelt_core::material::{EnthalpyCurve, LatentHeatForm};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Body, Correction, Description, Face, Family, FamilySpec, Influence, Pddo, Setup, SetupError,
-    keys,
+    Body, Correction, Description, Face, Family, FamilySpec, Horizon, Influence, Pddo, Setup,
+    SetupError, keys,
 };
 
-use super::carried::CarriedHeat;
+use crate::advection::usual_horizon;
+
+use super::carried::{CarriedHeat, FlowFields};
 use super::conduction::{Conduction, calibration};
 use super::faces::HeatedFace;
 use super::integrate::Integrator;
@@ -20,6 +22,7 @@ use super::run::{Cracks, HeatAccount, Neighbours, Run};
 struct Place {
     body: BodyIndex,
     description: Description,
+    horizon: Horizon,
     layers: Vec<Face>,
     /// Those with a prescribed temperature.
     heated: Vec<Face>,
@@ -28,8 +31,9 @@ struct Place {
 impl Run {
     pub(super) fn prepare(thermal: &Thermal, setup: &mut Setup<'_>) -> Result<Run, SetupError> {
         let body = setup.find_body(thermal.body.as_deref())?;
-        thermal.horizon.check(setup.body(body))?;
         let description = setup.description(body);
+        let horizon = thermal.horizon_of(setup.body(body), description);
+        horizon.check(setup.body(body))?;
         let temperature = setup.own(body, &keys::TEMPERATURE)?;
         let enthalpy = setup.own(body, &keys::ENTHALPY)?;
         let heat_source = setup.consume_if_added(body, &keys::HEAT_SOURCE)?;
@@ -41,6 +45,7 @@ impl Run {
         let place = Place {
             body,
             description,
+            horizon,
             layers: thermal.continued_faces(setup.body(body), claimed),
             heated,
         };
@@ -76,6 +81,14 @@ impl Run {
 }
 
 impl Thermal {
+    /// The horizon, where none is given three spacings, and that of the fluid in an Eulerian flow.
+    fn horizon_of(&self, body: &Body, description: Description) -> Horizon {
+        self.horizon.unwrap_or_else(|| match description {
+            Description::Eulerian => usual_horizon(description, body),
+            _ => Horizon::Spacings(3.0),
+        })
+    }
+
     /// Refuses keys that fit neither the materials nor the description of the points.
     fn check(&self, curves: &[EnthalpyCurve], description: Description) -> Result<(), SetupError> {
         let is_explicit = self.solver == ThermalSolver::Explicit;
@@ -147,7 +160,7 @@ impl Thermal {
             return Ok((neighbours, conduction, Some(pddo)));
         }
         let mut spec = FamilySpec {
-            horizon: self.horizon,
+            horizon: place.horizon,
             partial_volume: self.partial_volume,
             influence: Influence::default(),
             correction: self.correction.unwrap_or_default(),
@@ -186,7 +199,7 @@ impl Thermal {
         let spec = FamilySpec {
             partial_volume: self.partial_volume,
             layers: Face::ALL.into_iter().filter(needs_layer).collect(),
-            ..Pddo::spec(self.horizon)
+            ..Pddo::spec(place.horizon)
         };
         let family: Arc<Family> = setup.family(place.body, &spec)?;
         let pddo = Pddo::build(setup.body(place.body), family, 2);
@@ -204,14 +217,12 @@ impl Thermal {
             Some(pddo) => pddo,
             None => self.second_derivatives(setup, place)?,
         };
-        let velocity = setup.read(place.body, &keys::VELOCITY)?;
-        let density = setup.read(place.body, &keys::DENSITY)?;
+        let fields = FlowFields {
+            velocity: setup.read(place.body, &keys::VELOCITY)?,
+            density: setup.read(place.body, &keys::DENSITY)?,
+            mass_flux: setup.read(place.body, &keys::MASS_FLUX)?,
+        };
         let body = setup.body(place.body);
-        Ok(CarriedHeat::new(
-            (body, pddo),
-            self.convection,
-            velocity,
-            density,
-        ))
+        Ok(CarriedHeat::new((body, pddo), self.convection, fields))
     }
 }

@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use perimelt_core::family::LayerRule;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
 use perimelt_core::{BrokenBonds, Family, MovingFamily, Read, World, Write};
 use serde::{Deserialize, Serialize};
 
-use super::carried::{Carried, CarriedHeat, Diffusion};
+use super::carried::{CarriedHeat, Diffusion};
 use super::conduction::Conduction;
 use super::faces::HeatedFace;
 use super::integrate::Integrator;
@@ -111,23 +110,6 @@ impl Run {
             let pairs = world.broken_pairs(self.body);
             cracks.follow(&pairs, family, &mut self.conduction.broken);
         }
-    }
-
-    /// Finds the heat that the flow carries at the start of a step.
-    pub(super) fn find_carried(&mut self, world: &World, rules: &[LayerRule]) {
-        let Some(carried) = &mut self.carried else {
-            return;
-        };
-        let (velocity, density) = (world.read(carried.velocity), world.read(carried.density));
-        let state = Carried {
-            velocity: &velocity,
-            density: &density,
-            temperature: &world.read(self.temperature.into()),
-            enthalpy: &world.read(self.enthalpy.into()),
-            rules,
-            curves: &self.curves,
-        };
-        carried.find(world.body(self.body), &state);
     }
 
     /// Current volume over reference volume of each point, where points move.

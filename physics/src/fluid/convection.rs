@@ -1,0 +1,187 @@
+//! What an Eulerian fluid carries through its points: mass and momentum, and the stabilisation of the convective terms.
+//!
+//! ```text
+//! rho' = rho - dt div m,       m = rho* v,   rho* = rho - dt/2 div(rho v)
+//! v'   = v + dt (a + (v div m - div(m v*)) / rho),   v* = v + dt/2 (a - v . grad v)
+//! ```
+//!
+//! with the acceleration `a` by pressure, viscosity and forces. Carried values in the middle of the step neither let
+//! sound grow, which values at its start do by `kappa^2 c |v| dt^2 / 2` in a step, nor take `v^2 dt / 2` from the
+//! diffusivity; in a steady flow they are those at the start. What enters through one point leaves another: mass and momentum are
+//! kept to rounding.
+
+use nalgebra::Vector3;
+use perimelt_core::family::LayerRule;
+use perimelt_core::pddo::second;
+use perimelt_core::{Derivatives, Pddo};
+use rayon::prelude::*;
+
+use crate::advection::{Flux, ShortWaves};
+
+use super::rates::{POINTS_PER_TASK, Terms};
+
+/// Convection with its work arrays.
+#[derive(Debug)]
+pub(super) struct CarriedFlow {
+    /// Of mass, kg/(m² s).
+    pub(super) mass: Flux,
+    /// Of momentum along each axis, kg/(m s²).
+    momentum: Vec<Flux>,
+    /// Decay of short waves of each component of the momentum, N/m³.
+    short_waves: Vec<ShortWaves>,
+    /// By slot.
+    density: Vec<f64>,
+    velocity: Vec<f64>,
+    /// In the middle of the step, by point.
+    middle_density: Vec<f64>,
+    /// Sum of the weights of the Laplacian times the squared spacing.
+    laplacian: f64,
+}
+
+impl CarriedFlow {
+    pub(super) fn new(dimension: usize) -> Self {
+        CarriedFlow {
+            mass: Flux::new(dimension),
+            momentum: vec![Flux::new(dimension); dimension],
+            short_waves: vec![ShortWaves::default(); dimension],
+            density: Vec::new(),
+            velocity: Vec::new(),
+            middle_density: Vec::new(),
+            laplacian: 0.0,
+        }
+    }
+
+    /// Sets the flux of mass for a velocity by slot; `diffusion` (kg/(m³ s)) is what else changes the density.
+    pub(super) fn set_mass(
+        &mut self,
+        (pddo, work): (&Pddo, &mut Derivatives),
+        velocity: &[Vec<f64>],
+        density: &[f64],
+        (dt, diffusion): (f64, impl Fn(usize) -> f64 + Sync),
+    ) {
+        let family = pddo.family();
+        family.load((density, 1), 0, &[], &mut self.density);
+        let operator = (pddo, &mut *work);
+        self.mass.find(operator, velocity, Some(&self.density));
+        let divergence = &self.mass.divergence;
+        let middle = |(i, rho): (usize, &f64)| rho + 0.5 * dt * (diffusion(i) - divergence[i]);
+        let points = density.par_iter().enumerate();
+        let points = points.with_min_len(POINTS_PER_TASK).map(middle);
+        points.collect_into_vec(&mut self.middle_density);
+        family.load((&self.middle_density, 1), 0, &[], &mut self.density);
+        let operator = (pddo, work);
+        self.mass.find(operator, velocity, Some(&self.density));
+    }
+
+    /// Finds the decay of short waves; `laplacian(point, axis)` is that of the velocity, 1/(m s).
+    pub(super) fn set_short_waves(
+        &mut self,
+        (pddo, work): (&Pddo, &mut Derivatives),
+        velocity: &[Vec<f64>],
+        density: &[f64],
+        (terms, laplacian): (&Terms<'_>, impl Fn(usize, usize) -> f64 + Sync),
+    ) {
+        let (Some(convection), medium) = (terms.convection, terms.medium) else {
+            return;
+        };
+        if self.laplacian == 0.0 {
+            self.laplacian = pddo.laplacian_sum(0) * medium.spacing[0].powi(2);
+        }
+        let family = pddo.family();
+        let missing = |i: usize| {
+            let slot = family.slot_of(i);
+            let square: f64 = velocity.iter().map(|v| v[slot] * v[slot]).sum();
+            let spacing = medium.spacing[i];
+            let sum = self.laplacian / (spacing * spacing);
+            let diffusivity = medium.viscosity.value[i] / density[i];
+            let missing =
+                convection.missing_diffusivity((square.sqrt(), spacing), sum, diffusivity);
+            density[i] * missing / sum
+        };
+        for (axis, short_waves) in self.short_waves.iter_mut().enumerate() {
+            let points = (0..density.len()).into_par_iter();
+            let difference = points
+                .with_min_len(POINTS_PER_TASK)
+                .map(|i| match missing(i) {
+                    0.0 => 0.0,
+                    missing => -missing * laplacian(i, axis),
+                });
+            short_waves.find((pddo, &mut *work), (terms.rules, axis), difference);
+        }
+    }
+
+    /// Rate at which the momentum of short waves along an axis decays, N/m³.
+    pub(super) fn short_waves(&self, point: usize, axis: usize) -> f64 {
+        self.short_waves[axis].rate(point)
+    }
+
+    /// Sets the flux of momentum for the velocity in the middle of the step (m/s).
+    pub(super) fn set_momentum(
+        &mut self,
+        (pddo, work): (&Pddo, &mut Derivatives),
+        velocity: &[Vector3<f64>],
+        rules: &[LayerRule],
+    ) {
+        let flat = (bytemuck::cast_slice(velocity), 3);
+        for (axis, carried) in self.momentum.iter_mut().enumerate() {
+            let family = pddo.family();
+            family.load(flat, axis, rules, &mut self.velocity);
+            carried.carry((pddo, &mut *work), &self.mass, &self.velocity);
+        }
+    }
+
+    /// What convection gives to the momentum along an axis at a point with this velocity at the start of the step,
+    /// N/m³.
+    pub(super) fn force(&self, point: usize, axis: usize, velocity: f64) -> f64 {
+        self.momentum[axis].net(&self.mass, point, velocity)
+    }
+}
+
+/// Largest rate at which the Laplacian changes a field between two walls behind which layers are curved
+/// ([`Family::curve_layers`](perimelt_core::Family::curve_layers)), 1/m²: layers that reach far behind the wall weigh
+/// more than the points before it.
+pub(super) fn largest_rate_at_walls(pddo: &Pddo) -> f64 {
+    let mut bonds: Vec<(f64, f64)> = Vec::new();
+    let mut spacing = f64::INFINITY;
+    let dimension = pddo.dimension();
+    pddo.for_each_bond(0, |bond, _, g| {
+        let weight = (0..dimension).map(|a| g[second(dimension, a, a)]).sum();
+        bonds.push((bond.xi[0], weight));
+        spacing = bond.length.min(spacing);
+    });
+    // weights of rows of points across the wall
+    let row = |(x, weight): (f64, f64)| ((x / spacing).round() as i64, weight);
+    let rows: Vec<(i64, f64)> = bonds.into_iter().map(row).collect();
+    let reach = rows.iter().map(|(row, _)| row.abs()).max().unwrap_or(1);
+    let points = 4 * reach + 8;
+    let value = |field: &[f64], at: i64| {
+        let from_wall = |at: i64| field[(if at < 0 { -1 - at } else { at }) as usize];
+        let behind = |field: &dyn Fn(i64) -> f64, layer: i64| {
+            let distance = layer as f64 - 0.5;
+            4.0 / 3.0 * (field(1) - 3.0 * field(0)) * distance * distance - field(layer - 1)
+        };
+        match at {
+            at if at < 0 => behind(&from_wall, -at),
+            at if at >= points => {
+                behind(&|k: i64| field[(points - 1 - k) as usize], at - points + 1)
+            }
+            at => field[at as usize],
+        }
+    };
+    let mut field: Vec<f64> = (0..points)
+        .map(|i| if i % 2 == 0 { 1.0 } else { -1.0 })
+        .collect();
+    let mut largest = 0.0_f64;
+    for _ in 0..200 {
+        let rate = |i: i64| -> f64 {
+            let own = field[i as usize];
+            rows.iter()
+                .map(|(row, w)| w * (own - value(&field, i + row)))
+                .sum()
+        };
+        let rates: Vec<f64> = (0..points).map(rate).collect();
+        largest = rates.iter().fold(0.0, |a, r| r.abs().max(a));
+        field = rates.into_iter().map(|r| r / largest).collect();
+    }
+    largest
+}
