@@ -295,6 +295,21 @@ mod tests {
     }
 
     #[test]
+    fn the_plate_with_bonds_across_its_hole_is_the_one_that_warns_of_them() {
+        for (name, is_told) in [
+            ("khoshrou-4.2-phi8-unstable", true),
+            ("khoshrou-4.2-phi8-narrow", false),
+        ] {
+            let cases = load(None).expect("valid cases");
+            let case = cases.into_iter().find(|(n, _)| n == name).expect("there").1;
+            let simulation = case.compose().expect("a valid case");
+            let warnings = case.warnings(&simulation).expect("valid sections");
+            let told = warnings.iter().any(|w| w.contains("bonds cross a gap"));
+            assert_eq!(told, is_told, "{name}: {warnings:?}");
+        }
+    }
+
+    #[test]
     fn no_two_checks_of_a_case_have_one_name() {
         for (name, case) in load(None).expect("valid cases") {
             let checks: Vec<super::super::check::Check> = case.verify_entries().expect("valid");

@@ -63,9 +63,9 @@ impl Check {
         match (&self.of, self.minus.as_slice(), &self.error_of) {
             (None, [], None) => Ok(own.to_vec()),
             (Some(_), [], None) => Ok(combine(own, others[0], |a, b| a / b)),
-            (None, [_, ..], None) => Ok(others
-                .iter()
-                .fold(own.to_vec(), |all, other| combine(&all, other, |a, b| a - b))),
+            (None, [_, ..], None) => Ok(others.iter().fold(own.to_vec(), |all, other| {
+                combine(&all, other, |a, b| a - b)
+            })),
             (None, [], Some(_)) => Ok(vec![self.error(own) / self.error(others[0])]),
             _ => Err("give one of `of`, `minus` and `error_of`".into()),
         }

@@ -130,7 +130,10 @@ fn checks_compare_cases_by_ratio_difference_and_error() {
         assert!(outcome.passed, "{outcome:?}");
     }
     let reason = checks[3].failure.as_deref().unwrap_or_default();
-    assert!(!checks[3].passed && reason.contains("give one of"), "{reason}");
+    assert!(
+        !checks[3].passed && reason.contains("give one of"),
+        "{reason}"
+    );
 }
 
 #[test]

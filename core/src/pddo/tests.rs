@@ -85,7 +85,9 @@ fn irregular(points: usize, deviation: f64, seed: u64) -> Body {
     let spacing = 2.0 / (points - 1) as f64;
     let mut state = seed;
     let mut uniform = || {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
         ((state >> 11) as f64 + 0.5) / (1u64 << 53) as f64
     };
     let mut table = "x,y,spacing\n".to_string();
@@ -96,7 +98,10 @@ fn irregular(points: usize, deviation: f64, seed: u64) -> Body {
             let is_middle = (i, j) == (points / 2, points / 2);
             let [x, y] = match is_middle {
                 true => [1.0, 1.0],
-                false => [i as f64 * spacing + size * cos, j as f64 * spacing + size * sin],
+                false => [
+                    i as f64 * spacing + size * cos,
+                    j as f64 * spacing + size * sin,
+                ],
             };
             table += &format!("{x},{y},{spacing}\n");
         }
@@ -116,7 +121,11 @@ fn derivatives_on_irregular_points_are_as_near_as_published() {
         let body = irregular(21, 0.2, seed);
         let all = derivatives(&body, &operator(&body, 3.015, 2, false), f);
         let middle = Vector3::new(1.0, 1.0, body.points.position[0].z);
-        let found = body.points.position.iter().position(|x| (x - middle).norm() < 1e-12);
+        let found = body
+            .points
+            .position
+            .iter()
+            .position(|x| (x - middle).norm() < 1e-12);
         let [fx, fy, fxx, fxy, fyy] = all.at(found.expect("it stays")) else {
             panic!("five derivatives")
         };
@@ -127,7 +136,10 @@ fn derivatives_on_irregular_points_are_as_near_as_published() {
             ((fyy / 12.0 - 1.0).abs(), [0.0, 0.02]),
             (fxy.abs(), [0.0, 0.15]),
         ] {
-            assert!((low..=high).contains(&value), "seed {seed}: {value} not in {low} to {high}");
+            assert!(
+                (low..=high).contains(&value),
+                "seed {seed}: {value} not in {low} to {high}"
+            );
         }
     }
 }
@@ -148,16 +160,22 @@ fn interpolation_from_irregular_points_is_nearer_than_published_and_converges() 
         };
         let places: Vec<Vector3<f64>> = (0..points * points).map(place).collect();
         let found = pddo.interpolate(&body, &values, &all, &places);
-        let [error, size] = places.iter().zip(found).fold([0.0; 2], |[e, s], (x, value)| {
-            let exact = f(x);
-            let difference = value.expect("within a horizon") - exact;
-            [e + difference * difference, s + exact * exact]
-        });
+        let [error, size] = places
+            .iter()
+            .zip(found)
+            .fold([0.0; 2], |[e, s], (x, value)| {
+                let exact = f(x);
+                let difference = value.expect("within a horizon") - exact;
+                [e + difference * difference, s + exact * exact]
+            });
         (error / size).sqrt()
     };
     let errors = [21, 41, 51].map(error);
     for (found, expected) in errors.into_iter().zip([2.2e-4, 2.4e-5, 1.2e-5]) {
-        assert!((found / expected - 1.0).abs() < 0.3, "{found:e} {expected:e}");
+        assert!(
+            (found / expected - 1.0).abs() < 0.3,
+            "{found:e} {expected:e}"
+        );
     }
     let order = (errors[0] / errors[1]).log2();
     assert!(order >= 2.2, "{order}");
@@ -194,7 +212,10 @@ fn moments_of_the_gaussian_give_the_published_constants() {
         (1.0 / mixed, 106.9532542365),
     ] {
         // the constants have eleven digits
-        assert!((found / expected - 1.0f64).abs() < 1e-9, "{found} {expected}");
+        assert!(
+            (found / expected - 1.0f64).abs() < 1e-9,
+            "{found} {expected}"
+        );
     }
 }
 

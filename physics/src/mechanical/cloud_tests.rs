@@ -103,7 +103,11 @@ fn a_free_body_that_expands_evenly_meets_no_force() {
                 let largest = |f: &[Vector3<f64>]| f.iter().map(|f| f.norm()).fold(0.0, f64::max);
                 // sums of a hundred bonds whose stretches are differences of displacements of thirty spacings
                 let (free, held) = (largest(&free), largest(&held));
-                assert!(free < 1e-10 * held, "{}D {keys}: {free:e} of {held:e}", body.dimension);
+                assert!(
+                    free < 1e-10 * held,
+                    "{}D {keys}: {free:e} of {held:e}",
+                    body.dimension
+                );
             }
         }
     }
@@ -187,12 +191,20 @@ fn forces_between_two_spacings_keep_momentum_and_are_the_derivative_of_the_energ
                         density.iter().zip(volumes).map(|(f, v)| f * *v).collect();
                     let (mut sum, mut size) = (Vector3::zeros(), 0.0);
                     let (mut moment, mut arms) = (Vector3::zeros(), 0.0);
-                    for ((f, x), u) in forces.iter().zip(&body.points.position).zip(u.chunks_exact(3)) {
+                    for ((f, x), u) in forces
+                        .iter()
+                        .zip(&body.points.position)
+                        .zip(u.chunks_exact(3))
+                    {
                         let y = x + Vector3::new(u[0], u[1], u[2]);
                         sum += f;
                         size += f.norm();
                         // the points of a plate lie in one plane
-                        let y = if body.dimension == 3 { y } else { Vector3::new(y.x, y.y, 0.0) };
+                        let y = if body.dimension == 3 {
+                            y
+                        } else {
+                            Vector3::new(y.x, y.y, 0.0)
+                        };
                         moment += y.cross(f);
                         arms += y.norm() * f.norm();
                     }
@@ -215,7 +227,9 @@ fn forces_between_two_spacings_keep_momentum_and_are_the_derivative_of_the_energ
                         .zip(places)
                         .map(|(f, x)| {
                             let direction = 1e-5 * scattered(x, 5.0);
-                            (0..body.dimension).map(|a| f[a] * direction[a]).sum::<f64>()
+                            (0..body.dimension)
+                                .map(|a| f[a] * direction[a])
+                                .sum::<f64>()
                         })
                         .sum();
                     let error = (slope + power).abs() / power.abs();
@@ -231,7 +245,10 @@ fn one_spacing_gives_the_forces_of_the_lattice() {
     for (cells, dimension) in [([18, 15, 1], 2), ([10, 9, 8], 3)] {
         let steel = format!("density = 8000\nyoungs_modulus = {YOUNG}\npoissons_ratio = 0.3");
         let lattice = block(cells, dimension, 1e-3, Store::Lattice, &steel);
-        let none = Jitter { amplitude: 0.0, seed: 1 };
+        let none = Jitter {
+            amplitude: 0.0,
+            seed: 1,
+        };
         let cloud = lattice.clone().jittered(none).expect("valid");
         for formulation in FORMULATIONS {
             for kinematics in ["linear", "finite"] {
@@ -239,13 +256,20 @@ fn one_spacing_gives_the_forces_of_the_lattice() {
                     "formulation = '{formulation}'\nkinematics = '{kinematics}'\ncorrection = 'point'\nhorizon = 3"
                 );
                 let forces = [&lattice, &cloud].map(|body| {
-                    let u = displacement(body, |x| 1e-6 * x.map(|x| (700.0 * x).sin()).sum() * Vector3::new(1.0, -0.5, 0.3));
+                    let u = displacement(body, |x| {
+                        1e-6 * x.map(|x| (700.0 * x).sin()).sum() * Vector3::new(1.0, -0.5, 0.3)
+                    });
                     force(&mut *solid(body, &keys), &u)
                 });
                 let largest = forces[0].iter().map(|f| f.norm()).fold(0.0, f64::max);
                 for (x, expected) in lattice.points.position.iter().zip(&forces[0]) {
                     let near = |y: &Vector3<f64>| (x - y).norm() < 1e-9;
-                    let same = cloud.points.position.iter().position(near).expect("the points coincide");
+                    let same = cloud
+                        .points
+                        .position
+                        .iter()
+                        .position(near)
+                        .expect("the points coincide");
                     let error = (forces[1][same] - expected).norm() / largest;
                     assert!(error < 1e-12, "{dimension}D {keys}: {error:e}");
                 }
@@ -281,7 +305,10 @@ fn ghost_forces_beside_a_change_of_spacing_are_those_of_the_specification() {
                 .map(|((_, spacing), f)| f.norm() * spacing / (YOUNG * 1e-6))
                 .fold(0.0, f64::max);
             println!("{formulation} {horizon}: {found:.4} {expected}");
-            assert!((found / expected - 1.0).abs() < 0.1, "{keys}: {found} {expected}");
+            assert!(
+                (found / expected - 1.0).abs() < 0.1,
+                "{keys}: {found} {expected}"
+            );
         }
     }
 }

@@ -44,7 +44,10 @@ impl Section {
         let volume = &body.points.volume;
         let region = self.region.as_ref().map(|name| &body.regions[name].points);
         let mut counts = vec![region.is_none(); volume.len()];
-        region.into_iter().flatten().for_each(|&point| counts[point as usize] = true);
+        region
+            .into_iter()
+            .flatten()
+            .for_each(|&point| counts[point as usize] = true);
         let mut total = [0.0; 3];
         let plane = (self.axis as usize, self.at);
         run.solid.force_across(plane, &mut |point, force| {

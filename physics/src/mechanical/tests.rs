@@ -300,7 +300,8 @@ fn anisotropy_of_the_recommended_family_is_small_and_falls_with_the_horizon() {
         for formulation in &FORMULATIONS[..2] {
             let worst = |horizon: f64| {
                 let keys = format!("{formulation}\nhorizon = {horizon}");
-                let errors = strains(dimension, 1e-6)[1..].iter().map(|strain| {
+                let strains = strains(dimension, 1e-6);
+                let errors = strains[1..].iter().map(|strain| {
                     let evaluated = evaluate(cells, &keys, affine(*strain));
                     let (energy, _) = classical(&keys, dimension, strain);
                     (evaluated.energy[evaluated.middle][0] / energy - 1.0).abs()
@@ -358,7 +359,10 @@ fn pure_shear_heats_nothing_and_stretching_heats_by_the_classical_value() {
             let moduli = Moduli::new(STEEL_MODULUS, ratio, dimension, Plane::Stress);
             let classical = dimension as f64 * moduli.bulk * 1e-6;
             let case = format!("{cells:?} {formulation}");
-            assert!((stretched / classical - 1.0).abs() < 5e-3, "{case}: {stretched} {classical}");
+            assert!(
+                (stretched / classical - 1.0).abs() < 5e-3,
+                "{case}: {stretched} {classical}"
+            );
             assert!(sheared.abs() < 1e-10 * classical, "{case}: {sheared}");
             assert!(none.abs() < 1e-10 * all, "{case}: {none} {all}");
         }
@@ -386,12 +390,19 @@ fn a_square_bar_moves_alike_along_both_of_its_sides() {
         run(&mut s);
         let u = values(&s, "displacement");
         let at = |i: usize, j: usize, k: usize| 3 * ((k * cells[1] + j) * cells[0] + i);
-        let largest = u.iter().skip(1).step_by(3).fold(0.0f64, |m, v| m.max(v.abs()));
+        let largest = u
+            .iter()
+            .skip(1)
+            .step_by(3)
+            .fold(0.0f64, |m, v| m.max(v.abs()));
         assert!(largest > 1e-8, "it moves");
         for (i, j, k) in (0..12).flat_map(|i| (0..36).map(move |n| (i, n / 6, n % 6))) {
             let apart = (u[at(i, j, k) + 1] - u[at(i, k, j) + 2]).abs();
             // rounding of some hundred steps; the benchmark asks for 1e-9 m
-            assert!(apart < 1e-10 * largest, "{formulation} {i} {j} {k}: {apart:e}");
+            assert!(
+                apart < 1e-10 * largest,
+                "{formulation} {i} {j} {k}: {apart:e}"
+            );
         }
     }
 }
