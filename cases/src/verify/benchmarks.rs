@@ -119,10 +119,14 @@ benchmarks!(
     "gao-3.5.1-plate-shock-l1",
     "gao-3.5.1-plate-shock-l2-uncoupled",
     "gao-3.5.1-plate-shock-l2",
+    "gao-3.5.1-plate-shock-l3-uncoupled",
+    "gao-3.5.1-plate-shock-l1-uncoupled-fine",
+    "gao-3.5.1-plate-shock-l2-uncoupled-fine",
     "gao-3.5.1-plate-shock-l1-fine",
     "gao-3.5.1-plate-shock-l2-fine",
     "gao-3.5.2-steel-plate-tension",
     "gao-3.5.2-steel-plate-tension-linear",
+    "gao-3.5.2-steel-plate-tension-scaled",
     "gao-3.5.2-steel-plate-sine",
     "gao-3.5.3-block-thermal-coarse",
     "fluid-and-solid",
@@ -161,6 +165,9 @@ benchmarks!(
     "gao-5.5.2-couette-updated-n50",
     "gao-5.5.2-couette-constant-n50",
     "gao-5.5.2-couette-constant-n100",
+    "gao-5.5.2-couette-constant-n200",
+    "gao-5.5.2-couette-constant-n400",
+    "gao-5.5.3-poiseuille-mirrored-n25",
     "gao-5.5.3-poiseuille-mirrored-n50",
     "gao-5.5.3-poiseuille-constant-n50",
     "gao-5.5.4-taylor-green-n40",
@@ -168,6 +175,8 @@ benchmarks!(
     "gao-5.5.4-taylor-green-conservative-n40",
     "gao-5.5.4-taylor-green-n50",
     "gao-5.5.4-taylor-green-n100",
+    "gao-5.5.4-taylor-green-eulerian-n40",
+    "gao-5.5.4-taylor-green-eulerian-n50",
     "gao-5.5.6-dam",
     "gao-5.5.6-dam-long",
     "martin-moyce-n2",
@@ -175,6 +184,7 @@ benchmarks!(
     "gao-5.6.4-mixed-re10-n100",
     "gao-5.6.4-mixed-re100-n100",
     "gao-5.6.4-mixed-re400-n100",
+    "gao-5.6.2-heat-conduction-n50",
     "gao-5.6.2-heat-conduction-n100",
     "gao-5.6.2-heat-conduction-n200",
     "gao-5.6.3-convection-1e3-n40",
@@ -187,6 +197,7 @@ benchmarks!(
     "gao-5.5.5-cavity-re1-conservative-n40",
     "gao-5.5.5-cavity-re1-conservative-n60",
     "gao-5.5.5-cavity-re1-updated-n40",
+    "gao-5.5.5-cavity-re1-updated-n60",
     "gao-5.5.5-cavity-re1-updated-n100",
     "gao-5.5.5-cavity-re1-n60",
     "gao-5.5.5-cavity-re1-n100",
@@ -202,6 +213,7 @@ benchmarks!(
     "khoshrou-4.0-plain-phi4",
     "khoshrou-4.0-circle-phi1",
     "khoshrou-4.0-circle-phi2",
+    "khoshrou-4.0-circle-phi2-direct",
     "khoshrou-4.1a",
     "khoshrou-4.1b",
     "khoshrou-4.2-phi2",
@@ -285,6 +297,21 @@ mod tests {
                 built_in.map(|b| b.name.into()).collect(),
                 "{folder}"
             );
+        }
+    }
+
+    #[test]
+    fn the_plate_with_bonds_across_its_hole_is_the_one_that_warns_of_them() {
+        for (name, is_told) in [
+            ("khoshrou-4.2-phi8-unstable", true),
+            ("khoshrou-4.2-phi8-narrow", false),
+        ] {
+            let cases = load(None).expect("valid cases");
+            let case = cases.into_iter().find(|(n, _)| n == name).expect("there").1;
+            let simulation = case.compose().expect("a valid case");
+            let warnings = case.warnings(&simulation).expect("valid sections");
+            let told = warnings.iter().any(|w| w.contains("bonds cross a gap"));
+            assert_eq!(told, is_told, "{name}: {warnings:?}");
         }
     }
 

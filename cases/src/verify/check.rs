@@ -28,6 +28,13 @@ pub struct Check {
     /// Another case, whose same measurement divides this one.
     #[serde(default)]
     pub of: Option<String>,
+    /// Other cases, whose same measurements are subtracted from this one.
+    #[serde(default)]
+    pub minus: Vec<String>,
+    /// Another case, whose error divides the error of this one: the limit applies to the ratio, which is 1 for equal
+    /// errors. The error is the root mean square of the differences between the same measurements and the reference.
+    #[serde(default)]
+    pub error_of: Option<String>,
     /// The reference: one number for all measured values, or one for each.
     pub reference: Components,
     /// Limit of the difference between measured value and reference.
@@ -37,6 +44,39 @@ pub struct Check {
     /// When it is checked.
     #[serde(default)]
     pub level: Level,
+}
+
+impl Check {
+    /// The other cases with which the check compares.
+    pub fn others(&self) -> impl Iterator<Item = &String> {
+        self.of.iter().chain(&self.minus).chain(&self.error_of)
+    }
+
+    /// Compares the values of this case with those of the other cases, in the order of [`Check::others`].
+    ///
+    /// # Errors
+    /// More than one kind of comparison in one check.
+    pub(super) fn compare(&self, own: &[f64], others: &[&[f64]]) -> Result<Vec<f64>, String> {
+        let combine = |a: &[f64], b: &[f64], f: fn(f64, f64) -> f64| -> Vec<f64> {
+            a.iter().zip(b).map(|(a, b)| f(*a, *b)).collect()
+        };
+        match (&self.of, self.minus.as_slice(), &self.error_of) {
+            (None, [], None) => Ok(own.to_vec()),
+            (Some(_), [], None) => Ok(combine(own, others[0], |a, b| a / b)),
+            (None, [_, ..], None) => Ok(others.iter().fold(own.to_vec(), |all, other| {
+                combine(&all, other, |a, b| a - b)
+            })),
+            (None, [], Some(_)) => Ok(vec![self.error(own) / self.error(others[0])]),
+            _ => Err("give one of `of`, `minus` and `error_of`".into()),
+        }
+    }
+
+    /// Root mean square of the differences between values and reference.
+    fn error(&self, values: &[f64]) -> f64 {
+        let references = self.reference.as_slice().iter().cycle();
+        let squares = values.iter().zip(references).map(|(v, r)| (v - r).powi(2));
+        (squares.sum::<f64>() / values.len() as f64).sqrt()
+    }
 }
 
 /// A measurement in the running simulation.
@@ -407,6 +447,9 @@ pub struct BalanceMeasure {
 pub struct ReportMeasure {
     /// Its name, such as "energy.deposited".
     pub name: String,
+    /// Name of another number, which divides it.
+    #[serde(default)]
+    pub of: Option<String>,
     /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
     #[serde(default)]
     pub over_time: Option<OverTime>,

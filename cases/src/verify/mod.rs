@@ -24,6 +24,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use crate::case::CaseError;
+use crate::case::sections::Components;
 use crate::run::display::duration;
 use crate::run::on_workers;
 use check::{Check, Level};
@@ -74,7 +75,7 @@ pub enum VerifyError {
     /// A mistake in a case file.
     #[error("{}", .0.render(false))]
     Case(#[from] Box<CaseError>),
-    /// `of` names no case.
+    /// `of`, `minus` or `error_of` names no case.
     #[error("`{quantity}` of case `{case}` is compared with case `{of}`, which does not exist")]
     NoSuchCase {
         /// The case.
@@ -205,8 +206,8 @@ pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
         });
     }
     let unknown = planned.iter().find_map(|p| {
-        let of = p.check.of.as_ref()?;
-        (!cases.iter().any(|(name, _)| name == of)).then_some((p, of))
+        let is_missing = |of: &&String| !cases.iter().any(|(name, _)| name == *of);
+        p.check.others().find(is_missing).map(|of| (p, of))
     });
     if let Some((Planned { case, check }, of)) = unknown {
         let (case, quantity, of) = (case.clone(), check.quantity.clone(), of.clone());
@@ -215,7 +216,7 @@ pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
 
     let mut runs: BTreeMap<&str, MeasuredRun> = BTreeMap::new();
     for (name, case) in &cases {
-        let concerns = |p: &Planned| p.case == *name || p.check.of.as_deref() == Some(name);
+        let concerns = |p: &Planned| p.case == *name || p.check.others().any(|o| o == name);
         if planned.iter().any(concerns) || without_checks.contains(name.as_str()) {
             runs.insert(name, MeasuredRun::of(name, case, &planned, concerns));
         }
@@ -237,15 +238,20 @@ pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
 }
 
 fn judge(index: usize, p: &Planned, runs: &BTreeMap<&str, MeasuredRun>) -> Outcome {
-    let own = runs[p.case.as_str()].values(index);
-    let values = match &p.check.of {
-        None => own.map(<[f64]>::to_vec),
-        Some(other) => own.and_then(|own| {
-            let other = runs[other.as_str()].values(index)?;
-            Ok(own.iter().zip(other).map(|(a, b)| a / b).collect())
-        }),
-    };
-    match values {
+    let values = |case: &String| runs[case.as_str()].values(index);
+    let compared = values(&p.case).and_then(|own| {
+        let others: Vec<&[f64]> = p.check.others().map(values).collect::<Result<_, _>>()?;
+        p.check.compare(own, &others)
+    });
+    match compared {
+        Ok(values) if p.check.error_of.is_some() => {
+            // the references are those of the two errors
+            let ratio = Check {
+                reference: Components::Scalar(1.0),
+                ..p.check.clone()
+            };
+            Outcome::new(&p.case, &ratio, &values)
+        }
         Ok(values) => Outcome::new(&p.case, &p.check, &values),
         Err(reason) => Outcome::failed(&p.case, &p.check, reason),
     }

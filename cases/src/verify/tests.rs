@@ -108,6 +108,35 @@ fn a_run_that_stops_fails_its_checks_and_no_others() {
 }
 
 #[test]
+fn checks_compare_cases_by_ratio_difference_and_error() {
+    // 10, 30 and 40 K in 10 s
+    let compare = |quantity: &str, keys: &str, reference: f64| {
+        let keys = format!("{keys}\nreference");
+        check(quantity, MEAN, reference).replace("reference", &keys)
+    };
+    let checks = compare("ratio", "of = 'a'", 340.0 / 310.0)
+        + &compare("difference", "minus = ['a', 'b']", 340.0 - 310.0 - 330.0)
+        // errors of 35 and 5 K
+        + &compare("error", "error_of = 'a'", 305.0).replace("absolute = 1e-9", "between = [6.999, 7.001]")
+        + &compare("both", "of = 'a'\nminus = ['b']", 0.0);
+    let all = outcomes(&[
+        ("a", heated_bar(8000.0, "")),
+        ("b", heated_bar(24000.0, "")),
+        ("c", heated_bar(32000.0, &checks)),
+    ]);
+    let checks: Vec<_> = all.iter().filter(|o| !is_audit(o)).collect();
+    assert_eq!(checks.len(), 4, "{all:?}");
+    for outcome in &checks[..3] {
+        assert!(outcome.passed, "{outcome:?}");
+    }
+    let reason = checks[3].failure.as_deref().unwrap_or_default();
+    assert!(
+        !checks[3].passed && reason.contains("give one of"),
+        "{reason}"
+    );
+}
+
+#[test]
 fn values_over_time_are_of_the_states_that_are_asked_for() {
     // 1 K/s, logged every second
     let at = "field = \"temperature\", statistic = \"mean\"";

@@ -79,6 +79,146 @@ fn the_published_derivatives_are_reproduced_and_converge_in_second_order() {
     }
 }
 
+/// Points of a square grid from 0 to 2 with normally distributed displacements of a standard deviation in spacings; the
+/// point in the middle stays.
+fn irregular(points: usize, deviation: f64, seed: u64) -> Body {
+    let spacing = 2.0 / (points - 1) as f64;
+    let mut state = seed;
+    let mut uniform = || {
+        state = state
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
+        ((state >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+    };
+    let mut table = "x,y,spacing\n".to_string();
+    for j in 0..points {
+        for i in 0..points {
+            let size = deviation * spacing * (-2.0 * uniform().ln()).sqrt();
+            let (sin, cos) = (std::f64::consts::TAU * uniform()).sin_cos();
+            let is_middle = (i, j) == (points / 2, points / 2);
+            let [x, y] = match is_middle {
+                true => [1.0, 1.0],
+                false => [
+                    i as f64 * spacing + size * cos,
+                    j as f64 * spacing + size * sin,
+                ],
+            };
+            table += &format!("{x},{y},{spacing}\n");
+        }
+    }
+    let shape = Shape::Box(BoxShape {
+        min: [-1.0; 3],
+        max: [3.0; 3],
+    });
+    Body::from_table("irregular", &shape, 2, 1.0, &table).expect("valid")
+}
+
+/// Gao (2020), Table 1, on irregular points; limits of spec 05, section 4.
+#[test]
+fn derivatives_on_irregular_points_are_as_near_as_published() {
+    let f = |x: &Vector3<f64>| x.x.powi(2) + 2.0 * x.y.powi(3);
+    for seed in 1..=5 {
+        let body = irregular(21, 0.2, seed);
+        let all = derivatives(&body, &operator(&body, 3.015, 2, false), f);
+        let middle = Vector3::new(1.0, 1.0, body.points.position[0].z);
+        let found = body
+            .points
+            .position
+            .iter()
+            .position(|x| (x - middle).norm() < 1e-12);
+        let [fx, fy, fxx, fxy, fyy] = all.at(found.expect("it stays")) else {
+            panic!("five derivatives")
+        };
+        for (value, [low, high]) in [
+            ((fx / 2.0 - 1.0).abs(), [0.0, 5e-3]),
+            (fy / 6.0 - 1.0, [5e-3, 1.3e-2]),
+            ((fxx / 2.0 - 1.0).abs(), [0.0, 0.03]),
+            ((fyy / 12.0 - 1.0).abs(), [0.0, 0.02]),
+            (fxy.abs(), [0.0, 0.15]),
+        ] {
+            assert!(
+                (low..=high).contains(&value),
+                "seed {seed}: {value} not in {low} to {high}"
+            );
+        }
+    }
+}
+
+/// Gao (2020), 2.2.2.2: values on a grid from irregular points; the published errors are upper bounds (spec 05, section 4).
+#[test]
+fn interpolation_from_irregular_points_is_nearer_than_published_and_converges() {
+    let f = |x: &Vector3<f64>| x.x.powi(2) + 2.0 * x.y.powi(3);
+    let error = |points: usize| {
+        let body = irregular(points, 0.1, 1);
+        let pddo = operator(&body, 3.015, 2, false);
+        let all = derivatives(&body, &pddo, f);
+        let values: Vec<f64> = body.points.position.iter().map(f).collect();
+        let spacing = 2.0 / (points - 1) as f64;
+        let place = |k: usize| {
+            let [x, y] = [k % points, k / points].map(|i| i as f64 * spacing);
+            Vector3::new(x, y, body.points.position[0].z)
+        };
+        let places: Vec<Vector3<f64>> = (0..points * points).map(place).collect();
+        let found = pddo.interpolate(&body, &values, &all, &places);
+        let [error, size] = places
+            .iter()
+            .zip(found)
+            .fold([0.0; 2], |[e, s], (x, value)| {
+                let exact = f(x);
+                let difference = value.expect("within a horizon") - exact;
+                [e + difference * difference, s + exact * exact]
+            });
+        (error / size).sqrt()
+    };
+    let errors = [21, 41, 51].map(error);
+    for (found, expected) in errors.into_iter().zip([2.2e-4, 2.4e-5, 1.2e-5]) {
+        assert!(
+            (found / expected - 1.0).abs() < 0.3,
+            "{found:e} {expected:e}"
+        );
+    }
+    let order = (errors[0] / errors[1]).log2();
+    assert!(order >= 2.2, "{order}");
+}
+
+/// The constants of the closed form for a disc of radius 1 (spec 01, 1.5), from moments of the influence.
+#[test]
+fn moments_of_the_gaussian_give_the_published_constants() {
+    use std::f64::consts::PI;
+    // Simpson's rule; the fourth derivative times the fourth power of the step is below 1e-10
+    let moment = |power: i32| {
+        let n = 2000;
+        let at = |k: i32| {
+            let r = f64::from(k) / f64::from(n);
+            let weight = match k {
+                0 => 1.0,
+                k if k == n => 1.0,
+                k if k % 2 == 1 => 4.0,
+                _ => 2.0,
+            };
+            weight * crate::Influence::Gaussian.at(r) * r.powi(power + 1)
+        };
+        (0..=n).map(at).sum::<f64>() / (3.0 * f64::from(n))
+    };
+    // integrals of w x x, w x^4 and w x^2 y^2 over the disc
+    let second = PI * moment(2);
+    let (fourth, mixed) = (0.75 * PI * moment(4), 0.25 * PI * moment(4));
+    // second derivatives: the inverse of ((fourth, mixed), (mixed, fourth)), twice
+    let determinant = fourth * fourth - mixed * mixed;
+    for (found, expected) in [
+        (1.0 / second, 11.2127607413),
+        (2.0 * fourth / determinant, 80.2149406773),
+        (2.0 * mixed / determinant, 26.7383135591),
+        (1.0 / mixed, 106.9532542365),
+    ] {
+        // the constants have eleven digits
+        assert!(
+            (found / expected - 1.0f64).abs() < 1e-9,
+            "{found} {expected}"
+        );
+    }
+}
+
 /// The operator of a disc in closed form (Gao (2020), Appendix D): a fine lattice comes near.
 #[test]
 fn functions_of_a_fine_family_are_those_of_the_disc() {
@@ -193,7 +333,8 @@ proptest! {
             for (n, found) in powers.iter().zip(all.at(point)) {
                 let exact = value(x, n);
                 // one-sided families of third order are worse conditioned
-                prop_assert!((found - exact).abs() < 1e-8 * (1.0 + exact.abs()), "{n:?} {found} {exact}");
+                let limit = if order < 3 { 1e-10 } else { 1e-8 };
+                prop_assert!((found - exact).abs() < limit * (1.0 + exact.abs()), "{n:?} {found} {exact}");
             }
         }
     }

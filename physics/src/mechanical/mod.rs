@@ -26,6 +26,8 @@
 //! | [`correspondence`] | correspondence solids |
 
 mod classical;
+#[cfg(test)]
+mod cloud_tests;
 mod coarse;
 pub mod correspondence;
 #[cfg(test)]

@@ -17,12 +17,18 @@ pub struct Section {
     pub axis: Axis,
     /// Reference position along that axis, m.
     pub at: f64,
+    /// Only bonds of the points of this region that lie below the plane; all bonds across the plane when left out.
+    #[serde(default)]
+    pub region: Option<String>,
 }
 
 impl Section {
     /// # Errors
-    /// The plane misses the body.
+    /// The plane misses the body, or there is no such region.
     pub(super) fn check(&self, setup: &Setup<'_>, body: usize) -> Result<(), SetupError> {
+        if let Some(region) = &self.region {
+            setup.region(body, "sections", region)?;
+        }
         let ((min, max), axis) = (setup.body(body).bounds(), self.axis as usize);
         if axis < setup.body(body).dimension && self.at >= min[axis] && self.at <= max[axis] {
             return Ok(());
@@ -34,11 +40,19 @@ impl Section {
 
     /// Force that the part above the plane exerts on the part below, N.
     pub(super) fn force(&self, run: &mut Run, world: &World) -> [f64; 3] {
-        let volume = &world.body(run.body).points.volume;
+        let body = world.body(run.body);
+        let volume = &body.points.volume;
+        let region = self.region.as_ref().map(|name| &body.regions[name].points);
+        let mut counts = vec![region.is_none(); volume.len()];
+        region
+            .into_iter()
+            .flatten()
+            .for_each(|&point| counts[point as usize] = true);
         let mut total = [0.0; 3];
         let plane = (self.axis as usize, self.at);
         run.solid.force_across(plane, &mut |point, force| {
-            (0..3).for_each(|a| total[a] += force[a] * volume[point]);
+            let part = if counts[point] { volume[point] } else { 0.0 };
+            (0..3).for_each(|a| total[a] += force[a] * part);
         });
         total
     }

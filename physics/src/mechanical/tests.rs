@@ -243,15 +243,15 @@ fn uniform_strain_gives_the_classical_energy_and_stress() {
                     let case = format!("{cells:?} {keys:?} strain {which}: {inside} {anywhere}");
                     let correspondence = formulation.contains("correspondence");
                     if correspondence {
-                        // sums of a hundred bonds, and a differential of displacements at 1e-6 strain
-                        assert!(anywhere < 1e-9, "{case}");
+                        // sums of a hundred bonds
+                        assert!(anywhere < 1e-10, "{case}");
                     } else if which == 0 {
                         assert!(inside < 1e-10, "{case}");
                         // calibrated by the owner's bonds along each axis; the stress at an edge also
                         // takes the dilatation of an incomplete family
                         assert!(energy_error(&evaluated, exact.0) < 1e-10, "{case}");
                     } else {
-                        // anisotropy of lattices; exact values in the tests below
+                        // anisotropy of lattices, that of the recommended family in the tests below
                         assert!(inside < 0.4, "{case}");
                     }
                 }
@@ -287,6 +287,116 @@ fn uniaxial_strain_is_off_by_the_anisotropy_of_the_lattice() {
             assert!(
                 (found / ratio - 1.0).abs() < 3e-4,
                 "{cells:?} {which}: {found} {ratio}"
+            );
+        }
+    }
+}
+
+/// Spec 04, gao-2.1-constants: 1 % in 2D, 6 % in 3D at 3.015 spacings.
+#[test]
+fn anisotropy_of_the_recommended_family_is_small() {
+    for (cells, limit) in [([22, 20, 1], 0.01), ([14, 14, 14], 0.0601)] {
+        let dimension = dimension(cells);
+        for formulation in &FORMULATIONS[..2] {
+            let keys = format!("{formulation}\nhorizon = 3.015\ncorrection = \"lattice\"");
+            for strain in &strains(dimension, 1e-6)[1..] {
+                let evaluated = evaluate(cells, &keys, affine(*strain));
+                let (energy, _) = classical(&keys, dimension, strain);
+                let error = (evaluated.energy[evaluated.middle][0] / energy - 1.0).abs();
+                assert!(error < limit, "{cells:?} {keys}: {error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn both_stores_give_the_same_forces() {
+    let displacement =
+        |[x, y, z]: [f64; 3]| [1e-6 * (300.0 * (x + y)).sin(), 2e-4 * x, 1e-4 * z * x];
+    for cells in CELLS {
+        let in_space = |x| {
+            let u = displacement(x);
+            std::array::from_fn(|a| if a < dimension(cells) { u[a] } else { 0.0 })
+        };
+        for formulation in FORMULATIONS {
+            for kinematics in ["linear", "finite"] {
+                let keys = format!("{formulation}\nkinematics = \"{kinematics}\"\nhorizon = 3");
+                let [lattice, list] = STORES
+                    .map(|store| evaluate(cells, &format!("{keys}\n{store}"), in_space).force);
+                let scale = lattice.iter().fold(0.0f64, |s, f| s.max(f.abs()));
+                for (a, b) in lattice.iter().zip(&list) {
+                    let error = (a - b).abs() / scale;
+                    assert!(error < 1e-12, "{cells:?} {keys}: {error:e}");
+                }
+            }
+        }
+    }
+}
+
+/// Spec 04, gao-3.2-heating: heat of deformation is proportional to the conjugate stress, which pure shear does not have.
+#[test]
+fn pure_shear_heats_nothing_and_stretching_heats_by_the_classical_value() {
+    for cells in &CELLS[1..] {
+        let dimension = dimension(*cells);
+        for formulation in FORMULATIONS {
+            let keys = format!("{formulation}\nhorizon = 3.015");
+            let conjugate = |which: usize| {
+                let strain = strains(dimension, 1e-6)[which];
+                let evaluated = evaluate(*cells, &keys, affine(strain));
+                let all: f64 = evaluated.energy.iter().map(|[_, p]| p).sum();
+                (evaluated.energy[evaluated.middle][1], all)
+            };
+            let ((stretched, all), (sheared, none)) = (conjugate(1), conjugate(2));
+            let ratio = match formulation {
+                "" => bond_based_poissons_ratio(dimension, Plane::Stress),
+                _ => 0.3,
+            };
+            let moduli = Moduli::new(STEEL_MODULUS, ratio, dimension, Plane::Stress);
+            let classical = dimension as f64 * moduli.bulk * 1e-6;
+            let case = format!("{cells:?} {formulation}");
+            assert!(
+                (stretched / classical - 1.0).abs() < 5e-3,
+                "{case}: {stretched} {classical}"
+            );
+            assert!(sheared.abs() < 1e-10 * classical, "{case}: {sheared}");
+            assert!(none.abs() < 1e-10 * all, "{case}: {none} {all}");
+        }
+    }
+}
+
+/// Gao (2020), 3.5.2: `beta^2 T / (rho c (lambda + 2 mu))` of carbon steel under plane stress (spec 04, 1.7).
+#[test]
+fn the_coupling_coefficient_of_the_steel_plate_is_the_published_one() {
+    let moduli = Moduli::new(200e9, 0.17, 2, Plane::Stress);
+    let thermal_modulus = 2.0 * moduli.bulk * 11.5e-6;
+    let stiffness = moduli.lame + 2.0 * moduli.shear;
+    let coupling = thermal_modulus.powi(2) * 285.0 / (7870.0 * 472.0 * stiffness);
+    assert!((coupling - 0.0028606).abs() < 5e-8, "{coupling}");
+}
+
+/// Wang (2025), 4.3.4: a square bar that is released from a strain along its axis moves alike along y and z.
+#[test]
+fn a_square_bar_moves_alike_along_both_of_its_sides() {
+    let cells = [12, 6, 6];
+    for formulation in FORMULATIONS {
+        let keys = format!("{formulation}\nsolver.explicit = {{}}\nkinematics = \"finite\"");
+        let mut s = solid(cells, &keys, 0.0, 2e-6);
+        set(&mut s, "displacement", |[x, ..]| [1e-3 * x, 0.0, 0.0]);
+        run(&mut s);
+        let u = values(&s, "displacement");
+        let at = |i: usize, j: usize, k: usize| 3 * ((k * cells[1] + j) * cells[0] + i);
+        let largest = u
+            .iter()
+            .skip(1)
+            .step_by(3)
+            .fold(0.0f64, |m, v| m.max(v.abs()));
+        assert!(largest > 1e-8, "it moves");
+        for (i, j, k) in (0..12).flat_map(|i| (0..36).map(move |n| (i, n / 6, n % 6))) {
+            let apart = (u[at(i, j, k) + 1] - u[at(i, k, j) + 2]).abs();
+            // rounding of some hundred steps; the benchmark asks for 1e-9 m
+            assert!(
+                apart < 1e-10 * largest,
+                "{formulation} {i} {j} {k}: {apart:e}"
             );
         }
     }

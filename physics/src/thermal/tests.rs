@@ -22,22 +22,47 @@ fn discrete_conductivity_is_exact_after_calibration() {
             for rule in ["none", "half", "full"] {
                 let keys = format!("horizon = {horizon}\npartial_volume = \"{rule}\"");
                 let mut s = plate(Store::Lattice, STEEL, cells, &keys);
+                let middle = cells.map(|c| c / 2);
+                let [at_x, at_y] = [0, 1].map(|axis| 1e-3 * (middle[axis] as f64 + 0.5));
+                // nearly 0 K in the middle, so that the enthalpy there changes by more than it is
                 set(&mut s, "temperature", |[x, y, z]| {
-                    [3e7 * x * x - 1e7 * y * y + 5e3 * z]
+                    [1.0 + 3e7 * (x - at_x).powi(2) + 1e7 * (y - at_y).powi(2) + 5e3 * z]
                 });
                 s.start().expect("starts");
                 let before = values(&s, "enthalpy");
                 s.step().expect("steps");
                 let dt = s.progress().last_step;
-                let middle = cells.map(|c| c / 2);
                 let i = (middle[2] * cells[1] + middle[1]) * cells[0] + middle[0];
                 let rate = (values(&s, "enthalpy")[i] - before[i]) / dt;
-                let curvature = 2.0 * (3e7 - if cells[1] > 1 { 1e7 } else { 0.0 });
-                // enthalpies of 1e9 J/m3 change by about 1e6 in the step: 1e-16 / 1e-3
+                let curvature = 2.0 * (3e7 + if cells[1] > 1 { 1e7 } else { 0.0 });
                 let error = (rate / (40.0 * curvature) - 1.0).abs();
-                assert!(error < 1e-10, "{cells:?} {horizon} {rule}: {error}");
+                assert!(error < 1e-12, "{cells:?} {horizon} {rule}: {error:e}");
             }
         }
+    }
+}
+
+/// Spec 05, gao-5.6.2: at 3.015 spacings a step of `dx^2 / (1.1096 alpha)` is stable, one that is a tenth above
+/// `2 dx^2 / (1.3161 alpha)` is not.
+#[test]
+fn second_derivatives_are_stable_at_the_published_step_and_not_far_beyond() {
+    for (factor, is_stable) in [(1.0 / 1.1096, true), (1.1 * 2.0 / 1.3161, false)] {
+        // dx^2 / alpha is 0.1 s
+        let step = 0.1 * factor;
+        let keys = format!("form = \"second_derivatives\"\nhorizon = 3.015\nstep = {step}");
+        let body = block([24, 22, 1], 2, 1e-3, Store::Lattice, STEEL);
+        let thermal: Thermal = read(&keys);
+        let mut s = simulation(body, vec![Box::new(thermal)], vec![], 300.0 * step);
+        set(&mut s, "temperature", |[x, y, _]| {
+            [500.0 + 10.0 * (3e6 * x * x + 7e6 * y * y).sin()]
+        });
+        let mut outcome = s.start().map(|()| false);
+        while outcome.is_ok() && !s.is_finished() {
+            outcome = s.step();
+        }
+        let far = |t: &f64| (t - 500.0).abs() > 10.0;
+        let is_quiet = outcome.is_ok() && !values(&s, "temperature").iter().any(far);
+        assert_eq!(is_quiet, is_stable, "{step} s: {outcome:?}");
     }
 }
 

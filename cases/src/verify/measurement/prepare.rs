@@ -259,10 +259,13 @@ fn balance(m: &BalanceMeasure, simulation: &Simulation) -> Result<Sampler, Setup
 
 fn report(m: &ReportMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
     let reports = simulation.reports().into_iter().flat_map(|(_, r)| r);
-    let known = reports.map(|r| r.name).collect();
-    is_one_of("report", "measure.report.name", &m.name, known)?;
-    let name = m.name.clone();
-    Ok(Sampler::Report { name })
+    let known: Vec<String> = reports.map(|r| r.name).collect();
+    is_one_of("report", "measure.report.name", &m.name, known.clone())?;
+    if let Some(of) = &m.of {
+        is_one_of("report", "measure.report.of", of, known)?;
+    }
+    let (name, of) = (m.name.clone(), m.of.clone());
+    Ok(Sampler::Report { name, of })
 }
 
 /// A field of a body.

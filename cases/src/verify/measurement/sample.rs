@@ -79,6 +79,8 @@ pub(super) enum Sampler {
     },
     Report {
         name: String,
+        /// divides it
+        of: Option<String>,
     },
     Passes,
 }
@@ -210,10 +212,13 @@ impl Sampler {
                 });
                 vec![extent.unwrap_or(f64::NAN)]
             }
-            Sampler::Report { name } => {
+            Sampler::Report { name, of } => {
                 let reports = simulation.reports();
-                let all = reports.iter().flat_map(|(_, r)| r);
-                vec![all.filter(|r| r.name == *name).map(|r| r.value).sum()]
+                let sum = |name: &String| -> f64 {
+                    let all = reports.iter().flat_map(|(_, r)| r);
+                    all.filter(|r| r.name == *name).map(|r| r.value).sum()
+                };
+                vec![sum(name) / of.as_ref().map_or(1.0, sum)]
             }
             Sampler::Passes => {
                 let progress = simulation.progress();
