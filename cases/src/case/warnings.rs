@@ -63,26 +63,30 @@ impl Case {
                 return Err(self.body_error(&key, message, "kelvins, zero or above"));
             }
         }
-        for (kind, key, numbers, span) in self.given_temperatures()? {
-            if let Some(lowest) = numbers.into_iter().find(|t| *t < 0.0) {
-                let message = format!("`{key}` of `{kind}` is {lowest} K");
-                let error = CaseError::new(&self.file, message, span);
+        for given in self.given_temperatures()? {
+            if let Some(lowest) = given.numbers.iter().find(|t| **t < 0.0) {
+                let message = format!("`{}` of `{}` is {lowest} K", given.key, given.kind);
+                let error = CaseError::new(&self.file, message, given.span);
                 return Err(error.expected("kelvins, zero or above"));
             }
         }
         Ok(())
     }
 
-    /// Temperatures that couplers are given: type, key, numbers, place.
-    fn given_temperatures(&self) -> Result<Vec<(String, &'static str, Vec<f64>, Range<usize>)>> {
+    /// Temperatures that couplers are given.
+    fn given_temperatures(&self) -> Result<Vec<GivenTemperature>> {
         let mut given = Vec::new();
         for table in self.plugin_tables("couplers")? {
             let keys = table.value.get_ref().as_table();
             let of_kind = |(kind, _): &(Option<&str>, _)| kind.is_none_or(|k| k == table.kind);
             for (_, key) in TEMPERATURES.into_iter().filter(of_kind) {
                 if let Some(value) = keys.and_then(|keys| keys.get(key)) {
-                    let numbers = numbers(value.get_ref());
-                    given.push((table.kind.clone(), key, numbers, value.span()));
+                    given.push(GivenTemperature {
+                        kind: table.kind.clone(),
+                        key,
+                        numbers: numbers(value.get_ref()),
+                        span: value.span(),
+                    });
                 }
             }
         }
@@ -91,8 +95,9 @@ impl Case {
 
     fn cold_surroundings(&self) -> Result<Vec<String>> {
         let given = self.given_temperatures()?.into_iter();
-        let cold = given.filter_map(|(kind, key, numbers, _)| {
-            let lowest = numbers.into_iter().reduce(f64::min)?;
+        let cold = given.filter_map(|given| {
+            let lowest = given.numbers.into_iter().reduce(f64::min)?;
+            let (key, kind) = (given.key, given.kind);
             (lowest < COLD).then(|| format!("`{key}` of `{kind}` is {lowest} K; {CELSIUS}"))
         });
         Ok(cold.collect())
@@ -127,6 +132,17 @@ impl Case {
             )
         }))
     }
+}
+
+/// A temperature that a coupler is given.
+struct GivenTemperature {
+    /// Of the coupler.
+    kind: String,
+    key: &'static str,
+    /// K.
+    numbers: Vec<f64>,
+    /// Place of the value in the file.
+    span: Range<usize>,
 }
 
 const CELSIUS: &str = "temperatures are in kelvins (20 °C are 293.15 K)";

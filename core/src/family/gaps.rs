@@ -124,11 +124,14 @@ impl<'a> Review<'a> {
         let mut reached = 1;
         let mut next = 0;
         while next < reached {
-            for candidate in reached..family.len() {
-                if self.touch(family[next], family[candidate]) {
-                    family.swap(reached, candidate);
+            let here = family[next];
+            let mut left = reached;
+            while left < family.len() {
+                if self.touch(here, family[left]) {
+                    family.swap(reached, left);
                     reached += 1;
                 }
+                left += 1;
             }
             next += 1;
         }
