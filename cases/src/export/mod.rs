@@ -1,6 +1,6 @@
 //! A logged run for other tools: a time series for ParaView, or tables.
 //!
-//! [`run`] writes into a folder
+//! [`export()`] writes into a folder
 //!
 //! - `vtk`: `<body>-<number>.vtu` for every time and `<log>.pvd`, which ParaView opens as one
 //!   time series of all bodies

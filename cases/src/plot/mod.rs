@@ -1,6 +1,6 @@
 //! Pictures of a logged run: fields of the bodies, probes, melt pool, balance.
 //!
-//! [`run`] writes into a folder, as PNG or SVG:
+//! [`plot()`] writes into a folder, as PNG or SVG:
 //!
 //! - `<body>-<field>-<time>`: the points of a body coloured by a field, a plane body as it is, a
 //!   three-dimensional one as its surface from above and as the section y = const through its
