@@ -99,10 +99,13 @@ fn extreme_arguments_do_not_panic() {
         let mut args = args(log.clone(), &folder.path().join("out"));
         args.format = PictureFormat::Svg;
         args.body = vec!["plate".into()];
-        args.at = vec![extreme];
+        args.at = vec![0.2];
         args.isotherm = vec![extreme];
         args.deform = Some(extreme);
         assert!(plot(&args).is_ok(), "{extreme}");
+        args.at = vec![extreme];
+        let is_logged = extreme == 0.0;
+        assert_eq!(plot(&args).is_ok(), is_logged, "{extreme}");
     }
 }
 

@@ -19,6 +19,8 @@ use crate::mechanical::stretch::{self, Directions, Expansion, INPUTS, PRESSURE, 
 pub(super) struct Dilatation {
     /// `N = d / sum_j w_ij` of each point; without correction of the bonds, that of a full horizon.
     pub(super) normaliser: Vec<f64>,
+    /// Dilatation `N sum_j w` of each point under an isotropic strain of one; `d` unless bonds are not corrected.
+    of_unit_strain: Vec<f64>,
     /// `sum_j w s` of each point.
     pub(super) sums: Vec<[f64; 1]>,
     /// The parts of `sums` along the axes, which the images of points need; empty without layers.
@@ -52,13 +54,12 @@ impl PressureLaw<'_> {
     fn pressure(
         &self,
         point: usize,
-        normaliser: f64,
+        [normaliser, of_unit_strain]: [f64; 2],
         dilation: f64,
         inelastic: Option<[f64; 6]>,
     ) -> f64 {
         let dimension = self.elastic.dimension;
         let moduli = self.elastic.moduli(point);
-        let d = dimension as f64;
         let dilatation = normaliser * dilation;
         let pressure = 2.0 * moduli.dilatation_stiffness(dimension);
         let eigenstrain = match self.strain {
@@ -71,14 +72,14 @@ impl PressureLaw<'_> {
                 let in_plane: f64 = strain[..dimension].iter().sum();
                 moduli.lame * plasticity.stress_state.trace(&strain) - moduli.shear * in_plane
             });
-        normaliser * (pressure * (dilatation - d * eigenstrain) - relieved)
+        normaliser * (pressure * (dilatation - of_unit_strain * eigenstrain) - relieved)
     }
 }
 
 /// `N = d / sum_j w_ij` of each point, so that the dilatation of any family is exact under isotropic strain. Without
 /// correction the sum is that of a full horizon, `integral of w dV / M`: the published constant `d` (Gao (2020),
-/// eq. 2.11).
-fn normaliser(family: &Family, body: &Body) -> Vec<f64> {
+/// eq. 2.11). `totals` are the sums of the weights.
+fn normaliser(family: &Family, body: &Body, totals: &[[f64; 1]]) -> Vec<f64> {
     let (d, spec) = (body.dimension as f64, family.spec());
     if spec.correction == Correction::None {
         let of_point = |spacing: &f64| {
@@ -87,17 +88,21 @@ fn normaliser(family: &Family, body: &Body) -> Vec<f64> {
         };
         return body.points.spacing.iter().map(of_point).collect();
     }
-    let mut total = vec![[0.0]; body.points.len()];
-    family.sum(&TotalWeight, [], &mut total);
-    total.iter().map(|[total]| d / total).collect()
+    totals.iter().map(|[total]| d / total).collect()
 }
 
 impl Dilatation {
     pub(super) fn new(family: &Family, body: &Body) -> Self {
         let points = body.points.len();
         let parts = if family.has_layers() { points } else { 0 };
+        let mut totals = vec![[0.0]; points];
+        family.sum(&TotalWeight, [], &mut totals);
+        let normaliser = normaliser(family, body, &totals);
+        let of_unit_strain = normaliser.iter().zip(&totals);
+        let of_unit_strain = of_unit_strain.map(|(n, [total])| n * total).collect();
         Dilatation {
-            normaliser: normaliser(family, body),
+            normaliser,
+            of_unit_strain,
             sums: vec![[0.0]; points],
             parts: vec![[0.0; 3]; parts],
             directions: Vec::new(),
@@ -125,10 +130,12 @@ impl Dilatation {
         inputs: &mut Inputs,
         continuation: &Continuation,
     ) {
-        let (normaliser, sums) = (&self.normaliser, &self.sums);
+        let (normaliser, of_unit_strain, sums) =
+            (&self.normaliser, &self.of_unit_strain, &self.sums);
         let pressures = self.pressure.par_iter_mut().enumerate();
         pressures.for_each(|(i, pressure)| {
-            *pressure = law.pressure(i, normaliser[i], sums[i][0], law.inelastic(i));
+            let factors = [normaliser[i], of_unit_strain[i]];
+            *pressure = law.pressure(i, factors, sums[i][0], law.inelastic(i));
         });
         let slots = &mut inputs.slots[PRESSURE];
         family.scatter(&self.pressure, 1, 0, slots);
@@ -156,7 +163,8 @@ impl Dilatation {
             let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
             image_of(&scale, &strain, &mirror)
         });
-        law.pressure(point, self.normaliser[point], sums.iter().sum(), inelastic)
+        let factors = [self.normaliser[point], self.of_unit_strain[point]];
+        law.pressure(point, factors, sums.iter().sum(), inelastic)
     }
 
     /// Sums what bent layers need.
@@ -184,9 +192,10 @@ impl Dilatation {
         point: usize,
         [dilation]: [f64; 1],
     ) -> f64 {
-        let d = elastic.dimension;
-        let a = elastic.moduli(point).dilatation_stiffness(d);
+        let a = elastic
+            .moduli(point)
+            .dilatation_stiffness(elastic.dimension);
         let theta = self.normaliser[point] * dilation;
-        2.0 * a * theta * d as f64
+        2.0 * a * theta * self.of_unit_strain[point]
     }
 }
