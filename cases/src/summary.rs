@@ -5,11 +5,11 @@ use std::io::Write;
 
 use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
 
-use crate::melt_pool::{MeltPool, MeltPoolGauge, Travel};
+use crate::melt_pool::{MeltPool, Travel};
 use crate::plot::isotherm::isotherms;
 use crate::plot::scalar::scalar;
 use crate::plot::survey::{Reference, survey};
-use crate::plot::{grid_of, unit};
+use crate::plot::unit;
 use crate::run::record::REPORTS;
 
 /// Parts of the points with the smallest and the largest values that ranges leave out.
@@ -155,11 +155,7 @@ fn temperatures(
         return Ok(());
     };
     let reference = Reference::new(log, body)?;
-    let grid = grid_of(body, last, reference.positions(last));
-    let zone = grid.and_then(|grid| {
-        let gauge = MeltPoolGauge::on(grid, body.dimension, travel.into(), isotherm);
-        gauge.with_symmetry(&body.symmetry).measure(&peak.values)
-    });
+    let zone = reference.pool((body, last), (isotherm, travel), &peak.values);
     for (name, size) in SIZES {
         if let Some(value) = zone.as_ref().and_then(size) {
             let quantity = format!("{name} of the fusion zone");

@@ -15,6 +15,7 @@
 use nalgebra::{Cholesky, SMatrix, SVector, Vector3};
 use perimelt_core::body::Body;
 use perimelt_core::cell_list::CellList;
+use perimelt_core::material::Property;
 use perimelt_core::{
     Description, Physics, Read, RunError, Setup, SetupError, Step, Work, World, Write, keys,
 };
@@ -130,9 +131,9 @@ impl ThermalHistory {
 
 /// A property that all materials of a body share, if they do.
 fn common(body: &Body, property: &str) -> Option<f64> {
-    let mut values = body.materials.iter().map(|m| m.constant(property).ok());
-    let first = values.next()??;
-    values.all(|v| v == Some(first)).then_some(first)
+    let materials = body.materials.iter();
+    let values: Option<Vec<Property>> = materials.map(|m| m.get(property).cloned()).collect();
+    Property::common(&values?)
 }
 
 #[typetag::serde(name = "thermal_history")]

@@ -34,7 +34,7 @@ impl Case {
     /// # Errors
     /// A section that cannot be read.
     pub fn warnings(&self, simulation: &Simulation) -> Result<Vec<String>> {
-        let of_plugins = simulation.warnings().iter();
+        let of_plugins = simulation.warnings().into_iter();
         let mut found: Vec<String> = of_plugins
             .map(|w| format!("{}: {}", w.plugin, w.message))
             .collect();

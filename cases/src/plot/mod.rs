@@ -343,11 +343,7 @@ impl Plotter<'_> {
 }
 
 /// The grid of a body's points, by the spacings that a cloud has logged with them.
-pub(crate) fn grid_of(
-    body: &BodyInfo,
-    cloud: &LoggedCloud,
-    positions: &[[f64; 3]],
-) -> Option<CellGrid> {
+fn grid_of(body: &BodyInfo, cloud: &LoggedCloud, positions: &[[f64; 3]]) -> Option<CellGrid> {
     let spacing = cloud.fields.iter().find(|f| f.name == SPACING);
     match spacing {
         Some(spacing) => CellGrid::of_spacings(positions, &spacing.values),

@@ -47,13 +47,7 @@ pub(crate) fn survey(
             }
         }
         if let (Some(isotherm), Some(temperature)) = (isotherm, scalar(&cloud, "temperature")) {
-            let positions = reference.positions(&cloud);
-            let grid = super::grid_of(body, &cloud, positions);
-            let pool = grid.and_then(|grid| {
-                let gauge = MeltPoolGauge::on(grid, body.dimension, travel.into(), isotherm);
-                let gauge = gauge.with_symmetry(&body.symmetry);
-                gauge.measure(&temperature.values)
-            });
+            let pool = reference.pool((body, &cloud), (isotherm, travel), &temperature.values);
             survey.pools.push((cloud.time, pool));
         }
     }
@@ -88,5 +82,17 @@ impl Reference {
             Some(first) if first.len() == cloud.positions.len() => first,
             _ => &cloud.positions,
         }
+    }
+
+    /// The region around the highest of the temperatures (K) that is above the isotherm (K).
+    pub(crate) fn pool(
+        &self,
+        (body, cloud): (&BodyInfo, &LoggedCloud),
+        (isotherm, travel): (f64, Travel),
+        temperatures: &[f64],
+    ) -> Option<MeltPool> {
+        let grid = super::grid_of(body, cloud, self.positions(cloud))?;
+        let gauge = MeltPoolGauge::on(grid, body.dimension, travel.into(), isotherm);
+        gauge.with_symmetry(&body.symmetry).measure(temperatures)
     }
 }

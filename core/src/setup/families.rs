@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::configuration::{Description, MovingFamily, PointMover};
 use crate::error::SetupError;
-use crate::family::{self, Family, FamilySpec};
+use crate::family::{Family, FamilySpec};
 use crate::world::{BodyIndex, BondBreaker, World};
 
 use super::Setup;
@@ -43,9 +43,6 @@ impl Setup<'_> {
         let family =
             Family::build(self.body(body), spec).map_err(|e| SetupError::new("horizon", e))?;
         let family = Arc::new(family);
-        for sentence in family::warnings(self.body(body), spec) {
-            self.warn(sentence);
-        }
         self.families.push(ObtainedFamily {
             body,
             plugin: self.plugins.len() - 1,
@@ -145,6 +142,14 @@ impl Setup<'_> {
     /// A moving family as it is at set-up, where all points have their reference positions.
     pub fn current_family(&self, family: MovingFamily) -> Arc<Family> {
         self.world.moving_family(family)
+    }
+
+    /// The families of points that stay, by the plugin that asked first: its name, body and request.
+    pub(crate) fn requests(&self) -> Vec<(String, BodyIndex, FamilySpec)> {
+        let families = self.families.iter();
+        families
+            .map(|f| (self.plugins[f.plugin].clone(), f.body, f.spec.clone()))
+            .collect()
     }
 
     /// All families obtained so far.

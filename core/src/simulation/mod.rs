@@ -25,7 +25,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Problem, RunError, SetupError};
-use crate::family::Horizon;
+use crate::family::{self, FamilySpec, Horizon};
 use crate::field::FieldIndex;
 use crate::plugin::{Balance, Coupler, Physics, Report, Step, StepSize, Update};
 use crate::schedule::Plan;
@@ -114,6 +114,8 @@ pub struct Simulation {
     rates: Vec<Vec<Vec<f64>>>,
     plausible: Vec<Vec<(FieldIndex, f64)>>,
     family_sizes: Vec<FamilySize>,
+    /// Plugin, body and request of each family of points that stay.
+    requests: Vec<(String, usize, FamilySpec)>,
     warnings: Vec<Warning>,
 }
 
@@ -175,6 +177,7 @@ impl Simulation {
             memory: f.memory(),
         };
         let family_sizes = setup.families().map(size).collect();
+        let requests = setup.requests();
         let warnings = setup.take_warnings();
         let declarations = setup
             .finish()
@@ -227,6 +230,7 @@ impl Simulation {
             rates,
             plausible: vec![Vec::new(); count],
             family_sizes,
+            requests,
             warnings,
         })
     }
@@ -271,9 +275,19 @@ impl Simulation {
         &self.family_sizes
     }
 
-    /// What plugins noticed at set-up that may be a mistake.
-    pub fn warnings(&self) -> &[Warning] {
-        &self.warnings
+    /// What may be a mistake: what plugins noticed at set-up, then gaps and jumps of spacing that families bridge.
+    /// Looks through all families.
+    pub fn warnings(&self) -> Vec<Warning> {
+        let mut warnings = self.warnings.clone();
+        for (plugin, body, spec) in &self.requests {
+            for message in family::warnings(&self.world.bodies[*body], spec) {
+                if !warnings.iter().any(|w| w.message == message) {
+                    let plugin = plugin.clone();
+                    warnings.push(Warning { plugin, message });
+                }
+            }
+        }
+        warnings
     }
 
     /// Sub-step of each physics, s (infinite: as long as the macro step).
