@@ -95,6 +95,8 @@ pub fn read_off(log: &Log, asked: Option<f64>, travel: Travel) -> Result<Vec<Rea
         extreme("displacement", "largest displacement at the end", "m");
         extreme("stress", "largest von Mises stress at the end", "Pa");
         extreme("damage", "largest damage at the end", "1");
+        extreme("hardness", "largest hardness at the end", "HV");
+        extreme("martensite", "largest share of martensite at the end", "1");
     }
     sources(log, &mut found);
     found.extend(errors(log));

@@ -101,6 +101,22 @@ pub mod keys {
         THERMAL_GRADIENT: f64 = "thermal_gradient", "K/m", "gradient of the temperature at the last solidification";
         /// Speed of the front at the last solidification, m/s.
         SOLIDIFICATION_SPEED: f64 = "solidification_speed", "m/s", "speed of the front at the last solidification";
+        /// Share of austenite, 0 to 1.
+        AUSTENITE: f64 = "austenite", "1", "share of austenite";
+        /// Share of ferrite, 0 to 1.
+        FERRITE: f64 = "ferrite", "1", "share of ferrite";
+        /// Share of pearlite, 0 to 1.
+        PEARLITE: f64 = "pearlite", "1", "share of pearlite";
+        /// Share of bainite, 0 to 1.
+        BAINITE: f64 = "bainite", "1", "share of bainite";
+        /// Share of martensite, 0 to 1.
+        MARTENSITE: f64 = "martensite", "1", "share of martensite";
+        /// Vickers hardness.
+        HARDNESS: f64 = "hardness", "HV", "Vickers hardness by composition, constituents and rate of cooling";
+        /// Sum of the strains of transformation plasticity over 3/2 of the stress deviator, 1/Pa.
+        TRANSFORMATION_COMPLIANCE: f64 = "transformation_compliance", "1/Pa", "strain of transformation plasticity since the start over 3/2 of a constant stress deviator";
+        /// Yield stress, Pa, in place of the material's.
+        YIELD_STRESS: f64 = "yield_stress", "Pa", "yield stress";
         /// Displacement from the reference position, m.
         DISPLACEMENT: Vector3<f64> = "displacement", "m", "displacement from the reference position";
         /// How often a component of the displacement is held: 0 where it is free, one for each

@@ -21,13 +21,12 @@
 
 use perimelt_core::material::Property;
 use perimelt_core::{
-    Coupler, Read, ReadIfProvided, Report, RunError, Setup, SetupError, Step, World, Write, keys,
+    Coupler, Read, ReadIfProvided, Report, RunError, Setup, SetupError, Step, World, keys,
 };
-use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::rate::Rate;
+use crate::rate::WorkHeat;
 
 /// Heat from the rate of deformation; needs the material property `thermal_expansion`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -51,17 +50,8 @@ struct DeformationHeatState {
     expansion: Vec<Property>,
     temperature: Read<f64>,
     liquid_fraction: ReadIfProvided<f64>,
-    conjugate_stress: Read<f64>,
-    /// Rate of the conjugate_stress, Pa/s.
-    rate: Rate,
-    heat_source: Write<f64>,
-    /// Of the last step, W.
-    power: f64,
-}
-
-/// `-alpha T p'`, W/m³, for the rate p' of the conjugate stress in Pa/s.
-pub fn thermoelastic_heat(expansion: f64, temperature: f64, conjugate_stress_rate: f64) -> f64 {
-    -expansion * temperature * conjugate_stress_rate
+    /// From the rate of the conjugate stress.
+    heat: WorkHeat,
 }
 
 #[typetag::serde(name = "deformation_heat")]
@@ -73,10 +63,7 @@ impl Coupler for DeformationHeat {
             expansion: setup.property(body, "thermal_expansion")?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             liquid_fraction: setup.read_if_provided(body, &keys::LIQUID_FRACTION)?,
-            conjugate_stress: setup.read(body, &keys::CONJUGATE_STRESS)?,
-            rate: Rate::new(setup.body(body).points.len()),
-            heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
-            power: 0.0,
+            heat: WorkHeat::prepare(setup, body, &keys::CONJUGATE_STRESS)?,
         });
         Ok(())
     }
@@ -86,28 +73,19 @@ impl Coupler for DeformationHeat {
         let temperature: &[f64] = &world.read(p.temperature);
         let liquid_fraction = world.read_if_provided(p.liquid_fraction);
         let liquid_fraction = liquid_fraction.as_deref();
-        p.rate.take(&world.read(p.conjugate_stress), step.size);
-        let rate = &p.rate.values;
-        let body = world.body(p.body);
-        let heat = |point: usize| {
+        let (expansion, material) = (&p.expansion, &world.body(p.body).material_of_point);
+        let factor = |point: usize| {
             let liquid = liquid_fraction.map_or(0.0, |f| f[point]);
-            let expansion = &p.expansion[body.material_of_point[point] as usize];
-            let expansion = expansion.at(temperature[point], liquid);
-            let temperature = self.linearised_at.unwrap_or(temperature[point]);
-            thermoelastic_heat(expansion, temperature, rate[point])
+            let expansion = expansion[material[point] as usize].at(temperature[point], liquid);
+            -expansion * self.linearised_at.unwrap_or(temperature[point])
         };
-        let mut heat_source = world.write(p.heat_source);
-        let points = heat_source.par_iter_mut().enumerate();
-        points.for_each(|(point, sum)| *sum += heat(point));
-        // in order, so that the sum does not depend on the number of threads
-        let volumes = body.points.volume.iter().enumerate();
-        p.power = volumes.map(|(point, volume)| heat(point) * volume).sum();
+        p.heat.add(world, factor, step.size);
         Ok(())
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
         let prepared = self.prepared.as_ref().expect("prepared before a save");
-        Box::new(&prepared.rate.seen)
+        Box::new(&prepared.heat.rate.seen)
     }
 
     fn load(
@@ -115,16 +93,13 @@ impl Coupler for DeformationHeat {
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
         let p = self.prepared.as_mut().expect("prepared before a restart");
-        p.rate.seen = erased_serde::deserialize(state)?;
+        p.heat.rate.seen = erased_serde::deserialize(state)?;
         Ok(())
     }
 
     fn report(&self) -> Vec<Report> {
-        vec![Report {
-            name: "power from deformation".into(),
-            unit: "W".into(),
-            value: self.prepared.as_ref().map_or(0.0, |p| p.power),
-        }]
+        let heat = self.prepared.as_ref().map(|p| &p.heat);
+        WorkHeat::report(heat, "power from deformation")
     }
 }
 

@@ -5,6 +5,9 @@
 //! | `type` | plugin | reads | adds or writes |
 //! |---|---|---|---|
 //! | `thermal_expansion` | [`expansion::ThermalExpansion`] | temperature | eigenstrain |
+//! | `phase_expansion` | [`phase_expansion::PhaseExpansion`] | temperature, austenite | eigenstrain |
+//! | `phase_strength` | [`phase_strength::PhaseStrength`] | temperature, shares of the constituents of steel | yield stress |
+//! | `transformation_heat` | [`transformation_heat::TransformationHeat`] | austenite | heat source |
 //! | `phase_change` | [`phase_change::PhaseChange`] | temperature, enthalpy | liquid fraction; lets the body melt |
 //! | `plastic_heat` | [`plastic_heat::PlasticHeat`] | plastic work | heat source |
 //! | `viscous_heat` | [`viscous_heat::ViscousHeat`] | viscous work | heat source |
@@ -47,6 +50,8 @@ pub mod forcing_zone;
 pub mod heat_interface;
 pub mod heat_source;
 pub mod phase_change;
+pub mod phase_expansion;
+pub mod phase_strength;
 pub mod plastic_heat;
 mod rate;
 pub mod source;
@@ -54,6 +59,7 @@ mod surface;
 #[cfg(test)]
 mod testing;
 pub mod toolpath;
+pub mod transformation_heat;
 pub mod viscous_heat;
 
 pub use perimelt_core::in_time::{self, InTime};
@@ -66,7 +72,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 29);
+        assert_eq!(couplers.len(), 32);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

@@ -46,7 +46,7 @@ impl Coupler for PlasticHeat {
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let heat = self.heat.as_mut().expect("prepared before the run");
-        heat.add(world, self.fraction, step.size);
+        heat.add(world, |_| self.fraction, step.size);
         Ok(())
     }
 

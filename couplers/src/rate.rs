@@ -2,6 +2,7 @@
 
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Key, Read, Report, Setup, SetupError, World, Write, keys};
+use rayon::prelude::*;
 
 /// Rate of a field from its values when the rate was last taken. All changes are counted exactly once, whatever
 /// the step size of the physics that changes the field.
@@ -36,20 +37,20 @@ impl Rate {
     }
 }
 
-/// Heat from a work per volume that a physics does: a fraction of its rate is added to the heat source.
+/// Heat from the rate of a field, such as a work per volume that a physics does.
 #[derive(Debug)]
 pub(crate) struct WorkHeat {
     body: BodyIndex,
-    work: Read<f64>,
+    field: Read<f64>,
     heat_source: Write<f64>,
-    /// Rate of the work, W/m³; what it has seen is the state of a restart.
+    /// Rate of the field; what it has seen is the state of a restart.
     pub rate: Rate,
     /// Of the last step, W.
     power: f64,
 }
 
 impl WorkHeat {
-    /// Heat from the work of `key` (J/m³) of a body.
+    /// Heat from the rate of the field `key` of a body.
     pub fn prepare(
         setup: &mut Setup<'_>,
         body: BodyIndex,
@@ -57,25 +58,25 @@ impl WorkHeat {
     ) -> Result<WorkHeat, SetupError> {
         Ok(WorkHeat {
             body,
-            work: setup.read(body, key)?,
+            field: setup.read(body, key)?,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
             rate: Rate::new(setup.body(body).points.len()),
             power: 0.0,
         })
     }
 
-    /// Adds a fraction of the work done since the last time, as heat over a step of `size` (s).
-    pub fn add(&mut self, world: &World, fraction: f64, size: f64) {
-        self.rate.take(&world.read(self.work), size);
+    /// Adds the change of the field since the last time as heat over a step of `size` (s): at each point, the rate times
+    /// a factor that makes it W/m³.
+    pub fn add(&mut self, world: &World, factor: impl Fn(usize) -> f64 + Sync, size: f64) {
+        self.rate.take(&world.read(self.field), size);
+        let rate = &self.rate.values;
+        let heat = |point: usize| factor(point) * rate[point];
         let mut heat_source = world.write(self.heat_source);
-        self.power = 0.0;
-        let volumes = &world.body(self.body).points.volume;
-        let points = heat_source.iter_mut().zip(&self.rate.values).zip(volumes);
-        for ((heat_source, rate), volume) in points {
-            let heat = fraction * rate;
-            *heat_source += heat;
-            self.power += heat * volume;
-        }
+        let points = heat_source.par_iter_mut().enumerate();
+        points.for_each(|(point, sum)| *sum += heat(point));
+        // in order, so that the sum does not depend on the number of threads
+        let volumes = world.body(self.body).points.volume.iter().enumerate();
+        self.power = volumes.map(|(point, volume)| heat(point) * volume).sum();
     }
 
     /// The power of the last step under a name.

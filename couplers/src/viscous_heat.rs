@@ -34,7 +34,7 @@ impl Coupler for ViscousHeat {
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let heat = self.heat.as_mut().expect("prepared before the run");
-        heat.add(world, 1.0, step.size);
+        heat.add(world, |_| 1.0, step.size);
         Ok(())
     }
 

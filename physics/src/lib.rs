@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | `thermal` | `temperature`, `enthalpy` | `heat_source` |
 //! | `thermal_history` | highest temperatures, cooling times, solidification | |
+//! | `metallurgy` | shares of austenite, ferrite, pearlite, bainite and martensite, hardness | |
 //! | `replay` | the fields it is told to read from a log | |
 //! | `fluid` | `velocity`, `density`, `pressure` | `body_force` |
 //! | `rigid_body` | `displacement`, `velocity` | `body_force`, `impulse` |
@@ -12,6 +13,7 @@
 mod advection;
 pub mod fluid;
 pub mod mechanical;
+pub mod metallurgy;
 pub mod replay;
 pub mod rigid_body;
 #[cfg(test)]

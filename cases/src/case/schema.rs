@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-/// The schema of the key that `path` leads to, through references and enum variants.
+/// The schema of the key that `path` leads to, through references and enum variants. The place in a list may be left out.
 pub fn at<'s>(root: &'s Value, path: &[String]) -> Option<&'s Value> {
     let mut here = root;
     for name in path {
@@ -40,8 +40,55 @@ fn child<'s>(root: &'s Value, schema: &'s Value, name: &str) -> Option<&'s Value
             return a.get("items").or_else(|| a["prefixItems"].get(0));
         }
         let any = || a.get("additionalProperties").filter(|v| v.is_object());
-        a["properties"].get(name).or_else(any)
+        let in_list = || child(root, a.get("items")?, name);
+        a["properties"].get(name).or_else(any).or_else(in_list)
     })
+}
+
+/// Names of the keys of a table, or of the tables of a list.
+pub fn keys<'s>(root: &'s Value, schema: &'s Value) -> Vec<&'s str> {
+    let of = |a: &'s Value| {
+        let own = a["properties"].as_object().into_iter().flatten();
+        let mut names: Vec<&str> = own.map(|(name, _)| name.as_str()).collect();
+        names.extend(a.get("items").map_or_else(Vec::new, |i| keys(root, i)));
+        names
+    };
+    alternatives(root, schema)
+        .into_iter()
+        .flat_map(of)
+        .collect()
+}
+
+/// Passes each key below a schema with its path to `receive`, once where keys nest in themselves as shapes do.
+pub fn visit<'s>(root: &'s Value, path: &str, receive: &mut impl FnMut(&str, &'s Value)) {
+    descend(root, root, path, &mut Vec::new(), receive);
+}
+
+fn descend<'s>(
+    root: &'s Value,
+    schema: &'s Value,
+    path: &str,
+    inside: &mut Vec<&'s Value>,
+    receive: &mut impl FnMut(&str, &'s Value),
+) {
+    for a in alternatives(root, schema) {
+        if inside.iter().any(|known| std::ptr::eq(*known, a)) {
+            continue;
+        }
+        inside.push(a);
+        for (name, key) in a["properties"].as_object().into_iter().flatten() {
+            let path = format!("{path}.{name}");
+            receive(&path, key);
+            descend(root, key, &path, inside, receive);
+        }
+        if let Some(any) = a.get("additionalProperties").filter(|v| v.is_object()) {
+            descend(root, any, &format!("{path}.<name>"), inside, receive);
+        }
+        if let Some(items) = a.get("items") {
+            descend(root, items, path, inside, receive);
+        }
+        inside.pop();
+    }
 }
 
 /// Documentation of the key at `path`, on one line; empty where there is none.

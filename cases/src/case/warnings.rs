@@ -106,7 +106,11 @@ impl Case {
     /// Bodies that heat up and deform, of a material that expands, without the coupler that says so.
     fn no_expansion(&self, simulation: &Simulation) -> Result<Option<String>> {
         let couplers = self.plugin_tables("couplers")?;
-        if couplers.iter().any(|c| c.kind == "thermal_expansion") {
+        let expansions = ["thermal_expansion", "phase_expansion"];
+        if couplers
+            .iter()
+            .any(|c| expansions.contains(&c.kind.as_str()))
+        {
             return Ok(None);
         }
         let physics = self.plugin_tables("physics")?;

@@ -1,9 +1,10 @@
-//! `perimelt explain`: the keys of a plugin or section, from its schema.
+//! `perimelt explain`: the keys of a plugin or section, from its schema; fields, materials and their properties.
 
 use std::io::Write;
 
 use perimelt_core::error::nearest;
-use perimelt_core::material::MaterialSection;
+use perimelt_core::field;
+use perimelt_core::material::{MaterialSection, ValueRange, known_properties};
 use perimelt_core::plugin::registered;
 use perimelt_core::{Coupler, Physics};
 use schemars::schema_for;
@@ -12,42 +13,123 @@ use serde_json::Value;
 use super::Done;
 use crate::case::schema;
 use crate::case::sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
+use crate::library;
 
 #[derive(clap::Args, Debug)]
 pub struct ExplainArgs {
-    /// Type of a physics or coupler, or a section: bodies, materials, time, probes, log
+    /// Type of a physics or coupler; a section: case, bodies, materials, time, probes, log; a key of one of these, such as
+    /// `goldak.toolpath.polyline` or `polyline`; a field, a material property, or a material of the library
     name: String,
 }
 
 /// An unknown name.
 #[derive(Debug, thiserror::Error)]
-#[error("no plugin or section is called `{name}`{}; see `perimelt list`", .close.as_ref().map_or(String::new(), |c| format!("; did you mean `{c}`?")))]
+#[error("nothing is called `{name}`{}; see `perimelt list`", .close.as_ref().map_or(String::new(), |c| format!("; did you mean `{c}`?")))]
 struct Unknown {
     name: String,
     close: Option<String>,
 }
 
 pub fn run(args: &ExplainArgs) -> Done {
-    let known = known();
-    let found = known.iter().find(|(name, ..)| *name == args.name);
-    let Some((name, header, schema)) = found else {
-        let close = nearest(&args.name, known.iter().map(|(name, ..)| name.as_str()));
-        return Err(Unknown {
-            name: args.name.clone(),
-            close: close.map(String::from),
-        }
-        .into());
-    };
     let out = &mut std::io::stdout().lock();
-    writeln!(
-        out,
-        "{header}\n{}\n",
-        schema["description"].as_str().unwrap_or("")
-    )?;
+    let known = known();
+    let name = args.name.as_str();
+    let first = name.split('.').next().unwrap_or(name);
+    if let Some((first, header, schema)) = known.iter().find(|(known, ..)| known == first) {
+        let path: Vec<String> = name.split('.').skip(1).map(String::from).collect();
+        if path.is_empty() {
+            return table(out, first, header, schema);
+        }
+        if let Some(key) = schema::at(schema, &path) {
+            return explain_key(out, name, schema, key);
+        }
+        let last = path.last().map_or("", String::as_str);
+        let siblings = schema::at(schema, &path[..path.len() - 1]);
+        let siblings = siblings.map_or_else(Vec::new, |s| schema::keys(schema, s));
+        return Err(unknown(name, nearest(last, siblings)));
+    }
+    if let Some(text) = of_world(name) {
+        return Ok(writeln!(out, "{text}")?);
+    }
+    let mut places = Vec::new();
+    for (first, _, schema) in &known {
+        schema::visit(schema, first, &mut |path, key| {
+            if path.rsplit('.').next() == Some(name) {
+                places.push((path.to_string(), schema, key));
+            }
+        });
+    }
+    // sections and plugins themselves before what they contain
+    places.sort_by_key(|(path, ..)| path.split('.').count());
+    let Some(((path, root, key), others)) = places.split_first() else {
+        let plugins = known.iter().map(|(name, ..)| name.clone());
+        let fields = field::keys::ALL.iter().map(|(name, ..)| (*name).into());
+        let properties = known_properties().map(|p| p.name.into());
+        let materials = library::names().map(String::from);
+        let names: Vec<String> = plugins
+            .chain(fields)
+            .chain(properties)
+            .chain(materials)
+            .collect();
+        let close = nearest(name, names.iter().map(String::as_str));
+        return Err(unknown(name, close));
+    };
+    explain_key(out, path, root, key)?;
+    for (path, ..) in others {
+        writeln!(out, "also: {path}")?;
+    }
+    Ok(())
+}
+
+fn unknown(name: &str, close: Option<&str>) -> Box<dyn std::error::Error> {
+    Unknown {
+        name: name.into(),
+        close: close.map(String::from),
+    }
+    .into()
+}
+
+/// A plugin or a section with its keys.
+fn table(out: &mut impl Write, name: &str, header: &str, schema: &Value) -> Done {
+    let description = schema["description"].as_str().unwrap_or("");
+    writeln!(out, "{header}\n{description}\n")?;
     if header.starts_with("[[physics") || header.starts_with("[[couplers") {
         writeln!(out, "  type = \"{name}\"")?;
     }
     keys(out, schema, schema, "")
+}
+
+/// One key, and the keys of its value.
+fn explain_key(out: &mut impl Write, path: &str, root: &Value, key: &Value) -> Done {
+    let kind = schema::type_name(root, key);
+    writeln!(out, "{path} = <{kind}>")?;
+    let text = schema::one_line(root, key);
+    if !text.is_empty() {
+        writeln!(out, "    {text}")?;
+    }
+    writeln!(out)?;
+    keys(out, root, key, "")
+}
+
+/// A field, a material property or a material of the library.
+fn of_world(name: &str) -> Option<String> {
+    let field = field::keys::ALL.iter().find(|(known, ..)| *known == name);
+    let field = field.map(|(_, unit, meaning)| format!("field `{name}` [{unit}]\n{meaning}"));
+    let property = known_properties().find(|p| p.name == name).map(|p| {
+        let range = match p.range {
+            ValueRange::Any => "any number".into(),
+            ValueRange::Positive => "above zero".into(),
+            ValueRange::NotNegative => "zero or above".into(),
+            ValueRange::Between(low, high) => format!("{low} to {high}"),
+        };
+        let form = "a number, or a table { temperature = [...], value = [...] }, each also for `.solid` and `.liquid`";
+        let (unit, meaning) = (p.unit, p.meaning);
+        format!("material property `{name}` [{unit}]\n{meaning}; {range}; {form}")
+    });
+    let material = library::ENTRIES.iter().find(|(known, _)| *known == name);
+    let material = material.map(|(_, text)| text.trim_end().to_string());
+    let found: Vec<String> = [field, property, material].into_iter().flatten().collect();
+    (!found.is_empty()).then(|| found.join("\n\n"))
 }
 
 /// Everything that can be explained: name, header, schema.

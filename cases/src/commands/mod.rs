@@ -4,6 +4,7 @@ mod check;
 mod explain;
 mod info;
 mod list;
+mod new;
 mod replay;
 mod run;
 mod summary;
@@ -12,7 +13,7 @@ use std::error::Error;
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::case::{self, CaseError};
 use crate::run::Failure;
@@ -28,16 +29,23 @@ struct Arguments {
 
 #[derive(Subcommand, Debug)]
 enum Command {
+    /// Write a case file to start from, or list those that there are
+    New(new::NewArgs),
     /// Run a case and write its log
     Run(run::RunArgs),
     /// Check a case without running it: points, bonds, memory, steps, duration
     Check(check::CheckArgs),
     /// List physics, couplers, fields, material properties and library materials
     List,
-    /// Explain the keys of a plugin or of a section of the case file
+    /// Explain a plugin, a section of the case file, a key, a field, a material or its properties
     Explain(explain::ExplainArgs),
     /// Print the JSON schema of case files, for editors
     Schema,
+    /// Print a script that completes commands and options in a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
     /// Show the contents of a log
     Info(info::InfoArgs),
     /// Print what a process engineer reads off a log: melt pool, cooling times, distortion, energies
@@ -59,11 +67,13 @@ type Done = Result<(), Box<dyn Error>>;
 /// The program: parses its arguments, runs the command, and reports errors.
 pub fn main() -> ExitCode {
     let result = match Arguments::parse().command {
+        Command::New(args) => new::run(&args),
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::run(&args),
         Command::List => list::run(),
         Command::Explain(args) => explain::run(&args),
         Command::Schema => print_schema(),
+        Command::Completions { shell } => print_completions(shell),
         Command::Info(args) => info::run(&args),
         Command::Summary(args) => summary::run(&args),
         Command::Replay(args) => replay::run(&args),
@@ -131,6 +141,12 @@ fn plot(args: &plot::PlotArgs) -> Done {
         writeln!(out, "{}", path.display())?;
     }
     Ok(())
+}
+
+fn print_completions(shell: clap_complete::Shell) -> Done {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Arguments::command(), "perimelt", &mut script);
+    Ok(std::io::stdout().write_all(&script)?)
 }
 
 fn print_schema() -> Done {

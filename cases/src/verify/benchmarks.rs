@@ -222,6 +222,11 @@ benchmarks!(
     "khoshrou-4.2-phi8-narrow",
     "khoshrou-4.2-phi8-unstable",
     "clamped-bar-residual-stress",
+    "metallurgy-isothermal",
+    "metallurgy-dilatometer",
+    "satoh-austenite",
+    "satoh-martensite",
+    "satoh-transformation-plasticity",
     "three-bar-residual-stress",
     "plastic-heat-bar",
     "melt-pool-symmetry",
@@ -236,7 +241,7 @@ benchmarks!(
     "gao-3.6.2b-tearing-plate-nosb",
     "gao-3.6.3-kalthoff",
     ],
-    "welding": ["bead_on_plate", "residual_stress"],
+    "welding": ["bead_on_plate", "haz_hardness", "residual_stress"],
     "additive": ["single_track", "hatch"],
 );
 

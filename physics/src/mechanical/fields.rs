@@ -48,6 +48,10 @@ pub(super) struct PlasticFields {
     pub(super) strain: Write<Matrix3<f64>>,
     pub(super) equivalent: Write<f64>,
     pub(super) work: Write<f64>,
+    /// Pa, in place of the materials'.
+    pub(super) yield_stress: ReadIfProvided<f64>,
+    /// 1/Pa.
+    pub(super) transformation_compliance: ReadIfProvided<f64>,
 }
 
 /// Which optional fields a body has.
@@ -89,6 +93,9 @@ impl Fields {
                     strain: setup.own(body, &keys::PLASTIC_STRAIN)?,
                     equivalent: setup.own(body, &keys::EQUIVALENT_PLASTIC_STRAIN)?,
                     work: setup.own(body, &keys::PLASTIC_WORK)?,
+                    yield_stress: setup.read_if_provided(body, &keys::YIELD_STRESS)?,
+                    transformation_compliance: setup
+                        .read_if_provided(body, &keys::TRANSFORMATION_COMPLIANCE)?,
                 }),
                 false => None,
             },

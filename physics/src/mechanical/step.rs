@@ -58,6 +58,8 @@ pub(super) struct State {
     /// What the surroundings gave since the start.
     pub(super) given: Momentum,
     pub(super) watch: EnergyWatch,
+    /// Compliance of transformation plasticity that the plastic strain contains, 1/Pa; empty without.
+    pub(super) seen_compliance: Vec<f64>,
 }
 
 impl Run {
@@ -132,7 +134,15 @@ impl Run {
         else {
             return;
         };
-        plasticity.set_temperature(&world.body(self.body).material_of_point, temperature);
+        let given = world.read_if_provided(fields.yield_stress);
+        let material = &world.body(self.body).material_of_point;
+        plasticity.set_temperature(material, temperature, given.as_deref());
+        if let Some(compliance) = world.read_if_provided(fields.transformation_compliance) {
+            let seen = &mut self.state.seen_compliance;
+            seen.resize(compliance.len(), 0.0);
+            plasticity.set_transformation(compliance.iter().zip(&*seen).map(|(c, s)| c - s));
+            seen.copy_from_slice(&compliance);
+        }
         let strains = world.read::<Matrix3<f64>>(fields.strain.into());
         let equivalents = world.read::<f64>(fields.equivalent.into());
         let settled = plasticity

@@ -11,6 +11,9 @@
 //! hardening: its elastic strain becomes inelastic, so that it is free of stress in the shape in which it
 //! solidifies.
 //!
+//! Where another physics provides the field `yield_stress`, it takes the place of the property; where one provides
+//! `transformation_compliance`, the plastic strain grows by 3/2 s times the growth of that field, too.
+//!
 //! Small elastic strains; no kinematic hardening, no rate dependence.
 
 mod return_mapping;
@@ -25,8 +28,8 @@ use serde::{Deserialize, Serialize};
 use super::classical::{COMPONENTS, Point};
 use super::elastic::StrainedPoints;
 use super::moduli::{Moduli, Plane};
-use return_mapping::relieved_strain;
 pub use return_mapping::{FlowStress, StressState, return_to_yield};
+use return_mapping::{flow_along_deviator, relieved_strain};
 
 /// Plastic flow by the material properties `yield_stress` and, if given, `hardening_modulus`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -90,6 +93,8 @@ pub struct Plasticity {
     pub annealing_temperature: Option<f64>,
     /// Yield stress and hardening modulus of each point at its present temperature, Pa.
     flow: Vec<[f64; 2]>,
+    /// 3/2 of the compliance of transformation plasticity in this step, 1/Pa, by point; empty without.
+    transformation: Vec<f64>,
     /// State at the end of the last step.
     pub settled: Vec<Inelastic>,
     /// Trial state of the displacement in the last evaluation of forces.
@@ -128,6 +133,7 @@ impl Plasticity {
             table,
             annealing_temperature: section.annealing_temperature,
             flow: vec![[0.0; 2]; points],
+            transformation: Vec::new(),
             settled: vec![Inelastic::default(); points],
             tried: vec![Inelastic::default(); points],
             tangents: Vec::new(),
@@ -135,40 +141,64 @@ impl Plasticity {
         })
     }
 
-    /// Evaluates yield stress and hardening modulus at the temperature of each point, K.
-    pub fn set_temperature(&mut self, material: &[u16], temperature: Option<&[f64]>) {
+    /// Evaluates yield stress and hardening modulus at the temperature of each point, K; `given` yield stresses (Pa) of the
+    /// points take the place of the materials'.
+    pub fn set_temperature(
+        &mut self,
+        material: &[u16],
+        temperature: Option<&[f64]>,
+        given: Option<&[f64]>,
+    ) {
         let (yields, moduli) = (&self.yield_stress, &self.hardening_modulus);
         let points = self.flow.par_iter_mut().zip(material).enumerate();
         points.for_each(|(i, (flow, &m))| {
             let t = temperature.map_or(0.0, |t| t[i]);
             let modulus = moduli[m as usize].as_ref();
             *flow = [
-                yields[m as usize].at(t, 0.0),
+                given.map_or_else(|| yields[m as usize].at(t, 0.0), |given| given[i]),
                 modulus.map_or(0.0, |h| h.at(t, 0.0)),
             ];
         });
     }
 
+    /// Sets the growth of the compliance of transformation plasticity in this step (1/Pa, by point).
+    pub fn set_transformation(&mut self, growth: impl Iterator<Item = f64>) {
+        self.transformation.clear();
+        self.transformation.extend(growth.map(|k| 1.5 * k));
+    }
+
+    /// Flow of a point from a trial stress (Pa): by transformation, then by the excess over the flow stress. The
+    /// increments of plastic strain and equivalent plastic strain, `None` without flow.
+    fn flow_from(
+        &self,
+        point: usize,
+        trial: &[f64; 6],
+        moduli: &Moduli,
+    ) -> Option<([f64; 6], f64)> {
+        let (state, equivalent) = (self.stress_state, self.settled[point].equivalent);
+        let flow = flow_stress(&self.flow[point], self.table.as_ref());
+        match self.transformation.get(point) {
+            None | Some(0.0) => return_to_yield(state, trial, moduli, flow, equivalent),
+            Some(&g) => {
+                let (stress, mut strain) = flow_along_deviator(state, trial, moduli, g);
+                let excess = return_to_yield(state, &stress, moduli, flow, equivalent);
+                let (rest, increment) = excess.unwrap_or(([0.0; 6], 0.0));
+                strain.iter_mut().zip(rest).for_each(|(e, de)| *e += de);
+                Some((strain, increment))
+            }
+        }
+    }
+
     /// Returns the stresses of all points to the flow stress: sets the trial state.
     pub(super) fn try_strains(&mut self, points: StrainedPoints<'_>) {
-        let Self {
-            stress_state,
-            table,
-            flow,
-            settled,
-            tried,
-            ..
-        } = self;
+        let mut tried = std::mem::take(&mut self.tried);
         tried.par_iter_mut().enumerate().for_each(|(i, tried)| {
-            let flow = flow_stress(&flow[i], table.as_ref());
-            *tried = settled[i];
+            *tried = self.settled[i];
             let law = points
                 .law(i)
-                .with_inelastic(*stress_state, settled[i].strain);
+                .with_inelastic(self.stress_state, tried.strain);
             let trial = points.stress(i, &law);
-            let equivalent = settled[i].equivalent;
-            let moved = return_to_yield(*stress_state, &trial, &law.moduli, flow, equivalent);
-            if let Some((strain, increment)) = moved {
+            if let Some((strain, increment)) = self.flow_from(i, &trial, &law.moduli) {
                 tried
                     .strain
                     .iter_mut()
@@ -177,6 +207,7 @@ impl Plasticity {
                 tried.equivalent += increment;
             }
         });
+        self.tried = tried;
     }
 
     /// Derivatives of the inelastic strains of the trial state by the strains, for points that flow: the consistent
@@ -186,7 +217,10 @@ impl Plasticity {
         /// the return, which is found to rounding.
         const STEP: f64 = 1e-4;
         let (tried, settled, state) = (&self.tried, &self.settled, self.stress_state);
-        let flows = |&i: &usize| tried[i].equivalent > settled[i].equivalent;
+        let flows = |&i: &usize| {
+            tried[i].equivalent > settled[i].equivalent
+                || self.transformation.get(i).is_some_and(|g| *g > 0.0)
+        };
         let flowing: Vec<usize> = (0..tried.len()).filter(flows).collect();
         let tangents = flowing.into_par_iter().map(|i| {
             let law = points.law(i);
@@ -196,7 +230,7 @@ impl Plasticity {
             let step = STEP * flow.yield_stress / (2.0 * law.moduli.shear);
             let returned = |change: &[f64; 6], factor: f64| {
                 let stress = std::array::from_fn(|c| trial[c] + factor * change[c]);
-                return_to_yield(state, &stress, &law.moduli, flow, settled.equivalent)
+                self.flow_from(i, &stress, &law.moduli)
                     .map_or([0.0; 6], |(strain, _)| strain)
             };
             let tangent = Matrix6::from_columns(&std::array::from_fn::<_, 6, _>(|component| {

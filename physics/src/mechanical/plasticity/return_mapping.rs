@@ -81,16 +81,9 @@ pub fn return_to_yield(
             Some((deviator.map(|s| 1.5 * dp * s / q), dp))
         }
         StressState::Plane => {
-            // the in-plane mean and the deviatoric part decrease with g by different moduli
             let (sum, difference) = (xx + yy, xx - yy);
-            let fall = |g: f64| {
-                (
-                    1.0 / (1.0 + 2.0 / 3.0 * moduli.bulk * g),
-                    1.0 / (1.0 + 2.0 * moduli.shear * g),
-                )
-            };
             let q = |g: f64| {
-                let (mean, rest) = fall(g);
+                let (mean, rest) = fall_in_plane(moduli, g);
                 let square = (sum * mean).powi(2) / 6.0
                     + (0.5 * difference.powi(2) + 2.0 * xy * xy) * rest * rest;
                 (1.5 * square).sqrt()
@@ -102,14 +95,50 @@ pub fn return_to_yield(
                 most *= 4.0;
             }
             let g = root(excess, most)?;
-            let (mean, rest) = fall(g);
-            let (sum, difference, shear) = (sum * mean, difference * rest, xy * rest);
-            let (x, y) = (0.5 * (sum + difference), 0.5 * (sum - difference));
-            let across = -(x + y) / 3.0;
-            let strain = [x + across, y + across, across, shear, 0.0, 0.0].map(|s| g * s);
+            let (_, strain) = flow_along_deviator(state, trial, moduli, g);
             Some((strain, 2.0 / 3.0 * g * q(g)))
         }
     }
+}
+
+/// Factors by which the in-plane mean and the deviatoric part of a plane stress decrease with g.
+fn fall_in_plane(moduli: &Moduli, g: f64) -> (f64, f64) {
+    (
+        1.0 / (1.0 + 2.0 / 3.0 * moduli.bulk * g),
+        1.0 / (1.0 + 2.0 * moduli.shear * g),
+    )
+}
+
+/// Stress (Pa) and plastic strain after a flow of `g` (1/Pa) times the deviator of that stress, from a trial stress
+/// (Pa).
+pub fn flow_along_deviator(
+    state: StressState,
+    trial: &[f64; 6],
+    moduli: &Moduli,
+    g: f64,
+) -> ([f64; 6], [f64; 6]) {
+    let [xx, yy, zz, xy, yz, zx] = *trial;
+    let (stress, mean) = match state {
+        StressState::Uniaxial => {
+            let along = xx / (1.0 + 2.0 / 3.0 * moduli.bulk * g);
+            ([along, 0.0, 0.0, 0.0, 0.0, 0.0], along / 3.0)
+        }
+        StressState::Plane => {
+            let (mean, rest) = fall_in_plane(moduli, g);
+            let (sum, difference) = ((xx + yy) * mean, (xx - yy) * rest);
+            let (x, y) = (0.5 * (sum + difference), 0.5 * (sum - difference));
+            ([x, y, 0.0, xy * rest, 0.0, 0.0], sum / 3.0)
+        }
+        StressState::Full => {
+            let mean = (xx + yy + zz) / 3.0;
+            let rest = 1.0 / (1.0 + 2.0 * moduli.shear * g);
+            let normal = [xx, yy, zz].map(|s| mean + (s - mean) * rest);
+            let [xx, yy, zz] = normal;
+            ([xx, yy, zz, xy * rest, yz * rest, zx * rest], mean)
+        }
+    };
+    let deviator = |c: usize| if c < 3 { stress[c] - mean } else { stress[c] };
+    (stress, std::array::from_fn(|c| g * deviator(c)))
 }
 
 /// `sqrt(3/2 s : s)` of a deviator.

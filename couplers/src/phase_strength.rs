@@ -1,0 +1,155 @@
+//! Yield stress of steel by its constituents
+//!
+//! ```text
+//! yield_stress = sum of share times yield stress of the constituent at the temperature
+//! ```
+//!
+//! A constituent without a yield stress of its own has that of the material. The `mechanical` takes the field in place of
+//! the material property `yield_stress`.
+
+use perimelt_core::material::Property;
+use perimelt_core::{Coupler, Key, Read, RunError, Setup, SetupError, Step, World, Write, keys};
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Yield stress from the shares of a `metallurgy`.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PhaseStrength {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Yield stress of austenite (Pa), a number or a table over temperature.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub austenite: Option<Property>,
+    /// Yield stress of ferrite (Pa), a number or a table over temperature.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ferrite: Option<Property>,
+    /// Yield stress of pearlite (Pa), a number or a table over temperature.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pearlite: Option<Property>,
+    /// Yield stress of bainite (Pa), a number or a table over temperature.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bainite: Option<Property>,
+    /// Yield stress of martensite (Pa), a number or a table over temperature.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub martensite: Option<Property>,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<State>,
+}
+
+#[derive(Debug)]
+struct State {
+    body: usize,
+    /// Of the materials.
+    common: Vec<Property>,
+    temperature: Read<f64>,
+    shares: [Read<f64>; 5],
+    yield_stress: Write<f64>,
+}
+
+impl PhaseStrength {
+    fn given(&self) -> [(&str, &Option<Property>, Key<f64>); 5] {
+        [
+            ("austenite", &self.austenite, keys::AUSTENITE),
+            ("ferrite", &self.ferrite, keys::FERRITE),
+            ("pearlite", &self.pearlite, keys::PEARLITE),
+            ("bainite", &self.bainite, keys::BAINITE),
+            ("martensite", &self.martensite, keys::MARTENSITE),
+        ]
+    }
+}
+
+#[typetag::serde(name = "phase_strength")]
+impl Coupler for PhaseStrength {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        for (key, given, _) in self.given() {
+            let values = given.as_ref().map(Property::values).unwrap_or_default();
+            if let Some(value) = values.iter().find(|v| !(**v > 0.0 && v.is_finite())) {
+                let message = format!("the yield stress of {key} is {value} Pa");
+                return Err(SetupError::value(key, message, "numbers above zero, Pa"));
+            }
+        }
+        let [a, f, p, b, m] = self.given().map(|(_, _, key)| key);
+        self.prepared = Some(State {
+            body,
+            common: setup.property(body, "yield_stress")?,
+            temperature: setup.read(body, &keys::TEMPERATURE)?,
+            shares: [
+                setup.read(body, &a)?,
+                setup.read(body, &f)?,
+                setup.read(body, &p)?,
+                setup.read(body, &b)?,
+                setup.read(body, &m)?,
+            ],
+            yield_stress: setup.write(body, &keys::YIELD_STRESS)?,
+        });
+        Ok(())
+    }
+
+    fn is_steady(&self) -> bool {
+        true
+    }
+
+    fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
+        let state = self.prepared.as_ref().expect("prepared before the run");
+        let material = &world.body(state.body).material_of_point;
+        let temperature: &[f64] = &world.read(state.temperature);
+        let shares = state.shares.map(|share| world.read(share));
+        let shares: [&[f64]; 5] = std::array::from_fn(|c| &shares[c][..]);
+        let given = self.given().map(|(_, given, _)| given.as_ref());
+        let mut yield_stress = world.write(state.yield_stress);
+        yield_stress
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(i, sum)| {
+                let common = &state.common[material[i] as usize];
+                let of = |c: usize| given[c].unwrap_or(common).at(temperature[i], 0.0);
+                *sum = (0..5).map(|c| shares[c][i] * of(c)).sum();
+            });
+        Ok(())
+    }
+}
+
+perimelt_core::register_coupler!("phase_strength", PhaseStrength);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{apply, block, prepare, read, refusal, set, values};
+
+    #[test]
+    fn yield_stress_is_that_of_the_mixture() {
+        let mut world = World::new(vec![block([2, 1, 1], 1, "yield_stress = 400e6")]);
+        let mut coupler: PhaseStrength = read(
+            "martensite = { temperature = [300, 500], value = [1000e6, 800e6] }\naustenite = 200e6",
+        );
+        prepare(&mut world, &mut coupler, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            for (_, _, key) in PhaseStrength::given(&read("")) {
+                setup.own(0, &key).expect("free");
+            }
+            setup.read(0, &keys::YIELD_STRESS).expect("written");
+        })
+        .expect("valid");
+        set(&mut world, &keys::TEMPERATURE, |_| 400.0);
+        set(&mut world, &keys::AUSTENITE, |i| [0.2, 0.0][i]);
+        set(&mut world, &keys::BAINITE, |i| [0.3, 1.0][i]);
+        set(&mut world, &keys::MARTENSITE, |i| [0.5, 0.0][i]);
+        apply(&world, &mut coupler, 0.0);
+        let expected = [0.2 * 200e6 + 0.3 * 400e6 + 0.5 * 900e6, 400e6];
+        for (stress, expected) in values(&world, &keys::YIELD_STRESS).iter().zip(expected) {
+            assert!((stress - expected).abs() < 1.0, "{stress} {expected}");
+        }
+    }
+
+    #[test]
+    fn strength_that_cannot_be_is_refused() {
+        let mut world = World::new(vec![block([2, 1, 1], 1, "yield_stress = 400e6")]);
+        let mut coupler: PhaseStrength = read("bainite = -5");
+        assert!(refusal(&mut world, &mut coupler).contains("-5"));
+    }
+}

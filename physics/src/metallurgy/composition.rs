@@ -1,0 +1,194 @@
+//! What the composition of a low-alloy steel tells of its transformations and hardness.
+//!
+//! - `Ac1`, `Ac3`, `Ms`: Andrews, K. W. (1965), Empirical formulae for the calculation of some transformation
+//!   temperatures, J. Iron Steel Inst. 203, 721-727; the linear formulas.
+//! - start of bainite and kinetics of ferrite, pearlite and bainite: Li, M. V., Niebuhr, D. V., Meekisho, L. L.,
+//!   Atteridge, D. G. (1998), A computational model for the prediction of steel hardenability, Metall. Mater. Trans. B
+//!   29, 661-672, a refit of Kirkaldy and Venugopalan (1984).
+//! - hardness: Maynier, P., Jungmann, B., Dollet, J. (1978), Creusot-Loire system for the prediction of the mechanical
+//!   properties of low alloy steel products, in: Hardenability concepts with applications to steel, AIME, 518-545.
+//!
+//! They were fitted to steels of up to about 0.6 % carbon and 5 % of other elements.
+
+use perimelt_core::material::{Material, MaterialError};
+
+use super::kinetics::{Kinetics, Kirkaldy};
+
+/// Zero of degrees Celsius, K.
+const ZERO_CELSIUS: f64 = 273.15;
+
+/// Carbon that ferrite dissolves, mass %.
+const IN_FERRITE: f64 = 0.02;
+
+/// Mass % of the elements that the formulas know.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Composition {
+    /// C.
+    pub carbon: f64,
+    /// Mn.
+    pub manganese: f64,
+    /// Si.
+    pub silicon: f64,
+    /// Ni.
+    pub nickel: f64,
+    /// Cr.
+    pub chromium: f64,
+    /// Mo.
+    pub molybdenum: f64,
+    /// V.
+    pub vanadium: f64,
+}
+
+impl Composition {
+    /// That of a material; `None` where its carbon is not given. Elements that are not given are absent.
+    ///
+    /// # Errors
+    /// A content that depends on temperature.
+    pub fn of(material: &Material) -> Result<Option<Self>, MaterialError> {
+        if material.get("carbon").is_none() {
+            return Ok(None);
+        }
+        let content = |element: &str| match material.get(element) {
+            None => Ok(0.0),
+            Some(_) => material.constant(element),
+        };
+        Ok(Some(Composition {
+            carbon: content("carbon")?,
+            manganese: content("manganese")?,
+            silicon: content("silicon")?,
+            nickel: content("nickel")?,
+            chromium: content("chromium")?,
+            molybdenum: content("molybdenum")?,
+            vanadium: content("vanadium")?,
+        }))
+    }
+
+    /// Temperature at which austenite begins to form, K.
+    pub fn ac1(&self) -> f64 {
+        let celsius = 723.0 - 10.7 * self.manganese - 16.9 * self.nickel
+            + 29.1 * self.silicon
+            + 16.9 * self.chromium;
+        celsius + ZERO_CELSIUS
+    }
+
+    /// Temperature at which the last ferrite is gone, K.
+    pub fn ac3(&self) -> f64 {
+        self.ac3_without_carbon() - 203.0 * self.carbon.sqrt()
+    }
+
+    /// K.
+    fn ac3_without_carbon(&self) -> f64 {
+        let celsius = 910.0 - 15.2 * self.nickel
+            + 44.7 * self.silicon
+            + 104.0 * self.vanadium
+            + 31.5 * self.molybdenum
+            - 30.0 * self.manganese
+            - 11.0 * self.chromium;
+        celsius + ZERO_CELSIUS
+    }
+
+    /// Temperature at which bainite begins to form, K.
+    pub fn bainite_start(&self) -> f64 {
+        let celsius = 637.0
+            - 58.0 * self.carbon
+            - 35.0 * self.manganese
+            - 15.0 * self.nickel
+            - 34.0 * self.chromium
+            - 41.0 * self.molybdenum;
+        celsius + ZERO_CELSIUS
+    }
+
+    /// Temperature at which martensite begins to form, K.
+    pub fn martensite_start(&self) -> f64 {
+        let celsius = 539.0
+            - 423.0 * self.carbon
+            - 30.4 * self.manganese
+            - 17.7 * self.nickel
+            - 12.1 * self.chromium
+            - 7.5 * self.molybdenum;
+        celsius + ZERO_CELSIUS
+    }
+
+    /// Share of austenite in equilibrium between `Ac1` and `Ac3`, by the lever rule: the austenite has the carbon at
+    /// which its `Ac3` is the temperature (K), ferrite has 0.02 %.
+    pub fn equilibrium_austenite(&self, temperature: f64) -> f64 {
+        let of_austenite = ((self.ac3_without_carbon() - temperature) / 203.0).powi(2);
+        let share = (self.carbon - IN_FERRITE) / (of_austenite - IN_FERRITE);
+        if temperature >= self.ac3() || share.is_nan() {
+            1.0
+        } else {
+            share.clamp(0.0, 1.0)
+        }
+    }
+
+    /// Kinetics of ferrite, pearlite and bainite for austenite of an ASTM grain size number (Li et al., eqs. 10-12).
+    pub fn kinetics(&self, grain_size: f64) -> [Kinetics; 3] {
+        let Composition {
+            carbon: c,
+            manganese: mn,
+            silicon: si,
+            nickel: ni,
+            chromium: cr,
+            molybdenum: mo,
+            ..
+        } = *self;
+        let ferrite = 1.00 + 6.31 * c + 1.78 * mn + 0.31 * si + 1.12 * ni + 2.70 * cr + 4.06 * mo;
+        let pearlite =
+            -4.25 + 4.12 * c + 4.36 * mn + 0.44 * si + 1.71 * ni + 3.33 * cr + 5.19 * mo.sqrt();
+        let bainite = -10.23 + 10.18 * c + 0.85 * mn + 0.55 * ni + 0.90 * cr + 0.36 * mo;
+        let factor = |logarithm: f64, grain: f64| logarithm.exp() / (grain * grain_size).exp2();
+        let bainite_start = self.bainite_start();
+        [
+            Kirkaldy {
+                factor: factor(ferrite, 0.41),
+                exponent: 3,
+                range: bainite_start..self.ac3(),
+            },
+            Kirkaldy {
+                factor: factor(pearlite, 0.32),
+                exponent: 3,
+                range: bainite_start..self.ac1(),
+            },
+            Kirkaldy {
+                factor: factor(bainite, 0.29),
+                exponent: 2,
+                range: self.martensite_start()..bainite_start,
+            },
+        ]
+        .map(Kinetics::Kirkaldy)
+    }
+
+    /// Vickers hardness of ferrite-pearlite, bainite and martensite that formed at a rate of cooling (K/s at 700 °C).
+    pub fn hardness(&self, cooling_rate: f64) -> [f64; 3] {
+        let Composition {
+            carbon: c,
+            manganese: mn,
+            silicon: si,
+            nickel: ni,
+            chromium: cr,
+            molybdenum: mo,
+            vanadium: v,
+        } = *self;
+        // of the rate in K/h
+        let rate = (3600.0 * cooling_rate).max(1.0).log10();
+        let ferrite_pearlite = 42.0
+            + 223.0 * c
+            + 53.0 * si
+            + 30.0 * mn
+            + 12.6 * ni
+            + 7.0 * cr
+            + 19.0 * mo
+            + (10.0 - 19.0 * si + 4.0 * ni + 8.0 * cr + 130.0 * v) * rate;
+        let bainite = -323.0
+            + 185.0 * c
+            + 330.0 * si
+            + 153.0 * mn
+            + 65.0 * ni
+            + 144.0 * cr
+            + 191.0 * mo
+            + (89.0 + 53.0 * c - 55.0 * si - 22.0 * mn - 10.0 * ni - 20.0 * cr - 33.0 * mo) * rate;
+        let martensite =
+            127.0 + 949.0 * c + 27.0 * si + 11.0 * mn + 8.0 * ni + 16.0 * cr + 21.0 * rate;
+        [ferrite_pearlite, bainite, martensite]
+    }
+}

@@ -1,0 +1,231 @@
+//! How fast austenite transforms by diffusion, at a temperature.
+//!
+//! Both laws are additive (Scheil's rule): the rate depends on temperature and on the share transformed so far, not on
+//! the path. At a constant temperature [`Kinetics::after`] is exact for a step of any size.
+
+use std::ops::Range;
+use std::sync::LazyLock;
+
+use perimelt_core::material::Table;
+
+/// A law of transformation.
+#[derive(Clone, Debug)]
+pub enum Kinetics {
+    /// By measured times of beginning and end.
+    Isothermal(IsothermalCurves),
+    /// By composition.
+    Kirkaldy(Kirkaldy),
+}
+
+impl Kinetics {
+    /// Share transformed after a `time` (s) at a temperature (K), of the share `x` that is transformed at first.
+    pub fn after(&self, x: f64, temperature: f64, time: f64) -> f64 {
+        match self {
+            Kinetics::Isothermal(curves) => curves.after(x, temperature, time),
+            Kinetics::Kirkaldy(law) => {
+                let progress = law.rate(temperature) * time;
+                if progress == 0.0 {
+                    x
+                } else {
+                    SIGMOID.inverse(SIGMOID.at(x) + progress)
+                }
+            }
+        }
+    }
+}
+
+/// Shares at the times of beginning and end of an isothermal transformation.
+const BEGINNING: f64 = 0.01;
+const END: f64 = 0.99;
+
+/// Johnson, Mehl, Avrami and Kolmogorov: `X = 1 - exp(-k t^n)`, with k and n at each temperature from the times at which
+/// 1 % and 99 % are transformed.
+#[derive(Clone, Debug)]
+pub struct IsothermalCurves {
+    /// Logarithm of the times (s) by temperature (K).
+    beginning: Table,
+    end: Table,
+}
+
+impl IsothermalCurves {
+    /// Curves of the logarithms of the times (s) of 1 % and 99 % over temperature (K), each end after its beginning.
+    pub fn new(beginning: Table, end: Table) -> Self {
+        IsothermalCurves { beginning, end }
+    }
+
+    fn after(&self, x: f64, temperature: f64, time: f64) -> f64 {
+        let (lowest, highest) = self.beginning.range();
+        if !(lowest..=highest).contains(&temperature) {
+            return x;
+        }
+        let (beginning, end) = (self.beginning.at(temperature), self.end.at(temperature));
+        let unit = -(-BEGINNING).ln_1p();
+        let exponent = ((1.0 - END).ln() / -unit).ln() / (end - beginning);
+        // time at this temperature after which the share would be transformed, in times of beginning
+        let elapsed = (-(-x).ln_1p() / unit).powf(exponent.recip()) + time / beginning.exp();
+        let after = -(-unit * elapsed.powf(exponent)).exp_m1();
+        after.max(x)
+    }
+}
+
+/// Kirkaldy's rate, as fitted by Li et al. (1998):
+///
+/// ```text
+/// dX/dt = X^(0.4 (1-X)) (1-X)^(0.4 X) (T_start - T)^n exp(-Q / (R T)) / factor
+/// ```
+///
+/// with Q = 27 500 cal/mol.
+#[derive(Clone, Debug)]
+pub struct Kirkaldy {
+    /// s K^n; of composition and grain size.
+    pub factor: f64,
+    /// n.
+    pub exponent: i32,
+    /// Temperatures between which it goes on, K; the upper one is `T_start`.
+    pub range: Range<f64>,
+}
+
+/// Q/R, K.
+const ACTIVATION: f64 = 27_500.0 * 4.184 / 8.314_462_618;
+
+impl Kirkaldy {
+    /// 1/s.
+    fn rate(&self, temperature: f64) -> f64 {
+        if !self.range.contains(&temperature) {
+            return 0.0;
+        }
+        let undercooling = (self.range.end - temperature).powi(self.exponent);
+        undercooling * (-ACTIVATION / temperature).exp() / self.factor
+    }
+}
+
+static SIGMOID: LazyLock<Sigmoid> = LazyLock::new(Sigmoid::new);
+
+/// `S(X)`, the integral of `1 / (X^(0.4 (1-X)) (1-X)^(0.4 X))` from 0 to X, by cubics over the variable w with
+/// `X = w^5 / (w^5 + (1-w)^5)`, in which it is smooth at both ends.
+struct Sigmoid {
+    values: Vec<f64>,
+    slopes: Vec<f64>,
+}
+
+/// Intervals of the table.
+const INTERVALS: usize = 1000;
+
+impl Sigmoid {
+    fn new() -> Self {
+        let width = 1.0 / INTERVALS as f64;
+        let slope_at = |i: usize| slope(i as f64 * width);
+        let mut values = vec![0.0];
+        for i in 0..INTERVALS {
+            let middle = slope((i as f64 + 0.5) * width);
+            let simpson = (slope_at(i) + 4.0 * middle + slope_at(i + 1)) * width / 6.0;
+            values.push(values[i] + simpson);
+        }
+        let slopes = (0..=INTERVALS).map(slope_at).collect();
+        Sigmoid { values, slopes }
+    }
+
+    fn at(&self, x: f64) -> f64 {
+        let odds = (x / (1.0 - x)).powf(0.2);
+        let w = if x >= 1.0 { 1.0 } else { odds / (1.0 + odds) };
+        let place = w * INTERVALS as f64;
+        let interval = (place as usize).min(INTERVALS - 1);
+        self.cubic(interval, place - interval as f64).0
+    }
+
+    /// Value and derivative by the place in an interval, 0 to 1.
+    fn cubic(&self, interval: usize, u: f64) -> (f64, f64) {
+        let width = 1.0 / INTERVALS as f64;
+        let (from, to) = (self.values[interval], self.values[interval + 1]);
+        let (start, end) = (
+            width * self.slopes[interval],
+            width * self.slopes[interval + 1],
+        );
+        let (square, cube) = (
+            3.0 * (to - from) - 2.0 * start - end,
+            2.0 * (from - to) + start + end,
+        );
+        (
+            from + u * (start + u * (square + u * cube)),
+            start + u * (2.0 * square + u * 3.0 * cube),
+        )
+    }
+
+    fn inverse(&self, value: f64) -> f64 {
+        let next = self.values.partition_point(|v| *v <= value);
+        if next > INTERVALS {
+            return 1.0;
+        }
+        let interval = next.saturating_sub(1);
+        let (from, to) = (self.values[interval], self.values[interval + 1]);
+        let mut u = (value - from) / (to - from);
+        for _ in 0..3 {
+            let (at, slope) = self.cubic(interval, u);
+            if slope > 0.0 {
+                u = (u - (at - value) / slope).clamp(0.0, 1.0);
+            }
+        }
+        let w = (interval as f64 + u) / INTERVALS as f64;
+        share(w)
+    }
+}
+
+fn share(w: f64) -> f64 {
+    let (up, down) = (w.powi(5), (1.0 - w).powi(5));
+    up / (up + down)
+}
+
+/// `dS/dw`.
+fn slope(w: f64) -> f64 {
+    let x = share(w);
+    if x == 0.0 || x == 1.0 {
+        return 0.0;
+    }
+    let (up, down) = (w.powi(5), (1.0 - w).powi(5));
+    let derivative = 5.0 * (w * (1.0 - w)).powi(4) / (up + down).powi(2);
+    derivative / (x.powf(0.4 * (1.0 - x)) * (1.0 - x).powf(0.4 * x))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sigmoid_is_the_integral_and_its_inverse() {
+        // by substitution X = s^5, midpoint rule
+        let integral = |x: f64| {
+            let (count, upper) = (200_000, x.powf(0.2));
+            let width = upper / f64::from(count);
+            let term = |i: i32| {
+                let s = (f64::from(i) + 0.5) * width;
+                let x = s.powi(5);
+                5.0 * s.powi(4) / (x.powf(0.4 * (1.0 - x)) * (1.0 - x).powf(0.4 * x))
+            };
+            (0..count).map(term).sum::<f64>() * width
+        };
+        for x in [1e-6, 0.01, 0.3, 0.5, 0.9, 0.99] {
+            let expected = integral(x);
+            assert!((SIGMOID.at(x) - expected).abs() < 1e-8, "{x}");
+            assert!((SIGMOID.inverse(expected) - x).abs() < 1e-8, "{x}");
+        }
+        assert_eq!(SIGMOID.inverse(0.0), 0.0);
+        assert_eq!(SIGMOID.inverse(100.0), 1.0);
+    }
+
+    #[test]
+    fn isothermal_transformation_passes_beginning_and_end() {
+        let table = |times: [f64; 2]| {
+            Table::new(vec![700.0, 900.0], times.map(f64::ln).into()).expect("a table")
+        };
+        let law = Kinetics::Isothermal(IsothermalCurves::new(
+            table([1.0, 2.0]),
+            table([10.0, 50.0]),
+        ));
+        assert!((law.after(0.0, 700.0, 1.0) - 0.01).abs() < 1e-12);
+        assert!((law.after(0.0, 900.0, 50.0) - 0.99).abs() < 1e-12);
+        // in many steps as in one
+        let many = (0..100).fold(0.0, |x, _| law.after(x, 800.0, 0.05));
+        assert!((many - law.after(0.0, 800.0, 5.0)).abs() < 1e-12);
+        assert_eq!(law.after(0.5, 950.0, 10.0), 0.5);
+    }
+}
