@@ -4,6 +4,7 @@
 mod program;
 
 use std::path::Path;
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use perimelt_core::log::Log;
@@ -101,4 +102,95 @@ fn twenty_killed_runs_replay_and_resume_to_the_same_bits() {
         killed_midway >= KILLS / 4,
         "only {killed_midway} runs were killed while running"
     );
+}
+
+/// Whether a command succeeded, and what it said where errors go.
+fn told(folder: &Path, arguments: &[&str]) -> (bool, String) {
+    let output = command(folder, arguments)
+        .stderr(Stdio::piped())
+        .output()
+        .expect("it starts");
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.success(), message)
+}
+
+#[test]
+fn a_finished_run_goes_on_to_a_later_end_as_if_it_had_been_its_end() {
+    let folder = tempfile::tempdir().expect("a folder for logs");
+    let folder = folder.path();
+    let at = |name: &str| folder.join(name);
+    let write = |name: &str, text: &str| std::fs::write(at(name), text).expect("writable");
+    write("whole.toml", &WELD.replace("end = 1.5", "end = 0.5"));
+    write("part.toml", &WELD.replace("end = 1.5", "end = 0.31"));
+    for case in ["whole.toml", "part.toml"] {
+        let (done, message) = told(folder, &["run", case, "--quiet"]);
+        assert!(done, "{message}");
+    }
+    let (done, message) = told(folder, &["resume", "part.mcap"]);
+    assert!(!done && message.contains("`--case`"), "{message}");
+    let stronger = WELD.replace("power = 2000", "power = 3000");
+    write("other.toml", &stronger);
+    let resume = ["resume", "part.mcap", "--quiet", "--case"];
+    let (done, message) = told(folder, &[&resume[..], &["other.toml"]].concat());
+    assert!(!done && message.contains("`couplers` of"), "{message}");
+
+    let (done, message) = told(folder, &[&resume[..], &["whole.toml"]].concat());
+    assert!(done, "{message}");
+    let (part, whole) = (
+        final_state(&at("part.mcap")),
+        final_state(&at("whole.mcap")),
+    );
+    assert_eq!(part.0, whole.0);
+    let log = Log::open(at("part.mcap")).expect("the log opens");
+    assert!(log.case_text().contains("end = 0.5"));
+    // besides the log interval in which the first run ended, all are there
+    let expected: Vec<f64> = Log::open(at("whole.mcap"))
+        .expect("the log opens")
+        .times("plate")
+        .into();
+    let times: Vec<f64> = log
+        .times("plate")
+        .iter()
+        .copied()
+        .filter(|t| *t != 0.31)
+        .collect();
+    assert_eq!(times, expected);
+
+    // with another interval, and told that the file has changed
+    write(
+        "part.toml",
+        &WELD
+            .replace("end = 1.5", "end = 0.6")
+            .replace("interval = 0.02", "interval = 0.05"),
+    );
+    let (done, message) = told(
+        folder,
+        &["resume", "part.mcap", "--quiet", "--case", "part.toml"],
+    );
+    assert!(done, "{message}");
+    let log = Log::open(at("part.mcap")).expect("the log opens");
+    let later: Vec<f64> = log
+        .times("plate")
+        .iter()
+        .copied()
+        .filter(|t| *t > 0.5)
+        .collect();
+    assert_eq!(later.len(), 2, "{later:?}");
+    assert!(
+        (later[0] - 0.55).abs() < 1e-12 && later[1] == 0.6,
+        "{later:?}"
+    );
+}
+
+#[test]
+fn a_case_file_that_changed_since_is_named() {
+    let folder = tempfile::tempdir().expect("a folder for logs");
+    let folder = folder.path();
+    let case = WELD.replace("end = 1.5", "end = 0.2");
+    std::fs::write(folder.join("weld.toml"), &case).expect("writable");
+    let (done, message) = told(folder, &["run", "weld.toml", "--quiet", "--until", "0.1"]);
+    assert!(done, "{message}");
+    std::fs::write(folder.join("weld.toml"), format!("{case}\n# a remark\n")).expect("writable");
+    let (done, message) = told(folder, &["resume", "weld.mcap", "--quiet"]);
+    assert!(done && message.contains("has changed since"), "{message}");
 }

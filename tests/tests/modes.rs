@@ -171,7 +171,7 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path) {
     let half = at("half.mcap");
     let half = told(&["info", &half.to_string_lossy()]);
     assert!(half.contains("the run was interrupted"), "{name}: {half}");
-    run::resume(&at("half.mcap"), &options(&at("half.mcap"), None)).expect("it resumes");
+    run::resume(&at("half.mcap"), None, &options(&at("half.mcap"), None)).expect("it resumes");
     assert!(
         last_checkpoint(&at("half.mcap")) == straight,
         "{name}: resumed, it ends elsewhere"

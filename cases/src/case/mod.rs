@@ -98,6 +98,12 @@ impl Case {
         Case::parse(&name, text, &folder)
     }
 
+    /// Name of the file without its folder.
+    pub fn file_name(&self) -> std::borrow::Cow<'_, str> {
+        let name = Path::new(&self.file.name).file_name();
+        name.unwrap_or_default().to_string_lossy()
+    }
+
     /// Reads the `text` of a case called `name`, whose relative paths start from `folder`.
     ///
     /// # Errors

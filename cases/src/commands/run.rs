@@ -31,6 +31,9 @@ pub struct RunArgs {
 pub struct ResumeArgs {
     /// The log
     log: PathBuf,
+    /// Go on with this case file, which may have another end, other steps and times of logging
+    #[arg(long, value_name = "FILE")]
+    case: Option<PathBuf>,
     /// Write a new log instead of replacing the old one
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -109,7 +112,8 @@ pub fn resume(args: &ResumeArgs) -> Done {
     set_threads(args.common.threads)?;
     let out = args.out.clone().unwrap_or_else(|| args.log.clone());
     let options = args.common.options(out);
-    let summary = run::on_workers(|| run::resume(&args.log, &options))?;
+    let case = args.case.as_deref().map(Case::read).transpose()?;
+    let summary = run::on_workers(|| run::resume(&args.log, case.as_ref(), &options))?;
     args.common.tell(&summary)
 }
 

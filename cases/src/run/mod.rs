@@ -15,7 +15,7 @@ use std::time::Instant;
 use perimelt_core::log::{Log, LogError, Writer, check_unused};
 use perimelt_core::{RunError, Simulation};
 
-use crate::case::{Case, CaseError, StartError};
+use crate::case::{Case, CaseError, SECTIONS, StartError};
 use display::Display;
 use outcome::Outcome;
 use record::Recorder;
@@ -84,14 +84,31 @@ pub enum Failure {
         source: std::io::Error,
     },
     /// The run is finished already.
-    #[error("the run in {path} has reached its end at t = {time} s; there is nothing to resume", path = path.display())]
+    #[error(
+        "the run in {path} has reached its end at t = {time} s; there is nothing to resume (a case file with a later `time.end` can be given by `--case`)",
+        path = path.display()
+    )]
     AlreadyFinished {
         /// The log.
         path: PathBuf,
         /// End, s.
         time: f64,
     },
+    /// A case that is given to a resumed run is another one.
+    #[error(
+        "`{section}` of {file} differs from that of the run; a resumed run takes other {} only",
+        MAY_CHANGE.map(|s| format!("`{s}`")).join(", ")
+    )]
+    OtherCase {
+        /// The case file.
+        file: String,
+        /// The first section that differs.
+        section: &'static str,
+    },
 }
+
+/// Sections of a case that may change when a run is resumed.
+const MAY_CHANGE: [&str; 4] = ["case", "time", "log", "verify"];
 
 impl From<StartError> for Failure {
     fn from(error: StartError) -> Self {
@@ -121,8 +138,7 @@ pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
     }
     let part = part_of(&options.out);
     let info = record::run_info(case, &simulation);
-    let name = Path::new(&case.file.name).file_name().unwrap_or_default();
-    let writer = Writer::create(&part, &info, &name.to_string_lossy(), &case.file.text)?;
+    let writer = Writer::create(&part, &info, &case.file_name(), &case.file.text)?;
     let mut recorder = Recorder::new(case, &simulation, writer, 0.0)?;
     recorder.record(&simulation)?;
     recorder.checkpoint(&simulation)?;
@@ -131,14 +147,21 @@ pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
 }
 
 /// Resumes from the last checkpoint of the log at `path`; the new log takes its place, or
-/// that of `options.out`.
+/// that of `options.out`. A `case` may have another end, other steps and other times of logging than that of the log.
 ///
 /// # Errors
-/// As [`run`], or the log has no checkpoint or has reached its end.
-pub fn resume(path: &Path, options: &Options) -> Result<Summary, Failure> {
+/// As [`run`], or the log has no checkpoint or has reached its end, or the case describes another process.
+pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Summary, Failure> {
     check_unused(&options.out)?;
     let log = Log::open(path)?;
-    let case = case_of(&log)?;
+    let logged = case_of(&log)?;
+    let case = match case {
+        Some(case) => continuing(case, &logged)?,
+        None => {
+            display::warn(changed_file(&log).as_slice());
+            &logged
+        }
+    };
     let newest = log.last_checkpoint()?;
     let (last, state) = log.last_sound_checkpoint()?;
     if last < newest {
@@ -164,8 +187,11 @@ pub fn resume(path: &Path, options: &Options) -> Result<Summary, Failure> {
         .find(|p| p.time <= time)
         .map_or(0.0, |p| p.wall_seconds);
     let part = part_of(&options.out);
-    let writer = Writer::continue_from(&log, &part, last)?;
-    let recorder = Recorder::new(&case, &simulation, writer, wall)?;
+    let mut info = log.run().clone();
+    info.case_folder = record::run_info(case, &simulation).case_folder;
+    let described = (&info, &*case.file_name(), case.file.text.as_str());
+    let writer = Writer::continue_from(&log, &part, last, described)?;
+    let recorder = Recorder::new(case, &simulation, writer, wall)?;
     drop(log);
     put_in_place(&part, &options.out)?;
     go_on(simulation, recorder, options)
@@ -178,6 +204,33 @@ pub fn resume(path: &Path, options: &Options) -> Result<Summary, Failure> {
 pub fn case_of(log: &Log) -> Result<Case, Box<CaseError>> {
     let folder = Path::new(&log.run().case_folder);
     Case::parse(log.case_name(), log.case_text().to_string(), folder)
+}
+
+/// The case, if it describes the same process as the logged one.
+fn continuing<'c>(case: &'c Case, logged: &Case) -> Result<&'c Case, Failure> {
+    let sections = |case: &Case| -> toml::Table {
+        toml::from_str(&case.file.text).expect("a case that was read is TOML")
+    };
+    let (new, old) = (sections(case), sections(logged));
+    let fixed = SECTIONS.iter().filter(|s| !MAY_CHANGE.contains(s));
+    let mut different = fixed.filter(|s| new.get(**s) != old.get(**s));
+    match different.next() {
+        None => Ok(case),
+        Some(section) => Err(Failure::OtherCase {
+            file: case.file.name.clone(),
+            section,
+        }),
+    }
+}
+
+/// A sentence about the case file of a log, where it has changed since.
+fn changed_file(log: &Log) -> Option<String> {
+    let file = Path::new(&log.run().case_folder).join(log.case_name());
+    let text = std::fs::read_to_string(&file).ok()?;
+    let file = file.display();
+    (text != log.case_text()).then(|| {
+        format!("{file} has changed since; the run goes on with its logged case (`--case {file}` takes the file)")
+    })
 }
 
 fn go_on(

@@ -14,6 +14,12 @@ use super::*;
 const BODY: &str = "plate";
 const CASE: &str = "[case]\nname = \"test\"\n";
 
+/// The log of the same run from a checkpoint on.
+fn continued(old: &Log, path: impl AsRef<Path>, checkpoint: usize) -> Result<Writer, LogError> {
+    let described = (old.run(), old.case_name(), old.case_text());
+    Writer::continue_from(old, path, checkpoint, described)
+}
+
 fn run_info() -> RunInfo {
     let field = |name: &str, unit: &str, components| FieldInfo {
         name: name.into(),
@@ -270,7 +276,7 @@ fn a_state_beyond_the_limit_is_split_and_read_back_whole() {
     assert_eq!(log.times(BODY).len(), 4);
 
     let resumed = folder.path().join("resumed.mcap");
-    let mut writer = Writer::continue_from(&log, &resumed, 3).unwrap();
+    let mut writer = continued(&log, &resumed, 3).unwrap();
     log_step(&mut writer, 4, 40);
     writer.finish().unwrap();
     let resumed = Log::open(resumed).unwrap();
@@ -380,7 +386,7 @@ fn a_log_resumed_equals_one_never_interrupted() {
         assert!(!old.finished());
 
         let resumed = folder.path().join("resumed.mcap");
-        let mut writer = Writer::continue_from(&old, &resumed, 2).unwrap();
+        let mut writer = continued(&old, &resumed, 2).unwrap();
         for step in 3..5 {
             log_step(&mut writer, step, points);
         }
@@ -398,7 +404,7 @@ fn a_log_resumed_equals_one_never_interrupted() {
 fn resuming_into_the_same_file_is_refused() {
     let (_folder, path) = logged(1, 4);
     let log = Log::open(&path).unwrap();
-    let refused = Writer::continue_from(&log, &path, 0);
+    let refused = continued(&log, &path, 0);
     assert!(matches!(refused, Err(LogError::SameFile { .. })));
     assert_eq!(Log::open(&path).unwrap().checkpoints().len(), 1);
 }
@@ -413,7 +419,7 @@ fn resuming_without_a_checkpoint_is_refused() {
         log.last_checkpoint(),
         Err(LogError::NoCheckpoint { .. })
     ));
-    let refused = Writer::continue_from(&log, folder.path().join("new.mcap"), 0);
+    let refused = continued(&log, folder.path().join("new.mcap"), 0);
     assert!(matches!(refused, Err(LogError::NoCheckpoint { .. })));
 }
 

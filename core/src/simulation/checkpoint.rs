@@ -155,6 +155,7 @@ impl Simulation {
         }
         self.restore_couplers(&saved.couplers)?;
         self.clock = saved.clock;
+        self.clock.logs = self.logs_until(self.clock.time);
         for (owned, &time) in self.plan.owned.iter().zip(&self.clock.advanced_to) {
             self.world.set_times(owned, time);
         }

@@ -134,6 +134,13 @@ impl Simulation {
         ((self.clock.logs + 1) as f64 * self.options.log_interval).min(self.options.end)
     }
 
+    /// Number of log times until a time (s) of a run that may have had another interval or end.
+    pub(super) fn logs_until(&self, time: f64) -> u64 {
+        let intervals = time / self.options.log_interval;
+        // a log time is a product of floating-point numbers
+        (intervals * (1.0 + 1e-12)) as u64
+    }
+
     /// Takes a macro step. Returns whether the state is now to be logged.
     ///
     /// # Errors

@@ -53,7 +53,7 @@ fn a_damaged_chunk_costs_nothing_but_what_it_holds() {
             assert_eq!(state, expected);
             last_lost += usize::from(step < STEPS - 1);
             let next = path.with_file_name("next.mcap");
-            let writer = Writer::continue_from(&log, &next, index).unwrap();
+            let writer = continued(&log, &next, index).unwrap();
             writer.finish().unwrap();
             let next = Log::open(&next).unwrap();
             assert_eq!(next.last_sound_checkpoint().unwrap().1, expected);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::Writer;
 use crate::log::{
-    Log, LogError,
+    Log, LogError, RunInfo,
     scan::IndexLine,
     series,
     topic::{self, Topic},
@@ -12,7 +12,7 @@ use crate::log::{
 
 impl Writer {
     /// Starts the log of a run resumed from checkpoint number `checkpoint` of an older log:
-    /// copies everything logged up to and including the time of that checkpoint, of the
+    /// describes the run and its case as [`Writer::create`] does, copies everything logged up to and including the time of that checkpoint, of the
     /// checkpoints only that one and the one before, and continues from there. A step should
     /// therefore log its checkpoint last.
     ///
@@ -22,6 +22,7 @@ impl Writer {
         old: &Log,
         path: impl AsRef<Path>,
         checkpoint: usize,
+        (run, case_file_name, case_text): (&RunInfo, &str, &str),
     ) -> Result<Self, LogError> {
         let path = path.as_ref();
         if let (Ok(new), Ok(old)) = (path.canonicalize(), old.path().canonicalize())
@@ -30,7 +31,7 @@ impl Writer {
             return Err(LogError::SameFile { path: path.into() });
         }
         let (end, oldest_checkpoint) = old.resume_range(checkpoint)?;
-        let mut writer = Self::create(path, old.run(), old.case_name(), old.case_text())?;
+        let mut writer = Self::create(path, run, case_file_name, case_text)?;
         old.visit_messages(|topic, schema, header, data| {
             let outdated = header.log_time < oldest_checkpoint
                 && match Topic::of(topic) {
