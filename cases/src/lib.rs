@@ -5,7 +5,7 @@
 //! - [`probe`]: numbers computed from the fields with every logged state;
 //! - [`interpolation`]: fields between points; [`melt_pool`]: extents above an isotherm;
 //! - [`library`]: the materials that come with the program;
-//! - [`commands`]: the command line; [`plot`], [`export`] and [`verify`] behind it.
+//! - [`commands`]: the command line; [`plot`], [`export`], [`sweep`] and [`verify`] behind it.
 //!
 //! A binary with additional plugins links their crate and calls [`main`]:
 //!
@@ -29,6 +29,7 @@ pub mod plot;
 pub mod probe;
 pub mod run;
 pub mod summary;
+pub mod sweep;
 pub mod verify;
 
 pub use commands::main;

@@ -157,7 +157,7 @@ pub mod keys {
         /// Share of a point's bonds that are broken, by their weights (spec 04, eq. 2.15).
         DAMAGE: f64 = "damage", "1", "share of broken bonds";
         /// Stress, Pa.
-        STRESS: Matrix3<f64> = "stress", "Pa", "stress";
+        STRESS: Matrix3<f64> = "stress", "Pa", "stress; up to a third off in the first rows of curved surfaces of a lattice, unless `surface_stress` of `mechanical` is \"extrapolated\"";
         /// Stress conjugate to the eigenstrain (not a residual stress): `dW/d(strain)` summed over the bonds,
         /// Pa. Heat from deformation is `-alpha T` times its change.
         CONJUGATE_STRESS: f64 = "conjugate_stress", "Pa", "stress conjugate to the eigenstrain (not a residual stress)";

@@ -86,3 +86,66 @@ fn every_shell_has_completions() {
         assert!(done && script.contains("resume"), "{shell}");
     }
 }
+
+#[test]
+fn a_sweep_runs_all_combinations_and_goes_on_where_it_was() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let case = include_str!("cases/weld.toml").replace("end = 1.5", "end = 0.1");
+    let case = case.replace("type = \"goldak\"", "type = \"goldak\"\nname = \"torch\"");
+    std::fs::write(folder.join("weld.toml"), case).expect("writable");
+    let sweep = [
+        "sweep",
+        "weld.toml",
+        "--set",
+        "couplers.torch.power=[1000, 2000]",
+        "--set",
+        "couplers.torch.depth=[0.001, 0.002]",
+    ];
+    let (done, text) = told(folder, &sweep);
+    assert!(done, "{text}");
+    assert!(text.contains("couplers.torch.power"), "{text}");
+    let rows = std::fs::read_to_string(folder.join("weld-sweep/sweep.csv")).expect("a table");
+    let rows: Vec<Vec<&str>> = rows.lines().map(|row| row.split(',').collect()).collect();
+    assert_eq!(rows.len(), 5);
+    assert_eq!(rows[3][..3], ["3", "2000", "0.001"]);
+    let column = |name: &str| {
+        let found = rows[0].iter().position(|n| n.contains(name));
+        found.unwrap_or_else(|| panic!("{name} in {:?}", rows[0]))
+    };
+    let number =
+        |row: usize, name: &str| -> f64 { rows[row][column(name)].parse().expect("a number") };
+    let energy = "torch: energy asked";
+    assert!((number(3, energy) / number(1, energy) - 2.0).abs() < 1e-9);
+    let peak = "highest temperature at the end";
+    assert!(number(3, peak) > number(1, peak) && number(1, peak) > number(2, peak));
+
+    // finished runs are kept, one that is missing is run
+    let modified = |run: &str| {
+        let log = folder.join("weld-sweep").join(run);
+        let meta = std::fs::metadata(log).expect("a log");
+        meta.modified().expect("a time")
+    };
+    let before = modified("1.mcap");
+    std::fs::remove_file(folder.join("weld-sweep/4.mcap")).expect("removable");
+    let (done, text) = told(folder, &sweep);
+    assert!(done, "{text}");
+    assert_eq!(modified("1.mcap"), before);
+    assert!(folder.join("weld-sweep/4.mcap").exists());
+
+    for (set, expected) in [
+        ("couplers.torch.powr=[1]", "did you mean `power`?"),
+        ("couplers.torch.power=5", "no list"),
+        ("couplers.torch.power=[-5]", "power"),
+        ("couplers.torch.power", "no `=`"),
+        ("couplers.torch.power=[3000]", "other cases"),
+    ] {
+        let (done, message) = told(folder, &["sweep", "weld.toml", "--set", set]);
+        assert!(!done && message.contains(expected), "{set}: {message}");
+    }
+    let run = ["run", "weld.toml", "--set", "time.end=0.04", "--quiet"];
+    let (done, message) = told(folder, &run);
+    assert!(done, "{message}");
+    let log = perimelt_core::log::Log::open(folder.join("weld.mcap")).expect("a log");
+    assert_eq!(log.times("plate").last(), Some(&0.04));
+}

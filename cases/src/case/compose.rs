@@ -12,7 +12,7 @@ use super::error::CaseError;
 use super::locate::{self, TomlValue};
 use super::reword::{Section, split_help};
 use super::sections::ProbeSection;
-use super::{Case, Reader, Result, without_type};
+use super::{Case, Reader, Result, own_keys};
 use crate::probe::Probe;
 use crate::run::record::REPORTS;
 
@@ -171,21 +171,41 @@ impl Case {
                 return Err(self.unknown_plugin(table));
             };
             let plugin = self.construct(table, found.from_toml, found.schema)?;
-            let keys = table.value.get_ref().as_table();
-            let body = keys.and_then(|t| t.get("body")?.get_ref().as_str());
-            let base = match body {
-                Some(body) => format!("{} on {body}", table.kind),
-                None => table.kind.clone(),
-            };
-            let mut label = base.clone();
-            let mut number = 2;
-            while plugins.iter().any(|p| p.label == label) {
-                label = format!("{base} ({number})");
-                number += 1;
-            }
+            let label = self.label(table, |label| plugins.iter().any(|p| p.label == label))?;
             plugins.push(Named { label, plugin });
         }
         Ok(plugins)
+    }
+
+    /// The `name` of a plugin, or its type and body with a number where several are alike.
+    fn label(&self, table: &PluginTable<'_>, is_taken: impl Fn(&str) -> bool) -> Result<String> {
+        let keys = table.value.get_ref().as_table();
+        if let Some(name) = keys.and_then(|t| t.get("name")) {
+            let error = |message: String, expected: &str| {
+                Err(CaseError::new(&self.file, message, name.span()).expected(expected))
+            };
+            return match name.get_ref().as_str() {
+                Some("") | None => error("`name` is not text".into(), "expected a name in quotes"),
+                Some(taken) if is_taken(taken) => {
+                    let section = table.section;
+                    let message = format!("another of the {section} is called `{taken}`");
+                    error(message, "expected a name of its own")
+                }
+                Some(name) => Ok(name.to_string()),
+            };
+        }
+        let body = keys.and_then(|t| t.get("body")?.get_ref().as_str());
+        let base = match body {
+            Some(body) => format!("{} on {body}", table.kind),
+            None => table.kind.clone(),
+        };
+        let mut label = base.clone();
+        let mut number = 2;
+        while is_taken(&label) {
+            label = format!("{base} ({number})");
+            number += 1;
+        }
+        Ok(label)
     }
 
     fn construct<P: ?Sized>(
@@ -194,7 +214,7 @@ impl Case {
         from_toml: FromToml<P>,
         schema: fn() -> Schema,
     ) -> Result<Box<P>> {
-        from_toml(ValueDeserializer::from(without_type(&table.value))).map_err(|e| {
+        from_toml(ValueDeserializer::from(own_keys(&table.value))).map_err(|e| {
             let empty = locate::TomlTable::new();
             let section = Section {
                 file: &self.file,

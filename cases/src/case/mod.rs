@@ -10,6 +10,7 @@
 //! nearest valid name.
 
 mod bodies;
+pub mod change;
 mod compose;
 mod error;
 mod initial;
@@ -34,7 +35,7 @@ use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 pub use compose::StartError;
 pub use error::{CaseError, CaseFile};
-pub use whole_schema::whole_schema;
+pub use whole_schema::{NAME as PLUGIN_NAME, whole_schema};
 
 use locate::{TomlTable, TomlValue};
 use reword::Section;
@@ -339,9 +340,10 @@ impl<'a, 'i> Reader<'a, 'i> {
     }
 }
 
-/// The table of a plugin without its `type`, for its constructor.
-fn without_type<'i>(value: &TomlValue<'i>) -> TomlValue<'i> {
+/// The table of a plugin without its `type` and `name`, for its constructor.
+fn own_keys<'i>(value: &TomlValue<'i>) -> TomlValue<'i> {
     let mut table = value.get_ref().as_table().cloned().unwrap_or_default();
     table.remove("type");
+    table.remove("name");
     Spanned::new(value.span(), DeValue::Table(table))
 }

@@ -49,6 +49,9 @@ fn subschema<T: JsonSchema>(generator: &mut SchemaGenerator) -> schemars::Schema
     generator.subschema_for::<T>()
 }
 
+/// What the `name` of a plugin is for.
+pub const NAME: &str = "Name in messages, reports and sweeps; its type when left out.";
+
 /// Schemas of the plugins of one kind, each with its `type`; what they refer to moves into
 /// `definitions`.
 fn plugins<P: ?Sized + 'static>(definitions: &mut Map<String, Value>) -> Vec<Value>
@@ -64,6 +67,7 @@ where
             object.remove("$schema");
         }
         schema["properties"]["type"] = json!({ "const": r.name });
+        schema["properties"]["name"] = json!({ "type": "string", "description": NAME });
         match schema["required"].as_array_mut() {
             Some(required) => required.push("type".into()),
             None => schema["required"] = json!(["type"]),

@@ -11,8 +11,8 @@ use schemars::schema_for;
 use serde_json::Value;
 
 use super::Done;
-use crate::case::schema;
 use crate::case::sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
+use crate::case::{PLUGIN_NAME, schema};
 use crate::library;
 
 #[derive(clap::Args, Debug)]
@@ -95,6 +95,7 @@ fn table(out: &mut impl Write, name: &str, header: &str, schema: &Value) -> Done
     writeln!(out, "{header}\n{description}\n")?;
     if header.starts_with("[[physics") || header.starts_with("[[couplers") {
         writeln!(out, "  type = \"{name}\"")?;
+        writeln!(out, "  name = <text> (optional)\n      {PLUGIN_NAME}")?;
     }
     keys(out, schema, schema, "")
 }

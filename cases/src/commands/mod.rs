@@ -17,7 +17,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::case::{self, CaseError};
 use crate::run::Failure;
-use crate::{export, plot, verify};
+use crate::{export, plot, sweep, verify};
 
 /// Simulates welding and additive manufacturing with peridynamics.
 #[derive(Parser, Debug)]
@@ -54,6 +54,8 @@ enum Command {
     Replay(replay::ReplayArgs),
     /// Resume a run from the last checkpoint of its log
     Resume(run::ResumeArgs),
+    /// Run a case with several values of some of its keys, and compare what is read off
+    Sweep(sweep::SweepArgs),
     /// Export a log to ParaView or CSV
     Export(export::ExportArgs),
     /// Draw pictures of a log
@@ -78,6 +80,7 @@ pub fn main() -> ExitCode {
         Command::Summary(args) => summary::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Resume(args) => run::resume(&args),
+        Command::Sweep(args) => sweep::sweep(&args, &mut std::io::stdout()),
         Command::Export(args) => export(&args),
         Command::Plot(args) => plot(&args),
         Command::Verify(args) => verify::run(&args),

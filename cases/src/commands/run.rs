@@ -10,6 +10,7 @@ use signal_hook::flag;
 
 use super::{Done, tell};
 use crate::case::Case;
+use crate::case::change::Change;
 use crate::run::display::{duration, warn};
 use crate::run::{self, End, Options, Summary};
 
@@ -17,6 +18,9 @@ use crate::run::{self, End, Options, Summary};
 pub struct RunArgs {
     /// The case file
     case: PathBuf,
+    /// Another value of a key, as TOML, such as `couplers.goldak.power=2000`; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<Change>,
     /// The log to write [default: name of the case with .mcap, in the working directory]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -86,7 +90,7 @@ pub fn run(args: &RunArgs) -> Done {
         return Err(ArgumentError::IsLog(args.case.clone()).into());
     }
     set_threads(args.common.threads)?;
-    let case = Case::read(&args.case)?;
+    let case = Case::read(&args.case)?.changed(&args.set)?;
     let stem = args.case.file_stem().unwrap_or_default();
     let out = args.out.clone().unwrap_or_else(|| {
         // appended, because a name such as `tension-0.5` contains dots

@@ -228,6 +228,7 @@ benchmarks!(
     "satoh-martensite",
     "satoh-transformation-plasticity",
     "three-bar-residual-stress",
+    "heated-disc",
     "plastic-heat-bar",
     "melt-pool-symmetry",
     "cooling-time-thick-plate",

@@ -10,6 +10,7 @@ use super::moduli::Plane;
 use super::plasticity::PlasticitySection;
 use super::section::Section;
 use super::step::Run;
+use super::surface_stress::SurfaceStress;
 
 /// Thermoelastic solid: bond-based, ordinary state-based or by correspondence; owns `displacement` and `velocity`,
 /// consumes `eigenstrain` and `body_force`, provides `stress` and `conjugate_stress`.
@@ -63,6 +64,9 @@ pub struct Mechanical {
     /// `sections = [{ name = "middle", axis = "x", at = 0 }]`.
     #[serde(default)]
     pub sections: Vec<Section>,
+    /// Stress of points near bare surfaces of a lattice.
+    #[serde(default)]
+    pub surface_stress: SurfaceStress,
     #[serde(skip)]
     #[schemars(skip)]
     pub(super) run: Option<Run>,

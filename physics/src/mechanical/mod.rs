@@ -64,6 +64,7 @@ pub mod solid;
 mod specialise;
 mod step;
 pub mod stretch;
+pub mod surface_stress;
 #[cfg(test)]
 mod tests;
 

@@ -18,6 +18,7 @@ use super::ordinary::Ordinary;
 use super::plasticity::Plasticity;
 use super::solid::{Constitution, Solid};
 use super::step::{Run, State};
+use super::surface_stress::{Extrapolation, SurfaceStress};
 
 /// Prepares the run of the body that `keys` name.
 pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, SetupError> {
@@ -37,6 +38,15 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, Setup
     for section in &keys.sections {
         section.check(setup, body)?;
     }
+    let extrapolation = match keys.surface_stress {
+        SurfaceStress::Direct => None,
+        SurfaceStress::Extrapolated if keys.fracture.is_some() => {
+            let message = "stress is not extrapolated past cracks";
+            let expected = "\"direct\" with `fracture`";
+            return Err(SetupError::value("surface_stress", message, expected));
+        }
+        SurfaceStress::Extrapolated => Some(Extrapolation::new(setup.body(body), &family)?),
+    };
     let constitution = constitution(keys, setup, body, &family)?;
     let damping = match keys.solver {
         MechanicalSolver::Explicit { damping } => Some(damping),
@@ -68,6 +78,7 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, Setup
         eigenstrain_size: 0.0,
         section_forces: vec![[0.0; 3]; keys.sections.len()],
         logged_energy: features.is_explicit.then(Energy::default),
+        extrapolation,
         state: State {
             verlet: Verlet::new(damping.unwrap_or(0.0)),
             ..State::default()

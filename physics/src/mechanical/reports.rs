@@ -11,9 +11,12 @@ impl Run {
             self.solid.set_eigenstrain(&world.read(eigenstrain));
         }
         self.load_displacement(world);
-        let stress = self.solid.stress();
-        for (sigma, components) in world.write(self.fields.stress).iter_mut().zip(stress) {
+        let mut stress = world.write(self.fields.stress);
+        for (sigma, components) in stress.iter_mut().zip(self.solid.stress()) {
             *sigma = classical::symmetric(components);
+        }
+        if let Some(extrapolation) = &self.extrapolation {
+            extrapolation.apply(&mut stress);
         }
     }
 

@@ -18,6 +18,7 @@ use super::moduli::Moduli;
 use super::momentum::{Balanced, Momentum};
 use super::plasticity::Inelastic;
 use super::solid::Solid;
+use super::surface_stress::Extrapolation;
 
 /// A body between set-up and the end of the run.
 #[derive(Debug)]
@@ -42,6 +43,8 @@ pub(super) struct Run {
     /// Of the last logged state, with the explicit solver.
     pub(super) logged_energy: Option<Energy>,
     pub(super) balanced: Balanced,
+    /// Of stresses near surfaces.
+    pub(super) extrapolation: Option<Extrapolation>,
     pub(super) state: State,
 }
 

@@ -744,11 +744,15 @@ fn the_tangent_of_a_flowing_body_is_the_derivative_of_its_forces() {
     let material = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\nyield_stress = 250e6\n\
         hardening_modulus = 5e9";
     for formulation in ["ordinary", "correspondence"] {
-        for (cells, plane) in [
-            ([12, 1, 1], "stress"),
-            ([9, 8, 1], "stress"),
-            ([9, 8, 1], "strain"),
-            ([7, 6, 6], "stress"),
+        // the last with transformation plasticity, 1/Pa
+        for (cells, plane, transformation) in [
+            ([12, 1, 1], "stress", 0.0),
+            ([9, 8, 1], "stress", 0.0),
+            ([9, 8, 1], "strain", 0.0),
+            ([7, 6, 6], "stress", 0.0),
+            ([12, 1, 1], "stress", 1e-12),
+            ([9, 8, 1], "stress", 1e-12),
+            ([7, 6, 6], "stress", 1e-12),
         ] {
             let body = block(cells, dimension(cells), 1e-3, Store::Lattice, material);
             let mut mechanical: Mechanical = read(&format!(
@@ -758,8 +762,15 @@ fn the_tangent_of_a_flowing_body_is_the_derivative_of_its_forces() {
             let mut setup = Setup::new(&mut world, std::path::Path::new("."));
             setup.next_plugin("mechanical");
             perimelt_core::Physics::prepare(&mut mechanical, &mut setup).expect("valid");
+            setup.finish().expect("complete");
             let run = mechanical.run.as_mut().expect("prepared");
             run.load_plasticity(&world, None);
+            let plasticity = run.solid.plasticity().expect("it flows");
+            if transformation > 0.0 {
+                plasticity.set_transformation(
+                    world.body(0).points.position.iter().map(|_| transformation),
+                );
+            }
             let positions = &world.body(0).points.position;
             let d = dimension(cells);
             // strains of some yield strains that differ from point to point

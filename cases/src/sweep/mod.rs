@@ -1,0 +1,210 @@
+//! Runs of one case with several values of some of its keys, and a table of what they came to.
+
+mod table;
+mod variants;
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use perimelt_core::log::Log;
+
+use crate::case::{Case, CaseError};
+use crate::commands::tell;
+use crate::melt_pool::Travel;
+use crate::run::display::duration;
+use crate::summary::{ReadOff, read_off};
+use table::Table;
+use variants::{Variant, variants};
+
+/// Arguments of `perimelt sweep`.
+#[derive(clap::Args, Debug)]
+pub struct SweepArgs {
+    /// The case file
+    case: PathBuf,
+    /// A key and its values, such as `couplers.goldak.power=[1500, 2000]`; several of them give all combinations
+    #[arg(long, required = true, value_name = "KEY=[VALUES]")]
+    set: Vec<String>,
+    /// Vary all keys together, the first values in the first run, instead of in all combinations
+    #[arg(long)]
+    together: bool,
+    /// Folder of cases, logs and the table [default: name of the case with -sweep, in the working directory]
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Runs at a time [default: all cores]
+    #[arg(long, value_name = "N")]
+    jobs: Option<usize>,
+    /// Axis along which the heat source travels, for the length of the melt pool
+    #[arg(long, value_enum, default_value_t)]
+    travel: Travel,
+}
+
+/// Why a sweep cannot be run.
+#[derive(Debug, thiserror::Error)]
+pub enum SweepError {
+    /// A mistake in the case file, or in one with other values.
+    #[error(transparent)]
+    Case(#[from] Box<CaseError>),
+    /// A `--set` that is no list.
+    #[error(
+        "`--set {given}`: {message}; expected a key and a list of values, such as `couplers.goldak.power=[1500, 2000]`"
+    )]
+    Set {
+        /// As given.
+        given: String,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// Lists of different lengths, with `--together`.
+    #[error("with `--together` all lists need as many values, and they have {0} and {1}")]
+    Lengths(usize, usize),
+    /// No job.
+    #[error("`--jobs` must be at least 1")]
+    NoJobs,
+    /// A file of another sweep.
+    #[error("{path} is of a sweep with other cases; give another `--out`", path = .0.display())]
+    OtherSweep(PathBuf),
+    /// A file cannot be written.
+    #[error("cannot write {path}: {source}", path = path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Error of the operating system.
+        source: io::Error,
+    },
+    /// Some of the runs.
+    #[error("{failed} of {all} runs failed; their messages are in the `.txt` files of {path}", path = path.display())]
+    Failed {
+        /// How many failed.
+        failed: usize,
+        /// How many there are.
+        all: usize,
+        /// Folder of the sweep.
+        path: PathBuf,
+    },
+}
+
+/// Runs all variants that are not finished yet, prints the table and writes it beside the logs. A sweep that was
+/// interrupted goes on where it was.
+///
+/// # Errors
+/// A mistake before the first run, or runs that failed, once the others are done.
+pub fn sweep(args: &SweepArgs, out: &mut dyn io::Write) -> Result<(), Box<dyn std::error::Error>> {
+    let case = Case::read(&args.case)?;
+    let variants = variants(&case, &args.set, args.together)?;
+    let folder = args.out.clone().unwrap_or_else(|| {
+        let mut name = args.case.file_stem().unwrap_or_default().to_os_string();
+        name.push("-sweep");
+        name.into()
+    });
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let jobs = args.jobs.unwrap_or(cores).min(variants.len());
+    if jobs == 0 {
+        return Err(SweepError::NoJobs.into());
+    }
+    write_cases(&folder, &variants)?;
+    let failed = run_all(&folder, &variants, (jobs, (cores / jobs).max(1)));
+    let results: Vec<Option<Vec<ReadOff>>> = variants
+        .iter()
+        .map(|v| read_off(&Log::open(v.log(&folder)).ok()?, None, args.travel).ok())
+        .collect();
+    let table = Table::new(&variants, &results);
+    write!(out, "{table}")?;
+    let path = folder.join("sweep.csv");
+    let written = table.write_csv(&path);
+    written.map_err(|source| SweepError::Write {
+        path: path.clone(),
+        source,
+    })?;
+    writeln!(out, "{}", path.display())?;
+    if failed > 0 {
+        let all = variants.len();
+        return Err(SweepError::Failed {
+            failed,
+            all,
+            path: folder,
+        }
+        .into());
+    }
+    Ok(())
+}
+
+/// Writes the case files; those of the same sweep may be there.
+fn write_cases(folder: &Path, variants: &[Variant]) -> Result<(), SweepError> {
+    let failed = |path: &Path| {
+        let path = path.to_path_buf();
+        |source| SweepError::Write { path, source }
+    };
+    std::fs::create_dir_all(folder).map_err(failed(folder))?;
+    for variant in variants {
+        let path = variant.case(folder);
+        let text = &variant.text;
+        match std::fs::read_to_string(&path) {
+            Ok(present) if present == *text => {}
+            Ok(_) => return Err(SweepError::OtherSweep(path)),
+            Err(_) => std::fs::write(&path, text).map_err(failed(&path))?,
+        }
+    }
+    Ok(())
+}
+
+/// Runs what is not finished, several at a time; how many failed.
+fn run_all(folder: &Path, variants: &[Variant], (jobs, threads): (usize, usize)) -> usize {
+    let (next, failed) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let work = || {
+        while let Some(variant) = variants.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let started = Instant::now();
+            let done = run_one(folder, variant, threads);
+            let (number, all) = (variant.number, variants.len());
+            let values = variant.values();
+            match done {
+                Ok(()) => {
+                    let time = duration(started.elapsed().as_secs_f64());
+                    tell(&format!("{number} of {all} ({values}): {time}"));
+                }
+                Err(message) => {
+                    failed.fetch_add(1, Ordering::Relaxed);
+                    tell(&format!("{number} of {all} ({values}) failed: {message}"));
+                }
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..jobs {
+            scope.spawn(work);
+        }
+    });
+    failed.into_inner()
+}
+
+/// Runs a variant in a process of its own, so that one that fails does not end the others.
+fn run_one(folder: &Path, variant: &Variant, threads: usize) -> Result<(), String> {
+    let log = variant.log(folder);
+    let present = Log::open(&log).ok();
+    if present.as_ref().is_some_and(Log::finished) {
+        return Ok(());
+    }
+    let program = std::env::current_exe().map_err(|e| e.to_string())?;
+    let mut command = Command::new(program);
+    match present {
+        Some(_) => command.arg("resume").arg(&log),
+        None => command
+            .arg("run")
+            .arg(variant.case(folder))
+            .args(["--force", "--out"])
+            .arg(&log),
+    };
+    command.args(["--quiet", "--threads", &threads.to_string()]);
+    command.stdout(Stdio::null()).stderr(Stdio::piped());
+    let output = command.output().map_err(|e| e.to_string())?;
+    let messages = log.with_extension("txt");
+    if !output.stderr.is_empty() {
+        std::fs::write(&messages, &output.stderr).map_err(|e| e.to_string())?;
+    }
+    match output.status.success() {
+        true => Ok(()),
+        false => Err(format!("see {}", messages.display())),
+    }
+}

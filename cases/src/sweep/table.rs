@@ -1,0 +1,139 @@
+//! The numbers read off the runs of a sweep, side by side.
+
+use std::fmt;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use super::variants::Variant;
+use crate::plot::unit;
+use crate::summary::ReadOff;
+
+/// Most runs whose numbers are printed side by side.
+const MOST_COLUMNS: usize = 8;
+
+/// A row for each key that varies and for each number read off, a column for each run.
+#[derive(Clone, Debug)]
+pub struct Table {
+    runs: usize,
+    /// Keys with their values as TOML.
+    keys: Vec<(String, Vec<String>)>,
+    numbers: Vec<Row>,
+}
+
+/// A number read off the runs.
+#[derive(Clone, Debug)]
+struct Row {
+    name: String,
+    /// SI unit.
+    unit: String,
+    /// By run.
+    values: Vec<Option<f64>>,
+}
+
+impl Table {
+    /// The values of the variants, and what was read off their logs; `None` where a run failed.
+    pub fn new(variants: &[Variant], results: &[Option<Vec<ReadOff>>]) -> Self {
+        let first = variants.first().map_or(&[][..], |v| &v.changes);
+        let values = |index: usize| {
+            let values = variants.iter().map(|v| v.changes[index].value.clone());
+            values.collect()
+        };
+        let keys = first.iter().enumerate();
+        let keys = keys.map(|(i, change)| (change.key.clone(), values(i)));
+        let mut numbers: Vec<Row> = Vec::new();
+        for (run, found) in results.iter().enumerate() {
+            for ReadOff {
+                of,
+                quantity,
+                value,
+                unit,
+                ..
+            } in found.iter().flatten()
+            {
+                let name = match of.as_str() {
+                    "" => quantity.clone(),
+                    of => format!("{of}: {quantity}"),
+                };
+                let at = match numbers.iter().position(|row| row.name == name) {
+                    Some(at) => at,
+                    None => {
+                        numbers.push(Row {
+                            name,
+                            unit: unit.clone(),
+                            values: vec![None; results.len()],
+                        });
+                        numbers.len() - 1
+                    }
+                };
+                numbers[at].values[run] = Some(*value);
+            }
+        }
+        Table {
+            runs: results.len(),
+            keys: keys.collect(),
+            numbers,
+        }
+    }
+
+    /// Writes a line for each run, in SI units.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write_csv(&self, path: &Path) -> io::Result<()> {
+        let mut file = BufWriter::new(std::fs::File::create(path)?);
+        let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+        let mut header = vec![quoted("run")];
+        header.extend(self.keys.iter().map(|(key, _)| quoted(key)));
+        let numbers = self.numbers.iter();
+        header.extend(numbers.map(|row| quoted(&format!("{} ({})", row.name, row.unit))));
+        writeln!(file, "{}", header.join(","))?;
+        for run in 0..self.runs {
+            let mut line = vec![(run + 1).to_string()];
+            line.extend(self.keys.iter().map(|(_, values)| {
+                let value = values[run].as_str();
+                match value.parse::<f64>() {
+                    Ok(_) => value.to_string(),
+                    Err(_) => quoted(value),
+                }
+            }));
+            let numbers = self.numbers.iter().map(|row| row.values[run]);
+            line.extend(numbers.map(|value| value.map_or_else(String::new, |v| v.to_string())));
+            writeln!(file, "{}", line.join(","))?;
+        }
+        file.flush()
+    }
+}
+
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut lines: Vec<(String, Vec<String>)> = self.keys.clone();
+        lines.push((String::new(), Vec::new()));
+        for row in &self.numbers {
+            let values = row.values.iter().flatten();
+            let largest = values.fold(0.0, |largest: f64, v| largest.max(v.abs()));
+            let (factor, unit) = unit::value(&row.unit, largest);
+            let shown = row.values.iter().map(|value| match value {
+                Some(value) => unit::number(value * factor, 4),
+                None => "-".into(),
+            });
+            let name = match unit.as_str() {
+                "" => row.name.clone(),
+                unit => format!("{} ({unit})", row.name),
+            };
+            lines.push((name, shown.collect()));
+        }
+        let width = |text: &String| text.chars().count();
+        let widest = lines.iter().map(|(name, _)| width(name)).max().unwrap_or(0);
+        let values = lines.iter().flat_map(|(_, v)| v.iter().take(MOST_COLUMNS));
+        let column = values.map(width).max().unwrap_or(0);
+        for (name, values) in lines {
+            let values = values.iter().take(MOST_COLUMNS);
+            let values: String = values.map(|v| format!("  {v:>column$}")).collect();
+            writeln!(f, "{}", format!("{name:<widest$}{values}").trim_end())?;
+        }
+        match self.runs.checked_sub(MOST_COLUMNS) {
+            Some(more @ 1..) => writeln!(f, "and {more} more runs in the file:"),
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! Stress of points near bare surfaces, extrapolated from the interior.
+//!
+//! On a lattice a curved surface is a staircase: the stress of points whose family is truncated there depends on the steps,
+//! at any spacing. Their stress is replaced by the value at the point of a linear field, fitted by least squares to the
+//! points with complete families nearby: an error of second order in the depth of the truncated zone.
+
+use nalgebra::{SMatrix, SVector};
+use perimelt_core::cell_list::CellList;
+use perimelt_core::{Body, Family, SetupError};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Where the stress of points near bare surfaces comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SurfaceStress {
+    /// Their own bonds: off by up to a third where a curved surface is a staircase.
+    #[default]
+    Direct,
+    /// A linear field through the points in the interior nearby.
+    Extrapolated,
+}
+
+/// How far beyond the horizon a fit reaches, in spacings.
+const BEYOND: f64 = 2.5;
+
+/// Value, and slopes along three axes.
+type Terms = SVector<f64, 4>;
+
+/// Weights of the interior points for each point near a surface.
+#[derive(Debug, Default)]
+pub(super) struct Extrapolation {
+    points: Vec<u32>,
+    /// Where the terms of each point begin.
+    start: Vec<usize>,
+    terms: Vec<(u32, f64)>,
+}
+
+impl Extrapolation {
+    /// Fits for all points of a body with truncated families; a point without enough of the interior nearby, as in a thin
+    /// wall, keeps its own stress.
+    ///
+    /// # Errors
+    /// A cloud, or a body with cuts.
+    pub(super) fn new(body: &Body, family: &Family) -> Result<Self, SetupError> {
+        if body.lattice().is_none() || !body.cuts.is_empty() {
+            let message = "stress is extrapolated on one regular grid without cracks";
+            let expected = "\"direct\" for this body";
+            return Err(SetupError::value("surface_stress", message, expected));
+        }
+        let count = body.points.len();
+        let whole = (0..count).map(|p| family.bonds_of(p)).max().unwrap_or(0);
+        let is_interior = |point: usize| family.bonds_of(point) == whole;
+        let spacing = body.finest_spacing();
+        let reach = family.spec().horizon.of(spacing) + BEYOND * spacing;
+        let positions = &body.points.position;
+        let list = CellList::new(positions, &vec![reach; count]);
+        let mut found = Extrapolation::default();
+        for point in (0..count).filter(|p| !is_interior(*p)) {
+            let at = &positions[point];
+            let mut near = Vec::new();
+            let mut moment = SMatrix::<f64, 4, 4>::zeros();
+            list.visit_near(at, reach, |other| {
+                let mut xi = (positions[other] - at) / spacing;
+                (body.dimension..3).for_each(|axis| xi[axis] = 0.0);
+                if is_interior(other) && xi.norm() * spacing <= reach {
+                    let terms = Terms::new(1.0, xi.x, xi.y, xi.z);
+                    moment += terms * terms.transpose();
+                    near.push((other as u32, terms));
+                }
+            });
+            // slopes along axes that the body does not have
+            (body.dimension..3).for_each(|axis| moment[(axis + 1, axis + 1)] = 1.0);
+            let Some(factor) = moment
+                .cholesky()
+                .filter(|_| near.len() > 2 * body.dimension)
+            else {
+                continue;
+            };
+            let of_value = factor.solve(&Terms::new(1.0, 0.0, 0.0, 0.0));
+            // few points that hardly determine the slope amplify errors
+            let weights = near
+                .iter()
+                .map(|(other, terms)| (*other, of_value.dot(terms)));
+            let weights: Vec<(u32, f64)> = weights.collect();
+            let amplification: f64 = weights.iter().map(|(_, w)| w.abs()).sum();
+            if amplification < 10.0 {
+                found.points.push(point as u32);
+                found.start.push(found.terms.len());
+                found.terms.extend(weights);
+            }
+        }
+        Ok(found)
+    }
+
+    /// Replaces the stress of the points near a surface.
+    pub(super) fn apply<T>(&self, stress: &mut [T])
+    where
+        T: Copy + std::ops::Mul<f64, Output = T> + std::iter::Sum<T>,
+    {
+        let ends = self.start.iter().copied().skip(1).chain([self.terms.len()]);
+        for ((point, start), end) in self.points.iter().zip(&self.start).zip(ends) {
+            let terms = self.terms[*start..end].iter();
+            stress[*point as usize] = terms.map(|(other, w)| stress[*other as usize] * *w).sum();
+        }
+    }
+}
