@@ -1,4 +1,4 @@
-//! Ten mistakes that a user makes in a case file, and what the user is told.
+//! Mistakes that a user makes in a case file, and what the user is told.
 //!
 //! Each test changes one thing in a case that runs; the messages are in `snapshots/`.
 
@@ -6,6 +6,8 @@ use std::path::Path;
 
 use perimelt::case::Case;
 use perimelt::run::Failure;
+use perimelt_core::plugin::registered;
+use perimelt_core::{Coupler, Physics};
 
 const WELD: &str = include_str!("cases/weld.toml");
 
@@ -126,4 +128,79 @@ mistakes! {
     temperature_below_zero: "initial.temperature = 300" => "initial.temperature = -5";
     surroundings_below_zero: "ambient = 300" => "ambient = -5";
     horizon_in_words: "horizon = 2\n" => "horizon = \"wide\"\n";
+    name_that_another_has: "type = \"convection\"" => "type = \"radiation\"\nname = \"goldak\"\nambient = 300\n[[couplers]]\ntype = \"convection\"";
+    name_that_is_no_text: "type = \"convection\"" => "type = \"convection\"\nname = 5";
+    key_twice: "depth = 0.002" => "depth = 0.002\ndepth = 0.003";
+    plugin_without_type: "type = \"convection\"\n" => "";
+    single_brackets: "[[couplers]]\ntype = \"convection\"" => "[convection]\ntype = \"convection\"";
+    density_of_zero: "density = 7800" => "density = 0";
+    property_of_text: "specific_heat = 500" => "specific_heat = \"500 J/kg\"";
+    table_without_values: "conductivity = { temperature = [300, 1000], value = [50, 30] }" => "conductivity = { temperature = [300, 1000] }";
+    table_of_unequal_lengths: "value = [50, 30]" => "value = [50]";
+    liquidus_below_solidus: "liquidus = 1750" => "liquidus = 1650";
+    shape_that_is_unknown: "shape.box = { min = [0, 0, 0], max = [0.02, 0.01, 0.004] }" => "shape.cube = 0.02";
+    box_inside_out: "max = [0.02, 0.01, 0.004]" => "max = [-0.02, 0.01, 0.004]";
+    point_of_two_numbers: "max = [0.02, 0.01, 0.004]" => "max = [0.02, 0.01]";
+    spacing_of_zero: "spacing = 0.001\n" => "spacing = 0\n";
+    spacing_beyond_the_body: "spacing = 0.001\n" => "spacing = 1\n";
+    spacing_beyond_memory: "spacing = 0.001\n" => "spacing = 1e-9\n";
+    dimension_of_four: "spacing = 0.001\n" => "spacing = 0.001\ndimension = 4\n";
+    end_before_start: "end = 1.5" => "end = -1";
+    interval_of_zero: "interval = 0.02" => "interval = 0";
+    step_that_is_negative: "end = 1.5" => "end = 1.5\nstep = -0.1";
+    power_that_is_negative: "power = 2000" => "power = -2000";
+    width_of_zero: "half_width = 0.002" => "half_width = 0";
+    coefficient_that_is_negative: "coefficient = 200" => "coefficient = -200";
+    efficiency_above_one: "power = 2000" => "power = 2000\nefficiency = 1.2";
+    toolpath_of_no_length: "end = [0.016, 0.005, 0.004]" => "end = [0.004, 0.005, 0.004]";
+    two_toolpaths: "toolpath.line = " => "toolpath.circle = { centre = [0, 0, 0], radius = 1, speed = 1 }\ntoolpath.line = ";
+    body_that_is_unknown: "type = \"goldak\"" => "type = \"goldak\"\nbody = \"plat\"";
+    face_that_is_unknown: "region = \"base\"\ncoefficient" => "faces = [\"z\"]\ncoefficient";
+    field_that_no_probe_can_read: "field = \"temperature\"" => "field = \"temprature\"";
+    statistic_that_is_unknown: "statistic = \"mean\"" => "statistic = \"average\"";
+    logged_field_that_is_unknown: "interval = 0.02" => "interval = 0.02\nfields = [\"temprature\"]";
+    infinite_number: "depth = 0.002" => "depth = inf";
+    solver_that_is_unknown: "horizon = 2\n" => "horizon = 2\nsolver.rkl3 = {}\n";
+    horizon_of_zero: "horizon = 2\n" => "horizon = 0\n";
+    steel_without_composition: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"metallurgy\"\n[[couplers]]\ntype = \"phase_change\"";
+    two_physics_of_one_field: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"thermal\"\n[[couplers]]\ntype = \"phase_change\"";
+}
+
+/// A key of a plugin that is misspelt is answered with the right one, whatever the plugin.
+#[test]
+fn every_key_of_every_plugin_is_recognised_when_misspelt() {
+    let mut wrong = Vec::new();
+    let mut walk = |section: &str, kind: &str, schema: serde_json::Value| {
+        let keys = schema["properties"].as_object().expect("a table");
+        // `x`, `y` and `z` are as near to each other as to what is misspelt
+        for key in keys.keys().filter(|key| key.len() > 1) {
+            // the letters before the last, the other way round
+            let mut letters: Vec<char> = key.chars().collect();
+            let last = letters.len() - 1;
+            match letters.len() {
+                0..=2 => letters.push('x'),
+                _ if letters[last] == letters[last - 1] => letters.truncate(last),
+                _ => letters.swap(last, last - 1),
+            }
+            let misspelt: String = letters.into_iter().collect();
+            if keys.contains_key(&misspelt) {
+                continue;
+            }
+            let table = format!("\n[[{section}]]\ntype = \"{kind}\"\n{misspelt} = 1\n");
+            let told = match check(format!("{WELD}{table}")) {
+                Err(Failure::Case(mistake)) => mistake.render(false),
+                other => format!("{other:?}"),
+            };
+            if !told.contains(&format!("did you mean `{key}`?")) {
+                wrong.push(format!("{kind}: {misspelt}: {told}"));
+            }
+        }
+    };
+    for plugin in registered::<dyn Physics>() {
+        walk("physics", plugin.name, (plugin.schema)().to_value());
+    }
+    for plugin in registered::<dyn Coupler>() {
+        walk("couplers", plugin.name, (plugin.schema)().to_value());
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
 }

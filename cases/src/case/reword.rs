@@ -94,6 +94,9 @@ impl Section<'_> {
             } else {
                 reworded.help(format!("`{name}`: {doc}"))
             }
+        } else if message.starts_with("wanted exactly 1 element, more than") {
+            let key = path.join(".");
+            at(format!("`{key}` in {} has more than one kind", self.name)).expected("one of them")
         } else {
             split_help(at(message.to_string()), message)
         };

@@ -24,6 +24,16 @@ pub struct Lattice {
 }
 
 impl Lattice {
+    /// Whether a point lies in the layer of cells at a face.
+    pub fn reaches(&self, face: Face) -> bool {
+        let axis = face.axis();
+        let last = match face.is_upper() {
+            true => self.cells[axis] as u32 - 1,
+            false => 0,
+        };
+        self.cell_of_point.iter().any(|cell| cell[axis] == last)
+    }
+
     /// Point in the cell with the given (possibly outside) indices.
     pub fn point(&self, cell: [i64; 3]) -> Option<usize> {
         if (0..3).any(|a| cell[a] < 0 || cell[a] >= self.cells[a] as i64) {

@@ -91,6 +91,16 @@ impl Setup<'_> {
             let expected = "a face along an axis that is not among the `periodic` ones of the body";
             return Err(SetupError::value("face", message, expected));
         }
+        if let Some(lattice) = self.body(body).lattice()
+            && !lattice.reaches(face)
+        {
+            // as of a quarter that is cut out of a cylinder: the box is that of the whole one
+            let (name, face) = (&self.body(body).name, face.name());
+            let message =
+                format!("no point of body `{name}` lies at face `{face}` of the box of its shape");
+            let expected = "a shape whose box ends where its points do, such as a box from which the rest is subtracted";
+            return Err(SetupError::value("face", message, expected));
+        }
         self.declare(body, key, access)?;
         let layers = self.layers_of(body, &key.name);
         let entry = &mut self.world.layers[layers];

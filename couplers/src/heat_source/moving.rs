@@ -92,6 +92,14 @@ impl<S: SourceShape> MovingSource<S> {
             Toolpath::Gcode(_) => "gcode",
         };
         let power = self.shape.source().power();
+        if let Some(power) = power.filter(|p| !(p.is_finite() && *p >= 0.0)) {
+            let message = format!("`power` of the heat source is {power}");
+            return Err(SetupError::value(
+                "power",
+                message,
+                "a finite number, zero or greater, W",
+            ));
+        }
         self.toolpath
             .track(power, &setup.path(""))
             .map_err(|e| SetupError::other(format!("toolpath.{kind}.{}", e.key()), e))

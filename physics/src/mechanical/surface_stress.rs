@@ -1,8 +1,9 @@
 //! Stress of points near bare surfaces, extrapolated from the interior.
 //!
 //! On a lattice a curved surface is a staircase: the stress of points whose family is truncated there depends on the steps,
-//! at any spacing. Their stress is replaced by the value at the point of a linear field, fitted by least squares to the
-//! points with complete families nearby: an error of second order in the depth of the truncated zone.
+//! at any spacing, and so does that of the points with such neighbours. The stress of both is replaced by the value at the
+//! point of a linear field, fitted by least squares to the points further inside: an error of second order in the depth of
+//! the zone.
 
 use nalgebra::{SMatrix, SVector};
 use perimelt_core::cell_list::CellList;
@@ -21,8 +22,11 @@ pub enum SurfaceStress {
     Extrapolated,
 }
 
-/// How far beyond the horizon a fit reaches, in spacings.
-const BEYOND: f64 = 2.5;
+/// Distance from a point with a truncated family, in horizons, up to which the stress depends on the steps of the surface.
+const DISTURBED: f64 = 1.5;
+
+/// How far beyond the depth of the replaced zone a fit reaches, in spacings.
+const BEYOND: f64 = 3.5;
 
 /// Value, and slopes along three axes.
 type Terms = SVector<f64, 4>;
@@ -37,8 +41,8 @@ pub(super) struct Extrapolation {
 }
 
 impl Extrapolation {
-    /// Fits for all points of a body with truncated families; a point without enough of the interior nearby, as in a thin
-    /// wall, keeps its own stress.
+    /// Fits for all points of a body with truncated families, and their neighbours; a point without enough of the interior
+    /// nearby, as in a thin wall, keeps its own stress.
     ///
     /// # Errors
     /// A cloud, or a body with cuts.
@@ -50,20 +54,29 @@ impl Extrapolation {
         }
         let count = body.points.len();
         let whole = (0..count).map(|p| family.bonds_of(p)).max().unwrap_or(0);
-        let is_interior = |point: usize| family.bonds_of(point) == whole;
         let spacing = body.finest_spacing();
-        let reach = family.spec().horizon.of(spacing) + BEYOND * spacing;
+        let horizon = family.spec().horizon.of(spacing);
+        let disturbed = DISTURBED * horizon;
+        let reach = horizon + disturbed + BEYOND * spacing;
         let positions = &body.points.position;
-        let list = CellList::new(positions, &vec![reach; count]);
+        let list = CellList::new(positions, &vec![disturbed; count]);
+        let mut is_interior = vec![true; count];
+        for point in (0..count).filter(|p| family.bonds_of(*p) < whole) {
+            let at = &positions[point];
+            list.visit_near(at, disturbed, |other| {
+                let distance = (positions[other] - at).norm();
+                is_interior[other] &= distance > disturbed * (1.0 + 1e-9);
+            });
+        }
         let mut found = Extrapolation::default();
-        for point in (0..count).filter(|p| !is_interior(*p)) {
+        for point in (0..count).filter(|p| !is_interior[*p]) {
             let at = &positions[point];
             let mut near = Vec::new();
             let mut moment = SMatrix::<f64, 4, 4>::zeros();
             list.visit_near(at, reach, |other| {
                 let mut xi = (positions[other] - at) / spacing;
                 (body.dimension..3).for_each(|axis| xi[axis] = 0.0);
-                if is_interior(other) && xi.norm() * spacing <= reach {
+                if is_interior[other] && xi.norm() * spacing <= reach {
                     let terms = Terms::new(1.0, xi.x, xi.y, xi.z);
                     moment += terms * terms.transpose();
                     near.push((other as u32, terms));
