@@ -14,8 +14,11 @@ import pytest
 
 import perimelt
 from conftest import CASES
+from perimelt._case import case_text
 
 WELD = CASES / "weld.toml"
+# an end that no machine reaches, states that come often
+LONG = {"time.end": 1e4, "log.interval": 0.02, "log.checkpoint": 100, "probes": None}
 
 
 def test_a_changed_case_is_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -83,12 +86,37 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         perimelt.run(WELD, {"time.end": 1}, out=tmp_path / "a.mcap", folder=tmp_path / "no")
 
 
+@pytest.mark.skipif(os.name != "posix", reason="locks of POSIX")
+def test_a_log_is_followed_while_a_run_writes_it(tmp_path: Path) -> None:
+    out = tmp_path / "long.mcap"
+    case = perimelt.change_case(perimelt.read_case(WELD), LONG)
+    (tmp_path / "long.toml").write_text(case_text(case), encoding="utf-8")
+    program = str(perimelt.find_program())
+    command = [program, "run", str(tmp_path / "long.toml"), "--out", str(out), "--quiet"]
+    with subprocess.Popen(command) as process:
+        seen = []
+        for log in perimelt.follow(out, poll=0.01):
+            seen.append(len(log.times))
+            if len(seen) == 2:
+                assert "a run is writing it" in log.ending
+                assert log.body().state().time == log.times[-1]
+            if len(seen) == 3:
+                process.kill()
+                process.wait()
+        assert not log.finished
+        assert log.ending.endswith("the run was killed")
+    assert seen == sorted(set(seen))
+    assert len(seen) >= 3
+
+
+def test_a_finished_log_is_followed_once(weld_path: Path) -> None:
+    assert [len(log.times) for log in perimelt.follow(weld_path)] == [6]
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 def test_an_interrupt_leaves_a_log_that_can_be_resumed(tmp_path: Path) -> None:
     out = tmp_path / "long.mcap"
-    # an end that no machine reaches, states that come often
-    changes = {"time.end": 1e4, "log.interval": 0.02, "log.checkpoint": 100, "probes": None}
-    script = f"import perimelt; perimelt.run({str(WELD)!r}, {changes!r}, out={str(out)!r})"
+    script = f"import perimelt; perimelt.run({str(WELD)!r}, {LONG!r}, out={str(out)!r})"
     # a process group of its own, as a terminal has one: the interrupt reaches both programs
     process = subprocess.Popen(
         [sys.executable, "-c", script], start_new_session=True, stderr=subprocess.PIPE, text=True

@@ -23,6 +23,8 @@ from ._body import Body
 from ._case import change_case, read_case
 from ._components import Array, hydrostatic, magnitude, principal, von_mises
 from ._file import Damage
+from ._follow import follow
+from ._grid import Grid
 from ._log import Log
 from ._run import find_program, resume, run
 from ._state import Field, State
@@ -53,6 +55,7 @@ __all__ = [
     "DamageWarning",
     "DamagedError",
     "Field",
+    "Grid",
     "Log",
     "LogError",
     "NoStateError",
@@ -62,6 +65,7 @@ __all__ = [
     "UnknownNameError",
     "change_case",
     "find_program",
+    "follow",
     "hydrostatic",
     "magnitude",
     "open",

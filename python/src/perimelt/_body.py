@@ -14,6 +14,7 @@ import pandas as pd
 from ._cloud import decode
 from ._components import Array, of_components
 from ._file import LogFile, points_topic
+from ._grid import Grid
 from ._series import frame
 from ._state import Defined, Field, State
 from .errors import DamagedError, DamageWarning, NoStateError, PerimeltError, UnknownNameError
@@ -210,6 +211,15 @@ class Body:
             positions = positions - first["displacement"]
         positions.flags.writeable = False
         return positions
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The regular grid of the points, to have fields as arrays of (nx, ny, nz).
+
+        Raises:
+            PerimeltError: the points have several spacings or lie on no grid
+        """
+        return Grid(self.reference_positions, self.spacing)
 
     def nearest(self, position: npt.ArrayLike) -> int:
         """Number of the point whose reference position is nearest to a position, m."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import struct
+import sys
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -36,6 +37,9 @@ from mcap.stream_reader import StreamReader
 
 from .errors import DamagedError, LogError
 
+if sys.platform != "win32":
+    import fcntl
+
 MAGIC = b"\x89MCAP0\r\n"
 # opcode and length before each record
 HEAD = struct.Struct("<BQ")
@@ -52,6 +56,21 @@ MAX_CHUNK_BYTES = 1 << 33
 
 CHECKPOINT = "/checkpoint"
 INDEX = "/index"
+
+
+def is_locked(stream: BinaryIO) -> bool:
+    """Whether a run writes the file of a stream; False where the system does not tell."""
+    if sys.platform == "win32":
+        return False
+    try:
+        fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        # some file systems have no locks
+        return False
+    fcntl.flock(stream, fcntl.LOCK_UN)
+    return False
 
 
 def points_topic(body: str) -> str:
@@ -138,6 +157,10 @@ class LogFile:
         except BaseException:
             self.close()
             raise
+
+    def is_being_written(self) -> bool:
+        """Whether a run is writing the file."""
+        return not self.finished and is_locked(self._stream)
 
     def close(self) -> None:
         """Closes the file; messages can no longer be read."""

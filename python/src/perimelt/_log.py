@@ -30,7 +30,8 @@ class Log(Mapping[str, Body]):
     """The log of a run: a mapping from the names of the bodies to the bodies.
 
     A run that was killed leaves an unfinished log, and storage may damage one. What is sound is
-    used, and a `DamageWarning` tells what is lost.
+    used, and a `DamageWarning` tells what is lost. A log that a run is writing can be read, too: it
+    has what was logged when it was opened.
 
     Attributes:
         path: the file
@@ -72,7 +73,7 @@ class Log(Mapping[str, Body]):
         self.case_text: str = file.case_text
         for damage in file.damage:
             warnings.warn(f"{path}: {damage}", DamageWarning, stacklevel=3)
-        if not file.finished:
+        if not file.finished and not self.is_being_written():
             warnings.warn(f"{path}: {self.ending}", DamageWarning, stacklevel=3)
 
     def close(self) -> None:
@@ -142,15 +143,18 @@ class Log(Mapping[str, Body]):
         """
         return self._file.finished
 
+    def is_being_written(self) -> bool:
+        """Whether a run is writing the log now, as far as the system tells."""
+        return self._file.is_being_written()
+
     @property
     def ending(self) -> str:
         """How the log ends, in a sentence."""
         if self.finished:
             return "the log is complete"
         last = f"its last state is at {self.times[-1]:.6g} s" if len(self.times) else "no state"
-        return (
-            f"the log is unfinished: it ends at byte {self._file.end}, {last}; "
-            "the run was killed or is still running"
+        return f"the log is unfinished: it ends at byte {self._file.end}, {last}; " + (
+            "a run is writing it" if self.is_being_written() else "the run was killed"
         )
 
     @property
