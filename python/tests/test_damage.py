@@ -272,9 +272,10 @@ def test_what_is_no_log_is_named(tmp_path: Path, made: Path) -> None:
     path.write_bytes(b"[case]\ntitle = 'no log'")
     with pytest.raises(perimelt.LogError, match="is not an MCAP file"):
         perimelt.open(path)
-    path.write_bytes(made.read_bytes()[:40])
-    with pytest.raises(perimelt.LogError, match=r"no attachment `case\.toml`"):
-        perimelt.open(path)
+    for length in (8, 40):
+        path.write_bytes(made.read_bytes()[:length])
+        with pytest.raises(perimelt.LogError, match=r"no attachment `case\.toml`"):
+            perimelt.open(path)
     writer = Writer(str(path))
     writer.start()
     writer.finish()

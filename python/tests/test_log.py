@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +136,14 @@ def test_fields_have_units_and_tell_whether_they_are_logged(weld: perimelt.Log) 
     assert fields["stress"].components == 9
     assert fields["temperature"].logged
     assert not fields["enthalpy"].logged
+
+
+def test_states_are_read_by_several_threads(weld: perimelt.Log) -> None:
+    body = weld.body()
+    numbers = list(range(6)) * 20
+    with ThreadPoolExecutor(8) as threads:
+        means = list(threads.map(lambda number: body.field("stress", number=number).sum(), numbers))
+    assert means == [state["stress"].sum() for state in body.states()] * 20
 
 
 def test_frames_are_copies(weld: perimelt.Log) -> None:

@@ -255,8 +255,9 @@ class LogFile:
 
     def _summarised_chunks(self) -> list[_Chunk] | None:
         """The chunks by the summary of a finished log; None without a sound one."""
-        tail = self._read(self._size - len(MAGIC) - FOOTER.size - HEAD.size, self._size)
-        if len(tail) < HEAD.size + FOOTER.size or not tail.endswith(MAGIC):
+        length = HEAD.size + FOOTER.size + len(MAGIC)
+        tail = self._read(max(0, self._size - length), length)
+        if len(tail) < length or not tail.endswith(MAGIC):
             return None
         opcode, _ = HEAD.unpack_from(tail)
         start, _, checksum = FOOTER.unpack_from(tail, HEAD.size)

@@ -54,7 +54,8 @@ class Log(Mapping[str, Body]):
             missing = "metadata `run`"
         if missing is not None or file.case_text is None or file.run is None:
             file.close()
-            raise LogError(f"{path} is not the log of a Perimelt run: it has no {missing}")
+            cut = "" if file.finished else " (the file is cut off before that)"
+            raise LogError(f"{path} is not the log of a Perimelt run: it has no {missing}{cut}")
         try:
             run: dict[str, Any] = {key: json.loads(text) for key, text in file.run.items()}
             self.version: str = run["version"]
