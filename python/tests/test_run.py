@@ -73,6 +73,21 @@ def test_the_program_tells_what_is_wrong(tmp_path: Path) -> None:
         assert log.finished
 
 
+def test_a_summary_has_the_numbers_of_the_states(weld: perimelt.Log, tmp_path: Path) -> None:
+    rows = perimelt.summary(weld).set_index("quantity")
+    temperature = weld.body().compute(peak=lambda state: state["temperature"].max())["peak"]
+    highest = rows.loc["highest logged temperature"]
+    assert (highest["of"], highest["value"], highest["unit"]) == ("plate", temperature.max(), "K")
+    assert highest["time"] == temperature.idxmax()
+    assert rows.loc["energy asked", "value"] == pytest.approx(640)
+    wide = perimelt.summary(weld.path, isotherm=1000, travel="y").set_index("quantity")["value"]
+    # along y, and of a lower isotherm
+    length = wide["largest length of the melt pool"]
+    assert length > rows["value"]["largest width of the melt pool"]
+    with pytest.raises(perimelt.RunError, match=r"none\.mcap"):
+        perimelt.summary(tmp_path / "none.mcap")
+
+
 def test_a_program_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(perimelt.RunError, match=r"`no-such` was not found.*PERIMELT"):
         perimelt.run(WELD, program="no-such")

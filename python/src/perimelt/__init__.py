@@ -26,7 +26,7 @@ from ._file import Damage
 from ._follow import follow
 from ._grid import Grid
 from ._log import Log
-from ._run import find_program, resume, run
+from ._run import find_program, resume, run, summary
 from ._state import Field, State
 from .errors import (
     CaseError,
@@ -73,5 +73,6 @@ __all__ = [
     "read_case",
     "resume",
     "run",
+    "summary",
     "von_mises",
 ]

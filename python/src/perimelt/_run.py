@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -10,6 +11,9 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, Literal
+
+import pandas as pd
 
 from ._case import Case, Changes, case_text, change_case, read_case
 from ._log import Log
@@ -118,6 +122,42 @@ def resume(
     return Log(out or path)
 
 
+def summary(
+    log: PathLike | Log,
+    *,
+    isotherm: float | None = None,
+    travel: Literal["x", "y"] | None = None,
+    program: PathLike | None = None,
+) -> pd.DataFrame:
+    """What goes into a report, as measured by `perimelt summary`: a row for each quantity.
+
+    Melt pool, fusion zone, cooling times, distortion, stress, energies of the sources, errors of
+    balances. Columns are `of` (body or plugin), `quantity`, `value`, `unit`, and for some `time`
+    (s) and `place` (m).
+
+    Args:
+        log: the log
+        isotherm: temperature that bounds the melt pool, K; the solidus if left out
+        travel: axis along which the source travels, for the length of the melt pool; x if left out
+        program: the program, see `find_program`
+
+    Raises:
+        RunError: the program cannot read the log
+    """
+    path = log.path if isinstance(log, Log) else Path(log)
+    command: list[PathLike] = [find_program(program), "summary", "--json", path]
+    if isotherm is not None:
+        command += ["--isotherm", repr(float(isotherm))]
+    if travel is not None:
+        command += ["--travel", travel]
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace")
+    if done.returncode != 0:
+        lines = done.stderr.splitlines(keepends=True)
+        raise RunError(_message(lines, done.returncode), done.returncode)
+    rows: list[dict[str, Any]] = json.loads(done.stdout)
+    return pd.DataFrame(rows, columns=["of", "quantity", "value", "unit", "time", "place"])
+
+
 def _options(
     out: PathLike | None,
     until: float | None,
@@ -161,7 +201,7 @@ def _written(case: Case, stem: str, folder: Path) -> Iterator[Path]:
         Path(name).unlink(missing_ok=True)
 
 
-def _call(command: list[str | os.PathLike[str]], quiet: bool) -> None:
+def _call(command: list[PathLike], quiet: bool) -> None:
     """Calls the program and prints what it prints, line by line."""
     lines: list[str] = []
     with subprocess.Popen(
