@@ -237,6 +237,15 @@ def test_a_damaged_length_costs_nothing_in_a_finished_log(made: Path) -> None:
     assert [state.number for state in log.body().states()] == list(range(6))
 
 
+def test_a_damaged_message_index_does_not_change_a_time(made: Path) -> None:
+    start, length = chunk_of(made, "/body/points", 2)
+    # behind the chunk: head of the message index (9), channel (2), length (4), log time
+    flip(made, start + length + 9 + 2 + 4)
+    log = perimelt.open(made)
+    npt.assert_array_equal(log.times, [0, 0.5, 1, 1.5, 2, 2.5])
+    check_state(log.body().state(1.0))
+
+
 @pytest.mark.filterwarnings("ignore::perimelt.DamageWarning")
 def test_no_damage_gives_wrong_numbers_or_another_error(made: Path) -> None:
     whole = made.read_bytes()
