@@ -22,6 +22,7 @@
 //! | `insulated` | [`boundary::Insulated`] | | even layer of a field |
 //! | `heat_flux` | [`boundary::HeatFlux`] | | heat source |
 //! | `convection` | [`boundary::Convection`] | temperature | heat source |
+//! | `water_jet` | [`boundary::WaterJet`] | temperature | heat source |
 //! | `radiation` | [`boundary::Radiation`] | temperature | heat source |
 //! | `prescribed_displacement` | [`boundary::PrescribedDisplacement`] | | layer of displacement, or held displacement |
 //! | `clamp` | [`boundary::Clamp`] | | held displacement, until released |
@@ -72,7 +73,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 32);
+        assert_eq!(couplers.len(), 33);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

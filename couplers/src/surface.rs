@@ -77,6 +77,35 @@ impl SurfaceHeat {
         })
     }
 
+    /// Through the plane of a 2D body, or of a region of it.
+    pub fn through_plane(
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+        region: Option<&str>,
+    ) -> Result<SurfaceHeat, SetupError> {
+        let points = match region {
+            Some(name) => setup.region(body, "region", name)?.points,
+            None => (0..setup.body(body).points.len() as u32).collect(),
+        };
+        let this = setup.body(body);
+        let cells = points.into_iter().map(|point| SurfaceCell {
+            point,
+            face: Face::ZMax,
+            area: this.points.volume[point as usize] / this.thickness,
+        });
+        Ok(SurfaceHeat {
+            cells: cells.collect(),
+            body,
+            heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
+            power: 0.0,
+        })
+    }
+
+    /// The faces of cells through which it flows.
+    pub fn cells(&self) -> &[SurfaceCell] {
+        &self.cells
+    }
+
     /// Adds `flux` (W/m², into the body) of each surface point.
     pub fn add(&mut self, world: &World, flux: impl Fn(usize) -> f64) {
         let volume = &world.body(self.body).points.volume;

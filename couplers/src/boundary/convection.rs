@@ -9,11 +9,9 @@ use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, St
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::{STEP_FRACTION, exchange_time};
 use crate::InTime;
 use crate::surface::{SurfaceHeat, all_faces};
-
-/// Fraction of the time constant of the exchange that a step may take.
-const STEP_FRACTION: f64 = 0.5;
 
 /// Heat exchange with a fluid around the body.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -61,16 +59,10 @@ impl Coupler for Convection {
         let heat = SurfaceHeat::prepare(setup, body, &self.faces, self.region.as_deref())?;
         let largest = coefficients.iter().fold(0.0, |a: f64, h| a.max(*h));
         let exchange = largest * heat.largest_ratio(&setup.body(body).points.volume);
-        // a steady solution needs neither a capacity nor a step limit
-        let curves = setup.enthalpy_curves(body).unwrap_or_default();
-        let capacity = curves
-            .iter()
-            .map(|c| c.minimum_capacity())
-            .min_by(f64::total_cmp);
         self.prepared = Some(ConvectionState {
             heat,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
-            time_constant: capacity.filter(|_| exchange > 0.0).map(|c| c / exchange),
+            time_constant: exchange_time(setup, body, exchange),
         });
         Ok(())
     }

@@ -16,6 +16,7 @@ mod radiation;
 mod symmetry;
 mod traction;
 mod wall;
+mod water_jet;
 
 pub use clamp::Clamp;
 pub use convection::Convection;
@@ -29,11 +30,24 @@ pub use radiation::Radiation;
 pub use symmetry::Symmetry;
 pub use traction::Traction;
 pub use wall::{Wall, WallKind};
+pub use water_jet::WaterJet;
 
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Face, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+/// Fraction of the time constant of an exchange of heat that a step may take.
+const STEP_FRACTION: f64 = 0.5;
+
+/// Shortest time (s) in which a point of a body takes up the temperature of its surroundings by an exchange, W/(m³ K).
+fn exchange_time(setup: &Setup<'_>, body: BodyIndex, exchange: f64) -> Option<f64> {
+    // a steady solution needs neither a capacity nor a step limit
+    let curves = setup.enthalpy_curves(body).unwrap_or_default();
+    let capacities = curves.iter().map(|c| c.minimum_capacity());
+    let capacity = capacities.min_by(f64::total_cmp);
+    capacity.filter(|_| exchange > 0.0).map(|c| c / exchange)
+}
 
 /// Values in the layer behind a face for a prescribed value b.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

@@ -1,0 +1,286 @@
+//! A water jet that moves over a hot surface, and the film that runs off: boiling where the surface is wet, little heat
+//! where the film has lifted off.
+//!
+//! The jet hits the surface between its position and `impingement` further along `flow`. There, the flux follows the
+//! boiling curve whatever the temperature. Behind, the film wets the surface up to the first place hotter than the
+//! Leidenfrost temperature; from there on it is lifted off by vapour, and `film_coefficient` holds. Upstream of the jet
+//! the surface is dry.
+//!
+//! ```text
+//! q = -flux(T)                              wet
+//! q = film_coefficient (T_water - T)        lifted off
+//! ```
+//!
+//! (spec 08, 1.8: the impingement zone makes the speed of the front independent of the spacing.) Each row of cells along
+//! the flow has a film of its own. A 2D plate is cooled through its plane.
+
+use std::collections::BTreeMap;
+
+use perimelt_core::material::Property;
+use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::exchange_time;
+use crate::surface::SurfaceHeat;
+
+/// Heat that a moving water jet and its film take from a surface.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WaterJet {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Outward directions of the cooled surface; a 2D body is cooled through its plane when left out.
+    #[serde(default)]
+    pub faces: Vec<Face>,
+    /// Region that limits the cooled surface.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<String>,
+    /// Direction in which the water runs off, such as `"x+"`.
+    pub flow: Face,
+    /// Coordinate along the flow of the upstream edge of the jet at time 0 (m).
+    pub start: f64,
+    /// Speed of the jet along that axis (m/s), negative towards smaller coordinates.
+    #[serde(default)]
+    pub speed: f64,
+    /// Length of the zone that the jet hits (m).
+    pub impingement: f64,
+    /// Temperature of the water (K).
+    pub water: f64,
+    /// Boiling curve: flux out of the wet surface (W/m²), `{ temperature = [...], value = [...] }` with the temperature of
+    /// the surface in K.
+    pub flux: Property,
+    /// Temperature of the surface above which the film lifts off (K).
+    pub leidenfrost: f64,
+    /// Heat transfer coefficient where the film has lifted off (W/(m² K)).
+    #[serde(default = "usual_film_coefficient")]
+    pub film_coefficient: f64,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<State>,
+}
+
+fn usual_film_coefficient() -> f64 {
+    200.0
+}
+
+/// Points with their distances along the flow from the origin (m).
+type Row = Vec<(usize, f64)>;
+
+#[derive(Debug)]
+struct State {
+    heat: SurfaceHeat,
+    temperature: Read<f64>,
+    /// In the order of the flow.
+    rows: Vec<Row>,
+    /// Into the body, W/m², by point.
+    flux: Vec<f64>,
+    /// Shortest time in which a point takes up the temperature of the water, s.
+    time_constant: Option<f64>,
+}
+
+impl WaterJet {
+    fn check(&self) -> Result<(), SetupError> {
+        let wrong = |key: &str, value: f64, expected: &str| {
+            Err(SetupError::value(
+                key,
+                format!("`{key}` is {value}"),
+                expected,
+            ))
+        };
+        let fluxes = self.flux.values();
+        if self.flux.is_by_phase() || fluxes.iter().any(|q| !(*q >= 0.0 && q.is_finite())) {
+            let message = "the flux is negative or given by phase";
+            let expected = "a table in temperature, nowhere below 0";
+            return Err(SetupError::value("flux", message, expected));
+        }
+        if !(self.impingement > 0.0 && self.impingement.is_finite()) {
+            return wrong("impingement", self.impingement, "a length above zero, m");
+        }
+        if !(self.film_coefficient >= 0.0 && self.film_coefficient.is_finite()) {
+            return wrong("film_coefficient", self.film_coefficient, "zero or above");
+        }
+        if self.water.is_nan() || self.water <= 0.0 {
+            return wrong("water", self.water, "kelvins above zero");
+        }
+        if self.leidenfrost.is_nan() || self.leidenfrost <= self.water {
+            return wrong("leidenfrost", self.leidenfrost, "kelvins above `water`");
+        }
+        for (key, value) in [("start", self.start), ("speed", self.speed)] {
+            if !value.is_finite() {
+                return wrong(key, value, "a finite number");
+            }
+        }
+        Ok(())
+    }
+
+    /// Largest coefficient of the exchange, W/(m² K).
+    fn largest_coefficient(&self) -> f64 {
+        let slopes = match &self.flux {
+            Property::Table(table) => {
+                let (t, q) = (table.abscissae(), table.values());
+                let slopes = t.windows(2).zip(q.windows(2));
+                slopes
+                    .map(|(t, q)| (q[1] - q[0]) / (t[1] - t[0]))
+                    .fold(0.0, f64::max)
+            }
+            _ => 0.0,
+        };
+        slopes.max(self.film_coefficient)
+    }
+}
+
+#[typetag::serde(name = "water_jet")]
+impl Coupler for WaterJet {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        self.check()?;
+        let body = setup.find_body(self.body.as_deref())?;
+        let region = self.region.as_deref();
+        let this = setup.body(body);
+        let axis = self.flow.axis();
+        if axis >= this.dimension {
+            let message = format!(
+                "a {}D body has no direction `{}`",
+                this.dimension,
+                self.flow.name()
+            );
+            return Err(SetupError::value(
+                "flow",
+                message,
+                "a direction within the body's dimensions",
+            ));
+        }
+        let Some(lattice) = this.lattice() else {
+            let message = "the film runs along rows of cells";
+            return Err(SetupError::value(
+                "body",
+                message,
+                "a body on one regular grid",
+            ));
+        };
+        let cells = lattice.cell_of_point.clone();
+        let along = |point: usize| match self.flow.is_upper() {
+            true => this.points.position[point][axis],
+            false => -this.points.position[point][axis],
+        };
+        let along: Vec<f64> = (0..cells.len()).map(along).collect();
+        let through_plane = self.faces.is_empty() && this.dimension == 2;
+        if self.faces.is_empty() && !through_plane {
+            let message = "the cooled surface is not given";
+            return Err(SetupError::value(
+                "faces",
+                message,
+                "directions such as `faces = [\"z+\"]`",
+            ));
+        }
+        let heat = match through_plane {
+            true => SurfaceHeat::through_plane(setup, body, region)?,
+            false => SurfaceHeat::prepare(setup, body, &self.faces, region)?,
+        };
+        let mut rows: BTreeMap<(Face, [u32; 3]), Row> = BTreeMap::new();
+        for cell in heat.cells() {
+            let point = cell.point as usize;
+            let mut row = cells[point];
+            row[axis] = 0;
+            rows.entry((cell.face, row))
+                .or_default()
+                .push((point, along[point]));
+        }
+        let mut rows: Vec<_> = rows.into_values().collect();
+        rows.iter_mut()
+            .for_each(|row| row.sort_by(|a, b| a.1.total_cmp(&b.1)));
+        let exchange =
+            self.largest_coefficient() * heat.largest_ratio(&setup.body(body).points.volume);
+        self.prepared = Some(State {
+            heat,
+            temperature: setup.read(body, &keys::TEMPERATURE)?,
+            rows,
+            flux: vec![0.0; cells.len()],
+            time_constant: exchange_time(setup, body, exchange),
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_mut().expect("prepared before the run");
+        let temperature = world.read(p.temperature);
+        let jet = self.start + self.speed * step.middle();
+        let jet = if self.flow.is_upper() { jet } else { -jet };
+        for row in &p.rows {
+            let mut lifted = false;
+            for &(point, along) in row {
+                let (behind, t) = (along - jet, temperature[point]);
+                lifted |= behind > self.impingement && t > self.leidenfrost;
+                p.flux[point] = match (behind >= 0.0, lifted) {
+                    (false, _) => 0.0,
+                    (true, false) => -self.flux.at(t, 0.0),
+                    (true, true) => self.film_coefficient * (self.water - t),
+                };
+            }
+        }
+        let flux = &p.flux;
+        p.heat.add(world, |point| flux[point]);
+        Ok(())
+    }
+
+    fn step_limit(&self) -> Option<f64> {
+        let time_constant = self.prepared.as_ref().and_then(|p| p.time_constant);
+        time_constant.map(|time| super::STEP_FRACTION * time)
+    }
+
+    fn stable_step(&mut self, _world: &World) -> Option<f64> {
+        self.prepared.as_ref().and_then(|p| p.time_constant)
+    }
+
+    fn report(&self) -> Vec<Report> {
+        let prepared = self.prepared.as_ref();
+        prepared.map_or_else(Vec::new, |p| p.heat.report())
+    }
+}
+
+perimelt_core::register_coupler!("water_jet", WaterJet);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, apply, block, prepare, read, refusal, set, values};
+
+    const JET: &str =
+        "flow = 'x+'\nstart = 1\nspeed = 0\nimpingement = 1.6\nwater = 300\nleidenfrost = 700
+        flux = { temperature = [300, 500, 700], value = [0, 8e4, 4e4] }\nfilm_coefficient = 100\n";
+
+    fn jet(faces: &str, dimension: usize) -> Vec<f64> {
+        let mut world = World::new(vec![block([6, 1, 1], dimension, STEEL)]);
+        let mut coupler: WaterJet = read(&format!("{JET}{faces}"));
+        prepare(&mut world, &mut coupler, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        })
+        .expect("valid");
+        set(&mut world, &keys::TEMPERATURE, |i| {
+            [900.0, 900.0, 400.0, 600.0, 800.0, 400.0][i]
+        });
+        apply(&world, &mut coupler, 0.0);
+        values(&world, &keys::HEAT_SOURCE)
+    }
+
+    #[test]
+    fn the_jet_boils_the_film_wets_until_it_lifts_off() {
+        // dry; hit by the jet although hot; hit; wet; lifted off, although the last one is cold
+        let expected = [0.0, -4e4, -4e4, -6e4, -5e4, -1e4];
+        assert_eq!(jet("faces = ['z+']", 3), expected);
+        assert_eq!(jet("", 2), expected);
+    }
+
+    #[test]
+    fn a_jet_that_cannot_be_is_refused() {
+        let mut world = World::new(vec![block([6, 1, 1], 3, STEEL)]);
+        for (change, key) in [("faces = ['z+']\nregion = 'lef'", "region"), ("", "faces")] {
+            let mut coupler: WaterJet = read(&format!("{JET}{change}"));
+            assert!(refusal(&mut world, &mut coupler).starts_with(key));
+        }
+        let mut coupler: WaterJet = read(&JET.replace("leidenfrost = 700", "leidenfrost = 200"));
+        assert!(refusal(&mut world, &mut coupler).starts_with("leidenfrost"));
+    }
+}
