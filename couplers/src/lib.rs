@@ -36,6 +36,7 @@
 //! | `impactor` | [`contact::Impactor`] | displacement, velocity | body force |
 //! | `forcing_zone` | [`forcing_zone::ForcingZone`] | velocity | body force |
 //! | `heat_interface` | [`heat_interface::HeatInterface`] | temperature of two bodies | heat source |
+//! | `growing_crack` | [`boundary::GrowingCrack`] | | breaks bonds of the body |
 //! | `insulated_crack` | [`boundary::InsulatedCrack`] | | cuts the families of the body |
 //!
 //! Underneath lie the mathematics of [`source`]s and [`toolpath`]s, which know nothing of
@@ -73,7 +74,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 33);
+        assert_eq!(couplers.len(), 34);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

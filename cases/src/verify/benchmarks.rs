@@ -234,6 +234,7 @@ benchmarks!(
     "quench-2.2-plate",
     "quench-2.3-crack",
     "quench-2.3-crack-steady",
+    "quench-2.4-growing-crack",
     "quench-2.5-jet",
     "quench-2.5-jet-cracks",
     "quench-3.2-tension",

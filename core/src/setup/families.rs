@@ -100,16 +100,16 @@ impl Setup<'_> {
         Ok(())
     }
 
-    /// Declares that the calling physics breaks bonds of a body; it adds them to the list that others see with the
+    /// Declares that the calling plugin breaks bonds of a body; it adds them to the list that others see with the
     /// handle ([`World::break_pairs`]).
     ///
     /// # Errors
-    /// When another physics breaks them.
+    /// When another plugin breaks them.
     pub fn break_bonds(&mut self, body: BodyIndex) -> Result<BondBreaker, SetupError> {
         self.world.set_breaker(body).ok_or_else(|| {
             let name = &self.body(body).name;
-            let message = format!("another physics already breaks bonds of body `{name}`");
-            SetupError::value("body", message, "one physics that breaks bonds")
+            let message = format!("another plugin already breaks bonds of body `{name}`");
+            SetupError::value("body", message, "one plugin that breaks bonds")
         })
     }
 

@@ -1,0 +1,198 @@
+//! A straight crack through the thickness of a 2D body that grows at a given speed and insulates.
+//!
+//! Bonds that cross it end when its tip has passed them, for the `thermal` of the body (`broken_bonds = "insulate"`). It
+//! carries load: cracks that grow by load are those of `fracture` of a `mechanical`. Points must not lie on its line.
+
+use nalgebra::Vector3;
+use perimelt_core::cell_list::CellList;
+use perimelt_core::world::{BodyIndex, BondBreaker};
+use perimelt_core::{Body, Coupler, Report, RunError, Setup, SetupError, Step, World};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A crack that grows along a line at a given speed.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GrowingCrack {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Where it begins, x and y (m).
+    pub from: [f64; 2],
+    /// Where it ends when fully grown, x and y (m).
+    pub to: [f64; 2],
+    /// Speed of the tip (m/s).
+    pub speed: f64,
+    /// When it begins to grow (s).
+    #[serde(default)]
+    pub start_time: f64,
+    /// Longest bond that it can cross, in spacings: not below the horizon.
+    #[serde(default = "usual_reach")]
+    pub reach: f64,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<State>,
+}
+
+fn usual_reach() -> f64 {
+    4.0
+}
+
+#[derive(Debug)]
+struct State {
+    body: BodyIndex,
+    breaker: BondBreaker,
+    /// Pairs whose bond crosses the line, with the distance from its beginning (m), in the order of growth.
+    crossings: Vec<(f64, [u32; 2])>,
+    /// Length now, m.
+    length: f64,
+}
+
+impl GrowingCrack {
+    fn check(&self) -> Result<(), SetupError> {
+        if self.from == self.to || self.from.iter().chain(&self.to).any(|x| !x.is_finite()) {
+            let message = "the crack has no length";
+            return Err(SetupError::value(
+                "to",
+                message,
+                "a place other than `from`",
+            ));
+        }
+        for (key, value, least) in [
+            ("speed", self.speed, 0.0),
+            ("start_time", self.start_time, 0.0),
+            ("reach", self.reach, 1.0),
+        ] {
+            if !(value >= least && value.is_finite()) {
+                let expected = format!("{least} or above");
+                return Err(SetupError::value(
+                    key,
+                    format!("`{key}` is {value}"),
+                    expected,
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Pairs of points whose connection crosses the line.
+    fn crossings(&self, body: &Body) -> Vec<(f64, [u32; 2])> {
+        let [from, to] = [self.from, self.to].map(|[x, y]| Vector3::new(x, y, 0.0));
+        let length = (to - from).norm();
+        let along = (to - from) / length;
+        let across = Vector3::new(-along.y, along.x, 0.0);
+        let positions = &body.points.position;
+        let reach: Vec<f64> = body.points.spacing.iter().map(|s| self.reach * s).collect();
+        let list = CellList::new(positions, &reach);
+        let mut found = Vec::new();
+        for (point, at) in positions.iter().enumerate() {
+            let height = across.dot(&(at - from));
+            if height.abs() > reach[point] {
+                continue;
+            }
+            list.visit_near(at, reach[point], |other| {
+                let above = across.dot(&(positions[other] - from));
+                let distance = (positions[other] - at).norm();
+                if height < 0.0 && above >= 0.0 && distance <= reach[point].max(reach[other]) {
+                    let share = -height / (above - height);
+                    let place = along.dot(&(at + share * (positions[other] - at) - from));
+                    if (0.0..=length).contains(&place) {
+                        found.push((place, [point as u32, other as u32]));
+                    }
+                }
+            });
+        }
+        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        found
+    }
+}
+
+#[typetag::serde(name = "growing_crack")]
+impl Coupler for GrowingCrack {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        self.check()?;
+        let body = setup.find_body(self.body.as_deref())?;
+        if setup.body(body).dimension != 2 {
+            let message = "the crack is a line through the thickness";
+            return Err(SetupError::value("body", message, "a 2D body"));
+        }
+        let crossings = self.crossings(setup.body(body));
+        if crossings.is_empty() {
+            let message = "no bond crosses the crack";
+            return Err(SetupError::value(
+                "from",
+                message,
+                "a line through the body",
+            ));
+        }
+        self.prepared = Some(State {
+            body,
+            breaker: setup.break_bonds(body)?,
+            crossings,
+            length: 0.0,
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_mut().expect("prepared before the run");
+        p.length = self.speed * (step.end() - self.start_time).max(0.0);
+        let crossed = p.crossings.partition_point(|(place, _)| *place <= p.length);
+        // also all of them, after a restart
+        let known = world.broken_pairs(p.body).pairs.len();
+        if known < crossed {
+            let new = p.crossings[known..crossed].iter().map(|(_, pair)| *pair);
+            world.break_pairs(&p.breaker, new);
+        }
+        Ok(())
+    }
+
+    fn report(&self) -> Vec<Report> {
+        let prepared = self.prepared.as_ref();
+        let crack = prepared.map(|p| Report {
+            name: "length".into(),
+            unit: "m".into(),
+            value: p.length,
+        });
+        crack.into_iter().collect()
+    }
+}
+
+perimelt_core::register_coupler!("growing_crack", GrowingCrack);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, block, prepare, read, refusal};
+
+    #[test]
+    fn pairs_break_when_the_tip_has_passed_them() {
+        let mut world = World::new(vec![block([4, 4, 1], 2, STEEL)]);
+        let mut crack: GrowingCrack = read("from = [0, 2]\nto = [3, 2]\nspeed = 1\nreach = 1");
+        prepare(&mut world, &mut crack, |_| ()).expect("valid");
+        let mut broken = Vec::new();
+        for second in 0..5 {
+            let step = Step::new(f64::from(second), 1.0);
+            crack.apply(&world, step).expect("applies");
+            broken.push(world.broken_pairs(0).pairs.clone());
+        }
+        // columns at 0.5, 1.5, 2.5; rows below and above y = 2
+        assert_eq!(broken[0], [[4, 8]]);
+        assert_eq!(broken[1], [[4, 8], [5, 9]]);
+        assert_eq!(broken[2], [[4, 8], [5, 9], [6, 10]]);
+        assert_eq!(broken[4].len(), 3);
+    }
+
+    #[test]
+    fn a_crack_that_cannot_be_is_refused() {
+        for (keys, key) in [
+            ("from = [0, 2]\nto = [0, 2]\nspeed = 1", "to"),
+            ("from = [0, 2]\nto = [3, 2]\nspeed = -1", "speed"),
+            ("from = [0, 9]\nto = [3, 9]\nspeed = 1", "from"),
+        ] {
+            let mut world = World::new(vec![block([4, 4, 1], 2, STEEL)]);
+            let mut crack: GrowingCrack = read(keys);
+            assert!(refusal(&mut world, &mut crack).starts_with(key), "{keys}");
+        }
+    }
+}
