@@ -23,6 +23,8 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use perimelt_core::error::nearest;
+
 use crate::case::CaseError;
 use crate::case::sections::Components;
 use crate::run::display::duration;
@@ -86,12 +88,18 @@ pub enum VerifyError {
         of: String,
     },
     /// No case to run.
-    #[error("no case with a check has `{filter}` in its name; known: {}", known.join(", "))]
+    #[error("no case has `{filter}` in its name{}", close.as_ref().map_or(String::new(), |c| format!("; did you mean `{c}`?")))]
     Nothing {
         /// What was asked for.
         filter: String,
-        /// Names of all cases.
-        known: Vec<String>,
+        /// The nearest name.
+        close: Option<String>,
+    },
+    /// The cases of a name have checks of another level only.
+    #[error("the checks of {} take longer than those of every day; `--full` runs them", cases.join(", "))]
+    OfAnotherLevel {
+        /// Names of the cases.
+        cases: Vec<String>,
     },
     /// A file of results, or a document, that cannot be read or written.
     #[error("the file {} {what}: {cause}", path.display())]
@@ -199,11 +207,15 @@ pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
         }));
     }
     if planned.is_empty() && without_checks.is_empty() {
-        let known = cases.iter().map(|(name, _)| name.clone()).collect();
-        return Err(VerifyError::Nothing {
-            filter: filter.into(),
-            known,
-        });
+        let names = || cases.iter().map(|(name, _)| name.as_str());
+        let named = names().filter(|name| name.contains(filter));
+        let cases: Vec<String> = named.map(String::from).collect();
+        if !cases.is_empty() {
+            return Err(VerifyError::OfAnotherLevel { cases });
+        }
+        let close = nearest(filter, names()).map(String::from);
+        let filter = filter.into();
+        return Err(VerifyError::Nothing { filter, close });
     }
     let unknown = planned.iter().find_map(|p| {
         let is_missing = |of: &&String| !cases.iter().any(|(name, _)| name == *of);
