@@ -1,5 +1,6 @@
 //! Bodies as walls for a fluid whose points rest: what is exchanged, and how far a wall may move.
 
+#[allow(dead_code)]
 mod meeting;
 
 use std::path::Path;
@@ -157,7 +158,10 @@ fn a_plate_displaced_by_a_fraction_of_a_spacing_shears_the_layer_that_is_left() 
         let force = force.expect("of the fluid").value;
         let expected = -0.01 * 0.01 * 0.2 / (0.1 + displacement);
         println!("{displacement}: {force} N, expected {expected} N");
-        assert!((force / expected - 1.0).abs() < 0.005, "{displacement}: {force} N");
+        assert!(
+            (force / expected - 1.0).abs() < 0.005,
+            "{displacement}: {force} N"
+        );
     }
 }
 
@@ -181,5 +185,8 @@ fn a_gap_between_the_lattice_and_a_wall_is_refused() {
         panic!("there is a gap");
     };
     let message = refused.render(false);
-    assert!(message.contains("there is neither fluid nor a wall"), "{message}");
+    assert!(
+        message.contains("there is neither fluid nor a wall"),
+        "{message}"
+    );
 }

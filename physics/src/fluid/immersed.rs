@@ -103,7 +103,7 @@ impl Walls {
         let fluid = setup.body(body);
         let points = &fluid.points;
         let spacing = fluid.finest_spacing();
-        // by fluid point: sum w V and sum w xi V over all members, sum w V over walls, distance from walls
+        // by fluid point: sum w V and sum w xi V over all members and over walls, distance from walls
         let mut content = vec![0.0; points.len()];
         let mut asymmetry = vec![Vector3::zeros(); points.len()];
         for point in 0..points.len() {
@@ -113,6 +113,7 @@ impl Walls {
             });
         }
         let mut at_walls = vec![0.0; points.len()];
+        let mut towards = vec![Vector3::zeros(); points.len()];
         let mut distance = vec![f64::INFINITY; points.len()];
         for wall in &mut self.bodies {
             let solid = setup.body(wall.wall.other);
@@ -124,10 +125,12 @@ impl Walls {
             for n in 0..wall.bonds.len() {
                 let (bond, point, ghost) = wall.bonds.bond(n);
                 at_walls[point] += bond.weight;
+                towards[point] += bond.weight * Vector3::from(bond.xi);
                 asymmetry[point] += bond.weight * Vector3::from(bond.xi);
                 let half = 0.5 * solid.points.spacing[ghost.point];
                 let beside = bond.xi.map(|x| (x.abs() - half).max(0.0));
-                let beside = Vector3::from_fn(|a, _| if a < fluid.dimension { beside[a] } else { 0.0 });
+                let beside =
+                    Vector3::from_fn(|a, _| if a < fluid.dimension { beside[a] } else { 0.0 });
                 distance[point] = beside.norm().min(distance[point]);
             }
         }
@@ -155,7 +158,8 @@ impl Walls {
                 }
             });
             let solid = setup.body(wall.wall.other);
-            wall.immersed = Some(Immersed::of(wall, &distance, &solid.points.position, spacing));
+            let surface = (&distance[..], &towards[..]);
+            wall.immersed = Some(Immersed::of(wall, surface, &solid.points.position, spacing));
         }
         Ok(())
     }
@@ -258,14 +262,24 @@ impl Walls {
 }
 
 impl Immersed {
-    /// Of a wall with corrected bonds; `surface`: distance of each fluid point from the surface, m.
-    fn of(wall: &WallBody, surface: &[f64], position: &[Vector3<f64>], spacing: f64) -> Self {
+    /// Of a wall with corrected bonds; `surface`: distance of each fluid point from the surface (m) and a vector towards it.
+    /// The normal of a wall point is the mean over the fluid around it, whose points see more of the wall than it sees of
+    /// them.
+    fn of(
+        wall: &WallBody,
+        (surface, towards): (&[f64], &[Vector3<f64>]),
+        position: &[Vector3<f64>],
+        spacing: f64,
+    ) -> Self {
         let bonds = &wall.bonds;
         let mut sums: Vec<[f64; 5]> = Vec::new();
         let part = |n: usize| {
             let (bond, point, ghost) = bonds.bond(n);
-            let way = ghost.reflect(-Vector3::from(bond.xi));
-            [way.x, way.y, way.z, surface[point], 1.0].map(|x| bond.dual * x)
+            let out = towards[point]
+                .try_normalize(0.0)
+                .unwrap_or_else(Vector3::zeros);
+            let out = -ghost.reflect(out);
+            [out.x, out.y, out.z, surface[point], 1.0].map(|x| bond.dual * x)
         };
         bonds.sum_by_foreign(part, &mut sums);
         let normal = |[x, y, z, ..]: &[f64; 5]| {
@@ -400,7 +414,8 @@ impl WallBody {
         let depth = immersed.depth[n] + immersed.shift[j];
         let held = ghost.reflect(self.points[j].velocity - depth * immersed.slope[j]);
         let (own, viscosity) = immersed.own[n];
-        let inputs = |v: &Vector3<f64>| std::array::from_fn(|i| if i < D { v[i] } else { viscosity });
+        let inputs =
+            |v: &Vector3<f64>| std::array::from_fn(|i| if i < D { v[i] } else { viscosity });
         kernel.bond(bond, inputs(&own), inputs(&held))
     }
 }

@@ -242,7 +242,8 @@ impl Fluid {
 
     fn check_conservative(&self, body: &Body) -> Result<(), SetupError> {
         if self.description == Description::TotalLagrangian {
-            let message = "the conservative form is defined for points that change neighbours or rest";
+            let message =
+                "the conservative form is defined for points that change neighbours or rest";
             let expected = "`description = \"updated_lagrangian\"` or `\"eulerian\"`";
             return Err(SetupError::value("description", message, expected));
         }
@@ -264,7 +265,8 @@ impl Fluid {
     /// Of the conservative form at points that rest.
     fn check_fluxes(&self, body: &Body) -> Result<(), SetupError> {
         if body.lattice().is_none() {
-            let message = "the conservative form of an Eulerian fluid needs the points of a lattice";
+            let message =
+                "the conservative form of an Eulerian fluid needs the points of a lattice";
             let expected = "a body with `spacing` and without `jitter`";
             return Err(SetupError::value("description", message, expected));
         }
@@ -274,12 +276,17 @@ impl Fluid {
             return Err(SetupError::value("stress", message, expected));
         }
         if self.surface != Surface::Natural {
-            let message = "an Eulerian fluid has no free surface, and keeps its mass without a condition";
+            let message =
+                "an Eulerian fluid has no free surface, and keeps its mass without a condition";
             return Err(SetupError::value("surface", message, "leave `surface` out"));
         }
         if self.collisions.is_some() {
             let message = "points that rest do not collide";
-            return Err(SetupError::value("collisions", message, "leave `collisions` out"));
+            return Err(SetupError::value(
+                "collisions",
+                message,
+                "leave `collisions` out",
+            ));
         }
         Ok(())
     }

@@ -67,8 +67,8 @@ use perimelt_core::{
     Balance, Clock, PddoError, Physics, Report, RunError, Setup, SetupError, Step, Work, World,
 };
 
-use nalgebra::Vector3;
 use immersed::LARGEST_DISPLACEMENT;
+use nalgebra::Vector3;
 use rates::Stability;
 use run::Run;
 use wall_motion::WallMotion;

@@ -413,7 +413,11 @@ fn places(configuration: &Configuration) -> Places<'_> {
     }
 }
 
-pub(super) fn add_to_owners<const O: usize>(bonds: &ForeignBonds, found: &[[f64; O]], sums: &mut [[f64; O]]) {
+pub(super) fn add_to_owners<const O: usize>(
+    bonds: &ForeignBonds,
+    found: &[[f64; O]],
+    sums: &mut [[f64; O]],
+) {
     for (&owner, found) in bonds.owners().iter().zip(found) {
         let sums = &mut sums[owner as usize];
         (0..O).for_each(|o| sums[o] += found[o]);
