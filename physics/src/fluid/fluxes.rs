@@ -236,10 +236,10 @@ impl Fluxes {
     ) {
         let mut work = std::mem::take(&mut self.work);
         let diffusivity = terms.density_diffusivity(0);
-        for axis in 0..D {
+        for (axis, velocity) in velocity.iter().enumerate().take(D) {
             let (mass, flux) = (&mut self.mass[axis], &mut self.flux[axis]);
             mass.resize(self.family.slots(), 0.0);
-            let of_point = |(rho, slot): (&f64, &u32)| rho * velocity[axis][*slot as usize];
+            let of_point = |(rho, slot): (&f64, &u32)| rho * velocity[*slot as usize];
             work.clear();
             work.extend(density.iter().zip(&self.slot).map(of_point));
             self.family.scatter(&work, 1, 0, mass);
