@@ -291,6 +291,13 @@ impl ForeignBonds {
         (&self.bonds[number], point, ghost)
     }
 
+    /// Passes the own point of each bond and the bond to `change`, whose changes stay until points move.
+    pub fn for_each_mut(&mut self, mut change: impl FnMut(usize, &mut Bond)) {
+        for (bond, owner) in self.bonds.iter_mut().zip(&self.owner) {
+            change(self.owners[*owner as usize] as usize, bond);
+        }
+    }
+
     /// Numbers of the bonds of an owner, given by its place among the owners.
     pub fn bonds_of(&self, owner: usize) -> Range<usize> {
         self.start[owner]..self.start[owner + 1]

@@ -48,6 +48,13 @@ impl NormalField {
         Some(NormalField { field, is_read })
     }
 
+    /// Normals from a solid to a fluid whose points rest.
+    pub(super) fn set_to(&self, world: &World, outward: &[Vector3<f64>]) {
+        let mut normals = world.write(self.field);
+        let points = normals.iter_mut().zip(outward);
+        points.for_each(|(normal, outward)| *normal = -outward);
+    }
+
     pub(super) fn set(&self, world: &World, interface: &Interface<'_>) {
         let mut normals = world.write(self.field);
         let points = normals.par_iter_mut().enumerate();

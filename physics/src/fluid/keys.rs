@@ -241,10 +241,14 @@ impl Fluid {
     }
 
     fn check_conservative(&self, body: &Body) -> Result<(), SetupError> {
-        if self.description != Description::UpdatedLagrangian {
-            let message = "the conservative form is defined for points that change neighbours";
-            let expected = "`description = \"updated_lagrangian\"`";
+        if self.description == Description::TotalLagrangian {
+            let message =
+                "the conservative form is defined for points that change neighbours or rest";
+            let expected = "`description = \"updated_lagrangian\"` or `\"eulerian\"`";
             return Err(SetupError::value("description", message, expected));
+        }
+        if self.description == Description::Eulerian {
+            self.check_fluxes(body)?;
         }
         if self.stress == Stress::Compressible {
             let message = "the pairwise viscosity of the conservative form is incompressible";
@@ -254,6 +258,35 @@ impl Fluid {
         if body.finest_spacing() < body.coarsest_spacing() {
             let message = "the conservative form needs a uniform spacing";
             return Err(SetupError::value("form", message, "points of one spacing"));
+        }
+        Ok(())
+    }
+
+    /// Of the conservative form at points that rest.
+    fn check_fluxes(&self, body: &Body) -> Result<(), SetupError> {
+        if body.lattice().is_none() {
+            let message =
+                "the conservative form of an Eulerian fluid needs the points of a lattice";
+            let expected = "a body with `spacing` and without `jitter`";
+            return Err(SetupError::value("description", message, expected));
+        }
+        if self.stress != Stress::Incompressible {
+            let message = "viscous forces along bonds are those of points that move";
+            let expected = "`stress = \"incompressible\"`";
+            return Err(SetupError::value("stress", message, expected));
+        }
+        if self.surface != Surface::Natural {
+            let message =
+                "an Eulerian fluid has no free surface, and keeps its mass without a condition";
+            return Err(SetupError::value("surface", message, "leave `surface` out"));
+        }
+        if self.collisions.is_some() {
+            let message = "points that rest do not collide";
+            return Err(SetupError::value(
+                "collisions",
+                message,
+                "leave `collisions` out",
+            ));
         }
         Ok(())
     }

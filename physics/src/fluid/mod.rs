@@ -39,6 +39,8 @@ mod collision;
 mod conservative;
 mod convection;
 mod differences;
+mod fluxes;
+mod immersed;
 mod interface;
 mod keys;
 mod least_distance;
@@ -65,6 +67,7 @@ use perimelt_core::{
     Balance, Clock, PddoError, Physics, Report, RunError, Setup, SetupError, Step, Work, World,
 };
 
+use immersed::LARGEST_DISPLACEMENT;
 use nalgebra::Vector3;
 use rates::Stability;
 use run::Run;
@@ -142,6 +145,7 @@ impl Physics for Fluid {
         }
         self.run = Some(run);
         done.map_err(|e| failed(e, step.end()))?;
+        self.check_displacement(world, step.end())?;
         if is_due {
             self.stable_step(world);
         }
@@ -170,6 +174,7 @@ impl Physics for Fluid {
             run.stability,
             mass,
             run.rates.walls().map(Walls::motions),
+            run.rates.fullness(),
         ))
     }
 
@@ -180,6 +185,7 @@ impl Physics for Fluid {
         let run = self.run_mut();
         let mass: Option<Vec<f64>>;
         let motions: Option<Vec<WallMotion>>;
+        let fullness: Option<Vec<f64>>;
         (
             run.initial_mass,
             (run.momentum, run.angular_momentum),
@@ -187,12 +193,16 @@ impl Physics for Fluid {
             run.stability,
             mass,
             motions,
+            fullness,
         ) = erased_serde::deserialize(state)?;
         if let (Some(moving), Some(mass)) = (&mut run.moving, mass) {
             moving.mass = mass;
         }
         if let (Some(walls), Some(motions)) = (run.rates.walls_mut(), motions) {
             walls.set_motions(motions);
+        }
+        if let Some(fullness) = fullness {
+            run.rates.set_fullness(fullness);
         }
         Ok(())
     }
@@ -213,7 +223,48 @@ fn failed(cause: PddoError, time: f64) -> RunError {
     }
 }
 
+/// A wall has left the place that it has for a fluid whose points rest.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "body `{wall}` moves by {moved:.3e} m along its normal; for an Eulerian fluid walls keep their reference shape, and a \
+     displacement may be up to {allowed:.3e} m, half a spacing of body `{fluid}`: choose `description = \
+     \"updated_lagrangian\"` or a coarser fluid"
+)]
+struct WallHasLeft {
+    wall: String,
+    fluid: String,
+    /// m.
+    moved: f64,
+    /// m.
+    allowed: f64,
+}
+
 impl Fluid {
+    /// Refuses to go on where a wall has moved too far for points that rest.
+    fn check_displacement(&self, world: &World, time: f64) -> Result<(), RunError> {
+        let run = self.run();
+        let walls = run.rates.walls();
+        let Some((moved, wall)) = walls.and_then(Walls::largest_displacement) else {
+            return Ok(());
+        };
+        if moved <= LARGEST_DISPLACEMENT {
+            return Ok(());
+        }
+        let fluid = world.body(run.body);
+        let spacing = fluid.finest_spacing();
+        let cause = WallHasLeft {
+            wall: wall.into(),
+            fluid: fluid.name.clone(),
+            moved: moved * spacing,
+            allowed: LARGEST_DISPLACEMENT * spacing,
+        };
+        Err(RunError::Plugin {
+            plugin: "fluid".into(),
+            time,
+            cause: cause.into(),
+        })
+    }
+
     fn run(&self) -> &Run {
         self.run.as_ref().expect("prepared at set-up")
     }

@@ -14,6 +14,7 @@ use crate::advection::usual_horizon;
 use super::boundaries::{check_closed, check_faces};
 use super::conservative::Conservative;
 use super::differences::Differences;
+use super::fluxes::Fluxes;
 use super::keys::{Fluid, Form, Stress, Surface};
 use super::medium::{Coefficient, Medium};
 use super::rates::{LargestSums, Rates};
@@ -68,13 +69,22 @@ impl Run {
         };
         let has_faces = !walls.is_empty();
         let spec = family_spec(fluid, setup.body(body), walls);
-        let solids = Walls::prepare(setup, body, &spec)?;
+        let mut solids = Walls::prepare(setup, body, &spec)?;
         fluid.check_walls(&solids)?;
         let Neighbours { family, moving } = neighbours(fluid, setup, body, &spec)?;
+        let complete = CompleteFamily::of(setup.body(body), &family);
+        let is_eulerian = fluid.description == Description::Eulerian;
+        if is_eulerian && fluid.form == Form::Conservative {
+            solids.immerse(setup, (body, &family), &complete)?;
+        }
         let this = setup.body(body);
         let sums = LargestSums::of(&family, this.points.len(), None);
-        let treatments = Treatments::new(CompleteFamily::of(this, &family), this.dimension);
+        let treatments = Treatments::new(complete, this.dimension);
         let rates: Box<dyn Rates> = match fluid.form {
+            Form::Conservative if is_eulerian => {
+                let size = (this.dimension, this.points.len());
+                Box::new(Fluxes::new(family, size, treatments.complete, solids))
+            }
             Form::Conservative => {
                 let walls = (solids, fluid.stress == Stress::Central);
                 Box::new(Conservative::new(family, this, treatments.complete, walls))
@@ -82,7 +92,6 @@ impl Run {
             Form::Differences => {
                 let pddo = Pddo::build(this, family, 2);
                 let pddo = pddo.map_err(|e| SetupError::other("horizon", e))?;
-                let is_eulerian = fluid.description == Description::Eulerian;
                 Box::new(Differences::new(pddo, is_eulerian))
             }
         };

@@ -142,6 +142,14 @@ pub(super) trait Rates: std::fmt::Debug {
         None
     }
 
+    /// Volume of the fluid over that of the cells of points at rest, where walls displace fluid.
+    fn fullness(&self) -> Option<&Vec<f64>> {
+        None
+    }
+
+    /// The same, to restore it.
+    fn set_fullness(&mut self, _fullness: Vec<f64>) {}
+
     /// What the largest stable step depends on, for the points at their reference positions.
     fn stability(&self) -> Stability;
 

@@ -84,9 +84,10 @@ impl Run {
         density: &'a [f64],
     ) -> impl Fn(usize) -> f64 + 'a {
         let volume = &world.body(self.body).points.volume;
+        let fullness = self.rates.fullness();
         move |point| match &self.moving {
             Some(moving) => moving.mass[point],
-            None => density[point] * volume[point],
+            None => density[point] * volume[point] * fullness.map_or(1.0, |f| f[point]),
         }
     }
 
@@ -98,7 +99,10 @@ impl Run {
         }
         let density = world.read::<f64>(self.density.into());
         let volume = &world.body(self.body).points.volume;
-        sum_of([&density, volume], |[rho, v]| rho * v)
+        match self.rates.fullness() {
+            Some(fullness) => sum_of([&density, volume, fullness], |[rho, v, f]| rho * v * f),
+            None => sum_of([&density, volume], |[rho, v]| rho * v),
+        }
     }
 
     /// Sum of mass times `of(velocity)`, N s.

@@ -47,7 +47,7 @@ impl WallMotion {
 }
 
 /// A way (m) without the extents of a periodic body that a point has been moved by.
-fn shortest(body: &Body, mut way: Vector3<f64>) -> Vector3<f64> {
+pub(super) fn shortest(body: &Body, mut way: Vector3<f64>) -> Vector3<f64> {
     for axis in (0..body.dimension).filter(|axis| body.periodic[*axis]) {
         let extent = body.extent(axis);
         way[axis] -= extent * (way[axis] / extent).round();

@@ -39,6 +39,7 @@ use perimelt_core::{
 };
 
 use super::collision::{CollisionWall, FluidPoints};
+use super::immersed::Immersed;
 use super::interface::{Interface, NormalField};
 use super::treatments::Crowding;
 use super::wall_motion::WallMotion;
@@ -46,21 +47,23 @@ use super::wall_motion::WallMotion;
 /// All walls of a fluid.
 #[derive(Debug, Default)]
 pub(super) struct Walls {
-    bodies: Vec<WallBody>,
+    pub(super) bodies: Vec<WallBody>,
 }
 
 /// A body that is a wall.
 #[derive(Debug)]
 pub(super) struct WallBody {
-    name: String,
-    wall: Wall,
+    pub(super) name: String,
+    pub(super) wall: Wall,
     /// Density of the fluid over that of each point of the wall.
-    density_ratio: Vec<f64>,
+    pub(super) density_ratio: Vec<f64>,
     velocity: Read<Vector3<f64>>,
     motion: WallMotion,
+    /// For a fluid whose points rest.
+    pub(super) immersed: Option<Immersed>,
     impulse: Write<Vector3<f64>>,
-    bonds: ForeignBonds,
-    points: Vec<WallPoint>,
+    pub(super) bonds: ForeignBonds,
+    pub(super) points: Vec<WallPoint>,
     means: Vec<[f64; 7]>,
     pressures: Vec<[f64; 2]>,
     extra: Vec<[f64; 1]>,
@@ -76,9 +79,9 @@ pub(super) struct WallBody {
 
 /// A point of a wall as a point of the fluid.
 #[derive(Clone, Copy, Debug, Default)]
-struct WallPoint {
+pub(super) struct WallPoint {
     /// Of the wall, m/s.
-    velocity: Vector3<f64>,
+    pub(super) velocity: Vector3<f64>,
     /// For viscosity, m/s.
     held: Vector3<f64>,
     /// kg/m³.
@@ -132,6 +135,7 @@ impl Walls {
                 density_ratio: density.iter().map(|rho| heaviest / rho).collect(),
                 velocity: setup.read(wall.other, &keys::VELOCITY)?,
                 motion: WallMotion::default(),
+                immersed: None,
                 impulse: setup.give_impulses(&wall)?,
                 bonds: ForeignBonds::new(setup.body(body), spec),
                 points: Vec::new(),
@@ -157,7 +161,10 @@ impl Walls {
         let own = world.configuration(body);
         for wall in &mut self.bodies {
             let other = world.configuration(wall.wall.other);
-            wall.bonds.follow(places(&own), places(&other));
+            match wall.immersed {
+                Some(_) => wall.displace(world, other.positions()),
+                None => wall.bonds.follow(places(&own), places(&other)),
+            }
             let time = world.time_of(wall.velocity);
             let motion = &mut wall.motion;
             let walls = world.body(wall.wall.other);
@@ -208,7 +215,9 @@ impl Walls {
         let own = world.configuration(body);
         for wall in &mut self.bodies {
             let other = world.configuration(wall.wall.other);
-            wall.bonds.follow(places(&own), places(&other));
+            if wall.immersed.is_none() {
+                wall.bonds.follow(places(&own), places(&other));
+            }
             wall.set_normals(world, places(&other));
         }
     }
@@ -404,7 +413,11 @@ fn places(configuration: &Configuration) -> Places<'_> {
     }
 }
 
-fn add_to_owners<const O: usize>(bonds: &ForeignBonds, found: &[[f64; O]], sums: &mut [[f64; O]]) {
+pub(super) fn add_to_owners<const O: usize>(
+    bonds: &ForeignBonds,
+    found: &[[f64; O]],
+    sums: &mut [[f64; O]],
+) {
     for (&owner, found) in bonds.owners().iter().zip(found) {
         let sums = &mut sums[owner as usize];
         (0..O).for_each(|o| sums[o] += found[o]);
@@ -427,6 +440,9 @@ impl WallBody {
         let Some(normal) = &self.normal else {
             return;
         };
+        if let Some(immersed) = &self.immersed {
+            return normal.set_to(world, &immersed.normal);
+        }
         normal.set(world, &self.interface(world, solid));
     }
 

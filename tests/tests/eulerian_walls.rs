@@ -1,0 +1,192 @@
+//! Bodies as walls for a fluid whose points rest: what is exchanged, and how far a wall may move.
+
+#[allow(dead_code)]
+mod meeting;
+
+use std::path::Path;
+
+use meeting::{compose, largest_drift};
+use perimelt::case::Case;
+use perimelt::core::Simulation;
+
+/// A stream that carries along an elastic block of finer points, whose surface lies in the middle of cells of the fluid, and
+/// a rigid disc.
+fn stream_with_bodies(steps: &str) -> Simulation {
+    let block = "{ box = { min = [0.21, 0.21, 0], max = [0.36, 0.39, 0.025] } }";
+    let disc = "{ sphere = { centre = [0.63, 0.3, 0.0125], radius = 0.1 } }";
+    compose(&format!(
+        "[bodies.water]
+        shape.difference = {{ from = {{ box = {{ min = [0, 0, 0], max = [0.9, 0.6, 0.025] }} }}, subtract = {{ union = [{block}, {disc}] }} }}
+        dimension = 2
+        thickness = 1
+        spacing = 0.025
+        material = 'oil'
+        periodic = ['x', 'y']
+        initial.velocity = [0.2, 0.1, 0]
+        [bodies.block]
+        shape.union = [{block}]
+        dimension = 2
+        thickness = 1
+        spacing = 0.01
+        material = 'rubber'
+        [bodies.disc]
+        shape.union = [{disc}]
+        dimension = 2
+        thickness = 1
+        spacing = 0.0125
+        material = 'rubber'
+        [materials.oil]
+        density = 900
+        viscosity = 10
+        [materials.rubber]
+        density = 1100
+        youngs_modulus = 1e5
+        poissons_ratio = 0.4
+        [[physics]]
+        type = 'fluid'
+        body = 'water'
+        description = 'eulerian'
+        form = 'conservative'
+        state.tait.sound_speed = 5
+        density_diffusion = 0.1
+        {steps}
+        [[physics]]
+        type = 'mechanical'
+        body = 'block'
+        formulation = 'ordinary'
+        kinematics = 'finite'
+        solver.explicit = {{}}
+        [[physics]]
+        type = 'rigid_body'
+        body = 'disc'
+        [[couplers]]
+        type = 'fluid_structure'
+        fluid = 'water'
+        solid = 'block'
+        [[couplers]]
+        type = 'fluid_structure'
+        fluid = 'water'
+        solid = 'disc'
+        slip = true
+        [time]
+        end = 0.06
+        [log]
+        interval = 0.06"
+    ))
+}
+
+#[test]
+fn a_fluid_of_points_at_rest_and_solids_keep_mass_and_momentum() {
+    // as long as the fluid can, where the solid takes sub-steps; and shorter than the solid needs
+    for steps in ["", "step = 5e-5"] {
+        let mut simulation = stream_with_bodies(steps);
+        let drifts = largest_drift(&mut simulation, &["momentum.x", "momentum.y"]);
+        assert!(drifts.iter().all(|d| *d < 1e-11), "{steps}: {drifts:?}");
+        let balances = simulation.balances();
+        let masses = balances.iter().flat_map(|(_, all)| all);
+        for mass in masses.filter(|b| b.quantity == "mass") {
+            assert!(mass.relative_error() < 1e-12, "{mass:?}");
+        }
+        // they were carried along
+        let fields = simulation.world().fields();
+        for body in [1, 2] {
+            let field = fields.field(fields.find(body, "displacement").expect("it is owned"));
+            assert!(field.data().flat()[0] > 1e-3, "body {body}");
+        }
+    }
+}
+
+/// Between a wall at y = 0 and a plate at y = 0.1 m that is driven to `displacement` (m) along y and moves along x.
+fn sheared_layer(bottom: f64, displacement: f64) -> String {
+    format!(
+        "[bodies.oil]
+        shape.box = {{ min = [0, 0, 0], max = [0.2, 0.1, 0.01] }}
+        dimension = 2
+        thickness = 1
+        spacing = 0.01
+        material = 'oil'
+        periodic = ['x']
+        [bodies.plate]
+        shape.box = {{ min = [0, {bottom}, 0], max = [0.2, {}, 0.01] }}
+        dimension = 2
+        thickness = 1
+        spacing = 0.005
+        material = 'oil'
+        [materials.oil]
+        density = 1
+        viscosity = 0.01
+        [[physics]]
+        type = 'fluid'
+        body = 'oil'
+        description = 'eulerian'
+        form = 'conservative'
+        state.tait.sound_speed = 1
+        density_diffusion = 0.1
+        [[physics]]
+        type = 'rigid_body'
+        body = 'plate'
+        hold = ['rotation']
+        driven.x.velocity = 0.01
+        driven.y.displacement = {{ time = [0, 1], value = [0, {displacement}] }}
+        [[couplers]]
+        type = 'fluid_structure'
+        fluid = 'oil'
+        solid = 'plate'
+        [[couplers]]
+        type = 'wall'
+        body = 'oil'
+        faces = ['y-']
+        [time]
+        end = 4
+        [log]
+        interval = 4",
+        bottom + 0.03
+    )
+}
+
+/// Half a spacing is 5 mm: the velocity vanishes at the displaced plate, not at that of the lattice.
+#[test]
+fn a_plate_displaced_by_a_fraction_of_a_spacing_shears_the_layer_that_is_left() {
+    for displacement in [0.0, -0.003, 0.003] {
+        let mut layer = compose(&sheared_layer(0.1, displacement));
+        while !layer.is_finished() {
+            layer.step().expect("a step");
+        }
+        let reports = layer.reports();
+        let reports = reports.iter().flat_map(|(_, reports)| reports);
+        let force = reports.filter(|r| r.name == "force.plate.x").next_back();
+        let force = force.expect("of the fluid").value;
+        let expected = -0.01 * 0.01 * 0.2 / (0.1 + displacement);
+        println!("{displacement}: {force} N, expected {expected} N");
+        assert!(
+            (force / expected - 1.0).abs() < 0.005,
+            "{displacement}: {force} N"
+        );
+    }
+}
+
+#[test]
+fn a_wall_that_moves_by_more_than_half_a_spacing_is_refused_with_both_numbers() {
+    let mut layer = compose(&sheared_layer(0.1, -0.02));
+    let mut error = None;
+    while error.is_none() && !layer.is_finished() {
+        error = layer.step().err();
+    }
+    let message = error.expect("it moves too far").to_string();
+    assert!(message.contains("body `plate` moves by 5."), "{message}");
+    assert!(message.contains("up to 5.000e-3 m"), "{message}");
+}
+
+#[test]
+fn a_gap_between_the_lattice_and_a_wall_is_refused() {
+    let text = sheared_layer(0.12, 0.0);
+    let case = Case::parse("gap.toml", text, Path::new("")).expect("a valid case");
+    let Err(refused) = case.compose() else {
+        panic!("there is a gap");
+    };
+    let message = refused.render(false);
+    assert!(
+        message.contains("there is neither fluid nor a wall"),
+        "{message}"
+    );
+}
