@@ -102,10 +102,12 @@ pub struct Declaration {
 
 /// Handed to each plugin in turn.
 pub struct Setup<'w> {
-    world: &'w mut World,
+    pub(crate) world: &'w mut World,
     folder: PathBuf,
-    plugins: Vec<String>,
-    declarations: Vec<Declaration>,
+    pub(crate) plugins: Vec<String>,
+    pub(crate) declarations: Vec<Declaration>,
+    /// Plugins that follow the activity of the points of a body.
+    pub(crate) followers: Vec<(usize, BodyIndex)>,
     families: Vec<ObtainedFamily>,
     /// Bodies that are walls for others.
     walls: Vec<DeclaredWall>,
@@ -130,6 +132,7 @@ impl<'w> Setup<'w> {
             folder: folder.to_path_buf(),
             plugins: Vec::new(),
             declarations: Vec::new(),
+            followers: Vec::new(),
             families: Vec::new(),
             walls: Vec::new(),
             warnings: Vec::new(),
@@ -558,7 +561,8 @@ impl<'w> Setup<'w> {
     ///
     /// # Errors
     /// The first access without its counterpart.
-    pub fn finish(self) -> Result<Vec<Declaration>, (usize, SetupError)> {
+    pub fn finish(mut self) -> Result<Vec<Declaration>, (usize, SetupError)> {
+        self.check_growth()?;
         let fields = self.world.fields.iter().count();
         let with = |test: fn(Access) -> bool| {
             let mut found = vec![false; fields];

@@ -18,6 +18,7 @@
 //! | `prescribed_temperature` | [`boundary::PrescribedTemperature`] | | layer of temperature, or held temperature |
 //! | `insulated` | [`boundary::Insulated`] | | even layer of a field |
 //! | `heat_flux` | [`boundary::HeatFlux`] | | heat source |
+//! | `deposit` | [`deposit::Deposit`] | | active points; their temperature at birth |
 //! | `convection` | [`boundary::Convection`] | temperature | heat source |
 //! | `radiation` | [`boundary::Radiation`] | temperature | heat source |
 //! | `prescribed_displacement` | [`boundary::PrescribedDisplacement`] | | layer of displacement, or held displacement |
@@ -41,6 +42,7 @@ pub mod boundary;
 pub mod buoyancy;
 pub mod contact;
 pub mod deformation_heat;
+pub mod deposit;
 pub mod expansion;
 pub mod fluid_structure;
 pub mod forcing_zone;
@@ -66,7 +68,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 29);
+        assert_eq!(couplers.len(), 30);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

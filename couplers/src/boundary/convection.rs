@@ -42,6 +42,10 @@ pub struct Convection {
 struct ConvectionState {
     heat: SurfaceHeat,
     temperature: Read<f64>,
+    /// Largest coefficient, W/(m² K).
+    largest: f64,
+    /// Smallest capacity of the materials, J/(m³ K); a steady solution needs none.
+    capacity: Option<f64>,
     /// Shortest time in which a surface point takes up the temperature of the fluid, s.
     time_constant: Option<f64>,
 }
@@ -60,7 +64,6 @@ impl Coupler for Convection {
         }
         let heat = SurfaceHeat::prepare(setup, body, &self.faces, self.region.as_deref())?;
         let largest = coefficients.iter().fold(0.0, |a: f64, h| a.max(*h));
-        let exchange = largest * heat.largest_ratio(&setup.body(body).points.volume);
         // a steady solution needs neither a capacity nor a step limit
         let curves = setup.enthalpy_curves(body).unwrap_or_default();
         let capacity = curves
@@ -70,7 +73,9 @@ impl Coupler for Convection {
         self.prepared = Some(ConvectionState {
             heat,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
-            time_constant: capacity.filter(|_| exchange > 0.0).map(|c| c / exchange),
+            largest,
+            capacity,
+            time_constant: None,
         });
         Ok(())
     }
@@ -96,8 +101,11 @@ impl Coupler for Convection {
     }
 
     /// The exchange is explicit: beyond its time constant the temperature of a point overshoots that of the fluid.
-    fn stable_step(&mut self, _world: &World) -> Option<f64> {
-        self.prepared.as_ref().and_then(|p| p.time_constant)
+    fn stable_step(&mut self, world: &World) -> Option<f64> {
+        let p = self.prepared.as_mut()?;
+        let exchange = p.largest * p.heat.largest_ratio(world);
+        p.time_constant = p.capacity.filter(|_| exchange > 0.0).map(|c| c / exchange);
+        p.time_constant
     }
 
     fn report(&self) -> Vec<Report> {
@@ -133,6 +141,7 @@ mod tests {
         assert_eq!([heat[0], heat[1], heat[4], heat[13]], expected);
         assert_eq!(boundary.report()[0].value, -54.0 * 2500.0);
         // capacity 4e6 over three faces of 30 W/(m² K)
+        boundary.stable_step(&world);
         let limit = boundary.step_limit().expect("there is an exchange");
         assert!((limit - 0.5 * 4e6 / 90.0).abs() < 1e-6);
     }

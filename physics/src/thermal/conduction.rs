@@ -413,6 +413,22 @@ impl Conduction {
     }
 }
 
+impl Conduction {
+    /// The sum of the coefficients of one point's bonds, as [`Conduction::largest_row_sums`] in a family that grows,
+    /// W/(m³ K).
+    pub(super) fn row_sum(&self, family: &Family, material: &[u16], point: usize) -> f64 {
+        let conductivity = |p: usize| self.calibration * self.largest[material[p] as usize];
+        let own = conductivity(point);
+        let mut sum = 0.0;
+        family.for_each_bond(point, |_, bond, slot| {
+            let other = family.mirrored_point(slot).map_or(own, conductivity);
+            let [part] = RowSum.bond(bond, [own], [other]);
+            sum += part;
+        });
+        sum
+    }
+}
+
 /// What the conductivities of bonds are multiplied by so that the most complete family conducts exactly.
 pub(super) fn calibration(family: &Family, points: usize, dimension: usize) -> f64 {
     let trace = |point: usize| {
