@@ -119,9 +119,9 @@ impl Setup<'_> {
             return Err(SetupError::value("body", message, expected));
         }
         let active = self.write(body, &keys::ACTIVE)?;
-        let values = self.world.fields.values_mut(active.field);
-        values.fill(1.0);
-        points.iter().for_each(|&p| values[p as usize] = 0.0);
+        let mut first = vec![1.0; self.body(body).points.len()];
+        points.iter().for_each(|&p| first[p as usize] = 0.0);
+        self.set_first(active, |point| first[point]);
         self.world.growing[body] = true;
         self.follow_activity(body);
         Ok(active)

@@ -91,6 +91,8 @@ pub mod keys {
         ACTIVE: f64 = "active", "1", "1 where there is material, 0 where none has been deposited yet";
         /// Temperature at which the material of a point is deposited, K.
         BIRTH_TEMPERATURE: f64 = "birth_temperature", "K", "temperature at which the material was deposited";
+        /// 0 in powder, 1 in dense metal.
+        CONSOLIDATED: f64 = "consolidated", "1", "0 in powder that has not melted, 1 in dense metal";
         /// Share of liquid, 0 to 1.
         LIQUID_FRACTION: f64 = "liquid_fraction", "1", "share of liquid";
         /// Highest temperature so far, K.

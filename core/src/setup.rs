@@ -534,6 +534,19 @@ impl<'w> Setup<'w> {
         self.declare(body, key, Access::Read).map(Read::new)
     }
 
+    /// Sets the values of a derived field before the first step, by point.
+    pub fn set_first(&mut self, field: Write<f64>, value: impl Fn(usize) -> f64) {
+        let values = self.world.fields.values_mut(field.field).iter_mut();
+        values.enumerate().for_each(|(point, v)| *v = value(point));
+    }
+
+    /// Whether a coupler computes the field of `key`; for physics, which are prepared after couplers.
+    pub fn is_written<T: Value>(&self, body: BodyIndex, key: &Key<T>) -> bool {
+        let field = self.world.fields.find(body, &key.name);
+        let writes = |d: &Declaration| Some(d.field) == field && d.access == Access::Write;
+        self.declarations.iter().any(writes)
+    }
+
     /// Whether a plugin prepared before the calling one reads the field of `key`: a derived
     /// field that nobody reads need not be computed.
     pub fn is_read<T: Value>(&self, body: BodyIndex, key: &Key<T>) -> bool {

@@ -19,6 +19,7 @@
 //! | `insulated` | [`boundary::Insulated`] | | even layer of a field |
 //! | `heat_flux` | [`boundary::HeatFlux`] | | heat source |
 //! | `deposit` | [`deposit::Deposit`] | | active points; their temperature at birth |
+//! | `powder` | [`powder::Powder`] | liquid fraction | consolidated metal; conductivity of powder |
 //! | `convection` | [`boundary::Convection`] | temperature | heat source |
 //! | `radiation` | [`boundary::Radiation`] | temperature | heat source |
 //! | `prescribed_displacement` | [`boundary::PrescribedDisplacement`] | | layer of displacement, or held displacement |
@@ -50,6 +51,7 @@ pub mod heat_interface;
 pub mod heat_source;
 pub mod phase_change;
 pub mod plastic_heat;
+pub mod powder;
 mod rate;
 pub mod source;
 mod surface;
@@ -68,7 +70,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 30);
+        assert_eq!(couplers.len(), 31);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

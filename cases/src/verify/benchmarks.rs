@@ -154,6 +154,7 @@ benchmarks!(
     "deposit-rod-fine",
     "deposit-wall-present",
     "deposit-wall",
+    "powder-bar",
     "elastic-flag",
     "held-cantilever-bond",
     "held-cantilever-ordinary",

@@ -296,6 +296,9 @@ impl Run {
     pub(super) fn advance(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
         self.take_births(world);
         self.hold_temperatures(world);
+        if let Some(consolidated) = self.consolidated {
+            self.conduction.consolidate(&world.read(consolidated));
+        }
         let rules = world.layer_rules(self.layers);
         let body = world.body(self.body);
         let source = self.heat_source.map(|s| world.read(s));
@@ -326,7 +329,7 @@ impl Run {
             let conductivity = |i: usize| {
                 let (m, t) = (matter.material[i], temperature[i]);
                 let liquid = matter.curves[m as usize].liquid_fraction(t);
-                conduction.conductivity(m, t, liquid)
+                conduction.conductivity((i, m), t, liquid)
             };
             carried.start(body, (&matter, &state), conductivity);
         }

@@ -21,6 +21,8 @@
 //! - points of an Eulerian fluid: conduction between neighbours at rest, and convection ([`Convection`]) with the
 //!   flux of mass of the fluid.
 //!
+//! Where the coupler `powder` gives the field `consolidated`, powder has a conductivity of its own.
+//!
 //! In the form of second derivatives the sum is that of the differential operator ([`Form`]), as published for flows.
 //!
 //! Surfaces: the faces of a body that fills its box continue in mirrored layers (insulated
@@ -40,6 +42,7 @@ mod growth;
 mod growth_tests;
 mod integrate;
 mod keys;
+mod powder;
 mod prepare;
 mod run;
 #[cfg(test)]

@@ -53,10 +53,20 @@ impl Run {
             layers: thermal.continued_faces(setup.body(body), claimed),
             heated,
         };
-        let (neighbours, conduction, pddo) = thermal.operators(setup, &place)?;
+        let (neighbours, mut conduction, pddo) = thermal.operators(setup, &place)?;
         let growth = match neighbours {
             Neighbours::Growing(_) => Some(Growth::prepare(setup, body)?),
             _ => None,
+        };
+        let consolidated = match setup.is_written(body, &keys::CONSOLIDATED) {
+            true => {
+                thermal.check_powder(description)?;
+                let powder = setup.property(body, "powder_conductivity")?;
+                let family = neighbours.at_setup(setup);
+                conduction.set_powder(&family, powder);
+                Some(setup.read(body, &keys::CONSOLIDATED)?)
+            }
+            false => None,
         };
         let carried = match description {
             Description::Eulerian => Some(thermal.carried(setup, &place, pddo)?),
@@ -82,6 +92,7 @@ impl Run {
             carried,
             cracks: follows_cracks.then(Cracks::default),
             growth,
+            consolidated,
             integrator: Integrator::new(thermal.solver, thermal.tolerance),
             heat: HeatAccount::default(),
             faces: faces.filter(HeatedFace::is_measurable).collect(),
@@ -138,6 +149,16 @@ impl Thermal {
             _ => return Ok(()),
         };
         Err(SetupError::value(key, message, expected))
+    }
+
+    /// Refuses keys and points for which powder has no meaning.
+    fn check_powder(&self, description: Description) -> Result<(), SetupError> {
+        if self.form == Form::Bonds && description != Description::Eulerian {
+            return Ok(());
+        }
+        let message = "powder conducts by bonds between points that are matter";
+        let expected = "`form = \"bonds\"`, and a body through which nothing flows";
+        Err(SetupError::value("form", message, expected))
     }
 
     fn check_correction(&self, description: Description) -> Result<(), SetupError> {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
-use perimelt_core::{BrokenBonds, Family, GrowingFamily, MovingFamily, Read, World, Write};
+use perimelt_core::{BrokenBonds, Family, GrowingFamily, MovingFamily, Read, Setup, World, Write};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +33,8 @@ pub(super) struct Run {
     pub(super) cracks: Option<Cracks>,
     /// Of a body on which material is deposited.
     pub(super) growth: Option<Growth>,
+    /// Where the body has powder.
+    pub(super) consolidated: Option<Read<f64>>,
     pub(super) integrator: Integrator,
     /// Nothing holds the temperature level: boundaries are insulated or give fluxes.
     pub(super) floating: bool,
@@ -51,6 +53,15 @@ pub(super) enum Neighbours {
 }
 
 impl Neighbours {
+    /// As they are at set-up.
+    pub(super) fn at_setup(&self, setup: &Setup<'_>) -> Arc<Family> {
+        match self {
+            Neighbours::AtRest(family) => family.clone(),
+            Neighbours::Moving(family) => setup.current_family(*family),
+            Neighbours::Growing(family) => setup.current_growing_family(*family),
+        }
+    }
+
     /// As they are now.
     pub(super) fn now(&self, world: &World) -> Arc<Family> {
         match self {
@@ -244,7 +255,7 @@ impl Run {
         let conductivity = |point: usize| {
             let (m, t) = (body.material_of_point[point], temperature[point]);
             let liquid = self.curves[m as usize].liquid_fraction(t);
-            self.conduction.conductivity(m, t, liquid)
+            self.conduction.conductivity((point, m), t, liquid)
         };
         for face in &mut self.faces {
             if let Some(rule) = rules.iter().find(|r| r.face == face.face) {
