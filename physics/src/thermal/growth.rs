@@ -52,7 +52,10 @@ impl Growth {
             body,
             birth_temperature,
             mass: density.iter().zip(volume).map(|(d, v)| d * v).collect(),
-            state: Born::default(),
+            state: Born {
+                born: vec![false; volume.len()],
+                ..Born::default()
+            },
             row_sums_of: None,
         })
     }
