@@ -242,7 +242,7 @@ benchmarks!(
     "gao-3.6.3-kalthoff",
     ],
     "welding": ["bead_on_plate", "residual_stress"],
-    "additive": ["single_track", "hatch", "wire_arc_wall"],
+    "additive": ["single_track", "hatch", "wire_arc_wall", "powder_bed_tower"],
 );
 
 /// The benchmark cases of the program, or those of a folder, with their names.
