@@ -5,6 +5,7 @@
 //! value on a face is `(9 T1 - T2) / 8` from the two outermost points (cubic) or `T1` (linear).
 
 use nalgebra::Vector3;
+use perimelt_core::activity::is_active;
 use perimelt_core::body::{Discretisation, Lattice};
 use perimelt_core::{Body, SetupError, World};
 use schemars::JsonSchema;
@@ -69,9 +70,21 @@ impl Weights {
             .ok_or_else(|| off_body(body, position, key))
     }
 
-    /// The value of a field at the position.
+    /// The value of a field at the position. Points without material are left out and the other weights scaled up; not a
+    /// number where they have less than half of the weight.
     pub(crate) fn value(&self, component: Component, world: &World) -> f64 {
         let terms = self.0.iter();
+        if let Some(activity) = component.activity(world) {
+            let there = terms.clone().filter(|(p, _)| is_active(activity[*p]));
+            if there.clone().count() < self.0.len() {
+                let total: f64 = there.clone().map(|(_, weight)| weight).sum();
+                if total < 0.5 {
+                    return f64::NAN;
+                }
+                let sum = there.map(|&(point, weight)| weight * component.at(world, point));
+                return sum.sum::<f64>() / total;
+            }
+        }
         terms
             .map(|&(point, weight)| weight * component.at(world, point))
             .sum()

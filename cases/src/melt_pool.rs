@@ -15,6 +15,7 @@
 //! Not for several pools at a time: the pool is the one around the hottest point, but a second pool
 //! is included where the two overlap in a profile.
 
+use perimelt_core::activity::is_active;
 use perimelt_core::{Axis, Body, Face, SetupError, World};
 
 use crate::cell_grid::CellGrid;
@@ -140,9 +141,24 @@ impl MeltPoolGauge {
     /// is NaN.
     #[must_use]
     pub fn measure(&self, temperature: &[f64]) -> Option<MeltPool> {
+        self.measure_present(temperature, None)
+    }
+
+    /// As [`MeltPoolGauge::measure`], of a body whose points have material where `activity` says so.
+    #[must_use]
+    pub fn measure_present(
+        &self,
+        temperature: &[f64],
+        activity: Option<&[f64]>,
+    ) -> Option<MeltPool> {
         let grid = &self.grid;
         let has_axis = |axis: usize| axis < self.dimension;
-        if temperature.iter().any(|t| t.is_nan()) {
+        let is_there = |point: usize| activity.is_none_or(|a| is_active(a[point]));
+        let there = || {
+            let points = temperature.iter().enumerate();
+            points.filter(|(p, _)| is_there(*p)).map(|(_, t)| *t)
+        };
+        if there().any(f64::is_nan) {
             return Some(MeltPool {
                 rear: f64::NAN,
                 front: f64::NAN,
@@ -152,7 +168,14 @@ impl MeltPoolGauge {
                 copies: 1.0,
             });
         }
-        let values = grid.by_cell(temperature);
+        let values = match activity {
+            None => grid.by_cell(temperature),
+            Some(_) => {
+                let points = temperature.iter().enumerate();
+                let absent = |(p, t): (usize, &f64)| if is_there(p) { *t } else { f64::NAN };
+                grid.by_cell(&points.map(absent).collect::<Vec<_>>())
+            }
+        };
         let in_cells = |axis: usize| {
             let profile = profile(&values, grid.cells, axis, self.dimension);
             extent(&profile, self.isotherm)
@@ -183,16 +206,23 @@ impl MeltPoolGauge {
         });
         let down = Some(self.axes.down.index()).filter(|&axis| has_axis(axis));
         let depth = down.and_then(|axis| {
-            let top = grid.centre(axis, grid.cells[axis] - 1) + 0.5 * grid.spacing;
+            let cells = grid.cell_of_point.iter().enumerate();
+            let top = match activity {
+                None => grid.cells[axis] - 1,
+                Some(_) => {
+                    let there = cells.filter(|(p, _)| is_there(*p));
+                    there.map(|(_, cell)| cell[axis]).max().unwrap_or(0)
+                }
+            };
+            let top = grid.centre(axis, top) + 0.5 * grid.spacing;
             in_space(axis).map(|(bottom, _)| top - bottom)
         });
-        let hottest = temperature.iter().copied();
         Some(MeltPool {
             rear,
             front,
             width,
             depth,
-            peak: hottest.fold(f64::NEG_INFINITY, f64::max),
+            peak: there().fold(f64::NEG_INFINITY, f64::max),
             copies: halves.iter().product(),
         })
     }

@@ -1,6 +1,9 @@
 //! Probes: numbers computed from the fields with every logged state.
 
+use std::cell::Ref;
+
 use nalgebra::Vector3;
+use perimelt_core::activity::is_active;
 use perimelt_core::error::Problem;
 use perimelt_core::field::FieldIndex;
 use perimelt_core::{Body, SetupError, Simulation, World};
@@ -128,7 +131,12 @@ impl Probe {
                 .map(|w| w.value(*component, world))
                 .collect(),
             Quantity::Region(component, points, statistic) => {
-                let values = points.iter().map(|&p| {
+                let activity = world.activity(self.body);
+                let there = |p: &&u32| {
+                    let activity = activity.as_ref();
+                    activity.is_none_or(|a| is_active(a[**p as usize]))
+                };
+                let values = points.iter().filter(there).map(|&p| {
                     (
                         component.at(world, p as usize),
                         body.points.volume[p as usize],
@@ -138,7 +146,8 @@ impl Probe {
             }
             Quantity::MeltPool(field, pool) => {
                 let data = world.fields().field(*field).data();
-                pool.measure(&body.points.volume, data.flat())
+                let activity = world.activity(self.body);
+                pool.measure(&body.points.volume, (data.flat(), activity.as_deref()))
             }
         }
     }
@@ -236,6 +245,11 @@ impl Component {
         Ok(Component { field, number })
     }
 
+    /// By point of its body, whether there is material; `None` where all have some.
+    pub(crate) fn activity(self, world: &World) -> Option<Ref<'_, [f64]>> {
+        world.activity(world.fields().field(self.field).body)
+    }
+
     pub(crate) fn at(self, world: &World, point: usize) -> f64 {
         let data = world.fields().field(self.field).data();
         let components = data.components();
@@ -321,13 +335,19 @@ impl PoolProbe {
 
     /// Length, width and depth (m), and volume (m³) of the points at or above the isotherm: zero
     /// while there are none, and along axes that the body does not have.
-    fn measure(&self, volume: &[f64], temperature: &[f64]) -> Vec<f64> {
-        let Some(pool) = self.gauge.measure(temperature) else {
+    /// Points without material do not count.
+    fn measure(
+        &self,
+        volume: &[f64],
+        (temperature, activity): (&[f64], Option<&[f64]>),
+    ) -> Vec<f64> {
+        let Some(pool) = self.gauge.measure_present(temperature, activity) else {
             return vec![0.0; 4];
         };
-        let molten = volume.iter().zip(temperature);
-        let molten = molten.filter(|(_, t)| **t >= self.isotherm);
-        let volume = pool.copies * molten.map(|(v, _)| v).sum::<f64>();
+        let is_there = |point: usize| activity.is_none_or(|a| is_active(a[point]));
+        let molten = volume.iter().zip(temperature).enumerate();
+        let molten = molten.filter(|(p, (_, t))| **t >= self.isotherm && is_there(*p));
+        let volume = pool.copies * molten.map(|(_, (v, _))| v).sum::<f64>();
         let (width, depth) = (pool.width.unwrap_or(0.0), pool.depth.unwrap_or(0.0));
         let is_known = !pool.length().is_nan();
         vec![
@@ -408,12 +428,13 @@ mod tests {
             .iter()
             .map(|p| 1130.0 - 100.0 * (p.x - 2.0).abs())
             .collect();
-        let values = pool.measure(&body.points.volume, &temperature);
+        let values = pool.measure(&body.points.volume, (&temperature, None));
         for (value, exact) in values.iter().zip([2.6, 3.0, 2.0]) {
             // interpolation is exact away from the kink at x = 2
             assert!((value - exact).abs() < 1e-12, "{value} for {exact}");
         }
-        let cold = pool.measure(&body.points.volume, &vec![300.0; temperature.len()]);
+        let cold = vec![300.0; temperature.len()];
+        let cold = pool.measure(&body.points.volume, (&cold, None));
         assert_eq!(cold, [0.0; 4]);
     }
 }

@@ -9,6 +9,8 @@
 //! Where their rows are found is decided when the configuration is set, so that it does not depend on who asks for
 //! the family, and is saved with a checkpoint: the order in which a family adds depends on it. Images and weights
 //! are computed when the family is asked for, once for each version of the configuration.
+//!
+//! Which points of a body that grows have material already is part of its configuration, see [`crate::activity`].
 
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
@@ -17,6 +19,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::activity::Grower;
 use crate::body::Body;
 use crate::family::{Family, FamilyError, FamilySpec, must_look_again, skin};
 use crate::field::keys;
@@ -119,13 +122,15 @@ struct FollowerState {
 pub(crate) struct Configurations {
     bodies: Vec<Current>,
     followers: Vec<Follower>,
+    /// Families of bodies that grow.
+    pub(crate) growers: Vec<Grower>,
 }
 
 impl Configurations {
     pub(crate) fn new(bodies: usize) -> Self {
         Configurations {
             bodies: (0..bodies).map(|_| Current::default()).collect(),
-            followers: Vec::new(),
+            ..Configurations::default()
         }
     }
 
@@ -194,7 +199,8 @@ impl Configurations {
     /// All families with their bodies.
     pub(crate) fn families(&self) -> impl Iterator<Item = (BodyIndex, Arc<Family>)> {
         let families = self.followers.iter();
-        families.map(|f| (f.body, f.state.borrow().family.clone()))
+        let families = families.map(|f| (f.body, f.state.borrow().family.clone()));
+        families.chain(self.growers.iter().map(Grower::family))
     }
 }
 

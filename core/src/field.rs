@@ -87,6 +87,12 @@ pub mod keys {
         /// Sum of the temperatures at which boundaries hold a point, K; divided by
         /// [`TEMPERATURE_CONSTRAINT`] it is the value to take (sink field of the thermal physics).
         HELD_TEMPERATURE: f64 = "held_temperature", "K", "sum of the temperatures at which boundaries hold the point";
+        /// 1 where there is material, 0 at points whose material has not been deposited yet.
+        ACTIVE: f64 = "active", "1", "1 where there is material, 0 where none has been deposited yet";
+        /// Temperature at which the material of a point is deposited, K.
+        BIRTH_TEMPERATURE: f64 = "birth_temperature", "K", "temperature at which the material was deposited";
+        /// 0 in powder, 1 in dense metal.
+        CONSOLIDATED: f64 = "consolidated", "1", "0 in powder that has not melted, 1 in dense metal";
         /// Share of liquid, 0 to 1.
         LIQUID_FRACTION: f64 = "liquid_fraction", "1", "share of liquid";
         /// Highest temperature so far, K.

@@ -11,6 +11,7 @@
 //! 7. [`solver`]: time integration and equations for any physics.
 //! 8. [`log`]: the run as an MCAP file, and back.
 
+pub mod activity;
 mod axis;
 pub mod body;
 pub mod cell_list;
@@ -33,6 +34,7 @@ pub mod simulation;
 pub mod solver;
 pub mod world;
 
+pub use activity::{ActivityChanges, GrowingFamily};
 pub use axis::Axis;
 pub use body::{Body, Face, Region};
 pub use configuration::{Configuration, Description, MovingFamily, PointMover};

@@ -190,6 +190,9 @@ pub struct Balance {
     /// changes and supplies cancel, as at the end of a cycle.
     #[serde(default)]
     pub size: f64,
+    /// What came in with deposited material, a part of `supplied`; `None` where none is deposited.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deposited: Option<f64>,
 }
 
 impl Balance {
@@ -202,6 +205,15 @@ impl Balance {
             initial,
             supplied,
             size: 0.0,
+            deposited: None,
+        }
+    }
+
+    /// The same, with the part of `supplied` that came in with deposited material.
+    pub fn with_deposited(self, deposited: f64) -> Self {
+        Balance {
+            deposited: Some(deposited),
+            ..self
         }
     }
 

@@ -102,10 +102,12 @@ pub struct Declaration {
 
 /// Handed to each plugin in turn.
 pub struct Setup<'w> {
-    world: &'w mut World,
+    pub(crate) world: &'w mut World,
     folder: PathBuf,
-    plugins: Vec<String>,
-    declarations: Vec<Declaration>,
+    pub(crate) plugins: Vec<String>,
+    pub(crate) declarations: Vec<Declaration>,
+    /// Plugins that follow the activity of the points of a body.
+    pub(crate) followers: Vec<(usize, BodyIndex)>,
     families: Vec<ObtainedFamily>,
     /// Bodies that are walls for others.
     walls: Vec<DeclaredWall>,
@@ -130,6 +132,7 @@ impl<'w> Setup<'w> {
             folder: folder.to_path_buf(),
             plugins: Vec::new(),
             declarations: Vec::new(),
+            followers: Vec::new(),
             families: Vec::new(),
             walls: Vec::new(),
             warnings: Vec::new(),
@@ -531,6 +534,19 @@ impl<'w> Setup<'w> {
         self.declare(body, key, Access::Read).map(Read::new)
     }
 
+    /// Sets the values of a derived field before the first step, by point.
+    pub fn set_first(&mut self, field: Write<f64>, value: impl Fn(usize) -> f64) {
+        let values = self.world.fields.values_mut(field.field).iter_mut();
+        values.enumerate().for_each(|(point, v)| *v = value(point));
+    }
+
+    /// Whether a coupler computes the field of `key`; for physics, which are prepared after couplers.
+    pub fn is_written<T: Value>(&self, body: BodyIndex, key: &Key<T>) -> bool {
+        let field = self.world.fields.find(body, &key.name);
+        let writes = |d: &Declaration| Some(d.field) == field && d.access == Access::Write;
+        self.declarations.iter().any(writes)
+    }
+
     /// Whether a plugin prepared before the calling one reads the field of `key`: a derived
     /// field that nobody reads need not be computed.
     pub fn is_read<T: Value>(&self, body: BodyIndex, key: &Key<T>) -> bool {
@@ -558,7 +574,8 @@ impl<'w> Setup<'w> {
     ///
     /// # Errors
     /// The first access without its counterpart.
-    pub fn finish(self) -> Result<Vec<Declaration>, (usize, SetupError)> {
+    pub fn finish(mut self) -> Result<Vec<Declaration>, (usize, SetupError)> {
+        self.check_growth()?;
         let fields = self.world.fields.iter().count();
         let with = |test: fn(Access) -> bool| {
             let mut found = vec![false; fields];

@@ -72,6 +72,8 @@ pub struct World {
     pub(crate) configurations: Configurations,
     /// By body: whether its points move together.
     pub(crate) rigid: Vec<bool>,
+    /// By body: whether material is deposited on it.
+    pub(crate) growing: Vec<bool>,
     /// By body: the faces that are planes of symmetry.
     pub(crate) symmetry: Vec<Vec<Face>>,
     broken: Vec<RefCell<BrokenPairs>>,
@@ -84,6 +86,7 @@ impl World {
             phase_change: vec![None; bodies.len()],
             configurations: Configurations::new(bodies.len()),
             rigid: vec![false; bodies.len()],
+            growing: vec![false; bodies.len()],
             symmetry: vec![Vec::new(); bodies.len()],
             broken: bodies.iter().map(|_| RefCell::default()).collect(),
             bodies,

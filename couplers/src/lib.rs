@@ -21,6 +21,8 @@
 //! | `prescribed_temperature` | [`boundary::PrescribedTemperature`] | | layer of temperature, or held temperature |
 //! | `insulated` | [`boundary::Insulated`] | | even layer of a field |
 //! | `heat_flux` | [`boundary::HeatFlux`] | | heat source |
+//! | `deposit` | [`deposit::Deposit`] | | active points; their temperature at birth |
+//! | `powder` | [`powder::Powder`] | liquid fraction | consolidated metal; conductivity of powder |
 //! | `convection` | [`boundary::Convection`] | temperature | heat source |
 //! | `water_jet` | [`boundary::WaterJet`] | temperature | heat source |
 //! | `radiation` | [`boundary::Radiation`] | temperature | heat source |
@@ -46,6 +48,7 @@ pub mod boundary;
 pub mod buoyancy;
 pub mod contact;
 pub mod deformation_heat;
+pub mod deposit;
 pub mod expansion;
 pub mod fluid_structure;
 pub mod forcing_zone;
@@ -55,6 +58,7 @@ pub mod phase_change;
 pub mod phase_expansion;
 pub mod phase_strength;
 pub mod plastic_heat;
+pub mod powder;
 mod rate;
 pub mod source;
 mod surface;
@@ -74,7 +78,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 34);
+        assert_eq!(couplers.len(), 36);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

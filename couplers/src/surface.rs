@@ -2,7 +2,7 @@
 
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Face, Report, Setup, SetupError, World, Write, keys};
+use perimelt_core::{ActivityChanges, Face, Report, Setup, SetupError, World, Write, keys};
 
 /// All faces, the default of boundaries that act on the whole surface.
 pub(crate) fn all_faces() -> Vec<Face> {
@@ -53,9 +53,17 @@ pub(crate) fn select(
 
 /// Heat through a surface: a flux (W/m²) becomes a source `flux * area / volume` (W/m³) of the
 /// points behind it (Wang (2025), eq. 7.18).
+///
+/// On a body on which material is deposited, the surface is that of the material which is there now: it changes with
+/// each point that becomes active.
 #[derive(Debug)]
 pub(crate) struct SurfaceHeat {
+    /// In the order of their points.
     cells: Vec<SurfaceCell>,
+    faces: Vec<Face>,
+    /// Points that limit the surface, ascending.
+    region: Option<Vec<u32>>,
+    activity: ActivityChanges,
     body: BodyIndex,
     heat_source: Write<f64>,
     /// Into the body in the last step, W.
@@ -69,8 +77,36 @@ impl SurfaceHeat {
         faces: &[Face],
         region: Option<&str>,
     ) -> Result<SurfaceHeat, SetupError> {
+        setup.follow_activity(body);
+        let points = region.map(|name| setup.region(body, "region", name));
         Ok(SurfaceHeat {
-            cells: select(setup, body, faces, region)?,
+            faces: faces.to_vec(),
+            region: points.transpose()?.map(|region| region.points),
+            ..Self::unchanging(setup, body, faces, region)?
+        })
+    }
+
+    /// As [`SurfaceHeat::prepare`], of a body on which no material is deposited.
+    pub fn unchanging(
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+        faces: &[Face],
+        region: Option<&str>,
+    ) -> Result<SurfaceHeat, SetupError> {
+        let cells = select(setup, body, faces, region)?;
+        Self::through(setup, body, cells)
+    }
+
+    fn through(
+        setup: &mut Setup<'_>,
+        body: BodyIndex,
+        cells: Vec<SurfaceCell>,
+    ) -> Result<SurfaceHeat, SetupError> {
+        Ok(SurfaceHeat {
+            cells,
+            faces: Vec::new(),
+            region: None,
+            activity: ActivityChanges::default(),
             body,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
             power: 0.0,
@@ -93,12 +129,8 @@ impl SurfaceHeat {
             face: Face::ZMax,
             area: this.points.volume[point as usize] / this.thickness,
         });
-        Ok(SurfaceHeat {
-            cells: cells.collect(),
-            body,
-            heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
-            power: 0.0,
-        })
+        let cells = cells.collect();
+        Self::through(setup, body, cells)
     }
 
     /// The faces of cells through which it flows.
@@ -106,8 +138,35 @@ impl SurfaceHeat {
         &self.cells
     }
 
+    /// Finds the bare cell faces around points that became active or inactive.
+    fn follow(&mut self, world: &World) {
+        let Some(changed) = self.activity.since_last(world, self.body) else {
+            return;
+        };
+        let body = world.body(self.body);
+        let neighbours = |&point: &u32| {
+            let next = move |face| body.neighbour(point as usize, face).map(|p| p as u32);
+            Face::ALL.into_iter().filter_map(next).chain([point])
+        };
+        let mut points: Vec<u32> = changed.iter().flat_map(neighbours).collect();
+        points.sort_unstable();
+        points.dedup();
+        let is_changed = |cell: &SurfaceCell| points.binary_search(&cell.point).is_ok();
+        self.cells.retain(|cell| !is_changed(cell));
+        let region = self.region.as_ref();
+        let here = points.iter().copied();
+        let here = here.filter(|p| region.is_none_or(|r| r.binary_search(p).is_ok()));
+        let here = here.map(|point| point as usize);
+        let active = |point: usize| self.activity.is_active(point);
+        self.cells
+            .extend(body.surface_of(here, &self.faces, active));
+        // faces of a point stay in the order of `faces`
+        self.cells.sort_by_key(|cell| cell.point);
+    }
+
     /// Adds `flux` (W/m², into the body) of each surface point.
     pub fn add(&mut self, world: &World, flux: impl Fn(usize) -> f64) {
+        self.follow(world);
         let volume = &world.body(self.body).points.volume;
         let mut heat_source = world.write(self.heat_source);
         self.power = 0.0;
@@ -119,13 +178,26 @@ impl SurfaceHeat {
         }
     }
 
-    /// Largest ratio of bare surface to volume of a point, 1/m.
-    pub fn largest_ratio(&self, volume: &[f64]) -> f64 {
+    /// Largest ratio of bare surface to volume of a point, 1/m; where material is deposited, as if all faces were bare.
+    pub fn largest_ratio(&self, world: &World) -> f64 {
+        let points = &world.body(self.body).points;
+        if world.is_growing(self.body) {
+            let spacings = points.spacing.iter().copied();
+            return self.faces.len() as f64 / spacings.fold(f64::INFINITY, f64::min);
+        }
+        let volume = &points.volume;
         let mut ratio = vec![0.0; volume.len()];
         for cell in &self.cells {
             ratio[cell.point as usize] += cell.area / volume[cell.point as usize];
         }
         ratio.into_iter().fold(0.0, f64::max)
+    }
+
+    /// Shortest time (s) in which a point takes up the temperature of its surroundings, by the largest coefficient
+    /// (W/(m² K)) and the smallest capacity (J/(m³ K)).
+    pub fn time_constant(&self, world: &World, largest: f64, capacity: Option<f64>) -> Option<f64> {
+        let exchange = largest * self.largest_ratio(world);
+        capacity.filter(|_| exchange > 0.0).map(|c| c / exchange)
     }
 
     pub fn report(&self) -> Vec<Report> {
@@ -172,5 +244,35 @@ mod tests {
             select(&setup, 0, &Face::ALL, None).expect("valid").len(),
             14
         );
+    }
+
+    #[test]
+    fn the_surface_is_that_of_the_material_that_is_there() {
+        let mut world = World::new(vec![block([3, 3, 4], 3, STEEL)]);
+        let mut setup = Setup::new(&mut world, Path::new("."));
+        setup.next_plugin("heat");
+        let faces = [Face::ZMax, Face::XMin];
+        let mut surface = SurfaceHeat::prepare(&mut setup, 0, &faces, None).expect("valid");
+        setup.next_plugin("deposit");
+        let upper: Vec<u32> = (18..36).collect();
+        let active = setup.deposit(0, &upper).expect("a lattice");
+        setup.next_plugin("thermal");
+        setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        setup.follow_activity(0);
+        setup.finish().expect("complete");
+        let mut heat = |expected: f64| {
+            surface.add(&world, |_| 1.0);
+            assert_eq!(surface.power, expected);
+        };
+        // two layers of nine cells: the top, and three cells of the side each
+        heat(9.0 + 6.0);
+        // a point in the middle, one beside it at the side, and one above that: the top stays as large
+        for (point, expected) in [(22, 16.0), (21, 16.0), (30, 17.0)] {
+            world.write(active)[point] = 1.0;
+            heat(expected);
+        }
+        world.write(active).fill(1.0);
+        heat(9.0 + 12.0);
+        assert_eq!(surface.largest_ratio(&world), 2.0);
     }
 }

@@ -10,9 +10,11 @@
 //!   dT/dt, `thermal_gradient` G, the magnitude of the gradient by a quadratic least-squares fit to the points within two
 //!   spacings, at the time of crossing, and `solidification_speed` R = dT/dt / G of the front along its normal.
 //!
-//! All are zero where it has not happened.
+//! All are zero where it has not happened, and at points whose material has not been deposited yet. The history of a
+//! deposited point begins at the end of the step in which it is born.
 
 use nalgebra::{Cholesky, SMatrix, SVector, Vector3};
+use perimelt_core::activity::is_active;
 use perimelt_core::body::Body;
 use perimelt_core::cell_list::CellList;
 use perimelt_core::material::Property;
@@ -74,7 +76,7 @@ struct Run {
 /// What must be known of a point from one step to the next.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Point {
-    /// K.
+    /// K; zero where there is no material yet.
     temperature: f64,
     /// When it fell below the upper temperature of `cooling_time`, s.
     cooling_since: Option<f64>,
@@ -149,6 +151,7 @@ impl Physics for ThermalHistory {
                 "a body whose points keep their neighbours",
             ));
         }
+        setup.follow_activity(body);
         let this = setup.body(body);
         let reach: Vec<f64> = this.points.spacing.iter().map(|s| RADIUS * s).collect();
         let neighbours = CellList::new(&this.points.position, &reach);
@@ -175,8 +178,12 @@ impl Physics for ThermalHistory {
     fn start(&mut self, world: &World) -> Result<(), RunError> {
         let run = self.run.as_mut().expect("prepared before the start");
         let temperature = world.read(run.temperature);
-        world.write(run.peak).copy_from_slice(&temperature);
-        for (point, &temperature) in run.points.iter_mut().zip(&*temperature) {
+        let activity = world.activity(run.body);
+        let is_there = |i: usize| activity.as_ref().is_none_or(|a| is_active(a[i]));
+        let mut peak = world.write(run.peak);
+        for (i, point) in run.points.iter_mut().enumerate() {
+            let temperature = if is_there(i) { temperature[i] } else { 0.0 };
+            peak[i] = temperature;
             *point = Point {
                 temperature,
                 cooling_since: None,
@@ -219,12 +226,19 @@ impl Run {
         let body = world.body(self.body);
         let (above, solidification) = (self.above, self.solidification);
         let (points, neighbours) = (&self.points, &self.neighbours);
+        let activity = world.activity(self.body);
+        let activity = activity.as_deref();
+        let is_known = |i: usize| activity.is_none() || points[i].temperature > 0.0;
         let of_point = |i: usize| {
             let Point {
                 temperature: before,
                 mut cooling_since,
             } = points[i];
+            if activity.is_some_and(|a| !is_active(a[i])) {
+                return (Point::default(), Found::default());
+            }
             let after = now[i];
+            let before = if is_known(i) { before } else { after };
             let mut found = Found::default();
             let at = |share: f64| step.start + share * step.size;
             if let Some(level) = above {
@@ -248,7 +262,7 @@ impl Run {
                 };
                 Solidification {
                     rate: (before - after) / step.size,
-                    gradient: gradient(body, neighbours, i, field).norm(),
+                    gradient: gradient(body, neighbours, i, (is_known, field)).norm(),
                 }
             });
             let point = Point {
@@ -305,12 +319,13 @@ fn share_above(before: f64, after: f64, level: f64) -> f64 {
 const TERMS: usize = 9;
 
 /// Gradient of a field at a point, per m, by a least-squares fit of a quadratic polynomial to the points around, of a
-/// linear one where they are too few; zero where they do not determine that either.
+/// linear one where they are too few; zero where they do not determine that either. Only points for which the field
+/// `is_known` count.
 fn gradient(
     body: &Body,
     list: &CellList,
     point: usize,
-    field: impl Fn(usize) -> f64,
+    (is_known, field): (impl Fn(usize) -> bool, impl Fn(usize) -> f64),
 ) -> Vector3<f64> {
     let (at, spacing) = (body.points.position[point], body.points.spacing[point]);
     let own = field(point);
@@ -320,7 +335,7 @@ fn gradient(
         let mut xi: Vector3<f64> = (body.points.position[other] - at) / spacing;
         (body.dimension..3).for_each(|axis| xi[axis] = 0.0);
         let squared = xi.norm_squared();
-        if other != point && squared <= RADIUS * RADIUS {
+        if other != point && squared <= RADIUS * RADIUS && is_known(other) {
             let [x, y, z] = xi.into();
             let terms = SVector::from([x, y, z, x * x, y * y, z * z, x * y, y * z, z * x]);
             moment += terms * terms.transpose() / squared;
@@ -464,7 +479,7 @@ mod tests {
             let values: Vec<f64> = body.points.position.iter().map(|x| field(*x)).collect();
             let run = heated.history.run.as_ref().expect("prepared");
             for (i, x) in body.points.position.iter().enumerate() {
-                let found = gradient(body, &run.neighbours, i, |j| values[j]);
+                let found = gradient(body, &run.neighbours, i, (|_| true, |j: usize| values[j]));
                 let exact = Vector3::new(
                     2.0 + 8.0 * x.x + if dimension > 1 { x.y } else { 0.0 },
                     -1.0 - 10.0 * x.y + x.x - if dimension > 2 { x.z } else { 0.0 },

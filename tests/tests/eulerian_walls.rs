@@ -153,8 +153,8 @@ fn a_plate_displaced_by_a_fraction_of_a_spacing_shears_the_layer_that_is_left() 
             layer.step().expect("a step");
         }
         let reports = layer.reports();
-        let reports = reports.iter().flat_map(|(_, reports)| reports);
-        let force = reports.filter(|r| r.name == "force.plate.x").next_back();
+        let mut reports = reports.iter().flat_map(|(_, reports)| reports);
+        let force = reports.rfind(|r| r.name == "force.plate.x");
         let force = force.expect("of the fluid").value;
         let expected = -0.01 * 0.01 * 0.2 / (0.1 + displacement);
         println!("{displacement}: {force} N, expected {expected} N");

@@ -25,8 +25,11 @@ const FILLED: f64 = 0.01;
 const HEAT_CAPACITY: Range<f64> = 1e5..2e7;
 
 /// Keys of couplers that are temperatures, by type or for all.
-const TEMPERATURES: [(Option<&str>, &str); 2] =
-    [(None, "ambient"), (Some("prescribed_temperature"), "value")];
+const TEMPERATURES: [(Option<&str>, &str); 3] = [
+    (None, "ambient"),
+    (Some("prescribed_temperature"), "value"),
+    (Some("deposit"), "temperature"),
+];
 
 impl Case {
     /// Sentences about what can be run and may be a mistake: those of the plugins, then those of the case as a whole.

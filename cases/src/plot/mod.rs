@@ -255,6 +255,10 @@ impl Plotter<'_> {
             let Ok(cloud) = self.log.cloud(&body.name, index) else {
                 continue; // the survey told of it
             };
+            // of a body without material nothing is shown
+            if cloud.positions.is_empty() {
+                continue;
+            }
             if let Some(scalar) = scalar(&cloud, field) {
                 shown.push((cloud, scalar));
             }

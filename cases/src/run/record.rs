@@ -1,14 +1,16 @@
 //! Contents of the log of a run, and times at which they are written.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-use perimelt_core::Simulation;
+use perimelt_core::activity::is_active;
 use perimelt_core::field::FieldIndex;
 use perimelt_core::log::{
     BodyInfo, CloudView, FieldInfo, FieldView, Precision, Progress, RunInfo, Writer,
 };
 use perimelt_core::simulation::Progress as Counters;
+use perimelt_core::{Simulation, World};
 
 use super::Failure;
 use crate::case::Case;
@@ -20,8 +22,9 @@ pub const REPORTS: &str = "reports";
 /// Field of the spacings of points, logged for clouds because pictures need it.
 pub const SPACING: &str = "spacing";
 
-/// Fields that are logged only if the case lists them, because others contain the same information.
-const NOT_BY_DEFAULT: [&str; 1] = ["enthalpy"];
+/// Fields that are logged only if the case lists them, because others contain the same information; clouds consist of
+/// active points.
+const NOT_BY_DEFAULT: [&str; 3] = ["enthalpy", "active", "birth_temperature"];
 
 /// Writes states, probes, balances, progress and checkpoints.
 pub struct Recorder {
@@ -108,12 +111,20 @@ impl Recorder {
                 )
             })
             .collect();
+        // points without material are left out
+        let there = Present::of(world, body);
+        let positions = there.rows(&positions, 1);
+        let values: Vec<Cow<'_, [f64]>> = data
+            .iter()
+            .map(|(_, data)| there.rows(data.flat(), data.components()))
+            .collect();
         let mut fields: Vec<FieldView> = data
             .iter()
-            .map(|(name, data)| FieldView {
+            .zip(&values)
+            .map(|((name, data), values)| FieldView {
                 name,
                 components: data.components(),
-                values: data.flat(),
+                values,
             })
             .collect();
         if points.lattice().is_none() {
@@ -161,7 +172,8 @@ impl Recorder {
                     ("supplied", b.supplied),
                     ("error", error),
                 ];
-                for (part, value) in parts {
+                let deposited = b.deposited.map(|value| ("deposited", value));
+                for (part, value) in parts.into_iter().chain(deposited) {
                     columns.push((
                         format!("{label}.{}.{part}", b.quantity),
                         b.unit.clone(),
@@ -227,6 +239,29 @@ impl Recorder {
     /// Closes the log.
     pub fn finish(self) -> Result<(), Failure> {
         Ok(self.writer.finish()?)
+    }
+}
+
+/// Points of a body that have material; `None` where all have.
+struct Present(Option<Vec<usize>>);
+
+impl Present {
+    fn of(world: &World, body: usize) -> Present {
+        let there = world.activity(body).map(|activity| {
+            let points = activity.iter().enumerate();
+            let points = points.filter(|(_, a)| is_active(**a));
+            points.map(|(point, _)| point).collect::<Vec<_>>()
+        });
+        Present(there.filter(|t| t.len() < world.body(body).points.len()))
+    }
+
+    /// The values of these points, `width` for each.
+    fn rows<'a, T: Copy>(&self, values: &'a [T], width: usize) -> Cow<'a, [T]> {
+        let Some(points) = &self.0 else {
+            return Cow::Borrowed(values);
+        };
+        let rows = points.iter().map(|p| &values[p * width..][..width]);
+        rows.flatten().copied().collect()
     }
 }
 

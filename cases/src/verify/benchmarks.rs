@@ -150,6 +150,11 @@ benchmarks!(
     "interface-heat-steady",
     "interface-oil-on-water",
     "interface-two-layers",
+    "deposit-rod",
+    "deposit-rod-fine",
+    "deposit-wall-present",
+    "deposit-wall",
+    "powder-bar",
     "elastic-flag",
     "held-cantilever-bond",
     "held-cantilever-ordinary",
@@ -256,7 +261,7 @@ benchmarks!(
     "gao-3.6.3-kalthoff",
     ],
     "welding": ["bead_on_plate", "haz_hardness", "residual_stress"],
-    "additive": ["single_track", "hatch"],
+    "additive": ["single_track", "hatch", "wire_arc_wall"],
 );
 
 /// The benchmark cases of the program, or those of a folder, with their names.

@@ -356,15 +356,27 @@ impl Body {
 
     /// Bare cell faces with a normal among `faces`; for a cloud, with the bare part of their area.
     pub fn surface(&self, faces: &[Face]) -> Vec<SurfaceCell> {
+        self.surface_of(0..self.points.len(), faces, |_| true)
+    }
+
+    /// As [`Body::surface`], of some of the points, where the body consists of the points with material only; on a cloud
+    /// all points have some.
+    pub fn surface_of(
+        &self,
+        points: impl Iterator<Item = usize>,
+        faces: &[Face],
+        has_material: impl Fn(usize) -> bool,
+    ) -> Vec<SurfaceCell> {
         let bare = |f: &&Face| f.axis() < self.dimension && !self.periodic[f.axis()];
         let faces = faces.iter().filter(bare);
         let mut surface = Vec::new();
-        for point in 0..self.points.len() {
+        for point in points.filter(|&p| has_material(p)) {
             let whole = self.points.volume[point] / self.points.spacing[point];
             for &face in faces.clone() {
                 let bare = match &self.discretisation {
                     Discretisation::Lattice(lattice) => {
-                        f64::from(u8::from(lattice.neighbour(point, face).is_none()))
+                        let covers = lattice.neighbour(point, face);
+                        f64::from(u8::from(!covers.is_some_and(&has_material)))
                     }
                     Discretisation::Cloud(cloud) => {
                         cloud.bare_fraction(self.dimension, &self.points.spacing, point, face)

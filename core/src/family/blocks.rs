@@ -40,6 +40,28 @@ impl Head {
 }
 
 impl Blocks {
+    /// No blocks; `stencil` is the number of its bonds.
+    pub(super) fn of_stencil(stencil: usize) -> Self {
+        Blocks {
+            stencil,
+            ..Blocks::default()
+        }
+    }
+
+    /// The weights of a pattern, by bond of the stencil.
+    pub(super) fn pattern(&self, number: u32) -> &[Weights] {
+        &self.weights[number as usize * self.stencil..][..self.stencil]
+    }
+
+    /// Replaces the weights of a pattern, or adds the next one.
+    pub(super) fn set_pattern(&mut self, number: u32, weights: &[Weights]) {
+        let first = number as usize * self.stencil;
+        let end = first + self.stencil;
+        self.weights
+            .resize(end.max(self.weights.len()), [[0.0; BLOCK]; 2]);
+        self.weights[first..end].copy_from_slice(weights);
+    }
+
     /// The weights of a block, by bond of the stencil.
     #[inline(always)]
     pub(super) fn weights(&self, block: usize) -> &[Weights] {
@@ -84,12 +106,8 @@ pub(super) struct Builder {
 impl Builder {
     /// No blocks; `stencil` is the number of its bonds.
     pub(super) fn new(stencil: usize) -> Self {
-        let blocks = Blocks {
-            stencil,
-            ..Blocks::default()
-        };
         Builder {
-            blocks,
+            blocks: Blocks::of_stencil(stencil),
             open: vec![[[0.0; BLOCK]; 2]; stencil],
             known: HashMap::new(),
         }

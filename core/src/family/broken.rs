@@ -101,6 +101,9 @@ impl Family {
 
     /// All bonds of a point: number in its family, bond, slot of the other end.
     pub fn for_each_bond(&self, point: usize, mut receive: impl FnMut(usize, &Bond, usize)) {
+        if self.is_unborn(point) {
+            return;
+        }
         let here = self.slot_of(point);
         let row = match self.order.slot_of.is_empty() {
             true => self.rows.point.binary_search(&(point as u32)).ok(),

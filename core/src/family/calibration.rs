@@ -7,6 +7,7 @@ use crate::body::Body;
 use super::{Bond, Correction, FamilySpec};
 
 /// The correction of the bonds of a point from its own family.
+#[derive(Debug)]
 pub(super) struct Calibration {
     dimension: usize,
     correction: Correction,

@@ -220,6 +220,8 @@ impl Family {
             layer_rows,
             order: Order::default(),
             following: None,
+            growth: None,
+            unborn: Vec::new(),
             pairs: OnceLock::new(),
         }
     }

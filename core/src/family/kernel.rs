@@ -238,6 +238,7 @@ impl Family {
         assert_eq!(output.len, self.points, "one sum per point");
         if const { K::PAIRED > 0 }
             && can_fuse()
+            && self.growth.is_none()
             && let Some(pairs) = self.pairs.get_or_init(|| Pairs::new(self))
         {
             return self.sum_pairs((kernel, pairs), (&inputs, broken), &output);
@@ -245,6 +246,10 @@ impl Family {
         for_each(&self.chunks, &|chunk| {
             self.sweep(kernel, (&inputs, broken), &output, chunk);
         });
+        for span in &self.unborn {
+            let points = span.point as usize..(span.point + span.len) as usize;
+            points.for_each(|point| output.set(point, [0.0; O]));
+        }
     }
 
     fn check_inputs<const I: usize>(&self, inputs: &[&[f64]; I]) {

@@ -15,7 +15,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::body::{Body, Face, Lattice};
 
-use super::build::EMPTY;
+use super::lattice::EMPTY;
 use super::{Family, Ghost};
 
 /// How a field continues in the mirrored layer behind a face:

@@ -26,10 +26,12 @@ mod cloud_tests;
 mod cut;
 mod foreign;
 mod gaps;
+mod growing;
 mod horizon;
 mod images;
 mod influence;
 mod kernel;
+mod lattice;
 mod layer;
 mod moving;
 mod operator;
@@ -92,6 +94,10 @@ pub struct Family {
     order: Order,
     /// Of families that move only.
     following: Option<Box<moving::Following>>,
+    /// Of families that grow only.
+    growth: Option<Box<growing::Growth>>,
+    /// Points without material, of families that grow only.
+    unborn: Vec<Span>,
     /// Made by the first kernel that asks for them.
     pairs: OnceLock<Option<Pairs>>,
 }
@@ -218,6 +224,7 @@ impl Family {
             + size_of_val(&*self.order.point_in)
             + size_of_val(&*self.order.slot_of)
             + self.places.iter().map(|x| size_of_val(&**x)).sum::<usize>()
+            + self.growth.as_ref().map_or(0, |g| g.memory())
             + self
                 .pairs
                 .get()

@@ -199,6 +199,9 @@ pub enum FamilyError {
         /// What is supported.
         expected: &'static str,
     },
+    /// A family of a body that grows was asked for something that it does not support.
+    #[error("material is deposited on bodies with a lattice; {0} are not supported there")]
+    Growing(&'static str),
     /// Two points in one place.
     #[error("two points lie at ({}, {}, {}) m", at[0], at[1], at[2])]
     Coincident {

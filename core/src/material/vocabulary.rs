@@ -90,6 +90,12 @@ pub const COMMON_PROPERTIES: &[PropertyKey] = &[
         ValueRange::Positive,
     ),
     key(
+        "powder_conductivity",
+        "W/(m K)",
+        "effective thermal conductivity as powder",
+        ValueRange::Positive,
+    ),
+    key(
         "solidus",
         "K",
         "temperature at which melting starts",

@@ -36,6 +36,9 @@ impl Setup<'_> {
             let expected = "a physics whose families follow their points";
             return Err(SetupError::value("body", message, expected));
         }
+        if self.is_growing(body) {
+            return Err(self.refused_growth(body));
+        }
         let same = |f: &&ObtainedFamily| f.body == body && f.spec == *spec;
         if let Some(present) = self.families.iter().find(same) {
             return Ok(present.family.clone());
@@ -75,6 +78,9 @@ impl Setup<'_> {
     }
 
     fn check_points_are_free(&self, body: BodyIndex) -> Result<(), SetupError> {
+        if self.is_growing(body) {
+            return Err(self.refused_growth(body));
+        }
         let name = &self.body(body).name;
         let configurations = &self.world.configurations;
         if let Some(first) = configurations.owner(body) {
@@ -150,6 +156,12 @@ impl Setup<'_> {
         families
             .map(|f| (self.plugins[f.plugin].clone(), f.body, f.spec.clone()))
             .collect()
+    }
+
+    /// Plugins with a family of a body at rest.
+    pub(crate) fn plugins_with_families(&self, body: BodyIndex) -> impl Iterator<Item = usize> {
+        let families = self.families.iter().filter(move |f| f.body == body);
+        families.map(|f| f.plugin)
     }
 
     /// All families obtained so far.

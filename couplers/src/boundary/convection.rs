@@ -9,7 +9,7 @@ use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, St
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{STEP_FRACTION, exchange_time};
+use super::{STEP_FRACTION, smallest_capacity};
 use crate::InTime;
 use crate::surface::{SurfaceHeat, all_faces};
 
@@ -40,6 +40,10 @@ pub struct Convection {
 struct ConvectionState {
     heat: SurfaceHeat,
     temperature: Read<f64>,
+    /// Largest coefficient, W/(m² K).
+    largest: f64,
+    /// Smallest capacity of the materials, J/(m³ K); a steady solution needs none.
+    capacity: Option<f64>,
     /// Shortest time in which a surface point takes up the temperature of the fluid, s.
     time_constant: Option<f64>,
 }
@@ -58,11 +62,12 @@ impl Coupler for Convection {
         }
         let heat = SurfaceHeat::prepare(setup, body, &self.faces, self.region.as_deref())?;
         let largest = coefficients.iter().fold(0.0, |a: f64, h| a.max(*h));
-        let exchange = largest * heat.largest_ratio(&setup.body(body).points.volume);
         self.prepared = Some(ConvectionState {
             heat,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
-            time_constant: exchange_time(setup, body, exchange),
+            largest,
+            capacity: smallest_capacity(setup, body),
+            time_constant: None,
         });
         Ok(())
     }
@@ -88,8 +93,10 @@ impl Coupler for Convection {
     }
 
     /// The exchange is explicit: beyond its time constant the temperature of a point overshoots that of the fluid.
-    fn stable_step(&mut self, _world: &World) -> Option<f64> {
-        self.prepared.as_ref().and_then(|p| p.time_constant)
+    fn stable_step(&mut self, world: &World) -> Option<f64> {
+        let p = self.prepared.as_mut()?;
+        p.time_constant = p.heat.time_constant(world, p.largest, p.capacity);
+        p.time_constant
     }
 
     fn report(&self) -> Vec<Report> {
@@ -125,6 +132,7 @@ mod tests {
         assert_eq!([heat[0], heat[1], heat[4], heat[13]], expected);
         assert_eq!(boundary.report()[0].value, -54.0 * 2500.0);
         // capacity 4e6 over three faces of 30 W/(m² K)
+        boundary.stable_step(&world);
         let limit = boundary.step_limit().expect("there is an exchange");
         assert!((limit - 0.5 * 4e6 / 90.0).abs() < 1e-6);
     }

@@ -42,13 +42,11 @@ use serde::{Deserialize, Serialize};
 /// Fraction of the time constant of an exchange of heat that a step may take.
 const STEP_FRACTION: f64 = 0.5;
 
-/// Shortest time (s) in which a point of a body takes up the temperature of its surroundings by an exchange, W/(m³ K).
-fn exchange_time(setup: &Setup<'_>, body: BodyIndex, exchange: f64) -> Option<f64> {
-    // a steady solution needs neither a capacity nor a step limit
+/// Smallest capacity of the materials of a body, J/(m³ K); none of a steady solution, which needs no limit of a step.
+fn smallest_capacity(setup: &Setup<'_>, body: BodyIndex) -> Option<f64> {
     let curves = setup.enthalpy_curves(body).unwrap_or_default();
     let capacities = curves.iter().map(|c| c.minimum_capacity());
-    let capacity = capacities.min_by(f64::total_cmp);
-    capacity.filter(|_| exchange > 0.0).map(|c| c / exchange)
+    capacities.min_by(f64::total_cmp)
 }
 
 /// Values in the layer behind a face for a prescribed value b.

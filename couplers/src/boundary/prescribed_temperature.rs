@@ -50,6 +50,8 @@ enum TemperatureSink {
 impl Coupler for PrescribedTemperature {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        // `thermal` holds points with material only
+        setup.follow_activity(body);
         let prepared = match place(setup, body, self.face, self.region.as_deref())? {
             Place::Face(face) => {
                 TemperatureSink::Layer(setup.layer(body, &keys::TEMPERATURE, face, true)?)

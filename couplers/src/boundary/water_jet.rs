@@ -21,7 +21,7 @@ use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, St
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::exchange_time;
+use super::smallest_capacity;
 use crate::surface::SurfaceHeat;
 
 /// Heat that a moving water jet and its film take from a surface.
@@ -76,6 +76,8 @@ struct State {
     rows: Vec<Row>,
     /// Into the body, W/m², by point.
     flux: Vec<f64>,
+    /// Smallest capacity of the materials, J/(m³ K); a steady solution needs none.
+    capacity: Option<f64>,
     /// Shortest time in which a point takes up the temperature of the water, s.
     time_constant: Option<f64>,
 }
@@ -176,7 +178,7 @@ impl Coupler for WaterJet {
         }
         let heat = match through_plane {
             true => SurfaceHeat::through_plane(setup, body, region)?,
-            false => SurfaceHeat::prepare(setup, body, &self.faces, region)?,
+            false => SurfaceHeat::unchanging(setup, body, &self.faces, region)?,
         };
         let mut rows: BTreeMap<(Face, [u32; 3]), Row> = BTreeMap::new();
         for cell in heat.cells() {
@@ -190,14 +192,13 @@ impl Coupler for WaterJet {
         let mut rows: Vec<_> = rows.into_values().collect();
         rows.iter_mut()
             .for_each(|row| row.sort_by(|a, b| a.1.total_cmp(&b.1)));
-        let exchange =
-            self.largest_coefficient() * heat.largest_ratio(&setup.body(body).points.volume);
         self.prepared = Some(State {
             heat,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             rows,
             flux: vec![0.0; cells.len()],
-            time_constant: exchange_time(setup, body, exchange),
+            capacity: smallest_capacity(setup, body),
+            time_constant: None,
         });
         Ok(())
     }
@@ -229,8 +230,11 @@ impl Coupler for WaterJet {
         time_constant.map(|time| super::STEP_FRACTION * time)
     }
 
-    fn stable_step(&mut self, _world: &World) -> Option<f64> {
-        self.prepared.as_ref().and_then(|p| p.time_constant)
+    fn stable_step(&mut self, world: &World) -> Option<f64> {
+        let largest = self.largest_coefficient();
+        let p = self.prepared.as_mut()?;
+        p.time_constant = p.heat.time_constant(world, largest, p.capacity);
+        p.time_constant
     }
 
     fn report(&self) -> Vec<Report> {

@@ -1,6 +1,9 @@
 //! The lattice of a body, on whose cells heat sources deposit their power.
 
+use std::cell::Ref;
+
 use nalgebra::Vector3;
+use perimelt_core::activity::is_active;
 use perimelt_core::{Body, SetupError};
 
 use crate::source::{CellGrid, HeatedBody};
@@ -9,6 +12,8 @@ use crate::source::{CellGrid, HeatedBody};
 pub(super) struct LatticeBody<'a> {
     pub body: &'a Body,
     pub grid: CellGrid,
+    /// Which points have material, where material is deposited.
+    pub activity: Option<Ref<'a, [f64]>>,
 }
 
 /// The lattice of a body. Missing axes have one cell with the extent of the body: its thickness
@@ -58,7 +63,11 @@ impl HeatedBody for LatticeBody<'_> {
     }
 
     fn point(&self, cell: [usize; 3]) -> Option<usize> {
-        self.body.lattice()?.point(cell.map(|c| c as i64))
+        let point = self.body.lattice()?.point(cell.map(|c| c as i64))?;
+        let activity = self.activity.as_ref();
+        activity
+            .is_none_or(|a| is_active(a[point]))
+            .then_some(point)
     }
 
     fn volume(&self, point: usize) -> f64 {
@@ -82,6 +91,7 @@ mod tests {
             let target = LatticeBody {
                 body: &body,
                 grid: grid(&body).expect("a lattice"),
+                activity: None,
             };
             let volume = target.volume(target.point([1, 0, 0]).expect("a full block"));
             assert!((target.grid.spacing.product() - volume).abs() < 1e-15);

@@ -82,15 +82,7 @@ struct MovingSourceState {
 
 impl<S: SourceShape> MovingSource<S> {
     fn track(&self, setup: &Setup<'_>) -> Result<Track, SetupError> {
-        let kind = match self.toolpath {
-            Toolpath::Line(_) => "line",
-            Toolpath::Polyline(_) => "polyline",
-            Toolpath::Circle(_) => "circle",
-            Toolpath::Weave(_) => "weave",
-            Toolpath::Hatch(_) => "hatch",
-            Toolpath::Table(_) => "table",
-            Toolpath::Gcode(_) => "gcode",
-        };
+        let kind = self.toolpath.kind();
         let power = self.shape.source().power();
         if let Some(power) = power.filter(|p| !(p.is_finite() && *p >= 0.0)) {
             let message = format!("`power` of the heat source is {power}");
@@ -118,8 +110,9 @@ impl<S: SourceShape> MovingSource<S> {
             .map_err(|e| SetupError::other(e.key(), e))?;
         let length = self.shape.length().max(body.finest_spacing());
         self.check_path(body, &track, 2.0 * length)?;
-        let speed = fastest(&track);
+        let speed = track.fastest();
         self.warn_of_size(setup, index);
+        setup.follow_activity(index);
         self.prepared = Some(MovingSourceState {
             body: index,
             grid,
@@ -163,7 +156,7 @@ impl<S: SourceShape> MovingSource<S> {
             })
         };
         let mut first = None;
-        for (start, end) in powered_moves(track) {
+        for (start, end) in track.powered_moves() {
             let pose = track.pose(start);
             // beyond this distance a move without an end does not return to the body
             let reach = (pose.position - 0.5 * (min + max)).norm() + (max - min).norm();
@@ -206,6 +199,7 @@ impl<S: SourceShape> MovingSource<S> {
         let body = LatticeBody {
             body: world.body(p.body),
             grid: p.grid,
+            activity: world.activity(p.body),
         };
         let pose = p.track.pose(step.middle());
         let mut heat_source = world.write(p.heat_source);
@@ -228,28 +222,6 @@ impl<S: SourceShape> MovingSource<S> {
         reports.extend(["x", "y", "z"].into_iter().enumerate().map(component));
         reports
     }
-}
-
-/// Start and end of the moves with power (s); the end of the last may be infinite.
-fn powered_moves(track: &Track) -> impl Iterator<Item = (f64, f64)> {
-    let after = |start: &f64| track.next_event(*start);
-    std::iter::successors(Some(track.start()), after)
-        .map(|start| (start, track.next_event(start).unwrap_or(f64::INFINITY)))
-        .filter(|&(start, end)| track.energy(start, end) > 0.0)
-}
-
-/// Highest speed with power, m/s. A move is fastest at its start or at its middle: straight and circular moves
-/// have constant speed, weaves start on the seam, where they are fastest.
-fn fastest(track: &Track) -> f64 {
-    let speed = |(start, end): (f64, f64)| {
-        let middle = if end.is_finite() {
-            0.5 * (start + end)
-        } else {
-            start
-        };
-        track.pose(start).speed.max(track.pose(middle).speed)
-    };
-    powered_moves(track).map(speed).fold(0.0, f64::max)
 }
 
 impl<S: Serialize + Clone> Serialize for MovingSource<S> {

@@ -65,6 +65,7 @@ impl Coupler for PulsedLaserSource {
             let body = LatticeBody {
                 body: world.body(p.body),
                 grid: p.grid,
+                activity: None,
             };
             let mut heat_source = world.write(p.heat_source);
             let span = (step.start, step.end());

@@ -63,6 +63,19 @@ pub enum Toolpath {
 }
 
 impl Toolpath {
+    /// The key of its kind.
+    pub(crate) fn kind(&self) -> &'static str {
+        match self {
+            Self::Line(_) => "line",
+            Self::Polyline(_) => "polyline",
+            Self::Circle(_) => "circle",
+            Self::Weave(_) => "weave",
+            Self::Hatch(_) => "hatch",
+            Self::Table(_) => "table",
+            Self::Gcode(_) => "gcode",
+        }
+    }
+
     /// Checks the path and lays it out in time.
     ///
     /// `default_power` (W) is used wherever the toolpath gives no power of its own; file names

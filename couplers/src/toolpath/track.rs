@@ -193,6 +193,30 @@ impl Track {
     }
 }
 
+impl Track {
+    /// Start and end of the moves with power (s); the end of the last may be infinite.
+    pub(crate) fn powered_moves(&self) -> impl Iterator<Item = (f64, f64)> {
+        let after = |start: &f64| self.next_event(*start);
+        std::iter::successors(Some(self.start()), after)
+            .map(|start| (start, self.next_event(start).unwrap_or(f64::INFINITY)))
+            .filter(|&(start, end)| self.energy(start, end) > 0.0)
+    }
+
+    /// Highest speed with power, m/s. A move is fastest at its start or at its middle: straight and circular moves
+    /// have constant speed, weaves start on the seam, where they are fastest.
+    pub(crate) fn fastest(&self) -> f64 {
+        let speed = |(start, end): (f64, f64)| {
+            let middle = if end.is_finite() {
+                0.5 * (start + end)
+            } else {
+                start
+            };
+            self.pose(start).speed.max(self.pose(middle).speed)
+        };
+        self.powered_moves().map(speed).fold(0.0, f64::max)
+    }
+}
+
 /// Builds a track move by move; each starts at the time, position and direction at which the one before ended.
 #[derive(Debug)]
 pub(super) struct TrackBuilder {

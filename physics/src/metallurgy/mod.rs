@@ -339,6 +339,8 @@ impl Physics for Metallurgy {
             initial.push(self.initial(&steel)?);
             steels.push(steel);
         }
+        // a point without material keeps its temperature, at which nothing transforms
+        setup.follow_activity(body);
         let temperature = setup.read(body, &keys::TEMPERATURE)?;
         let [a, f, p, b, m] = SHARES;
         let shares = [

@@ -19,6 +19,8 @@ use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::{Bond, BondKernel, BrokenBonds, Derivatives, Family, Pddo};
 use rayon::prelude::*;
 
+use super::powder::{Powder, Series};
+
 /// Slots that a thread takes at a time.
 const SLOTS_PER_TASK: usize = 4096;
 
@@ -44,6 +46,8 @@ pub(super) struct Conduction {
     mirrored: Mirrored,
     /// What was loaded last.
     loaded: Loaded,
+    /// Where the body has powder.
+    powder: Option<Powder>,
     /// Bonds that conduct no more.
     pub(super) broken: Option<BrokenBonds>,
     /// Heat that flowed to each point when last asked for, W/m³.
@@ -66,6 +70,8 @@ enum Loaded {
     Uniform,
     /// The conductivities of their ends.
     Ends,
+    /// The conductivities of their ends, in series.
+    Series,
     /// The potential of the one material.
     Potential,
     /// The potential within a material, the conductivities of the ends between materials.
@@ -77,6 +83,7 @@ enum Loaded {
 enum Inputs<'a> {
     One(Uniform, [&'a [f64]; 1]),
     Ends([&'a [f64]; 2]),
+    Series([&'a [f64]; 2]),
     Mixed([&'a [f64]; 4]),
 }
 
@@ -174,6 +181,7 @@ impl Conduction {
             potential_field: Vec::new(),
             mirrored: Mirrored::default(),
             loaded: Loaded::Uniform,
+            powder: None,
             broken: None,
             rate: vec![[0.0]; points],
         }
@@ -193,6 +201,25 @@ impl Conduction {
             conductivity: Vec::new(),
         });
         conduction
+    }
+
+    /// Lets points be powder, which has these conductivities by material.
+    pub(super) fn set_powder(&mut self, family: &Family, conductivity: Vec<Property>) {
+        self.uniform = None;
+        let points = self.rate.len();
+        self.conductivity_slots = vec![0.0; family.slots()];
+        self.conductivity_field = vec![0.0; points];
+        for (largest, powder) in self.largest.iter_mut().zip(&conductivity) {
+            *largest = largest.max(max_abs(&powder.values()));
+        }
+        self.powder = Some(Powder::new(conductivity, points));
+    }
+
+    /// Takes over which points are powder (0) and which are dense (1).
+    pub(super) fn consolidate(&mut self, consolidated: &[f64]) {
+        if let Some(powder) = &mut self.powder {
+            powder.consolidate(consolidated);
+        }
     }
 
     /// Whether the heat that leaves a point arrives at others to rounding.
@@ -224,6 +251,7 @@ impl Conduction {
     fn what_to_load(&self) -> Loaded {
         let by_derivatives = self.derivatives.is_some();
         match self.uniform {
+            None if self.powder.is_some() => Loaded::Series,
             Some(_) => Loaded::Uniform,
             None if by_derivatives || self.is_linear() => Loaded::Ends,
             None if self.conductivity.len() == 1 => Loaded::Potential,
@@ -233,16 +261,19 @@ impl Conduction {
 
     fn load_conductivity(&mut self, matter: &Matter<'_>, temperature: &[f64]) {
         self.conductivity_field.resize(temperature.len(), 0.0);
-        let properties = &self.conductivity;
+        let (properties, powder) = (&self.conductivity, self.powder.as_ref());
         let calibration = self.calibration;
         let values = self
             .conductivity_field
             .par_iter_mut()
             .zip(temperature)
-            .zip(matter.material);
-        values.for_each(|((k, &t), &m)| {
+            .zip(matter.material)
+            .enumerate();
+        values.for_each(|(point, ((k, &t), &m))| {
             let m = m as usize;
-            *k = calibration * properties[m].at(t, matter.curves[m].liquid_fraction(t));
+            let liquid = matter.curves[m].liquid_fraction(t);
+            let dense = properties[m].at(t, liquid);
+            *k = calibration * powder.map_or(dense, |p| p.mixed(point, (m, t), dense));
         });
         let field = (&self.conductivity_field[..], 1);
         (matter.family).load(field, 0, &[], &mut self.conductivity_slots);
@@ -303,6 +334,7 @@ impl Conduction {
                 family.sum_unbroken(&kernel, inputs, broken, &mut rate);
             }
             Inputs::Ends(inputs) => family.sum_unbroken(&Varying, inputs, broken, &mut rate),
+            Inputs::Series(inputs) => family.sum_unbroken(&Series, inputs, broken, &mut rate),
             Inputs::Mixed(inputs) => family.sum_unbroken(&Mixed, inputs, broken, &mut rate),
         }
         self.rate = rate;
@@ -319,6 +351,7 @@ impl Conduction {
             }
             Loaded::Potential => Inputs::One(Uniform { conductivity: 1.0 }, [potential]),
             Loaded::Ends => Inputs::Ends([temperature, conductivity]),
+            Loaded::Series => Inputs::Series([temperature, conductivity]),
             Loaded::Mixed => Inputs::Mixed([
                 temperature,
                 conductivity,
@@ -372,6 +405,7 @@ impl Conduction {
         match self.inputs() {
             Inputs::One(kernel, inputs) => family.sum_from_layers(&kernel, inputs, add),
             Inputs::Ends(inputs) => family.sum_from_layers(&Varying, inputs, add),
+            Inputs::Series(inputs) => family.sum_from_layers(&Series, inputs, add),
             Inputs::Mixed(inputs) => family.sum_from_layers(&Mixed, inputs, add),
         }
         total
@@ -382,9 +416,17 @@ impl Conduction {
         self.uniform.is_some() || self.conductivity.iter().all(Property::is_constant)
     }
 
-    /// Conductivity of a material at a temperature (K) and liquid fraction, W/(m K).
-    pub(super) fn conductivity(&self, material: u16, temperature: f64, liquid: f64) -> f64 {
-        self.conductivity[material as usize].at(temperature, liquid)
+    /// Conductivity of a point of a material at a temperature (K) and liquid fraction, W/(m K).
+    pub(super) fn conductivity(
+        &self,
+        (point, material): (usize, u16),
+        temperature: f64,
+        liquid: f64,
+    ) -> f64 {
+        let m = material as usize;
+        let dense = self.conductivity[m].at(temperature, liquid);
+        let powder = self.powder.as_ref();
+        powder.map_or(dense, |p| p.mixed(point, (m, temperature), dense))
     }
 
     /// Largest conductivity of a material, W/(m K).
@@ -410,6 +452,22 @@ impl Conduction {
         let mut sums = vec![[0.0]; conductivity.len()];
         family.sum(&RowSum, [&slots], &mut sums);
         sums
+    }
+}
+
+impl Conduction {
+    /// The sum of the coefficients of one point's bonds, as [`Conduction::largest_row_sums`] in a family that grows,
+    /// W/(m³ K).
+    pub(super) fn row_sum(&self, family: &Family, material: &[u16], point: usize) -> f64 {
+        let conductivity = |p: usize| self.calibration * self.largest[material[p] as usize];
+        let own = conductivity(point);
+        let mut sum = 0.0;
+        family.for_each_bond(point, |_, bond, slot| {
+            let other = family.mirrored_point(slot).map_or(own, conductivity);
+            let [part] = RowSum.bond(bond, [own], [other]);
+            sum += part;
+        });
+        sum
     }
 }
 

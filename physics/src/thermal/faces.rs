@@ -37,11 +37,12 @@ impl HeatedFace {
     }
 
     /// Finds the heat that enters by the slope of a parabola through the wall and the two points before it;
-    /// `conductivity` is that of a point, W/(m K).
+    /// `conductivity` is that of a point, W/(m K). The state consists of the temperatures (K) and of whether there is
+    /// material at a point.
     pub(super) fn measure(
         &mut self,
         rule: &LayerRule,
-        temperature: &[f64],
+        (temperature, is_there): (&[f64], impl Fn(usize) -> bool),
         conductivity: impl Fn(usize) -> f64,
         spacing: &[f64],
     ) {
@@ -55,6 +56,9 @@ impl HeatedFace {
         (self.inflow, self.flux) = (0.0, [f64::INFINITY, f64::NEG_INFINITY]);
         for &(first, next, area) in &self.cells {
             let [first, next] = [first, next].map(|p| p as usize);
+            if !(is_there(first) && is_there(next)) {
+                continue;
+            }
             let slope = (3.0 * temperature[first] - (temperature[next] + 8.0 * wall) / 3.0)
                 / spacing[first];
             let flux = -conductivity(first) * slope;

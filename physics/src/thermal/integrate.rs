@@ -75,6 +75,11 @@ impl Integrator {
         &self.row_sums
     }
 
+    /// The same, to change.
+    pub(super) fn row_sums_mut(&mut self) -> &mut Vec<[f64; 1]> {
+        &mut self.row_sums
+    }
+
     /// Sets the largest stable explicit step, s.
     pub(super) fn set_stable_step(&mut self, stable_step: f64) {
         self.stable_step = stable_step;
@@ -214,21 +219,25 @@ struct Fields<'a> {
 }
 
 impl Fields<'_> {
-    fn advance_explicitly(self, mut flow: Flow<'_>, dt: f64) -> Work {
-        self.account.supply(dt * flow.evaluate(self.temperature));
-        let curves = flow.matter.curves;
-        let points = self
-            .temperature
-            .par_iter_mut()
-            .zip(self.enthalpy)
-            .zip(&flow.conduction.rate)
-            .zip(flow.matter.material);
-        points
-            .with_min_len(4096)
-            .for_each(|(((t, h), [rate]), &m)| {
-                (*t, *h) = curves[m as usize].advance(*t, *h, dt * rate);
-            });
-        Work::of_stages(1)
+    /// Takes equal steps of forward Euler that cover `size` (s).
+    fn advance_explicitly(self, mut flow: Flow<'_>, (size, steps): (f64, usize)) -> Work {
+        let dt = size / steps as f64;
+        for _ in 0..steps {
+            self.account.supply(dt * flow.evaluate(self.temperature));
+            let curves = flow.matter.curves;
+            let points = self
+                .temperature
+                .par_iter_mut()
+                .zip(&mut *self.enthalpy)
+                .zip(&flow.conduction.rate)
+                .zip(flow.matter.material);
+            points
+                .with_min_len(4096)
+                .for_each(|(((t, h), [rate]), &m)| {
+                    (*t, *h) = curves[m as usize].advance(*t, *h, dt * rate);
+                });
+        }
+        Work::of_stages(steps)
     }
 
     /// Finds the steady state at a time, s; `floating` where nothing holds the level of the temperature.
@@ -285,11 +294,19 @@ impl Fields<'_> {
 impl Run {
     /// Advances temperature and enthalpy over `step`.
     pub(super) fn advance(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
+        self.take_births(world);
         self.hold_temperatures(world);
+        if let Some(consolidated) = self.consolidated {
+            self.conduction.consolidate(&world.read(consolidated));
+        }
         let rules = world.layer_rules(self.layers);
         let body = world.body(self.body);
         let source = self.heat_source.map(|s| world.read(s));
         let constraint = self.constraint.map(|c| world.read(c));
+        let growth = self.growth.as_ref();
+        let masked = |values: &'_ [f64]| growth.map(|g| g.masked(values).into_owned());
+        let source_there = source.as_deref().and_then(masked);
+        let constraint_there = constraint.as_deref().and_then(masked);
         let family = self.neighbours.now(world);
         let ratios = self.volume_ratios(world);
         let configuration = ratios.as_ref().map(|_| world.configuration(self.body));
@@ -312,7 +329,7 @@ impl Run {
             let conductivity = |i: usize| {
                 let (m, t) = (matter.material[i], temperature[i]);
                 let liquid = matter.curves[m as usize].liquid_fraction(t);
-                conduction.conductivity(m, t, liquid)
+                conduction.conductivity((i, m), t, liquid)
             };
             carried.start(body, (&matter, &state), conductivity);
         }
@@ -334,9 +351,9 @@ impl Run {
             volume: &body.points.volume,
             is_weighted: body.lattice().is_none() || current.is_some(),
             current,
-            source: source.as_deref(),
+            source: source_there.as_deref().or(source.as_deref()),
             carried: self.carried.as_mut().map(|c| (c, step.size)),
-            constraint: constraint.as_deref(),
+            constraint: constraint_there.as_deref().or(constraint.as_deref()),
             row_sums,
             temperature: work,
         };
@@ -347,7 +364,14 @@ impl Run {
         };
         let (start, size) = (step.start, step.size);
         match method {
-            Method::Explicit => Ok(fields.advance_explicitly(flow, size)),
+            Method::Explicit => {
+                // deposited points may have shortened the stable step since this one was chosen
+                let steps = match growth {
+                    Some(_) => (size / *stable_step * (1.0 - 1e-9)).ceil().max(1.0) as usize,
+                    None => 1,
+                };
+                Ok(fields.advance_explicitly(flow, (size, steps)))
+            }
             Method::Steady(newton, tolerance) => {
                 let at = (step.end(), self.floating);
                 fields.find_steady_state((newton, *tolerance), flow, at)
@@ -376,7 +400,9 @@ impl Run {
         let points = &world.body(self.body).points;
         let material = &world.body(self.body).material_of_point;
         let mut supplied = 0.0;
-        for (i, c) in constraint.iter().enumerate().filter(|(_, c)| **c > 0.0) {
+        let growth = self.growth.as_ref();
+        let is_held = |(i, c): &(usize, &f64)| **c > 0.0 && growth.is_none_or(|g| g.is_born(*i));
+        for (i, c) in constraint.iter().enumerate().filter(is_held) {
             temperature[i] = held[i] / c;
             let new = self.curves[material[i] as usize].enthalpy(temperature[i]);
             supplied += points.volume[i] * (new - enthalpy[i]);

@@ -16,8 +16,12 @@
 //! - points at rest, or of a solid: bonds between reference neighbours; the lattice calibration (or the correction of
 //!   every bond at bare surfaces) makes the discrete conductivity exact;
 //! - points that a physics moves: bonds between current neighbours, calibrated for complete families;
+//! - points of a body that grows by deposition: bonds between the points with material, with weights that are found again
+//!   around each new point; its enthalpy is supplied when it is born;
 //! - points of an Eulerian fluid: conduction between neighbours at rest, and convection ([`Convection`]) with the
 //!   flux of mass of the fluid.
+//!
+//! Where the coupler `powder` gives the field `consolidated`, powder has a conductivity of its own.
 //!
 //! In the form of second derivatives the sum is that of the differential operator ([`Form`]), as published for flows.
 //!
@@ -33,8 +37,12 @@ mod conduction;
 mod faces;
 #[cfg(test)]
 mod flow_tests;
+mod growth;
+#[cfg(test)]
+mod growth_tests;
 mod integrate;
 mod keys;
+mod powder;
 mod prepare;
 mod run;
 #[cfg(test)]
@@ -49,6 +57,7 @@ use perimelt_core::{
 };
 
 use faces::HeatedFace;
+use growth::Growth;
 use run::Run;
 
 /// The initial temperature was left out: 0 K everywhere.
@@ -94,7 +103,10 @@ impl Physics for Thermal {
         {
             *h = run.curves[m as usize].enthalpy(t);
         }
-        run.heat.initial = weighted_sum(&enthalpy, &body.points.volume);
+        if let Some(growth) = &mut run.growth {
+            growth.start(world);
+        }
+        run.heat.initial = weighted_sum(&enthalpy, &run.heated_volumes(world));
         Ok(())
     }
 
@@ -147,13 +159,20 @@ impl Physics for Thermal {
             return Vec::new();
         }
         let enthalpy = world.read::<f64>(run.enthalpy.into());
-        let volume = &world.body(run.body).points.volume;
+        let volume = &run.heated_volumes(world)[..];
         let stored = weighted_sum(&enthalpy, volume);
         // the heat of a body that cools down again ends where it began
         let content = sum_of([&enthalpy, volume], |[h, v]| (h * v).abs());
         let (initial, supplied) = (run.heat.initial, run.heat.supplied);
         let balance = Balance::new("heat", "J", stored, initial, supplied);
-        vec![balance.of_size(content + run.heat.exchanged)]
+        let balance = balance.of_size(content + run.heat.exchanged);
+        match &run.growth {
+            None => vec![balance],
+            Some(growth) => {
+                let heat = balance.with_deposited(growth.deposited_heat());
+                vec![heat, growth.mass_balance()]
+            }
+        }
     }
 
     fn report(&self) -> Vec<Report> {
@@ -162,18 +181,27 @@ impl Physics for Thermal {
         if faces.len() > 1 {
             reports.push(HeatedFace::total(faces));
         }
+        reports.extend(self.run().growth.iter().flat_map(Growth::reports));
         reports
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(self.run().heat)
+        let run = self.run();
+        match &run.growth {
+            None => Box::new(run.heat),
+            Some(growth) => Box::new((run.heat, &growth.state)),
+        }
     }
 
     fn load(
         &mut self,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        self.run_mut().heat = erased_serde::deserialize(state)?;
+        let run = self.run_mut();
+        match &mut run.growth {
+            None => run.heat = erased_serde::deserialize(state)?,
+            Some(growth) => (run.heat, growth.state) = erased_serde::deserialize(state)?,
+        }
         Ok(())
     }
 }

@@ -14,6 +14,7 @@ use crate::advection::usual_horizon;
 use super::carried::{CarriedHeat, FlowFields};
 use super::conduction::{Conduction, calibration};
 use super::faces::HeatedFace;
+use super::growth::Growth;
 use super::integrate::Integrator;
 use super::keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
 use super::run::{Cracks, HeatAccount, Neighbours, Run};
@@ -41,6 +42,9 @@ impl Run {
         let held = setup.consume_if_added(body, &keys::HELD_TEMPERATURE)?;
         let curves = setup.enthalpy_curves(body)?;
         thermal.check(&curves, description)?;
+        if setup.is_growing(body) {
+            thermal.check_growth()?;
+        }
         let (layers, claimed, heated) = setup.layers(body, &keys::TEMPERATURE);
         let place = Place {
             body,
@@ -49,14 +53,29 @@ impl Run {
             layers: thermal.continued_faces(setup.body(body), claimed),
             heated,
         };
-        let (neighbours, conduction, pddo) = thermal.operators(setup, &place)?;
+        let (neighbours, mut conduction, pddo) = thermal.operators(setup, &place)?;
+        let growth = match neighbours {
+            Neighbours::Growing(_) => Some(Growth::prepare(setup, body)?),
+            _ => None,
+        };
+        let consolidated = match setup.is_written(body, &keys::CONSOLIDATED) {
+            true => {
+                thermal.check_powder(description)?;
+                let powder = setup.property(body, "powder_conductivity")?;
+                let family = neighbours.at_setup(setup);
+                conduction.set_powder(&family, powder);
+                Some(setup.read(body, &keys::CONSOLIDATED)?)
+            }
+            false => None,
+        };
         let carried = match description {
             Description::Eulerian => Some(thermal.carried(setup, &place, pddo)?),
             _ => None,
         };
         let is_at_rest = matches!(neighbours, Neighbours::AtRest(_));
         let follows_cracks = thermal.broken_bonds == BrokenConduction::Insulate && is_at_rest;
-        let faces = place.heated.iter().filter(|_| is_at_rest);
+        let stays = !matches!(neighbours, Neighbours::Moving(_));
+        let faces = place.heated.iter().filter(|_| stays);
         let faces = faces.map(|face| HeatedFace::of(setup.body(body), *face));
         Ok(Run {
             body,
@@ -72,6 +91,8 @@ impl Run {
             conduction,
             carried,
             cracks: follows_cracks.then(Cracks::default),
+            growth,
+            consolidated,
             integrator: Integrator::new(thermal.solver, thermal.tolerance),
             heat: HeatAccount::default(),
             faces: faces.filter(HeatedFace::is_measurable).collect(),
@@ -108,6 +129,36 @@ impl Thermal {
             return Err(SetupError::value("form", message, "`form = \"bonds\"`"));
         }
         self.check_correction(description)
+    }
+
+    /// Refuses keys that do not fit a body that grows.
+    fn check_growth(&self) -> Result<(), SetupError> {
+        let (key, message, expected) = match (self.solver, self.form) {
+            (ThermalSolver::Steady, _) => {
+                let message = "a steady state has no time in which material is deposited";
+                (
+                    "solver",
+                    message,
+                    "a solver that steps in time, such as \"explicit\"",
+                )
+            }
+            (_, Form::SecondDerivatives) => {
+                let message = "second derivatives need complete families, but `deposit` adds material to the body";
+                ("form", message, "`form = \"bonds\"`")
+            }
+            _ => return Ok(()),
+        };
+        Err(SetupError::value(key, message, expected))
+    }
+
+    /// Refuses keys and points for which powder has no meaning.
+    fn check_powder(&self, description: Description) -> Result<(), SetupError> {
+        if self.form == Form::Bonds && description != Description::Eulerian {
+            return Ok(());
+        }
+        let message = "powder conducts by bonds between points that are matter";
+        let expected = "`form = \"bonds\"`, and a body through which nothing flows";
+        Err(SetupError::value("form", message, expected))
     }
 
     fn check_correction(&self, description: Description) -> Result<(), SetupError> {
@@ -167,6 +218,12 @@ impl Thermal {
             layers: place.layers.clone(),
             audited: place.heated.clone(),
         };
+        if setup.is_growing(body) {
+            let handle = setup.growing_family(body, &spec)?;
+            let family = setup.current_growing_family(handle);
+            let conduction = Conduction::by_bonds(&family, conductivity, points, 1.0);
+            return Ok((Neighbours::Growing(handle), conduction, None));
+        }
         if place.description != Description::UpdatedLagrangian {
             let family = setup.family(body, &spec)?;
             let conduction = Conduction::by_bonds(&family, conductivity, points, 1.0);

@@ -1,15 +1,18 @@
 //! What a prepared heat physics works with.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
-use perimelt_core::{BrokenBonds, Family, MovingFamily, Read, World, Write};
+use perimelt_core::{BrokenBonds, Family, GrowingFamily, MovingFamily, Read, Setup, World, Write};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::carried::{CarriedHeat, Diffusion};
 use super::conduction::Conduction;
 use super::faces::HeatedFace;
+use super::growth::{Growth, HeatState};
 use super::integrate::Integrator;
 
 /// A prepared heat physics.
@@ -28,6 +31,10 @@ pub(super) struct Run {
     /// In an Eulerian fluid.
     pub(super) carried: Option<CarriedHeat>,
     pub(super) cracks: Option<Cracks>,
+    /// Of a body on which material is deposited.
+    pub(super) growth: Option<Growth>,
+    /// Where the body has powder.
+    pub(super) consolidated: Option<Read<f64>>,
     pub(super) integrator: Integrator,
     /// Nothing holds the temperature level: boundaries are insulated or give fluxes.
     pub(super) floating: bool,
@@ -42,14 +49,25 @@ pub(super) struct Run {
 pub(super) enum Neighbours {
     AtRest(Arc<Family>),
     Moving(MovingFamily),
+    Growing(GrowingFamily),
 }
 
 impl Neighbours {
+    /// As they are at set-up.
+    pub(super) fn at_setup(&self, setup: &Setup<'_>) -> Arc<Family> {
+        match self {
+            Neighbours::AtRest(family) => family.clone(),
+            Neighbours::Moving(family) => setup.current_family(*family),
+            Neighbours::Growing(family) => setup.current_growing_family(*family),
+        }
+    }
+
     /// As they are now.
     pub(super) fn now(&self, world: &World) -> Arc<Family> {
         match self {
             Neighbours::AtRest(family) => family.clone(),
             Neighbours::Moving(family) => world.moving_family(*family),
+            Neighbours::Growing(family) => world.growing_family(*family),
         }
     }
 }
@@ -112,6 +130,29 @@ impl Run {
         }
     }
 
+    /// Takes up points on which material was deposited since the last step.
+    pub(super) fn take_births(&mut self, world: &World) {
+        let Some(growth) = &mut self.growth else {
+            return;
+        };
+        let state = HeatState {
+            temperature: self.temperature,
+            enthalpy: self.enthalpy,
+        };
+        if growth.take_births(world, &self.curves, (&state, &mut self.heat)) {
+            self.find_stable_step(world);
+        }
+    }
+
+    /// Volumes of the points that have heat, m³.
+    pub(super) fn heated_volumes<'a>(&self, world: &'a World) -> Cow<'a, [f64]> {
+        let volume = &world.body(self.body).points.volume;
+        match &self.growth {
+            Some(growth) => growth.volumes(volume).into(),
+            None => volume.into(),
+        }
+    }
+
     /// Current volume over reference volume of each point, where points move.
     pub(super) fn volume_ratios(&self, world: &World) -> Option<Vec<f64>> {
         let Neighbours::Moving(_) = self.neighbours else {
@@ -123,8 +164,30 @@ impl Run {
         Some(points.map(|(now, reference)| now / reference).collect())
     }
 
-    /// Finds the sums over the bonds of each point, which change only where points move.
+    /// Finds the sums over the bonds of each point, which change only where points move or become active.
     fn find_row_sums(&mut self, world: &World) {
+        if let Some(growth) = &mut self.growth {
+            let family = self.neighbours.now(world);
+            let material = &world.body(self.body).material_of_point;
+            let is_next = growth.row_sums_of.map(|v| v + 1) == Some(family.version());
+            if growth.row_sums_of == Some(family.version()) {
+                return;
+            }
+            let (conduction, sums) = (&self.conduction, self.integrator.row_sums_mut());
+            let find = |&point: &u32| conduction.row_sum(&family, material, point as usize);
+            if is_next {
+                let near = family.recalibrated();
+                let found: Vec<f64> = near.par_iter().map(find).collect();
+                let pairs = near.iter().zip(found);
+                pairs.for_each(|(&point, sum)| sums[point as usize] = [sum]);
+            } else {
+                let points: Vec<u32> = (0..material.len() as u32).collect();
+                let found = points.par_iter().map(|p| [find(p)]);
+                found.collect_into_vec(sums);
+            }
+            growth.row_sums_of = Some(family.version());
+            return;
+        }
         let is_at_rest = matches!(self.neighbours, Neighbours::AtRest(_));
         if is_at_rest && !self.integrator.row_sums().is_empty() {
             return;
@@ -178,7 +241,7 @@ impl Run {
 
     /// Whether the stable step changes during the run.
     pub(super) fn has_changing_limit(&self) -> bool {
-        self.carried.is_some() || matches!(self.neighbours, Neighbours::Moving(_))
+        self.carried.is_some() || !matches!(self.neighbours, Neighbours::AtRest(_))
     }
 
     /// Measures the heat that crosses faces.
@@ -192,11 +255,14 @@ impl Run {
         let conductivity = |point: usize| {
             let (m, t) = (body.material_of_point[point], temperature[point]);
             let liquid = self.curves[m as usize].liquid_fraction(t);
-            self.conduction.conductivity(m, t, liquid)
+            self.conduction.conductivity((point, m), t, liquid)
         };
         for face in &mut self.faces {
             if let Some(rule) = rules.iter().find(|r| r.face == face.face) {
-                face.measure(rule, &temperature, conductivity, &body.points.spacing);
+                let growth = self.growth.as_ref();
+                let is_there = |point: usize| growth.is_none_or(|g| g.is_born(point));
+                let state = (&temperature[..], is_there);
+                face.measure(rule, state, conductivity, &body.points.spacing);
             }
         }
     }

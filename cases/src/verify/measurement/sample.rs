@@ -1,6 +1,7 @@
 //! The values of a measurement, taken from the state of a simulation.
 
 use nalgebra::Vector3;
+use perimelt_core::activity::is_active;
 use perimelt_core::body::weights_among;
 use perimelt_core::cell_list::CellList;
 use perimelt_core::field::FieldIndex;
@@ -180,7 +181,8 @@ impl Sampler {
                     Extreme::Max => 1.0,
                     Extreme::Min => -1.0,
                 };
-                let points = points.iter().map(|&p| p as usize);
+                let there = is_there(*component, world);
+                let points = points.iter().map(|&p| p as usize).filter(there);
                 place_of_largest(world.body(*body), points, |p| sign * component.at(world, p))
             }
             Sampler::Deviation {
@@ -190,10 +192,12 @@ impl Sampler {
                 section,
             } => {
                 let positions = &world.body(*body).points.position;
+                let there = is_there(*component, world);
+                let points: Vec<usize> = points.iter().map(|&p| p as usize).filter(there).collect();
                 let pairs = points.iter().map(|&p| {
-                    let position = positions[p as usize].into();
+                    let position = positions[p].into();
                     let expected = section.expected.at(position, simulation.time());
-                    (component.at(world, p as usize) - expected, expected)
+                    (component.at(world, p) - expected, expected)
                 });
                 vec![deviation(pairs, section.norm)]
             }
@@ -202,8 +206,9 @@ impl Sampler {
                 gauge,
                 extent,
             } => {
-                let temperature = world.fields().field(*temperature).data();
-                let pool = gauge.measure(temperature.flat());
+                let field = world.fields().field(*temperature);
+                let (temperature, activity) = (field.data(), world.activity(field.body));
+                let pool = gauge.measure_present(temperature.flat(), activity.as_deref());
                 let extent = pool.and_then(|pool| match extent {
                     Extent::Rear => Some(pool.rear),
                     Extent::Front => Some(pool.front),
@@ -231,7 +236,8 @@ impl Sampler {
                 along,
             } => {
                 let body = world.body(*body);
-                let points = 0..body.points.len();
+                let there = is_there(*component, world);
+                let points = (0..body.points.len()).filter(there);
                 let beyond = points.filter(|&p| component.at(world, p) > *above);
                 place_of_largest(body, beyond, |p| body.points.position[p].dot(along))
             }
@@ -241,6 +247,12 @@ impl Sampler {
             | Sampler::Balance { .. } => Vec::new(),
         }
     }
+}
+
+/// Whether a point of the body of a field has material.
+fn is_there(component: Component, world: &World) -> impl Fn(&usize) -> bool {
+    let activity = component.activity(world);
+    move |point| activity.as_ref().is_none_or(|a| is_active(a[*point]))
 }
 
 /// A component at places in space (m) among the points that are there now; not a number where

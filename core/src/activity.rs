@@ -1,0 +1,256 @@
+//! Bodies that grow: points without material become active when it is deposited.
+//!
+//! A coupler that deposits material declares so at set-up and names the points that have no material at first
+//! ([`Setup::deposit`]). It owns the field [`keys::ACTIVE`], which says for each point whether there is material: 1, or
+//! 0. The field is part of the configuration of the body and of every checkpoint. Everybody else asks
+//! [`World::activity`].
+//!
+//! A point without material has no bonds, no mass and no heat, and no surface. Plugins that act on a body that grows must
+//! know that: they declare it ([`Setup::follow_activity`], [`Setup::growing_family`]), and those that do not are refused.
+
+use std::cell::{Ref, RefCell};
+use std::sync::Arc;
+
+use crate::error::SetupError;
+use crate::family::{Family, FamilySpec};
+use crate::field::{FieldIndex, Write, keys};
+use crate::setup::{Access, Declaration, Setup};
+use crate::world::{BodyIndex, World};
+
+/// A family of a body that grows, owned by the [`World`].
+#[derive(Clone, Copy, Debug)]
+pub struct GrowingFamily(usize);
+
+/// A family whose points become active.
+#[derive(Debug)]
+pub(crate) struct Grower {
+    body: BodyIndex,
+    spec: FamilySpec,
+    state: RefCell<GrowerState>,
+}
+
+#[derive(Debug)]
+struct GrowerState {
+    family: Arc<Family>,
+    /// Changes of the activity that the family includes.
+    seen: u64,
+}
+
+impl Grower {
+    pub(crate) fn family(&self) -> (BodyIndex, Arc<Family>) {
+        (self.body, self.state.borrow().family.clone())
+    }
+}
+
+/// Whether there is material, from a value of [`keys::ACTIVE`].
+pub fn is_active(value: f64) -> bool {
+    value > 0.5
+}
+
+fn mask(values: &[f64]) -> Vec<bool> {
+    values.iter().map(|v| is_active(*v)).collect()
+}
+
+impl World {
+    fn activity_field(&self, body: BodyIndex) -> Option<FieldIndex> {
+        let field = self.fields.find(body, &keys::ACTIVE.name)?;
+        self.growing[body].then_some(field)
+    }
+
+    /// By point, whether there is material ([`is_active`]); `None` for a body that does not grow.
+    pub fn activity(&self, body: BodyIndex) -> Option<Ref<'_, [f64]>> {
+        let field = self.activity_field(body)?;
+        Some(self.fields.field(field).read())
+    }
+
+    /// Whether material is deposited on a body during the run.
+    pub fn is_growing(&self, body: BodyIndex) -> bool {
+        self.growing[body]
+    }
+
+    /// Whether a point has material.
+    pub fn has_material(&self, body: BodyIndex, point: usize) -> bool {
+        self.activity(body).is_none_or(|a| is_active(a[point]))
+    }
+
+    /// Counter that changes whenever points of a body may have become active.
+    fn activity_version(&self, body: BodyIndex) -> Option<u64> {
+        let field = self.activity_field(body)?;
+        Some(self.fields.field(field).changes())
+    }
+
+    /// A family of a body that grows, of the points that are active now. Do not keep it beyond a step: while somebody
+    /// holds it, it cannot be updated in place and is built again instead.
+    pub fn growing_family(&self, handle: GrowingFamily) -> Arc<Family> {
+        let grower = &self.configurations.growers[handle.0];
+        let state = &mut *grower.state.borrow_mut();
+        let version = self.activity_version(grower.body);
+        if let Some(version) = version.filter(|v| *v != state.seen) {
+            let active = self.activity(grower.body).map(|a| mask(&a));
+            let active = active.unwrap_or_default();
+            match Arc::get_mut(&mut state.family) {
+                Some(family) => family.set_active(&active),
+                None => {
+                    // of a version from which nobody takes the difference
+                    let next = state.family.version() + 1;
+                    let body = &self.bodies[grower.body];
+                    let family = Family::growing(body, &grower.spec, &active, next);
+                    state.family = Arc::new(family.expect("the same family was built at set-up"));
+                }
+            }
+            state.seen = version;
+        }
+        state.family.clone()
+    }
+}
+
+impl Setup<'_> {
+    /// Declares that the calling coupler deposits material on a body, at `points` that have none at first, and hands
+    /// over the activity of the points, which the coupler sets to 1.
+    ///
+    /// # Errors
+    /// When another coupler deposits material there, or the body has no lattice.
+    pub fn deposit(&mut self, body: BodyIndex, points: &[u32]) -> Result<Write<f64>, SetupError> {
+        if self.body(body).lattice().is_none() {
+            let name = &self.body(body).name;
+            let message =
+                format!("body `{name}` has no lattice, on whose cells material is deposited");
+            let expected = "a body with `spacing`, without `zones`, `jitter` or `points`";
+            return Err(SetupError::value("body", message, expected));
+        }
+        let active = self.write(body, &keys::ACTIVE)?;
+        let mut first = vec![1.0; self.body(body).points.len()];
+        points.iter().for_each(|&p| first[p as usize] = 0.0);
+        self.set_first(active, |point| first[point]);
+        self.world.growing[body] = true;
+        self.follow_activity(body);
+        Ok(active)
+    }
+
+    /// Declares that the calling plugin regards points of a body without material as absent, should the body grow: it
+    /// asks [`World::activity`] when it runs, after the coupler that deposits.
+    pub fn follow_activity(&mut self, body: BodyIndex) {
+        let plugin = self.plugins.len() - 1;
+        self.followers.push((plugin, body));
+    }
+
+    /// Whether material is deposited on a body; for physics, which are prepared after couplers.
+    pub fn is_growing(&self, body: BodyIndex) -> bool {
+        self.world.growing[body]
+    }
+
+    /// A family of a body that grows; equal requests share one. [`World::growing_family`] gives it as it is.
+    ///
+    /// # Errors
+    /// When the horizon reaches no neighbour, or the family is one that [`Family`]s that grow do not support.
+    pub fn growing_family(
+        &mut self,
+        body: BodyIndex,
+        spec: &FamilySpec,
+    ) -> Result<GrowingFamily, SetupError> {
+        self.follow_activity(body);
+        let same = |g: &Grower| g.body == body && g.spec == *spec;
+        if let Some(present) = self.world.configurations.growers.iter().position(same) {
+            return Ok(GrowingFamily(present));
+        }
+        for sentence in crate::family::warnings(self.body(body), spec) {
+            self.warn(sentence);
+        }
+        let active = self.world.activity(body).map(|a| mask(&a));
+        let active = active.unwrap_or_else(|| vec![true; self.body(body).points.len()]);
+        let family = Family::growing(self.body(body), spec, &active, 0)
+            .map_err(|e| SetupError::new("body", e))?;
+        let state = GrowerState {
+            family: Arc::new(family),
+            seen: self.world.activity_version(body).unwrap_or(0),
+        };
+        let growers = &mut self.world.configurations.growers;
+        growers.push(Grower {
+            body,
+            spec: spec.clone(),
+            state: RefCell::new(state),
+        });
+        Ok(GrowingFamily(growers.len() - 1))
+    }
+
+    /// A growing family as it is at set-up.
+    pub fn current_growing_family(&self, family: GrowingFamily) -> Arc<Family> {
+        self.world.growing_family(family)
+    }
+
+    /// Refuses plugins that do not know that a body grows, and lets the others read the activity.
+    pub(crate) fn check_growth(&mut self) -> Result<(), (usize, SetupError)> {
+        for body in (0..self.world.bodies.len()).filter(|&b| self.world.growing[b]) {
+            let follows = |plugin: usize| self.followers.contains(&(plugin, body));
+            let acts = |d: &&Declaration| {
+                let is_here = self.world.fields.field(d.field).body == body;
+                is_here && matches!(d.access, Access::Own | Access::Add | Access::Give)
+            };
+            let unaware = self.declarations.iter().filter(acts).map(|d| d.plugin);
+            let unaware = unaware.chain(self.plugins_with_families(body));
+            if let Some(plugin) = unaware.into_iter().find(|p| !follows(*p)) {
+                return Err((plugin, self.refused_growth(body)));
+            }
+            let Some(field) = self.world.activity_field(body) else {
+                continue;
+            };
+            let followers = self.followers.iter().filter(|(_, b)| *b == body);
+            let writer = |plugin: usize| {
+                let mut all = self.declarations.iter();
+                all.any(|d| d.plugin == plugin && d.field == field && d.access == Access::Write)
+            };
+            let reads = followers.filter(|(plugin, _)| !writer(*plugin));
+            let reads: Vec<Declaration> = reads
+                .map(|&(plugin, _)| Declaration {
+                    plugin,
+                    access: Access::Read,
+                    field,
+                })
+                .collect();
+            self.declarations.extend(reads);
+        }
+        Ok(())
+    }
+
+    /// The mistake of a plugin that takes all points of a body for material.
+    pub(crate) fn refused_growth(&self, body: BodyIndex) -> SetupError {
+        let message = format!(
+            "`deposit` adds material to body `{}`, which this plugin does not support",
+            self.body(body).name
+        );
+        let expected = "`thermal`, `thermal_history`, `metallurgy`, `phase_change`, heat sources on a toolpath, and heat through surfaces or at a \
+                        prescribed temperature, or a body without `deposit`";
+        SetupError::value("", message, expected)
+    }
+}
+
+/// Follows which points of a body are active.
+#[derive(Debug, Default)]
+pub struct ActivityChanges {
+    seen: Option<u64>,
+    active: Vec<bool>,
+}
+
+impl ActivityChanges {
+    /// Points that became active or inactive since the last call, ascending; all at the first call. `None` where
+    /// nothing changed, as for a body that does not grow.
+    pub fn since_last(&mut self, world: &World, body: BodyIndex) -> Option<Vec<u32>> {
+        let version = world.activity_version(body)?;
+        if self.seen == Some(version) {
+            return None;
+        }
+        let now = mask(&world.activity(body)?);
+        let is_first = self.seen.replace(version).is_none();
+        self.active.resize(now.len(), false);
+        let pairs = self.active.iter().zip(&now).zip(0..);
+        let changed = pairs.filter(|((before, now), _)| is_first || before != now);
+        let changed: Vec<u32> = changed.map(|(_, point)| point).collect();
+        self.active = now;
+        (!changed.is_empty()).then_some(changed)
+    }
+
+    /// Whether a point was active at the last call.
+    pub fn is_active(&self, point: usize) -> bool {
+        self.active.get(point).is_none_or(|a| *a)
+    }
+}

@@ -1,0 +1,573 @@
+//! Families of bodies that grow: points without material have no bonds, and when points become active or inactive,
+//! only the weights around them are found again.
+//!
+//! The weights of a point follow from the points that are present around it, so that a family depends on the present
+//! points alone, not on the order in which they came: a body that is complete has the same bonds as one that never
+//! grew, and a resumed run goes on bit by bit.
+//!
+//! Points are divided into blocks of consecutive slots once and for all. A block is empty, shares the stencil, or has
+//! weights of its own, which equal blocks share ([`Patterns`]).
+
+use std::collections::HashMap;
+use std::collections::hash_map::DefaultHasher;
+use std::hash::{Hash, Hasher};
+use std::sync::OnceLock;
+
+use rayon::prelude::*;
+
+use crate::body::{Body, Discretisation, Store};
+
+use super::blocks::{BLOCK, Blocks, Head, Weights};
+use super::build::{chunks, stretches};
+use super::lattice::{EMPTY, LatticeBonds, Member};
+use super::{Family, FamilyError, FamilySpec, Rows, Span};
+
+/// Which points are present, and what the bonds follow from.
+#[derive(Debug)]
+pub(super) struct Growth {
+    bonds: LatticeBonds,
+    active: Vec<bool>,
+    /// Layer slots with the points that they mirror, by point.
+    images: Vec<(u32, u32)>,
+    /// All points, in blocks that do not change.
+    parts: Vec<Span>,
+    part_of_point: Vec<u32>,
+    state: Vec<PartState>,
+    patterns: Patterns,
+    /// Points with bonds to audited layers.
+    beside_layers: Vec<u32>,
+    /// Points whose bonds the last change concerned.
+    recalibrated: Vec<u32>,
+    version: u64,
+}
+
+/// What the bonds of a block are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum PartState {
+    /// No point is active.
+    Empty,
+    /// Those of the stencil.
+    Stencil,
+    /// Those of a pattern.
+    Own(u32),
+}
+
+/// What a block is to become.
+enum NewState {
+    Empty,
+    Stencil,
+    Own(Vec<Weights>),
+}
+
+/// Weights that blocks share, each counted.
+#[derive(Debug, Default)]
+struct Patterns {
+    /// By a hash of the weights.
+    known: HashMap<u64, Vec<u32>>,
+    /// How many blocks have each pattern.
+    uses: Vec<u32>,
+    free: Vec<u32>,
+}
+
+impl Patterns {
+    fn hash(weights: &[Weights]) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        let lanes = weights.as_flattened().as_flattened();
+        lanes.iter().for_each(|w| w.to_bits().hash(&mut hasher));
+        hasher.finish()
+    }
+
+    /// The number of these weights, which are added to `blocks` if they are new.
+    fn take(&mut self, blocks: &mut Blocks, weights: &[Weights]) -> u32 {
+        let alike = self.known.entry(Patterns::hash(weights)).or_default();
+        let same = alike.iter().find(|&&n| blocks.pattern(n) == weights);
+        if let Some(&number) = same {
+            self.uses[number as usize] += 1;
+            return number;
+        }
+        let number = self.free.pop().unwrap_or(self.uses.len() as u32);
+        if number as usize == self.uses.len() {
+            self.uses.push(0);
+        }
+        blocks.set_pattern(number, weights);
+        alike.push(number);
+        self.uses[number as usize] = 1;
+        number
+    }
+
+    /// One block less has a pattern.
+    fn give_back(&mut self, blocks: &Blocks, number: u32) {
+        self.uses[number as usize] -= 1;
+        if self.uses[number as usize] == 0 {
+            if let Some(alike) = self.known.get_mut(&Patterns::hash(blocks.pattern(number))) {
+                alike.retain(|n| *n != number);
+            }
+            self.free.push(number);
+        }
+    }
+}
+
+impl Family {
+    /// A family whose points become active and inactive ([`Family::set_active`]), of those that are active now.
+    ///
+    /// # Errors
+    /// As [`Family::build`], and a body whose families have no stencil or have cuts.
+    pub(crate) fn growing(
+        body: &Body,
+        spec: &FamilySpec,
+        active: &[bool],
+        version: u64,
+    ) -> Result<Family, FamilyError> {
+        let lattice = match &body.discretisation {
+            Discretisation::Lattice(lattice) if body.store == Store::Lattice => lattice,
+            _ => return Err(FamilyError::Growing("points without a lattice as store")),
+        };
+        if body.tank.is_some() {
+            return Err(FamilyError::Tank);
+        }
+        if !body.cuts.is_empty() {
+            return Err(FamilyError::Growing("cuts"));
+        }
+        let (bonds, grid) = LatticeBonds::new(body, lattice, spec)?;
+        let points = bonds.slot_of_point.len();
+        let audited = |p: &u32| bonds.members(*p as usize).any(|m| bonds.audited[m.slot]);
+        let beside_layers = match spec.audited.is_empty() {
+            true => Vec::new(),
+            false => (0..points as u32).filter(audited).collect(),
+        };
+        let mut images: Vec<(u32, u32)> = bonds.ghosts.iter().map(|g| (g.point, g.slot)).collect();
+        images.sort_unstable();
+        let parts = parts(&stretches(&bonds.slot_of_point, |_| true));
+        let mut part_of_point = vec![0; points];
+        for (number, part) in (0..).zip(&parts) {
+            part_of_point[part.points()].fill(number);
+        }
+        let number = (0..points).map(|p| bonds.members(p).count()).sum();
+        let growth = Growth {
+            state: vec![PartState::Empty; parts.len()],
+            active: vec![true; points],
+            parts,
+            part_of_point,
+            images,
+            patterns: Patterns::default(),
+            beside_layers,
+            recalibrated: Vec::new(),
+            version,
+            bonds,
+        };
+        let mut family = Family {
+            bonds: number,
+            spans: stretches(&growth.bonds.slot_of_point, |_| true),
+            blocks: Blocks::of_stencil(growth.bonds.steps.len()),
+            ..growth.bonds.layout(body, spec, grid)
+        };
+        family.growth = Some(Box::new(growth));
+        let inactive: Vec<u32> = (0..points as u32)
+            .filter(|&p| !active[p as usize])
+            .collect();
+        family.change(&inactive, true);
+        Ok(family)
+    }
+
+    /// Lets points be present or not; only bonds around those that change are found again.
+    ///
+    /// # Panics
+    /// When there is not one value for each point.
+    pub(crate) fn set_active(&mut self, active: &[bool]) {
+        assert_eq!(active.len(), self.points, "one value for each point");
+        let Some(growth) = &self.growth else {
+            return;
+        };
+        let differ = growth.active.iter().zip(active).zip(0..);
+        let differ = differ.filter(|((before, now), _)| before != now);
+        let changed: Vec<u32> = differ.map(|(_, point)| point).collect();
+        if !changed.is_empty() {
+            self.change(&changed, false);
+        }
+    }
+
+    /// Changes whether `points` are present; `all`: the bonds of all points are found.
+    fn change(&mut self, points: &[u32], all: bool) {
+        let Some(mut growth) = self.growth.take() else {
+            return;
+        };
+        growth.toggle(points);
+        let parts = growth.recalibrate(points, all);
+        growth.fill(&parts, &mut self.blocks);
+        let changed = |point: &u32| growth.recalibrated.binary_search(point).is_ok();
+        if growth.beside_layers.iter().any(changed) {
+            self.layer_rows = growth.layer_rows();
+        }
+        growth.version += 1;
+        self.growth = Some(growth);
+        self.collect_parts();
+    }
+
+    /// Lists what a sweep visits.
+    fn collect_parts(&mut self) {
+        let Some(growth) = &self.growth else {
+            return;
+        };
+        self.runs.clear();
+        self.unborn.clear();
+        self.blocks.head.clear();
+        for (part, state) in growth.parts.iter().zip(&growth.state) {
+            let list = match state {
+                PartState::Empty => &mut self.unborn,
+                PartState::Stencil => &mut self.runs,
+                PartState::Own(pattern) => {
+                    self.blocks.head.push(Head {
+                        point: part.point,
+                        slot: part.slot,
+                        len: part.len,
+                        pattern: *pattern,
+                    });
+                    continue;
+                }
+            };
+            match list.last_mut() {
+                Some(s) if [s.point + s.len, s.slot + s.len] == [part.point, part.slot] => {
+                    s.len += part.len;
+                }
+                _ => list.push(*part),
+            }
+        }
+        self.chunks = chunks(&self.runs, self.blocks.head.len(), 0);
+        self.pairs = OnceLock::new();
+    }
+
+    /// Counts the changes of a family that grows.
+    pub fn version(&self) -> u64 {
+        self.growth.as_ref().map_or(0, |g| g.version)
+    }
+
+    /// Points whose bonds differ from those of the version before, ascending.
+    pub fn recalibrated(&self) -> &[u32] {
+        self.growth.as_ref().map_or(&[], |g| &g.recalibrated)
+    }
+
+    /// The point that a slot carries or mirrors, in a family that grows.
+    pub fn mirrored_point(&self, slot: usize) -> Option<usize> {
+        let point = self.growth.as_ref()?.bonds.mirror_of.get(slot)?;
+        (*point != EMPTY).then_some(*point as usize)
+    }
+
+    pub(super) fn is_unborn(&self, point: usize) -> bool {
+        self.growth.as_ref().is_some_and(|g| !g.active[point])
+    }
+}
+
+impl Span {
+    fn points(&self) -> std::ops::Range<usize> {
+        self.point as usize..(self.point + self.len) as usize
+    }
+}
+
+/// Stretches of points in blocks.
+fn parts(stretches: &[Span]) -> Vec<Span> {
+    let step = BLOCK as u32;
+    let cut = |span: &Span| {
+        let span = *span;
+        (0..span.len).step_by(BLOCK).map(move |first| Span {
+            slot: span.slot + first,
+            point: span.point + first,
+            len: step.min(span.len - first),
+        })
+    };
+    stretches.iter().flat_map(cut).collect()
+}
+
+impl Growth {
+    /// Slots that carry or mirror a point.
+    fn slots_of(&self, point: u32) -> impl Iterator<Item = usize> {
+        let first = self.images.partition_point(|(p, _)| *p < point);
+        let images = self.images[first..].iter();
+        let images = images.take_while(move |(p, _)| *p == point);
+        let own = self.bonds.slot_of_point[point as usize];
+        std::iter::once(own)
+            .chain(images.map(|(_, slot)| *slot))
+            .map(|slot| slot as usize)
+    }
+
+    fn toggle(&mut self, points: &[u32]) {
+        for &point in points {
+            let now = !self.active[point as usize];
+            self.active[point as usize] = now;
+            let slots: Vec<usize> = self.slots_of(point).collect();
+            slots.into_iter().for_each(|s| self.bonds.present[s] = now);
+        }
+    }
+
+    /// Marks `points` and all points whose stencil reaches one of them.
+    fn mark_around(&self, points: impl Iterator<Item = u32>, marks: &mut [bool]) {
+        let LatticeBonds {
+            mirror_of,
+            slot_of_point,
+            ..
+        } = &self.bonds;
+        for point in points {
+            marks[point as usize] = true;
+            for slot in self.slots_of(point) {
+                for (offset, _) in &self.bonds.steps {
+                    // the stencil is symmetric
+                    let other = slot.wrapping_add_signed(*offset);
+                    let Some(&near) = mirror_of.get(other).filter(|p| **p != EMPTY) else {
+                        continue;
+                    };
+                    if slot_of_point[near as usize] as usize == other {
+                        marks[near as usize] = true;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Finds completeness and corrections again where `changed` points matter; the blocks whose weights may differ.
+    fn recalibrate(&mut self, changed: &[u32], all: bool) -> Vec<u32> {
+        let mut marks = vec![all; self.active.len()];
+        if !all {
+            self.mark_around(changed.iter().copied(), &mut marks);
+        }
+        let marked = |marks: &[bool]| -> Vec<u32> {
+            let points = (0..).zip(marks);
+            points.filter(|(_, m)| **m).map(|(p, _)| p).collect()
+        };
+        let near = marked(&marks);
+        let corrected = self.bonds.recalibrate(&near);
+        if !all {
+            self.mark_around(corrected.into_iter(), &mut marks);
+        }
+        self.recalibrated = marked(&marks);
+        let parts = self.recalibrated.iter();
+        let mut parts: Vec<u32> = parts.map(|&p| self.part_of_point[p as usize]).collect();
+        parts.dedup();
+        parts
+    }
+
+    /// The bonds of a block.
+    fn new_state(&self, part: u32) -> NewState {
+        let points = self.parts[part as usize].points();
+        if points.clone().all(|p| !self.active[p]) {
+            return NewState::Empty;
+        }
+        let bonds = &self.bonds;
+        let shares = |p: usize| self.active[p] && bonds.is_complete(p) && !bonds.is_uneven(p);
+        if points.clone().all(shares) {
+            return NewState::Stencil;
+        }
+        let mut weights = vec![[[0.0; BLOCK]; 2]; bonds.steps.len()];
+        for (lane, point) in points.enumerate().filter(|(_, p)| self.active[*p]) {
+            for member in bonds.members(point) {
+                let [weight, dual] = bonds.weights(point, &member);
+                let own = &mut weights[usize::from(member.step)];
+                (own[0][lane], own[1][lane]) = (weight, dual);
+            }
+        }
+        NewState::Own(weights)
+    }
+
+    /// Gives blocks the bonds of their points.
+    fn fill(&mut self, parts: &[u32], blocks: &mut Blocks) {
+        /// Blocks whose weights are held at a time.
+        const AT_ONCE: usize = 4096;
+        for some in parts.chunks(AT_ONCE) {
+            let states: Vec<NewState> = some.par_iter().map(|&p| self.new_state(p)).collect();
+            for (&part, new) in some.iter().zip(states) {
+                let new = match new {
+                    NewState::Empty => PartState::Empty,
+                    NewState::Stencil => PartState::Stencil,
+                    NewState::Own(weights) => PartState::Own(self.patterns.take(blocks, &weights)),
+                };
+                let old = std::mem::replace(&mut self.state[part as usize], new);
+                if let PartState::Own(pattern) = old {
+                    self.patterns.give_back(blocks, pattern);
+                }
+            }
+        }
+    }
+
+    /// Rows of the bonds with audited layers.
+    fn layer_rows(&self) -> Rows {
+        let bonds = &self.bonds;
+        let mut rows = Rows::new();
+        for &point in &self.beside_layers {
+            let point = point as usize;
+            let from_layer = bonds.members(point).filter(|m| bonds.audited[m.slot]);
+            let weighted = |m: Member<'_>| (m.step, m.slot as u32, bonds.weights(point, &m));
+            if self.active[point] && from_layer.clone().next().is_some() {
+                let slot = bonds.slot_of_point[point];
+                rows.push(point, slot, from_layer.map(weighted));
+            }
+        }
+        rows
+    }
+
+    pub(super) fn memory(&self) -> usize {
+        self.bonds.memory()
+            + size_of_val(&*self.parts)
+            + self.active.len() * (1 + size_of::<u32>())
+            + size_of_val(&*self.state)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::Face;
+    use crate::family::{Bond, BondKernel, Correction, LayerRule};
+    use crate::shape::{BoxShape, Shape};
+
+    struct Flow;
+    impl BondKernel<1, 1> for Flow {
+        #[inline(always)]
+        fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 1] {
+            [2.0 * bond.mean() * bond.inverse_length * (other - own)]
+        }
+    }
+
+    fn block(cells: [f64; 3], dimension: usize) -> Body {
+        let (min, max) = ([0.0; 3], cells);
+        let shape = Shape::Box(BoxShape { min, max });
+        Body::fill("block", &shape, dimension, 1.0, 1.0).expect("valid")
+    }
+
+    fn spec(layers: &[Face]) -> FamilySpec {
+        FamilySpec {
+            layers: layers.to_vec(),
+            audited: layers[..1].to_vec(),
+            ..FamilySpec::new(3.0)
+        }
+    }
+
+    /// A field without any symmetry, by the position of a point.
+    fn value(x: &nalgebra::Vector3<f64>) -> f64 {
+        (1.7 * x.x).sin() + 0.3 * x.y * x.z + 0.1 * x.z * x.z
+    }
+
+    /// Sums of all bonds and of those with audited layers, of a field that is `-1` times its mirror image there.
+    fn sums(family: &Family, values: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let mut slots = vec![f64::NAN; family.slots()];
+        family.scatter(values, 1, 0, &mut slots);
+        let odd = |&face: &Face| LayerRule {
+            scale: [-1.0; 3],
+            ..LayerRule::even(face)
+        };
+        let rules: Vec<LayerRule> = family.spec().audited.iter().map(odd).collect();
+        family.fill_layers(&rules, 0, &mut slots);
+        let mut sums = vec![[f64::NAN]; values.len()];
+        family.sum(&Flow, [&slots], &mut sums);
+        let mut layers = vec![0.0; values.len()];
+        family.sum_from_layers(&Flow, [&slots], |point, [sum]| layers[point] = sum);
+        (sums.into_iter().map(|[s]| s).collect(), layers)
+    }
+
+    fn field(body: &Body) -> Vec<f64> {
+        body.points.position.iter().map(value).collect()
+    }
+
+    /// A permutation by a linear congruential generator.
+    fn shuffled(points: usize, seed: u64) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..points).collect();
+        let mut state = seed;
+        for i in (1..points).rev() {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            order.swap(i, (state >> 33) as usize % (i + 1));
+        }
+        order
+    }
+
+    #[test]
+    fn in_any_order_heat_is_conserved_uniform_stays_uniform_and_the_end_is_the_body_itself() {
+        for (dimension, seed) in [(1, 1), (2, 2), (3, 3), (3, 4)] {
+            let body = block([19.0, 7.0, 6.0], dimension);
+            let points = body.points.len();
+            let spec = match seed {
+                3 => FamilySpec::new(3.0),
+                _ => spec(&[Face::XMin, Face::XMax]),
+            };
+            let values = field(&body);
+            let uniform = vec![300.0; points];
+            let mut active = vec![false; points];
+            let mut family = Family::growing(&body, &spec, &active, 0).expect("valid");
+            let order = shuffled(points, seed);
+            for some in order.chunks(points / 13 + 1) {
+                some.iter().for_each(|&p| active[p] = true);
+                family.set_active(&active);
+                // the same bits as a family that starts with these points, as after a restart
+                let fresh = Family::growing(&body, &spec, &active, 0).expect("valid");
+                let (now, layers) = sums(&family, &values);
+                assert_eq!((now.clone(), layers.clone()), sums(&fresh, &values));
+                let inner: f64 = now.iter().sum::<f64>() - layers.iter().sum::<f64>();
+                let size: f64 = now.iter().map(|s| s.abs()).sum();
+                assert!(inner.abs() <= 1e-14 * size, "{inner} of {size}");
+                let (level, held) = sums(&family, &uniform);
+                assert!(level.iter().zip(&held).all(|(s, h)| (s - h).abs() < 1e-10));
+                let unborn = now.iter().zip(&active).filter(|(_, a)| !**a);
+                assert!(unborn.clone().all(|(s, _)| *s == 0.0));
+            }
+            let whole = Family::build(&body, &spec).expect("valid");
+            assert_eq!(sums(&family, &values), sums(&whole, &values));
+            // and back again
+            for point in &order[..points / 2] {
+                active[*point] = false;
+            }
+            family.set_active(&active);
+            let fresh = Family::growing(&body, &spec, &active, 0).expect("valid");
+            assert_eq!(sums(&family, &values), sums(&fresh, &values));
+        }
+    }
+
+    #[test]
+    fn a_body_that_ends_where_material_ends_is_the_smaller_body() {
+        let layers = [Face::XMin, Face::XMax, Face::YMin, Face::YMax, Face::ZMin];
+        for correction in [Correction::Point, Correction::Lattice, Correction::None] {
+            let spec = FamilySpec {
+                correction,
+                ..spec(&layers)
+            };
+            let (large, small) = (block([9.0, 7.0, 8.0], 3), block([9.0, 7.0, 5.0], 3));
+            let active: Vec<bool> = large.points.position.iter().map(|x| x.z < 5.0).collect();
+            let grown = Family::growing(&large, &spec, &active, 0).expect("valid");
+            let (grown, _) = sums(&grown, &field(&large));
+            let family = Family::build(&small, &spec).expect("valid");
+            let (alone, _) = sums(&family, &field(&small));
+            // points are numbered layer by layer
+            assert_eq!(grown[..alone.len()], alone);
+            assert!(grown[alone.len()..].iter().all(|s| *s == 0.0));
+        }
+    }
+
+    #[test]
+    fn only_bonds_near_the_front_are_found_again() {
+        let body = block([60.0, 9.0, 1.0], 2);
+        let mut active: Vec<bool> = body.points.position.iter().map(|x| x.x < 30.0).collect();
+        let mut family = Family::growing(&body, &spec(&[Face::YMin]), &active, 0).expect("valid");
+        let version = family.version();
+        let point = body.points.position.iter().position(|x| x.x > 30.0);
+        active[point.expect("there is one")] = true;
+        family.set_active(&active);
+        assert_eq!(family.version(), version + 1);
+        let far = |p: &&u32| (body.points.position[**p as usize].x - 30.0).abs() > 7.0;
+        assert!(family.recalibrated().len() > 10);
+        assert_eq!(family.recalibrated().iter().filter(far).count(), 0);
+        // patterns that no block has any more are used again
+        let patterns = |f: &Family| f.blocks.memory();
+        let before = patterns(&family);
+        for _ in 0..50 {
+            active[point.expect("there is one")] ^= true;
+            family.set_active(&active);
+        }
+        assert!(patterns(&family) <= before + before / 2);
+    }
+
+    #[test]
+    fn bodies_without_a_stencil_are_refused() {
+        let mut body = block([9.0, 7.0, 5.0], 3);
+        body.store = Store::List;
+        let active = vec![true; body.points.len()];
+        let refused = Family::growing(&body, &FamilySpec::new(3.0), &active, 0);
+        assert!(matches!(refused, Err(FamilyError::Growing(_))));
+    }
+}

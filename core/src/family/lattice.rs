@@ -1,0 +1,404 @@
+//! Bonds of the points of a lattice: slots, what each of them mirrors, the stencil, and the weights of bonds by the
+//! families of both ends.
+
+use std::collections::BTreeMap;
+use std::sync::OnceLock;
+
+use rayon::prelude::*;
+
+use crate::body::{Body, Face, Lattice};
+
+use super::blocks::BLOCK;
+use super::build::continued_faces;
+use super::calibration::{Calibration, factor_along};
+use super::layer::Grid;
+use super::{Bond, Family, FamilyError, FamilySpec, Ghost, Order, StencilBond};
+
+/// No layer, no point.
+pub(super) const EMPTY: u32 = u32::MAX;
+
+/// What the bonds of all points follow from.
+#[derive(Debug)]
+pub(super) struct LatticeBonds {
+    /// Offsets in slots and bonds of a complete family, without correction.
+    pub(super) steps: Vec<(isize, Bond)>,
+    pub(super) slot_of_point: Vec<u32>,
+    /// By slot, the point whose state it carries or mirrors.
+    pub(super) mirror_of: Vec<u32>,
+    /// By slot, whether there is material.
+    pub(super) present: Vec<bool>,
+    /// By slot, whether it belongs to an audited layer.
+    pub(super) audited: Vec<bool>,
+    pub(super) ghosts: Vec<Ghost>,
+    layers: Vec<(Face, std::ops::Range<usize>)>,
+    calibration: Calibration,
+    /// m.
+    horizon: f64,
+    /// Factor of the bonds of complete families.
+    lattice_factor: f64,
+    /// Whether points have factors of their own.
+    is_by_point: bool,
+    complete: Vec<bool>,
+    /// By point; empty where all have the same.
+    factor: Vec<[f64; 3]>,
+}
+
+/// A bond of a point: its number in the stencil, the slot of its other end, and the bond without correction.
+pub(super) struct Member<'a> {
+    pub(super) step: u16,
+    pub(super) slot: usize,
+    pub(super) bond: &'a Bond,
+}
+
+impl LatticeBonds {
+    /// Lays out slots, layers and the stencil; all points are present.
+    ///
+    /// # Errors
+    /// A horizon that reaches no neighbour, or too many.
+    pub(super) fn new(
+        body: &Body,
+        lattice: &Lattice,
+        spec: &FamilySpec,
+    ) -> Result<(LatticeBonds, Grid), FamilyError> {
+        let horizon = spec.horizon.of(lattice.spacing);
+        let stencil = stencil(body, lattice.spacing, spec);
+        if stencil.len() > usize::from(u16::MAX) {
+            return Err(FamilyError::HorizonTooLarge {
+                bonds: stencil.len(),
+            });
+        }
+        if stencil.is_empty() {
+            return Err(FamilyError::HorizonTooSmall {
+                horizon,
+                spacing: lattice.spacing,
+            });
+        }
+        let reach = stencil.iter().map(|(step, _)| step[0]).max().unwrap_or(0);
+        let pad = |axis: usize| {
+            if axis < body.dimension {
+                reach as usize
+            } else {
+                0
+            }
+        };
+        let pad: [usize; 3] = std::array::from_fn(pad);
+        let padded = Padded {
+            cells: std::array::from_fn(|a| lattice.cells[a] + 2 * pad[a]),
+            pad,
+        };
+        let slot_of = |cell: &[u32; 3]| {
+            let slot = padded.slot(cell.map(i64::from));
+            slot.expect("points lie inside the padded lattice") as u32
+        };
+        let slot_of_point: Vec<u32> = lattice.cell_of_point.iter().map(slot_of).collect();
+        let mut mirror_of = vec![EMPTY; padded.len()];
+        for (point, &slot) in slot_of_point.iter().enumerate() {
+            mirror_of[slot as usize] = point as u32;
+        }
+        let faces = continued_faces(body, spec);
+        let (ghosts, layers) = mirror(body, lattice, (&faces, &padded), reach, &mut mirror_of);
+        let cells = (padded.cells, padded.pad);
+        let grid = Grid::new(body, lattice, cells, &mirror_of, &ghosts);
+        // a corner mirrors a mirror: it is audited when any face on its way is
+        let mut audited = vec![false; padded.len()];
+        for (face, range) in &layers {
+            for ghost in &ghosts[range.clone()] {
+                audited[ghost.slot as usize] =
+                    spec.audited.contains(face) || audited[ghost.source as usize];
+            }
+        }
+        let steps: Vec<(isize, Bond)> = stencil
+            .iter()
+            .map(|(step, bond)| (padded.offset(*step), *bond))
+            .collect();
+        let calibration = Calibration::new(body, spec);
+        let lattice_factor = calibration.factors(horizon, steps.iter().map(|(_, b)| b))[0];
+        let mut bonds = LatticeBonds {
+            steps,
+            slot_of_point,
+            present: mirror_of.iter().map(|&point| point != EMPTY).collect(),
+            mirror_of,
+            audited,
+            ghosts,
+            layers,
+            calibration,
+            horizon,
+            lattice_factor,
+            is_by_point: spec.correction.is_by_point(),
+            complete: Vec::new(),
+            factor: Vec::new(),
+        };
+        let points = 0..body.points.len();
+        bonds.complete = points.clone().map(|p| bonds.finds_complete(p)).collect();
+        if bonds.is_by_point {
+            bonds.factor = points.map(|p| bonds.find_factors(p)).collect();
+        }
+        Ok((bonds, grid))
+    }
+
+    /// The slot of a neighbour, if there is material.
+    fn neighbour(&self, slot: u32, offset: isize) -> Option<usize> {
+        let other = (slot as usize).wrapping_add_signed(offset);
+        self.present.get(other).is_some_and(|p| *p).then_some(other)
+    }
+
+    /// Whether all bonds of the stencil are there, by the slots around the point.
+    fn finds_complete(&self, point: usize) -> bool {
+        let slot = self.slot_of_point[point];
+        let mut steps = self.steps.iter();
+        steps.all(|(o, _)| self.neighbour(slot, *o).is_some())
+    }
+
+    /// Factors along the axes, those of the lattice where the family is complete. A cut does not count as missing
+    /// material: at a crack nothing is repaired (spec 02, 4.3).
+    fn find_factors(&self, point: usize) -> [f64; 3] {
+        if self.complete[point] {
+            return [self.lattice_factor; 3];
+        }
+        let present = self.members(point).map(|m| m.bond);
+        // a point without neighbours has no bond to correct
+        match present.clone().next() {
+            Some(_) => self.calibration.factors(self.horizon, present),
+            None => [self.lattice_factor; 3],
+        }
+    }
+
+    /// Whether the family of a point is complete.
+    pub(super) fn is_complete(&self, point: usize) -> bool {
+        self.complete[point]
+    }
+
+    /// Bonds of a point, in the order of the stencil.
+    pub(super) fn members(&self, point: usize) -> impl Iterator<Item = Member<'_>> + Clone {
+        let slot = self.slot_of_point[point];
+        let steps = (0u16..).zip(&self.steps);
+        steps.filter_map(move |(step, (offset, bond))| {
+            let slot = self.neighbour(slot, *offset)?;
+            Some(Member { step, slot, bond })
+        })
+    }
+
+    /// Whether some bonds of a point have other weights than those of the stencil.
+    pub(super) fn is_uneven(&self, point: usize) -> bool {
+        let truncated = |point: usize| !self.complete[point];
+        let mut slots = self.members(point).map(|m| m.slot);
+        self.is_by_point
+            && (truncated(point) || slots.any(|s| truncated(self.mirror_of[s] as usize)))
+    }
+
+    /// Weights of a bond of a point by its own family and by that of the other end.
+    pub(super) fn weights(&self, point: usize, member: &Member<'_>) -> [f64; 2] {
+        let ends = [point, self.mirror_of[member.slot] as usize];
+        let factors = match self.is_by_point {
+            true => ends.map(|p| factor_along(member.bond, &self.factor[p])),
+            false => [self.lattice_factor; 2],
+        };
+        factors.map(|factor| member.bond.weight * factor)
+    }
+
+    /// Finds completeness and factors of these points again; those for which one of them differs.
+    pub(super) fn recalibrate(&mut self, points: &[u32]) -> Vec<u32> {
+        let complete: Vec<bool> = points
+            .par_iter()
+            .map(|&p| self.finds_complete(p as usize))
+            .collect();
+        let mut differ = vec![false; points.len()];
+        for ((&point, complete), differ) in points.iter().zip(complete).zip(&mut differ) {
+            let before = std::mem::replace(&mut self.complete[point as usize], complete);
+            *differ = before != complete;
+        }
+        if self.is_by_point {
+            let factor: Vec<[f64; 3]> = points
+                .par_iter()
+                .map(|&p| self.find_factors(p as usize))
+                .collect();
+            for ((&point, factor), differ) in points.iter().zip(factor).zip(&mut differ) {
+                let before = std::mem::replace(&mut self.factor[point as usize], factor);
+                *differ |= before != factor;
+            }
+        }
+        let differ = points.iter().zip(differ).filter(|(_, d)| *d);
+        differ.map(|(&point, _)| point).collect()
+    }
+
+    pub(super) fn memory(&self) -> usize {
+        size_of_val(&*self.slot_of_point)
+            + size_of_val(&*self.mirror_of)
+            + size_of_val(&*self.factor)
+            + 2 * self.present.len()
+            + self.complete.len()
+    }
+
+    /// A family with these slots and layers, and without bonds.
+    pub(super) fn layout(&self, body: &Body, spec: &FamilySpec, grid: Grid) -> Family {
+        let factor = self.lattice_factor;
+        let corrected = |(offset, bond): &(isize, Bond)| StencilBond {
+            offset: *offset,
+            bond: Bond {
+                weight: bond.weight * factor,
+                dual: bond.weight * factor,
+                ..*bond
+            },
+        };
+        let corners = self.ghosts.iter().copied().filter(Ghost::is_corner);
+        Family {
+            spec: spec.clone(),
+            points: body.points.len(),
+            // lanes of the last block that are no points reach a little beyond
+            slots: self.mirror_of.len() + BLOCK,
+            corners: corners.collect(),
+            stencil: self.steps.iter().map(corrected).collect(),
+            ghosts: self.ghosts.clone(),
+            layers: self.layers.clone(),
+            periodic: body.periodic,
+            flat: body.dimension < 3,
+            grid: Some(grid),
+            order: Order::default(),
+            pairs: OnceLock::new(),
+            ..Family::default()
+        }
+    }
+}
+
+/// The lattice with a margin that holds the layers; slots are its cells, x fastest.
+struct Padded {
+    cells: [usize; 3],
+    pad: [usize; 3],
+}
+
+impl Padded {
+    fn slot(&self, cell: [i64; 3]) -> Option<usize> {
+        let shifted: [i64; 3] = std::array::from_fn(|a| cell[a] + self.pad[a] as i64);
+        let inside = (0..3).all(|a| shifted[a] >= 0 && shifted[a] < self.cells[a] as i64);
+        let [i, j, k] = shifted.map(|c| c as usize);
+        inside.then(|| (k * self.cells[1] + j) * self.cells[0] + i)
+    }
+
+    fn cell(&self, slot: usize) -> [i64; 3] {
+        let [nx, ny, _] = self.cells;
+        let shifted = [slot % nx, slot / nx % ny, slot / (nx * ny)];
+        std::array::from_fn(|a| shifted[a] as i64 - self.pad[a] as i64)
+    }
+
+    fn len(&self) -> usize {
+        self.cells.iter().product()
+    }
+
+    fn offset(&self, step: [i64; 3]) -> isize {
+        ((step[2] * self.cells[1] as i64 + step[1]) * self.cells[0] as i64 + step[0]) as isize
+    }
+}
+
+/// Members of a complete family as lattice steps, with influence and partial volumes, ordered z, y, x. Lengths are
+/// compared in spacings.
+fn stencil(body: &Body, spacing: f64, spec: &FamilySpec) -> Vec<([i64; 3], Bond)> {
+    let horizon = spec.horizon.of(spacing) / spacing;
+    let moment = spec.moment(body, spec.horizon.of(spacing));
+    let cut = spec.reach(horizon, 1.0);
+    let reach: [i64; 3] = std::array::from_fn(|a| {
+        if a < body.dimension {
+            cut.floor() as i64
+        } else {
+            0
+        }
+    });
+    let mut members = Vec::new();
+    for k in -reach[2]..=reach[2] {
+        for j in -reach[1]..=reach[1] {
+            for i in -reach[0]..=reach[0] {
+                let step = [i, j, k];
+                let length = step.iter().map(|s| (s * s) as f64).sum::<f64>().sqrt();
+                if length == 0.0 || length > cut {
+                    continue;
+                }
+                let share = spec.share(horizon, 1.0, length);
+                let weight = share * body.points.volume[0] / moment;
+                let bond = Bond {
+                    xi: step.map(|s| s as f64 * spacing),
+                    length: length * spacing,
+                    inverse_length: 1.0 / (length * spacing),
+                    weight,
+                    dual: weight,
+                };
+                members.push((step, bond));
+            }
+        }
+    }
+    members
+}
+
+/// Layer points behind `faces`, each the image of a point or of an earlier layer point, a copy where
+/// the body is periodic; repeated until edges, corners and bodies thinner than the horizon
+/// are complete. Returned in the order in which they must be filled.
+fn mirror(
+    body: &Body,
+    lattice: &Lattice,
+    (faces, padded): (&[Face], &Padded),
+    reach: i64,
+    mirror_of: &mut [u32],
+) -> (Vec<Ghost>, Vec<(Face, std::ops::Range<usize>)>) {
+    let mut ghosts: Vec<Ghost> = Vec::new();
+    let mut ghost_in = BTreeMap::new();
+    let mut layers = Vec::new();
+    loop {
+        let before = ghosts.len();
+        for &face in faces {
+            let first = ghosts.len();
+            let axis = face.axis();
+            for depth in 0..reach {
+                // cells at `depth` behind the face mirror those at the same depth before it, or copy those
+                // before the opposite face
+                let size = lattice.cells[axis] as i64;
+                let periodic = body.periodic[axis];
+                let (outer, inner) = match (face.is_upper(), periodic) {
+                    (true, false) => (size + depth, size - 1 - depth),
+                    (true, true) => (size + depth, depth),
+                    (false, false) => (-1 - depth, depth),
+                    (false, true) => (-1 - depth, size - 1 - depth),
+                };
+                for slot in 0..padded.len() / padded.cells[axis] {
+                    let mut cell = plane_cell(padded, axis, slot);
+                    cell[axis] = outer;
+                    let target = padded.slot(cell).expect("the margin holds the layer");
+                    cell[axis] = inner;
+                    let Some(source) = padded.slot(cell) else {
+                        continue;
+                    };
+                    if mirror_of[target] == EMPTY && mirror_of[source] != EMPTY {
+                        mirror_of[target] = mirror_of[source];
+                        let parent: Option<u32> = ghost_in.get(&source).copied();
+                        let mut passes = parent.map_or([0; 6], |g| ghosts[g as usize].passes);
+                        passes[face as usize] += u8::from(!periodic);
+                        ghost_in.insert(target, ghosts.len() as u32);
+                        ghosts.push(Ghost {
+                            slot: target as u32,
+                            source: source as u32,
+                            parent,
+                            point: mirror_of[source],
+                            passes,
+                        });
+                    }
+                }
+            }
+            if ghosts.len() > first {
+                layers.push((face, first..ghosts.len()));
+            }
+        }
+        if ghosts.len() == before {
+            return (ghosts, layers);
+        }
+    }
+}
+
+/// The `index`-th cell of the padded plane normal to `axis`.
+fn plane_cell(padded: &Padded, axis: usize, index: usize) -> [i64; 3] {
+    let [u, v] = match axis {
+        0 => [1, 2],
+        1 => [0, 2],
+        _ => [0, 1],
+    };
+    let mut cell = padded.cell(0);
+    cell[u] += (index % padded.cells[u]) as i64;
+    cell[v] += (index / padded.cells[u]) as i64;
+    cell
+}

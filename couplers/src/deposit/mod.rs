@@ -1,0 +1,387 @@
+//! Deposition: points of a body get their material during the run, along a toolpath or layer by layer.
+//!
+//! Points of `region` have no material at first: no bonds, no mass, no heat, no surface. The others are there from the
+//! start.
+//!
+//! - With `toolpath` and `bead` (wire and arc, blown powder) a point gets its material when the bead first covers it
+//!   while the toolpath has power: the points within half a `width` of the toolpath, and within `height` below its level.
+//!   The toolpath is written as that of the heat source, with the same times; a power of its own is not needed.
+//! - With `layers` (powder bed) all points of a layer get their material at once, and several layers where `at_once` says
+//!   so, as for parts whose layers are thinner than the spacing.
+//!
+//! Material comes with the enthalpy of the `temperature` at which it is deposited, such as that of the droplets, or of the
+//! preheated powder. The balance of heat counts it as supplied, and `thermal` reports it. A source heats
+//! points with material only. What is exposed at the moment radiates and convects: surfaces are covered and born with the
+//! material.
+//!
+//! Steps end where a layer or a bead begins, and a toolpath moves by at most half a spacing in a step.
+//!
+//! Not for: momentum of droplets, and bodies with mechanics.
+
+mod births;
+#[cfg(test)]
+mod tests;
+
+use perimelt_core::activity::is_active;
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use births::{Bead, Layers};
+
+use births::{Birth, Part};
+
+use crate::InTime;
+use crate::toolpath::{Toolpath, Track};
+
+/// Fraction of a spacing that a toolpath may move in a step.
+const STEP_FRACTION: f64 = 0.5;
+
+/// Material that is deposited along a toolpath or layer by layer.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Deposit {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Region of the points that have no material at first.
+    pub region: String,
+    /// Temperature at which material is deposited (K): a number, or `{ time = [...], value = [...] }`, times in s.
+    pub temperature: InTime,
+    /// Path of the nozzle, as that of the heat source; with `bead`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub toolpath: Option<Toolpath>,
+    /// Cross-section of the bead that the toolpath leaves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bead: Option<Bead>,
+    /// Whole layers at fixed intervals, instead of `toolpath` and `bead`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layers: Option<Layers>,
+    /// Direction in which the body is built up; default `"z+"` in 3D, `"y+"` in 2D, `"x+"` in 1D.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub up: Option<Face>,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<DepositState>,
+    #[serde(skip)]
+    #[schemars(skip)]
+    done: Done,
+}
+
+#[derive(Debug)]
+struct DepositState {
+    body: BodyIndex,
+    active: Write<f64>,
+    birth_temperature: Write<f64>,
+    /// In the order of time.
+    births: Vec<Birth>,
+    /// Times at which births begin after a pause, s.
+    starts: Vec<f64>,
+    /// Longest step while a toolpath deposits, s.
+    step_limit: Option<f64>,
+    /// Mass of each point, kg.
+    mass: Vec<f64>,
+    /// Number of births so far.
+    born: usize,
+    /// Volume (m³) and mass (kg) of these.
+    deposited: [f64; 2],
+}
+
+/// What has to be known after a restart.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Done {
+    /// End of the last step, s.
+    until: f64,
+}
+
+impl Deposit {
+    fn births(&self, setup: &mut Setup<'_>, part: &Placed) -> Result<Births, SetupError> {
+        match (&self.toolpath, &self.bead, &self.layers) {
+            (Some(toolpath), Some(bead), None) => {
+                check_bead(bead)?;
+                // without a power of its own the toolpath deposits throughout
+                let track = toolpath.track(Some(1.0), &setup.path(""));
+                let kind = toolpath.kind();
+                let track = track
+                    .map_err(|e| SetupError::other(format!("toolpath.{kind}.{}", e.key()), e))?;
+                let births = part.of(setup).by_bead(&track, bead);
+                let speed = track.fastest();
+                let spacing = setup.body(part.body).finest_spacing();
+                let step_limit = (speed > 0.0).then(|| STEP_FRACTION * spacing / speed);
+                self.check_coverage(setup, (part, &track), births.len())?;
+                Ok(Births { births, step_limit })
+            }
+            (None, None, Some(layers)) => {
+                check_layers(layers, setup.body(part.body).finest_spacing())?;
+                Ok(Births {
+                    births: part.of(setup).by_layers(layers),
+                    step_limit: None,
+                })
+            }
+            (Some(_), None, None) => Err(SetupError::value(
+                "toolpath",
+                "`bead`, the cross-section that the toolpath leaves, is missing",
+                "`bead = { width = ..., height = ... }` in m",
+            )),
+            (_, _, Some(_)) => Err(SetupError::value(
+                "layers",
+                "both `layers` and a toolpath or a bead are given",
+                "`layers`, or `toolpath` with `bead`",
+            )),
+            (None, _, None) => Err(SetupError::value(
+                "",
+                "it is not given when material is deposited",
+                "`toolpath` with `bead`, or `layers`",
+            )),
+        }
+    }
+
+    /// Refuses a bead that covers no point, and tells of points that it never covers.
+    fn check_coverage(
+        &self,
+        setup: &mut Setup<'_>,
+        (part, track): (&Placed, &Track),
+        covered: usize,
+    ) -> Result<(), SetupError> {
+        let left = part.points.len() - covered;
+        if covered == 0 {
+            let start = track.pose(track.start()).position;
+            let (x, y, z) = (start.x, start.y, start.z);
+            let message = format!(
+                "the bead along the toolpath, which starts at ({x}, {y}, {z}) m, covers no point of region `{}`",
+                self.region
+            );
+            let expected =
+                "a toolpath at the level of the top of the bead, within half a width of the region";
+            return Err(SetupError::value("toolpath", message, expected));
+        }
+        if left > 0 {
+            setup.warn(format!(
+                "{left} of {} points of region `{}` are never deposited: the bead does not reach them",
+                part.points.len(),
+                self.region
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// A region of a body that is built up in a direction.
+struct Placed {
+    body: BodyIndex,
+    points: Vec<u32>,
+    up: Face,
+}
+
+impl Placed {
+    fn of<'a>(&'a self, setup: &'a Setup<'_>) -> Part<'a> {
+        Part {
+            body: setup.body(self.body),
+            points: &self.points,
+            up: self.up,
+        }
+    }
+}
+
+struct Births {
+    births: Vec<Birth>,
+    /// s.
+    step_limit: Option<f64>,
+}
+
+fn check_bead(bead: &Bead) -> Result<(), SetupError> {
+    for (key, value) in [("width", bead.width), ("height", bead.height)] {
+        if !(value > 0.0 && value.is_finite()) {
+            let message = format!("the bead has a {key} of {value} m");
+            return Err(SetupError::value(
+                format!("bead.{key}"),
+                message,
+                "a length above 0 m",
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn check_layers(layers: &Layers, spacing: f64) -> Result<(), SetupError> {
+    let thickness = layers.height * f64::from(layers.at_once);
+    if !(thickness >= spacing * (1.0 - 1e-6) && thickness.is_finite()) {
+        let message = format!(
+            "{} layers of {} m at once are thinner than the spacing {spacing} m",
+            layers.at_once, layers.height
+        );
+        let expected = "layers of one spacing or more, or more of them `at_once`";
+        return Err(SetupError::value("layers.height", message, expected));
+    }
+    for (key, value) in [("interval", layers.interval), ("first", layers.first)] {
+        if !(value >= 0.0 && value.is_finite()) {
+            let message = format!("`{key}` is {value} s");
+            let expected = "a time of 0 s or more";
+            return Err(SetupError::value(
+                format!("layers.{key}"),
+                message,
+                expected,
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The direction of build, if it lies within the dimensions of the body.
+fn direction(up: Option<Face>, dimension: usize) -> Result<Face, SetupError> {
+    let usual = [Face::XMax, Face::YMax, Face::ZMax][dimension - 1];
+    let up = up.unwrap_or(usual);
+    if up.axis() >= dimension {
+        let message = format!(
+            "a {dimension}D body is not built up towards `{}`",
+            up.name()
+        );
+        let expected = "a direction within the body's dimensions";
+        return Err(SetupError::value("up", message, expected));
+    }
+    Ok(up)
+}
+
+impl DepositState {
+    /// Counts the births so far from the first one on.
+    fn count_again(&mut self, world: &World) {
+        (self.born, self.deposited) = (0, [0.0; 2]);
+        let Some(active) = world.activity(self.body) else {
+            return;
+        };
+        let births = self.births.iter();
+        let born = births
+            .take_while(|b| is_active(active[b.point as usize]))
+            .count();
+        self.count(world, born);
+    }
+
+    fn count(&mut self, world: &World, born: usize) {
+        let volume = &world.body(self.body).points.volume;
+        for birth in &self.births[self.born..born] {
+            let point = birth.point as usize;
+            self.deposited[0] += volume[point];
+            self.deposited[1] += self.mass[point];
+        }
+        self.born = born;
+    }
+}
+
+#[typetag::serde(name = "deposit")]
+impl Coupler for Deposit {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        let temperatures = self.temperature.values();
+        if let Some(value) = temperatures.iter().find(|t| !(**t > 0.0)) {
+            let message = format!("material is deposited at {value} K");
+            let expected = "a temperature above 0 K";
+            return Err(SetupError::value("temperature", message, expected));
+        }
+        let part = Placed {
+            body,
+            points: setup.region(body, "region", &self.region)?.points,
+            up: direction(self.up, setup.body(body).dimension)?,
+        };
+        let active = setup.deposit(body, &part.points)?;
+        let Births { births, step_limit } = self.births(setup, &part)?;
+        let volume = &setup.body(body).points.volume;
+        let density = setup.density_at_points(body)?;
+        let mass = density.iter().zip(volume).map(|(d, v)| d * v).collect();
+        // births one after the other along a toolpath are no events
+        let pause = 2.0 * step_limit.unwrap_or(0.0);
+        let mut starts: Vec<f64> = Vec::new();
+        let mut last = f64::NEG_INFINITY;
+        for birth in &births {
+            if birth.time - last > pause {
+                starts.push(birth.time);
+            }
+            last = birth.time;
+        }
+        self.prepared = Some(DepositState {
+            body,
+            active,
+            birth_temperature: setup.write(body, &keys::BIRTH_TEMPERATURE)?,
+            births,
+            starts,
+            step_limit,
+            mass,
+            born: 0,
+            deposited: [0.0; 2],
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_mut().expect("prepared before the run");
+        // nothing is deposited before the first step
+        if step.size == 0.0 {
+            return Ok(());
+        }
+        if p.born == 0 {
+            p.count_again(world);
+        }
+        let until = step.middle();
+        let due = p.births.partition_point(|b| b.time <= until);
+        if due > p.born {
+            let mut active = world.write(p.active);
+            let mut birth_temperature = world.write(p.birth_temperature);
+            for birth in &p.births[p.born..due] {
+                let point = birth.point as usize;
+                active[point] = 1.0;
+                birth_temperature[point] = self.temperature.at(birth.time);
+            }
+            drop((active, birth_temperature));
+            p.count(world, due);
+        }
+        self.done.until = step.end();
+        Ok(())
+    }
+
+    fn next_event(&self, after: f64) -> Option<f64> {
+        let starts = &self.prepared.as_ref()?.starts;
+        starts.get(starts.partition_point(|t| *t <= after)).copied()
+    }
+
+    /// While a toolpath deposits.
+    fn step_limit(&self) -> Option<f64> {
+        let p = self.prepared.as_ref()?;
+        let limit = p.step_limit?;
+        let next = p.births.partition_point(|b| b.time <= self.done.until);
+        let next = p.births.get(next)?;
+        (next.time - self.done.until <= 2.0 * limit).then_some(limit)
+    }
+
+    fn report(&self) -> Vec<Report> {
+        let Some(p) = &self.prepared else {
+            return Vec::new();
+        };
+        let report = |name: &str, unit: &str, value: f64| Report {
+            name: name.into(),
+            unit: unit.into(),
+            value,
+        };
+        vec![
+            report("points", "1", p.born as f64),
+            report("volume", "m3", p.deposited[0]),
+            report("mass", "kg", p.deposited[1]),
+        ]
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(self.done)
+    }
+
+    fn load(
+        &mut self,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        self.done = Done::deserialize(state)?;
+        if let Some(p) = &mut self.prepared {
+            (p.born, p.deposited) = (0, [0.0; 2]);
+        }
+        Ok(())
+    }
+}
+
+perimelt_core::register_coupler!("deposit", Deposit);

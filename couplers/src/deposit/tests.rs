@@ -1,0 +1,200 @@
+use super::*;
+use crate::testing::{STEEL, block, prepare, read, refusal, values};
+use nalgebra::Vector3;
+use perimelt_core::Body;
+use perimelt_core::shape::{BoxShape, Shape};
+
+/// A block of unit cells whose region `top` begins at this coordinate along its last axis.
+fn part(cells: [usize; 3], dimension: usize, from: f64) -> Body {
+    let mut body = block(cells, dimension, STEEL);
+    let mut min = [0.0; 3];
+    min[dimension - 1] = from;
+    let max = cells.map(|c| c as f64);
+    let top = Shape::Box(BoxShape { min, max });
+    body.regions.insert("top".into(), body.points_in(&top));
+    body
+}
+
+/// The positions of active points after a step that ends at a time (s).
+fn active(world: &World) -> Vec<Vector3<f64>> {
+    let active = values(world, &keys::ACTIVE);
+    let positions = &world.body(0).points.position;
+    let there = active.iter().zip(positions).filter(|(a, _)| **a > 0.5);
+    there.map(|(_, x)| *x).collect()
+}
+
+fn deposit(world: &mut World, table: &str) -> Deposit {
+    let mut coupler: Deposit = read(table);
+    prepare(world, &mut coupler, |_| ()).expect("valid");
+    coupler
+}
+
+fn apply(world: &World, coupler: &mut Deposit, step: Step) {
+    coupler.apply(world, step).expect("it applies");
+}
+
+#[test]
+fn layers_come_one_after_the_other_and_several_at_once_where_asked() {
+    for (at_once, expected) in [(1, [0, 1, 2, 3, 4]), (2, [0, 2, 2, 4, 4])] {
+        let mut world = World::new(vec![part([3, 2, 6], 3, 2.0)]);
+        let table = format!(
+            "region = 'top'\ntemperature = {{ time = [0, 40], value = [1000, 1400] }}
+             layers = {{ height = 1, interval = 10, first = 5, at_once = {at_once} }}"
+        );
+        let mut coupler = deposit(&mut world, &table);
+        apply(&world, &mut coupler, Step::new(0.0, 0.0));
+        let mut events = Vec::new();
+        while let Some(event) = coupler.next_event(events.last().copied().unwrap_or(0.0)) {
+            events.push(event);
+        }
+        let layers: Vec<f64> = (0..4 / at_once)
+            .map(|n| 5.0 + 10.0 * f64::from(n * at_once))
+            .collect();
+        assert_eq!(events, layers);
+        for (index, layers) in expected.into_iter().enumerate() {
+            // the steps that end and begin at the event
+            let start = 10.0 * index as f64 - 5.0;
+            apply(&world, &mut coupler, Step::new(start, 10.0));
+            assert_eq!(active(&world).len(), 6 * (2 + layers), "{at_once}");
+        }
+        let birth = values(&world, &keys::BIRTH_TEMPERATURE);
+        assert_eq!((birth[0], birth[12]), (0.0, 1050.0));
+        let [points, volume, mass] = [0, 1, 2].map(|i| coupler.report()[i].value);
+        assert_eq!([points, volume, mass], [24.0, 24.0, 24.0 * 8000.0]);
+    }
+}
+
+#[test]
+fn a_bead_covers_what_lies_within_its_cross_section() {
+    let mut world = World::new(vec![part([20, 9, 5], 3, 1.0)]);
+    let table = "region = 'top'\ntemperature = 1900\nbead = { width = 4, height = 2 }
+         toolpath.polyline = { start = [5, 4.5, 3], speed = 2, segments = [{ to = [15, 4.5, 3] }, \
+         { to = [15, 4.5, 5], power = 0 }, { to = [5, 4.5, 5] }] }";
+    let mut coupler = deposit(&mut world, table);
+    let before = active(&world).len();
+    assert_eq!(before, 180);
+    let mut until = 0.0;
+    let mut count = before;
+    while until < 11.0 {
+        apply(&world, &mut coupler, Step::new(until, 0.25));
+        until += 0.25;
+        let now = active(&world);
+        let front = 5.0 + 2.0 * until.min(5.0) + 2.0;
+        let is_inside = |x: &Vector3<f64>| {
+            let across = x.y - 4.5;
+            let along = (5.0 - x.x).max(x.x - front + 2.0).max(0.0);
+            x.z < 1.0 || x.z < 5.0 && across.hypot(along) <= 2.0 + 1e-6
+        };
+        assert!(now.iter().all(is_inside), "{until}");
+        // nothing while the toolpath has no power
+        if (5.25..6.0).contains(&until) {
+            assert_eq!(now.len(), count);
+        }
+        count = now.len();
+    }
+    // 4 by 2 along the seam of 10, and rounded ends
+    let volume = coupler.report()[1].value;
+    let exact = 2.0 * 2.0 * (4.0 * 10.0 + std::f64::consts::PI * 4.0);
+    assert!((volume / exact - 1.0).abs() < 0.05, "{volume} {exact}");
+    assert_eq!(coupler.step_limit(), None, "all is deposited");
+    assert_eq!(coupler.next_event(0.1), Some(6.0), "the second bead");
+}
+
+#[test]
+fn a_restored_coupler_goes_on_and_counts_the_same() {
+    let table = "region = 'top'\ntemperature = 900\nlayers = { height = 1, interval = 1 }";
+    let mut world = World::new(vec![part([4, 3, 8], 3, 3.0)]);
+    let mut first = deposit(&mut world, table);
+    for step in 0..3 {
+        apply(&world, &mut first, Step::new(f64::from(step), 1.0));
+    }
+    let mut second: Deposit = read(table);
+    let mut other = World::new(vec![part([4, 3, 8], 3, 3.0)]);
+    prepare(&mut other, &mut second, |_| ()).expect("valid");
+    for key in [&keys::ACTIVE, &keys::BIRTH_TEMPERATURE] {
+        let saved = values(&world, key);
+        crate::testing::set(&mut other, key, |point| saved[point]);
+    }
+    second.done = first.done;
+    for (world, coupler) in [(&world, &mut first), (&other, &mut second)] {
+        apply(world, coupler, Step::new(3.0, 1.0));
+    }
+    assert_eq!(first.report(), second.report());
+    assert_eq!(values(&world, &keys::ACTIVE), values(&other, &keys::ACTIVE));
+}
+
+#[test]
+fn plates_and_rods_are_built_up_along_their_last_axis() {
+    for dimension in [1, 2] {
+        let mut world = World::new(vec![part([6, 6, 1], dimension, 2.0)]);
+        let table = "region = 'top'\ntemperature = 900\nlayers = { height = 1, interval = 1 }";
+        let mut coupler = deposit(&mut world, table);
+        apply(&world, &mut coupler, Step::new(0.9, 0.9));
+        let highest = active(&world)
+            .iter()
+            .map(|x| x[dimension - 1])
+            .fold(0.0, f64::max);
+        assert_eq!(highest, 3.5);
+    }
+}
+
+#[test]
+fn mistakes_are_told_with_their_key() {
+    let base = "region = 'top'\ntemperature = 1000\n";
+    for (table, key, words) in [
+        (
+            "region = 'tip'\ntemperature = 1\nlayers = { height = 1, interval = 1 }",
+            "region",
+            "`top`",
+        ),
+        (
+            "region = 'top'\ntemperature = -5\nlayers = { height = 1, interval = 1 }",
+            "temperature",
+            "above 0 K",
+        ),
+        (base, "", "`layers`"),
+        (
+            &format!("{base}layers = {{ height = 0.4, interval = 1 }}"),
+            "layers.height",
+            "at_once",
+        ),
+        (
+            &format!("{base}layers = {{ height = 1, interval = -1 }}"),
+            "layers.interval",
+            "0 s or more",
+        ),
+        (
+            &format!(
+                "{base}toolpath.line = {{ start = [0, 0, 3], direction = [1, 0, 0], speed = 1 }}"
+            ),
+            "toolpath",
+            "`bead`",
+        ),
+        (
+            &format!(
+                "{base}bead = {{ width = 0, height = 1 }}\ntoolpath.line = {{ start = [0, 0, 3], direction = [1, 0, 0], speed = 1 }}"
+            ),
+            "bead.width",
+            "above 0 m",
+        ),
+        (
+            &format!(
+                "{base}bead = {{ width = 1, height = 1 }}\ntoolpath.line = {{ start = [0, 0, 30], direction = [1, 0, 0], speed = 1 }}"
+            ),
+            "toolpath",
+            "covers no point",
+        ),
+        (
+            &format!("{base}up = 'z+'\nlayers = {{ height = 1, interval = 1 }}"),
+            "up",
+            "2D",
+        ),
+    ] {
+        let dimension = if key == "up" { 2 } else { 3 };
+        let mut world = World::new(vec![part([4, 3, 5], dimension, 2.0)]);
+        let mut coupler: Deposit = read(table);
+        let message = refusal(&mut world, &mut coupler);
+        assert!(message.starts_with(&format!("{key}: ")), "{message}");
+        assert!(message.contains(words), "{message}");
+    }
+}

@@ -1,0 +1,165 @@
+//! Heat of a body that grows: births of points, and the heat and mass that come with them.
+//!
+//! A coupler makes points active ([`perimelt_core::activity`]). A point is *born* when this physics takes it up: it gets the
+//! temperature at which its material is deposited and the enthalpy that belongs to it, which the account of the heat
+//! counts as supplied. Points that are not born have no bonds, take up no heat, and do not count in the balances.
+
+use std::borrow::Cow;
+
+use perimelt_core::activity::is_active;
+use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Balance, Read, Report, Setup, SetupError, World, Write, keys};
+use serde::{Deserialize, Serialize};
+
+use super::run::HeatAccount;
+
+/// What a body that grows has, beyond one that does not.
+#[derive(Debug)]
+pub(super) struct Growth {
+    body: BodyIndex,
+    birth_temperature: Read<f64>,
+    /// Mass of each point, kg.
+    mass: Vec<f64>,
+    pub(super) state: Born,
+    /// Version of the family whose sums over bonds are known.
+    pub(super) row_sums_of: Option<u64>,
+}
+
+/// Which points are born, and what was deposited with them.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct Born {
+    /// By point.
+    born: Vec<bool>,
+    /// J.
+    heat: f64,
+    /// At the start, then of all points born since, kg.
+    mass: [f64; 2],
+}
+
+/// Temperature (K) and enthalpy (J/m³) of the points.
+pub(super) struct HeatState {
+    pub(super) temperature: Write<f64>,
+    pub(super) enthalpy: Write<f64>,
+}
+
+impl Growth {
+    pub(super) fn prepare(setup: &mut Setup<'_>, body: BodyIndex) -> Result<Growth, SetupError> {
+        let birth_temperature = setup.read(body, &keys::BIRTH_TEMPERATURE)?;
+        let density = setup.density_at_points(body)?;
+        let volume = &setup.body(body).points.volume;
+        Ok(Growth {
+            body,
+            birth_temperature,
+            mass: density.iter().zip(volume).map(|(d, v)| d * v).collect(),
+            state: Born {
+                born: vec![false; volume.len()],
+                ..Born::default()
+            },
+            row_sums_of: None,
+        })
+    }
+
+    /// The points that have material at the start.
+    pub(super) fn start(&mut self, world: &World) {
+        let active = world.activity(self.body);
+        let active = active.map_or_else(Vec::new, |a| a.iter().map(|v| is_active(*v)).collect());
+        self.state = Born {
+            born: active,
+            ..Born::default()
+        };
+        self.state.mass[0] = self.sum(&self.mass);
+    }
+
+    /// Whether a point is born.
+    pub(super) fn is_born(&self, point: usize) -> bool {
+        self.state.born[point]
+    }
+
+    /// Sum over the points that are born, in the order of their numbers.
+    fn sum(&self, values: &[f64]) -> f64 {
+        perimelt_core::solver::reduce::weighted_sum(values, &self.weights())
+    }
+
+    /// 1 for each point that is born, else 0.
+    fn weights(&self) -> Vec<f64> {
+        let born = self.state.born.iter();
+        born.map(|b| f64::from(u8::from(*b))).collect()
+    }
+
+    /// Volumes of the points that are born, else 0, m³.
+    pub(super) fn volumes(&self, volume: &[f64]) -> Vec<f64> {
+        let points = self.state.born.iter().zip(volume);
+        points.map(|(b, v)| if *b { *v } else { 0.0 }).collect()
+    }
+
+    /// Lets active points be born. Whether any was.
+    pub(super) fn take_births(
+        &mut self,
+        world: &World,
+        curves: &[EnthalpyCurve],
+        (state, account): (&HeatState, &mut HeatAccount),
+    ) -> bool {
+        let Some(active) = world.activity(self.body) else {
+            return false;
+        };
+        let born = &mut self.state.born;
+        let waits = |(p, a): &(usize, &f64)| is_active(**a) && !born[*p];
+        let waiting: Vec<usize> = active
+            .iter()
+            .enumerate()
+            .filter(waits)
+            .map(|(p, _)| p)
+            .collect();
+        if waiting.is_empty() {
+            return false;
+        }
+        let body = world.body(self.body);
+        let birth_temperature = world.read(self.birth_temperature);
+        let mut temperature = world.write(state.temperature);
+        let mut enthalpy = world.write(state.enthalpy);
+        let (mut heat, mut mass) = (0.0, 0.0);
+        for point in waiting {
+            let curve = &curves[body.material_of_point[point] as usize];
+            temperature[point] = birth_temperature[point];
+            enthalpy[point] = curve.enthalpy(birth_temperature[point]);
+            heat += body.points.volume[point] * enthalpy[point];
+            mass += self.mass[point];
+            born[point] = true;
+        }
+        self.state.heat += heat;
+        self.state.mass[1] += mass;
+        account.supply(heat);
+        true
+    }
+
+    /// A sink, zero at points that are not born.
+    pub(super) fn masked<'a>(&self, values: &'a [f64]) -> Cow<'a, [f64]> {
+        let points = values.iter().zip(&self.state.born);
+        let idle = |(v, born): (&f64, &bool)| *born || *v == 0.0;
+        match points.clone().all(idle) {
+            true => Cow::Borrowed(values),
+            false => Cow::Owned(points.map(|(v, b)| if *b { *v } else { 0.0 }).collect()),
+        }
+    }
+
+    pub(super) fn mass_balance(&self) -> Balance {
+        let [initial, deposited] = self.state.mass;
+        let stored = self.sum(&self.mass);
+        let balance = Balance::new("mass", "kg", stored, initial, deposited);
+        balance.of_size(stored).with_deposited(deposited)
+    }
+
+    /// Heat deposited since the start, J.
+    pub(super) fn deposited_heat(&self) -> f64 {
+        self.state.heat
+    }
+
+    pub(super) fn reports(&self) -> [Report; 1] {
+        [Report {
+            name: "heat.deposited".into(),
+            unit: "J".into(),
+            value: self.state.heat,
+        }]
+    }
+}
