@@ -38,6 +38,9 @@ use crate::toolpath::{Toolpath, Track};
 /// Fraction of a spacing that a toolpath may move in a step.
 const STEP_FRACTION: f64 = 0.5;
 
+/// Births that are farther apart than this number of such steps are separated by a pause.
+const PAUSE: f64 = 4.0;
+
 /// Material that is deposited along a toolpath or layer by layer.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -289,7 +292,7 @@ impl Coupler for Deposit {
         let density = setup.density_at_points(body)?;
         let mass = density.iter().zip(volume).map(|(d, v)| d * v).collect();
         // births one after the other along a toolpath are no events
-        let pause = 2.0 * step_limit.unwrap_or(0.0);
+        let pause = PAUSE * step_limit.unwrap_or(0.0);
         let mut starts: Vec<f64> = Vec::new();
         let mut last = f64::NEG_INFINITY;
         for birth in &births {
@@ -349,7 +352,7 @@ impl Coupler for Deposit {
         let limit = p.step_limit?;
         let next = p.births.partition_point(|b| b.time <= self.done.until);
         let next = p.births.get(next)?;
-        (next.time - self.done.until <= 2.0 * limit).then_some(limit)
+        (next.time - self.done.until <= PAUSE * limit).then_some(limit)
     }
 
     fn report(&self) -> Vec<Report> {

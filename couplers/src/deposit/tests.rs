@@ -68,8 +68,8 @@ fn layers_come_one_after_the_other_and_several_at_once_where_asked() {
 fn a_bead_covers_what_lies_within_its_cross_section() {
     let mut world = World::new(vec![part([20, 9, 5], 3, 1.0)]);
     let table = "region = 'top'\ntemperature = 1900\nbead = { width = 4, height = 2 }
-         toolpath.polyline = { start = [5, 4.5, 3], speed = 2, segments = [{ to = [15, 4.5, 3] }, \
-         { to = [15, 4.5, 5], power = 0 }, { to = [5, 4.5, 5] }] }";
+         toolpath.polyline = { start = [5, 4, 3], speed = 2, segments = [{ to = [15, 4, 3] }, \
+         { to = [15, 4, 5], power = 0 }, { to = [5, 4, 5] }] }";
     let mut coupler = deposit(&mut world, table);
     let before = active(&world).len();
     assert_eq!(before, 180);
@@ -81,13 +81,13 @@ fn a_bead_covers_what_lies_within_its_cross_section() {
         let now = active(&world);
         let front = 5.0 + 2.0 * until.min(5.0) + 2.0;
         let is_inside = |x: &Vector3<f64>| {
-            let across = x.y - 4.5;
+            let across = x.y - 4.0;
             let along = (5.0 - x.x).max(x.x - front + 2.0).max(0.0);
             x.z < 1.0 || x.z < 5.0 && across.hypot(along) <= 2.0 + 1e-6
         };
         assert!(now.iter().all(is_inside), "{until}");
         // nothing while the toolpath has no power
-        if (5.25..6.0).contains(&until) {
+        if (5.5..=6.0).contains(&until) {
             assert_eq!(now.len(), count);
         }
         count = now.len();

@@ -17,16 +17,21 @@ const SOLVERS: [&str; 3] = [
     "solver = 'implicit'\nstep = 0.05",
 ];
 
-/// Points that become active one after the other, and what is written then.
-type Prepared = (Vec<u32>, Write<f64>, Write<f64>, Write<f64>);
-
 /// Gives the upper half of a body material in an order without rule, one point after the other, and heats all points.
 #[derive(Debug, Serialize, Deserialize)]
 struct Births {
     temperature: f64,
     heat: f64,
     #[serde(skip)]
-    state: Option<Prepared>,
+    state: Option<BirthsState>,
+}
+
+#[derive(Debug)]
+struct BirthsState {
+    order: Vec<u32>,
+    active: Write<f64>,
+    temperature: Write<f64>,
+    heat: Write<f64>,
 }
 
 /// All births are over at this time, s.
@@ -41,12 +46,22 @@ impl Coupler for Births {
         let active = setup.deposit(0, &order)?;
         let temperature = setup.write(0, &keys::BIRTH_TEMPERATURE)?;
         let heat = setup.add(0, &keys::HEAT_SOURCE)?;
-        self.state = Some((order, active, temperature, heat));
+        self.state = Some(BirthsState {
+            order,
+            active,
+            temperature,
+            heat,
+        });
         Ok(())
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let (order, active, temperature, heat) = self.state.as_ref().expect("prepared");
+        let BirthsState {
+            order,
+            active,
+            temperature,
+            heat,
+        } = self.state.as_ref().expect("prepared");
         world.write(*heat).fill(self.heat);
         let share = (step.start / LAST).min(1.0);
         let due = (share * order.len() as f64) as usize;
