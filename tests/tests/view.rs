@@ -352,7 +352,7 @@ fn status_of_page(chromium: &Path, address: &str) -> Value {
         ])
         .args([
             "--window-size=1200,800",
-            "--virtual-time-budget=20000",
+            "--virtual-time-budget=8000",
             "--dump-dom",
         ])
         .arg(format!("--user-data-dir={}", profile.path().display()))
@@ -392,10 +392,8 @@ fn a_browser_draws_the_log() {
     assert_eq!(status["drawn"][0]["form"], "cells");
     assert_eq!(status["drawn"][0]["count"], 2 * (20 * 10 + 20 * 4 + 10 * 4));
     assert_eq!(status["field"], "temperature");
-    assert_eq!(
-        status["range"],
-        view.get("/range/plate/temperature").json()["range"]
-    );
+    let range = view.get("/range/plate/temperature").json();
+    assert_eq!(numbers(&status["range"]), numbers(&range["range"]));
     assert_eq!(status["live"], "complete");
     assert!(status["curves"].as_u64() > Some(2), "{status}");
     // half of them, seen at the last time

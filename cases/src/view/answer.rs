@@ -1,11 +1,9 @@
 //! Answers to requests.
 
-use std::io::Cursor;
-
 use perimelt_core::log::{BodyInfo, CloudField, Log, LogError, LoggedCloud};
 use serde_json::{Value, json};
-use tiny_http::{Header, Method, Request, Response, StatusCode};
 
+use super::http::{Reply, Request};
 use super::store::{Store, fingerprint, range_of};
 use super::{describe, page};
 use crate::component::{TENSOR, VECTOR};
@@ -36,14 +34,6 @@ pub(super) struct Answer {
     pub(super) travel: Travel,
     /// what the header `Host` may be
     pub(super) hosts: [String; 2],
-}
-
-/// An answer before it is sent.
-struct Reply {
-    status: u16,
-    media_type: &'static str,
-    body: Vec<u8>,
-    headers: Vec<(&'static str, String)>,
 }
 
 impl Reply {
@@ -86,36 +76,25 @@ impl From<LogError> for Reply {
 }
 
 impl Answer {
-    /// The answer to a request.
-    pub(super) fn to(&self, request: &Request) -> Response<Cursor<Vec<u8>>> {
-        let header = |name: &'static str| {
-            let mut headers = request.headers().iter();
-            let found = headers.find(|h| h.field.equiv(name));
-            found.map_or("", |h| h.value.as_str())
+    /// The answer to a request; `None` for what is no request.
+    pub(super) fn to(&self, request: Option<&Request>) -> Reply {
+        let mut reply = match request {
+            None => Reply::refusal(400, "expected a request of HTTP/1.1"),
+            Some(request) if !self.hosts.iter().any(|h| h == request.header("host")) => {
+                Reply::refusal(403, format!("expected the host {}", self.hosts[0]))
+            }
+            Some(request) if request.method != "GET" => {
+                Reply::refusal(405, "expected the method GET")
+            }
+            Some(request) => self
+                .get(&request.target, request.header("if-none-match"))
+                .unwrap_or_else(|refusal| refusal),
         };
-        let reply = if !self.hosts.iter().any(|h| h == header("Host")) {
-            Reply::refusal(403, format!("expected the host {}", self.hosts[0]))
-        } else if *request.method() != Method::Get {
-            Reply::refusal(405, "expected the method GET")
-        } else {
-            self.get(request.url(), header("If-None-Match"))
-                .unwrap_or_else(|refusal| refusal)
-        };
-        let length = reply.body.len();
         let always = ALWAYS
             .iter()
             .map(|(name, value)| (*name, (*value).to_owned()));
-        let headers = [("Content-Type", reply.media_type.to_owned())].into_iter();
-        let headers = headers.chain(always).chain(reply.headers);
-        let headers = headers.filter_map(|(name, value)| Header::from_bytes(name, value).ok());
-        Response::new(
-            StatusCode(reply.status),
-            headers.collect(),
-            Cursor::new(reply.body),
-            Some(length),
-            None,
-        )
-        .with_chunked_threshold(usize::MAX)
+        reply.headers.extend(always);
+        reply
     }
 
     fn get(&self, url: &str, known: &str) -> Result<Reply, Reply> {

@@ -10,6 +10,7 @@ use crate::plot::colour::{ColourMap, LINES};
 use crate::plot::isotherm::Isotherm;
 use crate::plot::unit::{RULES, pretty_name, pretty_unit};
 use crate::run::case_of;
+use crate::run::display::duration;
 use crate::run::record::{REPORTS, SPACING};
 
 /// `/run.json`.
@@ -42,7 +43,7 @@ pub(super) fn run(store: &Store) -> Result<Value, LogError> {
         "end": case.map(|case| case.time.end),
         "time": last.map(|progress| progress.time),
         "step": last.map(|progress| progress.step),
-        "wall_seconds": last.map(|progress| progress.wall_seconds),
+        "wall_time": last.map(|progress| duration(progress.wall_seconds)),
         "bodies": bodies,
         "maps": [
             map("inferno", ColourMap::Inferno),

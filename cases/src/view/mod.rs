@@ -23,6 +23,7 @@
 mod answer;
 mod browser;
 mod describe;
+mod http;
 mod page;
 mod store;
 
@@ -31,15 +32,11 @@ use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 
 use perimelt_core::log::LogError;
-use tiny_http::Server;
 
 use crate::commands::tell;
 use crate::melt_pool::Travel;
 use answer::Answer;
 use store::Store;
-
-/// Requests that are answered at the same time.
-const THREADS: usize = 4;
 
 /// What to show, and where.
 #[derive(Clone, Debug, clap::Args)]
@@ -84,9 +81,6 @@ pub enum ViewError {
         /// Why not.
         source: io::Error,
     },
-    /// The server does not start.
-    #[error("cannot start the server: {0}")]
-    Server(String),
     /// The address cannot be printed.
     #[error(transparent)]
     Output(#[from] io::Error),
@@ -109,8 +103,6 @@ pub fn view(args: &ViewArgs, out: &mut impl Write) -> Result<(), ViewError> {
     let listener =
         TcpListener::bind(SocketAddr::from((Ipv4Addr::LOCALHOST, port))).map_err(unusable)?;
     let port = listener.local_addr().map_err(unusable)?.port();
-    let server =
-        Server::from_listener(listener, None).map_err(|e| ViewError::Server(e.to_string()))?;
     let address = format!("http://127.0.0.1:{port}/");
     writeln!(
         out,
@@ -126,17 +118,7 @@ pub fn view(args: &ViewArgs, out: &mut impl Write) -> Result<(), ViewError> {
         travel: args.travel,
         hosts: [format!("127.0.0.1:{port}"), format!("localhost:{port}")],
     };
-    std::thread::scope(|scope| {
-        for _ in 0..THREADS {
-            scope.spawn(|| {
-                // a client that is gone is no error of the server
-                while let Ok(request) = server.recv() {
-                    let response = answer.to(&request);
-                    let _ = request.respond(response);
-                }
-            });
-        }
-    });
+    http::serve(&listener, |request| answer.to(request));
     Ok(())
 }
 

@@ -27,7 +27,7 @@ pub(super) struct Store {
     /// held while a cloud is read, so that several requests for one cloud read it once
     clouds: Mutex<VecDeque<(Key, Arc<LoggedCloud>)>>,
     /// smallest and largest value of a scalar in a state; `None` where it has no finite one
-    ranges: Mutex<BTreeMap<(String, Key), Option<[f64; 2]>>>,
+    ranges: Mutex<BTreeMap<(String, Key), Option<Range>>>,
     outlines: Mutex<BTreeMap<String, Arc<LoggedCloud>>>,
     reference: Mutex<BTreeMap<String, Arc<Reference>>>,
     isotherms: Mutex<BTreeMap<String, Vec<Isotherm>>>,
@@ -39,10 +39,13 @@ pub(super) struct Store {
 #[derive(Clone, Copy, Debug, Default, serde::Serialize)]
 pub(super) struct Survey {
     /// smallest and largest finite value
-    pub(super) range: Option<[f64; 2]>,
+    pub(super) range: Option<Range>,
     /// number of the state in which its size is largest
     pub(super) peak: Option<usize>,
 }
+
+/// Smallest and largest value.
+type Range = [f64; 2];
 
 /// A body and the number of a state.
 type Key = (String, usize);
@@ -299,12 +302,12 @@ fn numbers(cloud: &LoggedCloud) -> usize {
 }
 
 /// Smallest and largest finite value.
-pub(super) fn range_of(values: &[f64]) -> Option<[f64; 2]> {
+pub(super) fn range_of(values: &[f64]) -> Option<Range> {
     let finite = values.iter().copied().filter(|x| x.is_finite());
     finite.map(|x| Some([x, x])).fold(None, union)
 }
 
-fn union(one: Option<[f64; 2]>, other: Option<[f64; 2]>) -> Option<[f64; 2]> {
+fn union(one: Option<Range>, other: Option<Range>) -> Option<Range> {
     match (one, other) {
         (Some(a), Some(b)) => Some([a[0].min(b[0]), a[1].max(b[1])]),
         (one, other) => one.or(other),

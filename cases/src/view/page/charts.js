@@ -198,7 +198,11 @@ function limits(lines) {
       if (value > high) high = value;
     }
   }
-  return low <= high ? [low, high] : [0, 1];
+  if (!(low <= high)) return [0, 1];
+  // from zero where it is near
+  if (low > 0 && low < 0.35 * high) return [0, high];
+  if (high < 0 && high > 0.35 * low) return [low, 0];
+  return [low, high];
 }
 
 function line(context, x0, y0, x1, y1) {

@@ -101,8 +101,8 @@ function settings() {
 function header() {
   $("title").textContent = run.title;
   document.title = `${run.title} – Perimelt`;
-  const end = run.end !== null && run.time !== null ? ` of ${withUnit(run.end, "s")}` : "";
-  const wall = run.wall_seconds ? `, ${withUnit(run.wall_seconds, "s", "s", 3)} of computing` : "";
+  const end = run.end !== null && run.time < run.end ? ` of ${withUnit(run.end, "s")}` : "";
+  const wall = run.wall_time ? `, computed in ${run.wall_time}` : "";
   $("subtitle").textContent = run.time === null ? run.file : `${run.file}: ${withUnit(run.time, "s", "s", 4)}${end}${wall}`;
   const badge = $("badge");
   const live = !run.finished && run.seconds_since_change !== null && run.seconds_since_change < RECENT;
