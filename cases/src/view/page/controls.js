@@ -31,11 +31,12 @@ function check(label, checked, changed) {
 
 /**
  * The panel. It changes `state` and tells by `changed(what)`: `field`, `range`, `shape` (what is drawn of the bodies) or
- * `look`; `view` is called with the name of a direction.
+ * `look`; `view` is called with the name of a direction. `facing` tells whether the part beyond a cut across an axis is to be
+ * kept for its face to be seen.
  */
 export class Controls {
-  constructor(element, run, state, { changed, view }) {
-    Object.assign(this, { element, run, state, changed, view });
+  constructor(element, run, state, { changed, view, facing }) {
+    Object.assign(this, { element, run, state, changed, view, facing });
     element.replaceChildren();
     this.#fields();
     this.#range();
@@ -180,6 +181,7 @@ export class Controls {
     const changed = () => this.changed("shape");
     this.clip = check("Cut the bodies", clip.on, (on) => {
       clip.on = on;
+      clip.flip = this.facing(clip.axis);
       changed();
     });
     const axes = select(
@@ -191,6 +193,7 @@ export class Controls {
       String(clip.axis),
       (axis) => {
         clip.axis = Number(axis);
+        clip.flip = this.facing(clip.axis);
         if (clip.on) changed();
         this.showClip();
       },

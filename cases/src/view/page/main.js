@@ -92,7 +92,7 @@ function settings() {
       form: asked.get("form") ?? "auto",
       hidden: new Set(),
       scale: Number(asked.get("scale") ?? 1),
-      clip: { on: Boolean(cut), axis: cut ? "xyz".indexOf(cut[1]) : 1, part: cut ? Number(cut[2]) : 0.5, flip: false },
+      clip: { on: Boolean(cut), axis: cut ? "xyz".indexOf(cut[1]) : 1, part: cut ? Number(cut[2]) : 0.5, flip: cut?.[1] !== "z" },
       perspective: run.bodies.some((body) => body.dimension === 3),
     },
   };
@@ -396,7 +396,7 @@ async function start() {
   charts = new Charts($("charts"), run.lines, (time) => go(nearest(viewer.times, time)));
   header();
   await viewer.frame();
-  controls = new Controls($("controls"), run, state, { changed, view: (name) => viewer.look(name) });
+  controls = new Controls($("controls"), run, state, { changed, view: (name) => viewer.look(name), facing: (axis) => viewer.facing(axis) });
   controls.showClip();
   viewer.onRange = (range, field) => controls.showRange(range, field);
   viewer.onDraw = report;
@@ -408,7 +408,7 @@ async function start() {
   const [peak] = await Promise.all([survey(), curves()]);
   // a finished run is shown when its field peaks, as `perimelt plot` does
   if (peak !== null && run.finished && time === null && !touched) await go(peak);
-  if (asked.has("measure")) report({ frame_ms: await viewer.frameTime() });
+  if (asked.has("measure")) report(viewer.durations());
   viewer.drawNow();
   report({ ready: true });
   setTimeout(poll, POLL);

@@ -266,20 +266,29 @@ export class Viewer {
     this.onDraw?.();
   }
 
-  /** Milliseconds for a picture, as a mean over some. */
-  async frameTime(count = 40) {
+  /** Whether the part of a body beyond a cut across this axis shows its cut face to the viewer. */
+  facing(axis) {
+    return this.camera.axes()[2][axis] < 0;
+  }
+
+  /** Milliseconds for a picture, and for another state that is in memory, as means over some. */
+  durations() {
     const { gl } = this.scene;
     const pixel = new Uint8Array(4);
-    const finish = () => gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
-    this.drawNow();
-    finish();
-    const start = performance.now();
-    for (let n = 0; n < count; n++) {
+    const mean = (count, act) => {
+      act();
+      const start = performance.now();
+      for (let n = 0; n < count; n++) {
+        act();
+        gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+      }
+      return (performance.now() - start) / count;
+    };
+    const picture = () => {
       this.camera.turn(0.01, 0);
       this.drawNow();
-      finish();
-    }
-    return (performance.now() - start) / count;
+    };
+    return { state_ms: mean(5, () => this.shape()), frame_ms: mean(20, picture) };
   }
 
   /** The point at a place in the window, with what is known of it. */
