@@ -1,6 +1,6 @@
 // Curves over time: probes, melt pools, reports, balances.
 
-import { number, ticks, unitFor, withUnit } from "./units.js";
+import { number, ticks, unitFor } from "./units.js";
 
 const [LEFT, RIGHT, TOP, BOTTOM] = [50, 8, 20, 22];
 
@@ -162,17 +162,18 @@ export class Charts {
       const at = Math.round(x(Math.min(Math.max(this.time, begin), end))) + 0.5;
       line(context, at, TOP, at, TOP + tall);
     }
-    legend.replaceChildren(...lines.map((column, n) => this.#entry(column, n, times)));
+    legend.replaceChildren(...lines.map((column, n) => this.#entry(column, n, times, shown)));
   }
 
   /** The name of a curve and its value at the time that is shown. */
-  #entry(column, n, times) {
+  #entry(column, n, times, { factor, unit }) {
     const entry = document.createElement("span");
     const mark = document.createElement("i");
     mark.style.background = this.lines[n % this.lines.length];
     const value = document.createElement("b");
     const row = nearest(times, this.time ?? times[times.length - 1]);
-    value.textContent = withUnit(column.values[row], column.unit, column.shown_unit);
+    const at = column.values[row];
+    value.textContent = at === null ? "–" : `${number(at * factor)} ${unit}`;
     entry.append(mark, `${column.label} `, value);
     return entry;
   }
