@@ -5,7 +5,7 @@
 //! - [`probe`]: numbers computed from the fields with every logged state;
 //! - [`interpolation`]: fields between points; [`melt_pool`]: extents above an isotherm;
 //! - [`library`]: the materials that come with the program;
-//! - [`commands`]: the command line; [`plot`], [`export`], [`sweep`] and [`verify`] behind it.
+//! - [`commands`]: the command line; [`plot`], [`view`], [`export`], [`sweep`] and [`verify`] behind it.
 //!
 //! A binary with additional plugins links their crate and calls [`main`]:
 //!
@@ -31,6 +31,7 @@ pub mod run;
 pub mod summary;
 pub mod sweep;
 pub mod verify;
+pub mod view;
 
 pub use commands::main;
 pub use perimelt_core as core;

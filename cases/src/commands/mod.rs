@@ -17,7 +17,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::case::{self, CaseError};
 use crate::run::Failure;
-use crate::{export, plot, sweep, verify};
+use crate::{export, plot, sweep, verify, view};
 
 /// Simulates welding and additive manufacturing with peridynamics.
 #[derive(Parser, Debug)]
@@ -60,6 +60,8 @@ enum Command {
     Export(export::ExportArgs),
     /// Draw pictures of a log
     Plot(plot::PlotArgs),
+    /// Show a log in the browser, also while the run goes on
+    View(view::ViewArgs),
     /// Run benchmark cases and compare them with their references
     Verify(verify::VerifyArgs),
 }
@@ -83,6 +85,7 @@ pub fn main() -> ExitCode {
         Command::Sweep(args) => sweep::sweep(&args, &mut std::io::stdout()),
         Command::Export(args) => export(&args),
         Command::Plot(args) => plot(&args),
+        Command::View(args) => view::view(&args, &mut std::io::stdout()).map_err(Into::into),
         Command::Verify(args) => verify::run(&args),
     };
     match result {

@@ -86,13 +86,18 @@ const BLUE_RED: [Colour; 9] = [
 ];
 
 impl ColourMap {
-    /// Colour at a fraction of the range, from 0 to 1; values outside are clamped.
-    pub(crate) fn colour(self, fraction: f64) -> Colour {
-        let points: &[Colour] = match self {
+    /// Its control points, equidistant.
+    pub(crate) fn control_points(self) -> &'static [Colour] {
+        match self {
             Self::Inferno => &INFERNO,
             Self::Viridis => &VIRIDIS,
             Self::BlueRed => &BLUE_RED,
-        };
+        }
+    }
+
+    /// Colour at a fraction of the range, from 0 to 1; values outside are clamped.
+    pub(crate) fn colour(self, fraction: f64) -> Colour {
+        let points = self.control_points();
         let place = fraction.clamp(0.0, 1.0) * (points.len() - 1) as f64;
         let first = (place as usize).min(points.len() - 2);
         let weight = place - first as f64;

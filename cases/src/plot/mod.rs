@@ -11,7 +11,7 @@
 
 mod axes;
 mod charts;
-mod colour;
+pub(crate) mod colour;
 mod contour;
 mod curves;
 mod error;

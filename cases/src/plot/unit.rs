@@ -9,45 +9,85 @@ pub(crate) struct Prefixed {
     pub unit: &'static str,
 }
 
-/// For lengths (m) of this size; millimetres for the sizes of workpieces.
+/// The unit in which numbers of a size are shown.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub(crate) struct Rule {
+    /// SI unit of the numbers
+    pub si: &'static str,
+    /// smallest size in the SI unit for which the rule holds
+    pub from: f64,
+    /// the SI number times this is the number in `unit`
+    pub factor: f64,
+    /// the unit that is shown
+    pub unit: &'static str,
+}
+
+const fn rule(si: &'static str, from: f64, factor: f64, unit: &'static str) -> Rule {
+    Rule {
+        si,
+        from,
+        factor,
+        unit,
+    }
+}
+
+/// The first rule of an SI unit that holds applies. A size of zero counts as one; units without a rule are shown as
+/// they are. Lengths are in millimetres for the sizes of workpieces.
+pub(crate) const RULES: [Rule; 20] = [
+    rule("m", 2.0, 1.0, "m"),
+    rule("m", 5e-5, 1e3, "mm"),
+    rule("m", 5e-7, 1e6, "µm"),
+    rule("m", 0.0, 1e9, "nm"),
+    rule("s", 0.1, 1.0, "s"),
+    rule("s", 1e-4, 1e3, "ms"),
+    rule("s", 1e-7, 1e6, "µs"),
+    rule("s", 1e-10, 1e9, "ns"),
+    rule("s", 1e-13, 1e12, "ps"),
+    rule("s", 0.0, 1e15, "fs"),
+    rule("m/s", 0.5, 1.0, "m/s"),
+    rule("m/s", 0.0, 1e3, "mm/s"),
+    rule("m3", 1e-3, 1.0, "m³"),
+    rule("m3", 0.0, 1e9, "mm³"),
+    rule("J", 1e4, 1e-3, "kJ"),
+    rule("J/m", 1e4, 1e-6, "kJ/mm"),
+    rule("J/m", 0.0, 1e-3, "J/mm"),
+    rule("K/m", 1e3, 1e-3, "K/mm"),
+    rule("Pa", 1e10, 1e-9, "GPa"),
+    rule("Pa", 1e4, 1e-6, "MPa"),
+];
+
+/// The rule for numbers of this size.
+fn rule_for(si: &str, largest: f64) -> Option<&'static Rule> {
+    let size = if largest == 0.0 { 1.0 } else { largest.abs() };
+    RULES.iter().find(|r| r.si == si && size >= r.from)
+}
+
+fn prefixed(si: &'static str, largest: f64) -> Prefixed {
+    match rule_for(si, largest) {
+        Some(&Rule { factor, unit, .. }) => Prefixed { factor, unit },
+        // a size that is not a number
+        None => Prefixed {
+            factor: 1.0,
+            unit: si,
+        },
+    }
+}
+
+/// For lengths (m) of this size.
 pub(crate) fn length(largest: f64) -> Prefixed {
-    let (factor, unit) = match largest.abs() {
-        size if size >= 2.0 => (1.0, "m"),
-        size if size >= 5e-5 || size == 0.0 => (1e3, "mm"),
-        size if size >= 5e-7 => (1e6, "µm"),
-        _ => (1e9, "nm"),
-    };
-    Prefixed { factor, unit }
+    prefixed("m", largest)
 }
 
 /// For times (s) of this size.
 pub(crate) fn time(largest: f64) -> Prefixed {
-    let (factor, unit) = match largest.abs() {
-        size if size >= 0.1 || size == 0.0 => (1.0, "s"),
-        size if size >= 1e-4 => (1e3, "ms"),
-        size if size >= 1e-7 => (1e6, "µs"),
-        size if size >= 1e-10 => (1e9, "ns"),
-        size if size >= 1e-13 => (1e12, "ps"),
-        _ => (1e15, "fs"),
-    };
-    Prefixed { factor, unit }
+    prefixed("s", largest)
 }
 
-/// For values of this size in an SI unit: lengths and stresses get a prefix.
+/// For values of this size in an SI unit.
 pub(crate) fn value(unit: &str, largest: f64) -> (f64, String) {
-    match (unit, largest.abs()) {
-        ("m", size) => {
-            let length = length(size);
-            (length.factor, length.unit.to_owned())
-        }
-        ("m/s", size) if size > 0.0 && size < 0.5 => (1e3, "mm/s".to_owned()),
-        ("J", size) if size >= 1e4 => (1e-3, "kJ".to_owned()),
-        ("J/m", size) if size >= 1e4 => (1e-6, "kJ/mm".to_owned()),
-        ("J/m", _) => (1e-3, "J/mm".to_owned()),
-        ("K/m", size) if size >= 1e3 => (1e-3, "K/mm".to_owned()),
-        ("Pa", size) if size >= 1e10 => (1e-9, "GPa".to_owned()),
-        ("Pa", size) if size >= 1e4 => (1e-6, "MPa".to_owned()),
-        (unit, _) => (1.0, pretty_unit(unit)),
+    match rule_for(unit, largest) {
+        Some(rule) => (rule.factor, rule.unit.to_owned()),
+        None => (1.0, pretty_unit(unit)),
     }
 }
 
@@ -129,6 +169,11 @@ mod tests {
             "fraction of liquid"
         );
         assert_eq!(value("Pa", 2.3e8), (1e-6, "MPa".into()));
+        assert_eq!(value("m3", 8e-8), (1e9, "mm³".into()));
+        assert_eq!(value("J", 0.0), (1.0, "J".into()));
+        assert_eq!(value("K", 300.0), (1.0, "K".into()));
+        assert_eq!(length(f64::NAN).unit, "m");
+        assert_eq!((length(0.0).unit, time(0.0).unit), ("mm", "s"));
         assert_eq!(length(0.05).unit, "mm");
         assert_eq!(length(3e-7).unit, "nm");
         assert_eq!(number(1e-12, 3), "1e-12");

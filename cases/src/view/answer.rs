@@ -1,0 +1,298 @@
+//! Answers to requests.
+
+use perimelt_core::log::{BodyInfo, CloudField, Log, LogError, LoggedCloud};
+use serde_json::{Value, json};
+
+use super::http::{Reply, Request};
+use super::store::{Store, fingerprint, range_of};
+use super::{describe, page};
+use crate::component::{TENSOR, VECTOR};
+use crate::melt_pool::Travel;
+use crate::plot::scalar::scalar;
+use crate::plot::unit::{pretty_name, pretty_unit};
+
+/// Sent with every answer: the page loads nothing but its own files, and no other site gets an answer.
+const ALWAYS: [(&str, &str); 5] = [
+    (
+        "Content-Security-Policy",
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
+         img-src 'self' data: blob:; media-src blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    ),
+    ("X-Content-Type-Options", "nosniff"),
+    ("Cross-Origin-Resource-Policy", "same-origin"),
+    ("Referrer-Policy", "no-referrer"),
+    ("Cache-Control", "no-store"),
+];
+
+const TEXT: &str = "text/plain; charset=utf-8";
+const JSON: &str = "application/json";
+const BINARY: &str = "application/octet-stream";
+
+/// What answers.
+pub(super) struct Answer {
+    pub(super) store: Store,
+    pub(super) travel: Travel,
+    /// what the header `Host` may be
+    pub(super) hosts: [String; 2],
+}
+
+impl Reply {
+    fn new(media_type: &'static str, body: impl Into<Vec<u8>>) -> Reply {
+        Reply {
+            status: 200,
+            media_type,
+            body: body.into(),
+            headers: Vec::new(),
+        }
+    }
+
+    fn json(value: &Value) -> Reply {
+        Reply::new(JSON, value.to_string())
+    }
+
+    fn refusal(status: u16, why: impl Into<String>) -> Reply {
+        Reply {
+            status,
+            ..Reply::new(TEXT, why.into() + "\n")
+        }
+    }
+
+    fn with(mut self, header: &'static str, value: impl Into<String>) -> Reply {
+        self.headers.push((header, value.into()));
+        self
+    }
+}
+
+impl From<LogError> for Reply {
+    fn from(error: LogError) -> Reply {
+        let status = match error {
+            LogError::UnknownBody { .. } | LogError::NoSuchMessage { .. } => 404,
+            // a damaged state is left out by the page
+            LogError::Damaged { .. } => 410,
+            _ => 500,
+        };
+        Reply::refusal(status, error.to_string())
+    }
+}
+
+impl Answer {
+    /// The answer to a request; `None` for what is no request.
+    pub(super) fn to(&self, request: Option<&Request>) -> Reply {
+        let mut reply = match request {
+            None => Reply::refusal(400, "expected a request of HTTP/1.1"),
+            Some(request) if !self.hosts.iter().any(|h| h == request.header("host")) => {
+                Reply::refusal(403, format!("expected the host {}", self.hosts[0]))
+            }
+            Some(request) if request.method != "GET" => {
+                Reply::refusal(405, "expected the method GET")
+            }
+            Some(request) => self
+                .get(&request.target, request.header("if-none-match"))
+                .unwrap_or_else(|refusal| refusal),
+        };
+        let always = ALWAYS
+            .iter()
+            .map(|(name, value)| (*name, (*value).to_owned()));
+        reply.headers.extend(always);
+        reply
+    }
+
+    fn get(&self, url: &str, known: &str) -> Result<Reply, Reply> {
+        let path = url.split('?').next().unwrap_or_default();
+        let parts: Option<Vec<String>> = path.split('/').skip(1).map(decoded).collect();
+        let parts = parts.ok_or_else(|| Reply::refusal(400, "the address is not UTF-8"))?;
+        let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
+        match parts[..] {
+            [""] => Ok(file(page::index())),
+            ["page", name] => page::find(name)
+                .map(file)
+                .ok_or_else(|| Reply::refusal(404, format!("the page has no file `{name}`"))),
+            ["run.json"] => Ok(Reply::json(&describe::run(&self.store)?)),
+            ["series.json"] => Ok(Reply::json(&describe::series(&self.store.refreshed()))),
+            ["melt-pool", name] => {
+                let log = self.store.log();
+                let pools = describe::melt_pool(&self.store, body(&log, name)?, self.travel)?;
+                Ok(Reply::json(&pools))
+            }
+            ["points", body, state] => self.points(body, number(state)?, known),
+            ["field", body, name, state] => self.field(body, name, number(state)?),
+            ["vector", body, name, state] => self.vector(body, name, number(state)?),
+            ["range", body, name] => self.range(body, name),
+            ["point", body, point, state] => self.point(body, number(point)?, number(state)?),
+            _ => Err(Reply::refusal(404, format!("there is nothing at {path}"))),
+        }
+    }
+
+    /// Positions with their fingerprint, or nothing if the page has them.
+    fn points(&self, name: &str, state: usize, known: &str) -> Result<Reply, Reply> {
+        let cloud = self.store.cloud(name, state)?;
+        let log = self.store.log();
+        let reference = self.store.reference(body(&log, name)?)?;
+        let positions = reference.positions(&cloud);
+        let tag = format!("\"{:016x}\"", fingerprint(positions));
+        if tag == known {
+            return Ok(Reply {
+                status: 304,
+                ..Reply::new(BINARY, [])
+            });
+        }
+        Ok(Reply::new(BINARY, packed(positions.as_flattened())).with("ETag", tag))
+    }
+
+    fn field(&self, body: &str, name: &str, state: usize) -> Result<Reply, Reply> {
+        let cloud = self.store.cloud(body, state)?;
+        let scalar = scalar(&cloud, name).ok_or_else(|| no_field(&cloud, body, name))?;
+        let range = range_of(&scalar.values);
+        Ok(Reply::new(BINARY, packed(&scalar.values)).with("X-Range", range_text(range)))
+    }
+
+    fn vector(&self, body: &str, name: &str, state: usize) -> Result<Reply, Reply> {
+        let cloud = self.store.cloud(body, state)?;
+        let mut fields = cloud.fields.iter();
+        let field = fields
+            .find(|field| field.name == name && field.components == 3)
+            .ok_or_else(|| no_field(&cloud, body, name))?;
+        Ok(Reply::new(BINARY, packed(&field.values)))
+    }
+
+    fn range(&self, name: &str, of: &str) -> Result<Reply, Reply> {
+        let log = self.store.log();
+        let outline = self.store.outline(&body(&log, name)?.name)?;
+        if !outline.fields.is_empty() && scalar(&outline, of).is_none() {
+            return Err(no_field(&outline, name, of));
+        }
+        Ok(Reply::json(&json!(self.store.range(name, of)?)))
+    }
+
+    /// All values of a point.
+    fn point(&self, name: &str, point: usize, state: usize) -> Result<Reply, Reply> {
+        let cloud = self.store.cloud(name, state)?;
+        let Some(position) = cloud.positions.get(point) else {
+            let count = cloud.positions.len();
+            let why = format!("body `{name}` has {count} points at this time, counted from 0");
+            return Err(Reply::refusal(404, why));
+        };
+        let fields = cloud.fields.iter().map(|field| {
+            let parts: &[&str] = match field.components {
+                3 => &VECTOR,
+                9 => &TENSOR,
+                _ => &[""],
+            };
+            let first = point * field.components;
+            let whole = scalar_at(field, point);
+            json!({
+                "label": pretty_name(&field.name),
+                "unit": field.unit,
+                "shown_unit": pretty_unit(&field.unit),
+                "value": whole,
+                "parts": parts,
+                "values": field.values[first..first + field.components],
+            })
+        });
+        let fields: Vec<Value> = fields.collect();
+        Ok(Reply::json(
+            &json!({ "point": point, "position": position, "fields": fields }),
+        ))
+    }
+}
+
+/// The number that stands for a field at a point: its magnitude, or von Mises' for a tensor.
+fn scalar_at(field: &CloudField, point: usize) -> Option<f64> {
+    let first = point * field.components;
+    let cloud = LoggedCloud {
+        time: 0.0,
+        positions: Vec::new(),
+        fields: vec![CloudField {
+            name: field.name.clone(),
+            unit: field.unit.clone(),
+            components: field.components,
+            values: field.values[first..first + field.components].to_vec(),
+        }],
+    };
+    scalar(&cloud, &field.name)?.values.first().copied()
+}
+
+fn file(file: &'static page::File) -> Reply {
+    Reply::new(file.media_type, file.text)
+}
+
+fn body<'l>(log: &'l Log, name: &str) -> Result<&'l BodyInfo, LogError> {
+    let mut bodies = log.run().bodies.iter();
+    bodies
+        .find(|body| body.name == name)
+        .ok_or_else(|| LogError::UnknownBody {
+            body: name.into(),
+            known: log.bodies().map(String::from).collect(),
+        })
+}
+
+fn number(text: &str) -> Result<usize, Reply> {
+    let why = || Reply::refusal(404, format!("`{text}` is no number of a state or a point"));
+    text.parse().map_err(|_| why())
+}
+
+fn no_field(cloud: &LoggedCloud, body: &str, name: &str) -> Reply {
+    let known: Vec<&str> = cloud.fields.iter().map(|f| f.name.as_str()).collect();
+    let why = format!(
+        "body `{body}` has no field `{name}` in the log; it has: {} (of vectors and tensors also components, such as \
+         `displacement.x`)",
+        known.join(", ")
+    );
+    Reply::refusal(404, why)
+}
+
+fn packed(values: &[f64]) -> Vec<u8> {
+    values
+        .iter()
+        .flat_map(|value| (*value as f32).to_le_bytes())
+        .collect()
+}
+
+/// `smallest largest`; empty if no value is finite.
+fn range_text(range: Option<[f64; 2]>) -> String {
+    range.map_or(String::new(), |[low, high]| format!("{low:e} {high:e}"))
+}
+
+/// A part of an address with its `%20` decoded; `None` if it is not UTF-8.
+fn decoded(part: &str) -> Option<String> {
+    let mut bytes = Vec::new();
+    let mut rest = part.as_bytes();
+    while let Some((&first, after)) = rest.split_first() {
+        let code = after.first_chunk::<2>().and_then(|code| {
+            let text = std::str::from_utf8(code).ok()?;
+            u8::from_str_radix(text, 16).ok()
+        });
+        match code {
+            Some(byte) if first == b'%' => {
+                bytes.push(byte);
+                rest = &after[2..];
+            }
+            _ => {
+                bytes.push(first);
+                rest = after;
+            }
+        }
+    }
+    String::from_utf8(bytes).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_addresses_are_decoded() {
+        assert_eq!(decoded("weld%20bead").as_deref(), Some("weld bead"));
+        assert_eq!(decoded("%c3%bc").as_deref(), Some("ü"));
+        assert_eq!(decoded("100%").as_deref(), Some("100%"));
+        assert_eq!(decoded("%zz").as_deref(), Some("%zz"));
+        assert_eq!(decoded("%ff"), None);
+    }
+
+    #[test]
+    fn numbers_are_packed_as_little_endian_singles() {
+        assert_eq!(packed(&[1.0]), [0, 0, 128, 63]);
+        assert_eq!(range_text(Some([-1.5, 2.0])), "-1.5e0 2e0");
+        assert_eq!(range_text(None), "");
+    }
+}

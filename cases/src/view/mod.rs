@@ -1,0 +1,128 @@
+//! A log in the browser: `perimelt view`.
+//!
+//! A server on the loopback interface answers with the page, which is part of the program, and with numbers of the log:
+//!
+//! | address | answer |
+//! |---|---|
+//! | `/` and `/page/<file>` | the page |
+//! | `/run.json` | case, bodies, fields, times, colours, units; whether the log grows (`describe.rs`) |
+//! | `/series.json` | probes, reports, balances |
+//! | `/melt-pool/<body>` | sizes of the melt pool of a body over time, from its clouds |
+//! | `/points/<body>/<state>` | positions (m): at rest for a body with displacements, else current ones |
+//! | `/field/<body>/<scalar>/<state>` | one number per point, named as by `perimelt plot`: `stress.xx` |
+//! | `/vector/<body>/<field>/<state>` | three numbers per point |
+//! | `/range/<body>/<scalar>` | smallest and largest finite value of all states; the state in which the size is largest |
+//! | `/point/<body>/<number>/<state>` | all values of one point |
+//!
+//! Arrays are `f32`, little-endian. States are counted from 0. Nothing but the log is read from the disk.
+//!
+//! **Who may ask.** The server listens on 127.0.0.1 only, and answers only requests that name it as their host: the page of
+//! another site whose name was made to point to 127.0.0.1 gets nothing. Answers are not for other sites
+//! (no CORS header), and the page loads nothing from elsewhere (content security policy).
+
+mod answer;
+mod browser;
+mod describe;
+mod http;
+mod page;
+mod store;
+
+use std::io::{self, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::path::{Path, PathBuf};
+
+use perimelt_core::log::LogError;
+
+use crate::commands::tell;
+use crate::melt_pool::Travel;
+use answer::Answer;
+use store::Store;
+
+/// What to show, and where.
+#[derive(Clone, Debug, clap::Args)]
+pub struct ViewArgs {
+    /// log of a run, finished or under way
+    pub log: PathBuf,
+    /// port on 127.0.0.1 [default: a free one]
+    #[arg(long)]
+    pub port: Option<u16>,
+    /// print the address only, without opening a browser
+    #[arg(long)]
+    pub no_open: bool,
+    /// axis along which the heat source travels, for the length of the melt pool
+    #[arg(long, value_enum, default_value_t)]
+    pub travel: Travel,
+}
+
+/// Why a log cannot be shown.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewError {
+    /// A case file was given instead of a log.
+    #[error(
+        "{} is a case file, expected a log: run it with `perimelt run {}`, then call `perimelt view {}`, also while it runs",
+        path.display(), path.display(), log.display()
+    )]
+    CaseFile {
+        /// The case file.
+        path: PathBuf,
+        /// Its log, unless `--out` names another.
+        log: PathBuf,
+    },
+    /// The log cannot be read.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// The port cannot be used.
+    #[error(
+        "cannot listen on 127.0.0.1:{port}: {source}; give another `--port`, or none for a free one"
+    )]
+    Port {
+        /// The port; 0 for a free one.
+        port: u16,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The address cannot be printed.
+    #[error(transparent)]
+    Output(#[from] io::Error),
+}
+
+/// Serves a log until the program is ended.
+///
+/// # Errors
+/// The log cannot be read, or the port cannot be used.
+pub fn view(args: &ViewArgs, out: &mut impl Write) -> Result<(), ViewError> {
+    if is_case(&args.log) {
+        return Err(ViewError::CaseFile {
+            path: args.log.clone(),
+            log: args.log.with_extension("mcap"),
+        });
+    }
+    let store = Store::open(&args.log)?;
+    let port = args.port.unwrap_or(0);
+    let unusable = |source| ViewError::Port { port, source };
+    let listener =
+        TcpListener::bind(SocketAddr::from((Ipv4Addr::LOCALHOST, port))).map_err(unusable)?;
+    let port = listener.local_addr().map_err(unusable)?.port();
+    let address = format!("http://127.0.0.1:{port}/");
+    writeln!(
+        out,
+        "{address} shows {}; Ctrl-C ends it",
+        args.log.display()
+    )?;
+    out.flush()?;
+    if !args.no_open && !browser::open(&address) {
+        tell("note: no browser could be opened; open the address in one");
+    }
+    let answer = Answer {
+        store,
+        travel: args.travel,
+        hosts: [format!("127.0.0.1:{port}"), format!("localhost:{port}")],
+    };
+    http::serve(&listener, |request| answer.to(request));
+    Ok(())
+}
+
+fn is_case(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}

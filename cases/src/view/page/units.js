@@ -1,0 +1,55 @@
+// Numbers and units as in the pictures and reports of the program. The rules come with `run.json`.
+
+let rules = [];
+
+export function setRules(known) {
+  rules = known;
+}
+
+/** Factor and unit in which numbers up to this size are shown; `shown` is the unit where no rule holds. */
+export function unitFor(si, largest, shown = si) {
+  const size = largest === 0 ? 1 : Math.abs(largest);
+  const rule = rules.find((r) => r.si === si && size >= r.from);
+  return rule ? { factor: rule.factor, unit: rule.unit } : { factor: 1, unit: shown === "1" ? "" : shown };
+}
+
+/** With at most this many significant digits and no trailing zeros. */
+export function number(value, digits = 4) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  if (value === 0) return "0";
+  const exponent = Math.floor(Math.log10(Math.abs(value)));
+  if (exponent < -4 || exponent >= 6) {
+    const [mantissa, power] = value.toExponential(digits - 1).split("e");
+    return `${trimmed(mantissa)}e${Number(power)}`.replace("-", "−").replace("e-", "e−");
+  }
+  return trimmed(value.toFixed(Math.max(digits - 1 - exponent, 0))).replace("-", "−");
+}
+
+function trimmed(text) {
+  return text.includes(".") ? text.replace(/\.?0+$/, "") : text;
+}
+
+/** A value with its unit: `12 ms`. */
+export function withUnit(value, si, shown = si, digits = 4) {
+  if (value === null || !Number.isFinite(value)) return "–";
+  const { factor, unit } = unitFor(si, value, shown);
+  const text = number(value * factor, digits);
+  return unit ? `${text} ${unit}` : text;
+}
+
+/** A label with its unit, if it has one. */
+export function labelled(label, unit) {
+  return unit ? `${label} (${unit})` : label;
+}
+
+/** Round numbers between two limits, about as many as wanted. */
+export function ticks(low, high, wanted) {
+  const span = high - low;
+  if (!(span > 0) || !Number.isFinite(span)) return Number.isFinite(low) ? [low] : [];
+  const rough = span / Math.max(wanted, 1);
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * ([1, 2, 2.5, 5].find((s) => s * power >= rough) ?? 10);
+  const found = [];
+  for (let n = Math.ceil(low / step - 1e-9); n * step <= high + 1e-9 * span; n++) found.push(n * step);
+  return found;
+}
