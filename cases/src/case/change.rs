@@ -179,7 +179,7 @@ mod tests {
         assert!(told("couplers.convection.coefficient").contains("several"));
         assert!(told("couplers.laser.power").contains("`torch`, `radiation`"));
         assert!(told("couplers.9.power").contains("4 elements"));
-        assert!(told("couplers.torch.toolpath.line").contains("`start`, `speed`"));
+        assert!(told("couplers.torch.toolpath.line").contains("`speed`, `start`"));
         assert!(told("time.end.x").contains("nothing below"));
     }
 }

@@ -261,7 +261,7 @@ benchmarks!(
     "gao-3.6.3-kalthoff",
     ],
     "welding": ["bead_on_plate", "haz_hardness", "residual_stress"],
-    "additive": ["single_track", "hatch", "wire_arc_wall"],
+    "additive": ["single_track", "hatch", "powder_bed_tower", "wire_arc_wall"],
 );
 
 /// The benchmark cases of the program, or those of a folder, with their names.
