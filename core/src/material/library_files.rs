@@ -32,6 +32,22 @@ fn library() -> Vec<Material> {
         .collect()
 }
 
+/// What a physics registers that this crate does not know.
+macro_rules! contents {
+    ($($element:literal)*) => {
+        $(inventory::submit! {
+            PropertyKey {
+                name: $element,
+                unit: "mass %",
+                meaning: "content of an element",
+                range: ValueRange::NotNegative,
+            }
+        })*
+    };
+}
+
+contents! { "carbon" "manganese" "silicon" }
+
 #[test]
 fn every_entry_has_what_heat_conduction_with_melting_needs() {
     let materials = library();
@@ -94,6 +110,9 @@ fn every_property_stays_within_what_such_materials_have() {
         ("absorptivity", 0.05, 0.7),
         ("viscosity", 1e-4, 1e-2),
         ("surface_tension", 0.05, 2.0),
+        ("carbon", 0.01, 1.0),
+        ("manganese", 0.1, 2.0),
+        ("silicon", 0.05, 2.0),
     ];
     for material in library() {
         for (name, property) in material.properties() {
