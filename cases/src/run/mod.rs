@@ -229,7 +229,7 @@ fn changed_file(log: &Log) -> Option<String> {
     let text = std::fs::read_to_string(&file).ok()?;
     let file = file.display();
     (text != log.case_text()).then(|| {
-        format!("{file} has changed since; the run goes on with its logged case (`--case {file}` takes the file)")
+        format!("{file} differs from the case of the log, with which the run goes on (`--case {file}` takes the file)")
     })
 }
 
