@@ -4,6 +4,9 @@ use perimelt_core::body::SurfaceCell;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{ActivityChanges, Face, Report, Setup, SetupError, World, Write, keys};
 
+/// Fraction of the time constant of an exchange of heat that a step may take.
+const STEP_FRACTION: f64 = 0.5;
+
 /// All faces, the default of boundaries that act on the whole surface.
 pub(crate) fn all_faces() -> Vec<Face> {
     Face::ALL.to_vec()
@@ -68,6 +71,8 @@ pub(crate) struct SurfaceHeat {
     heat_source: Write<f64>,
     /// Into the body in the last step, W.
     power: f64,
+    /// Shortest time in which a point takes up the temperature of its surroundings, s, once found.
+    time_constant: Option<f64>,
 }
 
 impl SurfaceHeat {
@@ -110,6 +115,7 @@ impl SurfaceHeat {
             body,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
             power: 0.0,
+            time_constant: None,
         })
     }
 
@@ -193,11 +199,22 @@ impl SurfaceHeat {
         ratio.into_iter().fold(0.0, f64::max)
     }
 
-    /// Shortest time (s) in which a point takes up the temperature of its surroundings, by the largest coefficient
-    /// (W/(m² K)) and the smallest capacity (J/(m³ K)).
-    pub fn time_constant(&self, world: &World, largest: f64, capacity: Option<f64>) -> Option<f64> {
+    /// Largest stable step of an exchange, s: the shortest time in which a point takes up the temperature of its
+    /// surroundings, by the largest coefficient (W/(m² K)) and the smallest capacity (J/(m³ K)).
+    pub fn stable_step(
+        &mut self,
+        world: &World,
+        largest: f64,
+        capacity: Option<f64>,
+    ) -> Option<f64> {
         let exchange = largest * self.largest_ratio(world);
-        capacity.filter(|_| exchange > 0.0).map(|c| c / exchange)
+        self.time_constant = capacity.filter(|_| exchange > 0.0).map(|c| c / exchange);
+        self.time_constant
+    }
+
+    /// Largest step that resolves the exchange, s, once its stable step was asked.
+    pub fn step_limit(&self) -> Option<f64> {
+        self.time_constant.map(|time| STEP_FRACTION * time)
     }
 
     pub fn report(&self) -> Vec<Report> {

@@ -9,7 +9,7 @@ use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, St
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{STEP_FRACTION, smallest_capacity};
+use super::smallest_capacity;
 use crate::InTime;
 use crate::surface::{SurfaceHeat, all_faces};
 
@@ -44,8 +44,6 @@ struct ConvectionState {
     largest: f64,
     /// Smallest capacity of the materials, J/(m³ K); a steady solution needs none.
     capacity: Option<f64>,
-    /// Shortest time in which a surface point takes up the temperature of the fluid, s.
-    time_constant: Option<f64>,
 }
 
 #[typetag::serde(name = "convection")]
@@ -67,7 +65,6 @@ impl Coupler for Convection {
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             largest,
             capacity: smallest_capacity(setup, body),
-            time_constant: None,
         });
         Ok(())
     }
@@ -88,15 +85,13 @@ impl Coupler for Convection {
     }
 
     fn step_limit(&self) -> Option<f64> {
-        let time_constant = self.prepared.as_ref().and_then(|p| p.time_constant);
-        time_constant.map(|time| STEP_FRACTION * time)
+        self.prepared.as_ref()?.heat.step_limit()
     }
 
     /// The exchange is explicit: beyond its time constant the temperature of a point overshoots that of the fluid.
     fn stable_step(&mut self, world: &World) -> Option<f64> {
         let p = self.prepared.as_mut()?;
-        p.time_constant = p.heat.time_constant(world, p.largest, p.capacity);
-        p.time_constant
+        p.heat.stable_step(world, p.largest, p.capacity)
     }
 
     fn report(&self) -> Vec<Report> {

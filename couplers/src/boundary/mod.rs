@@ -39,9 +39,6 @@ use perimelt_core::{Face, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Fraction of the time constant of an exchange of heat that a step may take.
-const STEP_FRACTION: f64 = 0.5;
-
 /// Smallest capacity of the materials of a body, J/(m³ K); none of a steady solution, which needs no limit of a step.
 fn smallest_capacity(setup: &Setup<'_>, body: BodyIndex) -> Option<f64> {
     let curves = setup.enthalpy_curves(body).unwrap_or_default();

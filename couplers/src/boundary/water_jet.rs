@@ -78,8 +78,6 @@ struct State {
     flux: Vec<f64>,
     /// Smallest capacity of the materials, J/(m³ K); a steady solution needs none.
     capacity: Option<f64>,
-    /// Shortest time in which a point takes up the temperature of the water, s.
-    time_constant: Option<f64>,
 }
 
 impl WaterJet {
@@ -198,7 +196,6 @@ impl Coupler for WaterJet {
             rows,
             flux: vec![0.0; cells.len()],
             capacity: smallest_capacity(setup, body),
-            time_constant: None,
         });
         Ok(())
     }
@@ -226,15 +223,13 @@ impl Coupler for WaterJet {
     }
 
     fn step_limit(&self) -> Option<f64> {
-        let time_constant = self.prepared.as_ref().and_then(|p| p.time_constant);
-        time_constant.map(|time| super::STEP_FRACTION * time)
+        self.prepared.as_ref()?.heat.step_limit()
     }
 
     fn stable_step(&mut self, world: &World) -> Option<f64> {
         let largest = self.largest_coefficient();
         let p = self.prepared.as_mut()?;
-        p.time_constant = p.heat.time_constant(world, largest, p.capacity);
-        p.time_constant
+        p.heat.stable_step(world, largest, p.capacity)
     }
 
     fn report(&self) -> Vec<Report> {
