@@ -278,6 +278,13 @@ pub trait Physics {
         None
     }
 
+    /// Largest macro step (s) at which what others read from it is current enough, asked before each macro step;
+    /// automatic macro steps respect it. Sub-steps follow from stability, which may allow longer steps than an accurate
+    /// exchange.
+    fn step_limit(&self) -> Option<f64> {
+        None
+    }
+
     /// Largest stable step (s) of a physics where it changes with the state, such as with the arrangement of moving
     /// points; asked before each macro step. It must follow from what [`Physics::save`] keeps, so that a resumed run
     /// takes the same steps.

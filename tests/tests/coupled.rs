@@ -3,10 +3,16 @@
 use std::path::Path;
 
 use perimelt::case::Case;
-use perimelt::core::{Family, FamilySpec, Simulation};
+use perimelt::core::{
+    Family, FamilySpec, Key, Physics, RunError, Setup, SetupError, Simulation, Step, Work, World,
+    Write, register_physics,
+};
 use perimelt::physics::mechanical::moduli::Elasticity;
 use perimelt::physics::mechanical::ordinary::Ordinary;
 use perimelt::physics::mechanical::solid::{Constitution, Solid};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 const ALPHA: f64 = 5e-5;
 const YOUNG: f64 = 2e11;
@@ -291,4 +297,61 @@ fn strong_coupling_finds_the_state_that_small_weak_steps_approach() {
         weak[1] < 0.6 * weak[0] && weak[2] < 0.65 * weak[1],
         "{weak:?}"
     );
+}
+
+/// A field that changes faster than any stability limit tells.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Humidity {
+    /// Largest interval at which others should read it, s.
+    interval: f64,
+    #[serde(skip)]
+    humidity: Option<Write<f64>>,
+}
+
+#[typetag::serde(name = "humidity_of_the_air")]
+impl Physics for Humidity {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let key = Key::new("humidity", "1", "relative humidity");
+        self.humidity = Some(setup.own(0, &key)?);
+        Ok(())
+    }
+
+    fn step_limit(&self) -> Option<f64> {
+        Some(self.interval)
+    }
+
+    fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
+        let humidity = self.humidity.expect("prepared");
+        world.write(humidity).fill((40.0 * step.end()).sin());
+        Ok(Work::of_stages(1))
+    }
+}
+
+register_physics!("humidity_of_the_air", Humidity);
+
+#[test]
+fn a_physics_limits_the_interval_at_which_others_read_it() {
+    let body = format!(
+        "[bodies.block]
+        shape.box = {{ min = [0, 0, 0], max = [8e-3, 4e-3, 0] }}
+        dimension = 2
+        spacing = 1e-3
+        material = \"solid\"
+        initial.temperature = {T0}"
+    );
+    let run = |physics: &str| {
+        let rest = format!(
+            "[[physics]]\ntype = \"thermal\"\n{physics}\n[time]\nend = 1\n[log]\ninterval = 1"
+        );
+        let mut simulation = compose(&body, &rest);
+        let limit = simulation.macro_step();
+        finish(&mut simulation);
+        (limit, simulation.progress().macro_steps)
+    };
+    let (alone, _) = run("");
+    assert!(alone > 0.03, "a block that hardly conducts: {alone} s");
+    let (limit, steps) = run("[[physics]]\ntype = \"humidity_of_the_air\"\ninterval = 0.03");
+    assert_eq!(limit, 0.03);
+    assert_eq!(steps, 34);
 }

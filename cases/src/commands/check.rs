@@ -9,6 +9,7 @@ use perimelt_core::{Body, Simulation};
 
 use super::Done;
 use crate::case::Case;
+use crate::plot::unit;
 use crate::run::Failure;
 use crate::run::display::{duration, warn};
 
@@ -43,7 +44,7 @@ fn sizes(simulation: &Simulation, out: &mut impl Write) -> Done {
                 spacing,
                 ..
             }) => {
-                format!("{x} x {y} x {z} cells of {spacing:.4e} m")
+                format!("{x} x {y} x {z} cells of {}", unit::length_text(*spacing))
             }
             None => format!("cells of {}", span(body, |spacing| spacing)),
         };
@@ -99,10 +100,10 @@ fn span(body: &Body, length: impl Fn(f64) -> f64) -> String {
         length(body.finest_spacing()),
         length(body.coarsest_spacing()),
     );
-    if least == most {
-        format!("{least:.4e} m")
-    } else {
-        format!("{least:.4e} to {most:.4e} m")
+    let [from, to] = [least, most].map(unit::length_text);
+    match least == most {
+        true => from,
+        false => format!("{from} to {to}"),
     }
 }
 
@@ -110,10 +111,10 @@ fn steps(simulation: &Simulation, out: &mut impl Write) -> Done {
     let sub_steps = simulation.sub_steps().iter().zip(simulation.stable_steps());
     for (label, (&step, stable)) in simulation.physics_labels().zip(sub_steps) {
         let stable = stable.map_or("stable at any step".into(), |s| {
-            format!("largest stable step {s:.4e} s")
+            format!("largest stable step {}", unit::time_text(s))
         });
         let step = if step.is_finite() {
-            format!("{step:.4e} s")
+            unit::time_text(step)
         } else {
             "the macro step".into()
         };
@@ -124,9 +125,10 @@ fn steps(simulation: &Simulation, out: &mut impl Write) -> Done {
     let per_log = (log / macro_step).ceil().max(1.0);
     writeln!(
         out,
-        "macro steps: up to {:.4e} s, about {:.0} until {end:.4e} s",
-        macro_step.min(log),
-        (end / log * per_log).ceil()
+        "macro steps: up to {}, about {:.0} until {}",
+        unit::time_text(macro_step.min(log)),
+        (end / log * per_log).ceil(),
+        unit::time_text(end)
     )?;
     writeln!(
         out,

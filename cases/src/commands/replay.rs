@@ -8,6 +8,7 @@ use perimelt_core::log::{Log, Series};
 
 use super::Done;
 use crate::moment::state_at;
+use crate::plot::unit;
 
 #[derive(clap::Args, Debug)]
 pub struct ReplayArgs {
@@ -59,7 +60,7 @@ pub fn run(args: &ReplayArgs) -> Done {
 }
 
 fn show(out: &mut impl Write, log: &Log, index: usize, time: f64) -> Done {
-    writeln!(out, "t = {time:.6e} s")?;
+    writeln!(out, "t = {}", unit::time_text(time))?;
     for body in log.bodies() {
         if index >= log.times(body).len() {
             continue;
@@ -77,19 +78,21 @@ fn show(out: &mut impl Write, log: &Log, index: usize, time: f64) -> Done {
             let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
                 (l.min(v), h.max(v))
             });
-            writeln!(
+            line(
                 out,
-                "  {body} {:<20} {low:>13.6e} to {high:>13.6e} {}",
-                field.name, field.unit
+                &format!("{body} {}", field.name),
+                &[low, high],
+                &field.unit,
             )?;
         }
     }
     for (name, series) in log.probes() {
-        row(out, &format!("probe {name}"), series, time)?;
+        row(out, name, series, time)?;
     }
     row(out, "balance", log.balance(), time)
 }
 
+/// The values of a series at a time.
 fn row(out: &mut impl Write, title: &str, series: &Series, time: f64) -> Done {
     let Some(at) = series.times.iter().position(|t| *t == time) else {
         return Ok(());
@@ -97,11 +100,24 @@ fn row(out: &mut impl Write, title: &str, series: &Series, time: f64) -> Done {
     // lines of a hundred positions are not printed
     const MOST: usize = 16;
     for column in series.columns.iter().take(MOST) {
+        let name = format!("{title}: {}", column.name);
+        line(out, &name, &[column.values[at]], &column.unit)?;
+    }
+    let more = series.columns.len().saturating_sub(MOST);
+    if more > 0 {
         writeln!(
             out,
-            "  {title}: {:<24} {:>13.6e} {}",
-            column.name, column.values[at], column.unit
+            "  {title}: {more} more; `perimelt export --format csv` writes all"
         )?;
     }
     Ok(())
+}
+
+/// A name, and the values between which it lies, in a unit that suits the largest.
+fn line(out: &mut impl Write, name: &str, values: &[f64], si: &str) -> Done {
+    let largest = values.iter().fold(0.0, |size: f64, v| size.max(v.abs()));
+    let (factor, unit) = unit::value(si, largest);
+    let numbers = values.iter().map(|v| unit::number(v * factor, 6));
+    let text = numbers.collect::<Vec<_>>().join(" to ");
+    Ok(writeln!(out, "  {name:<44} {text} {unit}")?)
 }

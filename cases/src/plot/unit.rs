@@ -154,6 +154,12 @@ pub(crate) fn time_text(time: f64) -> String {
     format!("{} {}", number(time * unit.factor, 5), unit.unit)
 }
 
+/// A length (m) as text with a suitable unit.
+pub(crate) fn length_text(length: f64) -> String {
+    let unit = self::length(length);
+    format!("{} {}", number(length * unit.factor, 5), unit.unit)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

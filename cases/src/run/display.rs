@@ -7,6 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use perimelt_core::Simulation;
 
 use crate::commands::tell;
+use crate::plot::unit;
 
 /// Shows the progress of a run.
 pub struct Display {
@@ -59,8 +60,10 @@ impl Display {
         let peak =
             peak_temperature(simulation).map_or(String::new(), |t| format!("peak {t:.0} K, "));
         let message = format!(
-            "t = {time:.4e} of {:.4e} s, step {step:.2e} s, {peak}{} left",
-            self.end,
+            "t = {} of {}, step {}, {peak}{} left",
+            unit::time_text(time),
+            unit::time_text(self.end),
+            unit::time_text(step),
             duration(left)
         );
         match &self.bar {

@@ -104,9 +104,9 @@ pub enum EnthalpyError {
     },
     /// The specific heat is given by phase, but there are no phases.
     #[error(
-        "the specific heat differs between solid and liquid, but solidus and liquidus are missing: the material \
-         melts; give it a solidus, a liquidus and a latent heat and the case the coupler \
-         `phase_change`, or the material one specific heat"
+        "the specific heat differs between solid and liquid, but the body has no coupler `phase_change`, which \
+         decides what is liquid; add the coupler, which takes solidus, liquidus and latent heat from the \
+         material, or give the material one specific heat"
     )]
     PhasesWithoutMelting,
 }

@@ -105,7 +105,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Largest macro step, s: as asked for, or the longest sub-step that the couplers allow.
+    /// Largest macro step, s: as asked for, or the longest sub-step that physics and couplers allow.
     pub fn macro_step(&self) -> f64 {
         let stages = self.options.stages.iter();
         let stage = stages.take_while(|s| s.from <= self.clock.time).last();
@@ -123,10 +123,9 @@ impl Simulation {
         } else {
             self.options.log_interval
         };
-        self.couplers
-            .iter()
-            .filter_map(|c| c.plugin.step_limit())
-            .fold(longest, f64::min)
+        let physics = self.physics.iter().filter_map(|p| p.plugin.step_limit());
+        let couplers = self.couplers.iter().filter_map(|c| c.plugin.step_limit());
+        physics.chain(couplers).fold(longest, f64::min)
     }
 
     /// The next time at which the state is to be logged, s.

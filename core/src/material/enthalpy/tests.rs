@@ -309,12 +309,7 @@ fn what_cannot_be_is_refused_with_its_reason() {
             None,
             "specific heat must be above 0",
         ),
-        (
-            DENSITY,
-            by_phase(),
-            None,
-            "solidus and liquidus are missing",
-        ),
+        (DENSITY, by_phase(), None, "has no coupler `phase_change`"),
         (
             DENSITY,
             constant.clone(),
