@@ -91,7 +91,11 @@ fn add_definitions(
         .collect();
     let refer = |value: &mut Value| {
         for name in &taken {
-            redirect(value, &reference(name), &reference(&format!("{plugin}_{name}")));
+            redirect(
+                value,
+                &reference(name),
+                &reference(&format!("{plugin}_{name}")),
+            );
         }
     };
     refer(schema);

@@ -11,7 +11,7 @@ use perimelt_core::{Body, Simulation};
 
 use super::Done;
 use crate::case::Case;
-use crate::plot::unit;
+use crate::plot::unit::{length_text, time_text};
 use crate::run::Failure;
 use crate::run::display::{duration, warn};
 use crate::run::record::logged_fields;
@@ -48,7 +48,7 @@ fn sizes(simulation: &Simulation, out: &mut impl Write) -> Done {
                 spacing,
                 ..
             }) => {
-                format!("{x} x {y} x {z} cells of {spacing:.4e} m")
+                format!("{x} x {y} x {z} cells of {}", length_text(*spacing))
             }
             None => format!("cells of {}", span(body, |spacing| spacing)),
         };
@@ -105,9 +105,9 @@ fn span(body: &Body, length: impl Fn(f64) -> f64) -> String {
         length(body.coarsest_spacing()),
     );
     if least == most {
-        format!("{least:.4e} m")
+        length_text(least)
     } else {
-        format!("{least:.4e} to {most:.4e} m")
+        format!("{} to {}", length_text(least), length_text(most))
     }
 }
 
@@ -115,10 +115,10 @@ fn steps(simulation: &Simulation, out: &mut impl Write) -> Done {
     let sub_steps = simulation.sub_steps().iter().zip(simulation.stable_steps());
     for (label, (&step, stable)) in simulation.physics_labels().zip(sub_steps) {
         let stable = stable.map_or("stable at any step".into(), |s| {
-            format!("largest stable step {s:.4e} s")
+            format!("largest stable step {}", time_text(s))
         });
         let step = if step.is_finite() {
-            format!("{step:.4e} s")
+            time_text(step)
         } else {
             "the macro step".into()
         };
@@ -129,9 +129,10 @@ fn steps(simulation: &Simulation, out: &mut impl Write) -> Done {
     let per_log = (log / macro_step).ceil().max(1.0);
     writeln!(
         out,
-        "macro steps: up to {:.4e} s, about {:.0} until {end:.4e} s",
-        macro_step.min(log),
-        (end / log * per_log).ceil()
+        "macro steps: up to {}, about {:.0} until {}",
+        time_text(macro_step.min(log)),
+        (end / log * per_log).ceil(),
+        time_text(end)
     )?;
     writeln!(
         out,
@@ -161,7 +162,11 @@ fn log_size(case: &Case, simulation: &Simulation, out: &mut impl Write) -> Done 
             width * numbers * body.points.len()
         })
         .sum();
-    let columns: usize = case.build_probes(simulation)?.iter().map(|p| p.columns.len()).sum();
+    let columns: usize = case
+        .build_probes(simulation)?
+        .iter()
+        .map(|p| p.columns.len())
+        .sum();
     // digits of a number as text, and its name
     let state = state + 40 * columns;
     let checkpoint = simulation.save()?.len();
@@ -196,7 +201,7 @@ fn duration_of(simulation: &mut Simulation, out: &mut impl Write) -> Done {
     }
     let end = simulation.options().end;
     let total = estimate(&steps, end);
-    let simulated = unit::time_text(simulation.time());
+    let simulated = time_text(simulation.time());
     let threads = rayon::current_num_threads();
     match total {
         Some(total) if simulation.is_finished() => writeln!(

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use perimelt_core::log::{Ending, Log};
 
 use super::Done;
+use crate::plot::unit::{length_text, time_text};
 use crate::run::case_of;
 use crate::run::display::duration;
 
@@ -39,22 +40,27 @@ pub fn run(args: &InfoArgs) -> Done {
         let wall = duration(last.wall_seconds);
         writeln!(
             out,
-            "t = {:.6e} s after {} steps and {wall}",
-            last.time, last.step
+            "t = {} after {} steps and {wall}",
+            time_text(last.time),
+            last.step
         )?;
     }
     for body in &run.bodies {
         let times = log.times(&body.name);
         let span = match (times.first(), times.last()) {
             (Some(first), Some(last)) => {
-                format!("{} states from {first:.4e} to {last:.4e} s", times.len())
+                let (first, last) = (time_text(*first), time_text(*last));
+                format!("{} states from {first} to {last}", times.len())
             }
             _ => "no state".into(),
         };
         writeln!(
             out,
-            "\nbody {}: {} points, {}D, spacing {:.4e} m, {span}",
-            body.name, body.points, body.dimension, body.spacing
+            "\nbody {}: {} points, {}D, spacing {}, {span}",
+            body.name,
+            body.points,
+            body.dimension,
+            length_text(body.spacing)
         )?;
         for field in &body.fields {
             writeln!(out, "    {} [{}]", field.name, field.unit)?;
@@ -93,9 +99,9 @@ pub fn run(args: &InfoArgs) -> Done {
     let times: Vec<String> = log
         .checkpoints()
         .iter()
-        .map(|c| format!("{:.4e}", c.time))
+        .map(|c| time_text(c.time))
         .collect();
-    writeln!(out, "checkpoints at t = {} s", times.join(", "))?;
+    writeln!(out, "checkpoints at t = {}", times.join(", "))?;
     Ok(())
 }
 
@@ -109,8 +115,9 @@ fn early_end(log: &Log) -> String {
     match last.time >= end {
         true => String::new(),
         false => format!(
-            "; the run was interrupted or failed at t = {:.6e} s of {end:.6e} s: `perimelt resume` continues it",
-            last.time
+            "; the run was interrupted or failed at t = {} of {}: `perimelt resume` continues it",
+            time_text(last.time),
+            time_text(end)
         ),
     }
 }

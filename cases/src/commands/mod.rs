@@ -159,7 +159,9 @@ fn export(args: &export::ExportArgs) -> Done {
     if is_displaced {
         let undeformed = match args.format {
             export::ExportFormat::Vtk => "`reference_position` has those of the undeformed body",
-            export::ExportFormat::Csv => "less `displacement`, they are those of the undeformed body",
+            export::ExportFormat::Csv => {
+                "less `displacement`, they are those of the undeformed body"
+            }
         };
         writeln!(out, "points are at their displaced positions; {undeformed}")?;
     }

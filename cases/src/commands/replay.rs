@@ -8,6 +8,7 @@ use perimelt_core::log::{Log, Series};
 
 use super::Done;
 use crate::moment::state_at;
+use crate::plot::unit::time_text;
 
 #[derive(clap::Args, Debug)]
 pub struct ReplayArgs {
@@ -59,7 +60,7 @@ pub fn run(args: &ReplayArgs) -> Done {
 }
 
 fn show(out: &mut impl Write, log: &Log, index: usize, time: f64) -> Done {
-    writeln!(out, "t = {time:.6e} s")?;
+    writeln!(out, "t = {}", time_text(time))?;
     for body in log.bodies() {
         if index >= log.times(body).len() {
             continue;
@@ -103,5 +104,11 @@ fn row(out: &mut impl Write, title: &str, series: &Series, time: f64) -> Done {
             column.name, column.values[at], column.unit
         )?;
     }
-    Ok(())
+    match series.columns.len().saturating_sub(MOST) {
+        0 => Ok(()),
+        more => Ok(writeln!(
+            out,
+            "  {title}: {more} more values (`perimelt export --format csv` writes all)"
+        )?),
+    }
 }

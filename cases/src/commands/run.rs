@@ -11,6 +11,7 @@ use signal_hook::flag;
 use super::{Done, tell};
 use crate::case::Case;
 use crate::case::change::Change;
+use crate::plot::unit::time_text;
 use crate::run::display::{duration, warn};
 use crate::run::{self, End, Options, Summary};
 
@@ -159,8 +160,8 @@ impl Common {
         };
         writeln!(
             out,
-            "{how} at t = {:.6e} s after {} steps in {}: {log}",
-            summary.time,
+            "{how} at t = {} after {} steps in {}: {log}",
+            time_text(summary.time),
             summary.steps,
             duration(summary.wall_seconds)
         )?;

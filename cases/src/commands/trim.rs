@@ -36,7 +36,9 @@ enum TrimError {
     NotATime { key: &'static str, value: f64 },
     #[error("`--from {from}` is after `--to {to}`")]
     Reversed { from: f64, to: f64 },
-    #[error("no logged state lies between {from} and {to} s; the log has states from {first} to {last} s")]
+    #[error(
+        "no logged state lies between {from} and {to} s; the log has states from {first} to {last} s"
+    )]
     NothingInside {
         from: f64,
         to: f64,
@@ -119,7 +121,9 @@ fn window(log: &Log, args: &TrimArgs) -> Result<(f64, f64), TrimError> {
     if first > last {
         return Err(TrimError::Empty(args.log.clone()));
     }
-    let from = args.from.unwrap_or_else(|| args.to.map_or(first, |to| to.min(first)));
+    let from = args
+        .from
+        .unwrap_or_else(|| args.to.map_or(first, |to| to.min(first)));
     let to = args.to.unwrap_or_else(|| from.max(last));
     for (key, value) in [("from", from), ("to", to)] {
         if !value.is_finite() {
@@ -238,8 +242,8 @@ fn write_cloud(writer: &mut Writer, body: &str, cloud: &LoggedCloud) -> Result<(
             values: &field.values,
         })
         .collect();
-    let is_single = fit_f32(cloud.positions.as_flattened())
-        && fields.iter().all(|field| fit_f32(field.values));
+    let is_single =
+        fit_f32(cloud.positions.as_flattened()) && fields.iter().all(|field| fit_f32(field.values));
     let precision = if is_single {
         Precision::F32
     } else {
@@ -285,9 +289,18 @@ mod tests {
         assert_eq!(new.case_text(), old.case_text());
         assert_eq!(new.run(), old.run());
         assert_eq!(new.times("plate"), &old.times("plate")[2..5]);
-        assert_eq!(new.cloud("sheet", 1).expect("there"), old.cloud("sheet", 3).expect("there"));
-        let (new_probe, old_probe) = (&new.probes()["thermocouples"], &old.probes()["thermocouples"]);
-        assert_eq!(new_probe.columns[1].values[..], old_probe.columns[1].values[2..5]);
+        assert_eq!(
+            new.cloud("sheet", 1).expect("there"),
+            old.cloud("sheet", 3).expect("there")
+        );
+        let (new_probe, old_probe) = (
+            &new.probes()["thermocouples"],
+            &old.probes()["thermocouples"],
+        );
+        assert_eq!(
+            new_probe.columns[1].values[..],
+            old_probe.columns[1].values[2..5]
+        );
         assert_eq!(new.balance().times.len(), 3);
         assert_eq!(new.progress(), &old.progress()[2..5]);
     }
@@ -296,7 +309,11 @@ mod tests {
     fn windows_that_make_no_sense_are_explained() {
         for (from, to, what) in [
             (Some(0.8), Some(0.3), "`--from 0.8` is after `--to 0.3`"),
-            (Some(0.41), Some(0.45), "no logged state lies between 0.41 and 0.45 s"),
+            (
+                Some(0.41),
+                Some(0.45),
+                "no logged state lies between 0.41 and 0.45 s",
+            ),
             (Some(f64::NAN), None, "`--from` is NaN"),
         ] {
             let (_folder, args) = trimmed(from, to);

@@ -4,7 +4,11 @@ use crate::verify::results::machine;
 
 /// The command line with its version. A program with additional plugins tells its own name.
 pub fn command(command: clap::Command) -> clap::Command {
-    let short = format!("{} ({})", env!("CARGO_PKG_VERSION"), env!("PERIMELT_COMMIT"));
+    let short = format!(
+        "{} ({})",
+        env!("CARGO_PKG_VERSION"),
+        env!("PERIMELT_COMMIT")
+    );
     let machine = machine();
     let program = program();
     let long = match &program {

@@ -132,7 +132,8 @@ impl Compared {
     /// The largest relative difference.
     #[must_use]
     pub fn worst_relative(&self) -> f64 {
-        self.worst().map_or(0.0, |worst| self.relative(worst.largest))
+        self.worst()
+            .map_or(0.0, |worst| self.relative(worst.largest))
     }
 }
 
@@ -189,14 +190,23 @@ pub fn diff(args: &DiffArgs) -> Result<Comparison, DiffError> {
             let of = format!("probe {name}");
             match second.probes().get(name) {
                 Some(other) => compare_series(&of, [series, other], &mut comparison),
-                None => comparison.unmatched.push(format!("only the first log has the {of}")),
+                None => comparison
+                    .unmatched
+                    .push(format!("only the first log has the {of}")),
             }
         }
-        let others = second.probes().keys().filter(|n| !first.probes().contains_key(*n));
+        let others = second
+            .probes()
+            .keys()
+            .filter(|n| !first.probes().contains_key(*n));
         comparison
             .unmatched
             .extend(others.map(|name| format!("only the second log has the probe {name}")));
-        compare_series("balance", [first.balance(), second.balance()], &mut comparison);
+        compare_series(
+            "balance",
+            [first.balance(), second.balance()],
+            &mut comparison,
+        );
     }
     check_fields(&logs, &bodies, &args.field, &comparison)?;
     Ok(comparison)
@@ -208,7 +218,9 @@ fn common_bodies(
     args: &DiffArgs,
     comparison: &mut Comparison,
 ) -> Result<Vec<String>, DiffError> {
-    let names = logs.each_ref().map(|log| log.bodies().map(String::from).collect::<Vec<_>>());
+    let names = logs
+        .each_ref()
+        .map(|log| log.bodies().map(String::from).collect::<Vec<_>>());
     let mut known = names.concat();
     known.sort();
     known.dedup();
@@ -221,7 +233,9 @@ fn common_bodies(
     }
     let is_asked = |name: &String| args.body.is_empty() || args.body.contains(name);
     for (log, [own, other]) in ["first", "second"].iter().zip([[0, 1], [1, 0]]) {
-        let alone = names[own].iter().filter(|n| is_asked(n) && !names[other].contains(n));
+        let alone = names[own]
+            .iter()
+            .filter(|n| is_asked(n) && !names[other].contains(n));
         comparison
             .unmatched
             .extend(alone.map(|name| format!("only the {log} log has the body {name}")));
@@ -253,7 +267,10 @@ fn check_fields(
         return Ok(());
     };
     let mut known = vec!["position".to_string()];
-    for (log, body) in logs.iter().flat_map(|log| bodies.iter().map(move |b| (log, b))) {
+    for (log, body) in logs
+        .iter()
+        .flat_map(|log| bodies.iter().map(move |b| (log, b)))
+    {
         known.extend(log.first_cloud(body)?.fields.into_iter().map(|f| f.name));
     }
     known.sort();
@@ -272,7 +289,10 @@ fn pairs(logs: &[Log; 2], body: &str) -> Vec<[usize; 2]> {
 
 /// Indices of equal times of two ascending lists, equal up to rounding.
 fn common_times(first: &[f64], second: &[f64]) -> Vec<[usize; 2]> {
-    let size = first.iter().chain(second).fold(0.0_f64, |s, t| s.max(t.abs()));
+    let size = first
+        .iter()
+        .chain(second)
+        .fold(0.0_f64, |s, t| s.max(t.abs()));
     let slack = 1e-9 * size;
     let (mut i, mut j) = (0, 0);
     let mut pairs = Vec::new();
@@ -347,7 +367,13 @@ fn compare_body(
         if is_asked("position") {
             let values = [&a, &b].map(|cloud| cloud.positions.as_flattened());
             let scale = extent(&a).max(extent(&b));
-            add(&mut compared, (body, "position", "m"), a.time, values, scale);
+            add(
+                &mut compared,
+                (body, "position", "m"),
+                a.time,
+                values,
+                scale,
+            );
         }
         for field in a.fields.iter().filter(|f| is_asked(&f.name)) {
             let same = |f: &&perimelt_core::log::CloudField| {
@@ -359,12 +385,18 @@ fn compare_body(
                     let named = (body, &*field.name, &*field.unit);
                     add(&mut compared, named, a.time, values, size(values));
                 }
-                None => alone.push(format!("only the first log has the field {} of {body}", field.name)),
+                None => alone.push(format!(
+                    "only the first log has the field {} of {body}",
+                    field.name
+                )),
             }
         }
         let others = b.fields.iter().filter(|f| is_asked(&f.name));
         for field in others.filter(|f| !a.fields.iter().any(|own| own.name == f.name)) {
-            alone.push(format!("only the second log has the field {} of {body}", field.name));
+            alone.push(format!(
+                "only the second log has the field {} of {body}",
+                field.name
+            ));
         }
     }
     if let Some((time, first, second)) = other_points.first() {
@@ -383,7 +415,13 @@ fn compare_body(
 /// Diagonal of the box around the points of a cloud, m.
 fn extent(cloud: &LoggedCloud) -> f64 {
     let along = |axis: usize| {
-        let values = || cloud.positions.iter().map(|p| p[axis]).filter(|x| x.is_finite());
+        let values = || {
+            cloud
+                .positions
+                .iter()
+                .map(|p| p[axis])
+                .filter(|x| x.is_finite())
+        };
         let low = values().fold(f64::INFINITY, f64::min);
         (values().fold(f64::NEG_INFINITY, f64::max) - low).max(0.0)
     };

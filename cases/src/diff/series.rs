@@ -29,7 +29,9 @@ pub(super) fn compare_series(of: &str, series: [&Series; 2], comparison: &mut Co
             .collect();
         if !names.is_empty() {
             let names = names.join(", ");
-            comparison.unmatched.push(format!("{of}: only the {log} log has {names}"));
+            comparison
+                .unmatched
+                .push(format!("{of}: only the {log} log has {names}"));
         }
     }
     let mut compared = Vec::new();

@@ -29,9 +29,17 @@ pub fn print(comparison: &Comparison, args: &DiffArgs, out: &mut impl Write) -> 
             (false, worst) => worst.into_iter().collect(),
         };
         for (row, difference) in shown.into_iter().enumerate() {
-            let title = if row == 0 { name(compared) } else { String::new() };
+            let title = if row == 0 {
+                name(compared)
+            } else {
+                String::new()
+            };
             let relative = compared.relative(difference.largest);
-            let mark = if relative <= args.tolerance { "" } else { "  *" };
+            let mark = if relative <= args.tolerance {
+                ""
+            } else {
+                "  *"
+            };
             let row = numbers(difference, relative, args.times);
             writeln!(out, "{title:width$} {row}{mark}")?;
         }
@@ -44,16 +52,23 @@ pub fn print(comparison: &Comparison, args: &DiffArgs, out: &mut impl Write) -> 
         tolerance => format!(" within a relative tolerance of {tolerance}"),
     };
     let all = comparison.compared.len();
-    match (comparison.beyond(args.tolerance), comparison.unmatched.is_empty()) {
+    match (
+        comparison.beyond(args.tolerance),
+        comparison.unmatched.is_empty(),
+    ) {
         (0, true) => writeln!(out, "equal{tolerance}: {all} quantities"),
         (0, false) => writeln!(
             out,
             "different: the {all} quantities that both logs have are equal{tolerance}"
         ),
-        (some, _) => writeln!(out, "different: {some} of {all} quantities (*){}", match args.tolerance {
-            0.0 => String::new(),
-            tolerance => format!(" by more than {tolerance} of their size"),
-        }),
+        (some, _) => writeln!(
+            out,
+            "different: {some} of {all} quantities (*){}",
+            match args.tolerance {
+                0.0 => String::new(),
+                tolerance => format!(" by more than {tolerance} of their size"),
+            }
+        ),
     }
 }
 
@@ -61,7 +76,11 @@ fn numbers(difference: Difference, relative: f64, with_time: bool) -> String {
     let Difference { time, largest, rms } = difference;
     let short = |value: f64| number(value, 4);
     // where all times are equal, none is the worst
-    let at = if largest == 0.0 && !with_time { String::new() } else { number(time, 8) };
+    let at = if largest == 0.0 && !with_time {
+        String::new()
+    } else {
+        number(time, 8)
+    };
     let line = format!(
         "{:>12} {:>12} {:>12} {at:>14}",
         short(largest),

@@ -1,8 +1,6 @@
 use std::path::Path;
 
-use perimelt_core::log::{
-    BodyInfo, CloudView, FieldInfo, FieldView, Precision, RunInfo, Writer,
-};
+use perimelt_core::log::{BodyInfo, CloudView, FieldInfo, FieldView, Precision, RunInfo, Writer};
 
 use super::*;
 
@@ -26,7 +24,11 @@ fn write(path: &Path, name: &str, times: &[f64], points: usize, shift: f64) {
     let mut writer = Writer::create(path, &run, "bar.toml", "").expect("a new file");
     let positions: Vec<[f64; 3]> = (0..points).map(|i| [i as f64, 0.0, 0.0]).collect();
     for &time in times {
-        let shift = if time == times[times.len() - 1] { shift } else { 0.0 };
+        let shift = if time == times[times.len() - 1] {
+            shift
+        } else {
+            0.0
+        };
         let mut values = vec![400.0; points];
         values[0] += shift;
         let fields = [FieldView {
@@ -39,7 +41,9 @@ fn write(path: &Path, name: &str, times: &[f64], points: usize, shift: f64) {
             positions: &positions,
             fields: &fields,
         };
-        writer.points(name, Precision::F64, &cloud).expect("written");
+        writer
+            .points(name, Precision::F64, &cloud)
+            .expect("written");
         let line = [("0e0", "K", 0.0), ("1e0", "K", 500.0 + shift)];
         writer.probe("across", time, &line).expect("written");
         let balance = [
@@ -75,7 +79,13 @@ fn norms_are_those_of_the_difference() {
     write(&args.first, "bar", &[0.0, 1.0, 2.0], 4, 0.0);
     write(&args.second, "bar", &[0.0, 1.0, 2.0], 4, 2.0);
     let comparison = diff(&args).expect("comparable");
-    let of = |name: &str| comparison.compared.iter().find(|c| c.name == name).expect("compared");
+    let of = |name: &str| {
+        comparison
+            .compared
+            .iter()
+            .find(|c| c.name == name)
+            .expect("compared")
+    };
     let worst = of("temperature").worst().expect("times");
     assert_eq!((worst.time, worst.largest, worst.rms), (2.0, 2.0, 1.0));
     // of the largest value in both logs, 402 K
@@ -110,7 +120,10 @@ fn what_only_one_log_has_is_told() {
     write(&args.second, "bar", &[0.0, 2.0], 5, 0.0);
     let comparison = diff(&args).expect("comparable");
     let told = comparison.unmatched.join("\n");
-    assert!(told.contains("bar: 2 times are in both logs, 1 only in the first"), "{told}");
+    assert!(
+        told.contains("bar: 2 times are in both logs, 1 only in the first"),
+        "{told}"
+    );
     assert!(told.contains("first at 0 s with 4 and 5 points"), "{told}");
     assert!(!comparison.is_equal(1.0));
 }
@@ -125,7 +138,10 @@ fn logs_without_anything_in_common_are_errors_with_a_reason() {
     assert!(error.contains("no body in common") && error.contains("bar") && error.contains("rod"));
     write(&args.second, "bar", &[0.5, 1.5], 4, 0.0);
     let error = diff(&args).expect_err("other times").to_string();
-    assert!(error.contains("no time in common") && error.contains("2 times from 0.5 to 1.5 s"), "{error}");
+    assert!(
+        error.contains("no time in common") && error.contains("2 times from 0.5 to 1.5 s"),
+        "{error}"
+    );
     let mut wrong = args.clone();
     wrong.tolerance = f64::NAN;
     assert!(diff(&wrong).is_err());
@@ -133,5 +149,8 @@ fn logs_without_anything_in_common_are_errors_with_a_reason() {
     let mut wrong = args;
     wrong.field = vec!["temprature".into()];
     let error = diff(&wrong).expect_err("misspelt").to_string();
-    assert!(error.contains("`temprature`; they have: position, temperature"), "{error}");
+    assert!(
+        error.contains("`temprature`; they have: position, temperature"),
+        "{error}"
+    );
 }

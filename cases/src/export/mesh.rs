@@ -107,13 +107,17 @@ impl Lattice {
                 offset
             })
             .collect();
-        let last = self.cells.map(|count| if count > 1 { count - 1 } else { 1 });
+        let last = self
+            .cells
+            .map(|count| if count > 1 { count - 1 } else { 1 });
         let mut points = Vec::with_capacity(8);
         for k in 0..last[2] {
             for j in 0..last[1] {
                 for i in 0..last[0] {
                     points.clear();
-                    let all = corners.iter().map(|[x, y, z]| self.point([i + x, j + y, k + z]));
+                    let all = corners
+                        .iter()
+                        .map(|[x, y, z]| self.point([i + x, j + y, k + z]));
                     points.extend(all.flatten());
                     if points.len() == corners.len() {
                         receive(&points);
@@ -144,14 +148,19 @@ mod tests {
     fn lattice(cells: [usize; 3]) -> Vec<[f64; 3]> {
         let [nx, ny, nz] = cells;
         let cell = |n: usize| [n % nx, n / nx % ny, n / (nx * ny)];
-        (0..nx * ny * nz).map(|n| cell(n).map(|i| 0.1 * i as f64)).collect()
+        (0..nx * ny * nz)
+            .map(|n| cell(n).map(|i| 0.1 * i as f64))
+            .collect()
     }
 
     #[test]
     fn a_lattice_has_cells_of_its_dimension() {
         let block = mesh(0.1, &lattice([2, 2, 2]));
         assert_eq!(block.connectivity, [0, 1, 3, 2, 4, 5, 7, 6]);
-        assert_eq!((&block.offsets[..], &block.types[..]), (&[8][..], &[12][..]));
+        assert_eq!(
+            (&block.offsets[..], &block.types[..]),
+            (&[8][..], &[12][..])
+        );
         let plate = mesh(0.1, &lattice([3, 2, 1]));
         assert_eq!(plate.connectivity, [0, 1, 4, 3, 1, 2, 5, 4]);
         assert_eq!(plate.types, [9, 9]);

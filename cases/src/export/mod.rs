@@ -171,11 +171,10 @@ pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
                         vtu::write_cloud(file, &cloud, &mesh, shown)
                     })?
                 }
-                ExportFormat::Csv => {
-                    folder.write(&format!("{}-{index:05}.csv", body.name), |file| {
+                ExportFormat::Csv => folder
+                    .write(&format!("{}-{index:05}.csv", body.name), |file| {
                         csv::cloud(file, &cloud)
-                    })?
-                }
+                    })?,
             };
             collection.push(vtu::DataSet {
                 time: cloud.time,

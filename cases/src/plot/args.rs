@@ -96,7 +96,8 @@ impl FromStr for Cut {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let expected = || format!("`{text}`: expected an axis and a coordinate in m, such as `x=0.05`");
+        let expected =
+            || format!("`{text}`: expected an axis and a coordinate in m, such as `x=0.05`");
         let (axis, at) = text.split_once('=').ok_or_else(expected)?;
         let axis = AXES.iter().position(|name| *name == axis.trim());
         let at: Option<f64> = at.trim().parse().ok().filter(|at: &f64| at.is_finite());
@@ -136,13 +137,22 @@ mod tests {
 
     #[test]
     fn sections_and_ranges_are_read_or_explained() {
-        assert_eq!("y=-0.5e-3".parse(), Ok(Cut { axis: 1, at: -0.5e-3 }));
+        assert_eq!(
+            "y=-0.5e-3".parse(),
+            Ok(Cut {
+                axis: 1,
+                at: -0.5e-3
+            })
+        );
         assert_eq!(" z = 2 ".parse(), Ok(Cut { axis: 2, at: 2.0 }));
         for wrong in ["x", "x:1", "w=1", "x=one", "x=nan", "=1", ""] {
             let error = wrong.parse::<Cut>().expect_err(wrong);
             assert!(error.contains("such as `x=0.05`"), "{error}");
         }
-        let range = ValueRange { from: -1e8, to: 2e8 };
+        let range = ValueRange {
+            from: -1e8,
+            to: 2e8,
+        };
         assert_eq!("-1e8,2e8".parse(), Ok(range));
         for wrong in ["1", "2,1", "1,1", "1,2,3", "nan,1", ","] {
             assert!(wrong.parse::<ValueRange>().is_err(), "{wrong}");

@@ -27,7 +27,9 @@ pub(super) fn balance_chart(balance: &Series) -> Chart {
     if lines.is_empty() {
         lines = computed_errors(balance);
         let floor = |error: &mut f64| *error = error.max(NONE);
-        lines.iter_mut().for_each(|(_, errors)| errors.iter_mut().for_each(floor));
+        lines
+            .iter_mut()
+            .for_each(|(_, errors)| errors.iter_mut().for_each(floor));
     }
     let time = unit::time(balance.times.iter().fold(0.0, |last, t| t.max(last)));
     let panel = |lines: &[(String, Vec<f64>)]| Panel {
@@ -77,12 +79,18 @@ pub(super) fn line_probe_chart(
     field: &str,
     celsius: bool,
 ) -> Chart {
-    let distances = series.columns.iter().map(|c| c.name.parse().unwrap_or(f64::NAN));
+    let distances = series
+        .columns
+        .iter()
+        .map(|c| c.name.parse().unwrap_or(f64::NAN));
     let distances: Vec<f64> = distances.collect();
     let lengths = unit::length(distances.iter().fold(0.0, |longest, d| d.max(longest)));
     let si_unit = series.columns.first().map_or("", |column| &column.unit);
     let values = |row: usize| series.columns.iter().map(move |column| column.values[row]);
-    let finite = rows.iter().flat_map(|row| values(*row)).filter(|x| x.is_finite());
+    let finite = rows
+        .iter()
+        .flat_map(|row| values(*row))
+        .filter(|x| x.is_finite());
     let largest = finite.fold(0.0_f64, |largest, x| largest.max(x.abs()));
     let shown = Shown::new(si_unit, largest, celsius);
     let line = |row: &usize| {

@@ -63,7 +63,11 @@ impl Plotter<'_> {
         Ok(FieldPlot {
             body,
             field,
-            isotherms: if field == "temperature" { isotherms } else { &[] },
+            isotherms: if field == "temperature" {
+                isotherms
+            } else {
+                &[]
+            },
             reference,
             cuts,
             range: None,
@@ -137,7 +141,13 @@ impl Plotter<'_> {
         let asked = self.args.range.map(|range| {
             // temperatures are given as they are shown, other values in SI units
             let kelvin = Shown::new(&scalar.unit, 0.0, celsius && scalar.unit == "K");
-            let si = |x: f64| if scalar.unit == "K" { kelvin.inverse(x) } else { x };
+            let si = |x: f64| {
+                if scalar.unit == "K" {
+                    kelvin.inverse(x)
+                } else {
+                    x
+                }
+            };
             ValueRange {
                 from: si(range.from),
                 to: si(range.to),
@@ -153,7 +163,11 @@ impl Plotter<'_> {
     }
 
     /// Isotherms at round temperatures for a picture that would have none: of a body that is nowhere molten.
-    fn round_isotherms(&self, plot: &FieldPlot<'_>, snapshot: &Snapshot<'_>) -> Option<Vec<Isotherm>> {
+    fn round_isotherms(
+        &self,
+        plot: &FieldPlot<'_>,
+        snapshot: &Snapshot<'_>,
+    ) -> Option<Vec<Isotherm>> {
         /// range of temperatures below which isotherms show nothing, K
         const LEAST: f64 = 1.0;
         let ColourScale { from, to, .. } = snapshot.scale;
@@ -161,7 +175,10 @@ impl Plotter<'_> {
             && self.args.isotherm.is_empty()
             && !plot.is_film
             && to - from > LEAST
-            && plot.isotherms.iter().all(|i| !(from < i.temperature && i.temperature < to));
+            && plot
+                .isotherms
+                .iter()
+                .all(|i| !(from < i.temperature && i.temperature < to));
         if !is_needed {
             return None;
         }

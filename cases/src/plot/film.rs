@@ -51,7 +51,8 @@ impl Frame {
     /// The same on paper of another size: cut off, or with white below it.
     fn fitted(mut self, width: u32, height: u32) -> Self {
         if self.width == width {
-            self.pixels.resize(3 * width as usize * height as usize, 255);
+            self.pixels
+                .resize(3 * width as usize * height as usize, 255);
             self.height = height;
         }
         self
@@ -62,7 +63,8 @@ impl Plotter<'_> {
     /// Draws a film of the first field of the first of these bodies that has more than one dimension.
     pub(super) fn film(&mut self, bodies: &[&BodyInfo], path: &Path) -> Result<(), PlotError> {
         let format = Format::of(path)?;
-        let is_drawn = |body: &&&BodyInfo| body.dimension > 1 && !self.log.times(&body.name).is_empty();
+        let is_drawn =
+            |body: &&&BodyInfo| body.dimension > 1 && !self.log.times(&body.name).is_empty();
         let body = bodies.iter().find(is_drawn).ok_or(PlotError::NoFilm)?;
         let fields = self.fields(&self.log.first_cloud(&body.name)?);
         let field = fields.first().ok_or(PlotError::NoFilm)?;
@@ -137,7 +139,10 @@ impl Plotter<'_> {
 
     /// Extends a box (m) by the cells of a cloud as they are drawn.
     fn extend(&self, plot: &FieldPlot<'_>, cloud: &LoggedCloud, extent: &mut [[f64; 3]; 2]) {
-        let moved = self.args.deform.and_then(|factor| deformation(cloud, factor));
+        let moved = self
+            .args
+            .deform
+            .and_then(|factor| deformation(cloud, factor));
         let half = 0.5 * plot.body.spacing;
         for (point, position) in plot.reference.positions(cloud).iter().enumerate() {
             for axis in 0..3 {
@@ -222,9 +227,15 @@ impl Film {
         match self.format {
             Format::Gif => {
                 let side = |pixels: u32| {
-                    u16::try_from(pixels).map_err(|_| self.failed("the pictures are too large for a GIF"))
+                    u16::try_from(pixels)
+                        .map_err(|_| self.failed("the pictures are too large for a GIF"))
                 };
-                let encoder = gif::Encoder::new(file, side(frame.width)?, side(frame.height)?, &self.palette.bytes());
+                let encoder = gif::Encoder::new(
+                    file,
+                    side(frame.width)?,
+                    side(frame.height)?,
+                    &self.palette.bytes(),
+                );
                 let mut encoder = encoder.map_err(|error| self.failed(error))?;
                 encoder
                     .set_repeat(gif::Repeat::Infinite)
@@ -258,9 +269,9 @@ impl Film {
                 picture.delay = 100 / self.length.1;
                 encoder.write_frame(&picture).map_err(|e| e.to_string())
             }
-            Encoder::Png(writer) => {
-                writer.write_image_data(&frame.pixels).map_err(|e| e.to_string())
-            }
+            Encoder::Png(writer) => writer
+                .write_image_data(&frame.pixels)
+                .map_err(|e| e.to_string()),
         };
         written.map_err(|what| self.failed(what))
     }

@@ -27,12 +27,24 @@ pub(super) fn draw_heading(picture: &mut Picture, left: f64, case: &str, title: 
     };
     let room = picture.width() - left - 20.0;
     if case.is_empty() {
-        picture.text(shortened(title, TITLE, room), [left, 0.45 * TITLE_HEIGHT], bold);
+        picture.text(
+            shortened(title, TITLE, room),
+            [left, 0.45 * TITLE_HEIGHT],
+            bold,
+        );
         return;
     }
-    picture.text(shortened(case, TITLE, room), [left, 0.45 * TITLE_HEIGHT], bold);
+    picture.text(
+        shortened(case, TITLE, room),
+        [left, 0.45 * TITLE_HEIGHT],
+        bold,
+    );
     let y = 0.45 * TITLE_HEIGHT + CASE_HEIGHT;
-    picture.text(shortened(title, LABEL, room), [left, y], look(LABEL, Anchor::Left));
+    picture.text(
+        shortened(title, LABEL, room),
+        [left, y],
+        look(LABEL, Anchor::Left),
+    );
 }
 
 /// The text, cut off at its end where it would be wider than the room.

@@ -38,14 +38,21 @@ impl Panel {
 /// the same scale, so that places below each other belong together.
 pub(super) fn panels(bounds: &[[[f64; 2]; 2]], axes: &[[usize; 2]], width: f64) -> Vec<Panel> {
     let room = width - LEFT - RIGHT;
-    let highest = if bounds.len() > 1 { HIGHEST } else { HIGHEST_ALONE } * width;
+    let highest = if bounds.len() > 1 {
+        HIGHEST
+    } else {
+        HIGHEST_ALONE
+    } * width;
     let extent = |b: &[[f64; 2]; 2]| [b[1][0] - b[0][0], b[1][1] - b[0][1]];
     let scale = |b: &[[f64; 2]; 2]| {
         let [wide, high] = extent(b);
         (room / wide).min(highest / high)
     };
     let panel = |(b, own): (&[[f64; 2]; 2], &[usize; 2])| {
-        let alike = bounds.iter().zip(axes).filter(|(_, axes)| axes[0] == own[0]);
+        let alike = bounds
+            .iter()
+            .zip(axes)
+            .filter(|(_, axes)| axes[0] == own[0]);
         let pixels_per_metre = alike.map(|(b, _)| scale(b)).fold(f64::INFINITY, f64::min);
         let [wide, high] = extent(b).map(|metres| metres * pixels_per_metre);
         let stretch = stretch(high, highest);

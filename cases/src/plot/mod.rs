@@ -203,7 +203,11 @@ impl Plotter<'_> {
     /// The temperatures of the isotherms that are asked for, K.
     fn isotherms(&self) -> Vec<f64> {
         let celsius = unit::Shown::new("K", 0.0, self.args.celsius);
-        self.args.isotherm.iter().map(|t| celsius.inverse(*t)).collect()
+        self.args
+            .isotherm
+            .iter()
+            .map(|t| celsius.inverse(*t))
+            .collect()
     }
 
     /// The fields of a cloud to draw.
@@ -291,9 +295,11 @@ impl Plotter<'_> {
     }
 
     fn write(&mut self, name: &str, picture: &Picture) -> Result<(), PlotError> {
-        let path = self
-            .out
-            .join(format!("{}.{}", file_name(name), self.args.format.extension()));
+        let path = self.out.join(format!(
+            "{}.{}",
+            file_name(name),
+            self.args.format.extension()
+        ));
         picture.write(&path, self.args.format)?;
         self.written.push(path);
         Ok(())
@@ -317,7 +323,11 @@ pub(crate) fn file_name(name: &str) -> String {
 }
 
 /// The grid of a body's points, by the spacings that a cloud has logged with them.
-pub(crate) fn grid_of(body: &BodyInfo, cloud: &LoggedCloud, positions: &[[f64; 3]]) -> Option<CellGrid> {
+pub(crate) fn grid_of(
+    body: &BodyInfo,
+    cloud: &LoggedCloud,
+    positions: &[[f64; 3]],
+) -> Option<CellGrid> {
     let spacing = cloud.fields.iter().find(|f| f.name == SPACING);
     match spacing {
         Some(spacing) => CellGrid::of_spacings(positions, &spacing.values),

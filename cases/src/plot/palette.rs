@@ -27,7 +27,11 @@ impl Palette {
         };
         let grey = |i: usize| {
             let (from, to) = (BLACK, WHITE);
-            (mix(from.0, to.0, i), mix(from.1, to.1, i), mix(from.2, to.2, i))
+            (
+                mix(from.0, to.0, i),
+                mix(from.1, to.1, i),
+                mix(from.2, to.2, i),
+            )
         };
         let greys = (0..GREYS).map(grey);
         let colours = of_map.chain(greys).chain(ISOTHERMS).chain([GREY]);
@@ -39,7 +43,10 @@ impl Palette {
 
     /// Red, green and blue of each colour.
     pub(super) fn bytes(&self) -> Vec<u8> {
-        self.colours.iter().flat_map(|&(r, g, b)| [r, g, b]).collect()
+        self.colours
+            .iter()
+            .flat_map(|&(r, g, b)| [r, g, b])
+            .collect()
     }
 
     /// Number of the nearest colour of each pixel.
@@ -57,8 +64,7 @@ impl Palette {
 
 fn nearest(colours: &[Colour], colour: Colour) -> u8 {
     let away = |a: u8, b: u8| i32::from(a.abs_diff(b)).pow(2);
-    let distance =
-        |c: &Colour| away(c.0, colour.0) + away(c.1, colour.1) + away(c.2, colour.2);
+    let distance = |c: &Colour| away(c.0, colour.0) + away(c.1, colour.1) + away(c.2, colour.2);
     let closest = colours.iter().enumerate().min_by_key(|(_, c)| distance(c));
     closest.map_or(0, |(index, _)| index as u8)
 }
@@ -71,7 +77,13 @@ mod tests {
     fn a_palette_has_what_pictures_consist_of() {
         let mut palette = Palette::new(ColourMap::Inferno);
         assert_eq!(palette.bytes().len(), 3 * 256);
-        let exact = [WHITE, BLACK, GREY, ISOTHERMS[3], ColourMap::Inferno.colour(0.0)];
+        let exact = [
+            WHITE,
+            BLACK,
+            GREY,
+            ISOTHERMS[3],
+            ColourMap::Inferno.colour(0.0),
+        ];
         let pixels: Vec<u8> = exact.iter().flat_map(|&(r, g, b)| [r, g, b]).collect();
         let indices = palette.indices(&pixels);
         for (index, colour) in indices.into_iter().zip(exact) {

@@ -76,12 +76,18 @@ mod tests {
     fn scales_suit_the_values() {
         let of = |values: &[f64]| ColourScale::of("stress.xx", values);
         let both = of(&[-1.0, f64::NAN, 3.0]);
-        assert_eq!((both.map, both.from, both.to), (ColourMap::BlueRed, -3.0, 3.0));
+        assert_eq!(
+            (both.map, both.from, both.to),
+            (ColourMap::BlueRed, -3.0, 3.0)
+        );
         assert_eq!((of(&[2.0, 5.0]).from, of(&[2.0, 5.0]).to), (2.0, 5.0));
         assert!(of(&[2.0, 2.0]).to > 2.0 && of(&[]).to > of(&[]).from);
         let asked = |from, to| ColourScale::asked("temperature", ValueRange { from, to });
         assert_eq!(asked(300.0, 900.0).map, ColourMap::Inferno);
         assert_eq!(asked(-5.0, 5.0).map, ColourMap::BlueRed);
-        assert_eq!((asked(-5.0, 9.0).from, asked(-5.0, 9.0).map), (-5.0, ColourMap::Inferno));
+        assert_eq!(
+            (asked(-5.0, 9.0).from, asked(-5.0, 9.0).map),
+            (-5.0, ColourMap::Inferno)
+        );
     }
 }

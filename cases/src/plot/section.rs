@@ -160,7 +160,10 @@ mod tests {
         assert_eq!(along.values[..3], [1.0, 3.0, 2.0]);
         assert!(along.values[3].is_nan());
         assert_eq!(views[1].caption, "section A, y = 0 m");
-        assert_eq!((views[2].axes, &*views[2].caption), ([1, 2], "section B, x = 1 m"));
+        assert_eq!(
+            (views[2].axes, &*views[2].caption),
+            ([1, 2], "section B, x = 1 m")
+        );
         assert_eq!(views[2].raster.values[..2], [3.0, 6.0]);
         assert_eq!(views[3].raster.values, [1.0, 3.0, 4.0, 6.0]);
         let beside = super::views(&grid, 3, &values, &[cut(0, 1.6)]).expect_err("outside");

@@ -71,7 +71,11 @@ impl Snapshot<'_> {
             [row] => !self.case.is_empty() && title_width + row_width(&names, row) <= room,
             _ => false,
         };
-        let legend_height = if beside { 0.0 } else { ROW * legend.len() as f64 };
+        let legend_height = if beside {
+            0.0
+        } else {
+            ROW * legend.len() as f64
+        };
         let top = heading_height(self.case) + legend_height + caption;
 
         let heights = panels.iter().map(|panel| panel.size[1]).sum::<f64>()
@@ -94,7 +98,9 @@ impl Snapshot<'_> {
         }
         for (number, panel) in panels.iter().enumerate() {
             let view = &self.views[number];
-            let lines = isotherms.iter().map(|(index, lines)| (*index, &lines[number][..]));
+            let lines = isotherms
+                .iter()
+                .map(|(index, lines)| (*index, &lines[number][..]));
             let lines: Vec<_> = lines.collect();
             self.draw_view(&mut picture, view, panel, &lines);
             if has_captions {

@@ -115,7 +115,10 @@ impl Reference {
             return Ok(Self::default());
         };
         // a log that was cut does not begin with the undeformed body
-        for (position, u) in positions.iter_mut().zip(displacement.values.chunks_exact(3)) {
+        for (position, u) in positions
+            .iter_mut()
+            .zip(displacement.values.chunks_exact(3))
+        {
             for axis in 0..3 {
                 position[axis] -= u[axis];
             }

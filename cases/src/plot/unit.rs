@@ -189,6 +189,12 @@ fn trimmed(number: &str) -> &str {
     }
 }
 
+/// A length (m) as text with a suitable unit.
+pub(crate) fn length_text(length: f64) -> String {
+    let unit = self::length(length);
+    format!("{} {}", number(length * unit.factor, 5), unit.unit)
+}
+
 /// A time (s) as text with a suitable unit.
 pub(crate) fn time_text(time: f64) -> String {
     let unit = self::time(time);
@@ -204,6 +210,7 @@ mod tests {
         assert_eq!(time_text(2.5), "2.5 s");
         assert_eq!(time_text(2.5e-3), "2.5 ms");
         assert_eq!(time_text(1.2e-14), "12 fs");
+        assert_eq!(length_text(1.5e-3), "1.5 mm");
         assert_eq!(pretty_unit("W/m3"), "W/m³");
         assert_eq!(
             label("fraction of liquid", &pretty_unit("1")),
