@@ -5,7 +5,7 @@
 //! - [`probe`]: numbers computed from the fields with every logged state;
 //! - [`interpolation`]: fields between points; [`melt_pool`]: extents above an isotherm;
 //! - [`library`]: the materials that come with the program;
-//! - [`commands`]: the command line; [`plot`], [`view`], [`export`], [`sweep`] and [`verify`] behind it.
+//! - [`commands`]: the command line; [`plot`], [`view`], [`export`], [`diff`], [`sweep`] and [`verify`] behind it.
 //!
 //! A binary with additional plugins links their crate and calls [`main`]:
 //!
@@ -20,6 +20,7 @@ pub mod case;
 mod cell_grid;
 pub mod commands;
 mod component;
+pub mod diff;
 pub mod export;
 pub mod interpolation;
 pub mod library;

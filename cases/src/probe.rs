@@ -277,6 +277,13 @@ fn reduce(values: impl Iterator<Item = (f64, f64)>, statistic: Statistic) -> f64
     }
 }
 
+/// Whether columns have names as those of a line probe: ascending distances from its start (m), the first one zero.
+pub(crate) fn is_line<'a>(names: impl Iterator<Item = &'a str>) -> bool {
+    let distances: Option<Vec<f64>> = names.map(|name| name.parse().ok()).collect();
+    distances
+        .is_some_and(|d| d.len() >= 2 && d[0] == 0.0 && d.windows(2).all(|pair| pair[0] < pair[1]))
+}
+
 /// Column names (distance from the start, m) and weights of a line of positions.
 fn along(body: &Body, line: &LineProbe) -> Result<(Vec<String>, Vec<Weights>), SetupError> {
     if line.number < 2 {

@@ -10,7 +10,7 @@ use crate::plot::isotherm::isotherms;
 use crate::plot::scalar::scalar;
 use crate::plot::survey::{Reference, survey};
 use crate::plot::unit;
-use crate::run::record::REPORTS;
+use crate::run::record::{RELATIVE_ERROR, REPORTS};
 
 /// Parts of the points with the smallest and the largest values that ranges leave out.
 const OUTSIDE: f64 = 0.1;
@@ -258,7 +258,8 @@ fn errors(log: &Log) -> impl Iterator<Item = ReadOff> + '_ {
         };
         let change = (last("stored")? - last("initial")?).abs();
         let size = change.max(last("supplied")?.abs());
-        let error = column.values.last()?.abs() / size;
+        let logged = last(&RELATIVE_ERROR[1..]);
+        let error = logged.unwrap_or(column.values.last()?.abs() / size);
         (size > 0.0).then(|| ReadOff::new("", format!("relative error of {quantity}"), error, "1"))
     })
 }

@@ -36,9 +36,11 @@ pub struct BodySection {
     pub shape: Shape,
     /// 1 (bar), 2 (plate) or 3 (block).
     #[serde(default = "three")]
+    #[schemars(range(min = 1, max = 3))]
     pub dimension: usize,
     /// Distance between neighbouring points, m; or give `zones` or `points`.
     #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub spacing: Option<f64>,
     /// Boxes with individual spacings that together cover the shape, such as
     /// `zones = [{ min = [0, 0, 0], max = [0.1, 0.1, 0], spacing = 0.005 }, ...]`.
@@ -53,9 +55,11 @@ pub struct BodySection {
     pub jitter: Option<Jitter>,
     /// Thickness of a 2D body, m.
     #[serde(default = "one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub thickness: f64,
     /// Cross-section of a 1D body, m².
     #[serde(default = "one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub cross_section: f64,
     /// Name of the material: a `[materials]` section or a library entry.
     pub material: String,
@@ -147,6 +151,7 @@ impl<'de> Deserialize<'de> for Components {
 #[serde(deny_unknown_fields)]
 pub struct TimeSection {
     /// End of the simulated time, s.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub end: f64,
     /// Macro step, s, or "auto".
     #[serde(default)]
@@ -158,6 +163,7 @@ pub struct TimeSection {
     pub stages: Vec<Stage>,
     /// Factor of automatic steps to the largest stable step, 0 to 1.
     #[serde(default = "default_safety")]
+    #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
     pub safety: f64,
     /// Repeats each macro step until the physics agree (strong coupling).
     #[serde(default)]
@@ -174,6 +180,7 @@ fn default_safety() -> f64 {
 pub struct LogSection {
     /// Simulated time between logged states, s; a hundredth of the run when left out.
     #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub interval: Option<f64>,
     /// Fields in the point clouds; all but the enthalpy when left out.
     #[serde(default)]
@@ -183,6 +190,7 @@ pub struct LogSection {
     pub precision: Precision,
     /// Simulated time between checkpoints, s; a tenth of the run when left out.
     #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub checkpoint: Option<f64>,
 }
 
@@ -256,6 +264,7 @@ pub struct LineProbe {
     /// End, m.
     pub to: [f64; 3],
     /// Number of positions, both ends included.
+    #[schemars(range(min = 2, max = 100_000))]
     pub number: usize,
 }
 

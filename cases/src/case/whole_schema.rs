@@ -61,7 +61,7 @@ where
     let plugin = |r: &&Registration<P>| {
         let mut schema = (r.schema)().to_value();
         if let Some(Value::Object(own)) = schema.as_object_mut().and_then(|s| s.remove("$defs")) {
-            definitions.extend(own);
+            add_definitions(definitions, own, (r.name, &mut schema));
         }
         if let Some(object) = schema.as_object_mut() {
             object.remove("$schema");
@@ -75,4 +75,78 @@ where
         schema
     };
     registered::<P>().iter().map(plugin).collect()
+}
+
+/// Adds the definitions of a plugin's schema. One whose name another definition has, such as `Form`, gets the name of the
+/// plugin in front of its own.
+fn add_definitions(
+    definitions: &mut Map<String, Value>,
+    own: Map<String, Value>,
+    (plugin, schema): (&str, &mut Value),
+) {
+    let taken: Vec<String> = own
+        .iter()
+        .filter(|(name, schema)| definitions.get(*name).is_some_and(|known| known != *schema))
+        .map(|(name, _)| name.clone())
+        .collect();
+    let refer = |value: &mut Value| {
+        for name in &taken {
+            redirect(
+                value,
+                &reference(name),
+                &reference(&format!("{plugin}_{name}")),
+            );
+        }
+    };
+    refer(schema);
+    for (name, mut definition) in own {
+        refer(&mut definition);
+        let name = if taken.contains(&name) {
+            format!("{plugin}_{name}")
+        } else {
+            name
+        };
+        definitions.insert(name, definition);
+    }
+}
+
+fn reference(name: &str) -> String {
+    format!("#/$defs/{name}")
+}
+
+/// Replaces a reference wherever it occurs.
+fn redirect(value: &mut Value, from: &str, to: &str) {
+    match value {
+        Value::Object(keys) => {
+            for (key, value) in keys {
+                if key == "$ref" && *value == from {
+                    *value = to.into();
+                } else {
+                    redirect(value, from, to);
+                }
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(|item| redirect(item, from, to)),
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn definitions_of_one_name_stay_apart() {
+        let variants = |schema: &Value, plugin: &str| -> Value {
+            let plugins = schema["properties"]["physics"]["items"]["oneOf"].as_array();
+            let of_type = |p: &&Value| p["properties"]["type"]["const"] == plugin;
+            let found = plugins.expect("a list").iter().find(of_type).expect(plugin);
+            let form = &found["properties"]["form"];
+            super::super::schema::resolve(schema, form).clone()
+        };
+        let schema = whole_schema();
+        let (thermal, fluid) = (variants(&schema, "thermal"), variants(&schema, "fluid"));
+        assert!(thermal.to_string().contains("bonds"), "{thermal}");
+        assert!(fluid.to_string().contains("conservative"), "{fluid}");
+    }
 }

@@ -1,17 +1,20 @@
-//! `perimelt check`: all checks of a case, and an estimate of its duration.
+//! `perimelt check`: all checks of a case, and estimates of its duration and of the size of its log.
 
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use perimelt_core::body::Lattice;
+use perimelt_core::field::FieldIndex;
+use perimelt_core::log::Precision;
 use perimelt_core::{Body, Simulation};
 
 use super::Done;
 use crate::case::Case;
-use crate::plot::unit;
+use crate::plot::unit::{length_text, time_text};
 use crate::run::Failure;
 use crate::run::display::{duration, warn};
+use crate::run::record::logged_fields;
 
 #[derive(clap::Args, Debug)]
 pub struct CheckArgs {
@@ -29,6 +32,7 @@ pub fn run(args: &CheckArgs) -> Done {
     }
     sizes(&simulation, &mut out)?;
     steps(&simulation, &mut out)?;
+    log_size(&case, &simulation, &mut out)?;
     duration_of(&mut simulation, &mut out)?;
     warn(&case.warnings(&simulation)?);
     Ok(())
@@ -44,7 +48,7 @@ fn sizes(simulation: &Simulation, out: &mut impl Write) -> Done {
                 spacing,
                 ..
             }) => {
-                format!("{x} x {y} x {z} cells of {}", unit::length_text(*spacing))
+                format!("{x} x {y} x {z} cells of {}", length_text(*spacing))
             }
             None => format!("cells of {}", span(body, |spacing| spacing)),
         };
@@ -100,10 +104,10 @@ fn span(body: &Body, length: impl Fn(f64) -> f64) -> String {
         length(body.finest_spacing()),
         length(body.coarsest_spacing()),
     );
-    let [from, to] = [least, most].map(unit::length_text);
-    match least == most {
-        true => from,
-        false => format!("{from} to {to}"),
+    if least == most {
+        length_text(least)
+    } else {
+        format!("{} to {}", length_text(least), length_text(most))
     }
 }
 
@@ -111,10 +115,10 @@ fn steps(simulation: &Simulation, out: &mut impl Write) -> Done {
     let sub_steps = simulation.sub_steps().iter().zip(simulation.stable_steps());
     for (label, (&step, stable)) in simulation.physics_labels().zip(sub_steps) {
         let stable = stable.map_or("stable at any step".into(), |s| {
-            format!("largest stable step {}", unit::time_text(s))
+            format!("largest stable step {}", time_text(s))
         });
         let step = if step.is_finite() {
-            unit::time_text(step)
+            time_text(step)
         } else {
             "the macro step".into()
         };
@@ -126,9 +130,9 @@ fn steps(simulation: &Simulation, out: &mut impl Write) -> Done {
     writeln!(
         out,
         "macro steps: up to {}, about {:.0} until {}",
-        unit::time_text(macro_step.min(log)),
+        time_text(macro_step.min(log)),
         (end / log * per_log).ceil(),
-        unit::time_text(end)
+        time_text(end)
     )?;
     writeln!(
         out,
@@ -138,30 +142,92 @@ fn steps(simulation: &Simulation, out: &mut impl Write) -> Done {
     Ok(())
 }
 
-/// Measures the wall time of a few steps, whose results are discarded.
+/// Size of the log before compression.
+fn log_size(case: &Case, simulation: &Simulation, out: &mut impl Write) -> Done {
+    let world = simulation.world();
+    let width = match case.log.precision {
+        Precision::F32 => 4,
+        Precision::F64 => 8,
+    };
+    let fields = logged_fields(case, simulation);
+    let state: usize = world
+        .bodies()
+        .iter()
+        .zip(&fields)
+        .map(|(body, fields)| {
+            let components = |f: &FieldIndex| world.fields().field(*f).data().components();
+            // positions, and the spacings of points that are not on a lattice
+            let others = 3 + usize::from(body.lattice().is_none());
+            let numbers = others + fields.iter().map(components).sum::<usize>();
+            width * numbers * body.points.len()
+        })
+        .sum();
+    let columns: usize = case
+        .build_probes(simulation)?
+        .iter()
+        .map(|p| p.columns.len())
+        .sum();
+    // digits of a number as text, and its name
+    let state = state + 40 * columns;
+    let checkpoint = simulation.save()?.len();
+    let end = simulation.options().end;
+    let states = (end / simulation.options().log_interval - 1e-9).ceil() + 1.0;
+    let checkpoints = (end / case.checkpoint_interval() - 1e-9).ceil() + 1.0;
+    let total = states * state as f64 + checkpoints * checkpoint as f64;
+    writeln!(
+        out,
+        "log: at most {} before compression: {states:.0} states of {}, {checkpoints:.0} checkpoints of {}",
+        bytes(total as usize),
+        bytes(state),
+        bytes(checkpoint)
+    )?;
+    Ok(())
+}
+
+/// Wall time in which steps are measured, s.
+const MEASURED_SECONDS: f64 = 4.0;
+
+/// Runs the case for some seconds, or to its end, and discards the results. The cost of a step grows while a body heats up and
+/// yields, so that the first steps say little: the remaining time is that of the steps in the last third of the
+/// measured time.
 fn duration_of(simulation: &mut Simulation, out: &mut impl Write) -> Done {
-    const STEPS: usize = 3;
-    const ENOUGH_SECONDS: f64 = 2.0;
-    // the first step warms caches and threads
-    simulation.step()?;
-    let (from, started) = (simulation.time(), Instant::now());
-    for _ in 0..STEPS {
-        if simulation.is_finished() || started.elapsed().as_secs_f64() > ENOUGH_SECONDS {
-            break;
-        }
+    let started = Instant::now();
+    let elapsed = || started.elapsed().as_secs_f64();
+    // simulated time and wall time
+    let mut steps = vec![(simulation.time(), 0.0)];
+    while !simulation.is_finished() && elapsed() < MEASURED_SECONDS {
         simulation.step()?;
+        steps.push((simulation.time(), elapsed()));
     }
-    let simulated = simulation.time() - from;
-    if simulated > 0.0 {
-        let left = started.elapsed().as_secs_f64() * simulation.options().end / simulated;
-        writeln!(
+    let end = simulation.options().end;
+    let total = estimate(&steps, end);
+    let simulated = time_text(simulation.time());
+    let threads = rayon::current_num_threads();
+    match total {
+        Some(total) if simulation.is_finished() => writeln!(
             out,
-            "estimated duration: {} on {} threads, without the log",
-            duration(left),
-            rayon::current_num_threads()
-        )?;
+            "duration: {} on {threads} threads, without the log",
+            duration(total)
+        )?,
+        Some(total) => writeln!(
+            out,
+            "estimated duration: {} on {threads} threads, without the log, from the steps up to t = {simulated}",
+            duration(total)
+        )?,
+        None => {}
     }
     Ok(())
+}
+
+/// Wall time (s) of a run up to the simulated time `end` (s), from simulated and wall times (s) of its first steps.
+fn estimate(steps: &[(f64, f64)], end: f64) -> Option<f64> {
+    let &(time, wall) = steps.last()?;
+    let is_late = |step: &&(f64, f64)| step.1 >= 2.0 / 3.0 * wall;
+    // one step may take longer than all others
+    let index = steps.iter().position(|step| is_late(&step))?;
+    let (early_time, early_wall) = steps[index.min(steps.len().checked_sub(2)?)];
+    let rate = (wall - early_wall) / (time - early_time);
+    Some(wall + rate * (end - time)).filter(|total| total.is_finite())
 }
 
 fn bytes(count: usize) -> String {
@@ -169,5 +235,22 @@ fn bytes(count: usize) -> String {
         b if b < 1e6 => format!("{:.1} kB", b / 1e3),
         b if b < 1e9 => format!("{:.1} MB", b / 1e6),
         b => format!("{:.2} GB", b / 1e9),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_steps_tell_the_duration() {
+        // steps of 1 s take 0.1 s, later 0.5 s
+        let steps = [(0.0, 0.0), (1.0, 0.1), (2.0, 0.6), (3.0, 1.1), (4.0, 1.6)];
+        let total = estimate(&steps, 10.0).expect("an estimate");
+        assert!((total - 4.6).abs() < 1e-12, "{total}");
+        // finished
+        assert_eq!(estimate(&steps, 4.0), Some(1.6));
+        assert_eq!(estimate(&[(0.0, 0.0), (1.0, 9.0)], 10.0), Some(90.0));
+        assert_eq!(estimate(&[(0.0, 0.0)], 10.0), None);
     }
 }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use perimelt_core::log::{Ending, Log};
 
 use super::Done;
-use crate::plot::unit;
+use crate::plot::unit::{length_text, time_text};
 use crate::run::case_of;
 use crate::run::display::duration;
 
@@ -41,7 +41,7 @@ pub fn run(args: &InfoArgs) -> Done {
         writeln!(
             out,
             "t = {} after {} steps and {wall}",
-            unit::time_text(last.time),
+            time_text(last.time),
             last.step
         )?;
     }
@@ -49,7 +49,7 @@ pub fn run(args: &InfoArgs) -> Done {
         let times = log.times(&body.name);
         let span = match (times.first(), times.last()) {
             (Some(first), Some(last)) => {
-                let [first, last] = [first, last].map(|t| unit::time_text(*t));
+                let (first, last) = (time_text(*first), time_text(*last));
                 format!("{} states from {first} to {last}", times.len())
             }
             _ => "no state".into(),
@@ -60,7 +60,7 @@ pub fn run(args: &InfoArgs) -> Done {
             body.name,
             body.points,
             body.dimension,
-            unit::length_text(body.spacing)
+            length_text(body.spacing)
         )?;
         for field in &body.fields {
             writeln!(out, "    {} [{}]", field.name, field.unit)?;
@@ -99,7 +99,7 @@ pub fn run(args: &InfoArgs) -> Done {
     let times: Vec<String> = log
         .checkpoints()
         .iter()
-        .map(|c| unit::time_text(c.time))
+        .map(|c| time_text(c.time))
         .collect();
     writeln!(out, "checkpoints at t = {}", times.join(", "))?;
     Ok(())
@@ -116,8 +116,8 @@ fn early_end(log: &Log) -> String {
         true => String::new(),
         false => format!(
             "; the run was interrupted or failed at t = {} of {}: `perimelt resume` continues it",
-            unit::time_text(last.time),
-            unit::time_text(end)
+            time_text(last.time),
+            time_text(end)
         ),
     }
 }

@@ -1,6 +1,7 @@
 //! The command line.
 
 mod check;
+mod diff;
 mod explain;
 mod info;
 mod list;
@@ -8,12 +9,14 @@ mod new;
 mod replay;
 mod run;
 mod summary;
+mod trim;
+mod version;
 
 use std::error::Error;
 use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::case::{self, CaseError};
 use crate::run::Failure;
@@ -21,7 +24,7 @@ use crate::{export, plot, sweep, verify, view};
 
 /// Simulates welding and additive manufacturing with peridynamics.
 #[derive(Parser, Debug)]
-#[command(name = "perimelt", version, about)]
+#[command(name = "perimelt", about)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -52,6 +55,10 @@ enum Command {
     Summary(summary::SummaryArgs),
     /// Step through a log: time, probes, balance
     Replay(replay::ReplayArgs),
+    /// Cut a time window out of a log
+    Trim(trim::TrimArgs),
+    /// Compare fields, probes and balances of two logs; exit status 0: equal, 1: different, 2: error
+    Diff(crate::diff::DiffArgs),
     /// Resume a run from the last checkpoint of its log
     Resume(run::ResumeArgs),
     /// Run a case with several values of some of its keys, and compare what is read off
@@ -70,7 +77,14 @@ type Done = Result<(), Box<dyn Error>>;
 
 /// The program: parses its arguments, runs the command, and reports errors.
 pub fn main() -> ExitCode {
-    let result = match Arguments::parse().command {
+    let command = version::command(Arguments::command());
+    let arguments = Arguments::from_arg_matches(&command.get_matches());
+    let arguments = arguments.unwrap_or_else(|error| error.exit());
+    let failed = match arguments.command {
+        Command::Diff(_) => ExitCode::from(diff::ERROR),
+        _ => ExitCode::FAILURE,
+    };
+    let result = match arguments.command {
         Command::New(args) => new::run(&args),
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::run(&args),
@@ -82,6 +96,8 @@ pub fn main() -> ExitCode {
         Command::Summary(args) => summary::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Resume(args) => run::resume(&args),
+        Command::Trim(args) => trim::run(&args),
+        Command::Diff(args) => diff::run(&args),
         Command::Sweep(args) => sweep::sweep(&args, &mut std::io::stdout()),
         Command::Export(args) => export(&args),
         Command::Plot(args) => plot(&args),
@@ -91,11 +107,12 @@ pub fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if is_closed_pipe(&*error) => ExitCode::SUCCESS,
+        Err(error) if error.is::<diff::Different>() => ExitCode::from(diff::DIFFERENT),
         Err(error) => match error.downcast_ref() {
             Some(run::Interrupted(signal)) => ExitCode::from(128 + *signal as u8),
             None => {
                 report(&*error);
-                ExitCode::FAILURE
+                failed
             }
         },
     }
@@ -129,15 +146,26 @@ fn is_closed_pipe(error: &(dyn Error + 'static)) -> bool {
 
 /// Writes files and prints how many, and which one to open.
 fn export(args: &export::ExportArgs) -> Done {
-    let written = export::export(args)?;
-    let Some(last) = written.last() else {
+    let export::Exported {
+        files,
+        is_displaced,
+    } = export::export(args)?;
+    let Some(last) = files.last() else {
         return Ok(());
     };
-    let (count, last) = (written.len(), last.display());
-    Ok(writeln!(
-        std::io::stdout(),
-        "{count} files, the last is {last}"
-    )?)
+    let out = &mut std::io::stdout();
+    let (count, last) = (files.len(), last.display());
+    writeln!(out, "{count} files, the last is {last}")?;
+    if is_displaced {
+        let undeformed = match args.format {
+            export::ExportFormat::Vtk => "`reference_position` has those of the undeformed body",
+            export::ExportFormat::Csv => {
+                "less `displacement`, they are those of the undeformed body"
+            }
+        };
+        writeln!(out, "points are at their displaced positions; {undeformed}")?;
+    }
+    Ok(())
 }
 
 /// Draws pictures and prints their paths.

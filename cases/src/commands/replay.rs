@@ -87,7 +87,7 @@ fn show(out: &mut impl Write, log: &Log, index: usize, time: f64) -> Done {
         }
     }
     for (name, series) in log.probes() {
-        row(out, name, series, time)?;
+        row(out, &format!("probe {name}"), series, time)?;
     }
     row(out, "balance", log.balance(), time)
 }

@@ -11,7 +11,7 @@ use signal_hook::flag;
 use super::{Done, tell};
 use crate::case::Case;
 use crate::case::change::Change;
-use crate::plot::unit;
+use crate::plot::unit::time_text;
 use crate::run::display::{duration, warn};
 use crate::run::{self, End, Options, Summary};
 
@@ -161,7 +161,7 @@ impl Common {
         writeln!(
             out,
             "{how} at t = {} after {} steps in {}: {log}",
-            unit::time_text(summary.time),
+            time_text(summary.time),
             summary.steps,
             duration(summary.wall_seconds)
         )?;

@@ -8,9 +8,12 @@
 //!   `<body>-times.csv`, the times by number
 //! - always: `probe-<name>.csv`, `balance.csv`, `progress.csv`
 //!
-//! Positions are as logged, that is deformed: do not warp by `displacement` again in ParaView.
+//! Points of a lattice are connected to hexahedra, see [`mesh`]. Positions are as logged, that is displaced: do not warp by
+//! `displacement` again in ParaView. The array `reference_position` has the positions in the undeformed body; in tables,
+//! they are the positions less the displacements.
 
 mod csv;
+mod mesh;
 #[cfg(test)]
 mod tests;
 mod vtu;
@@ -21,10 +24,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
+use perimelt_core::log::{BodyInfo, Log, LogError};
 
 use crate::moment::{MomentError, sound, state_at};
-use crate::plot::beside;
+use crate::plot::survey::Reference;
+use crate::plot::{beside, file_name};
+use mesh::Mesh;
 
 /// What to export.
 #[derive(Clone, Debug, clap::Args)]
@@ -101,11 +106,20 @@ pub enum ExportError {
     },
 }
 
-/// Writes the files; their paths, that of the ParaView collection last.
+/// What was exported.
+#[derive(Clone, Debug, Default)]
+pub struct Exported {
+    /// the files, the ParaView collection last
+    pub files: Vec<PathBuf>,
+    /// whether points are at displaced positions
+    pub is_displaced: bool,
+}
+
+/// Writes the files.
 ///
 /// # Errors
 /// The log cannot be read, has no such body, field or time, or a file cannot be written.
-pub fn export(args: &ExportArgs) -> Result<Vec<PathBuf>, ExportError> {
+pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
     let log = Log::open(&args.log)?;
     let bodies = chosen_bodies(&log, &args.body)?;
     check_fields(&log, &bodies, &args.field)?;
@@ -134,8 +148,11 @@ pub fn export(args: &ExportArgs) -> Result<Vec<PathBuf>, ExportError> {
         folder.write("progress.csv", |file| csv::progress(file, log.progress()))?;
     }
     let mut collection = Vec::new();
+    let mut is_displaced = false;
     for (part, body) in bodies.into_iter().enumerate() {
         let times = log.times(&body.name);
+        let reference = Reference::new(&log, body)?;
+        is_displaced |= reference.is_of_solid();
         for index in chosen_times(times, args)? {
             let Some(mut cloud) = sound(log.cloud(&body.name, index))? else {
                 continue;
@@ -145,7 +162,20 @@ pub fn export(args: &ExportArgs) -> Result<Vec<PathBuf>, ExportError> {
                     .fields
                     .retain(|field| args.field.contains(&field.name));
             }
-            let name = folder.write_cloud(&body.name, index, &cloud, args.format)?;
+            let positions = reference.positions(&cloud);
+            let shown = reference.is_of_solid().then_some(positions);
+            let name = match args.format {
+                ExportFormat::Vtk => {
+                    let mesh = Mesh::new(body, &cloud, positions);
+                    folder.write(&format!("{}-{index:05}.vtu", body.name), |file| {
+                        vtu::write_cloud(file, &cloud, &mesh, shown)
+                    })?
+                }
+                ExportFormat::Csv => folder
+                    .write(&format!("{}-{index:05}.csv", body.name), |file| {
+                        csv::cloud(file, &cloud)
+                    })?,
+            };
             collection.push(vtu::DataSet {
                 time: cloud.time,
                 part,
@@ -166,7 +196,10 @@ pub fn export(args: &ExportArgs) -> Result<Vec<PathBuf>, ExportError> {
             vtu::write_collection(file, &collection)
         })?;
     }
-    Ok(folder.written)
+    Ok(Exported {
+        files: folder.written,
+        is_displaced,
+    })
 }
 
 /// The bodies asked for, or all.
@@ -241,7 +274,7 @@ impl Folder {
         name: &str,
         write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
     ) -> Result<String, ExportError> {
-        let name = name.replace(['/', '\\'], "-");
+        let name = file_name(name);
         let path = self.path.join(&name);
         written(&path, write).map_err(|source| ExportError::Io {
             path: path.clone(),
@@ -249,23 +282,6 @@ impl Folder {
         })?;
         self.written.push(path);
         Ok(name)
-    }
-
-    fn write_cloud(
-        &mut self,
-        body: &str,
-        index: usize,
-        cloud: &LoggedCloud,
-        format: ExportFormat,
-    ) -> Result<String, ExportError> {
-        match format {
-            ExportFormat::Vtk => self.write(&format!("{body}-{index:05}.vtu"), |file| {
-                vtu::write_cloud(file, cloud)
-            }),
-            ExportFormat::Csv => self.write(&format!("{body}-{index:05}.csv"), |file| {
-                csv::cloud(file, cloud)
-            }),
-        }
     }
 }
 
@@ -279,7 +295,7 @@ fn written(
 }
 
 /// Whether four bytes hold these numbers exactly, as they do if they were logged so.
-fn fit_f32(values: &[f64]) -> bool {
+pub(crate) fn fit_f32(values: &[f64]) -> bool {
     values
         .iter()
         .all(|&value| value.is_nan() || f64::from(value as f32) == value)

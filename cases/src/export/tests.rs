@@ -17,8 +17,9 @@ fn exported(change: impl FnOnce(&mut ExportArgs)) -> (tempfile::TempDir, Vec<Pat
         every: 1,
     };
     change(&mut args);
-    let paths = export(&args).expect("files");
-    (folder, paths)
+    let exported = export(&args).expect("files");
+    assert!(exported.is_displaced);
+    (folder, exported.files)
 }
 
 fn read(paths: &[PathBuf], name: &str) -> Vec<u8> {
@@ -60,7 +61,14 @@ fn vtu_holds_the_logged_numbers_where_its_header_says() {
     assert_eq!(numbers("temperature"), cloud.fields[0].values);
     assert_eq!(numbers("displacement"), cloud.fields[1].values);
     assert_eq!(numbers("Points"), cloud.positions.as_flattened());
-    assert!(header.contains(r#"NumberOfPoints="36" NumberOfCells="36""#));
+    // cells between 6 x 3 x 2 points
+    assert!(header.contains(r#"NumberOfPoints="36" NumberOfCells="10""#));
+    assert!(header.contains("displaced positions"));
+    let displacement = &cloud.fields[1].values;
+    let moved = numbers("reference_position").into_iter().zip(displacement);
+    for ((reference, u), position) in moved.zip(cloud.positions.as_flattened()) {
+        assert!((reference + u - position).abs() < 1e-15);
+    }
 
     let collection = String::from_utf8(read(&paths, "spot.pvd")).expect("text");
     assert_eq!(collection.matches("<DataSet ").count(), fixture::TIMES);

@@ -1,13 +1,13 @@
-//! VTK's XML format for points, raw bytes appended, and ParaView's collection of times.
+//! VTK's XML format for unstructured grids, raw bytes appended, and ParaView's collection of times.
 //!
-//! Written by hand because it is 80 lines, while `vtkio` is a release candidate and depends on an
+//! Written by hand because it is 100 lines, while `vtkio` is a release candidate and depends on an
 //! XML parser and three compressors that are not needed.
 
 use std::io::{self, Write};
 
 use perimelt_core::log::LoggedCloud;
 
-use super::fit_f32;
+use super::{fit_f32, mesh::Mesh};
 
 /// An array of the file.
 struct Array<'a> {
@@ -18,16 +18,8 @@ struct Array<'a> {
 
 enum Data<'a> {
     Numbers(std::borrow::Cow<'a, [f64]>),
-    /// 0, 1, 2 ... or 1, 2, 3 ...
-    Count {
-        from: i64,
-        length: usize,
-    },
-    /// the same byte all over
-    Bytes {
-        byte: u8,
-        length: usize,
-    },
+    Indices(&'a [i32]),
+    Bytes(&'a [u8]),
 }
 
 impl Data<'_> {
@@ -35,16 +27,16 @@ impl Data<'_> {
         match self {
             Self::Numbers(values) if fit_f32(values) => "Float32",
             Self::Numbers(_) => "Float64",
-            Self::Count { .. } => "Int64",
-            Self::Bytes { .. } => "UInt8",
+            Self::Indices(_) => "Int32",
+            Self::Bytes(_) => "UInt8",
         }
     }
 
     fn byte_count(&self) -> usize {
         match self {
             Self::Numbers(values) => values.len() * if fit_f32(values) { 4 } else { 8 },
-            Self::Count { length, .. } => length * 8,
-            Self::Bytes { length, .. } => *length,
+            Self::Indices(indices) => indices.len() * 4,
+            Self::Bytes(bytes) => bytes.len(),
         }
     }
 
@@ -57,15 +49,24 @@ impl Data<'_> {
             Self::Numbers(values) => values
                 .iter()
                 .try_for_each(|x| file.write_all(&x.to_le_bytes())),
-            Self::Count { from, length } => (0..*length as i64)
-                .try_for_each(|number| file.write_all(&(from + number).to_le_bytes())),
-            Self::Bytes { byte, length } => file.write_all(&vec![*byte; *length]),
+            Self::Indices(indices) => indices
+                .iter()
+                .try_for_each(|index| file.write_all(&index.to_le_bytes())),
+            Self::Bytes(bytes) => file.write_all(bytes),
         }
     }
 }
 
-/// A cloud as an unstructured grid of vertices.
-pub(super) fn write_cloud(file: &mut impl Write, cloud: &LoggedCloud) -> io::Result<()> {
+/// Name of the array of reference positions.
+pub(super) const REFERENCE: &str = "reference_position";
+
+/// A cloud as an unstructured grid; of a body that deforms with its reference positions (m).
+pub(super) fn write_cloud(
+    file: &mut impl Write,
+    cloud: &LoggedCloud,
+    mesh: &Mesh,
+    reference: Option<&[[f64; 3]]>,
+) -> io::Result<()> {
     let points = cloud.positions.len();
     let numbers = |name, components, values| Array {
         name,
@@ -81,7 +82,10 @@ pub(super) fn write_cloud(file: &mut impl Write, cloud: &LoggedCloud) -> io::Res
     });
     let time = [cloud.time];
     let global = [numbers("TimeValue", 1, time.as_slice().into())];
-    let point_data: Vec<Array> = fields.collect();
+    let reference =
+        reference.map(|reference| numbers(REFERENCE, 3, reference.as_flattened().into()));
+    let is_displaced = reference.is_some();
+    let point_data: Vec<Array> = fields.chain(reference).collect();
     let positions = [numbers("Points", 3, cloud.positions.as_flattened().into())];
     let cell = |name, data| Array {
         name,
@@ -89,28 +93,9 @@ pub(super) fn write_cloud(file: &mut impl Write, cloud: &LoggedCloud) -> io::Res
         data,
     };
     let cells = [
-        cell(
-            "connectivity",
-            Data::Count {
-                from: 0,
-                length: points,
-            },
-        ),
-        cell(
-            "offsets",
-            Data::Count {
-                from: 1,
-                length: points,
-            },
-        ),
-        // VTK_VERTEX
-        cell(
-            "types",
-            Data::Bytes {
-                byte: 1,
-                length: points,
-            },
-        ),
+        cell("connectivity", Data::Indices(&mesh.connectivity)),
+        cell("offsets", Data::Indices(&mesh.offsets)),
+        cell("types", Data::Bytes(&mesh.types)),
     ];
 
     writeln!(file, r#"<?xml version="1.0"?>"#)?;
@@ -118,12 +103,19 @@ pub(super) fn write_cloud(file: &mut impl Write, cloud: &LoggedCloud) -> io::Res
         file,
         r#"<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64">"#
     )?;
+    if is_displaced {
+        writeln!(
+            file,
+            "<!-- Points are at their displaced positions; {REFERENCE} has those of the undeformed body. -->"
+        )?;
+    }
     writeln!(file, "<UnstructuredGrid>")?;
     let mut offset = 0;
     declare(file, "FieldData", &global, &mut offset)?;
     writeln!(
         file,
-        r#"<Piece NumberOfPoints="{points}" NumberOfCells="{points}">"#
+        r#"<Piece NumberOfPoints="{points}" NumberOfCells="{}">"#,
+        mesh.types.len()
     )?;
     declare(file, "PointData", &point_data, &mut offset)?;
     declare(file, "Points", &positions, &mut offset)?;
@@ -157,14 +149,27 @@ fn declare(
         } else {
             ""
         };
+        let parts = component_names(array.components);
         writeln!(
             file,
-            r#"<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}"{tuples} format="appended" offset="{offset}"/>"#
+            r#"<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}"{parts}{tuples} format="appended" offset="{offset}"/>"#
         )?;
         *offset += 8 + array.data.byte_count();
     }
     writeln!(file, "</{section}>")
 }
+
+/// Attributes that name the components of tensors; VTK itself names those of vectors.
+fn component_names(components: usize) -> String {
+    if components != 9 {
+        return String::new();
+    }
+    let name = |(index, name): (usize, &str)| format!(r#" ComponentName{index}="{name}""#);
+    ROWS.into_iter().enumerate().map(name).collect()
+}
+
+/// Components of a tensor in the order of VTK.
+const ROWS: [&str; 9] = ["xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"];
 
 /// Tensors row by row, as VTK keeps them.
 fn transposed(values: &[f64]) -> Vec<f64> {

@@ -19,6 +19,18 @@ pub(crate) const LINES: [Colour; 6] = [
     (230, 159, 0),
 ];
 
+/// Isotherms, to be told apart from each other and, with a dark seam, from the colour maps.
+pub(crate) const ISOTHERMS: [Colour; 8] = [
+    (255, 255, 255),
+    (110, 225, 255),
+    (150, 255, 150),
+    (255, 140, 215),
+    (255, 235, 90),
+    (175, 150, 255),
+    (0, 205, 180),
+    (255, 165, 90),
+];
+
 /// A colour map, linear between equidistant control points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum ColourMap {

@@ -3,15 +3,15 @@
 use perimelt_core::log::{Column, Series};
 
 use super::{
-    axes::{ChartAxis, Frame, LABEL, TICK, TITLE, look},
-    colour::LINES,
-    picture::{Anchor, Picture, TextLook, text_width},
-    unit,
+    axes::{ChartAxis, Frame, TICK, look},
+    colour::{GREY, LINES},
+    heading::{ROW, draw_heading, draw_rows, heading_height, rows},
+    picture::{Anchor, Picture},
+    unit::{self, Shown},
 };
 
 const LEFT: f64 = 125.0;
 const RIGHT: f64 = 30.0;
-const TOP: f64 = 64.0;
 const BOTTOM: f64 = 72.0;
 const GAP: f64 = 50.0;
 
@@ -32,11 +32,13 @@ pub(crate) struct Panel {
     pub logarithmic: bool,
     /// names and values; NaN leaves a gap, and so does what a logarithmic axis cannot show
     pub lines: Vec<(String, Vec<f64>)>,
+    /// name and value of a horizontal line
+    pub limit: Option<(String, f64)>,
 }
 
 impl Chart {
-    /// The series, one panel for each unit.
-    pub(crate) fn of_series(title: impl Into<String>, series: &Series, logarithmic: bool) -> Self {
+    /// The series, one panel for each unit, or several where a panel would have more lines than there are colours.
+    pub(crate) fn of_series(title: impl Into<String>, series: &Series, celsius: bool) -> Self {
         let last = series
             .times
             .iter()
@@ -48,97 +50,68 @@ impl Chart {
                 units.push(&column.unit);
             }
         }
-        let panel = |si_unit: &&str| {
+        let mut panels = Vec::new();
+        for si_unit in units {
             let columns: Vec<&Column> = series
                 .columns
                 .iter()
-                .filter(|column| column.unit == *si_unit)
+                .filter(|column| column.unit == si_unit)
                 .collect();
-            let finite = columns
-                .iter()
-                .flat_map(|c| &c.values)
-                .filter(|x| x.is_finite());
-            let largest = finite.fold(0.0_f64, |largest, x| largest.max(x.abs()));
-            let (factor, shown_unit) = unit::value(si_unit, largest);
-            let name = match columns[..] {
-                [column] => unit::pretty_name(&column.name),
-                _ => String::new(),
-            };
-            let values = |column: &Column| {
-                let shown = |x: &f64| {
-                    if logarithmic {
-                        x.abs() * factor
-                    } else {
-                        x * factor
-                    }
-                };
-                column.values.iter().map(shown).collect()
-            };
-            let line = |column: &&Column| (unit::pretty_name(&column.name), values(column));
-            Panel {
-                label: if name.is_empty() {
-                    shown_unit
-                } else {
-                    unit::label(&name, &shown_unit)
-                },
-                logarithmic,
-                lines: columns.iter().map(line).collect(),
-            }
-        };
+            panels.extend(
+                columns
+                    .chunks(LINES.len())
+                    .map(|columns| Panel::of_columns(si_unit, columns, celsius)),
+            );
+        }
         Self {
             title: title.into(),
             horizontal_label: unit::label("time", time.unit),
             horizontal: series.times.iter().map(|t| t * time.factor).collect(),
-            panels: units.iter().map(panel).collect(),
+            panels,
         }
     }
 
-    /// The chart as a picture of this width, `None` if it would be empty.
-    pub(crate) fn draw(&self, width: u32) -> Option<Picture> {
+    /// The chart as a picture of this width under the title of the case, `None` if it would be empty.
+    pub(crate) fn draw(&self, case: &str, width: u32) -> Option<Picture> {
         let horizontal = self.horizontal_axis()?;
-        let panels: Vec<(&Panel, ChartAxis)> = self
+        let right = f64::from(width) - RIGHT;
+        let placed: Vec<Placed> = self
             .panels
             .iter()
-            .filter_map(|panel| {
-                let numbers = panel
-                    .lines
-                    .iter()
-                    .flat_map(|(_, values)| values.iter().copied());
-                Some((
-                    panel,
-                    ChartAxis::around(numbers, &panel.label, panel.logarithmic)?,
-                ))
-            })
+            .filter_map(|panel| Placed::new(panel, right - LEFT))
             .collect();
-        if panels.is_empty() {
+        if placed.is_empty() {
             return None;
         }
-        let count = panels.len() as f64;
-        let height = if panels.len() == 1 { 460.0 } else { 300.0 };
-        let total = TOP + BOTTOM + count * height + (count - 1.0) * GAP;
+        let height = if placed.len() == 1 { 460.0 } else { 300.0 };
+        let above: f64 = placed.iter().map(|panel| panel.above).sum();
+        let count = placed.len() as f64;
+        let top = heading_height(case);
+        let total = top + above + BOTTOM + count * height + (count - 1.0) * GAP;
         let mut picture = Picture::new(width, total as u32);
-        let right = f64::from(width) - RIGHT;
-        let title = TextLook {
-            bold: true,
-            ..look(TITLE, Anchor::Left)
-        };
-        picture.text(&self.title, [LEFT, 0.45 * TOP], title);
-        for (index, (panel, vertical)) in panels.into_iter().enumerate() {
-            let top = TOP + index as f64 * (height + GAP);
-            let edges = [LEFT, top, right, top + height];
+        draw_heading(&mut picture, LEFT, case, &self.title);
+        let mut below = top;
+        for (index, placed) in placed.iter().enumerate() {
+            let top = below + placed.above;
+            below = top + height + GAP;
             let frame = Frame {
-                edges,
+                edges: [LEFT, top, right, top + height],
                 horizontal: horizontal.clone(),
-                vertical,
+                vertical: placed.vertical.clone(),
             };
             frame.draw_grid(&mut picture);
-            for (line, (_, values)) in panel.lines.iter().enumerate() {
+            if let Some((name, value)) = &placed.panel.limit {
+                draw_limit(&mut picture, &frame, name, *value);
+            }
+            for (line, (_, values)) in placed.panel.lines.iter().enumerate() {
                 self.draw_line(&mut picture, &frame, values, line);
             }
             frame.draw(&mut picture, index + 1 == count as usize);
-            if panel.lines.len() > 1 {
-                draw_legend(&mut picture, panel, [right, top - 18.0]);
-            }
+            let corner = [right, top - placed.above + 18.0 - ROW];
+            let sample = |picture: &mut Picture, piece: Vec<[f64; 2]>, line: usize| {
+                picture.line(piece, 3.0, LINES[line % LINES.len()]);
+            };
+            draw_rows(&mut picture, &placed.names, &placed.legend, corner, sample);
         }
         Some(picture)
     }
@@ -178,16 +151,75 @@ impl Chart {
     }
 }
 
-/// Names of the lines in a row that ends at `end`.
-fn draw_legend(picture: &mut Picture, panel: &Panel, [mut x, y]: [f64; 2]) {
-    for (line, (name, _)) in panel.lines.iter().enumerate().rev() {
-        x -= text_width(name, TICK);
-        picture.text(name, [x, y], look(TICK, Anchor::Left));
-        picture.line(
-            vec![[x - 36.0, y], [x - 8.0, y]],
-            3.0,
-            LINES[line % LINES.len()],
-        );
-        x -= 36.0 + 0.9 * LABEL;
+/// A panel with its axis and legend.
+struct Placed<'a> {
+    panel: &'a Panel,
+    vertical: ChartAxis,
+    names: Vec<String>,
+    /// numbers of the names in each row
+    legend: Vec<Vec<usize>>,
+    /// height of the rows that do not fit into the space above a panel, pixels
+    above: f64,
+}
+
+impl<'a> Placed<'a> {
+    /// `None` for a panel without numbers.
+    fn new(panel: &'a Panel, room: f64) -> Option<Self> {
+        let lines = panel.lines.iter().flat_map(|(_, values)| values.iter());
+        let limit = panel.limit.iter().map(|(_, limit)| limit);
+        let numbers = lines.chain(limit).copied();
+        let vertical = ChartAxis::around(numbers, &panel.label, panel.logarithmic)?;
+        let names: Vec<String> = match &panel.lines[..] {
+            [_] => Vec::new(),
+            lines => lines.iter().map(|(name, _)| name.clone()).collect(),
+        };
+        let legend = rows(&names, room);
+        let above = ROW * legend.len().saturating_sub(1) as f64;
+        Some(Self {
+            panel,
+            vertical,
+            names,
+            legend,
+            above,
+        })
     }
+}
+
+impl Panel {
+    /// Columns of one unit.
+    fn of_columns(si_unit: &str, columns: &[&Column], celsius: bool) -> Self {
+        let finite = columns
+            .iter()
+            .flat_map(|c| &c.values)
+            .filter(|x| x.is_finite());
+        let largest = finite.fold(0.0_f64, |largest, x| largest.max(x.abs()));
+        let shown = Shown::new(si_unit, largest, celsius);
+        let label = match columns {
+            [column] => unit::label(&unit::pretty_name(&column.name), &shown.unit),
+            _ => shown.unit.clone(),
+        };
+        let line = |column: &&Column| {
+            let values = column.values.iter().map(|x| shown.of(*x)).collect();
+            (unit::pretty_name(&column.name), values)
+        };
+        Self {
+            label,
+            lines: columns.iter().map(line).collect(),
+            ..Self::default()
+        }
+    }
+}
+
+/// A dashed line across the frame, with its name.
+fn draw_limit(picture: &mut Picture, frame: &Frame, name: &str, value: f64) {
+    const DASH: f64 = 14.0;
+    let [left, top, right, _] = frame.edges;
+    let [_, y] = frame.place(frame.horizontal.from, value);
+    let mut x = left;
+    while x < right {
+        picture.line(vec![[x, y], [(x + DASH).min(right), y]], 2.0, GREY);
+        x += 1.7 * DASH;
+    }
+    let beside = if y - top < 28.0 { 14.0 } else { -14.0 };
+    picture.text(name, [right - 8.0, y + beside], look(TICK, Anchor::Right));
 }

@@ -46,6 +46,30 @@ pub enum PlotError {
         /// simulated time, s
         time: f64,
     },
+    /// A section beside a body.
+    #[error(
+        "`--section {axis}={at}` does not cut body `{body}`, which extends from {axis} = {} to {} m",
+        crate::plot::unit::number(extent[0], 6), crate::plot::unit::number(extent[1], 6)
+    )]
+    SectionOutside {
+        /// name of the axis
+        axis: &'static str,
+        /// coordinate asked for, m
+        at: f64,
+        /// the body
+        body: String,
+        /// first and last coordinate of the body, m
+        extent: [f64; 2],
+    },
+    /// A film of an unknown format.
+    #[error("`--film {}`: expected a file that ends in `.gif`, `.png` or `.apng`", path.display())]
+    FilmFormat {
+        /// the file
+        path: PathBuf,
+    },
+    /// Nothing that a film could show.
+    #[error("there is nothing to film: no body of two or three dimensions has a logged field")]
+    NoFilm,
     /// A file or folder cannot be written.
     #[error("cannot {action} {}: {source}", path.display())]
     Io {

@@ -104,9 +104,9 @@ pub(crate) fn write_log(path: &Path, cells: [usize; 3]) {
             .expect("written");
         let error = 1e-13 * (1.0 + time * 30.0);
         let balance = [
-            ("stored", "J", 500.0 * time),
-            ("error", "J", -error),
-            ("relative_error", "1", error / 500.0),
+            ("heat.energy.stored", "J", 500.0 * time),
+            ("heat.energy.error", "J", -error),
+            ("heat.energy.relative_error", "1", error / 500.0),
         ];
         writer.balance(time, &balance).expect("written");
         let mut progress = Progress {

@@ -8,10 +8,27 @@ use crate::run::case_of;
 /// An isotherm to draw.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Isotherm {
-    /// such as `solidus`
+    /// such as `solidus`; empty for a temperature that was asked for
     pub name: String,
     /// temperature, K
     pub temperature: f64,
+}
+
+impl Isotherm {
+    /// The name within a sentence.
+    pub(crate) fn name_or_isotherm(&self) -> &str {
+        if self.name.is_empty() {
+            "isotherm"
+        } else {
+            &self.name
+        }
+    }
+}
+
+/// The isotherm that bounds the melt pool: the solidus of the case, or else the first of those asked for (K).
+pub(crate) fn bound(log: &Log, body: &str, asked: &[f64]) -> Option<Isotherm> {
+    let of_case = isotherms(log, body, &[]).into_iter().next();
+    of_case.or_else(|| isotherms(log, body, asked).into_iter().next())
 }
 
 /// The isotherms asked for, or else solidus and liquidus of the first material of the body
@@ -19,7 +36,7 @@ pub(crate) struct Isotherm {
 pub(crate) fn isotherms(log: &Log, body: &str, asked: &[f64]) -> Vec<Isotherm> {
     if !asked.is_empty() {
         let isotherm = |&temperature| Isotherm {
-            name: "isotherm".into(),
+            name: String::new(),
             temperature,
         };
         return asked.iter().map(isotherm).collect();

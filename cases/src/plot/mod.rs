@@ -3,23 +3,32 @@
 //! [`plot()`] writes into a folder, as PNG or SVG:
 //!
 //! - `<body>-<field>-<time>`: the points of a body coloured by a field, a plane body as it is, a
-//!   three-dimensional one as its surface from above and as the section y = const through its
-//!   hottest point; in pictures of the temperature with solidus and liquidus as lines
+//!   three-dimensional one as its surface from above and in sections, by default along and across the path of its
+//!   hottest point; in pictures of the temperature with isotherms
 //! - `<body>-melt-pool`: length, width and depth of the melt pool over time
-//! - `probe-<name>`: the probes over time
-//! - `balance-error`: errors of the balances over time, logarithmic
+//! - `probe-<name>`: the probes over time, those along a line over the distance at some times
+//! - `balance-error`: relative errors of the balances over time, logarithmic
+//!
+//! With `--film` it writes one animated picture instead.
 
+mod args;
 mod axes;
 mod charts;
 pub(crate) mod colour;
 mod contour;
 mod curves;
 mod error;
+mod fields;
+mod film;
 #[cfg(test)]
 pub(crate) mod fixture;
+mod heading;
 pub(crate) mod isotherm;
+mod layout;
+mod palette;
 mod picture;
 pub(crate) mod scalar;
+mod scale;
 mod section;
 mod snapshot;
 pub(crate) mod survey;
@@ -31,73 +40,22 @@ use std::{
 };
 
 use crate::run::record::SPACING;
-use perimelt_core::log::{BodyInfo, Log, LoggedCloud};
+use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud, Series};
 
+use crate::case::sections::ProbeKind;
 use crate::cell_grid::CellGrid;
-use crate::melt_pool::Travel;
 use crate::moment::state_at;
-use charts::{balance_chart, line_chart, melt_pool_chart};
+use crate::probe::is_line;
+use crate::run::case_of;
+pub use args::{Cut, PictureFormat, PlotArgs, ValueRange};
+use charts::{balance_chart, line_probe_chart, melt_pool_chart};
 use curves::Chart;
 pub use error::PlotError;
+use fields::Drawn;
 use isotherm::Isotherm;
 use picture::Picture;
-use scalar::{Scalar, scalar};
-use snapshot::{ColourScale, Snapshot};
-use survey::{Reference, survey};
-
-/// What to plot.
-#[derive(Clone, Debug, clap::Args)]
-pub struct PlotArgs {
-    /// log of the run
-    pub log: PathBuf,
-    /// folder for the pictures [default: the log's name with `-plots`]
-    #[arg(long, short)]
-    pub out: Option<PathBuf>,
-    /// file format of the pictures
-    #[arg(long, value_enum, default_value_t)]
-    pub format: PictureFormat,
-    /// bodies [default: all]
-    #[arg(long)]
-    pub body: Vec<String>,
-    /// fields, or components such as `displacement.x` [default: temperature and displacement]
-    #[arg(long)]
-    pub field: Vec<String>,
-    /// times of the field pictures, s [default: when the field peaks, and the end]
-    #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
-    pub at: Vec<f64>,
-    /// temperatures of the lines in field pictures; the first bounds the melt pool, K [default:
-    /// solidus and liquidus of the case file]
-    #[arg(long, value_delimiter = ',')]
-    pub isotherm: Vec<f64>,
-    /// show the body deformed, its displacements this many times as large
-    #[arg(long, allow_negative_numbers = true)]
-    pub deform: Option<f64>,
-    /// axis along which the heat source travels, for the length of the melt pool
-    #[arg(long, value_enum, default_value_t)]
-    pub travel: Travel,
-    /// width of the pictures, pixels
-    #[arg(long, default_value_t = 1200, value_parser = clap::value_parser!(u32).range(500..=6000))]
-    pub width: u32,
-}
-
-/// File format of a picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum PictureFormat {
-    /// pixels
-    #[default]
-    Png,
-    /// lines and letters, for print
-    Svg,
-}
-
-impl PictureFormat {
-    fn extension(self) -> &'static str {
-        match self {
-            Self::Png => "png",
-            Self::Svg => "svg",
-        }
-    }
-}
+use scalar::scalar;
+use survey::{Survey, survey};
 
 /// Writes the pictures; their paths.
 ///
@@ -110,23 +68,31 @@ pub fn plot(args: &PlotArgs) -> Result<Vec<PathBuf>, PlotError> {
         .out
         .clone()
         .unwrap_or_else(|| beside(&args.log, "-plots"));
-    fs::create_dir_all(&out).map_err(|source| PlotError::Io {
-        action: "create",
-        path: out.clone(),
-        source,
-    })?;
+    // a case that this program cannot read has no title
+    let case = case_of(&log).ok();
+    let title = case.map_or_else(String::new, |case| case.case.title);
     let mut plotter = Plotter {
         log: &log,
         args,
+        title,
         out,
         written: Vec::new(),
     };
     plotter.check_fields(&bodies)?;
+    if let Some(film) = &args.film {
+        plotter.film(&bodies, film)?;
+        return Ok(plotter.written);
+    }
+    fs::create_dir_all(&plotter.out).map_err(|source| PlotError::Io {
+        action: "create",
+        path: plotter.out.clone(),
+        source,
+    })?;
     for body in bodies {
         plotter.plot_body(body)?;
     }
     for (name, series) in log.probes() {
-        let chart = Chart::of_series(unit::pretty_name(name), series, false);
+        let chart = plotter.probe_chart(name, series)?;
         plotter.write_chart(&format!("probe-{name}"), &chart)?;
     }
     plotter.write_chart("balance-error", &balance_chart(log.balance()))?;
@@ -163,6 +129,8 @@ pub(crate) fn beside(log: &Path, suffix: &str) -> PathBuf {
 struct Plotter<'a> {
     log: &'a Log,
     args: &'a PlotArgs,
+    /// title of the case
+    title: String,
     out: PathBuf,
     written: Vec<PathBuf>,
 }
@@ -202,9 +170,14 @@ impl Plotter<'_> {
             return Ok(());
         }
         let fields = self.fields(&self.log.first_cloud(&body.name)?);
-        let isotherms = isotherm::isotherms(self.log, &body.name, &self.args.isotherm);
-        let bound = isotherms.first().map(|isotherm| isotherm.temperature);
-        let survey = survey(self.log, body, &fields, bound, self.args.travel)?;
+        let asked = self.isotherms();
+        let isotherms = isotherm::isotherms(self.log, &body.name, &asked);
+        let bound = isotherm::bound(self.log, &body.name, &asked);
+        let temperature = bound.as_ref().map(|isotherm| isotherm.temperature);
+        let survey = survey(self.log, body, &fields, temperature, self.args.travel)?;
+        // the source is at the section across its path
+        let middle = survey.middle().map(|hottest| hottest.index);
+        let half_way = |field: &str| middle.filter(|_| field == "temperature");
         for field in &fields {
             let mut wanted: Vec<usize> = if self.args.at.is_empty() {
                 survey
@@ -212,6 +185,7 @@ impl Plotter<'_> {
                     .get(field)
                     .copied()
                     .into_iter()
+                    .chain(half_way(field))
                     .chain([times.len() - 1])
                     .collect()
             } else {
@@ -220,10 +194,20 @@ impl Plotter<'_> {
             };
             wanted.sort_unstable();
             wanted.dedup();
-            self.plot_field(body, field, &wanted, &isotherms)?;
+            self.plot_field((body, field), &wanted, &isotherms, &survey)?;
         }
-        let chart = melt_pool_chart(body, &survey, isotherms.first());
+        let chart = melt_pool_chart(body, &survey, bound.as_ref(), self.args.celsius);
         self.write_chart(&format!("{}-melt-pool", body.name), &chart)
+    }
+
+    /// The temperatures of the isotherms that are asked for, K.
+    fn isotherms(&self) -> Vec<f64> {
+        let celsius = unit::Shown::new("K", 0.0, self.args.celsius);
+        self.args
+            .isotherm
+            .iter()
+            .map(|t| celsius.inverse(*t))
+            .collect()
     }
 
     /// The fields of a cloud to draw.
@@ -242,112 +226,108 @@ impl Plotter<'_> {
         chosen
     }
 
-    /// One picture for each of these clouds, all with the same colours.
+    /// One picture of a field for each of these clouds.
     fn plot_field(
         &mut self,
-        body: &BodyInfo,
-        field: &str,
+        (body, field): (&BodyInfo, &str),
         wanted: &[usize],
         isotherms: &[Isotherm],
+        survey: &Survey,
     ) -> Result<(), PlotError> {
-        let mut shown: Vec<(LoggedCloud, Scalar)> = Vec::new();
+        let plot = self.field_plot(body, field, isotherms, survey)?;
         for &index in wanted {
-            let Ok(cloud) = self.log.cloud(&body.name, index) else {
-                continue; // the survey told of it
+            let cloud = match self.log.cloud(&body.name, index) {
+                // the survey told of it
+                Err(LogError::Damaged { .. }) => continue,
+                cloud => cloud?,
             };
-            // of a body without material nothing is shown
-            if cloud.positions.is_empty() {
-                continue;
+            let name = format!("{}-{field}-{}", body.name, unit::time_text(cloud.time));
+            match self.draw_field(&plot, &cloud)? {
+                Some(Drawn::Picture(picture)) => self.write(&name, &picture)?,
+                Some(Drawn::Chart(chart)) => self.write_chart(&name, &chart)?,
+                None => {}
             }
-            if let Some(scalar) = scalar(&cloud, field) {
-                shown.push((cloud, scalar));
-            }
-        }
-        let values = || {
-            shown
-                .iter()
-                .flat_map(|(_, scalar)| &scalar.values)
-                .filter(|x| x.is_finite())
-        };
-        let (from, to) = (
-            values().copied().fold(f64::INFINITY, f64::min),
-            values().copied().fold(f64::NEG_INFINITY, f64::max),
-        );
-        let (from, to) = if from <= to { (from, to) } else { (0.0, 1.0) };
-        let scale = ColourScale::new(field, from, to);
-        let reference = Reference::new(self.log, body)?;
-        for (cloud, scalar) in &shown {
-            let name = format!(
-                "{}-{field}-{}",
-                body.name,
-                unit::time_text(cloud.time).replace(' ', "")
-            );
-            let title = format!(
-                "{}, t = {}",
-                unit::pretty_name(&body.name),
-                unit::time_text(cloud.time)
-            );
-            if body.dimension == 1 {
-                self.write_chart(&name, &line_chart(title, cloud, scalar))?;
-                continue;
-            }
-            let positions = reference.positions(cloud);
-            let grid = grid_of(body, cloud, positions).ok_or_else(|| PlotError::Scattered {
-                body: body.name.clone(),
-                time: cloud.time,
-            })?;
-            let heat = scalar::scalar(cloud, "temperature");
-            let heat = heat.as_ref().map_or(&scalar.values, |heat| &heat.values);
-            let views = section::views(&grid, body.dimension, &scalar.values, heat);
-            let displacement = self
-                .args
-                .deform
-                .and_then(|factor| deformation(cloud, factor));
-            let deformed = match (&displacement, self.args.deform) {
-                (Some(_), Some(factor)) => {
-                    format!(", deformed {} ×", unit::number(factor, 4))
-                }
-                _ => String::new(),
-            };
-            let (factor, shown_unit) = unit::value(&scalar.unit, from.abs().max(to.abs()));
-            let snapshot = Snapshot {
-                title: format!("{title}{deformed}"),
-                views: &views,
-                label: unit::label(&scalar.label, &shown_unit),
-                factor,
-                scale,
-                isotherms: if field == "temperature" {
-                    isotherms
-                } else {
-                    &[]
-                },
-                displacement: displacement.as_deref(),
-            };
-            self.write(&name, &snapshot.draw(self.args.width))?;
         }
         Ok(())
     }
 
+    /// A probe over time; one along a line over the distance from its start, at the times asked for or at some others.
+    fn probe_chart(&self, name: &str, series: &Series) -> Result<Chart, PlotError> {
+        /// times that are shown if none are asked for
+        const TIMES: usize = 5;
+        let title = unit::pretty_name(name);
+        let columns = series.columns.iter().map(|column| column.name.as_str());
+        if !is_line(columns) || series.times.is_empty() {
+            return Ok(Chart::of_series(title, series, self.args.celsius));
+        }
+        let mut rows: Vec<usize> = if self.args.at.is_empty() {
+            let last = series.times.len() - 1;
+            (1..=TIMES).map(|part| part * last / TIMES).collect()
+        } else {
+            let at = self.args.at.iter().map(|&at| state_at(&series.times, at));
+            at.filter_map(Result::transpose).collect::<Result<_, _>>()?
+        };
+        rows.sort_unstable();
+        rows.dedup();
+        let field = self.probed_field(name).unwrap_or_default();
+        let celsius = self.args.celsius;
+        Ok(line_probe_chart(title, (series, &rows), &field, celsius))
+    }
+
+    /// Field and component of a line probe, from the case.
+    fn probed_field(&self, name: &str) -> Option<String> {
+        let case = case_of(self.log).ok()?;
+        let is_line = |kind: &ProbeKind| matches!(kind, ProbeKind::Line(_));
+        let mut probes = case.probes.iter();
+        let probe = probes.find(|probe| probe.name == name && is_line(&probe.kind))?;
+        let field = unit::pretty_name(probe.field.as_deref()?);
+        Some(match &probe.component {
+            Some(component) => format!("{field} {}", unit::pretty_name(component)),
+            None => field,
+        })
+    }
+
     fn write_chart(&mut self, name: &str, chart: &Chart) -> Result<(), PlotError> {
-        match chart.draw(self.args.width) {
+        match chart.draw(&self.title, self.args.width) {
             Some(picture) => self.write(name, &picture),
             None => Ok(()),
         }
     }
 
     fn write(&mut self, name: &str, picture: &Picture) -> Result<(), PlotError> {
-        let name = name.replace(['/', '\\'], "-");
-        let path = self
-            .out
-            .join(format!("{name}.{}", self.args.format.extension()));
+        let path = self.out.join(format!(
+            "{}.{}",
+            file_name(name),
+            self.args.format.extension()
+        ));
         picture.write(&path, self.args.format)?;
         self.written.push(path);
         Ok(())
     }
 }
 
+/// A name without spaces and separators of folders; numbers stay together with their units.
+pub(crate) fn file_name(name: &str) -> String {
+    let mut file = String::new();
+    let mut signs = name.chars().peekable();
+    while let Some(sign) = signs.next() {
+        let is_unit = file.ends_with(|c: char| c.is_ascii_digit())
+            && signs.peek().is_some_and(|c| c.is_alphabetic() || *c == 'µ');
+        match sign {
+            ' ' if is_unit => {}
+            ' ' | '/' | '\\' => file.push('-'),
+            sign => file.push(sign),
+        }
+    }
+    file
+}
+
 /// The grid of a body's points, by the spacings that a cloud has logged with them.
-fn grid_of(body: &BodyInfo, cloud: &LoggedCloud, positions: &[[f64; 3]]) -> Option<CellGrid> {
+pub(crate) fn grid_of(
+    body: &BodyInfo,
+    cloud: &LoggedCloud,
+    positions: &[[f64; 3]],
+) -> Option<CellGrid> {
     let spacing = cloud.fields.iter().find(|f| f.name == SPACING);
     match spacing {
         Some(spacing) => CellGrid::of_spacings(positions, &spacing.values),

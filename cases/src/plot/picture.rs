@@ -89,6 +89,16 @@ impl Picture {
         }
     }
 
+    /// Width, pixels.
+    pub(crate) fn width(&self) -> f64 {
+        f64::from(self.width)
+    }
+
+    /// Height, pixels.
+    pub(crate) fn height(&self) -> u32 {
+        self.height
+    }
+
     pub(crate) fn rectangle(&mut self, corners: [[f64; 2]; 2], colour: Colour) {
         self.marks.push(Mark::Rectangle { corners, colour });
     }
@@ -177,13 +187,24 @@ impl Picture {
                 })
             }
             PictureFormat::Png => {
-                let mut pixels = vec![0; 3 * size.0 as usize * size.1 as usize];
-                let area = BitMapBackend::with_buffer(&mut pixels, size).into_drawing_area();
-                self.draw(&area).map_err(|error| drawing(&error))?;
-                drop(area);
-                self.write_png(path, &averaged(&pixels, size.0 as usize))
+                let pixels = self.pixels().map_err(|error| drawing(&error))?;
+                self.write_png(path, &pixels)
             }
         }
+    }
+
+    /// Red, green and blue of all pixels, row by row.
+    ///
+    /// # Errors
+    /// What cannot be drawn.
+    pub(crate) fn pixels(&self) -> Result<Vec<u8>, String> {
+        register_fonts();
+        let size = (self.width * SCALE, self.height * SCALE);
+        let mut pixels = vec![0; 3 * size.0 as usize * size.1 as usize];
+        let area = BitMapBackend::with_buffer(&mut pixels, size).into_drawing_area();
+        self.draw(&area).map_err(|error| error.to_string())?;
+        drop(area);
+        Ok(averaged(&pixels, size.0 as usize))
     }
 
     fn write_png(&self, path: &Path, pixels: &[u8]) -> Result<(), PlotError> {

@@ -1,5 +1,6 @@
 //! Plane views of a body for pictures of its points.
 
+use super::args::{AXES, Cut};
 use crate::cell_grid::CellGrid;
 
 /// Values on a raster of square cells.
@@ -35,41 +36,75 @@ pub(crate) struct View {
     pub axes: [usize; 2],
     /// what it is, empty for a plane body
     pub caption: String,
+    /// the plane of a section, with its letter
+    pub cut: Option<(Cut, char)>,
     /// what it shows
     pub raster: Raster,
 }
 
-/// Views of a body: itself in one and two dimensions; in three, its surface from above, and the
-/// section y = const through the point where `heat` (one value per point) is largest.
-pub(crate) fn views(grid: &CellGrid, dimension: usize, values: &[f64], heat: &[f64]) -> Vec<View> {
+/// A section beside a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Outside {
+    pub cut: Cut,
+    /// first and last coordinate of the body, m
+    pub extent: [f64; 2],
+}
+
+/// Views of a body: itself in one and two dimensions; in three, its surface from above, and the sections.
+///
+/// # Errors
+/// A section beside the body.
+pub(crate) fn views(
+    grid: &CellGrid,
+    dimension: usize,
+    values: &[f64],
+    cuts: &[Cut],
+) -> Result<Vec<View>, Outside> {
+    let whole = |caption: &str| View {
+        axes: [0, 1],
+        caption: caption.into(),
+        cut: None,
+        raster: view(grid, [0, 1], values, |_| true),
+    };
     if dimension < 3 {
-        let everything = view(grid, [0, 1], values, |_| true);
-        return vec![View {
-            axes: [0, 1],
-            caption: String::new(),
-            raster: everything,
-        }];
+        return Ok(vec![whole("")]);
     }
-    let hottest = (0..heat.len())
-        .filter(|&point| !heat[point].is_nan())
-        .max_by(|&a, &b| heat[a].total_cmp(&heat[b]))
-        .unwrap_or(0);
-    let row = grid.cell_of_point[hottest][1];
-    let y = grid.centre(1, row);
-    let unit = super::unit::length(grid.cells[1] as f64 * grid.spacing);
-    let y_text = super::unit::number(y * unit.factor, 4);
-    vec![
-        View {
-            axes: [0, 1],
-            caption: "surface from above".into(),
-            raster: view(grid, [0, 1], values, |_| true),
-        },
-        View {
-            axes: [0, 2],
-            caption: format!("section y = {y_text} {}", unit.unit),
-            raster: view(grid, [0, 2], values, |cell| cell[1] == row),
-        },
-    ]
+    let mut views = vec![whole("surface from above")];
+    for (cut, letter) in cuts.iter().zip('A'..='Z') {
+        views.push(section(grid, values, *cut, letter)?);
+    }
+    Ok(views)
+}
+
+/// The cells in whose row a plane lies.
+fn section(grid: &CellGrid, values: &[f64], cut: Cut, letter: char) -> Result<View, Outside> {
+    let Cut { axis, at } = cut;
+    let half = 0.5 * grid.spacing;
+    let (first, last) = (
+        grid.centre(axis, 0) - half,
+        grid.centre(axis, grid.cells[axis] - 1) + half,
+    );
+    // faces are not exact in single precision
+    let slack = 1e-3 * grid.spacing;
+    if !(first - slack <= at && at <= last + slack) {
+        let extent = [first, last];
+        return Err(Outside { cut, extent });
+    }
+    let row = (((at - first) / grid.spacing).max(0.0) as usize).min(grid.cells[axis] - 1);
+    let centre = grid.centre(axis, row);
+    let unit = super::unit::length((last - first).max(centre.abs()));
+    let axes = [[1, 2], [0, 2], [0, 1]][axis];
+    Ok(View {
+        axes,
+        caption: format!(
+            "section {letter}, {} = {} {}",
+            AXES[axis],
+            super::unit::number(centre * unit.factor, 4),
+            unit.unit
+        ),
+        cut: Some((Cut { axis, at: centre }, letter)),
+        raster: view(grid, axes, values, |cell| cell[axis] == row),
+    })
 }
 
 /// Among the chosen cells, those with the largest coordinate along the axis that is not shown.
@@ -105,7 +140,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn views_show_the_topmost_points_and_the_hottest_row() {
+    fn views_show_the_topmost_points_and_the_rows_of_the_sections() {
         // a stair: the column at x = 1 is one cell lower
         let positions = [
             [0.0, 0.0, 0.0],
@@ -117,11 +152,21 @@ mod tests {
         ];
         let values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
         let grid = CellGrid::new(&positions, 1.0).expect("a lattice");
-        let views = views(&grid, 3, &values, &[0.0, 9.0, 0.0, 0.0, 0.0, 0.0]);
+        let cut = |axis, at| Cut { axis, at };
+        let cuts = [cut(1, 0.2), cut(0, 1.5), cut(2, -0.5)];
+        let views = views(&grid, 3, &values, &cuts).expect("inside");
         assert_eq!(views[0].raster.values, [2.0, 3.0, 5.0, 6.0]);
-        let section = &views[1].raster;
-        assert_eq!(section.values[..3], [1.0, 3.0, 2.0]);
-        assert!(section.values[3].is_nan());
-        assert_eq!(views[1].caption, "section y = 0 m");
+        let along = &views[1].raster;
+        assert_eq!(along.values[..3], [1.0, 3.0, 2.0]);
+        assert!(along.values[3].is_nan());
+        assert_eq!(views[1].caption, "section A, y = 0 m");
+        assert_eq!(
+            (views[2].axes, &*views[2].caption),
+            ([1, 2], "section B, x = 1 m")
+        );
+        assert_eq!(views[2].raster.values[..2], [3.0, 6.0]);
+        assert_eq!(views[3].raster.values, [1.0, 3.0, 4.0, 6.0]);
+        let beside = super::views(&grid, 3, &values, &[cut(0, 1.6)]).expect_err("outside");
+        assert_eq!(beside.extent, [-0.5, 1.5]);
     }
 }

@@ -1,138 +1,169 @@
 //! A field of a body at one time, as coloured points.
 
 use super::{
-    axes::{ChartAxis, Frame, LABEL, TICK, TITLE, look},
-    colour::{BLACK, Colour, ColourMap, GREY, WHITE},
+    args::Cut,
+    axes::{ChartAxis, Frame, LABEL, TICK, look},
+    colour::{BLACK, Colour, GREY, ISOTHERMS, WHITE},
     contour::{contour, joined},
+    heading::{ROW, draw_heading, draw_rows, heading_height, row_width, rows},
     isotherm::Isotherm,
-    picture::{Anchor, Picture, TextLook, text_width},
+    layout::{Panel, panels},
+    picture::{Anchor, Picture},
+    scale::ColourScale,
     section::View,
-    unit,
+    unit::{self, Shown},
 };
 
-const LEFT: f64 = 125.0;
-const RIGHT: f64 = 165.0;
-const TOP: f64 = 64.0;
+pub(super) const LEFT: f64 = 125.0;
+pub(super) const RIGHT: f64 = 165.0;
 const BOTTOM: f64 = 72.0;
-const GAP: f64 = 112.0;
+pub(super) const GAP: f64 = 112.0;
 const CAPTION: f64 = 20.0;
-/// panels together are at most this many times as high as the picture is wide
-const MAX_HEIGHT: f64 = 0.75;
-const ISOTHERM_COLOURS: [Colour; 3] = [WHITE, (110, 225, 255), (150, 255, 150)];
 
 /// Contents of a picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Snapshot<'a> {
+    /// title of the case, may be empty
+    pub case: &'a str,
     pub title: String,
     pub views: &'a [View],
-    /// name of the values with their unit as shown
-    pub label: String,
-    /// values times this are shown
-    pub factor: f64,
+    /// name of the values
+    pub label: &'a str,
+    /// how values are shown
+    pub shown: Shown,
     pub scale: ColourScale,
     /// lines of these values
     pub isotherms: &'a [Isotherm],
+    /// names isotherms that are absent, too, so that all pictures of a film have one size
+    pub name_all: bool,
     /// displacements (m) of the points, already exaggerated
     pub displacement: Option<&'a [[f64; 3]]>,
+    /// lower and upper corner of a box that is shown in any case, m
+    pub extent: Option<[[f64; 3]; 2]>,
 }
 
-/// Values by colour.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ColourScale {
-    pub map: ColourMap,
-    pub from: f64,
-    pub to: f64,
-}
-
-impl ColourScale {
-    /// The scale for values between `from` and `to`; symmetric if they have both signs.
-    pub(crate) fn new(name: &str, from: f64, to: f64) -> Self {
-        let size = from.abs().max(to.abs());
-        if from < 0.0 && to > 0.0 && from.abs().min(to) > 0.02 * size {
-            return Self {
-                map: ColourMap::BlueRed,
-                from: -size,
-                to: size,
-            };
-        }
-        let map = if name == "temperature" {
-            ColourMap::Inferno
-        } else {
-            ColourMap::Viridis
-        };
-        // what only differs by rounding is constant
-        let to = if to - from > 1e-9 * size {
-            to
-        } else {
-            from + if size > 0.0 { size } else { 1.0 }
-        };
-        Self { map, from, to }
-    }
-
-    fn colour(&self, value: f64) -> Colour {
-        self.map.colour((value - self.from) / (self.to - self.from))
-    }
-}
+/// Lines of one isotherm in each of the views, m.
+type IsothermLines = Vec<Vec<Vec<[f64; 2]>>>;
 
 impl Snapshot<'_> {
     /// The snapshot as a picture of this width.
     pub(crate) fn draw(&self, width: u32) -> Picture {
         let bounds: Vec<[[f64; 2]; 2]> = self.views.iter().map(|view| self.bounds(view)).collect();
-        let wide = |b: &[[f64; 2]; 2]| b[1][0] - b[0][0];
-        let high = |b: &[[f64; 2]; 2]| b[1][1] - b[0][1];
-        let widest = bounds.iter().map(wide).fold(0.0, f64::max);
-        let highest: f64 = bounds.iter().map(high).sum();
-        let room = f64::from(width) - LEFT - RIGHT;
-        let pixels_per_metre = (room / widest).min(MAX_HEIGHT * f64::from(width) / highest);
-        let left = LEFT + 0.5 * (room - widest * pixels_per_metre);
-
-        let has_captions = self.views.len() > 1;
+        let axes: Vec<[usize; 2]> = self.views.iter().map(|view| view.axes).collect();
+        let mut panels = panels(&bounds, &axes, f64::from(width));
+        let has_captions = panels.len() > 1 || panels.iter().any(|panel| panel.stretch > 1.0);
         let caption = if has_captions { CAPTION } else { 0.0 };
-        let heights = highest * pixels_per_metre + (self.views.len() as f64 - 1.0) * GAP;
+
+        let isotherms: Vec<(usize, IsothermLines)> = (0..self.isotherms.len())
+            .map(|index| (index, self.isotherm_lines(index)))
+            .filter(|(_, lines)| self.name_all || lines.iter().any(|line| !line.is_empty()))
+            .collect();
+        let names: Vec<String> = isotherms
+            .iter()
+            .map(|(index, _)| self.name(&self.isotherms[*index]))
+            .collect();
+        let room = f64::from(width) - LEFT - 30.0;
+        let legend = rows(&names, room);
+        // the names stand beside the title if there is room
+        let title_width = super::picture::text_width(&self.title, LABEL) + 2.0 * LABEL;
+        let beside = match &legend[..] {
+            [] => true,
+            [row] => !self.case.is_empty() && title_width + row_width(&names, row) <= room,
+            _ => false,
+        };
+        let legend_height = if beside {
+            0.0
+        } else {
+            ROW * legend.len() as f64
+        };
+        let top = heading_height(self.case) + legend_height + caption;
+
+        let heights = panels.iter().map(|panel| panel.size[1]).sum::<f64>()
+            + (panels.len() as f64 - 1.0) * GAP;
         // minimum height of a colour bar
         let inner = heights.max(190.0);
-        let height = TOP + caption + inner + BOTTOM;
-        let mut picture = Picture::new(width, height.ceil() as u32);
-        let title = TextLook {
-            bold: true,
-            ..look(TITLE, Anchor::Left)
+        let mut picture = Picture::new(width, (top + inner + BOTTOM).ceil() as u32);
+        draw_heading(&mut picture, LEFT, self.case, &self.title);
+        let legend_y = heading_height(self.case) - if beside { 35.0 } else { 14.0 };
+        let sample = |picture: &mut Picture, line: Vec<[f64; 2]>, entry: usize| {
+            draw_isotherm(picture, line, isotherms[entry].0);
         };
-        picture.text(&self.title, [LEFT, 0.45 * TOP], title);
-        self.draw_legend(&mut picture, [f64::from(width) - 30.0, 0.45 * TOP]);
+        let corner = [f64::from(width) - 30.0, legend_y];
+        draw_rows(&mut picture, &names, &legend, corner, sample);
 
-        let mut top = TOP + caption + 0.5 * (inner - heights);
-        let lengths = unit::length(widest);
-        for (view, bounds) in self.views.iter().zip(&bounds) {
-            let axis = |side: usize| {
-                let label = unit::label(["x", "y", "z"][view.axes[side]], lengths.unit);
-                let (from, to) = (bounds[0][side], bounds[1][side]);
-                ChartAxis::linear(from * lengths.factor, to * lengths.factor, label)
-            };
-            let right = left + wide(bounds) * pixels_per_metre;
-            let bottom = top + high(bounds) * pixels_per_metre;
-            let frame = Frame {
-                edges: [left, top, right, bottom],
-                horizontal: axis(0),
-                vertical: axis(1),
-            };
-            let place = |p: [f64; 2]| frame.place(p[0] * lengths.factor, p[1] * lengths.factor);
-            self.draw_points(&mut picture, view, place);
-            if self.displacement.is_none() {
-                self.draw_isotherms(&mut picture, view, place);
-            }
-            frame.draw(&mut picture, true);
-            if has_captions {
-                picture.text(&view.caption, [left, top - 16.0], look(TICK, Anchor::Left));
-            }
-            top = bottom + GAP;
+        let mut below = top + 0.5 * (inner - heights);
+        for panel in &mut panels {
+            panel.corner = [LEFT, below];
+            below += panel.size[1] + GAP;
         }
-        let bar_left = left + widest * pixels_per_metre + 28.0;
-        self.draw_colour_bar(
-            &mut picture,
-            bar_left,
-            [TOP + caption, TOP + caption + inner],
-        );
+        for (number, panel) in panels.iter().enumerate() {
+            let view = &self.views[number];
+            let lines = isotherms
+                .iter()
+                .map(|(index, lines)| (*index, &lines[number][..]));
+            let lines: Vec<_> = lines.collect();
+            self.draw_view(&mut picture, view, panel, &lines);
+            if has_captions {
+                let [left, top] = panel.corner;
+                let text = panel.caption(&view.caption);
+                picture.text(text, [left, top - 16.0], look(TICK, Anchor::Left));
+            }
+        }
+        let widest = panels.iter().map(|panel| panel.size[0]).fold(0.0, f64::max);
+        self.draw_colour_bar(&mut picture, LEFT + widest + 28.0, [top, top + inner]);
         picture
+    }
+
+    /// A view with its axes, isotherms by number, and the planes of the sections.
+    fn draw_view(
+        &self,
+        picture: &mut Picture,
+        view: &View,
+        panel: &Panel,
+        isotherms: &[(usize, &[Vec<[f64; 2]>])],
+    ) {
+        let [[_, _], [high, _]] = panel.bounds;
+        let lengths = unit::length(high - panel.bounds[0][0]);
+        let axis = |side: usize| {
+            let label = unit::label(super::args::AXES[view.axes[side]], lengths.unit);
+            let (from, to) = (panel.bounds[0][side], panel.bounds[1][side]);
+            ChartAxis::linear(from * lengths.factor, to * lengths.factor, label)
+        };
+        let [left, top] = panel.corner;
+        let frame = Frame {
+            edges: [left, top, left + panel.size[0], top + panel.size[1]],
+            horizontal: axis(0),
+            vertical: axis(1),
+        };
+        let place = |p: [f64; 2]| frame.place(p[0] * lengths.factor, p[1] * lengths.factor);
+        self.draw_points(picture, view, place);
+        for (index, lines) in isotherms {
+            for line in *lines {
+                draw_isotherm(picture, line.iter().copied().map(place).collect(), *index);
+            }
+        }
+        if view.cut.is_none() {
+            for (cut, letter) in self.views.iter().filter_map(|view| view.cut) {
+                draw_cut(picture, &frame, (cut, letter), lengths.factor);
+            }
+        }
+        frame.draw(picture, true);
+    }
+
+    /// Lines of an isotherm in each view; a deformed body has none.
+    fn isotherm_lines(&self, index: usize) -> IsothermLines {
+        let lines = |view: &View| match self.displacement {
+            Some(_) => Vec::new(),
+            None => joined(&contour(&view.raster, self.isotherms[index].temperature)),
+        };
+        self.views.iter().map(lines).collect()
+    }
+
+    fn name(&self, isotherm: &Isotherm) -> String {
+        let value = unit::number(self.shown.of(isotherm.temperature), 5);
+        format!("{} {value} {}", isotherm.name, self.shown.unit)
+            .trim()
+            .to_owned()
     }
 
     /// Lower left and upper right corner of what the view shows, m.
@@ -141,6 +172,13 @@ impl Snapshot<'_> {
         let half = 0.5 * raster.spacing;
         let last = raster.centre((raster.cells[0] - 1, raster.cells[1] - 1));
         let mut bounds = [raster.origin.map(|x| x - half), last.map(|x| x + half)];
+        if let Some(extent) = self.extent {
+            for side in 0..2 {
+                let [low, high] = extent.map(|corner| corner[view.axes[side]]);
+                bounds[0][side] = bounds[0][side].min(low);
+                bounds[1][side] = bounds[1][side].max(high);
+            }
+        }
         if self.displacement.is_some() {
             self.visit_cells(view, |corners, _| {
                 for corner in corners {
@@ -221,7 +259,7 @@ impl Snapshot<'_> {
                 GREY
             };
             if self.displacement.is_some() {
-                picture.area(corners.map(&place).into(), colour);
+                picture.area(widened(corners.map(&place)).into(), colour);
                 return;
             }
             let close = |a: f64, b: f64| (a - b).abs() < 0.1 * view.raster.spacing;
@@ -238,36 +276,10 @@ impl Snapshot<'_> {
         });
         finished.extend(run);
         for (corners, colour) in finished {
-            picture.rectangle(corners.map(&place), colour);
-        }
-    }
-
-    fn draw_isotherms(
-        &self,
-        picture: &mut Picture,
-        view: &View,
-        place: impl Fn([f64; 2]) -> [f64; 2],
-    ) {
-        for (index, isotherm) in self.isotherms.iter().enumerate() {
-            let lines = joined(&contour(&view.raster, isotherm.temperature));
-            for line in lines {
-                let line: Vec<_> = line.into_iter().map(&place).collect();
-                draw_isotherm(picture, line, index);
-            }
-        }
-    }
-
-    fn draw_legend(&self, picture: &mut Picture, [mut x, y]: [f64; 2]) {
-        if self.displacement.is_some() {
-            return;
-        }
-        for (index, isotherm) in self.isotherms.iter().enumerate().rev() {
-            let value = unit::number(isotherm.temperature, 5);
-            let text = format!("{} {value} K", isotherm.name);
-            x -= text_width(&text, TICK);
-            picture.text(text, [x, y], look(TICK, Anchor::Left));
-            draw_isotherm(picture, vec![[x - 40.0, y], [x - 8.0, y]], index);
-            x -= 40.0 + LABEL;
+            let [[left, bottom], [right, top]] = corners.map(&place);
+            // neighbours overlap: between edges that are smoothed, white would shine through
+            let corners = [[left, bottom], [right + OVERLAP, top - OVERLAP]];
+            picture.rectangle(corners, colour);
         }
     }
 
@@ -281,15 +293,13 @@ impl Snapshot<'_> {
                 .scale
                 .map
                 .colour(fraction(step) + 0.5 / f64::from(steps));
-            let corners = [
-                [left, height(fraction(step + 1))],
-                [right, height(fraction(step))],
-            ];
+            let upper = (height(fraction(step + 1)) - OVERLAP).max(top);
+            let corners = [[left, upper], [right, height(fraction(step))]];
             picture.rectangle(corners, colour);
         }
         let axis = ChartAxis::linear(
-            self.scale.from * self.factor,
-            self.scale.to * self.factor,
+            self.shown.of(self.scale.from),
+            self.shown.of(self.scale.to),
             "",
         );
         let outline = vec![
@@ -307,15 +317,65 @@ impl Snapshot<'_> {
         }
         let middle = 0.5 * (top + bottom);
         picture.upright_text(
-            &self.label,
+            unit::label(self.label, &self.shown.unit),
             [right + 84.0, middle],
             look(LABEL, Anchor::Middle),
         );
     }
 }
 
+/// Overlap of neighbouring cells, pixels.
+const OVERLAP: f64 = 0.4;
+
+/// The corners of a cell, moved away from its middle by the overlap.
+fn widened(corners: [[f64; 2]; 4]) -> [[f64; 2]; 4] {
+    let middle = |axis: usize| corners.iter().map(|corner| corner[axis]).sum::<f64>() / 4.0;
+    let middle = [middle(0), middle(1)];
+    corners.map(|corner| {
+        let away = [corner[0] - middle[0], corner[1] - middle[1]];
+        let distance = away[0].hypot(away[1]);
+        if distance > 0.0 && distance.is_finite() {
+            [0, 1].map(|axis| corner[axis] + OVERLAP * away[axis] / distance)
+        } else {
+            corner
+        }
+    })
+}
+
 /// A bright line with a dark seam, visible on any colour.
 fn draw_isotherm(picture: &mut Picture, line: Vec<[f64; 2]>, index: usize) {
     picture.line(line.clone(), 4.4, BLACK);
-    picture.line(line, 2.2, ISOTHERM_COLOURS[index % ISOTHERM_COLOURS.len()]);
+    picture.line(line, 2.2, ISOTHERMS[index % ISOTHERMS.len()]);
+}
+
+/// Where a section cuts the body that is seen from above: a line with black and white dashes, visible on any
+/// colour, and the letter of the section at its end.
+fn draw_cut(picture: &mut Picture, frame: &Frame, (cut, letter): (Cut, char), factor: f64) {
+    const DASH: f64 = 12.0;
+    const PAUSE: f64 = 12.0;
+    let [left, top, right, bottom] = frame.edges;
+    let at = cut.at * factor;
+    let (start, end, text) = match cut.axis {
+        0 => {
+            let [x, _] = frame.place(at, frame.vertical.from);
+            ([x, top], [x, bottom], [x, top - 14.0])
+        }
+        1 => {
+            let [_, y] = frame.place(frame.horizontal.from, at);
+            ([left, y], [right, y], [right + 14.0, y])
+        }
+        _ => return,
+    };
+    let length = (end[0] - start[0]).hypot(end[1] - start[1]);
+    let along = |distance: f64| {
+        let fraction = (distance / length).min(1.0);
+        [0, 1].map(|axis| start[axis] + fraction * (end[axis] - start[axis]))
+    };
+    let dashes = (length / (DASH + PAUSE)).ceil() as usize;
+    picture.line(vec![start, end], 1.8, WHITE);
+    for dash in 0..dashes {
+        let from = dash as f64 * (DASH + PAUSE);
+        picture.line(vec![along(from), along(from + DASH)], 1.8, BLACK);
+    }
+    picture.text(letter.to_string(), text, look(TICK, Anchor::Middle));
 }

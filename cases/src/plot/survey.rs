@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
+use perimelt_core::log::{BodyInfo, CloudField, Log, LogError, LoggedCloud};
 
 use super::scalar::scalar;
 use crate::melt_pool::{MeltPool, MeltPoolGauge, Travel};
@@ -15,6 +15,34 @@ pub(crate) struct Survey {
     pub peak: BTreeMap<String, usize>,
     /// times (s) and melt pools, `None` while nothing is molten
     pub pools: Vec<(f64, Option<MeltPool>)>,
+    /// by cloud: the highest temperature (of a body without, the largest value of the first field), and where it is (m)
+    hottest: Vec<Hottest>,
+}
+
+/// The hottest point of a cloud.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Hottest {
+    /// its value
+    value: f64,
+    /// its reference position, m
+    pub place: [f64; 3],
+    /// number of the cloud
+    pub index: usize,
+}
+
+impl Survey {
+    /// The hottest point half way through the times at which it is hot: a section there is not beside the weld, nor at one of
+    /// its ends.
+    pub(crate) fn middle(&self) -> Option<Hottest> {
+        /// part of the range of the highest temperatures that counts as hot
+        const HOT: f64 = 0.7;
+        let values = || self.hottest.iter().map(|hottest| hottest.value);
+        let low = values().fold(f64::INFINITY, f64::min);
+        let high = values().fold(f64::NEG_INFINITY, f64::max);
+        let is_hot = |hottest: &&Hottest| hottest.value >= low + HOT * (high - low);
+        let hot: Vec<_> = self.hottest.iter().filter(is_hot).copied().collect();
+        hot.get(hot.len() / 2).copied()
+    }
 }
 
 /// Surveys `fields`; melt pools if there is an isotherm (K) to bound them.
@@ -46,6 +74,17 @@ pub(crate) fn survey(
                 survey.peak.insert(name.clone(), index);
             }
         }
+        let heat = scalar(&cloud, "temperature").or_else(|| scalar(&cloud, fields.first()?));
+        survey.hottest.extend(heat.and_then(|heat| {
+            let values = heat.values.iter().zip(reference.positions(&cloud));
+            let finite = values.filter(|(value, _)| value.is_finite());
+            let (value, place) = finite.max_by(|a, b| a.0.total_cmp(b.0))?;
+            Some(Hottest {
+                value: *value,
+                place: *place,
+                index,
+            })
+        }));
         if let (Some(isotherm), Some(temperature)) = (isotherm, scalar(&cloud, "temperature")) {
             let pool = reference.pool((body, &cloud), (isotherm, travel), &temperature.values);
             survey.pools.push((cloud.time, pool));
@@ -61,19 +100,37 @@ pub(crate) struct Reference {
 }
 
 impl Reference {
-    /// From the first cloud of a body that is a solid, that is one with displacements.
+    /// From the first cloud of a body that is a solid, that is one with displacements: its positions without them.
     pub(crate) fn new(log: &Log, body: &BodyInfo) -> Result<Self, LogError> {
         if log.times(&body.name).is_empty() {
             return Ok(Self::default());
         }
-        let cloud = log.first_cloud(&body.name)?;
-        let is_solid = cloud
-            .fields
-            .iter()
-            .any(|field| field.name == "displacement");
+        let LoggedCloud {
+            mut positions,
+            fields,
+            ..
+        } = log.first_cloud(&body.name)?;
+        let of_solid = |field: &&CloudField| field.name == "displacement" && field.components == 3;
+        let Some(displacement) = fields.iter().find(of_solid) else {
+            return Ok(Self::default());
+        };
+        // a log that was cut does not begin with the undeformed body
+        for (position, u) in positions
+            .iter_mut()
+            .zip(displacement.values.chunks_exact(3))
+        {
+            for axis in 0..3 {
+                position[axis] -= u[axis];
+            }
+        }
         Ok(Self {
-            first: is_solid.then_some(cloud.positions),
+            first: Some(positions),
         })
+    }
+
+    /// Whether the body has displacements, so that its positions are not those of the undeformed body.
+    pub(crate) fn is_of_solid(&self) -> bool {
+        self.first.is_some()
     }
 
     /// Reference positions (m) of the points of a cloud; for a fluid, the current ones.

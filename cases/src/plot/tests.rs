@@ -1,4 +1,5 @@
 use super::*;
+use crate::melt_pool::Travel;
 
 fn args(log: PathBuf, out: &Path) -> PlotArgs {
     PlotArgs {
@@ -8,10 +9,16 @@ fn args(log: PathBuf, out: &Path) -> PlotArgs {
         body: Vec::new(),
         field: Vec::new(),
         at: Vec::new(),
+        section: Vec::new(),
+        range: None,
         isotherm: Vec::new(),
+        celsius: false,
         deform: None,
         travel: Travel::X,
         width: 600,
+        film: None,
+        frames: 4,
+        rate: 10,
     }
 }
 

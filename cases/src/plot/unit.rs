@@ -91,6 +91,47 @@ pub(crate) fn value(unit: &str, largest: f64) -> (f64, String) {
     }
 }
 
+/// How values are shown: times a factor, plus an offset.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Shown {
+    factor: f64,
+    offset: f64,
+    /// the unit
+    pub unit: String,
+}
+
+/// 0 degrees Celsius, K.
+pub(crate) const ZERO_CELSIUS: f64 = 273.15;
+
+impl Shown {
+    /// For values of this size in an SI unit; temperatures in degrees Celsius if asked for.
+    pub(crate) fn new(si: &str, largest: f64, celsius: bool) -> Self {
+        if celsius && si == "K" {
+            return Self {
+                factor: 1.0,
+                offset: -ZERO_CELSIUS,
+                unit: "°C".into(),
+            };
+        }
+        let (factor, unit) = value(si, largest);
+        Self {
+            factor,
+            offset: 0.0,
+            unit,
+        }
+    }
+
+    /// The number that is shown for a value.
+    pub(crate) fn of(&self, value: f64) -> f64 {
+        value * self.factor + self.offset
+    }
+
+    /// The value for which a number is shown.
+    pub(crate) fn inverse(&self, number: f64) -> f64 {
+        (number - self.offset) / self.factor
+    }
+}
+
 /// `W/m3` as `W/m³`, the unit `1` as nothing.
 pub(crate) fn pretty_unit(unit: &str) -> String {
     if unit == "1" {
@@ -148,16 +189,16 @@ fn trimmed(number: &str) -> &str {
     }
 }
 
-/// A time (s) as text with a suitable unit.
-pub(crate) fn time_text(time: f64) -> String {
-    let unit = self::time(time);
-    format!("{} {}", number(time * unit.factor, 5), unit.unit)
-}
-
 /// A length (m) as text with a suitable unit.
 pub(crate) fn length_text(length: f64) -> String {
     let unit = self::length(length);
     format!("{} {}", number(length * unit.factor, 5), unit.unit)
+}
+
+/// A time (s) as text with a suitable unit.
+pub(crate) fn time_text(time: f64) -> String {
+    let unit = self::time(time);
+    format!("{} {}", number(time * unit.factor, 5), unit.unit)
 }
 
 #[cfg(test)]
@@ -169,6 +210,7 @@ mod tests {
         assert_eq!(time_text(2.5), "2.5 s");
         assert_eq!(time_text(2.5e-3), "2.5 ms");
         assert_eq!(time_text(1.2e-14), "12 fs");
+        assert_eq!(length_text(1.5e-3), "1.5 mm");
         assert_eq!(pretty_unit("W/m3"), "W/m³");
         assert_eq!(
             label("fraction of liquid", &pretty_unit("1")),
@@ -178,6 +220,10 @@ mod tests {
         assert_eq!(value("m3", 8e-8), (1e9, "mm³".into()));
         assert_eq!(value("J", 0.0), (1.0, "J".into()));
         assert_eq!(value("K", 300.0), (1.0, "K".into()));
+        let celsius = Shown::new("K", 2000.0, true);
+        assert_eq!((celsius.of(293.15), &*celsius.unit), (20.0, "°C"));
+        assert_eq!(celsius.inverse(20.0), 293.15);
+        assert_eq!(Shown::new("K/m", 10.0, true).unit, "K/m");
         assert_eq!(length(f64::NAN).unit, "m");
         assert_eq!((length(0.0).unit, time(0.0).unit), ("mm", "s"));
         assert_eq!(length(0.05).unit, "mm");

@@ -191,7 +191,7 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
     info.case_folder = record::run_info(case, &simulation).case_folder;
     let described = (&info, &*case.file_name(), case.file.text.as_str());
     let writer = Writer::continue_from(&log, &part, last, described)?;
-    let recorder = Recorder::new(case, &simulation, writer, wall)?;
+    let recorder = Recorder::new(case, &simulation, writer, wall)?.continuing(log.balance());
     drop(log);
     put_in_place(&part, &options.out)?;
     go_on(simulation, recorder, options)

@@ -7,7 +7,7 @@ use std::time::{Instant, SystemTime, UNIX_EPOCH};
 use perimelt_core::activity::is_active;
 use perimelt_core::field::FieldIndex;
 use perimelt_core::log::{
-    BodyInfo, CloudView, FieldInfo, FieldView, Precision, Progress, RunInfo, Writer,
+    BodyInfo, CloudView, Column, FieldInfo, FieldView, Precision, Progress, RunInfo, Series, Writer,
 };
 use perimelt_core::simulation::Progress as Counters;
 use perimelt_core::{Simulation, World};
@@ -18,6 +18,9 @@ use crate::probe::Probe;
 
 /// Name of the time series of the reports of couplers, such as the power of a source.
 pub const REPORTS: &str = "reports";
+
+/// End of the names of columns of the balance with the error over the size of the quantity.
+pub const RELATIVE_ERROR: &str = ".relative_error";
 
 /// Field of the spacings of points, logged for clouds because pictures need it.
 pub const SPACING: &str = "spacing";
@@ -37,6 +40,8 @@ pub struct Recorder {
     counted: Counters,
     checkpoint_interval: f64,
     next_checkpoint: f64,
+    /// Whether relative errors of the balances are logged; the columns of a resumed log stay as they are.
+    with_relative_errors: bool,
     started: Instant,
     wall_before: f64,
 }
@@ -49,26 +54,15 @@ impl Recorder {
         writer: Writer,
         wall_before: f64,
     ) -> Result<Recorder, Failure> {
-        let chosen = |body: usize| {
-            let wanted = |name: &str| match &case.log.fields {
-                Some(fields) => fields.iter().any(|f| f == name),
-                None => !NOT_BY_DEFAULT.contains(&name),
-            };
-            let fields = simulation
-                .lasting()
-                .filter(|f| f.body == body && wanted(&f.name));
-            let index =
-                |f: &perimelt_core::field::Field| simulation.world().fields().find(body, &f.name);
-            fields.filter_map(index).collect()
-        };
         let mut recorder = Recorder {
             writer,
             precision: case.log.precision,
-            fields: (0..simulation.world().bodies().len()).map(chosen).collect(),
+            fields: logged_fields(case, simulation),
             probes: case.build_probes(simulation)?,
             counted: simulation.progress().clone(),
             checkpoint_interval: case.checkpoint_interval(),
             next_checkpoint: 0.0,
+            with_relative_errors: true,
             started: Instant::now(),
             wall_before,
         };
@@ -95,6 +89,13 @@ impl Recorder {
         self.record_progress(simulation)?;
         self.writer.flush()?;
         Ok(())
+    }
+
+    /// The same for a log that already has balances, with their columns.
+    pub fn continuing(mut self, balance: &Series) -> Recorder {
+        let has = |c: &Column| c.name.ends_with(RELATIVE_ERROR);
+        self.with_relative_errors = balance.columns.is_empty() || balance.columns.iter().any(has);
+        self
     }
 
     fn record_points(&mut self, simulation: &Simulation, body: usize) -> Result<(), Failure> {
@@ -180,6 +181,10 @@ impl Recorder {
                         value,
                     ));
                 }
+                if self.with_relative_errors {
+                    let name = format!("{label}.{}{RELATIVE_ERROR}", b.quantity);
+                    columns.push((name, "1".into(), b.relative_error()));
+                }
             }
         }
         if columns.is_empty() {
@@ -240,6 +245,23 @@ impl Recorder {
     pub fn finish(self) -> Result<(), Failure> {
         Ok(self.writer.finish()?)
     }
+}
+
+/// Fields in the point cloud of each body.
+pub fn logged_fields(case: &Case, simulation: &Simulation) -> Vec<Vec<FieldIndex>> {
+    let chosen = |body: usize| {
+        let wanted = |name: &str| match &case.log.fields {
+            Some(fields) => fields.iter().any(|f| f == name),
+            None => !NOT_BY_DEFAULT.contains(&name),
+        };
+        let fields = simulation
+            .lasting()
+            .filter(|f| f.body == body && wanted(&f.name));
+        let index =
+            |f: &perimelt_core::field::Field| simulation.world().fields().find(body, &f.name);
+        fields.filter_map(index).collect()
+    };
+    (0..simulation.world().bodies().len()).map(chosen).collect()
 }
 
 /// Points of a body that have material; `None` where all have.

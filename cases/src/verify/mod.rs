@@ -8,7 +8,7 @@
 //! Mistakes that can be found before the first run end the command. What goes wrong with one case after that makes
 //! its checks fail, with the reason, and no others.
 
-mod audit;
+pub(crate) mod audit;
 pub mod benchmarks;
 pub mod check;
 pub mod limit;

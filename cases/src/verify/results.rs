@@ -145,7 +145,7 @@ pub(super) fn file_error(
 }
 
 /// Name of the processor and number of its threads.
-fn machine() -> String {
+pub(crate) fn machine() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let names = info
         .lines()

@@ -1,0 +1,159 @@
+//! Exports are read by VTK, the library behind ParaView, and case files are checked by a public validator of JSON schemas, without
+//! our code.
+//!
+//! `PERIMELT_PYTHON` names a Python with `vtk` and `jsonschema`; else `python3`. Without them the tests are skipped, but
+//! fail where `CI` is set.
+
+mod program;
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use program::command;
+
+/// A Python that can import these modules, if there is one.
+fn python(modules: &str) -> Option<String> {
+    let python = std::env::var("PERIMELT_PYTHON").unwrap_or_else(|_| "python3".into());
+    let probe = Command::new(&python)
+        .args(["-c", &format!("import {modules}")])
+        .output();
+    if probe.as_ref().is_ok_and(|o| o.status.success()) {
+        return Some(python);
+    }
+    let why = match probe {
+        Ok(output) => String::from_utf8_lossy(&output.stderr).into_owned(),
+        Err(error) => error.to_string(),
+    };
+    assert!(
+        std::env::var_os("CI").is_none(),
+        "`{python}` cannot import {modules}: {why}"
+    );
+    eprintln!("skipped: `{python}` cannot import {modules}: {why}");
+    None
+}
+
+/// What a script in `python` prints.
+fn run_script(python: &str, script: &str, arguments: &[PathBuf]) -> String {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("python")
+        .join(script);
+    let output = Command::new(python)
+        .arg(script)
+        .args(arguments)
+        .output()
+        .expect("it started before");
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{told}{errors}");
+    told
+}
+
+/// Runs the program in a folder and returns what it prints.
+fn output(folder: &Path, arguments: &[&str]) -> String {
+    let output = command(folder, arguments)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .output()
+        .expect("it starts");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {errors}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+const HEATED_BLOCK: &str = r#"
+[bodies.block]
+shape.box = { min = [0, 0, 0], max = [0.02, 0.01, 0.005] }
+spacing = 0.001
+material = "S355"
+initial.temperature = 600
+
+[[physics]]
+type = "thermal"
+
+[[physics]]
+type = "mechanical"
+
+[[couplers]]
+type = "thermal_expansion"
+reference_temperature = 300
+
+[time]
+end = 0.1
+
+[log]
+interval = 0.1
+"#;
+
+#[test]
+fn vtk_contours_and_clips_what_is_exported() {
+    let Some(python) = python("vtkmodules.vtkIOXML, vtkmodules.vtkFiltersGeneral") else {
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    std::fs::write(folder.join("block.toml"), HEATED_BLOCK).expect("writable");
+    output(folder, &["run", "block.toml", "--quiet"]);
+    let told = output(folder, &["export", "block.mcap"]);
+    assert!(
+        told.contains("points are at their displaced positions"),
+        "{told}"
+    );
+    let file = folder.join("block-export/block-00001.vtu");
+    let told = run_script(&python, "read_export.py", &[file]);
+    // cells between 20 x 10 x 5 points
+    assert!(told.contains("1000 points, 684 hexahedra"), "{told}");
+    assert!(
+        told.contains("stress: xx xy xz yx yy yz zx zy zz"),
+        "{told}"
+    );
+}
+
+#[test]
+fn every_case_file_is_valid_by_the_printed_schema() {
+    let Some(python) = python("jsonschema, tomllib") else {
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    std::fs::write(folder.join("schema.json"), output(folder, &["schema"])).expect("writable");
+    let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases");
+    let told = run_script(
+        &python,
+        "validate_cases.py",
+        &[folder.join("schema.json"), cases],
+    );
+    assert!(told.contains(" case files are valid"), "{told}");
+
+    // what the program refuses, the schema does, too
+    for (key, wrong) in [
+        ("spacing = 0.001", "spacing = 0"),
+        ("spacing = 0.001", "spacing = 0.001\ndimension = 4"),
+        (
+            "spacing = 0.001",
+            "spacing = 0.001\nthickness = -1.0\ndimension = 2",
+        ),
+        ("end = 0.1", "end = 0"),
+        ("end = 0.1", "end = 0.1\nsafety = 1.5"),
+        ("interval = 0.1", "interval = -1.0"),
+        ("interval = 0.1", "checkpoint = 0"),
+        ("interval = 0.1", "interval = \"often\""),
+        ("type = \"thermal\"", "type = \"thermical\""),
+    ] {
+        let case = HEATED_BLOCK.replace(key, wrong);
+        let file = folder.join("wrong.toml");
+        std::fs::write(&file, case).expect("writable");
+        let checked = command(folder, &["check", "wrong.toml"])
+            .status()
+            .expect("it starts");
+        assert!(!checked.success(), "{wrong} is accepted by the program");
+        let told = run_script(
+            &python,
+            "validate_cases.py",
+            &[folder.join("schema.json"), file],
+        );
+        assert!(
+            told.contains("wrong.toml: "),
+            "{wrong} is accepted by the schema: {told}"
+        );
+    }
+}
