@@ -206,7 +206,10 @@ fn a_path_that_waits_is_resumed_bit_by_bit() {
     let case = include_str!("cases/passes.toml");
     std::fs::write(folder.join("passes.toml"), case).expect("writable");
     let run = |extra: &[&str]| {
-        let (done, message) = told(folder, &[&["run", "passes.toml", "--quiet"], extra].concat());
+        let (done, message) = told(
+            folder,
+            &[&["run", "passes.toml", "--quiet"], extra].concat(),
+        );
         assert!(done, "{message}");
     };
     run(&["--out", "whole.mcap"]);
@@ -223,11 +226,20 @@ fn a_path_that_waits_is_resumed_bit_by_bit() {
     let temperature = temperature.last().copied().unwrap_or(f64::NAN);
     assert!(temperature <= 600.0 && temperature > 590.0, "{temperature}");
     let energy = column("torch.energy.asked").last().copied();
-    assert!(energy.is_some_and(|e| (e - 2.0 * 900.0).abs() < 1e-9), "{energy:?}");
+    assert!(
+        energy.is_some_and(|e| (e - 2.0 * 900.0).abs() < 1e-9),
+        "{energy:?}"
+    );
 
     let expected = final_state(&folder.join("whole.mcap"));
     for until in [0.3, 0.65, start + 0.2] {
-        run(&["--force", "--out", "part.mcap", "--until", &until.to_string()]);
+        run(&[
+            "--force",
+            "--out",
+            "part.mcap",
+            "--until",
+            &until.to_string(),
+        ]);
         let (done, message) = told(folder, &["resume", "part.mcap", "--quiet"]);
         assert!(done, "{message}");
         let resumed = final_state(&folder.join("part.mcap"));

@@ -216,7 +216,8 @@ fn following(world: &mut World) -> (Deposit, Rc<TimedPath>) {
     let mut setup = Setup::new(world, std::path::Path::new("."));
     setup.share("torch", path.clone());
     setup.next_plugin("the torch");
-    path.prepare(&mut setup, 0).expect("a body with a temperature");
+    path.prepare(&mut setup, 0)
+        .expect("a body with a temperature");
     setup.next_plugin("the deposit");
     coupler.prepare(&mut setup).expect("it follows the torch");
     (coupler, path)
@@ -230,14 +231,25 @@ fn the_deposit_of_a_source_waits_with_it() {
     path.begin_step(&world, 0.0);
     assert!(coupler.step_limit().is_some(), "the bead begins at once");
     for step in 0..20 {
-        apply(&world, &mut coupler, Step::new(0.25 * f64::from(step), 0.25));
+        apply(
+            &world,
+            &mut coupler,
+            Step::new(0.25 * f64::from(step), 0.25),
+        );
     }
     let first = active(&world).len();
     path.begin_step(&world, 5.0);
     apply(&world, &mut coupler, Step::new(5.0, 35.0));
     path.begin_step(&world, 40.0);
-    assert_eq!(active(&world).len(), first, "nothing is deposited during the wait");
-    assert_eq!((coupler.step_limit(), coupler.next_event(40.0)), (None, None));
+    assert_eq!(
+        active(&world).len(),
+        first,
+        "nothing is deposited during the wait"
+    );
+    assert_eq!(
+        (coupler.step_limit(), coupler.next_event(40.0)),
+        (None, None)
+    );
 
     crate::testing::set(&mut world, &keys::TEMPERATURE, |_| 399.0);
     path.begin_step(&world, 40.0);
@@ -246,7 +258,10 @@ fn the_deposit_of_a_source_waits_with_it() {
     assert!(active(&world).len() > first);
     let birth = values(&world, &keys::BIRTH_TEMPERATURE);
     let hottest = birth.iter().copied().fold(0.0, f64::max);
-    assert!((hottest - 1400.0).abs() < 2.5, "at the time of the run: {hottest}");
+    assert!(
+        (hottest - 1400.0).abs() < 2.5,
+        "at the time of the run: {hottest}"
+    );
 }
 
 #[test]
@@ -256,9 +271,21 @@ fn sources_that_a_deposit_cannot_follow_are_told() {
     let sequence = "toolpath.sequence.passes = [{ toolpath.line = { start = [0, 0, 3], end = [3, 0, 3], speed = 1 },
         wait_until = { temperature = 400 } }]";
     for (keys, key, words) in [
-        ("source = 'arc'".to_string(), "source", "no heat source is called `arc`"),
-        (format!("source = 'arc'\n{line}"), "source", "both `source` and a toolpath"),
-        (sequence.to_string(), "toolpath", "waits belongs to a heat source"),
+        (
+            "source = 'arc'".to_string(),
+            "source",
+            "no heat source is called `arc`",
+        ),
+        (
+            format!("source = 'arc'\n{line}"),
+            "source",
+            "both `source` and a toolpath",
+        ),
+        (
+            sequence.to_string(),
+            "toolpath",
+            "waits belongs to a heat source",
+        ),
     ] {
         let mut world = World::new(vec![part([4, 3, 5], 3, 2.0)]);
         let mut coupler: Deposit = read(&format!("{bead}\n{keys}"));

@@ -10,7 +10,9 @@ use serde::{Deserialize, Serialize};
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{ArcProcess, HeatedSurface, Sampling, SourceError, arc_efficiency, positive, within, yes};
+use super::{
+    ArcProcess, HeatedSurface, Sampling, SourceError, arc_efficiency, positive, within, yes,
+};
 
 /// An ellipsoid cut in half by the heated face.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

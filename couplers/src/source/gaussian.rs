@@ -11,7 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{ArcProcess, CellGrid, HeatedSurface, Sampling, SourceError, arc_efficiency, positive, yes};
+use super::{
+    ArcProcess, CellGrid, HeatedSurface, Sampling, SourceError, arc_efficiency, positive, yes,
+};
 
 /// A Gaussian on the surface with an effective depth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]

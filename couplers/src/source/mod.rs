@@ -28,9 +28,9 @@ mod point;
 mod profile;
 mod pulsed;
 mod super_gaussian;
-mod tilted;
 #[cfg(test)]
 mod tests;
+mod tilted;
 
 pub use deposit::{Deposit, Depositor};
 pub use ellipsoid::{Goldak, SemiEllipsoid};
@@ -174,7 +174,9 @@ pub enum SourceError {
     #[error("a surface source on a 3D body needs `effective_depth`, the depth it heats [m]")]
     EffectiveDepth,
     /// A torch's axis that cannot be.
-    #[error("`heated_surface.direction` is given for {0}; it needs a 3D body, a source with a depth and a length above 0")]
+    #[error(
+        "`heated_surface.direction` is given for {0}; it needs a 3D body, a source with a depth and a length above 0"
+    )]
     Direction(&'static str),
     /// A source that covers more cells than can be held.
     #[error(

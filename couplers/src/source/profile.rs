@@ -284,7 +284,10 @@ mod tests {
             ),
             (DepthProfile::Exponential { length }, (-1.0_f64).exp(), 1.0),
         ] {
-            assert!((1.0 - profile.down_to(length) - deeper).abs() < 1e-12, "{profile:?}");
+            assert!(
+                (1.0 - profile.down_to(length) - deeper).abs() < 1e-12,
+                "{profile:?}"
+            );
             assert!((profile.down_to(profile.reach()) - 1.0).abs() < 1e-12);
             let cells = 40_000;
             let width = profile.reach() / f64::from(cells);
@@ -292,7 +295,11 @@ mod tests {
             let first: f64 = (0..cells)
                 .map(|cell| profile.density(middle(cell)) * middle(cell) * width)
                 .sum();
-            assert!((first / length - mean).abs() < 1e-4, "{profile:?}: {}", first / length);
+            assert!(
+                (first / length - mean).abs() < 1e-4,
+                "{profile:?}: {}",
+                first / length
+            );
         }
     }
 }

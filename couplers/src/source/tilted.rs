@@ -37,7 +37,9 @@ impl Frame {
     fn new(origin: Vector3<f64>, axis: Vector3<f64>, travel: Vector3<f64>) -> Self {
         let normal = |v: Vector3<f64>| (v - axis * v.dot(&axis)).try_normalize(1e-9);
         let along = normal(travel).or_else(|| normal(Vector3::x()));
-        let along = along.or_else(|| normal(Vector3::y())).unwrap_or_else(Vector3::z);
+        let along = along
+            .or_else(|| normal(Vector3::y()))
+            .unwrap_or_else(Vector3::z);
         Frame {
             origin,
             along,

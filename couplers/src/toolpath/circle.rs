@@ -71,7 +71,9 @@ impl Circle {
         let duration = positive("turns", self.turns)? * TAU / rate;
         let (sin, cos) = finite("start_angle", self.start_angle)?.sin_cos();
         let no_axis = ToolpathError::NoLength { key: "axis".into() };
-        let axis = place("axis", self.axis)?.try_normalize(0.0).ok_or(no_axis)?;
+        let axis = place("axis", self.axis)?
+            .try_normalize(0.0)
+            .ok_or(no_axis)?;
         let across = |v: Vector3<f64>| (v - axis * v.dot(&axis)).try_normalize(1e-9);
         let u = across(Vector3::x()).unwrap_or_else(Vector3::y);
         let v = axis.cross(&u);

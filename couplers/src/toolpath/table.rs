@@ -119,7 +119,9 @@ fn read(
                 let path = path.into();
                 return Err(ToolpathError::TableWait { path, line });
             }
-            track.iter_mut().for_each(|(track, ..)| track.begin_pass(wait));
+            track
+                .iter_mut()
+                .for_each(|(track, ..)| track.begin_pass(wait));
         }
         rows += 1;
     }

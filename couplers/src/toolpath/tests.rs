@@ -350,7 +350,10 @@ fn a_sequence_lays_its_passes_one_after_the_other() {
     assert_eq!(events(&track), [0.0, 2.0, 2.5, 4.5]);
     assert_eq!(track.pose(2.25).power, 0.0);
     assert_eq!(track.pose(3.5).position, Vector3::new(1.0, 1.0, 0.0));
-    assert_eq!((track.pose(1.0).power, track.pose(3.0).power), (100.0, 50.0));
+    assert_eq!(
+        (track.pose(1.0).power, track.pose(3.0).power),
+        (100.0, 50.0)
+    );
     assert_eq!(track.pose(3.0).torch, None);
     let axis = track.pose(5.0).torch.expect("that of the pass");
     assert!((axis - Vector3::new(0.0, -1.0, -1.0).normalize()).norm() < 1e-15);
@@ -417,8 +420,13 @@ fn waits_are_steps_of_polylines_hatches_tables_and_programs() {
     };
     let found = table(&format!(", {wait}")).expect("valid");
     assert_eq!(starts(&found), [(0.0, false), (1.0, true)]);
-    let error = table("").expect_err("a wait without its condition").to_string();
-    assert!(error.contains("line 3") && error.contains("wait_until"), "{error}");
+    let error = table("")
+        .expect_err("a wait without its condition")
+        .to_string();
+    assert!(
+        error.contains("line 3") && error.contains("wait_until"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -436,9 +444,15 @@ fn a_circle_runs_about_any_axis_and_its_torch_points_to_the_centre() {
         ("[0, 0, -1]", Vector3::x(), -Vector3::y()),
     ] {
         let track = of(axis, 0.0);
-        assert!((track.pose(0.0).position - centre - first * 2.0).norm() < 1e-12, "{axis}");
+        assert!(
+            (track.pose(0.0).position - centre - first * 2.0).norm() < 1e-12,
+            "{axis}"
+        );
         let pose = track.pose(FRAC_PI_2);
-        assert!((pose.position - centre - quarter * 2.0).norm() < 1e-12, "{axis}");
+        assert!(
+            (pose.position - centre - quarter * 2.0).norm() < 1e-12,
+            "{axis}"
+        );
         assert!((pose.direction + first).norm() < 1e-12, "{axis}");
         let torch = pose.torch.expect("inward");
         assert!((torch + quarter).norm() < 1e-12, "{axis}");

@@ -49,9 +49,8 @@ impl WaitUntil {
 
     /// Checks the condition and finds its points.
     pub(super) fn gauge(&self, setup: &Setup<'_>, body: BodyIndex) -> Result<Gauge, SetupError> {
-        let refuse = |message: String, expected: &str| {
-            Err(SetupError::value("toolpath", message, expected))
-        };
+        let refuse =
+            |message: String, expected: &str| Err(SetupError::value("toolpath", message, expected));
         if !(self.temperature > 0.0 && self.temperature.is_finite()) {
             let message = format!("`wait_until.temperature` is {} K", self.temperature);
             return refuse(message, "a temperature above 0 K");
@@ -158,7 +157,9 @@ impl Gauge {
 fn nearest(body: &Body, at: &Vector3<f64>, test: impl Fn(usize) -> bool) -> Option<usize> {
     let distance = |position: &Vector3<f64>| {
         let apart = position - at;
-        (0..body.dimension).map(|axis| apart[axis] * apart[axis]).sum::<f64>()
+        (0..body.dimension)
+            .map(|axis| apart[axis] * apart[axis])
+            .sum::<f64>()
     };
     let points = body.points.position.iter().enumerate();
     let points = points.filter(|(point, _)| test(*point));
