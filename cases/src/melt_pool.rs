@@ -35,7 +35,7 @@ pub enum Travel {
 pub struct PoolAxes {
     /// axis of the length
     pub along: Axis,
-    /// axis of the depth, which counts from the topmost surface of the body; not `along`
+    /// axis of the depth, which counts from the surface of the material above the hottest point; not `along`
     pub down: Axis,
 }
 
@@ -67,7 +67,7 @@ pub struct MeltPool {
     /// extent along the axis of the width, m, with its mirror image behind a plane of symmetry; `None` if the body does
     /// not have that axis
     pub width: Option<f64>,
-    /// extent below the topmost surface of the body, m; `None` if the body does not have that axis
+    /// extent below the surface of the material above the hottest point, m; `None` if the body does not have that axis
     pub depth: Option<f64>,
     /// highest temperature, K
     pub peak: f64,
@@ -206,15 +206,14 @@ impl MeltPoolGauge {
         });
         let down = Some(self.axes.down.index()).filter(|&axis| has_axis(axis));
         let depth = down.and_then(|axis| {
-            let cells = grid.cell_of_point.iter().enumerate();
-            let top = match activity {
-                None => grid.cells[axis] - 1,
-                Some(_) => {
-                    let there = cells.filter(|(p, _)| is_there(*p));
-                    there.map(|(_, cell)| cell[axis]).max().unwrap_or(0)
-                }
-            };
-            let top = grid.centre(axis, top) + 0.5 * grid.spacing;
+            // in a fillet, the body goes on above the pool beside it
+            let present = (0..values.len()).filter(|&cell| !values[cell].is_nan());
+            let hottest = present.max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
+            let stride: usize = grid.cells[..axis].iter().product();
+            let from = hottest / stride % grid.cells[axis];
+            let is_material = |up: &usize| !values[hottest + up * stride].is_nan();
+            let above = (1..grid.cells[axis] - from).take_while(is_material);
+            let top = grid.centre(axis, from + above.count()) + 0.5 * grid.spacing;
             in_space(axis).map(|(bottom, _)| top - bottom)
         });
         Some(MeltPool {
@@ -427,6 +426,20 @@ mod tests {
         assert!((pool.width.expect("3D") - 6.0 * SPACING).abs() < 1e-15);
         assert!((pool.depth.expect("3D") - 4.0 * SPACING).abs() < 1e-15);
         assert_eq!(pool.peak, 1800.0);
+    }
+
+    #[test]
+    fn depth_counts_from_the_surface_above_the_pool() {
+        // a base of four layers, and a web on one of its sides
+        let mut positions = lattice([0.0, 0.0, -4.0], [10, 12, 4]);
+        positions.extend(lattice([0.0, 0.0, 0.0], [10, 3, 8]));
+        let hot = |p: &[f64; 3]| p[1] > 6.0 * SPACING && p[2] > -2.0 * SPACING;
+        let temperature: Vec<f64> = positions
+            .iter()
+            .map(|p| if hot(p) { 1800.0 } else { 1200.0 })
+            .collect();
+        let pool = measured(&positions, 3, Travel::X, &temperature).expect("a pool");
+        assert!((pool.depth.expect("3D") - 2.0 * SPACING).abs() < 1e-12);
     }
 
     #[test]

@@ -243,6 +243,20 @@ fn sources(log: &Log, found: &mut Vec<ReadOff>) {
             let quantity = "energy deposited per length of the path";
             found.push(ReadOff::new(source, quantity, energy / path, "J/m"));
         }
+        for pass in 1.. {
+            let Some(start) = last(&format!("pass.{pass}.start")) else {
+                break;
+            };
+            let temperature = last(&format!("pass.{pass}.temperature"));
+            if !start.is_finite() {
+                break;
+            }
+            let quantity = format!("start of pass {pass}");
+            found.push(ReadOff::new(source, quantity, start, "s"));
+            let quantity = format!("interpass temperature before pass {pass}");
+            let temperature = temperature.filter(|t| t.is_finite());
+            found.extend(temperature.map(|t| ReadOff::new(source, quantity, t, "K").at(start)));
+        }
     }
 }
 

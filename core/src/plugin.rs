@@ -10,8 +10,11 @@
 //! `#[serde(skip)]` field. What must survive a restart and is not a field goes through
 //! [`Physics::save`] and [`Physics::load`].
 
+use std::any::Any;
 use std::borrow::Cow;
 use std::fmt;
+use std::path::Path;
+use std::rc::Rc;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
@@ -350,6 +353,15 @@ pub trait Physics {
 /// Something that carries what fields do to others, on one body or between two.
 #[typetag::serde(tag = "type")]
 pub trait Coupler {
+    /// What other couplers may use by the `name` of this one, such as the path of a torch; asked of all couplers before
+    /// any is prepared ([`Setup::shared`]). Relative paths in the case start from `folder`.
+    ///
+    /// # Errors
+    /// [`SetupError`] with the key to blame.
+    fn share(&mut self, _folder: &Path) -> Result<Option<Rc<dyn Any>>, SetupError> {
+        Ok(None)
+    }
+
     /// Declares fields, checks the case. Couplers are prepared before physics.
     ///
     /// # Errors
@@ -361,6 +373,16 @@ pub trait Coupler {
     /// # Errors
     /// [`RunError`] when it cannot.
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError>;
+
+    /// Takes decisions that depend on the state, such as the end of a wait; called before each macro step with the state
+    /// at its start, `time` (s). Events and limits of the step follow. For the same state it must decide the same, since a
+    /// resumed run calls it again.
+    fn begin_step(&mut self, _world: &World, _time: f64) {}
+
+    /// What its action still waited for at the end of the run, as a sentence without a full stop.
+    fn unfinished(&self, _time: f64) -> Option<String> {
+        None
+    }
 
     /// The next time after `after` (s) at which its action has a kink or a jump; steps land on it.
     fn next_event(&self, _after: f64) -> Option<f64> {

@@ -7,7 +7,9 @@
 mod families;
 mod layers;
 
+use std::any::Any;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use nalgebra::Vector3;
 
@@ -112,6 +114,8 @@ pub struct Setup<'w> {
     /// Bodies that are walls for others.
     walls: Vec<DeclaredWall>,
     warnings: Vec<Warning>,
+    /// What couplers share, with their names.
+    shared: Vec<(String, Rc<dyn Any>)>,
     /// Number of plugins before the first physics, once there is one.
     first_physics: Option<usize>,
 }
@@ -136,6 +140,7 @@ impl<'w> Setup<'w> {
             families: Vec::new(),
             walls: Vec::new(),
             warnings: Vec::new(),
+            shared: Vec::new(),
             first_physics: None,
         }
     }
@@ -165,6 +170,34 @@ impl<'w> Setup<'w> {
     /// Takes the warnings so far.
     pub(crate) fn take_warnings(&mut self) -> Vec<Warning> {
         std::mem::take(&mut self.warnings)
+    }
+
+    /// Makes known what the coupler called `name` shares, before any is prepared.
+    pub fn share(&mut self, name: &str, value: Rc<dyn Any>) {
+        self.shared.push((name.into(), value));
+    }
+
+    /// What the coupler called `name` shares ([`Coupler::share`](crate::Coupler::share)).
+    ///
+    /// # Errors
+    /// When no coupler of that name shares a `T`, with the names of those that do; blamed on `key`.
+    pub fn shared<T: 'static>(
+        &self,
+        key: &str,
+        what: &'static str,
+        name: &str,
+    ) -> Result<Rc<T>, SetupError> {
+        let all = self.shared.iter();
+        let mut all = all.filter_map(|(n, value)| Some((n, value.clone().downcast::<T>().ok()?)));
+        let found = all.clone().find(|(n, _)| *n == name);
+        found.map(|(_, value)| value).ok_or_else(|| {
+            let problem = Problem::UnknownName {
+                what,
+                name: name.into(),
+                known: all.by_ref().map(|(n, _)| n.clone()).collect(),
+            };
+            SetupError::new(key, problem)
+        })
     }
 
     /// A path of the case file, relative to the file's folder.

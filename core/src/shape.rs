@@ -4,7 +4,7 @@
 //! bounding box. Bodies are the cell centres of a lattice that lie inside a shape;
 //! regions are the points of a body that do.
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Unit, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -29,6 +29,8 @@ pub enum Shape {
     Union(Vec<Shape>),
     /// Everything inside `from` and outside `subtract`.
     Difference(Difference),
+    /// A shape turned about an axis.
+    Rotate(Rotate),
 }
 
 /// Axis-aligned box.
@@ -145,6 +147,58 @@ pub struct Difference {
     pub subtract: Box<Shape>,
 }
 
+/// A shape turned about an axis by the right-hand rule.
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Rotate {
+    /// The shape before it is turned.
+    pub shape: Box<Shape>,
+    /// Direction of the axis, of any length; default z.
+    #[serde(default = "upward")]
+    pub axis: [f64; 3],
+    /// Angle, rad.
+    pub angle: f64,
+    /// A point of the axis, m; default the origin.
+    #[serde(default)]
+    pub about: [f64; 3],
+}
+
+fn upward() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
+}
+
+impl Rotate {
+    fn rotation(&self) -> Rotation3<f64> {
+        Rotation3::from_axis_angle(&Unit::new_normalize(self.axis.into()), self.angle)
+    }
+
+    /// A position (m) before the shape was turned.
+    fn before(&self, position: &Vector3<f64>) -> Vector3<f64> {
+        let about = Vector3::from(self.about);
+        about + self.rotation().inverse() * (position - about)
+    }
+
+    /// The box around the turned box of the shape.
+    fn bounds(&self) -> Option<Bounds> {
+        let (min, max) = self.shape.bounds()?;
+        let about = Vector3::from(self.about);
+        let rotation = self.rotation();
+        let corner = |index: usize| {
+            let corner = Vector3::from_fn(|a, _| if index >> a & 1 == 0 { min[a] } else { max[a] });
+            about + rotation * (corner - about)
+        };
+        let corners = (0..8).map(|index| (corner(index), corner(index)));
+        corners.reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)))
+    }
+
+    fn mistake(&self) -> Option<String> {
+        if self.axis == [0.0; 3] {
+            return Some("the axis of the rotation is zero".into());
+        }
+        self.shape.mistake()
+    }
+}
+
 /// Corners of an axis-aligned bounding box, m.
 pub type Bounds = (Vector3<f64>, Vector3<f64>);
 
@@ -176,6 +230,7 @@ impl Shape {
             Shape::Difference(d) => {
                 d.from.contains(position, tolerance) && !d.subtract.contains(position, -tolerance)
             }
+            Shape::Rotate(r) => r.shape.contains(&r.before(position), tolerance),
         }
     }
 
@@ -201,6 +256,7 @@ impl Shape {
                 .reduce(|a, b| Some((a?.0.inf(&b?.0), a?.1.sup(&b?.1))))
                 .flatten(),
             Shape::Difference(d) => d.from.bounds(),
+            Shape::Rotate(r) => r.bounds(),
         }
     }
 
@@ -225,6 +281,7 @@ impl Shape {
             Shape::HalfSpace(h) if h.normal == [0.0; 3] => Some("the normal is zero".into()),
             Shape::Union(shapes) => shapes.iter().find_map(Shape::mistake),
             Shape::Difference(d) => d.from.mistake().or_else(|| d.subtract.mistake()),
+            Shape::Rotate(r) => r.mistake(),
             _ => None,
         }
     }
@@ -295,6 +352,28 @@ mod tests {
             ..ellipse
         };
         assert!(Shape::EllipticalCylinder(skew).mistake().is_some());
+    }
+
+    #[test]
+    fn a_turned_box_contains_what_the_box_contained() {
+        let shape: Shape = toml::from_str(
+            "rotate = { shape.box = { min = [0, 0, 0], max = [2, 1, 1] }, angle = 0.5235987755982988, about = [2, 0, 0] }",
+        )
+        .expect("a shape");
+        let (sin, cos) = 30.0_f64.to_radians().sin_cos();
+        // the corner at the origin goes round (2, 0), clockwise below y = 0
+        let corner = Vector3::new(2.0 - 2.0 * cos, -2.0 * sin, 0.5);
+        let inwards = Vector3::new(cos - sin, sin + cos, 0.0);
+        assert!(shape.contains(&(corner + inwards * 1e-3), 0.0));
+        assert!(!shape.contains(&(corner - inwards * 1e-3), 0.0));
+        let (min, max) = shape.bounds().expect("bounded");
+        assert!((min - Vector3::new(2.0 - 2.0 * cos - sin, -2.0 * sin, 0.0)).norm() < 1e-12);
+        assert!((max - Vector3::new(2.0, cos, 1.0)).norm() < 1e-12);
+        let none: Shape = toml::from_str(
+            "rotate = { shape.sphere = { centre = [0, 0, 0], radius = 1 }, angle = 1, axis = [0, 0, 0] }",
+        )
+        .expect("a shape");
+        assert!(none.mistake().is_some_and(|m| m.contains("axis")));
     }
 
     #[test]

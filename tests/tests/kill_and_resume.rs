@@ -197,3 +197,65 @@ fn a_case_file_that_changed_since_is_named() {
         "{message}"
     );
 }
+
+/// A run that is stopped within a pass, while its path waits, and within the pass after the wait.
+#[test]
+fn a_path_that_waits_is_resumed_bit_by_bit() {
+    let folder = tempfile::tempdir().expect("a folder for logs");
+    let folder = folder.path();
+    let case = include_str!("cases/passes.toml");
+    std::fs::write(folder.join("passes.toml"), case).expect("writable");
+    let run = |extra: &[&str]| {
+        let (done, message) = told(
+            folder,
+            &[&["run", "passes.toml", "--quiet"], extra].concat(),
+        );
+        assert!(done, "{message}");
+    };
+    run(&["--out", "whole.mcap"]);
+    let whole = Log::open(folder.join("whole.mcap")).expect("the log opens");
+    let reports = &whole.probes()["reports"];
+    let column = |name: &str| {
+        let column = reports.columns.iter().find(|c| c.name == name);
+        column.expect("reported").values.clone()
+    };
+    let starts = column("torch.pass.2.start");
+    let start = starts.last().copied().unwrap_or(f64::NAN);
+    assert!(start > 0.7 && start < 3.5, "the second pass waits: {start}");
+    let temperature = column("torch.pass.2.temperature");
+    let temperature = temperature.last().copied().unwrap_or(f64::NAN);
+    assert!(temperature <= 600.0 && temperature > 590.0, "{temperature}");
+    let energy = column("torch.energy.asked").last().copied();
+    assert!(
+        energy.is_some_and(|e| (e - 2.0 * 900.0).abs() < 1e-9),
+        "{energy:?}"
+    );
+
+    let expected = final_state(&folder.join("whole.mcap"));
+    for until in [0.3, 0.65, start + 0.2] {
+        run(&[
+            "--force",
+            "--out",
+            "part.mcap",
+            "--until",
+            &until.to_string(),
+        ]);
+        let (done, message) = told(folder, &["resume", "part.mcap", "--quiet"]);
+        assert!(done, "{message}");
+        let resumed = final_state(&folder.join("part.mcap"));
+        assert!(resumed == expected, "resumed after {until} s");
+    }
+}
+
+#[test]
+fn a_wait_that_does_not_end_is_told() {
+    let folder = tempfile::tempdir().expect("a folder for logs");
+    let case = include_str!("cases/passes.toml").replace("end = 4", "end = 1");
+    std::fs::write(folder.path().join("passes.toml"), case).expect("writable");
+    let (done, message) = told(folder.path(), &["run", "passes.toml"]);
+    assert!(done, "{message}");
+    assert!(
+        message.contains("torch: the run ends while pass 2 of 2 waits"),
+        "{message}"
+    );
+}

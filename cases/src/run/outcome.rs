@@ -65,6 +65,10 @@ impl Outcome {
                 warnings.push(format!("{label}: {share} % of the energy missed the body"));
             }
         }
+        if simulation.is_finished() {
+            let waiting = simulation.unfinished().into_iter();
+            warnings.extend(waiting.map(|(label, message)| format!("{label}: {message}")));
+        }
         for (body, peak) in simulation.world().bodies().iter().zip(&self.peaks) {
             let Some(peak) = peak else {
                 continue;

@@ -154,6 +154,7 @@ benchmarks!(
     "deposit-rod-fine",
     "deposit-wall-present",
     "deposit-wall",
+    "interpass-wait",
     "powder-bar",
     "elastic-flag",
     "held-cantilever-bond",
@@ -260,8 +261,9 @@ benchmarks!(
     "gao-3.6.2b-tearing-plate-nosb",
     "gao-3.6.3-kalthoff",
     ],
-    "welding": ["bead_on_plate", "haz_hardness", "residual_stress"],
-    "additive": ["single_track", "hatch", "powder_bed_tower", "wire_arc_wall"],
+    "welding": ["bead_on_plate", "butt_weld", "haz_hardness", "residual_stress", "t_joint"],
+    "additive": ["gcode_part", "hatch", "powder_bed_tower", "single_track", "wire_arc_wall"],
+    "quenching": ["billet"],
 );
 
 /// The benchmark cases of the program, or those of a folder, with their names.
@@ -314,7 +316,7 @@ mod tests {
                 .filter_map(|path| Some(path.file_stem()?.to_str()?.to_string()))
                 .collect()
         };
-        for folder in ["verification", "welding", "additive"] {
+        for folder in ["verification", "welding", "additive", "quenching"] {
             let built_in = BENCHMARKS.iter().filter(|b| b.folder == folder);
             assert_eq!(
                 names(folder),

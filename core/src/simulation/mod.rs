@@ -159,6 +159,11 @@ impl Simulation {
         };
         let mut setup = Setup::new(&mut world, folder);
         for (i, c) in couplers.iter_mut().enumerate() {
+            let value = c.plugin.share(folder);
+            let value = value.map_err(|e| (Culprit::Coupler(i), e))?;
+            value.into_iter().for_each(|v| setup.share(&c.label, v));
+        }
+        for (i, c) in couplers.iter_mut().enumerate() {
             setup.next_plugin(&c.label);
             c.plugin
                 .prepare(&mut setup)
@@ -380,6 +385,15 @@ impl Simulation {
         let physics = self.physics.iter();
         couplers
             .chain(physics.map(|p| (p.label.as_str(), p.plugin.report())))
+            .collect()
+    }
+
+    /// What couplers still wait for: their names and a sentence.
+    pub fn unfinished(&self) -> Vec<(&str, String)> {
+        let couplers = self.couplers.iter();
+        let waiting = |c: &'_ Named<dyn Coupler>| c.plugin.unfinished(self.clock.time);
+        couplers
+            .filter_map(|c| Some((c.label.as_str(), waiting(c)?)))
             .collect()
     }
 

@@ -147,6 +147,9 @@ impl Simulation {
     pub fn step(&mut self) -> Result<bool, RunError> {
         self.limit_steps();
         let time = self.clock.time;
+        for c in &mut self.couplers {
+            c.plugin.begin_step(&self.world, time);
+        }
         let log = self.next_log();
         let limit = self.macro_step();
         // an event within rounding of now, or of the log, is as good as reached

@@ -5,7 +5,8 @@
 //!
 //! - With `toolpath` and `bead` (wire and arc, blown powder) a point gets its material when the bead first covers it
 //!   while the toolpath has power: the points within half a `width` of the toolpath, and within `height` below its level.
-//!   The toolpath is written as that of the heat source, with the same times; a power of its own is not needed.
+//!   `source` names the heat source whose toolpath this is: one path with one clock, waits included. A toolpath of its own
+//!   needs no power.
 //! - With `layers` (powder bed) all points of a layer get their material at once, and several layers where `at_once` says
 //!   so, as for parts whose layers are thinner than the spacing.
 //!
@@ -22,6 +23,8 @@ mod births;
 #[cfg(test)]
 mod tests;
 
+use std::rc::Rc;
+
 use perimelt_core::activity::is_active;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World, Write, keys};
@@ -33,7 +36,7 @@ pub use births::{Bead, Layers};
 use births::{Birth, Part};
 
 use crate::InTime;
-use crate::toolpath::{Toolpath, Track};
+use crate::toolpath::{TimedPath, Toolpath, Track, TrackTime};
 
 /// Fraction of a spacing that a toolpath may move in a step.
 const STEP_FRACTION: f64 = 0.5;
@@ -52,7 +55,10 @@ pub struct Deposit {
     pub region: String,
     /// Temperature at which material is deposited (K): a number, or `{ time = [...], value = [...] }`, times in s.
     pub temperature: InTime,
-    /// Path of the nozzle, as that of the heat source; with `bead`.
+    /// Name of the heat source whose toolpath deposits the material, the `name` of its table; with `bead`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub source: Option<String>,
+    /// Path of the nozzle, where no heat source has it; with `bead`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub toolpath: Option<Toolpath>,
     /// Cross-section of the bead that the toolpath leaves.
@@ -77,9 +83,11 @@ struct DepositState {
     body: BodyIndex,
     active: Write<f64>,
     birth_temperature: Write<f64>,
+    /// The path whose clock the times of the births follow; else they are times of the run.
+    path: Option<Rc<TimedPath>>,
     /// In the order of time.
     births: Vec<Birth>,
-    /// Times at which births begin after a pause, s.
+    /// Times at which births begin after a pause, s, as those of the births.
     starts: Vec<f64>,
     /// Longest step while a toolpath deposits, s.
     step_limit: Option<f64>,
@@ -100,24 +108,26 @@ struct Done {
 
 impl Deposit {
     fn births(&self, setup: &mut Setup<'_>, part: &Placed) -> Result<Births, SetupError> {
-        match (&self.toolpath, &self.bead, &self.layers) {
-            (Some(toolpath), Some(bead), None) => {
+        let path = self.path(setup)?;
+        match (path, &self.bead, &self.layers) {
+            (Some(path), Some(bead), None) => {
                 check_bead(bead)?;
-                // without a power of its own the toolpath deposits throughout
-                let track = toolpath.track(Some(1.0), &setup.path(""));
-                let kind = toolpath.kind();
-                let track = track
-                    .map_err(|e| SetupError::other(format!("toolpath.{kind}.{}", e.key()), e))?;
-                let births = part.of(setup).by_bead(&track, bead);
+                let track = path.track();
+                let births = part.of(setup).by_bead(track, bead);
                 let speed = track.fastest();
                 let spacing = setup.body(part.body).finest_spacing();
                 let step_limit = (speed > 0.0).then(|| STEP_FRACTION * spacing / speed);
-                self.check_coverage(setup, (part, &track), births.len())?;
-                Ok(Births { births, step_limit })
+                self.check_coverage(setup, (part, track), births.len())?;
+                Ok(Births {
+                    path: Some(path),
+                    births,
+                    step_limit,
+                })
             }
             (None, None, Some(layers)) => {
                 check_layers(layers, setup.body(part.body).finest_spacing())?;
                 Ok(Births {
+                    path: None,
                     births: part.of(setup).by_layers(layers),
                     step_limit: None,
                 })
@@ -135,9 +145,37 @@ impl Deposit {
             (None, _, None) => Err(SetupError::value(
                 "",
                 "it is not given when material is deposited",
-                "`toolpath` with `bead`, or `layers`",
+                "`source` or `toolpath`, with `bead`; or `layers`",
             )),
         }
+    }
+
+    /// The path of the nozzle, if there is one: that of a heat source or an own one.
+    fn path(&self, setup: &Setup<'_>) -> Result<Option<Rc<TimedPath>>, SetupError> {
+        let toolpath = match (&self.source, &self.toolpath) {
+            (None, None) => return Ok(None),
+            (Some(_), Some(_)) => {
+                let message = "both `source` and a toolpath are given";
+                let expected = "the name of the heat source that has the toolpath, or a toolpath";
+                return Err(SetupError::value("source", message, expected));
+            }
+            (Some(source), None) => {
+                return setup.shared("source", "heat source", source).map(Some);
+            }
+            (None, Some(toolpath)) => toolpath,
+        };
+        // without a power of its own the toolpath deposits throughout
+        let track = toolpath.track(Some(1.0), &setup.path(""));
+        let kind = toolpath.kind();
+        let track =
+            track.map_err(|e| SetupError::other(format!("toolpath.{kind}.{}", e.key()), e))?;
+        let path = TimedPath::new(track);
+        if path.waits() {
+            let message = "a toolpath that waits belongs to a heat source";
+            let expected = "`source`, the name of that heat source";
+            return Err(SetupError::value("toolpath", message, expected));
+        }
+        Ok(Some(Rc::new(path)))
     }
 
     /// Refuses a bead that covers no point, and tells of points that it never covers.
@@ -188,6 +226,7 @@ impl Placed {
 }
 
 struct Births {
+    path: Option<Rc<TimedPath>>,
     births: Vec<Birth>,
     /// s.
     step_limit: Option<f64>,
@@ -247,6 +286,19 @@ fn direction(up: Option<Face>, dimension: usize) -> Result<Face, SetupError> {
 }
 
 impl DepositState {
+    /// Time of the births at a time of the run, s.
+    fn at(&self, time: f64) -> TrackTime {
+        match &self.path {
+            Some(path) => path.at(time),
+            None => TrackTime::Running(time),
+        }
+    }
+
+    /// Time of the run (s) of a birth that has just happened.
+    fn time_of(&self, birth: f64) -> f64 {
+        self.path.as_ref().map_or(birth, |path| path.time_of(birth))
+    }
+
     /// Counts the births so far from the first one on.
     fn count_again(&mut self, world: &World) {
         (self.born, self.deposited) = (0, [0.0; 2]);
@@ -287,7 +339,11 @@ impl Coupler for Deposit {
             up: direction(self.up, setup.body(body).dimension)?,
         };
         let active = setup.deposit(body, &part.points)?;
-        let Births { births, step_limit } = self.births(setup, &part)?;
+        let Births {
+            path,
+            births,
+            step_limit,
+        } = self.births(setup, &part)?;
         let volume = &setup.body(body).points.volume;
         let density = setup.density_at_points(body)?;
         let mass = density.iter().zip(volume).map(|(d, v)| d * v).collect();
@@ -305,6 +361,7 @@ impl Coupler for Deposit {
             body,
             active,
             birth_temperature: setup.write(body, &keys::BIRTH_TEMPERATURE)?,
+            path,
             births,
             starts,
             step_limit,
@@ -324,15 +381,15 @@ impl Coupler for Deposit {
         if p.born == 0 {
             p.count_again(world);
         }
-        let until = step.middle();
-        let due = p.births.partition_point(|b| b.time <= until);
+        let until = p.at(step.middle());
+        let due = p.births.partition_point(|b| until.has_passed(b.time));
         if due > p.born {
             let mut active = world.write(p.active);
             let mut birth_temperature = world.write(p.birth_temperature);
             for birth in &p.births[p.born..due] {
                 let point = birth.point as usize;
                 active[point] = 1.0;
-                birth_temperature[point] = self.temperature.at(birth.time);
+                birth_temperature[point] = self.temperature.at(p.time_of(birth.time));
             }
             drop((active, birth_temperature));
             p.count(world, due);
@@ -342,17 +399,27 @@ impl Coupler for Deposit {
     }
 
     fn next_event(&self, after: f64) -> Option<f64> {
-        let starts = &self.prepared.as_ref()?.starts;
-        starts.get(starts.partition_point(|t| *t <= after)).copied()
+        let p = self.prepared.as_ref()?;
+        let next = |after: f64| {
+            let starts = &p.starts;
+            starts.get(starts.partition_point(|t| *t <= after)).copied()
+        };
+        match &p.path {
+            Some(path) => path.next_of(after, next),
+            None => next(after),
+        }
     }
 
     /// While a toolpath deposits.
     fn step_limit(&self) -> Option<f64> {
         let p = self.prepared.as_ref()?;
         let limit = p.step_limit?;
-        let next = p.births.partition_point(|b| b.time <= self.done.until);
+        let TrackTime::Running(now) = p.at(self.done.until) else {
+            return None;
+        };
+        let next = p.births.partition_point(|b| b.time <= now);
         let next = p.births.get(next)?;
-        (next.time - self.done.until <= PAUSE * limit).then_some(limit)
+        (next.time - now <= PAUSE * limit).then_some(limit)
     }
 
     fn report(&self) -> Vec<Report> {

@@ -198,3 +198,99 @@ fn mistakes_are_told_with_their_key() {
         assert!(message.contains(words), "{message}");
     }
 }
+
+/// A deposit that follows a path of two passes, the second of which waits, and the path.
+fn following(world: &mut World) -> (Deposit, Rc<TimedPath>) {
+    let toolpath: Toolpath = toml::from_str(
+        "sequence = { passes = [
+            { toolpath.line = { start = [5, 4, 3], end = [15, 4, 3], speed = 2 } },
+            { toolpath.line = { start = [5, 4, 5], end = [15, 4, 5], speed = 2 }, wait_until = { temperature = 400 } } ] }",
+    )
+    .expect("well formed");
+    let track = toolpath.track(Some(100.0), std::path::Path::new(""));
+    let path = Rc::new(TimedPath::new(track.expect("valid")));
+    let mut coupler: Deposit = read(
+        "region = 'top'\nsource = 'torch'\nbead = { width = 4, height = 2 }
+         temperature = { time = [0, 100], value = [1000, 2000] }",
+    );
+    let mut setup = Setup::new(world, std::path::Path::new("."));
+    setup.share("torch", path.clone());
+    setup.next_plugin("the torch");
+    path.prepare(&mut setup, 0)
+        .expect("a body with a temperature");
+    setup.next_plugin("the deposit");
+    coupler.prepare(&mut setup).expect("it follows the torch");
+    (coupler, path)
+}
+
+#[test]
+fn the_deposit_of_a_source_waits_with_it() {
+    let mut world = World::new(vec![part([20, 9, 5], 3, 1.0)]);
+    let (mut coupler, path) = following(&mut world);
+    crate::testing::set(&mut world, &keys::TEMPERATURE, |_| 500.0);
+    path.begin_step(&world, 0.0);
+    assert!(coupler.step_limit().is_some(), "the bead begins at once");
+    for step in 0..20 {
+        apply(
+            &world,
+            &mut coupler,
+            Step::new(0.25 * f64::from(step), 0.25),
+        );
+    }
+    let first = active(&world).len();
+    path.begin_step(&world, 5.0);
+    apply(&world, &mut coupler, Step::new(5.0, 35.0));
+    path.begin_step(&world, 40.0);
+    assert_eq!(
+        active(&world).len(),
+        first,
+        "nothing is deposited during the wait"
+    );
+    assert_eq!(
+        (coupler.step_limit(), coupler.next_event(40.0)),
+        (None, None)
+    );
+
+    crate::testing::set(&mut world, &keys::TEMPERATURE, |_| 399.0);
+    path.begin_step(&world, 40.0);
+    assert!(coupler.step_limit().is_some());
+    apply(&world, &mut coupler, Step::new(40.0, 0.25));
+    assert!(active(&world).len() > first);
+    let birth = values(&world, &keys::BIRTH_TEMPERATURE);
+    let hottest = birth.iter().copied().fold(0.0, f64::max);
+    assert!(
+        (hottest - 1400.0).abs() < 2.5,
+        "at the time of the run: {hottest}"
+    );
+}
+
+#[test]
+fn sources_that_a_deposit_cannot_follow_are_told() {
+    let bead = "region = 'top'\ntemperature = 1900\nbead = { width = 1, height = 1 }";
+    let line = "toolpath.line = { start = [0, 0, 3], direction = [1, 0, 0], speed = 1 }";
+    let sequence = "toolpath.sequence.passes = [{ toolpath.line = { start = [0, 0, 3], end = [3, 0, 3], speed = 1 },
+        wait_until = { temperature = 400 } }]";
+    for (keys, key, words) in [
+        (
+            "source = 'arc'".to_string(),
+            "source",
+            "no heat source is called `arc`",
+        ),
+        (
+            format!("source = 'arc'\n{line}"),
+            "source",
+            "both `source` and a toolpath",
+        ),
+        (
+            sequence.to_string(),
+            "toolpath",
+            "waits belongs to a heat source",
+        ),
+    ] {
+        let mut world = World::new(vec![part([4, 3, 5], 3, 2.0)]);
+        let mut coupler: Deposit = read(&format!("{bead}\n{keys}"));
+        let message = refusal(&mut world, &mut coupler);
+        assert!(message.starts_with(&format!("{key}: ")), "{message}");
+        assert!(message.contains(words), "{message}");
+    }
+}

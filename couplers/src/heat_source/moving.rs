@@ -1,6 +1,9 @@
 //! A heat source that moves along a toolpath, generic over its shape.
 
+use std::any::Any;
 use std::borrow::Cow;
+use std::path::Path;
+use std::rc::Rc;
 
 use nalgebra::Vector3;
 use perimelt_core::{Body, Coupler, Report, RunError, Setup, SetupError, Step, World, Write, keys};
@@ -11,13 +14,16 @@ use super::account::Account;
 use super::keys::{Keys, read, schema};
 use super::lattice::{LatticeBody, grid};
 use crate::source::{self, CellGrid, Depositor, HeatedSurface, Source};
-use crate::toolpath::{Toolpath, Track};
+use crate::toolpath::{Clock, TimedPath, Toolpath, Track};
 
 /// Fraction of the shortest length that the source may move in a step.
 const STEP_FRACTION: f64 = 0.25;
 
 /// Powers of welding sources are below this, W.
 const STRONGEST: f64 = 2e5;
+
+/// Wavelengths at which absorptivities of materials hold, m: fibre, disc, Nd:YAG and diode lasers.
+const TABULATED: std::ops::RangeInclusive<f64> = 0.8e-6..=1.2e-6;
 
 /// The power density of a [`MovingSource`].
 pub trait SourceShape: Clone {
@@ -27,11 +33,23 @@ pub trait SourceShape: Clone {
     fn length(&self) -> f64;
     /// The face that it heats.
     fn surface(&self) -> HeatedSurface;
+    /// Takes what the case leaves out from the materials of the body.
+    ///
+    /// # Errors
+    /// When the materials do not have it.
+    fn complete(&mut self, _setup: &Setup<'_>, _body: usize) -> Result<(), SetupError> {
+        Ok(())
+    }
 }
 
 macro_rules! shape {
-    ($name:ident, |$shape:ident| $length:expr) => {
+    ($name:ident, |$shape:ident| $length:expr $(, $complete:path)?) => {
         impl SourceShape for source::$name {
+            $(
+                fn complete(&mut self, setup: &Setup<'_>, body: usize) -> Result<(), SetupError> {
+                    $complete(self, setup, body)
+                }
+            )?
             fn source(&self) -> Source {
                 Source::$name(self.clone())
             }
@@ -52,8 +70,39 @@ shape!(Goldak, |s| s
     .min(s.half_width));
 shape!(SemiEllipsoid, |s| s.half_length.min(s.half_width));
 shape!(Gaussian, |s| s.sigma);
-shape!(SuperGaussian, |s| s.radius);
+shape!(SuperGaussian, |s| s.radius, take_absorptivity);
 shape!(Point, |_s| 0.0);
+
+/// The absorptivity of the material, where the case gives none.
+fn take_absorptivity(
+    shape: &mut source::SuperGaussian,
+    setup: &Setup<'_>,
+    body: usize,
+) -> Result<(), SetupError> {
+    if shape.absorptivity.is_some() {
+        return Ok(());
+    }
+    let expected = "`absorptivity` of the source, or of the material";
+    let refuse = |message: String| Err(SetupError::value("absorptivity", message, expected));
+    if let Some(wavelength) = shape.wavelength.filter(|w| !TABULATED.contains(w)) {
+        return refuse(format!(
+            "the absorptivities of materials hold near 1 um, not at a wavelength of {wavelength} m"
+        ));
+    }
+    let mut found: Option<f64> = None;
+    for material in &setup.body(body).materials {
+        let Some(value) = material.get("absorptivity").and_then(|p| p.constant()) else {
+            let name = material.name();
+            return refuse(format!("material `{name}` has no constant `absorptivity`"));
+        };
+        if found.is_some_and(|f| f != value) {
+            return refuse("the materials of the body have different absorptivities".into());
+        }
+        found = Some(value);
+    }
+    shape.absorptivity = found;
+    Ok(())
+}
 
 /// A heat source of shape `S` on a toolpath.
 pub struct MovingSource<S> {
@@ -63,15 +112,24 @@ pub struct MovingSource<S> {
     pub toolpath: Toolpath,
     /// Its power density.
     pub shape: S,
+    /// The toolpath in time, shared with whatever follows this source.
+    path: Option<Rc<TimedPath>>,
     prepared: Option<MovingSourceState>,
     account: Account,
+}
+
+/// What has to be known after a restart.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    account: Account,
+    clock: Option<Clock>,
 }
 
 /// Handles, the lattice and the toolpath in time.
 struct MovingSourceState {
     body: usize,
     grid: CellGrid,
-    track: Track,
+    path: Rc<TimedPath>,
     depositor: Depositor,
     heat_source: Write<f64>,
     /// Longest step while the source is on, s.
@@ -81,7 +139,16 @@ struct MovingSourceState {
 }
 
 impl<S: SourceShape> MovingSource<S> {
-    fn track(&self, setup: &Setup<'_>) -> Result<Track, SetupError> {
+    /// The toolpath in time.
+    fn timed_path(&mut self, folder: &Path) -> Result<Rc<TimedPath>, SetupError> {
+        if let Some(path) = &self.path {
+            return Ok(path.clone());
+        }
+        let path = Rc::new(TimedPath::new(self.track(folder)?));
+        Ok(self.path.insert(path).clone())
+    }
+
+    fn track(&self, folder: &Path) -> Result<Track, SetupError> {
         let kind = self.toolpath.kind();
         let power = self.shape.source().power();
         if let Some(power) = power.filter(|p| !(p.is_finite() && *p >= 0.0)) {
@@ -93,13 +160,14 @@ impl<S: SourceShape> MovingSource<S> {
             ));
         }
         self.toolpath
-            .track(power, &setup.path(""))
+            .track(power, folder)
             .map_err(|e| SetupError::other(format!("toolpath.{kind}.{}", e.key()), e))
     }
 
     fn prepare_source(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let index = setup.find_body(self.body.as_deref())?;
-        let track = self.track(setup)?;
+        let path = self.timed_path(&setup.path(""))?;
+        self.shape.complete(setup, index)?;
         let body = setup.body(index);
         if body.dimension == 1 {
             let message = "a moving source cannot heat a 1D body";
@@ -109,18 +177,19 @@ impl<S: SourceShape> MovingSource<S> {
         let depositor = Depositor::new(&self.shape.source(), &grid)
             .map_err(|e| SetupError::other(e.key(), e))?;
         let length = self.shape.length().max(body.finest_spacing());
-        self.check_path(body, &track, 2.0 * length)?;
-        let speed = track.fastest();
+        self.check_path(body, path.track(), 2.0 * length)?;
+        let speed = path.track().fastest();
         self.warn_of_size(setup, index);
         setup.follow_activity(index);
+        path.prepare(setup, index)?;
         self.prepared = Some(MovingSourceState {
             body: index,
             grid,
             depositor,
             heat_source: setup.add(index, &keys::HEAT_SOURCE)?,
             step_limit: (speed > 0.0).then(|| STEP_FRACTION * length / speed),
-            position: track.pose(track.start()).position,
-            track,
+            position: path.first_position(),
+            path,
         });
         Ok(())
     }
@@ -201,14 +270,23 @@ impl<S: SourceShape> MovingSource<S> {
             grid: p.grid,
             activity: world.activity(p.body),
         };
-        let pose = p.track.pose(step.middle());
+        let pose = p.path.pose(step.middle());
         let mut heat_source = world.write(p.heat_source);
         let deposit = p.depositor.add(&body, &pose, &mut heat_source);
         self.account.book(&deposit, step.size, pose.speed);
         // the next step is limited if the next move has power
-        let until = p.track.next_event(step.end()).unwrap_or(f64::INFINITY);
-        self.account.is_on = p.track.energy(step.end(), until) > 0.0;
-        p.position = p.track.pose(step.end()).position;
+        self.account.is_on = p.path.is_on_after(step.end());
+        p.position = p.path.pose(step.end()).position;
+    }
+
+    /// Begins the passes that need no longer wait.
+    fn begin_passes(&mut self, world: &World, time: f64) {
+        if let Some(p) = &self.prepared
+            && !p.path.track().passes().is_empty()
+        {
+            p.path.begin_step(world, time);
+            self.account.is_on = p.path.is_on_after(time);
+        }
     }
 
     fn report_source(&self) -> Vec<Report> {
@@ -220,6 +298,7 @@ impl<S: SourceShape> MovingSource<S> {
         };
         let mut reports = self.account.report();
         reports.extend(["x", "y", "z"].into_iter().enumerate().map(component));
+        reports.extend(self.path.iter().flat_map(|path| path.report()));
         reports
     }
 }
@@ -242,6 +321,7 @@ impl<'de, S: Deserialize<'de>> Deserialize<'de> for MovingSource<S> {
             body: keys.body,
             toolpath: keys.toolpath.expect("the reader asks for it"),
             shape: keys.shape,
+            path: None,
             prepared: None,
             account: Account::default(),
         })
@@ -262,6 +342,10 @@ macro_rules! moving_source {
     ($name:literal, $shape:ident) => {
         #[typetag::serde(name = $name)]
         impl Coupler for MovingSource<source::$shape> {
+            fn share(&mut self, folder: &Path) -> Result<Option<Rc<dyn Any>>, SetupError> {
+                Ok(Some(self.timed_path(folder)?))
+            }
+
             fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
                 self.prepare_source(setup)
             }
@@ -271,8 +355,16 @@ macro_rules! moving_source {
                 Ok(())
             }
 
+            fn begin_step(&mut self, world: &World, time: f64) {
+                self.begin_passes(world, time);
+            }
+
+            fn unfinished(&self, time: f64) -> Option<String> {
+                self.path.as_ref()?.unfinished(time)
+            }
+
             fn next_event(&self, after: f64) -> Option<f64> {
-                self.prepared.as_ref()?.track.next_event(after)
+                self.prepared.as_ref()?.path.next_event(after)
             }
 
             fn step_limit(&self) -> Option<f64> {
@@ -285,14 +377,21 @@ macro_rules! moving_source {
             }
 
             fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-                Box::new(self.account)
+                Box::new(Saved {
+                    account: self.account,
+                    clock: self.path.as_ref().map(|path| path.save()),
+                })
             }
 
             fn load(
                 &mut self,
                 state: &mut dyn erased_serde::Deserializer<'_>,
             ) -> Result<(), erased_serde::Error> {
-                self.account = Account::deserialize(state)?;
+                let saved = Saved::deserialize(state)?;
+                self.account = saved.account;
+                if let (Some(path), Some(clock)) = (&self.path, saved.clock) {
+                    path.load(clock);
+                }
                 Ok(())
             }
         }

@@ -46,7 +46,7 @@ pub(super) struct Beam {
 /// Work arrays of a step.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Scratch {
-    lateral: Vec<f64>,
+    pub(super) lateral: Vec<f64>,
     depth: Vec<f64>,
     along: [Vec<f64>; 2],
 }

@@ -1,5 +1,7 @@
 //! Deposits a source at a pose as power density on the points of a body.
 
+use nalgebra::Vector3;
+
 use super::beam::{Beam, Scratch};
 use super::{CellGrid, HeatedBody, Point, Source, SourceError};
 use crate::toolpath::Pose;
@@ -27,6 +29,8 @@ impl Deposit {
 pub struct Depositor {
     source: CheckedSource,
     efficiency: f64,
+    /// Axis of the torch, where it is not that of the heated face.
+    axis: Option<Vector3<f64>>,
     scratch: Scratch,
 }
 
@@ -49,12 +53,20 @@ impl Depositor {
             Source::Goldak(source) => CheckedSource::Beam(source.beam()?),
             Source::SuperGaussian(source) => CheckedSource::Beam(source.beam()?),
         };
-        if let CheckedSource::Beam(beam) = &checked {
-            beam.check_size(grid)?;
-        }
+        let axis = match &checked {
+            CheckedSource::Beam(beam) => {
+                beam.check_size(grid)?;
+                beam.surface.axis(grid)?
+            }
+            CheckedSource::Point(point) if point.heated_surface.direction.is_some() => {
+                return Err(SourceError::Direction("a point source"));
+            }
+            CheckedSource::Point(_) => None,
+        };
         Ok(Self {
             source: checked,
             efficiency: source.efficiency(),
+            axis,
             scratch: Scratch::default(),
         })
     }
@@ -75,7 +87,15 @@ impl Depositor {
         }
         match &self.source {
             CheckedSource::Point(point) => point.add(body, pose, power, values),
-            CheckedSource::Beam(beam) => beam.add(body, pose, power, values, &mut self.scratch),
+            CheckedSource::Beam(beam) => {
+                let axis = pose.torch.or(self.axis).filter(|_| !body.grid().plate);
+                match axis {
+                    Some(axis) => {
+                        beam.add_tilted(body, (pose, axis), power, values, &mut self.scratch)
+                    }
+                    None => beam.add(body, pose, power, values, &mut self.scratch),
+                }
+            }
         }
     }
 }

@@ -10,7 +10,9 @@ use serde::{Deserialize, Serialize};
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{HeatedSurface, Sampling, SourceError, positive, whole, within, yes};
+use super::{
+    ArcProcess, HeatedSurface, Sampling, SourceError, arc_efficiency, positive, within, yes,
+};
 
 /// An ellipsoid cut in half by the heated face.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -19,9 +21,12 @@ pub struct SemiEllipsoid {
     /// Power where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
-    /// Part of the power that enters the body, 0 to 1; default 1.
-    #[serde(default = "whole")]
-    pub efficiency: f64,
+    /// Part of the power that enters the body, 0 to 1; default that of `process`, else 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub efficiency: Option<f64>,
+    /// Arc process, whose efficiency counts where `efficiency` is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub process: Option<ArcProcess>,
     /// c, half length along the travel direction (m): exp(-3) of the peak there.
     pub half_length: f64,
     /// a, half width (m).
@@ -46,9 +51,12 @@ pub struct Goldak {
     /// Power where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
-    /// Part of the power that enters the body, 0 to 1; default 1.
-    #[serde(default = "whole")]
-    pub efficiency: f64,
+    /// Part of the power that enters the body, 0 to 1; default that of `process`, else 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub efficiency: Option<f64>,
+    /// Arc process, whose efficiency counts where `efficiency` is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub process: Option<ArcProcess>,
     /// c_f, length of the front (m): exp(-3) of the peak there.
     pub front_length: f64,
     /// c_r, length of the rear (m).
@@ -77,7 +85,7 @@ pub struct Goldak {
 
 impl SemiEllipsoid {
     pub(super) fn beam(&self) -> Result<Beam, SourceError> {
-        within("efficiency", self.efficiency, 0.0, 1.0)?;
+        arc_efficiency(self.efficiency, self.process)?;
         let length = positive("half_length", self.half_length)?;
         Ok(Beam {
             footprint: Footprint::Ellipse {
@@ -113,7 +121,7 @@ impl Goldak {
     }
 
     pub(super) fn beam(&self) -> Result<Beam, SourceError> {
-        within("efficiency", self.efficiency, 0.0, 1.0)?;
+        arc_efficiency(self.efficiency, self.process)?;
         let front = positive("front_length", self.front_length)?;
         let rear = positive("rear_length", self.rear_length)?;
         let [front_fraction, _] = self.fractions()?;

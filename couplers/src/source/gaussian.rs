@@ -11,7 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use super::beam::Beam;
 use super::profile::{DepthProfile, Footprint};
-use super::{CellGrid, HeatedSurface, Sampling, SourceError, positive, whole, within, yes};
+use super::{
+    ArcProcess, CellGrid, HeatedSurface, Sampling, SourceError, arc_efficiency, positive, yes,
+};
 
 /// A Gaussian on the surface with an effective depth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -20,9 +22,12 @@ pub struct Gaussian {
     /// Power where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
-    /// Part of the power that enters the body, 0 to 1; default 1.
-    #[serde(default = "whole")]
-    pub efficiency: f64,
+    /// Part of the power that enters the body, 0 to 1; default that of `process`, else 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub efficiency: Option<f64>,
+    /// Arc process, whose efficiency counts where `efficiency` is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub process: Option<ArcProcess>,
     /// Standard deviation (m): the flux falls to exp(-1/2) of its peak there.
     pub sigma: f64,
     /// Depth over which the flux is spread (m); a 2D plate may leave it out and takes its
@@ -42,7 +47,7 @@ pub struct Gaussian {
 
 impl Gaussian {
     pub(super) fn beam(&self, grid: &CellGrid) -> Result<Beam, SourceError> {
-        within("efficiency", self.efficiency, 0.0, 1.0)?;
+        arc_efficiency(self.efficiency, self.process)?;
         let axis = self.heated_surface.face.axis();
         let depth = match self.effective_depth {
             Some(depth) => positive("effective_depth", depth)?,

@@ -5,6 +5,8 @@ use perimelt_core::Face;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::SourceError;
+
 /// A lattice of box-shaped cells.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CellGrid {
@@ -69,6 +71,25 @@ pub struct HeatedSurface {
     /// the body for a source without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub level: Option<f64>,
+    /// Direction of the torch's axis, into the material, of any length: a torch in a fillet, `[0, -1, -1]`. Depth counts
+    /// along it from the position of the toolpath, in 3D bodies. Default normal to `face`, or that of the toolpath.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub direction: Option<[f64; 3]>,
+}
+
+impl HeatedSurface {
+    /// Unit vector of the torch's axis where it is given.
+    pub(super) fn axis(&self, body: &CellGrid) -> Result<Option<Vector3<f64>>, SourceError> {
+        let Some(direction) = self.direction else {
+            return Ok(None);
+        };
+        let axis = Vector3::from(direction).try_normalize(0.0);
+        match axis.filter(|a| a.iter().all(|c| c.is_finite())) {
+            Some(_) if body.plate => Err(SourceError::Direction("a plate (2D)")),
+            Some(axis) => Ok(Some(axis)),
+            None => Err(SourceError::Direction("a direction of no length")),
+        }
+    }
 }
 
 fn top() -> Face {
@@ -80,6 +101,7 @@ impl Default for HeatedSurface {
         HeatedSurface {
             face: top(),
             level: None,
+            direction: None,
         }
     }
 }

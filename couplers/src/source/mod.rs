@@ -6,7 +6,7 @@
 //! | [`Gaussian`] | `gaussian.rs` | `exp(-r^2 / 2 sigma^2)`, spread evenly over an effective depth |
 //! | [`SemiEllipsoid`] | `ellipsoid.rs` | `exp(-3 xi^2/c^2 - 3 eta^2/a^2 - 3 zeta^2/b^2)` |
 //! | [`Goldak`] | `ellipsoid.rs` | the same with different lengths in front and behind |
-//! | [`SuperGaussian`] | `super_gaussian.rs` | `exp(-2 (r/w)^k)`, absorbed over a penetration depth |
+//! | [`SuperGaussian`] | `super_gaussian.rs` | `exp(-2 (r/w)^k)`, times a choice of depth profiles |
 //! | [`PulsedLaser`] | `pulsed.rs` | `exp(-zeta/l)` under a whole face, a pulse in time, no toolpath |
 //!
 //! A [`Depositor`] adds the power density (W/m³) of a [`Source`] to the points of a [`HeatedBody`] and
@@ -30,6 +30,7 @@ mod pulsed;
 mod super_gaussian;
 #[cfg(test)]
 mod tests;
+mod tilted;
 
 pub use deposit::{Deposit, Depositor};
 pub use ellipsoid::{Goldak, SemiEllipsoid};
@@ -75,12 +76,52 @@ impl Source {
     pub fn efficiency(&self) -> f64 {
         match self {
             Self::Point(source) => source.efficiency,
-            Self::Gaussian(source) => source.efficiency,
-            Self::SemiEllipsoid(source) => source.efficiency,
-            Self::Goldak(source) => source.efficiency,
-            Self::SuperGaussian(source) => source.absorptivity,
+            Self::Gaussian(source) => efficiency(source.efficiency, source.process),
+            Self::SemiEllipsoid(source) => efficiency(source.efficiency, source.process),
+            Self::Goldak(source) => efficiency(source.efficiency, source.process),
+            Self::SuperGaussian(source) => source.absorptivity.unwrap_or(1.0),
         }
     }
+}
+
+/// Arc welding processes, with the thermal efficiencies of EN 1011-1 (recalled): the part of current times voltage that
+/// heats the joint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ArcProcess {
+    /// Submerged arc (12): 1.0.
+    SubmergedArc,
+    /// Covered electrode (111): 0.8.
+    ManualMetalArc,
+    /// Metal with inert gas (131): 0.8.
+    Mig,
+    /// Metal with active gas, solid or cored wire (135, 136): 0.8.
+    Mag,
+    /// Tungsten with inert gas (141): 0.6.
+    Tig,
+    /// Plasma (15): 0.6.
+    Plasma,
+}
+
+impl ArcProcess {
+    /// Part of the electric power that enters the body.
+    pub fn efficiency(self) -> f64 {
+        match self {
+            Self::SubmergedArc => 1.0,
+            Self::ManualMetalArc | Self::Mig | Self::Mag => 0.8,
+            Self::Tig | Self::Plasma => 0.6,
+        }
+    }
+}
+
+/// Efficiency as given, or of the process, or 1.
+fn efficiency(given: Option<f64>, process: Option<ArcProcess>) -> f64 {
+    given.or(process.map(ArcProcess::efficiency)).unwrap_or(1.0)
+}
+
+/// As [`efficiency`], checked.
+fn arc_efficiency(given: Option<f64>, process: Option<ArcProcess>) -> Result<f64, SourceError> {
+    within("efficiency", efficiency(given, process), 0.0, 1.0)
 }
 
 /// How a density becomes one value per cell.
@@ -132,6 +173,11 @@ pub enum SourceError {
     /// A surface source on a body that is not a plate.
     #[error("a surface source on a 3D body needs `effective_depth`, the depth it heats [m]")]
     EffectiveDepth,
+    /// A torch's axis that cannot be.
+    #[error(
+        "`heated_surface.direction` is given for {0}; it needs a 3D body, a source with a depth and a length above 0"
+    )]
+    Direction(&'static str),
     /// A source that covers more cells than can be held.
     #[error(
         "the heat source spans {cells:.1e} cells of the lattice, more than {limit:.0e}; \
@@ -156,6 +202,7 @@ impl SourceError {
             | Self::TooWide { key, .. } => key,
             Self::Fractions { .. } => "front_fraction",
             Self::EffectiveDepth => "effective_depth",
+            Self::Direction(_) => "heated_surface.direction",
         }
     }
 }

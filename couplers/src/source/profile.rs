@@ -219,6 +219,8 @@ pub(super) enum DepthProfile {
     Exponential { length: f64 },
     /// `1/h` down to the depth h.
     Uniform { depth: f64 },
+    /// `2/h (1 - zeta/h)` down to the depth h.
+    Linear { depth: f64 },
 }
 
 impl DepthProfile {
@@ -227,7 +229,15 @@ impl DepthProfile {
         match *self {
             Self::Bell { depth } => depth * (CUT / 3.0).sqrt(),
             Self::Exponential { length } => length * CUT,
-            Self::Uniform { depth } => depth,
+            Self::Uniform { depth } | Self::Linear { depth } => depth,
+        }
+    }
+
+    /// Length over which the density changes (m).
+    pub fn finest(&self) -> f64 {
+        match *self {
+            Self::Bell { depth } | Self::Uniform { depth } | Self::Linear { depth } => depth,
+            Self::Exponential { length } => length,
         }
     }
 
@@ -238,6 +248,7 @@ impl DepthProfile {
             Self::Bell { depth } => 2.0 * bell(zeta, depth),
             Self::Exponential { length } => (-zeta / length).exp() / length,
             Self::Uniform { depth } => f64::from(u8::from(zeta < depth)) / depth,
+            Self::Linear { depth } => 2.0 / depth * (1.0 - zeta / depth).max(0.0),
         }
     }
 
@@ -248,6 +259,47 @@ impl DepthProfile {
             Self::Bell { depth } => 2.0 * half_bell(zeta, depth),
             Self::Exponential { length } => -(-zeta / length).exp_m1(),
             Self::Uniform { depth } => (zeta / depth).min(1.0),
+            Self::Linear { depth } => 1.0 - (1.0 - zeta / depth).max(0.0).powi(2),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Power deeper than the length, and mean depth over the length, as the documentation of `penetration` says.
+    #[test]
+    fn depth_profiles_have_their_tails_and_means() {
+        let length = 2e-5;
+        for (profile, deeper, mean) in [
+            (DepthProfile::Uniform { depth: length }, 0.0, 0.5),
+            (DepthProfile::Linear { depth: length }, 0.0, 1.0 / 3.0),
+            (
+                DepthProfile::Bell {
+                    depth: length * 1.5_f64.sqrt(),
+                },
+                libm::erfc(2.0_f64.sqrt()),
+                1.0 / (2.0 * PI).sqrt(),
+            ),
+            (DepthProfile::Exponential { length }, (-1.0_f64).exp(), 1.0),
+        ] {
+            assert!(
+                (1.0 - profile.down_to(length) - deeper).abs() < 1e-12,
+                "{profile:?}"
+            );
+            assert!((profile.down_to(profile.reach()) - 1.0).abs() < 1e-12);
+            let cells = 40_000;
+            let width = profile.reach() / f64::from(cells);
+            let middle = |cell: i32| (f64::from(cell) + 0.5) * width;
+            let first: f64 = (0..cells)
+                .map(|cell| profile.density(middle(cell)) * middle(cell) * width)
+                .sum();
+            assert!(
+                (first / length - mean).abs() < 1e-4,
+                "{profile:?}: {}",
+                first / length
+            );
         }
     }
 }

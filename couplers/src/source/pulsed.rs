@@ -61,7 +61,10 @@ impl PulsedLaser {
         within("peak_time", self.peak_time(), f64::MIN, f64::MAX)?;
         positive("decay", self.decay)?;
         positive("height", self.height)?;
-        Ok(())
+        match self.heated_surface.direction {
+            Some(_) => Err(SourceError::Direction("a pulse on a whole face")),
+            None => Ok(()),
+        }
     }
 
     /// Time of the peak (s).

@@ -1,6 +1,6 @@
 //! Super-Gaussian beam of order k: `q = A P k 4^(1/k) / (2 pi w² Gamma(2/k)) exp(-2 (r/w)^k)`
 //! (W/m²), A the absorptivity; k = 2 is a Gaussian beam with the 1/e² radius w, large k a top hat.
-//! It is absorbed below the surface as `exp(-zeta/l)/l` or evenly down to the depth l.
+//! Below the surface the power falls with depth by one of the profiles of [`Penetration`].
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -16,16 +16,23 @@ pub struct SuperGaussian {
     /// Power of the laser where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
-    /// Part of the laser power that is absorbed, 0 to 1.
-    pub absorptivity: f64,
+    /// Part of the laser power that is absorbed, 0 to 1; default that of the material. Values of the library are those of
+    /// flat metal near 1 um; powder and a vapour depression absorb more.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub absorptivity: Option<f64>,
+    /// Wavelength of the laser (m): where it is not near 1 um (fibre, disc, diode), `absorptivity` must be given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wavelength: Option<f64>,
     /// w, radius at which the flux is exp(-2) of its peak (m).
     pub radius: f64,
     /// k, 1 to 50: 2 is a Gaussian, large values approach a top hat; default 2.
     #[serde(default = "gaussian_order")]
     pub order: f64,
-    /// l, penetration depth (m). A 2D plate absorbs all of it through its thickness.
+    /// l, depth (m) with the meaning that `penetration` gives it. A 2D plate absorbs all power through its thickness.
     pub penetration_depth: f64,
-    /// How the power falls with depth; default `exponential`.
+    /// How the power falls with depth, at the same total: `uniform` down to l; `linear` to zero at l; `gaussian`,
+    /// exp(-2 (zeta/l)^2), as `radius` across the beam and as in other codes; `exponential`, exp(-zeta/l), the law of Beer
+    /// and Lambert. Power deeper than l: none, none, 5 %, 37 %. Mean depth: 0.5, 0.33, 0.4 and 1 l. Default `exponential`.
     #[serde(default)]
     pub penetration: Penetration,
     /// Cell average or value at the cell centre; default `cell_average`.
@@ -43,11 +50,15 @@ pub struct SuperGaussian {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Penetration {
-    /// `exp(-zeta/l)/l`.
+    /// `exp(-zeta/l)/l`, the law of Beer and Lambert: 37 % of the power passes l.
     #[default]
     Exponential,
     /// `1/l` down to l.
     Uniform,
+    /// `4/(l sqrt(2 pi)) exp(-2 zeta^2/l^2)`: l as the radius of a Gaussian beam; 5 % of the power passes l.
+    Gaussian,
+    /// `2/l (1 - zeta/l)` down to l, as in a keyhole whose wall absorbs less with depth.
+    Linear,
 }
 
 fn gaussian_order() -> f64 {
@@ -56,7 +67,10 @@ fn gaussian_order() -> f64 {
 
 impl SuperGaussian {
     pub(super) fn beam(&self) -> Result<Beam, SourceError> {
-        within("absorptivity", self.absorptivity, 0.0, 1.0)?;
+        within("absorptivity", self.absorptivity.unwrap_or(1.0), 0.0, 1.0)?;
+        if let Some(wavelength) = self.wavelength {
+            positive("wavelength", wavelength)?;
+        }
         let radius = positive("radius", self.radius)?;
         let order = within("order", self.order, 1.0, 50.0)?;
         let length = positive("penetration_depth", self.penetration_depth)?;
@@ -65,6 +79,11 @@ impl SuperGaussian {
             depth: match self.penetration {
                 Penetration::Exponential => DepthProfile::Exponential { length },
                 Penetration::Uniform => DepthProfile::Uniform { depth: length },
+                Penetration::Linear => DepthProfile::Linear { depth: length },
+                // exp(-2 zeta²/l²) = exp(-3 zeta²/b²)
+                Penetration::Gaussian => DepthProfile::Bell {
+                    depth: length * 1.5_f64.sqrt(),
+                },
             },
             plate_depth: None,
             sampling: self.sampling,

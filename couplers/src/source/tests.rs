@@ -21,6 +21,8 @@ const SOURCES: &[&str] = &[
     "goldak = { front_length = 5e-4, rear_length = 1e-3, half_width = 8e-4, depth = 6e-4,
         front_fraction = 0.9 }",
     "super_gaussian = { absorptivity = 0.35, radius = 8e-4, order = 6, penetration_depth = 3e-5 }",
+    "super_gaussian = { absorptivity = 0.35, radius = 8e-4, penetration_depth = 3e-4, penetration = 'gaussian' }",
+    "super_gaussian = { absorptivity = 0.35, radius = 8e-4, penetration_depth = 4e-4, penetration = 'linear' }",
     "super_gaussian = { absorptivity = 0.35, radius = 8e-4, penetration_depth = 5e-4,
         penetration = 'uniform' }",
 ];
@@ -52,6 +54,7 @@ pub(super) fn pose(position: [f64; 3], direction: [f64; 3]) -> Pose {
         direction: Vector3::from(direction).normalize(),
         power: 1000.0,
         speed: 0.005,
+        torch: None,
     }
 }
 

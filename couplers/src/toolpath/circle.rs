@@ -1,5 +1,5 @@
-//! Circular path: `x(t) = centre + radius (cos phi, sin phi, 0)`,
-//! `phi = start_angle ± speed (t - start_time) / radius`.
+//! Circular path: `x(t) = centre + radius (u cos phi + v sin phi)`,
+//! `phi = start_angle ± speed (t - start_time) / radius`, with unit vectors u and `v = axis x u` normal to the axis.
 
 use std::f64::consts::TAU;
 
@@ -7,10 +7,10 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::track::TrackBuilder;
+use super::track::{Facing, TrackBuilder};
 use super::{ToolpathError, Track, finite, place, positive, power_of};
 
-/// Part of a circle in a plane normal to z, one circle or several turns.
+/// Part of a circle about an axis, one circle or several turns.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Circle {
@@ -20,21 +20,43 @@ pub struct Circle {
     pub radius: f64,
     /// Speed along the circle (m/s).
     pub speed: f64,
-    /// Angle of the first position, from +x towards +y (rad); default 0.
+    /// Direction of the axis, of any length; default z.
+    #[serde(default = "upward")]
+    pub axis: [f64; 3],
+    /// Angle of the first position (rad), right-handed about the axis; for the axis z from +x towards +y. It counts from
+    /// the direction normal to the axis that is nearest to +x, for an axis along x from +y. Default 0.
     #[serde(default)]
     pub start_angle: f64,
     /// Number of turns, not necessarily whole; default 1.
     #[serde(default = "one_turn")]
     pub turns: f64,
-    /// Whether the source runs clockwise as seen from +z; default no.
+    /// Whether the source runs clockwise as seen from the end of the axis, such as +z; default no.
     #[serde(default)]
     pub clockwise: bool,
+    /// Which way the torch points: `inward` to the centre, as around a pipe, or `outward`, as inside of it. Default that of
+    /// the source (`heated_surface`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub torch: Option<CircleTorch>,
     /// When the source is switched on (s); default 0.
     #[serde(default)]
     pub start_time: f64,
     /// Power (W); default that of the source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
+}
+
+/// Which way a torch on a circle points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CircleTorch {
+    /// To the centre.
+    Inward,
+    /// Away from the centre.
+    Outward,
+}
+
+fn upward() -> [f64; 3] {
+    [0.0, 0.0, 1.0]
 }
 
 fn one_turn() -> f64 {
@@ -48,11 +70,23 @@ impl Circle {
         let rate = positive("speed", self.speed)? / radius;
         let duration = positive("turns", self.turns)? * TAU / rate;
         let (sin, cos) = finite("start_angle", self.start_angle)?.sin_cos();
-        let start = centre + Vector3::new(cos, sin, 0.0) * radius;
+        let no_axis = ToolpathError::NoLength { key: "axis".into() };
+        let axis = place("axis", self.axis)?
+            .try_normalize(0.0)
+            .ok_or(no_axis)?;
+        let across = |v: Vector3<f64>| (v - axis * v.dot(&axis)).try_normalize(1e-9);
+        let u = across(Vector3::x()).unwrap_or_else(Vector3::y);
+        let v = axis.cross(&u);
+        let start = centre + u * (cos * radius) + v * (sin * radius);
         let power = power_of("power", self.power, default_power)?;
         let mut track = TrackBuilder::new(finite("start_time", self.start_time)?, start);
         let rate = if self.clockwise { -rate } else { rate };
-        track.turn(centre, rate, duration, power);
+        let facing = match self.torch {
+            None => Facing::Fixed,
+            Some(CircleTorch::Inward) => Facing::Inward,
+            Some(CircleTorch::Outward) => Facing::Outward,
+        };
+        track.turn_in(centre, ([u, v], facing), (rate, duration), power);
         track.finish().ok_or(ToolpathError::NoLength {
             key: "turns".into(),
         })

@@ -9,6 +9,7 @@
 //! | `F` | feed per minute |
 //! | `S` | power, times `power_per_s`; without it that of the source |
 //! | `M3`, `M4`, `M5` | power on, on and off; other numbers by `on` and `off` |
+//! | `M0`, `M1` | wait for `wait_until`, if it is given; other numbers by `wait_at` |
 //! | `M2`, `M30` | end |
 //!
 //! Motion and feed last until they are changed, as controllers do. Codes without a meaning here (tools, coolant, work offsets,
@@ -24,7 +25,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::track::TrackBuilder;
-use super::{ToolpathError, Track, finite, not_negative, place, positive, power_of};
+use super::{ToolpathError, Track, WaitUntil, finite, not_negative, place, positive, power_of};
 
 /// Difference of the radii at both ends of an arc that is taken for rounding, relative and in m.
 const ROUNDING: [f64; 2] = [5e-3, 5e-6];
@@ -34,7 +35,11 @@ const ROUNDING: [f64; 2] = [5e-3, 5e-6];
 #[serde(deny_unknown_fields)]
 pub struct Gcode {
     /// File with the program; relative to the folder of the case file.
-    pub file: PathBuf,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// The program itself, between three quotes, instead of a file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub program: Option<String>,
     /// When the program starts (s); default 0.
     #[serde(default)]
     pub start_time: f64,
@@ -56,6 +61,12 @@ pub struct Gcode {
     /// Unit of `P` of `G4`; default seconds.
     #[serde(default)]
     pub dwell: DwellUnit,
+    /// What the program waits for, with power off, at the `M` codes of `wait_at`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wait_until: Option<WaitUntil>,
+    /// Numbers of the `M` codes at which it waits; default 0 and 1, program stops.
+    #[serde(default = "stop_codes")]
+    pub wait_at: Vec<u32>,
 }
 
 /// Unit of the rest that `G4 P` gives.
@@ -79,6 +90,10 @@ fn one() -> f64 {
 
 fn on_codes() -> Vec<u32> {
     vec![3, 4]
+}
+
+fn stop_codes() -> Vec<u32> {
+    vec![0, 1]
 }
 
 fn off_codes() -> Vec<u32> {
@@ -106,6 +121,9 @@ pub enum GcodeError {
         /// What is wrong, and what was expected.
         message: String,
     },
+    /// Both a file and a program are given, or neither.
+    #[error("G-code needs either `file` or `program`")]
+    Source,
     /// The program moves nowhere.
     #[error("the program {} has no move", path.display())]
     Empty {
@@ -120,7 +138,14 @@ impl Gcode {
         default_power: Option<f64>,
         base_dir: &Path,
     ) -> Result<Track, ToolpathError> {
-        let path = base_dir.join(&self.file);
+        let file = match (&self.file, &self.program) {
+            (Some(file), None) => file,
+            (None, Some(program)) => {
+                return self.read(program, Path::new("of the case"), default_power);
+            }
+            _ => return Err(GcodeError::Source.into()),
+        };
+        let path = base_dir.join(file);
         match std::fs::read_to_string(&path) {
             Ok(text) => self.read(&text, &path, default_power),
             Err(source) => Err(GcodeError::Open { path, source }.into()),
@@ -234,10 +259,14 @@ impl Machine<'_> {
         let line = words.line;
         let mut rests = false;
         let mut ends = false;
+        let mut waits = false;
         for code in &block.codes {
             match code {
                 Code::General(code) => rests |= self.prepare(code.number, line)?,
-                Code::Miscellaneous(code) => ends |= self.switch(code.number),
+                Code::Miscellaneous(code) => {
+                    ends |= self.switch(code.number);
+                    waits |= self.keys.wait_at.contains(&code.number.major());
+                }
                 _ => {}
             }
         }
@@ -265,6 +294,9 @@ impl Machine<'_> {
             if words.has_any("XYZIJR") {
                 self.go(&words)?;
             }
+        }
+        if waits && self.keys.wait_until.is_some() {
+            self.track.begin_pass(self.keys.wait_until.as_ref());
         }
         Ok(if ends { Flow::End } else { Flow::GoOn })
     }

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::track::TrackBuilder;
-use super::{ToolpathError, Track, finite, not_negative, place, positive, power_of};
+use super::{ToolpathError, Track, WaitUntil, finite, not_negative, place, positive, power_of};
 
 /// Most scan lines, to refuse a spacing in the wrong unit instead of filling the memory.
 const MOST_LINES: f64 = 1e7;
@@ -49,6 +49,9 @@ pub struct Hatch {
     /// Time between layers, source off (s); default 0.
     #[serde(default)]
     pub layer_time: f64,
+    /// What each layer but the first waits for, after `layer_time`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wait_until: Option<WaitUntil>,
     /// When the source is first switched on (s); default 0.
     #[serde(default)]
     pub start_time: f64,
@@ -115,6 +118,9 @@ impl Hatch {
                     _ => turn_time,
                 };
                 track.glide(from, pause, [0.0; 2]);
+                if layer > 0 && line == 0 && self.wait_until.is_some() {
+                    track.begin_pass(self.wait_until.as_ref());
+                }
                 track.go(to, speed, power);
             }
         }

@@ -10,29 +10,39 @@
 //! toolpath.line = { start = [0.0, 0.0, 0.005], direction = [1.0, 0.0, 0.0], speed = 0.005 }
 //! ```
 //!
-//! SI units throughout; angles in radian, counted from +x towards +y. Circles, weaves and hatches
-//! lie in planes normal to z.
+//! SI units throughout; angles in radian, counted from +x towards +y. Weaves and hatches lie in planes normal to z.
+//!
+//! A path may wait before a pass until a temperature has fallen below a value ([`WaitUntil`]); a [`TimedPath`] is a track
+//! with its clock, whose state is part of a checkpoint.
 
 mod circle;
+mod clock;
 mod gcode;
 mod hatch;
 mod line;
 mod polyline;
+mod sequence;
 mod table;
 #[cfg(test)]
 mod tests;
 mod track;
+mod wait;
 mod weave;
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-pub use circle::Circle;
+pub use circle::{Circle, CircleTorch};
+pub use clock::TimedPath;
+pub(crate) use clock::{Clock, TrackTime};
 pub use gcode::{DwellUnit, Gcode, GcodeError};
 pub use hatch::Hatch;
 pub use line::Line;
 pub use polyline::{Polyline, Segment};
+pub use sequence::{Sequence, SequencePass};
 pub use table::Table;
 pub use track::{Pose, Track};
+pub use wait::{Side, WaitUntil};
 pub use weave::{Weave, WeaveShape};
 
 use nalgebra::Vector3;
@@ -60,6 +70,8 @@ pub enum Toolpath {
     Table(Table),
     /// A program in G-code.
     Gcode(Gcode),
+    /// Passes one after the other, with waits for the interpass temperature.
+    Sequence(Sequence),
 }
 
 impl Toolpath {
@@ -73,6 +85,7 @@ impl Toolpath {
             Self::Hatch(_) => "hatch",
             Self::Table(_) => "table",
             Self::Gcode(_) => "gcode",
+            Self::Sequence(_) => "sequence",
         }
     }
 
@@ -99,6 +112,7 @@ impl Toolpath {
             Self::Hatch(path) => path.track(default_power),
             Self::Table(path) => path.track(default_power, base_dir),
             Self::Gcode(path) => path.track(default_power, base_dir),
+            Self::Sequence(path) => path.track(default_power, base_dir),
         }
     }
 }
@@ -224,6 +238,30 @@ pub enum ToolpathError {
     /// A program in G-code.
     #[error(transparent)]
     Gcode(#[from] GcodeError),
+    /// A pass of a sequence.
+    #[error("pass {} of the sequence: {source}", index + 1)]
+    Pass {
+        /// Its position, counted from 0.
+        index: usize,
+        /// Key of the kind of its toolpath.
+        kind: &'static str,
+        /// What is wrong.
+        source: Box<ToolpathError>,
+    },
+    /// A pass without an end that others follow.
+    #[error("`{key}` has no end, but a pass follows it; give `end` or `end_time`")]
+    NoEnd {
+        /// Key in the case file.
+        key: String,
+    },
+    /// `wait` in a table without the condition, or the like.
+    #[error("line {line} of the toolpath table {} has a `wait`, but the toolpath has no `wait_until`", path.display())]
+    TableWait {
+        /// The file.
+        path: PathBuf,
+        /// Line in the file, counted from 1.
+        line: u64,
+    },
 }
 
 /// The error of the CSV reader without its line numbers, which count otherwise.
@@ -244,22 +282,30 @@ fn reason(error: &csv::Error) -> String {
 
 impl ToolpathError {
     /// The case-file key at fault, for pointing at its line.
-    pub fn key(&self) -> &str {
-        match self {
+    pub fn key(&self) -> Cow<'_, str> {
+        let key = match self {
+            Self::Pass {
+                index,
+                kind,
+                source,
+            } => return format!("passes[{index}].toolpath.{kind}.{}", source.key()).into(),
             Self::NotPositive { key, .. }
             | Self::Negative { key, .. }
             | Self::NotFinite { key }
             | Self::LineGoal { key }
             | Self::NoLength { key }
             | Self::NoPower { key }
-            | Self::TooManyMoves { key, .. } => key,
+            | Self::NoEnd { key }
+            | Self::TooManyMoves { key, .. } => key.as_str(),
             Self::TableOpen { .. }
             | Self::TableRow { .. }
             | Self::TableValue { .. }
             | Self::TableTime { .. }
             | Self::TableShort { .. }
+            | Self::TableWait { .. }
             | Self::Gcode(_) => "file",
-        }
+        };
+        key.into()
     }
 }
 

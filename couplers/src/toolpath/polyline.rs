@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::track::TrackBuilder;
-use super::{ToolpathError, Track, finite, not_negative, place, positive, power_of};
+use super::{ToolpathError, Track, WaitUntil, finite, not_negative, place, positive, power_of};
 
 /// Straight segments from `start` through each `to`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -43,6 +43,9 @@ pub struct Segment {
     /// Power while resting (W); default that of the segment.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dwell_power: Option<f64>,
+    /// What the torch waits for, switched off, before this segment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wait_until: Option<WaitUntil>,
 }
 
 impl Polyline {
@@ -54,6 +57,9 @@ impl Polyline {
             let key = |name: &str| format!("segments[{index}].{name}");
             let to = place(&key("to"), segment.to)?;
             let power = power_of(&key("power"), segment.power.or(self.power), default_power)?;
+            if segment.wait_until.is_some() {
+                track.begin_pass(segment.wait_until.as_ref());
+            }
             if to != at {
                 let speed = match (segment.speed, self.speed) {
                     (Some(speed), _) => positive(&key("speed"), speed)?,

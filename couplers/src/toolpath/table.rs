@@ -8,19 +8,22 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::track::TrackBuilder;
-use super::{ToolpathError, Track};
+use super::{ToolpathError, Track, WaitUntil};
 
 /// Times, positions and powers from a CSV file.
 ///
 /// Columns `time` (s), `x`, `y`, `z` (m) and `power` (W), in any order, named in the first line;
 /// lines that start with `#` are skipped. Without a `power` column, or with an empty entry, the
-/// power is that of the source. Two rows with the same time are a jump, with which the source is switched
+/// power is that of the source. With a `wait` column the path waits at rows where it is 1, see `wait_until`. Two rows with the same time are a jump, with which the source is switched
 /// on and off at full power.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
     /// CSV file; relative to the folder of the case file.
     pub file: PathBuf,
+    /// What the path waits for at rows whose column `wait` is 1; their times and all later ones are then delayed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wait_until: Option<WaitUntil>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -31,6 +34,8 @@ struct Row {
     y: f64,
     z: f64,
     power: Option<f64>,
+    #[serde(default)]
+    wait: Option<f64>,
 }
 
 impl Table {
@@ -41,13 +46,17 @@ impl Table {
     ) -> Result<Track, ToolpathError> {
         let path = base_dir.join(&self.file);
         match std::fs::read_to_string(&path) {
-            Ok(content) => read(&content, &path, default_power),
+            Ok(content) => read(&content, &path, (default_power, self.wait_until.as_ref())),
             Err(source) => Err(ToolpathError::TableOpen { path, source }),
         }
     }
 }
 
-fn read(content: &str, path: &Path, default_power: Option<f64>) -> Result<Track, ToolpathError> {
+fn read(
+    content: &str,
+    path: &Path,
+    (default_power, wait): (Option<f64>, Option<&WaitUntil>),
+) -> Result<Track, ToolpathError> {
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
@@ -104,6 +113,15 @@ fn read(content: &str, path: &Path, default_power: Option<f64>) -> Result<Track,
                 track.glide(place, row.time - *time, [*before, power]);
                 (*time, *before) = (row.time, power);
             }
+        }
+        if row.wait.is_some_and(|w| w > 0.0) {
+            if wait.is_none() {
+                let path = path.into();
+                return Err(ToolpathError::TableWait { path, line });
+            }
+            track
+                .iter_mut()
+                .for_each(|(track, ..)| track.begin_pass(wait));
         }
         rows += 1;
     }

@@ -323,6 +323,7 @@ proptest! {
             at = to;
             segments.push(Segment {
                 to: to.into(), speed: Some(speed), power: Some(power), dwell, dwell_power: None,
+                wait_until: None,
             });
         }
         let path = Polyline { start: [0.0; 3], start_time: 0.0, speed: None, power: None, segments };
@@ -331,5 +332,130 @@ proptest! {
         prop_assert!((track.energy(0.0, 1e6) - energy).abs() <= 1e-11 * (1.0 + energy));
         prop_assert!((track.end().expect("it ends") - duration).abs() <= 1e-12 * duration);
         prop_assert!((track.pose(duration + 1.0).position - at).norm() < 1e-12);
+    }
+}
+
+/// A sequence of three passes of 2 m at 1 m/s, the last two of which wait.
+const SEQUENCE: &str = "sequence = { wait_until = { temperature = 400 }, passes = [
+    { toolpath.line = { start = [0, 0, 0], end = [2, 0, 0], speed = 1 } },
+    { toolpath.line = { start = [0, 1, 0], end = [2, 1, 0], speed = 1, power = 50, start_time = 0.5 } },
+    { toolpath.line = { start = [0, 2, 0], direction = [1, 0, 0], speed = 1 }, torch = [0, -1, -1],
+      wait_until = { temperature = 350, when = 'above', at = [0, 0, 0] } } ] }";
+
+#[test]
+fn a_sequence_lays_its_passes_one_after_the_other() {
+    let track = track(SEQUENCE);
+    let starts: Vec<f64> = track.passes().iter().map(|p| p.time).collect();
+    assert_eq!(starts, [0.0, 2.0, 4.5]);
+    assert_eq!(events(&track), [0.0, 2.0, 2.5, 4.5]);
+    assert_eq!(track.pose(2.25).power, 0.0);
+    assert_eq!(track.pose(3.5).position, Vector3::new(1.0, 1.0, 0.0));
+    assert_eq!(
+        (track.pose(1.0).power, track.pose(3.0).power),
+        (100.0, 50.0)
+    );
+    assert_eq!(track.pose(3.0).torch, None);
+    let axis = track.pose(5.0).torch.expect("that of the pass");
+    assert!((axis - Vector3::new(0.0, -1.0, -1.0).normalize()).norm() < 1e-15);
+    assert_eq!(track.rest_before(2.0).position, Vector3::new(2.0, 0.0, 0.0));
+    assert_eq!(track.rest_before(0.0).position, Vector3::zeros());
+}
+
+#[test]
+fn mistakes_in_a_sequence_are_told_with_their_pass() {
+    let key = |text: &str| {
+        let error = read(text).track(Some(1.0), Path::new("")).expect_err(text);
+        error.key().into_owned()
+    };
+    let line = "toolpath.line = { start = [0, 0, 0], direction = [1, 0, 0], speed";
+    let passes = |passes: &str| key(&format!("sequence = {{ passes = [{passes}] }}"));
+    assert_eq!(passes(""), "passes");
+    assert_eq!(
+        passes(&format!("{{ {line} = -1 }} }}")),
+        "passes[0].toolpath.line.speed"
+    );
+    assert_eq!(
+        passes(&format!("{{ {line} = 1 }} }}, {{ {line} = 1 }} }}")),
+        "passes[0].toolpath"
+    );
+    assert_eq!(
+        passes(&format!("{{ {line} = 1, start_time = -1 }} }}")),
+        "passes[0].toolpath.line.start_time"
+    );
+    assert_eq!(
+        passes(&format!("{{ {line} = 1 }}, torch = [0, 0, 0] }}")),
+        "passes[0].torch"
+    );
+}
+
+#[test]
+fn waits_are_steps_of_polylines_hatches_tables_and_programs() {
+    let starts = |track: &Track| -> Vec<(f64, bool)> {
+        let passes = track.passes().iter();
+        passes.map(|p| (p.time, p.wait.is_some())).collect()
+    };
+    let wait = "wait_until = { temperature = 400 }";
+    let polyline = track(&format!(
+        "polyline = {{ start = [0, 0, 0], speed = 1, segments = [{{ to = [1, 0, 0] }}, \
+         {{ to = [2, 0, 0], {wait} }}, {{ to = [3, 0, 0] }}, {{ to = [4, 0, 0], {wait} }}] }}"
+    ));
+    let expected = [(0.0, false), (1.0, true), (3.0, true)];
+    assert_eq!(starts(&polyline), expected);
+    let hatch = track(&format!(
+        "hatch = {{ corner = [0, 0, 0], length = 2, width = 0, spacing = 1, speed = 1, layers = 3, \
+         layer_time = 1, {wait} }}"
+    ));
+    assert_eq!(starts(&hatch), [(0.0, false), (3.0, true), (6.0, true)]);
+    let program = "F60000 M3\nG1 X1000\nM0\nX2000\nM1 (a stop)\nM5\nM0\nM30";
+    let gcode = track(&format!("gcode = {{ program = '''{program}''', {wait} }}"));
+    // the stops after the last move delay nothing
+    assert_eq!(starts(&gcode), [(0.0, false), (1.0, true)]);
+    let without = track(&format!("gcode = {{ program = '''{program}''' }}"));
+    assert_eq!(starts(&without), []);
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("path.csv");
+    std::fs::write(&path, "time,x,y,z,wait\n0,0,0,0,\n1,1,0,0,1\n2,2,0,0,0\n").expect("written");
+    let table = |keys: &str| {
+        read(&format!("table = {{ file = 'path.csv'{keys} }}")).track(Some(1.0), folder.path())
+    };
+    let found = table(&format!(", {wait}")).expect("valid");
+    assert_eq!(starts(&found), [(0.0, false), (1.0, true)]);
+    let error = table("")
+        .expect_err("a wait without its condition")
+        .to_string();
+    assert!(
+        error.contains("line 3") && error.contains("wait_until"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_circle_runs_about_any_axis_and_its_torch_points_to_the_centre() {
+    let of = |axis: &str, angle: f64| {
+        track(&format!(
+            "circle = {{ centre = [1, 2, 3], radius = 2, speed = 2, axis = {axis}, torch = 'inward', start_angle = {angle} }}"
+        ))
+    };
+    let centre = Vector3::new(1.0, 2.0, 3.0);
+    for (axis, first, quarter) in [
+        ("[1, 0, 0]", Vector3::y(), Vector3::z()),
+        ("[0, 1, 0]", Vector3::x(), -Vector3::z()),
+        ("[0, 0, 5]", Vector3::x(), Vector3::y()),
+        ("[0, 0, -1]", Vector3::x(), -Vector3::y()),
+    ] {
+        let track = of(axis, 0.0);
+        assert!(
+            (track.pose(0.0).position - centre - first * 2.0).norm() < 1e-12,
+            "{axis}"
+        );
+        let pose = track.pose(FRAC_PI_2);
+        assert!(
+            (pose.position - centre - quarter * 2.0).norm() < 1e-12,
+            "{axis}"
+        );
+        assert!((pose.direction + first).norm() < 1e-12, "{axis}");
+        let torch = pose.torch.expect("inward");
+        assert!((torch + quarter).norm() < 1e-12, "{axis}");
+        assert!((of(axis, FRAC_PI_2).pose(0.0).position - pose.position).norm() < 1e-12);
     }
 }

@@ -2,6 +2,8 @@
 
 use nalgebra::Vector3;
 
+use super::wait::WaitUntil;
+
 /// Position, travel direction and power of a source at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
@@ -14,6 +16,8 @@ pub struct Pose {
     pub power: f64,
     /// Speed along the path (m/s).
     pub speed: f64,
+    /// Unit vector of the torch's axis, into the material, where the path gives it.
+    pub torch: Option<Vector3<f64>>,
 }
 
 /// Contiguous moves from the start of a toolpath to its end. Before the start and after the end the source is
@@ -21,6 +25,27 @@ pub struct Pose {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
     moves: Vec<Move>,
+    /// In the order of time; none for a path that is a single pass.
+    passes: Vec<Pass>,
+}
+
+/// Where a pass of a track begins, and what it waits for.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Pass {
+    /// Time of the track, s.
+    pub time: f64,
+    pub wait: Option<WaitUntil>,
+}
+
+/// Unit vectors that span the plane of an arc; angles count from the first towards the second.
+pub(super) type Plane = [Vector3<f64>; 2];
+
+/// Which way the torch points on an arc.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Facing {
+    Fixed,
+    Inward,
+    Outward,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -31,6 +56,8 @@ struct Move {
     direction: Vector3<f64>,
     /// Power at the start and at the end (W), linear between.
     power: [f64; 2],
+    /// Axis of the torch, where the path gives it.
+    torch: Option<Vector3<f64>>,
 }
 
 /// Position as a function of time.
@@ -41,12 +68,14 @@ enum Curve {
         from: Vector3<f64>,
         velocity: Vector3<f64>,
     },
-    /// `centre + radius (cos phi, sin phi, 0)`, `phi = angle + rate s`.
+    /// `centre + radius (u cos phi + v sin phi)`, `phi = angle + rate s`, with the unit vectors u and v of the plane.
     Arc {
         centre: Vector3<f64>,
+        plane: Plane,
         radius: f64,
         angle: f64,
         rate: f64,
+        facing: Facing,
     },
     /// `from + velocity s + sideways sin(rate s)`.
     Sine {
@@ -64,12 +93,14 @@ impl Move {
             Curve::Straight { from, velocity } => from + velocity * s,
             Curve::Arc {
                 centre,
+                plane: [u, v],
                 radius,
                 angle,
                 rate,
+                ..
             } => {
                 let (sin, cos) = (angle + rate * s).sin_cos();
-                centre + Vector3::new(cos, sin, 0.0) * *radius
+                centre + u * (cos * radius) + v * (sin * radius)
             }
             Curve::Sine {
                 from,
@@ -85,13 +116,14 @@ impl Move {
         match &self.curve {
             Curve::Straight { velocity, .. } => *velocity,
             Curve::Arc {
+                plane: [u, v],
                 radius,
                 angle,
                 rate,
                 ..
             } => {
                 let (sin, cos) = (angle + rate * s).sin_cos();
-                Vector3::new(-sin, cos, 0.0) * (radius * rate)
+                (v * cos - u * sin) * (radius * rate)
             }
             Curve::Sine {
                 velocity,
@@ -106,6 +138,34 @@ impl Move {
         match &self.curve {
             Curve::Arc { .. } => self.velocity(time).normalize(),
             Curve::Straight { .. } | Curve::Sine { .. } => self.direction,
+        }
+    }
+
+    fn torch(&self, time: f64) -> Option<Vector3<f64>> {
+        let outward = |centre: &Vector3<f64>| (self.position(time) - centre).normalize();
+        match &self.curve {
+            Curve::Arc {
+                centre,
+                facing: Facing::Inward,
+                ..
+            } => Some(-outward(centre)),
+            Curve::Arc {
+                centre,
+                facing: Facing::Outward,
+                ..
+            } => Some(outward(centre)),
+            _ => self.torch,
+        }
+    }
+
+    /// At rest without power at a time of the move.
+    fn rest(&self, time: f64) -> Pose {
+        Pose {
+            position: self.position(time),
+            direction: self.direction(time),
+            power: 0.0,
+            speed: 0.0,
+            torch: self.torch(time),
         }
     }
 
@@ -124,18 +184,11 @@ impl Track {
     pub fn pose(&self, time: f64) -> Pose {
         let first = &self.moves[0];
         let last = &self.moves[self.moves.len() - 1];
-        if time < first.start || time >= last.end {
-            let (rest, at) = if time < first.start {
-                (first, first.start)
-            } else {
-                (last, last.end)
-            };
-            return Pose {
-                position: rest.position(at),
-                direction: rest.direction(at),
-                power: 0.0,
-                speed: 0.0,
-            };
+        if time < first.start {
+            return first.rest(first.start);
+        }
+        if time >= last.end {
+            return last.rest(last.end);
         }
         let active = &self.moves[self.moves.partition_point(|m| m.end <= time)];
         Pose {
@@ -143,7 +196,23 @@ impl Track {
             direction: active.direction(time),
             power: active.power(time),
             speed: active.velocity(time).norm(),
+            torch: active.torch(time),
         }
+    }
+
+    /// At rest without power at the end of the move before `time` (s), where a path waits.
+    pub(crate) fn rest_before(&self, time: f64) -> Pose {
+        let next = self.moves.partition_point(|m| m.end < time);
+        match self.moves.get(next) {
+            Some(before) if before.end == time => before.rest(time),
+            Some(first) => first.rest(first.start),
+            None => self.pose(time),
+        }
+    }
+
+    /// Where the passes begin and what they wait for; none for a path that is a single pass.
+    pub(crate) fn passes(&self) -> &[Pass] {
+        &self.passes
     }
 
     /// The first time after `after` at which the motion or the power has a kink or a jump (s).
@@ -221,6 +290,7 @@ impl Track {
 #[derive(Debug)]
 pub(super) struct TrackBuilder {
     moves: Vec<Move>,
+    passes: Vec<Pass>,
     time: f64,
     position: Vector3<f64>,
     direction: Vector3<f64>,
@@ -230,6 +300,7 @@ impl TrackBuilder {
     pub fn new(time: f64, position: Vector3<f64>) -> Self {
         Self {
             moves: Vec::new(),
+            passes: Vec::new(),
             time,
             position,
             direction: Vector3::x(),
@@ -247,6 +318,7 @@ impl TrackBuilder {
                 curve,
                 direction,
                 power,
+                torch: None,
             });
             self.time = end;
         }
@@ -288,22 +360,68 @@ impl TrackBuilder {
         self.glide(self.position, duration, [power; 2]);
     }
 
-    /// A turn about `centre`, from where the source is, at `rate` (rad/s) (negative: clockwise).
+    /// A turn about `centre` in a plane normal to z, from where the source is, at `rate` (rad/s) (negative: clockwise).
     pub fn turn(&mut self, centre: Vector3<f64>, rate: f64, duration: f64, power: f64) {
+        let plane = [Vector3::x(), Vector3::y()];
+        self.turn_in(centre, (plane, Facing::Fixed), (rate, duration), power);
+    }
+
+    /// A turn about `centre` in a plane, from where the source is, at a rate (rad/s) (negative: clockwise) for a time (s).
+    pub fn turn_in(
+        &mut self,
+        centre: Vector3<f64>,
+        (plane, facing): (Plane, Facing),
+        (rate, duration): (f64, f64),
+        power: f64,
+    ) {
+        let [u, v] = plane;
         let arm = self.position - centre;
+        let [x, y] = [arm.dot(&u), arm.dot(&v)];
         let curve = Curve::Arc {
             centre,
+            plane,
             radius: arm.norm(),
-            angle: arm.y.atan2(arm.x),
+            angle: y.atan2(x),
             rate,
+            facing,
         };
         self.push(duration, curve, [power; 2]);
         let (sin, cos) = (rate * duration).sin_cos();
-        let turned =
-            |v: Vector3<f64>| Vector3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z);
-        self.position = centre + turned(arm);
-        let tangent = turned(Vector3::new(-arm.y, arm.x, 0.0)) * rate.signum();
+        let turned = |x: f64, y: f64| u * (cos * x - sin * y) + v * (sin * x + cos * y);
+        self.position = centre + turned(x, y);
+        let tangent = turned(-y, x) * rate.signum();
         self.direction = tangent.try_normalize(0.0).unwrap_or(self.direction);
+    }
+
+    /// A pass begins here, after a wait if there is one.
+    pub fn begin_pass(&mut self, wait: Option<&WaitUntil>) {
+        self.passes.push(Pass {
+            time: self.time,
+            wait: wait.cloned(),
+        });
+    }
+
+    /// A whole track, whose clock starts now; until its first move the source rests at its first place. `torch` is the axis
+    /// of the torch where the track does not give it.
+    pub fn follow(&mut self, track: &Track, torch: Option<Vector3<f64>>) {
+        let shift = self.time;
+        let first = &track.moves[0];
+        self.position = first.position(first.start);
+        self.dwell(first.start, 0.0);
+        self.passes.extend(track.passes.iter().map(|pass| Pass {
+            time: pass.time + shift,
+            wait: pass.wait.clone(),
+        }));
+        self.moves.extend(track.moves.iter().map(|m| Move {
+            start: m.start + shift,
+            end: m.end + shift,
+            torch: m.torch.or(torch),
+            ..m.clone()
+        }));
+        let last = &track.moves[track.moves.len() - 1];
+        self.time = last.end + shift;
+        self.position = last.position(last.end);
+        self.direction = last.direction(last.end);
     }
 
     /// A seam to `to` with the sideways oscillation `sideways sin(rate s)`.
@@ -336,6 +454,22 @@ impl TrackBuilder {
 
     /// The finished track, or `None` when nothing takes any time.
     pub fn finish(self) -> Option<Track> {
-        (!self.moves.is_empty()).then_some(Track { moves: self.moves })
+        let start = self.moves.first()?.start;
+        let mut passes = self.passes;
+        // a wait after the last move delays nothing
+        passes.retain(|pass| pass.time < self.time);
+        if passes.first().is_some_and(|first| first.time > start) {
+            passes.insert(
+                0,
+                Pass {
+                    time: start,
+                    wait: None,
+                },
+            );
+        }
+        Some(Track {
+            moves: self.moves,
+            passes,
+        })
     }
 }

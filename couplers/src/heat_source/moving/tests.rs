@@ -176,3 +176,78 @@ fn the_schema_has_the_keys_of_the_shape_and_of_the_place() {
     let required = schema["required"].as_array().expect("a list");
     assert!(required.contains(&"toolpath".into()) && !required.contains(&"body".into()));
 }
+
+/// A source of two passes, the second of which waits.
+fn waiting() -> EllipsoidSource {
+    let passes = "toolpath.sequence = { wait_until = { temperature = 400 }, passes = [
+        { toolpath.line = { start = [5, 10, 8], end = [15, 10, 8], speed = 2 } },
+        { toolpath.line = { start = [5, 10, 8], end = [15, 10, 8], speed = 2 } } ] }";
+    toml::from_str(&format!("{SHAPE}\n{passes}")).expect("valid")
+}
+
+#[test]
+fn a_source_that_waits_is_off_and_goes_on_after_a_resume_as_without() {
+    let mut source = waiting();
+    let mut world = ready_with_temperature(&mut source);
+    crate::testing::set(&mut world, &keys::TEMPERATURE, |_| 500.0);
+    for time in 0..7 {
+        source.begin_step(&world, f64::from(time));
+        apply(&world, &mut source, f64::from(time));
+    }
+    assert_eq!(value(&source, "energy.deposited"), 500.0);
+    assert_eq!((source.step_limit(), source.next_event(7.0)), (None, None));
+    assert!(source.unfinished(7.0).is_some());
+    let saved = serde_json::to_string(&source.save()).expect("serialises");
+    let mut resumed = waiting();
+    let mut other = ready_with_temperature(&mut resumed);
+    let mut json = serde_json::Deserializer::from_str(&saved);
+    let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut json);
+    resumed.load(&mut erased).expect("loads");
+    for (world, source) in [(&mut world, &mut source), (&mut other, &mut resumed)] {
+        crate::testing::set(world, &keys::TEMPERATURE, |_| 399.0);
+        source.begin_step(world, 7.25);
+        assert!(source.step_limit().is_some());
+        assert_eq!(source.next_event(7.25), Some(12.25));
+        apply(world, source, 7.25);
+        assert_eq!(value(source, "pass.2.start"), 7.25);
+        assert_eq!(value(source, "energy.deposited"), 600.0);
+    }
+}
+
+fn ready_with_temperature(source: &mut dyn Coupler) -> World {
+    let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
+    prepare(&mut world, source, |setup| {
+        setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        setup.own(0, &keys::TEMPERATURE).expect("free");
+    })
+    .expect("valid");
+    world
+}
+
+#[test]
+fn the_absorptivity_is_that_of_the_material_unless_the_case_gives_one() {
+    let beam = |keys: &str| -> MovingSource<source::SuperGaussian> {
+        let line = "toolpath.line = { start = [5, 10, 8], end = [15, 10, 8], speed = 2 }";
+        toml::from_str(&format!(
+            "power = 100\nradius = 2\npenetration_depth = 1\n{keys}\n{line}"
+        ))
+        .expect("valid")
+    };
+    let absorbed = |keys: &str, material: &str| {
+        let mut source = beam(keys);
+        let mut world = World::new(vec![block([20, 20, 8], 3, material)]);
+        prepare(&mut world, &mut source, |setup| {
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        })
+        .map_err(|e| e.to_string())?;
+        apply(&world, &mut source, 0.0);
+        Ok(value(&source, "power.asked"))
+    };
+    let dark = format!("{STEEL}\nabsorptivity = 0.3");
+    assert_eq!(absorbed("", &dark), Ok(30.0));
+    assert_eq!(absorbed("absorptivity = 0.8", &dark), Ok(80.0));
+    assert_eq!(absorbed("wavelength = 1.07e-6", &dark), Ok(30.0));
+    let refused = |keys: &str, material: &str| -> String { absorbed(keys, material).unwrap_err() };
+    assert!(refused("", STEEL).contains("has no constant `absorptivity`"));
+    assert!(refused("wavelength = 10.6e-6", &dark).contains("hold near 1 um"));
+}

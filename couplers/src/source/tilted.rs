@@ -1,0 +1,287 @@
+//! A beam whose axis is not normal to a face of the lattice: a torch in a fillet, or around a pipe.
+//!
+//! The density is footprint × depth profile in the frame of the torch: zeta along its axis, xi along the travel direction
+//! normal to the axis, eta across. It is continued evenly to zeta < 0, above the plane through the position of the source,
+//! and cells with material take their part of it. A flat surface through the position that contains the travel
+//! direction cuts the density into equal halves, so that its material receives the power asked for whatever the
+//! inclination. In a concave corner, such as a fillet, material covers more than a half and the density is scaled down; over
+//! an edge material covers less, and the rest is lost.
+
+use nalgebra::Vector3;
+
+use super::beam::{Beam, Scratch};
+use super::{Deposit, HeatedBody, Sampling};
+use crate::toolpath::Pose;
+
+/// Gauss-Legendre nodes on [-1, 1], with weights 1.
+const NODES: [f64; 2] = [-0.577_350_269_189_625_8, 0.577_350_269_189_625_8];
+
+/// Length of a panel over the finest length of the source.
+const PANEL: f64 = 1.0;
+
+/// Most panels along an axis of a cell.
+const MOST_PANELS: f64 = 6.0;
+
+/// A smaller fraction of the power that no material covers is an error of the sampling at the surface of the lattice.
+const UNCOVERED: f64 = 0.02;
+
+/// The frame of a torch.
+struct Frame {
+    origin: Vector3<f64>,
+    along: Vector3<f64>,
+    across: Vector3<f64>,
+    axis: Vector3<f64>,
+}
+
+impl Frame {
+    fn new(origin: Vector3<f64>, axis: Vector3<f64>, travel: Vector3<f64>) -> Self {
+        let normal = |v: Vector3<f64>| (v - axis * v.dot(&axis)).try_normalize(1e-9);
+        let along = normal(travel).or_else(|| normal(Vector3::x()));
+        let along = along
+            .or_else(|| normal(Vector3::y()))
+            .unwrap_or_else(Vector3::z);
+        Frame {
+            origin,
+            along,
+            across: axis.cross(&along),
+            axis,
+        }
+    }
+}
+
+impl Beam {
+    /// As [`Beam::add`], with the axis of the torch along the unit vector `axis`.
+    pub fn add_tilted(
+        &self,
+        body: &(impl HeatedBody + ?Sized),
+        (pose, axis): (&Pose, Vector3<f64>),
+        power: f64,
+        values: &mut [f64],
+        scratch: &mut Scratch,
+    ) -> Deposit {
+        let grid = *body.grid();
+        let mut origin = pose.position;
+        if let Some(level) = self.surface.level {
+            origin[self.surface.face.axis()] = level;
+        }
+        let frame = Frame::new(origin, axis, pose.direction);
+        let [along, across] = self.footprint.reach();
+        let depth = self.depth.reach();
+        let finest = self.footprint.finest().min(self.depth.finest());
+        let mut first = [0_i64; 3];
+        let mut count = [0_usize; 3];
+        let mut offsets: [Vec<f64>; 3] = Default::default();
+        for a in 0..3 {
+            let reach = frame.along[a].abs() * along
+                + frame.across[a].abs() * across
+                + frame.axis[a].abs() * depth;
+            let at = grid.in_cells(a, origin[a]);
+            let reach = reach / grid.spacing[a];
+            first[a] = (at - reach).floor() as i64;
+            count[a] = ((at + reach).ceil() as i64 - first[a]).max(1) as usize;
+            offsets[a] = self.offsets(grid.spacing[a], finest);
+        }
+        let parts = &mut scratch.lateral;
+        parts.clear();
+        let [mut all, mut hit] = [0.0; 2];
+        let mut each = |cell: [i64; 3], part: f64| {
+            all += part;
+            let inside = (0..3).all(|a| cell[a] >= 0 && cell[a] < grid.dims[a] as i64);
+            let point = inside
+                .then(|| body.point(cell.map(|c| c as usize)))
+                .flatten();
+            if point.is_some() {
+                hit += part;
+            }
+            parts.push(part);
+        };
+        for k in 0..count[2] as i64 {
+            for j in 0..count[1] as i64 {
+                for i in 0..count[0] as i64 {
+                    let cell = [first[0] + i, first[1] + j, first[2] + k];
+                    let centre = Vector3::from_fn(|a, _| {
+                        grid.origin[a] + (cell[a] as f64 + 0.5) * grid.spacing[a]
+                    });
+                    each(cell, self.mean(&frame, &centre, &offsets));
+                }
+            }
+        }
+        if all == 0.0 {
+            return Deposit {
+                asked: power,
+                deposited: 0.0,
+                lost: power,
+            };
+        }
+        // a plane cuts the density into halves
+        let half = match self.normalise {
+            true => 0.5 * all,
+            false => 1.0 / grid.spacing.product(),
+        };
+        let covered = hit / half;
+        let deposited = match covered {
+            covered if covered > 1.0 - UNCOVERED => power,
+            covered => power * covered,
+        };
+        let scale = if hit > 0.0 { deposited / hit } else { 0.0 };
+        let parts = &scratch.lateral;
+        let mut next = 0;
+        for k in 0..count[2] as i64 {
+            for j in 0..count[1] as i64 {
+                for i in 0..count[0] as i64 {
+                    let cell = [first[0] + i, first[1] + j, first[2] + k];
+                    let part = parts[next];
+                    next += 1;
+                    let inside = (0..3).all(|a| cell[a] >= 0 && cell[a] < grid.dims[a] as i64);
+                    if part > 0.0
+                        && inside
+                        && let Some(point) = body.point(cell.map(|c| c as usize))
+                    {
+                        values[point] += scale * part / body.volume(point);
+                    }
+                }
+            }
+        }
+        Deposit {
+            asked: power,
+            deposited,
+            lost: power - deposited,
+        }
+    }
+
+    /// Positions of the samples along an axis of a cell, from its centre (m).
+    fn offsets(&self, spacing: f64, finest: f64) -> Vec<f64> {
+        if self.sampling == Sampling::Point {
+            return vec![0.0];
+        }
+        let panels = (spacing / (PANEL * finest)).ceil().clamp(1.0, MOST_PANELS);
+        let half = 0.5 * spacing / panels;
+        let middle = |panel: usize| -0.5 * spacing + half * (2 * panel + 1) as f64;
+        (0..panels as usize)
+            .flat_map(|panel| NODES.map(|node| middle(panel) + half * node))
+            .collect()
+    }
+
+    /// Mean density in a cell for a power of 1 (1/m³).
+    fn mean(&self, frame: &Frame, centre: &Vector3<f64>, offsets: &[Vec<f64>; 3]) -> f64 {
+        let mut sum = 0.0;
+        for z in &offsets[2] {
+            for y in &offsets[1] {
+                for x in &offsets[0] {
+                    let from = centre + Vector3::new(*x, *y, *z) - frame.origin;
+                    let zeta = from.dot(&frame.axis).abs();
+                    if zeta > self.depth.reach() {
+                        continue;
+                    }
+                    let [xi, eta] = [from.dot(&frame.along), from.dot(&frame.across)];
+                    sum += self.footprint.density(xi, eta) * self.depth.density(zeta);
+                }
+            }
+        }
+        sum / offsets.iter().map(Vec::len).product::<usize>() as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::heated_body::lattice::TestLattice;
+    use super::super::{Depositor, Source};
+    use super::*;
+
+    fn goldak(direction: [f64; 3]) -> Source {
+        toml::from_str(&format!(
+            "goldak = {{ front_length = 2e-3, rear_length = 4e-3, half_width = 2e-3, depth = 2e-3,
+             heated_surface = {{ direction = {direction:?} }} }}"
+        ))
+        .expect("a valid source")
+    }
+
+    fn pose(position: [f64; 3]) -> Pose {
+        Pose {
+            position: position.into(),
+            direction: Vector3::x(),
+            power: 1000.0,
+            speed: 0.01,
+            torch: None,
+        }
+    }
+
+    fn deposit(lattice: &TestLattice, direction: [f64; 3], at: [f64; 3]) -> (Deposit, Vec<f64>) {
+        let mut values = vec![0.0; lattice.grid.dims.iter().product()];
+        let mut depositor = Depositor::new(&goldak(direction), &lattice.grid).expect("valid");
+        let deposit = depositor.add(lattice, &pose(at), &mut values);
+        (deposit, values)
+    }
+
+    /// Centre of the power across the travel direction, m.
+    fn centre(lattice: &TestLattice, values: &[f64]) -> [f64; 2] {
+        let [nx, ny, _] = lattice.grid.dims;
+        let mut sums = [0.0; 3];
+        for (point, value) in values.iter().enumerate() {
+            let cell = [(point / nx) % ny, point / (nx * ny)];
+            let at = [0, 1].map(|a| {
+                lattice.grid.origin[a + 1] + (cell[a] as f64 + 0.5) * lattice.grid.spacing[a + 1]
+            });
+            sums[0] += value;
+            sums[1] += value * at[0];
+            sums[2] += value * at[1];
+        }
+        [sums[1] / sums[0], sums[2] / sums[0]]
+    }
+
+    #[test]
+    fn an_upright_torch_is_the_source_of_the_face() {
+        let lattice = TestLattice::full([0.0; 3], [1e-3; 3], [40, 30, 15]);
+        let at = [0.02, 0.015, 0.015];
+        let (tilted, values) = deposit(&lattice, [0.0, 0.0, -2.0], at);
+        let source = toml::from_str(
+            "goldak = { front_length = 2e-3, rear_length = 4e-3, half_width = 2e-3, depth = 2e-3 }",
+        );
+        let source: Source = source.expect("valid");
+        let mut upright = vec![0.0; values.len()];
+        let mut depositor = Depositor::new(&source, &lattice.grid).expect("valid");
+        depositor.add(&lattice, &pose(at), &mut upright);
+        assert!((tilted.deposited - 1000.0).abs() < 1e-9 && tilted.lost == 0.0);
+        let peak = upright.iter().copied().fold(0.0, f64::max);
+        let apart = values.iter().zip(&upright).map(|(a, b)| (a - b).abs());
+        // two Gauss points in each cell against exact averages
+        assert!(apart.fold(0.0, f64::max) < 0.01 * peak);
+    }
+
+    #[test]
+    fn an_inclined_torch_heats_a_flat_plate_with_its_whole_power() {
+        let lattice = TestLattice::full([0.0; 3], [1e-3; 3], [40, 30, 15]);
+        for degrees in [10.0_f64, 35.0, 60.0] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let (found, values) = deposit(&lattice, [0.0, sin, -cos], [0.02, 0.015, 0.015]);
+            assert!((found.deposited - 1000.0).abs() < 1e-9, "{found:?}");
+            assert!((lattice.power(&values) - 1000.0).abs() < 1e-9);
+            let [y, z] = centre(&lattice, &values);
+            assert!(z < 0.015 && y >= 0.015 - 1e-9, "{degrees}: {y} {z}");
+        }
+    }
+
+    #[test]
+    fn a_torch_in_a_fillet_heats_both_plates_alike_and_over_the_edge_power_is_lost() {
+        let mut lattice = TestLattice::full([0.0; 3], [1e-3; 3], [40, 30, 30]);
+        // the corner at y = z = 10 mm: air where both are larger
+        lattice.material = |[_, y, z]| y < 10 || z < 10;
+        let corner = [0.02, 0.01, 0.01];
+        let (found, values) = deposit(&lattice, [0.0, -1.0, -1.0], corner);
+        assert!((found.deposited - 1000.0).abs() < 1e-9);
+        let [y, z] = centre(&lattice, &values);
+        assert!((y - z).abs() < 1e-9 && y < 0.01, "{y} {z}");
+        let (end, _) = deposit(&lattice, [0.0, -1.0, -1.0], [0.0, 0.01, 0.01]);
+        assert!((end.deposited + end.lost - 1000.0).abs() < 1e-9);
+        let (out, _) = deposit(&lattice, [0.0, -1.0, -1.0], [-0.02, 0.01, 0.01]);
+        assert_eq!((out.deposited, out.lost), (0.0, 1000.0));
+    }
+
+    #[test]
+    fn a_plate_and_a_direction_that_is_none_are_refused() {
+        let plate = TestLattice::plate(1e-3, 5e-3, 20);
+        assert!(Depositor::new(&goldak([0.0, 1.0, -1.0]), &plate.grid).is_err());
+        let block = TestLattice::full([0.0; 3], [1e-3; 3], [4, 4, 4]);
+        assert!(Depositor::new(&goldak([0.0; 3]), &block.grid).is_err());
+    }
+}

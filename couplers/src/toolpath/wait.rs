@@ -1,0 +1,169 @@
+//! Waits of a toolpath, until a temperature has fallen below a value or risen above it.
+
+use nalgebra::Vector3;
+use perimelt_core::activity::is_active;
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Body, Read, Setup, SetupError, World};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// What a toolpath waits for, such as the interpass temperature: `wait_until = { temperature = 423, region = "weld" }`.
+///
+/// The torch is off meanwhile. The wait ends at the first step whose start meets the condition.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WaitUntil {
+    /// Temperature (K).
+    pub temperature: f64,
+    /// Whether the path goes on below this temperature (interpass temperature) or above it (preheating); default `below`.
+    #[serde(default)]
+    pub when: Side,
+    /// Region of the heated body whose temperature counts: the highest one for `below`, the lowest one for `above`. Default
+    /// the whole body.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<String>,
+    /// Place of a thermocouple (m), instead of `region`: the nearest point of the body that has material.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at: Option<[f64; 3]>,
+}
+
+/// Which side of a temperature a toolpath waits for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// Until it is colder.
+    #[default]
+    Below,
+    /// Until it is hotter.
+    Above,
+}
+
+impl WaitUntil {
+    /// Whether the path may go on at this temperature, K.
+    pub(super) fn is_over(&self, temperature: f64) -> bool {
+        match self.when {
+            Side::Below => temperature <= self.temperature,
+            Side::Above => temperature >= self.temperature,
+        }
+    }
+
+    /// Checks the condition and finds its points.
+    pub(super) fn gauge(&self, setup: &Setup<'_>, body: BodyIndex) -> Result<Gauge, SetupError> {
+        let refuse =
+            |message: String, expected: &str| Err(SetupError::value("toolpath", message, expected));
+        if !(self.temperature > 0.0 && self.temperature.is_finite()) {
+            let message = format!("`wait_until.temperature` is {} K", self.temperature);
+            return refuse(message, "a temperature above 0 K");
+        }
+        let points = match (&self.region, self.at) {
+            (Some(_), Some(_)) => {
+                let message = "`wait_until` has both `region` and `at`".into();
+                return refuse(message, "one of them, or neither for the whole body");
+            }
+            (Some(region), None) => Points::Region(setup.region(body, "toolpath", region)?.points),
+            (None, Some(at)) => {
+                let at = Vector3::from(at);
+                let body = setup.body(body);
+                let (min, max) = body.bounds();
+                let margin = body.finest_spacing();
+                let outside = |axis: usize| {
+                    !(at[axis] >= min[axis] - margin && at[axis] <= max[axis] + margin)
+                };
+                if (0..body.dimension).any(outside) {
+                    let message = format!(
+                        "`wait_until.at` is {:?} m, but body `{}` spans {:?} to {:?} m",
+                        <[f64; 3]>::from(at),
+                        body.name,
+                        <[f64; 3]>::from(min),
+                        <[f64; 3]>::from(max),
+                    );
+                    return refuse(message, "a place on the body");
+                }
+                let nearest = nearest(body, &at, |_| true).unwrap_or(0);
+                Points::Place { at, nearest }
+            }
+            (None, None) => Points::All,
+        };
+        Ok(Gauge {
+            points,
+            when: self.when,
+        })
+    }
+
+    /// What is waited for, as a phrase.
+    pub(super) fn phrase(&self) -> String {
+        let side = match self.when {
+            Side::Below => "at most",
+            Side::Above => "at least",
+        };
+        let place = match (&self.region, self.at) {
+            (Some(region), _) => format!(" in region `{region}`"),
+            (None, Some(at)) => format!(" at {at:?} m"),
+            (None, None) => String::new(),
+        };
+        format!("{side} {} K{place}", self.temperature)
+    }
+}
+
+/// Where a temperature is measured.
+#[derive(Debug)]
+pub(super) struct Gauge {
+    points: Points,
+    when: Side,
+}
+
+#[derive(Debug)]
+enum Points {
+    All,
+    Region(Vec<u32>),
+    /// A place (m) and its nearest point.
+    Place {
+        at: Vector3<f64>,
+        nearest: usize,
+    },
+}
+
+impl Gauge {
+    /// The temperature that counts, K; `None` where there is no material.
+    pub(super) fn measure(
+        &self,
+        world: &World,
+        body: BodyIndex,
+        temperature: Read<f64>,
+    ) -> Option<f64> {
+        let values = world.read(temperature);
+        let activity = world.activity(body);
+        let is_there = |point: usize| activity.as_ref().is_none_or(|a| is_active(a[point]));
+        let extreme = |points: &mut dyn Iterator<Item = usize>| {
+            let values = points.filter(|p| is_there(*p)).map(|p| values[p]);
+            match self.when {
+                Side::Below => values.reduce(f64::max),
+                Side::Above => values.reduce(f64::min),
+            }
+        };
+        match &self.points {
+            Points::All => extreme(&mut (0..values.len())),
+            Points::Region(points) => extreme(&mut points.iter().map(|p| *p as usize)),
+            Points::Place { nearest, .. } if is_there(*nearest) => Some(values[*nearest]),
+            Points::Place { at, .. } => {
+                let point = nearest(world.body(body), at, is_there)?;
+                Some(values[point])
+            }
+        }
+    }
+}
+
+/// The point nearest to a position (m) among those that pass a test.
+fn nearest(body: &Body, at: &Vector3<f64>, test: impl Fn(usize) -> bool) -> Option<usize> {
+    let distance = |position: &Vector3<f64>| {
+        let apart = position - at;
+        (0..body.dimension)
+            .map(|axis| apart[axis] * apart[axis])
+            .sum::<f64>()
+    };
+    let points = body.points.position.iter().enumerate();
+    let points = points.filter(|(point, _)| test(*point));
+    points
+        .min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)))
+        .map(|(point, _)| point)
+}
