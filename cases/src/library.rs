@@ -37,6 +37,9 @@ pub fn find(name: &str) -> Option<Material> {
 }
 
 #[cfg(test)]
+mod sources;
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use std::collections::BTreeSet;

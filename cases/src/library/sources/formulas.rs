@@ -1,0 +1,75 @@
+//! Formulas that several entries share.
+
+/// Absorbed fraction of light at normal incidence on a smooth surface (Fresnel) at 1.07 µm, from two rows (wavelength in µm,
+/// n, k) of measured optical constants, of which the wavelength lies between.
+pub(super) fn absorptivity_1070nm(below: (f64, f64, f64), above: (f64, f64, f64)) -> f64 {
+    let part = (1.07 - below.0) / (above.0 - below.0);
+    let n = below.1 + part * (above.1 - below.1);
+    let k = below.2 + part * (above.2 - below.2);
+    4.0 * n / ((n + 1.0).powi(2) + k * k)
+}
+
+/// Molar mass (g/mol), boiling point (K, CRC Handbook) and heat of vaporisation there (J/mol, JANAF: enthalpies of formation of
+/// gas and liquid at 298.15 K and the integrals of their heat capacities).
+fn element(symbol: &str) -> (f64, f64, f64) {
+    match symbol {
+        "Fe" => (55.845, 3134.15, 349_576.0),
+        "Ni" => (58.693, 3186.15, 377_061.0),
+        "Cr" => (51.996, 2944.15, 339_604.0),
+        "Mo" => (95.94, 4912.15, 590_040.0),
+        "Nb" => (92.906, 5014.15, 690_141.0),
+        other => panic!("no data of {other}"),
+    }
+}
+
+/// Boiling point (K) of a melt at 1 atm by Raoult's law with Clausius and Clapeyron's vapour pressures, and the heat of
+/// vaporisation (J/kg) of its first vapour. `melt`: elements and mass %.
+pub(super) fn boiling(melt: &[(&str, f64)]) -> (f64, f64) {
+    let moles: f64 = melt.iter().map(|(e, w)| w / element(e).0).sum();
+    // partial pressures, atm
+    let vapour = |temperature: f64| -> Vec<f64> {
+        melt.iter()
+            .map(|(e, w)| {
+                let (mass, boiling, heat) = element(e);
+                let pressure = (-heat / 8.314_462 * (1.0 / temperature - 1.0 / boiling)).exp();
+                w / mass / moles * pressure
+            })
+            .collect()
+    };
+    let (mut low, mut high) = (2000.0, 4500.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if vapour(middle).iter().sum::<f64>() > 1.0 {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    let pressures = vapour(low);
+    let sum = |f: fn((f64, f64, f64)) -> f64| -> f64 {
+        melt.iter()
+            .zip(&pressures)
+            .map(|((e, _), p)| p * f(element(e)))
+            .sum()
+    };
+    (low, 1e3 * sum(|e| e.2) / sum(|e| e.0))
+}
+
+/// Mass fractions times molar values (J/mol, J/(mol K)) over molar masses (g/mol), per kg.
+pub(super) fn mixture(parts: &[(f64, f64, f64)]) -> f64 {
+    parts
+        .iter()
+        .map(|(fraction, molar, mass)| 1e3 * fraction * molar / mass)
+        .sum()
+}
+
+/// Viscosity (Pa s): log10(viscosity / mPa s) = a + b/T.
+pub(super) fn viscosity(a: f64, b: f64) -> impl Fn(f64) -> f64 + 'static {
+    move |temperature| 1e-3 * 10f64.powf(a + b / temperature)
+}
+
+#[test]
+fn raoults_law_gives_the_boiling_point_that_kim_has_for_316l() {
+    let (temperature, _) = boiling(&[("Fe", 69.0), ("Cr", 17.0), ("Ni", 12.0), ("Mo", 2.0)]);
+    assert!((temperature - 3090.0).abs() < 2.0, "{temperature}");
+}
