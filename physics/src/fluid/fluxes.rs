@@ -1,4 +1,4 @@
-//! Rates of the conservative form at points that rest (Eulerian description), with walls of any shape.
+//! Rates of the conservative form at points of a lattice that rest or follow walls of any shape.
 //!
 //! The points lie on a lattice, whose families are completed by mirrored layers behind faces and by the points of bodies that
 //! are walls ([`ImmersedFlow`]). With `A = a I` of a complete family, the force of the pressure and the flux of mass between two
@@ -17,7 +17,8 @@
 //! the energy of compression. Uniform fields stay uniform. Viscosity is pairwise as in [`super::conservative`].
 //!
 //! A wall that moves displaces fluid. The points of the lattice keep their places and their weight in the sums, but the
-//! volume of fluid around them, the fraction `fullness` of a cell, changes; `rho` is the density in that volume.
+//! volume of fluid around them, the fraction `fullness` of a cell, changes; `rho` is the density in that volume. Where the points
+//! follow the walls, the sums are those of [`super::point_motion`].
 
 use std::sync::Arc;
 
@@ -25,11 +26,15 @@ use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::pddo::largest_wave_number;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Bond, BondKernel, Family, PddoError, World};
+use perimelt_core::{BondKernel, Family, PddoError, World};
 use rayon::prelude::*;
 
+use super::flux_kernels::{
+    Carry, In, Laplacian, MappedPush, MappedViscosity, Outflow, Push, Viscosity,
+};
 use super::immersed::ImmersedFlow;
 use super::medium::Medium;
+use super::point_motion::PointMotion;
 use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms, load_weighted};
 use super::treatments::CompleteFamily;
 use super::walls::Walls;
@@ -44,10 +49,14 @@ pub(super) struct Fluxes {
     family: Arc<Family>,
     complete: CompleteFamily,
     walls: Walls,
+    /// Where points follow the walls.
+    motion: Option<PointMotion>,
     /// Slot of each point.
     slot: Vec<u32>,
     /// Volume of the fluid at a point over that of its cell.
     fullness: Vec<f64>,
+    /// Rate at which it changes, 1/s.
+    swept: Vec<[f64; 1]>,
     /// By slot: of mass, kg/(m² s), and with `D s`.
     mass: Vec<Vec<f64>>,
     flux: Vec<Vec<f64>>,
@@ -70,112 +79,23 @@ pub(super) struct Fluxes {
     work: Vec<f64>,
 }
 
-/// `sum_j N_ij`, from `m + D s` and density.
-struct Outflow {
-    /// `1 / a`, 1/m.
-    inverse: f64,
-    /// `2 D`, m²/s.
-    diffusion: f64,
-}
-
-impl Outflow {
-    #[inline(always)]
-    fn flux<const D: usize, const I: usize>(
-        &self,
-        bond: &Bond,
-        own: &[f64; I],
-        other: &[f64; I],
-    ) -> f64 {
-        let carried: f64 = (0..D).map(|a| (own[a] + other[a]) * bond.xi[a]).sum();
-        bond.weight * self.inverse * (carried - self.diffusion * (other[D] - own[D]))
-    }
-}
-
-/// The kernel in this number of dimensions.
-struct In<const D: usize, K>(K);
-
-impl<const D: usize, const I: usize> BondKernel<I, 1> for In<D, Outflow> {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; 1] {
-        [self.0.flux::<D, I>(bond, &own, &other)]
-    }
-}
-
-/// `sum_j N_ij (v_i + v_j)/2`, from `m + D s`, density and velocity.
-struct Carry(Outflow);
-
-impl<const D: usize, const I: usize> BondKernel<I, D> for In<D, Carry> {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; D] {
-        let half = 0.5 * self.0.0.flux::<D, I>(bond, &own, &other);
-        std::array::from_fn(|a| half * (own[D + 1 + a] + other[D + 1 + a]))
-    }
-}
-
-/// Force and work of viscosity, from velocity and viscosity.
-pub(super) struct Viscosity<const D: usize> {
-    /// `2 / a`, 1/m.
-    pub(super) laplacian: f64,
-}
-
-impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Viscosity<D> {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
-        let viscous = 0.5 * bond.weight * self.laplacian * (own[D] + other[D]);
-        let mut sums = [0.0; O];
-        for a in 0..D {
-            let difference = other[a] - own[a];
-            sums[a] = viscous * difference;
-            // each end gets half of the work of the pair
-            sums[D] += 0.5 * sums[a] * difference;
-        }
-        sums
-    }
-}
-
-/// `lap f` of several fields.
-struct Laplacian {
-    /// `2 / a`, 1/m.
-    laplacian: f64,
-}
-
-impl<const D: usize> BondKernel<D, D> for Laplacian {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; D], other: [f64; D]) -> [f64; D] {
-        let weight = bond.weight * self.laplacian;
-        std::array::from_fn(|a| weight * (other[a] - own[a]))
-    }
-}
-
-/// `-sum_j w/a (p_i + p_j) xi`, from the pressure.
-pub(super) struct Push {
-    /// `1 / a`, 1/m.
-    pub(super) inverse: f64,
-}
-
-impl<const D: usize> BondKernel<1, D> for Push {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; 1], other: [f64; 1]) -> [f64; D] {
-        let part = -bond.weight * self.inverse * (own[0] + other[0]);
-        std::array::from_fn(|a| part * bond.xi[a])
-    }
-}
-
 impl Fluxes {
     /// `points` of them; `walls` complete their families.
     pub(super) fn new(
         family: Arc<Family>,
         (dimension, points): (usize, usize),
         complete: CompleteFamily,
-        walls: Walls,
+        (walls, motion): (Walls, Option<PointMotion>),
     ) -> Self {
         Fluxes {
             dimension,
             slot: (0..points).map(|i| family.slot_of(i) as u32).collect(),
             fullness: vec![1.0; points],
+            swept: vec![[0.0]; points],
             family,
             complete,
             walls,
+            motion,
             mass: vec![Vec::new(); dimension],
             flux: vec![Vec::new(); dimension],
             density: Vec::new(),
@@ -202,6 +122,26 @@ impl Fluxes {
         1.0 / self.complete.moment
     }
 
+    /// A gradient (of x) at a point as one of the lattice.
+    fn on_lattice(&self, point: usize, gradient: Vector3<f64>) -> Vector3<f64> {
+        match &self.motion {
+            Some(motion) => motion.points()[point].gradient.tr_mul(&gradient),
+            None => gradient,
+        }
+    }
+
+    /// A gradient (of x) at a point as one of the bonds to walls, which have the cofactors in their vectors.
+    fn on_bonds(&self, point: usize, gradient: Vector3<f64>) -> Vector3<f64> {
+        match &self.motion {
+            Some(motion) => {
+                let mapped = &motion.points()[point];
+                let stretch = mapped.gradient * mapped.gradient.transpose();
+                stretch * gradient / mapped.gradient.determinant()
+            }
+            None => gradient,
+        }
+    }
+
     fn outflow_kernel(&self, terms: &Terms<'_>) -> Outflow {
         Outflow {
             inverse: self.inverse(),
@@ -215,16 +155,74 @@ impl Fluxes {
         terms: &'a Terms<'_>,
         density: &'a [f64],
         velocity: &'a [Vec<f64>],
-    ) -> ImmersedFlow<'a, impl Fn(usize) -> Vector3<f64> + Sync + 'a> {
+    ) -> ImmersedFlow<
+        'a,
+        impl Fn(usize) -> Vector3<f64> + Sync + 'a,
+        impl Fn(usize) -> [f64; 6] + Sync + 'a,
+    > {
         ImmersedFlow {
             slot: &self.slot,
             velocity,
             density,
             viscosity: &terms.medium.viscosity.value,
-            slope: |i| Vector3::from_fn(|a, _| terms.density_slope(i, a)),
+            slope: |i| self.on_bonds(i, terms.density_gradient(i)),
+            stretch: |i| (self.motion.as_ref()).map_or([0.0; 6], |m| m.points()[i].stretch),
             moment: self.complete.moment,
             diffusion: 2.0 * terms.density_diffusivity(0),
         }
+    }
+
+    /// Sets the flux of mass along an axis of the lattice: `rho v`, or `rho C^T (v - w)` through points that move.
+    fn set_mass_flux<const D: usize>(
+        &mut self,
+        axis: usize,
+        work: &mut Vec<f64>,
+        density: &[f64],
+        velocity: &[Vec<f64>],
+    ) {
+        work.clear();
+        let points = density.iter().zip(&self.slot);
+        match &self.motion {
+            None => work.extend(points.map(|(rho, slot)| rho * velocity[axis][*slot as usize])),
+            Some(motion) => {
+                let points = points.zip(motion.points());
+                work.extend(points.map(|((rho, slot), mapped)| {
+                    let past = |a: usize| velocity[a][*slot as usize] - mapped.velocity[a];
+                    let along = (0..D).map(|a| mapped.cofactors[(a, axis)] * past(a));
+                    rho * along.sum::<f64>()
+                }));
+            }
+        }
+        let mass = &mut self.mass[axis];
+        mass.resize(self.family.slots(), 0.0);
+        self.family.scatter(work, 1, 0, mass);
+        self.family.fill_layers_turning(mass, |a| a == axis);
+    }
+
+    /// Finds the rates at which points that move and walls change the volumes.
+    fn find_swept<const D: usize, const I: usize>(&mut self) {
+        self.swept.fill([0.0]);
+        if let Some(motion) = &self.motion {
+            let mut slots = vec![Vec::new(); D];
+            for (axis, slots) in slots.iter_mut().enumerate() {
+                let points = motion.points().iter();
+                let along = points.map(|m| m.cofactors.column(axis).dot(&m.velocity));
+                let along: Vec<f64> = along.collect();
+                slots.resize(self.family.slots(), 0.0);
+                self.family.scatter(&along, 1, 0, slots);
+                self.family.fill_layers_turning(slots, |a| a == axis);
+            }
+            let inputs: [&[f64]; I] = std::array::from_fn(|i| &slots[i.min(D - 1)][..]);
+            let kernel = In::<D, _>(Outflow {
+                inverse: self.inverse(),
+                diffusion: 0.0,
+            });
+            self.family.sum(&kernel, inputs, &mut self.swept);
+        }
+        let swept = &mut self.swept;
+        let inverse = 1.0 / self.complete.moment;
+        self.walls
+            .for_each_swept(inverse, |point, rate| swept[point][0] += rate);
     }
 
     /// Finds the flux of mass with this density (kg/m³) and what flows out of each point.
@@ -236,23 +234,20 @@ impl Fluxes {
     ) {
         let mut work = std::mem::take(&mut self.work);
         let diffusivity = terms.density_diffusivity(0);
-        for (axis, velocity) in velocity.iter().enumerate().take(D) {
-            let (mass, flux) = (&mut self.mass[axis], &mut self.flux[axis]);
-            mass.resize(self.family.slots(), 0.0);
-            let of_point = |(rho, slot): (&f64, &u32)| rho * velocity[*slot as usize];
-            work.clear();
-            work.extend(density.iter().zip(&self.slot).map(of_point));
-            self.family.scatter(&work, 1, 0, mass);
-            self.family.fill_layers_turning(mass, |a| a == axis);
-            flux.clone_from(mass);
+        for axis in 0..D {
+            self.set_mass_flux::<D>(axis, &mut work, density, velocity);
+            let mut flux = std::mem::take(&mut self.flux[axis]);
+            flux.clone_from(&self.mass[axis]);
             if diffusivity > 0.0 && terms.force.is_some() {
+                let slope = |i| self.on_lattice(i, terms.density_gradient(i))[axis];
                 work.clear();
-                work.extend((0..density.len()).map(|i| terms.density_slope(i, axis)));
+                work.extend((0..density.len()).map(slope));
                 let mut slopes = Vec::new();
                 self.family.load((&work, 1), 0, &[], &mut slopes);
                 let slots = flux.iter_mut().zip(&slopes);
                 slots.for_each(|(flux, slope)| *flux += diffusivity * slope);
             }
+            self.flux[axis] = flux;
         }
         self.work = work;
         let inputs: [&[f64]; I] = std::array::from_fn(|i| match i {
@@ -280,10 +275,13 @@ impl Fluxes {
         self.find_outflow::<D, I>(terms, density, velocity);
         let mut middle = std::mem::take(&mut self.middle_density);
         let half = 0.5 * terms.dt;
-        let points = density.par_iter().zip(&self.outflow);
-        let points = points.with_min_len(POINTS_PER_TASK);
-        let of_point = |(rho, [outflow]): (&f64, &[f64; 1])| rho - half * outflow;
-        points.map(of_point).collect_into_vec(&mut middle);
+        let of_point = |(i, rho): (usize, &f64)| {
+            let (full, [outflow], [swept]) = (self.fullness[i], self.outflow[i], self.swept[i]);
+            (rho * full - half * outflow) / (full + half * swept)
+        };
+        let points = density.par_iter().enumerate();
+        let points = points.with_min_len(POINTS_PER_TASK).map(of_point);
+        points.collect_into_vec(&mut middle);
         self.find_outflow::<D, I>(terms, &middle, velocity);
         self.middle_density = middle;
     }
@@ -291,18 +289,18 @@ impl Fluxes {
     /// Finds force and work of viscosity.
     fn find_viscosity<const D: usize, const I: usize, const O: usize>(
         &mut self,
+        kernel: impl BondKernel<I, O>,
         (terms, density): (&Terms<'_>, &[f64]),
         velocity: &[Vec<f64>],
     ) {
         let mut rows = std::mem::take(&mut self.diffusion);
         rows.resize(self.points() * O, 0.0);
-        let inputs: [&[f64]; I] = std::array::from_fn(|i| match i {
+        let stretch = self.motion.as_ref().map(|m| &m.stretch);
+        let inputs: [&[f64]; I] = std::array::from_fn(|i| match (i, stretch) {
             _ if i < D => &velocity[i][..],
+            (_, Some(stretch)) if i > D => &stretch[i - D - 1],
             _ => &self.viscosity,
         });
-        let kernel = Viscosity::<D> {
-            laplacian: 2.0 * self.inverse(),
-        };
         let (sums, _) = rows.as_chunks_mut::<O>();
         self.family.sum(&kernel, inputs, sums);
         let mut walls = std::mem::take(&mut self.walls);
@@ -412,10 +410,85 @@ impl Fluxes {
             inverse: self.inverse(),
         };
         let (sums, _) = rows.as_chunks_mut::<D>();
-        self.family.sum(&kernel, [&self.pressure], sums);
+        match &self.motion {
+            None => self.family.sum(&kernel, [&self.pressure], sums),
+            Some(motion) => {
+                let times = |row: &Vec<f64>| {
+                    let slots = row.iter().zip(&self.pressure);
+                    slots.map(|(c, p)| c * p).collect()
+                };
+                let rows: Vec<Vec<f64>> = motion.cofactors.iter().map(times).collect();
+                self.push_by::<D>(&rows, sums);
+            }
+        }
         let own = |point: usize| [self.pressure[self.slot[point] as usize]];
         self.walls
             .add_pressure(&kernel, own, self.complete.moment, sums);
+        self.push = rows;
+    }
+
+    /// Sums [`MappedPush`] over these inputs.
+    fn push_by<const D: usize>(&self, rows: &[Vec<f64>], sums: &mut [[f64; D]]) {
+        let inverse = self.inverse();
+        match D {
+            2 => {
+                let inputs: [&[f64]; 4] = std::array::from_fn(|n| &rows[n][..]);
+                self.family.sum(&MappedPush { inverse }, inputs, sums);
+            }
+            _ => {
+                let inputs: [&[f64]; 9] = std::array::from_fn(|n| &rows[n][..]);
+                self.family.sum(&MappedPush { inverse }, inputs, sums);
+            }
+        }
+    }
+
+    /// Lets points follow the walls in a step of `dt` (s).
+    fn move_points(&mut self, dt: f64) {
+        let Some(motion) = &mut self.motion else {
+            return;
+        };
+        let displaced = self.walls.displacements();
+        motion.follow(&self.family, &displaced, dt);
+        self.map_walls();
+    }
+
+    /// Displaces the points by this much at each place (m) in a step of `dt` (s).
+    #[cfg(test)]
+    pub(super) fn displace_points(
+        &mut self,
+        family: &Family,
+        dt: f64,
+        by: impl Fn(&Vector3<f64>) -> Vector3<f64>,
+    ) {
+        if let Some(motion) = &mut self.motion {
+            motion.displace(family, dt, by);
+        }
+        match self.dimension {
+            2 => self.find_swept::<2, 3>(),
+            _ => self.find_swept::<3, 4>(),
+        }
+    }
+
+    /// Maps the bonds to walls as the points are now.
+    fn map_walls(&mut self) {
+        let points = self.points();
+        let mut rows = std::mem::take(&mut self.push);
+        rows.resize(points * self.dimension, 0.0);
+        if let Some(motion) = &self.motion {
+            match self.dimension {
+                2 => self.push_by::<2>(&motion.cofactors, rows.as_chunks_mut().0),
+                _ => self.push_by::<3>(&motion.cofactors, rows.as_chunks_mut().0),
+            }
+            let (d, moment) = (self.dimension, self.complete.moment);
+            let open = |i: usize| {
+                let row = &rows[i * d..(i + 1) * d];
+                Vector3::from_fn(|a, _| row.get(a).map_or(0.0, |sum| -0.5 * moment * sum))
+            };
+            let cofactors = |i: usize| motion.points()[i].cofactors;
+            self.walls.map_bonds(points, cofactors, open);
+            self.walls
+                .displace_relative(|place| motion.displacement_at(place));
+        }
         self.push = rows;
     }
 
@@ -438,11 +511,12 @@ impl Fluxes {
         self.middle_velocity = middle;
     }
 
-    fn give<const D: usize, const I: usize, const O: usize>(&mut self, world: &World, time: f64) {
+    fn give<const D: usize, const I: usize, const O: usize>(
+        &mut self,
+        viscosity: impl BondKernel<I, O>,
+        (world, time): (&World, f64),
+    ) {
         let mut walls = std::mem::take(&mut self.walls);
-        let viscosity = Viscosity::<D> {
-            laplacian: 2.0 * self.inverse(),
-        };
         let push = Push {
             inverse: self.inverse(),
         };
@@ -472,15 +546,31 @@ impl Rates for Fluxes {
         Ok(())
     }
 
-    fn follow_walls(&mut self, world: &World, body: BodyIndex) {
+    fn follow_walls(&mut self, world: &World, body: BodyIndex, dt: f64) {
         self.walls.follow(world, body);
+        self.move_points(dt);
+        match self.dimension {
+            2 => self.find_swept::<2, 3>(),
+            _ => self.find_swept::<3, 4>(),
+        }
+    }
+
+    fn motion(&self) -> Option<&PointMotion> {
+        self.motion.as_ref()
+    }
+
+    fn motion_mut(&mut self) -> Option<&mut PointMotion> {
+        self.motion.as_mut()
     }
 
     fn give_impulses(&mut self, world: &World, _velocity: &[Vec<f64>], time: f64) {
-        match self.dimension {
+        let (laplacian, to) = (2.0 * self.inverse(), (world, time));
+        match (self.dimension, self.motion.is_some()) {
             _ if self.walls.is_empty() => (),
-            2 => self.give::<2, 3, 3>(world, time),
-            _ => self.give::<3, 4, 4>(world, time),
+            (2, false) => self.give::<2, 3, 3>(Viscosity::<2> { laplacian }, to),
+            (2, true) => self.give::<2, 6, 3>(MappedViscosity::<2> { laplacian }, to),
+            (_, false) => self.give::<3, 4, 4>(Viscosity::<3> { laplacian }, to),
+            (_, true) => self.give::<3, 10, 4>(MappedViscosity::<3> { laplacian }, to),
         }
     }
 
@@ -521,18 +611,37 @@ impl Rates for Fluxes {
     fn set_viscosity(&mut self, _medium: &Medium) {}
 
     fn set_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>) {
-        let rise = |axis, point, distance| terms.density_slope(point, axis) * distance;
-        load_weighted(&self.family, density, &mut self.density, rise);
+        let mut by_slot = std::mem::take(&mut self.density);
+        let rise = |axis, point, distance| {
+            self.on_lattice(point, terms.density_gradient(point))[axis] * distance
+        };
+        load_weighted(&self.family, density, &mut by_slot, rise);
+        self.density = by_slot;
         let viscosity = &terms.medium.viscosity;
         viscosity.load(&self.family, &mut self.viscosity);
+        let (laplacian, fluid) = (2.0 * self.inverse(), (terms, density));
+        match (self.dimension, self.motion.is_some()) {
+            (2, false) => {
+                self.find_viscosity::<2, 3, 3>(Viscosity::<2> { laplacian }, fluid, velocity);
+            }
+            (2, true) => {
+                let kernel = MappedViscosity::<2> { laplacian };
+                self.find_viscosity::<2, 6, 3>(kernel, fluid, velocity);
+            }
+            (_, false) => {
+                self.find_viscosity::<3, 4, 4>(Viscosity::<3> { laplacian }, fluid, velocity);
+            }
+            (_, true) => {
+                let kernel = MappedViscosity::<3> { laplacian };
+                self.find_viscosity::<3, 10, 4>(kernel, fluid, velocity);
+            }
+        }
         match self.dimension {
             2 => {
-                self.find_viscosity::<2, 3, 3>((terms, density), velocity);
                 self.find_short_waves::<2>((terms, density), velocity);
                 self.find_mass::<2, 3>(terms, density, velocity);
             }
             _ => {
-                self.find_viscosity::<3, 4, 4>((terms, density), velocity);
                 self.find_short_waves::<3>((terms, density), velocity);
                 self.find_mass::<3, 4>(terms, density, velocity);
             }
@@ -540,15 +649,19 @@ impl Rates for Fluxes {
     }
 
     fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
-        let rise =
-            |axis: usize, point: usize, distance| force.map_or(0.0, |f| f[point][axis] * distance);
-        load_weighted(&self.family, pressure, &mut self.pressure, rise);
-        let slot = &self.slot;
-        self.walls.set_pressure(
-            |point| slot[point] as usize,
-            &self.pressure,
-            |point| force.map_or_else(Vector3::zeros, |f| f[point]),
-        );
+        let mut by_slot = std::mem::take(&mut self.pressure);
+        let weight = |point: usize| force.map_or_else(Vector3::zeros, |f| f[point]);
+        let rise = |axis: usize, point: usize, distance| {
+            self.on_lattice(point, weight(point))[axis] * distance
+        };
+        load_weighted(&self.family, pressure, &mut by_slot, rise);
+        self.pressure = by_slot;
+        let mut walls = std::mem::take(&mut self.walls);
+        let slot = |point: usize| self.slot[point] as usize;
+        walls.set_pressure(slot, &self.pressure, |point| {
+            self.on_bonds(point, weight(point))
+        });
+        self.walls = walls;
         match self.dimension {
             2 => self.find_push::<2>(),
             _ => self.find_push::<3>(),
@@ -576,10 +689,8 @@ impl Rates for Fluxes {
         (density, pressure): (&mut [f64], &mut [f64]),
     ) {
         let before = self.fullness.clone();
-        let fullness = &mut self.fullness;
-        let inverse = 1.0 / self.complete.moment;
-        self.walls
-            .for_each_swept(inverse, |point, rate| fullness[point] += dt * rate);
+        let volumes = self.fullness.iter_mut().zip(&self.swept);
+        volumes.for_each(|(fullness, [rate])| *fullness += dt * rate);
         let points = density.par_iter_mut().zip(pressure).enumerate();
         points
             .with_min_len(POINTS_PER_TASK)
