@@ -41,7 +41,6 @@ mod collision;
 mod conservative;
 mod convection;
 mod differences;
-mod flux_kernels;
 mod fluxes;
 mod immersed;
 mod interface;

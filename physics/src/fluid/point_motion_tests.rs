@@ -122,7 +122,7 @@ fn a_uniform_flow_stays_uniform_however_the_points_move() {
         let mut pressure = vec![50.0; points];
         let mut mass = 0.0;
         for step in 1..=20 {
-            let dt = 1e-3 * f64::from(step);
+            let dt = 1e-5 * f64::from(step);
             let family = fluid.family.clone();
             let to = wobble(dimension, 0.2 * f64::from(step));
             fluid.rates.displace_points(&family, dt, to);
@@ -140,9 +140,9 @@ fn a_uniform_flow_stays_uniform_however_the_points_move() {
             assert!(step < 5 || spread > 0.03, "volumes change: {spread}");
         }
         for (rho, v) in density.iter().zip(&velocity) {
-            // rounding of 20 steps
-            assert!((rho / 2.5 - 1.0).abs() < 1e-13, "{dimension}D: {rho}");
-            assert!((v - stream).norm() < 1e-12, "{dimension}D: {v:?}");
+            // rounding of 20 steps, in which points move at 300 m/s
+            assert!((rho / 2.5 - 1.0).abs() < 1e-12, "{dimension}D: {rho}");
+            assert!((v - stream).norm() < 1e-11, "{dimension}D: {v:?}");
         }
         assert!((mass / (2.5 * points as f64) - 1.0).abs() < 1e-13);
     }

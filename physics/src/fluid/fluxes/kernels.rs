@@ -1,8 +1,8 @@
-//! Sums over the bonds of an Eulerian fluid in the conservative form ([`super::fluxes`]).
+//! Kernels of the sums over the bonds.
 
 use perimelt_core::{Bond, BondKernel};
 
-use super::conservative::{COMPONENTS, components, is_diagonal};
+use crate::fluid::conservative::{COMPONENTS, components, is_diagonal};
 
 /// `sum_j N_ij`, from `m + D s` and density.
 pub(super) struct Outflow {
@@ -95,7 +95,7 @@ impl<const D: usize> BondKernel<1, D> for Push {
     }
 }
 
-/// As [`Viscosity`] with the tensor of a mapping ([`super::point_motion`]): from velocity, viscosity and the tensor Q, by which the
+/// As [`Viscosity`] with the tensor of a mapping ([`crate::fluid::point_motion`]): from velocity, viscosity and the tensor Q, by which the
 /// weight of a bond along n is `w (1 + n . Q n)`.
 pub(super) struct MappedViscosity<const D: usize> {
     /// `2 / a`, 1/m.
