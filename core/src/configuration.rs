@@ -69,6 +69,18 @@ pub enum Description {
     TotalLagrangian,
     /// Points stay and matter flows through them.
     Eulerian,
+    /// Matter flows through points that follow the walls of the fluid.
+    ArbitraryLagrangianEulerian,
+}
+
+impl Description {
+    /// Whether matter flows through the points.
+    pub fn flows_through(self) -> bool {
+        matches!(
+            self,
+            Description::Eulerian | Description::ArbitraryLagrangianEulerian
+        )
+    }
 }
 
 /// Permission of one physics to move the points of a body.
@@ -90,8 +102,8 @@ struct Current {
     displacement_seen: Cell<Option<u64>>,
     /// The plugin that moves the points, by its position in the set-up.
     mover: Option<usize>,
-    /// The plugin whose matter flows through the points.
-    flow: Option<usize>,
+    /// The plugin whose matter flows through the points, and how it describes them.
+    flow: Option<(usize, Description)>,
     /// A plugin that was told that the points are matter at rest.
     told_at_rest: Option<usize>,
 }
@@ -141,7 +153,8 @@ impl Configurations {
 
     /// The plugin that moves the points of a body or whose matter flows through them.
     pub(crate) fn owner(&self, body: BodyIndex) -> Option<usize> {
-        self.bodies[body].mover.or(self.bodies[body].flow)
+        let current = &self.bodies[body];
+        current.mover.or(current.flow.map(|(plugin, _)| plugin))
     }
 
     pub(crate) fn set_mover(&mut self, body: BodyIndex, plugin: usize) -> PointMover {
@@ -149,8 +162,12 @@ impl Configurations {
         PointMover { body }
     }
 
-    pub(crate) fn set_flow(&mut self, body: BodyIndex, plugin: usize) {
-        self.bodies[body].flow = Some(plugin);
+    pub(crate) fn set_flow(
+        &mut self,
+        body: BodyIndex,
+        (plugin, description): (usize, Description),
+    ) {
+        self.bodies[body].flow = Some((plugin, description));
     }
 
     /// A plugin that was told that the points are matter at rest.
@@ -163,7 +180,7 @@ impl Configurations {
         let current = &mut self.bodies[body];
         match (current.mover, current.flow) {
             (Some(_), _) => Description::UpdatedLagrangian,
-            (None, Some(_)) => Description::Eulerian,
+            (None, Some((_, description))) => description,
             (None, None) => {
                 current.told_at_rest.get_or_insert(plugin);
                 Description::TotalLagrangian
@@ -381,7 +398,10 @@ mod tests {
         assert_eq!(setup.description(0), Description::TotalLagrangian);
         setup.next_plugin("water");
         let moved = setup.move_points(0).expect_err("too late").to_string();
-        let passed = setup.flow_through(0).expect_err("too late").to_string();
+        let passed = setup
+            .flow_through(0, Description::Eulerian)
+            .expect_err("too late")
+            .to_string();
         assert!(
             moved.contains("`heat`") && passed.contains("`heat`"),
             "{moved}"

@@ -27,7 +27,7 @@ pub enum Convection {
 /// lattice, whose points need no more neighbours than that.
 pub(crate) fn usual_horizon(description: Description, body: &Body) -> Horizon {
     match description {
-        Description::Eulerian if body.lattice().is_some() => Horizon::Spacings(2.015),
+        flow if flow.flows_through() && body.lattice().is_some() => Horizon::Spacings(2.015),
         _ => Horizon::Spacings(3.015),
     }
 }

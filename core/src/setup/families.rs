@@ -66,14 +66,20 @@ impl Setup<'_> {
         Ok(self.world.configurations.set_mover(body, plugin))
     }
 
-    /// Declares that matter flows through the points of a body, whose `velocity` the calling physics owns.
+    /// Declares that matter flows through the points of a body, whose `velocity` the calling physics owns, and whether the points
+    /// rest.
     ///
     /// # Errors
     /// As [`Setup::move_points`].
-    pub fn flow_through(&mut self, body: BodyIndex) -> Result<(), SetupError> {
+    pub fn flow_through(
+        &mut self,
+        body: BodyIndex,
+        description: Description,
+    ) -> Result<(), SetupError> {
         self.check_points_are_free(body)?;
         let plugin = self.plugins.len() - 1;
-        self.world.configurations.set_flow(body, plugin);
+        let flow = (plugin, description);
+        self.world.configurations.set_flow(body, flow);
         Ok(())
     }
 
@@ -120,7 +126,7 @@ impl Setup<'_> {
     }
 
     /// What the points of a body are, as declared by a physics prepared before: updated Lagrangian where one moves
-    /// them, Eulerian where matter flows through them, else total Lagrangian.
+    /// them, as it says where matter flows through them, else total Lagrangian.
     pub fn description(&mut self, body: BodyIndex) -> Description {
         let plugin = self.plugins.len() - 1;
         self.world.configurations.description(body, plugin)

@@ -46,7 +46,7 @@ const SMALLEST: f64 = 0.5;
 const COMPLETE: f64 = 0.85;
 
 /// Components of `A^-1`, in the order in which they are stored: those of a plane come first.
-const COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (0, 1), (2, 2), (1, 2), (0, 2)];
+pub(super) const COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (0, 1), (2, 2), (1, 2), (0, 2)];
 
 /// Whether a component stands on the diagonal.
 pub(super) fn is_diagonal(component: usize) -> bool {
@@ -54,7 +54,7 @@ pub(super) fn is_diagonal(component: usize) -> bool {
 }
 
 /// Number of them.
-const fn components(dimension: usize) -> usize {
+pub(super) const fn components(dimension: usize) -> usize {
     dimension * (dimension + 1) / 2
 }
 
@@ -388,7 +388,7 @@ impl Rates for Conservative {
         Ok(())
     }
 
-    fn follow_walls(&mut self, world: &World, body: BodyIndex) {
+    fn follow_walls(&mut self, world: &World, body: BodyIndex, _dt: f64) {
         self.walls.follow(world, body);
     }
 

@@ -1,7 +1,10 @@
 //! Walls that are bodies for a fluid whose points rest on a lattice (`description = "eulerian"`).
 //!
 //! The lattice stays, and so do the bonds to the points of a wall: they are those of the *reference shape* of the wall, while its
-//! points give velocity and displacement. Small displacements count to first order, up to half a spacing of the fluid.
+//! points give velocity and displacement. Small displacements count to first order, up to half a spacing of the fluid. Where the
+//! points of the fluid follow the walls ([`super::point_motion`]), only the displacement of a wall relative to them is small, and
+//! `xi` has the cofactors at the fluid point.
+//!
 //! At set-up the bonds of each fluid point i are corrected,
 //!
 //! ```text
@@ -25,11 +28,12 @@
 //!
 //! What a bond does to the fluid, the wall point gets with the opposite sign, as an impulse.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::Places;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{BondKernel, Family, Setup, SetupError, World};
 
+use super::point_motion::LEAST_DISTORTION;
 use super::treatments::CompleteFamily;
 use super::walls::{WallBody, Walls};
 
@@ -51,24 +55,45 @@ pub(super) struct Immersed {
     distance: Vec<f64>,
     /// `e`, by bond, m.
     depth: Vec<f64>,
+    /// Its mean, by point, m.
+    below: Vec<f64>,
     /// Reference positions of the points, m.
     position: Vec<Vector3<f64>>,
+    /// Displacement of the points since then, m.
+    displacement: Vec<Vector3<f64>>,
+    /// Corrected bonds of the reference shape, m.
+    xi: Vec<[f64; 3]>,
     /// `s`, by point, m.
     shift: Vec<f64>,
     /// `<v>`, by point, m/s.
     mean: Vec<Vector3<f64>>,
     /// `G`, by point, 1/s.
     slope: Vec<Vector3<f64>>,
-    /// Velocity of the fluid end of each bond, m/s, and its viscosity, Pa s.
-    own: Vec<(Vector3<f64>, f64)>,
+    /// Fluid end of each bond.
+    own: Vec<FluidEnd>,
     /// Flux of mass of each bond, kg/(m³ s).
     flux: Vec<f64>,
     /// Spacing of the fluid, m.
     spacing: f64,
 }
 
+/// The fluid end of a bond to a wall.
+#[derive(Clone, Copy, Debug)]
+struct FluidEnd {
+    /// m/s.
+    velocity: Vector3<f64>,
+    /// Pa s.
+    viscosity: f64,
+    /// Tensor of the mapping of points that move.
+    stretch: [f64; 6],
+}
+
 /// The fluid as walls see it.
-pub(super) struct ImmersedFlow<'a, F: Fn(usize) -> Vector3<f64> + Sync> {
+pub(super) struct ImmersedFlow<
+    'a,
+    F: Fn(usize) -> Vector3<f64> + Sync,
+    G: Fn(usize) -> [f64; 6] + Sync,
+> {
     /// Of each point.
     pub slot: &'a [u32],
     /// Components by slot, m/s.
@@ -79,13 +104,15 @@ pub(super) struct ImmersedFlow<'a, F: Fn(usize) -> Vector3<f64> + Sync> {
     pub viscosity: &'a [f64],
     /// Gradient of the density at rest, kg/m⁴, by point.
     pub slope: F,
+    /// Tensor of the mapping, by point; zero for points at rest.
+    pub stretch: G,
     /// `a` of a complete family, m.
     pub moment: f64,
     /// Twice the diffusivity of the density, m²/s.
     pub diffusion: f64,
 }
 
-impl<F: Fn(usize) -> Vector3<f64> + Sync> ImmersedFlow<'_, F> {
+impl<F: Fn(usize) -> Vector3<f64> + Sync, G: Fn(usize) -> [f64; 6] + Sync> ImmersedFlow<'_, F, G> {
     fn velocity(&self, point: usize) -> Vector3<f64> {
         let slot = self.slot[point] as usize;
         Vector3::from_fn(|a, _| self.velocity.get(a).map_or(0.0, |v| v[slot]))
@@ -164,6 +191,59 @@ impl Walls {
         Ok(())
     }
 
+    /// Reference positions of the points of each wall, m.
+    pub(super) fn places(&self) -> Vec<&[Vector3<f64>]> {
+        let walls = self.bodies.iter().filter_map(|w| w.immersed.as_ref());
+        walls.map(|immersed| &immersed.position[..]).collect()
+    }
+
+    /// Displacements of the points of each wall, m.
+    pub(super) fn displacements(&self) -> Vec<&[Vector3<f64>]> {
+        let walls = self.bodies.iter().filter_map(|w| w.immersed.as_ref());
+        walls.map(|immersed| &immersed.displacement[..]).collect()
+    }
+
+    /// Maps the bonds of the reference shapes by the cofactors at their fluid points. They are corrected as those of points at rest:
+    /// `open(point)` is half of `sum w (C_i + C_j) xi V` over the fluid, which with `sum w C_i xi V` over walls adds up to zero.
+    pub(super) fn map_bonds(
+        &mut self,
+        points: usize,
+        cofactors: impl Fn(usize) -> Matrix3<f64>,
+        open: impl Fn(usize) -> Vector3<f64>,
+    ) {
+        let mut sums = vec![(0.0, Vector3::zeros()); points];
+        for wall in &mut self.bodies {
+            let Some(immersed) = &wall.immersed else {
+                continue;
+            };
+            let mut reference = immersed.xi.iter();
+            wall.bonds.for_each_mut(|point, bond| {
+                let xi = reference.next().map_or(bond.xi, |xi| *xi);
+                let mapped = cofactors(point) * Vector3::from(xi);
+                bond.xi = mapped.into();
+                sums[point].0 += bond.weight;
+                sums[point].1 += bond.weight * mapped;
+            });
+        }
+        for wall in &mut self.bodies {
+            wall.bonds.for_each_mut(|point, bond| {
+                // members in the skin have weight zero
+                let (weight, sum) = sums[point];
+                if weight > 0.0 {
+                    let correction = (sum + open(point)) / weight;
+                    (0..3).for_each(|a| bond.xi[a] -= correction[a]);
+                }
+            });
+        }
+    }
+
+    /// Takes the displacements of the walls relative to those of the fluid, `of_fluid(place)` (m).
+    pub(super) fn displace_relative(&mut self, of_fluid: impl Fn(&Vector3<f64>) -> Vector3<f64>) {
+        for immersed in self.bodies.iter_mut().filter_map(|w| w.immersed.as_mut()) {
+            immersed.find_shift(&of_fluid);
+        }
+    }
+
     /// Largest displacement of a wall along its normal beside the fluid in spacings of the fluid, and the name of the wall.
     pub(super) fn largest_displacement(&self) -> Option<(f64, &str)> {
         let of_wall = |wall: &'_ WallBody| {
@@ -183,17 +263,19 @@ impl Walls {
     }
 
     /// Finds the velocities behind the walls.
-    pub(super) fn find_slopes<F>(&mut self, flow: &ImmersedFlow<'_, F>)
+    pub(super) fn find_slopes<F, G>(&mut self, flow: &ImmersedFlow<'_, F, G>)
     where
         F: Fn(usize) -> Vector3<f64> + Sync,
+        G: Fn(usize) -> [f64; 6] + Sync,
     {
         self.bodies.iter_mut().for_each(|w| w.find_slopes(flow));
     }
 
     /// Finds the flux of mass of the bonds to walls.
-    pub(super) fn find_flux<F>(&mut self, flow: &ImmersedFlow<'_, F>)
+    pub(super) fn find_flux<F, G>(&mut self, flow: &ImmersedFlow<'_, F, G>)
     where
         F: Fn(usize) -> Vector3<f64> + Sync,
+        G: Fn(usize) -> [f64; 6] + Sync,
     {
         self.bodies.iter_mut().for_each(|w| w.find_flux(flow));
     }
@@ -293,10 +375,20 @@ impl Immersed {
             let way = ghost.reflect(-Vector3::from(bond.xi));
             normal[ghost.point].dot(&way) - surface[point]
         };
+        let mut depths: Vec<[f64; 1]> = Vec::new();
+        bonds.sum_by_foreign(|n| [bonds.bond(n).0.dual * depth(n)], &mut depths);
+        let below = depths.iter().zip(&sums);
+        let below = below.map(|([depth], [.., weight])| match *weight > 0.0 {
+            true => depth / weight,
+            false => 0.0,
+        });
         Immersed {
             distance: sums.iter().map(mean).collect(),
+            below: below.collect(),
             depth: (0..bonds.len()).map(depth).collect(),
             position: position.to_vec(),
+            displacement: vec![Vector3::zeros(); normal.len()],
+            xi: (0..bonds.len()).map(|n| bonds.bond(n).0.xi).collect(),
             shift: vec![0.0; normal.len()],
             mean: vec![Vector3::zeros(); normal.len()],
             slope: vec![Vector3::zeros(); normal.len()],
@@ -308,6 +400,25 @@ impl Immersed {
     }
 }
 
+impl Immersed {
+    /// Finds how far the surface at each point is displaced along its normal with respect to a fluid displaced by `of_fluid(place)`
+    /// (m), as a distance between points that rest: over the stretch of the fluid there.
+    fn find_shift(&mut self, of_fluid: impl Fn(&Vector3<f64>) -> Vector3<f64>) {
+        let along = |j: usize| {
+            let normal = &self.normal[j];
+            if *normal == Vector3::zeros() {
+                return 0.0;
+            }
+            let surface = self.position[j] + self.below[j] * normal;
+            let here = of_fluid(&surface);
+            let beside = of_fluid(&(surface + self.spacing * normal));
+            let stretch = 1.0 + normal.dot(&(beside - here)) / self.spacing;
+            normal.dot(&(self.displacement[j] - here)) / stretch.max(LEAST_DISTORTION)
+        };
+        self.shift = (0..self.normal.len()).map(along).collect();
+    }
+}
+
 impl WallBody {
     /// Takes the displacement of the points of an immersed wall, from where they are now (m).
     pub(super) fn displace(&mut self, world: &World, now: &[Vector3<f64>]) {
@@ -315,12 +426,11 @@ impl WallBody {
             return;
         };
         let body = world.body(self.wall.other);
-        let points = now.iter().zip(&immersed.position).zip(&immersed.normal);
-        let along = |((x, from), normal): ((&Vector3<f64>, &Vector3<f64>), &Vector3<f64>)| {
-            normal.dot(&super::wall_motion::shortest(body, x - from))
-        };
-        immersed.shift.clear();
-        immersed.shift.extend(points.map(along));
+        let points = now.iter().zip(&immersed.position);
+        let way = |(x, from): (&Vector3<f64>, _)| super::wall_motion::shortest(body, x - from);
+        immersed.displacement.clear();
+        immersed.displacement.extend(points.map(way));
+        immersed.find_shift(|_| Vector3::zeros());
     }
 
     /// Finds the mean velocities of the fluid around the points of the wall.
@@ -344,9 +454,10 @@ impl WallBody {
         immersed.mean.extend(sums.iter().map(mean));
     }
 
-    fn find_slopes<F>(&mut self, flow: &ImmersedFlow<'_, F>)
+    fn find_slopes<F, G>(&mut self, flow: &ImmersedFlow<'_, F, G>)
     where
         F: Fn(usize) -> Vector3<f64> + Sync,
+        G: Fn(usize) -> [f64; 6] + Sync,
     {
         self.find_means(|point| flow.velocity(point));
         let Some(immersed) = &mut self.immersed else {
@@ -359,15 +470,20 @@ impl WallBody {
         }
         let own = |n: usize| {
             let (_, point, _) = self.bonds.bond(n);
-            (flow.velocity(point), flow.viscosity[point])
+            FluidEnd {
+                velocity: flow.velocity(point),
+                viscosity: flow.viscosity[point],
+                stretch: (flow.stretch)(point),
+            }
         };
         immersed.own.clear();
         immersed.own.extend((0..self.bonds.len()).map(own));
     }
 
-    fn find_flux<F>(&mut self, flow: &ImmersedFlow<'_, F>)
+    fn find_flux<F, G>(&mut self, flow: &ImmersedFlow<'_, F, G>)
     where
         F: Fn(usize) -> Vector3<f64> + Sync,
+        G: Fn(usize) -> [f64; 6] + Sync,
     {
         let Some(immersed) = &mut self.immersed else {
             return;
@@ -413,9 +529,14 @@ impl WallBody {
         let j = ghost.point;
         let depth = immersed.depth[n] + immersed.shift[j];
         let held = ghost.reflect(self.points[j].velocity - depth * immersed.slope[j]);
-        let (own, viscosity) = immersed.own[n];
-        let inputs =
-            |v: &Vector3<f64>| std::array::from_fn(|i| if i < D { v[i] } else { viscosity });
-        kernel.bond(bond, inputs(&own), inputs(&held))
+        let own = &immersed.own[n];
+        let inputs = |v: &Vector3<f64>| {
+            std::array::from_fn(|i| match i {
+                _ if i < D => v[i],
+                _ if i == D => own.viscosity,
+                _ => own.stretch[i - D - 1],
+            })
+        };
+        kernel.bond(bond, inputs(&own.velocity), inputs(&held))
     }
 }

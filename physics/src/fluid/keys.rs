@@ -162,7 +162,7 @@ pub enum Scheme {
 impl Fluid {
     /// Stabilisation of the convective terms; `None` for points that move with the fluid.
     pub(super) fn eulerian_convection(&self) -> Option<Convection> {
-        (self.description == Description::Eulerian).then_some(self.convection)
+        (self.description.flows_through()).then_some(self.convection)
     }
 
     /// Whether surfaces without a wall are allowed.
@@ -209,6 +209,11 @@ impl Fluid {
 
     /// Refuses bodies as walls where the form does not know them.
     pub(super) fn check_walls(&self, walls: &Walls) -> Result<(), SetupError> {
+        if walls.is_empty() && self.description == Description::ArbitraryLagrangianEulerian {
+            let message = "no body is a wall for this fluid, which its points could follow";
+            let expected = "a coupler `fluid_structure`, or `description = \"eulerian\"`";
+            return Err(SetupError::value("description", message, expected));
+        }
         if !walls.is_empty() && self.form != Form::Conservative {
             let message = "a body is a wall for this fluid, which only the conservative form knows";
             let expected = "`form = \"conservative\"`";
@@ -247,7 +252,7 @@ impl Fluid {
             let expected = "`description = \"updated_lagrangian\"` or `\"eulerian\"`";
             return Err(SetupError::value("description", message, expected));
         }
-        if self.description == Description::Eulerian {
+        if self.description.flows_through() {
             self.check_fluxes(body)?;
         }
         if self.stress == Stress::Compressible {
@@ -292,6 +297,17 @@ impl Fluid {
     }
 
     fn check_description(&self) -> Result<(), SetupError> {
+        let follows = self.description == Description::ArbitraryLagrangianEulerian;
+        if follows && self.form != Form::Conservative {
+            let message = "points that follow walls belong to the conservative form";
+            let expected = "`form = \"conservative\"`, or another `description`";
+            return Err(SetupError::value("description", message, expected));
+        }
+        if follows && self.smoothing > 0 {
+            let message = "`smoothing` takes the volumes of points that rest or carry their mass";
+            let expected = "leave `smoothing` out";
+            return Err(SetupError::value("smoothing", message, expected));
+        }
         if self.surface == Surface::Closed && self.form != Form::Conservative {
             let message = "closed containers belong to the conservative form";
             let expected = "`form = \"conservative\"`, or another `surface`";
@@ -303,8 +319,8 @@ impl Fluid {
             return Err(SetupError::value("stress", message, expected));
         }
         if self.convection != Convection::default() && self.eulerian_convection().is_none() {
-            let message = "`convection` applies to the Eulerian description only";
-            let expected = "`description = \"eulerian\"`";
+            let message = "`convection` applies where the fluid flows through the points";
+            let expected = "`description = \"eulerian\"` or `\"arbitrary_lagrangian_eulerian\"`";
             return Err(SetupError::value("convection", message, expected));
         }
         let only_updated = [

@@ -22,6 +22,8 @@
 //! - *Eulerian*: points stay, convective terms are added (eqs. 5.99 to 5.101; corrected, see spec 05, E7), as
 //!   fluxes that keep mass and momentum to rounding, with a diffusion of short waves that keeps the terms stable
 //!   ([`Convection`]). Where the fluid sticks to a wall, the layers behind it have the curvature of the flow before it.
+//! - *Arbitrary Lagrangian-Eulerian*: as Eulerian, with points that follow bodies that are walls; the fluxes are relative to the
+//!   points, and the volumes of the points change by the same sums.
 //!
 //! Every face of the body's box, or of its `tank`, is a `wall`, a plane of `symmetry`, or periodic; in the
 //! conservative form it may be open, and the body need not fill it: its other surfaces are free. Behind
@@ -45,6 +47,9 @@ mod interface;
 mod keys;
 mod least_distance;
 mod medium;
+mod point_motion;
+#[cfg(test)]
+mod point_motion_tests;
 mod prepare;
 mod rates;
 mod report;
@@ -69,6 +74,7 @@ use perimelt_core::{
 
 use immersed::LARGEST_DISPLACEMENT;
 use nalgebra::Vector3;
+use point_motion::{LEAST_DISTORTION, PointMotion};
 use rates::Stability;
 use run::Run;
 use wall_motion::WallMotion;
@@ -103,7 +109,7 @@ impl Physics for Fluid {
         }
         run.set_configuration(world).map_err(|e| failed(e, 0.0))?;
         if run.moving.is_some() {
-            run.rates.follow_walls(world, run.body);
+            run.rates.follow_walls(world, run.body, 0.0);
             run.update_stability();
         }
         Ok(())
@@ -139,12 +145,14 @@ impl Physics for Fluid {
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
         let mut run = self.run.take().expect("prepared before the first step");
         let done = run.advance(self, world, step);
-        let is_due = run.moving.is_some() && run.steps.is_multiple_of(STEPS_BETWEEN_LIMITS);
+        let moves = run.moving.is_some() || run.rates.motion().is_some();
+        let is_due = moves && run.steps.is_multiple_of(STEPS_BETWEEN_LIMITS);
         if is_due {
             run.update_stability();
         }
         self.run = Some(run);
         done.map_err(|e| failed(e, step.end()))?;
+        self.check_distortion(world, step.end())?;
         self.check_displacement(world, step.end())?;
         if is_due {
             self.stable_step(world);
@@ -167,6 +175,7 @@ impl Physics for Fluid {
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
         let run = self.run();
         let mass = run.moving.as_ref().map(|m| &m.mass);
+        let motion = run.rates.motion().map(PointMotion::state);
         Box::new((
             run.initial_mass,
             (run.momentum, run.angular_momentum),
@@ -174,7 +183,7 @@ impl Physics for Fluid {
             run.stability,
             mass,
             run.rates.walls().map(Walls::motions),
-            run.rates.fullness(),
+            (run.rates.fullness(), motion),
         ))
     }
 
@@ -186,6 +195,7 @@ impl Physics for Fluid {
         let mass: Option<Vec<f64>>;
         let motions: Option<Vec<WallMotion>>;
         let fullness: Option<Vec<f64>>;
+        let displacement: Option<Vec<Vector3<f64>>>;
         (
             run.initial_mass,
             (run.momentum, run.angular_momentum),
@@ -193,13 +203,16 @@ impl Physics for Fluid {
             run.stability,
             mass,
             motions,
-            fullness,
+            (fullness, displacement),
         ) = erased_serde::deserialize(state)?;
         if let (Some(moving), Some(mass)) = (&mut run.moving, mass) {
             moving.mass = mass;
         }
         if let (Some(walls), Some(motions)) = (run.rates.walls_mut(), motions) {
             walls.set_motions(motions);
+        }
+        if let (Some(motion), Some(displacement)) = (run.rates.motion_mut(), displacement) {
+            motion.set_state(displacement);
         }
         if let Some(fullness) = fullness {
             run.rates.set_fullness(fullness);
@@ -228,7 +241,7 @@ fn failed(cause: PddoError, time: f64) -> RunError {
 #[error(
     "body `{wall}` moves by {moved:.3e} m along its normal; for an Eulerian fluid walls keep their reference shape, and a \
      displacement may be up to {allowed:.3e} m, half a spacing of body `{fluid}`: choose `description = \
-     \"updated_lagrangian\"` or a coarser fluid"
+     \"arbitrary_lagrangian_eulerian\"` or `\"updated_lagrangian\"`, or a coarser fluid"
 )]
 struct WallHasLeft {
     wall: String,
@@ -239,7 +252,40 @@ struct WallHasLeft {
     allowed: f64,
 }
 
+/// Points that follow walls can no longer do so.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "the points of body `{fluid}` near {place:?} m are distorted until they fold, because the walls that they follow have moved too \
+     far: choose `description = \"updated_lagrangian\"`, or keep displacements and rotations of the walls smaller"
+)]
+struct PointsFold {
+    fluid: String,
+    /// Reference position, m.
+    place: [f64; 3],
+}
+
 impl Fluid {
+    /// Refuses to go on where points that follow walls are about to fold.
+    fn check_distortion(&self, world: &World, time: f64) -> Result<(), RunError> {
+        let run = self.run();
+        let Some((least, point)) = run.rates.motion().map(PointMotion::distortion) else {
+            return Ok(());
+        };
+        if least >= LEAST_DISTORTION {
+            return Ok(());
+        }
+        let fluid = world.body(run.body);
+        let cause = PointsFold {
+            fluid: fluid.name.clone(),
+            place: fluid.points.position[point].into(),
+        };
+        Err(RunError::Plugin {
+            plugin: "fluid".into(),
+            time,
+            cause: cause.into(),
+        })
+    }
+
     /// Refuses to go on where a wall has moved too far for points that rest.
     fn check_displacement(&self, world: &World, time: f64) -> Result<(), RunError> {
         let run = self.run();

@@ -17,6 +17,7 @@ use super::differences::Differences;
 use super::fluxes::Fluxes;
 use super::keys::{Fluid, Form, Stress, Surface};
 use super::medium::{Coefficient, Medium};
+use super::point_motion::PointMotion;
 use super::rates::{LargestSums, Rates};
 use super::run::{FluidTemperature, Moving, Run};
 use super::treatments::{CompleteFamily, Treatments};
@@ -39,6 +40,7 @@ impl Run {
             Description::Eulerian => None,
             _ => Some(setup.own(body, &keys::DISPLACEMENT)?),
         };
+        let moves_through = fluid.description == Description::ArbitraryLagrangianEulerian;
         let mass_flux = match fluid.description {
             Description::Eulerian => Some(setup.own(body, &keys::MASS_FLUX)?),
             _ => None,
@@ -73,7 +75,7 @@ impl Run {
         fluid.check_walls(&solids)?;
         let Neighbours { family, moving } = neighbours(fluid, setup, body, &spec)?;
         let complete = CompleteFamily::of(setup.body(body), &family);
-        let is_eulerian = fluid.description == Description::Eulerian;
+        let is_eulerian = fluid.description.flows_through();
         if is_eulerian && fluid.form == Form::Conservative {
             solids.immerse(setup, (body, &family), &complete)?;
         }
@@ -83,7 +85,12 @@ impl Run {
         let rates: Box<dyn Rates> = match fluid.form {
             Form::Conservative if is_eulerian => {
                 let size = (this.dimension, this.points.len());
-                Box::new(Fluxes::new(family, size, treatments.complete, solids))
+                let motion = match moves_through {
+                    true => Some(PointMotion::prepare(this, &family, &solids.places())?),
+                    false => None,
+                };
+                let walls = (solids, motion);
+                Box::new(Fluxes::new(family, size, treatments.complete, walls))
             }
             Form::Conservative => {
                 let walls = (solids, fluid.stress == Stress::Central);
@@ -171,8 +178,8 @@ fn neighbours(
     body: BodyIndex,
     spec: &FamilySpec,
 ) -> Result<Neighbours, SetupError> {
-    if fluid.description == Description::Eulerian {
-        setup.flow_through(body)?;
+    if fluid.description.flows_through() {
+        setup.flow_through(body, fluid.description)?;
     }
     if fluid.description != Description::UpdatedLagrangian {
         let family = setup.family(body, spec)?;

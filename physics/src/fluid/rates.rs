@@ -12,6 +12,7 @@ use crate::advection::Convection;
 
 use super::collision::FluidPoints;
 use super::medium::Medium;
+use super::point_motion::PointMotion;
 use super::walls::Walls;
 
 /// Least number of points that a thread takes at once.
@@ -48,6 +49,11 @@ impl Terms<'_> {
         self.force.map_or(0.0, |f| f[point][axis] / (sound * sound))
     }
 
+    /// Gradient of the density in the hydrostatic pressure of the body force, kg/m⁴.
+    pub(super) fn density_gradient(&self, point: usize) -> Vector3<f64> {
+        Vector3::from_fn(|axis, _| self.density_slope(point, axis))
+    }
+
     /// Diffusivity of the density, m²/s.
     pub(super) fn density_diffusivity(&self, point: usize) -> f64 {
         self.density_diffusion * self.medium.sound_diffusivity(point)
@@ -70,6 +76,14 @@ impl Stability {
         Stability {
             wave_number: self.wave_number * growth(initial.first, now.first),
             laplacian: self.laplacian * growth(initial.second, now.second),
+        }
+    }
+
+    /// The same operators where squared distances went down by this factor.
+    pub(super) fn compressed(self, factor: f64) -> Self {
+        Stability {
+            wave_number: self.wave_number * factor.sqrt(),
+            laplacian: self.laplacian * factor,
         }
     }
 }
@@ -120,8 +134,19 @@ pub(super) trait Rates: std::fmt::Debug {
         family: &dyn Fn() -> Arc<Family>,
     ) -> Result<(), PddoError>;
 
-    /// Takes positions and velocities of the bodies that are walls for the fluid of `body`.
-    fn follow_walls(&mut self, _world: &World, _body: BodyIndex) {}
+    /// Takes positions and velocities of the bodies that are walls for the fluid of `body`, and lets points follow them in a step of
+    /// `dt` (s).
+    fn follow_walls(&mut self, _world: &World, _body: BodyIndex, _dt: f64) {}
+
+    /// Motion of points through which the fluid flows.
+    fn motion(&self) -> Option<&PointMotion> {
+        None
+    }
+
+    /// The same, to restore its state.
+    fn motion_mut(&mut self) -> Option<&mut PointMotion> {
+        None
+    }
 
     /// Gives the walls the opposite of what they do to the fluid in a time (s), with the velocity by slot as last set.
     fn give_impulses(&mut self, _world: &World, _velocity: &[Vec<f64>], _time: f64) {}

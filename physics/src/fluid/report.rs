@@ -59,9 +59,9 @@ impl Run {
         self.kinetic_energy = match &self.moving {
             Some(moving) => sum_of([&square, &moving.mass], |[v2, m]| 0.5 * v2 * m),
             None => {
-                let volume = &world.body(self.body).points.volume;
-                let energy = |[v2, rho, volume]: [f64; 3]| 0.5 * v2 * rho * volume;
-                sum_of([&square, &density, volume], energy)
+                let mass = self.mass_of_points(world, &density);
+                let mass: Vec<f64> = (0..square.len()).map(mass).collect();
+                sum_of([&square, &mass], |[v2, m]| 0.5 * v2 * m)
             }
         };
         let reference = &self.medium.reference_density;

@@ -164,6 +164,11 @@ impl Run {
 
     /// Finds what the largest stable step depends on for the current positions.
     pub(super) fn update_stability(&mut self) {
+        if let Some(motion) = self.rates.motion() {
+            self.stability = self
+                .initial_stability
+                .compressed(motion.largest_compression());
+        }
         if let Some(moving) = &self.moving {
             let now = LargestSums::of(self.rates.family(), moving.mass.len(), self.rates.walls());
             self.stability = self.initial_stability.scaled(moving.initial_sums, now);

@@ -83,7 +83,7 @@ impl Run {
         step: Step,
     ) -> Result<(), PddoError> {
         self.set_viscosity(world);
-        self.rates.follow_walls(world, self.body);
+        self.rates.follow_walls(world, self.body, step.size);
         self.advance_flow(fluid, world, step);
         self.steps += 1;
         self.smooth(fluid, world);
@@ -187,6 +187,10 @@ impl Run {
             return;
         };
         let mut displacement = world.write(displacement);
+        if let Some(motion) = self.rates.motion() {
+            let points = displacement.iter_mut().zip(motion.displacements());
+            return points.for_each(|(u, now)| *u = now);
+        }
         let mut velocity = world.write(self.velocity);
         if let Some(rule) = fluid.collisions
             && let Some(moving) = &self.moving

@@ -34,8 +34,8 @@ pub mod transformation;
 
 use perimelt_core::material::{Table, ValueRange};
 use perimelt_core::{
-    Description, Key, Physics, Read, Report, RunError, Setup, SetupError, Step, Work, World, Write,
-    keys, register_property,
+    Key, Physics, Read, Report, RunError, Setup, SetupError, Step, Work, World, Write, keys,
+    register_property,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -320,7 +320,7 @@ impl Physics for Metallurgy {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.check()?;
         let body = setup.find_body(self.body.as_deref())?;
-        if setup.description(body) == Description::Eulerian {
+        if setup.description(body).flows_through() {
             let message = "matter flows through the points of this body";
             return Err(SetupError::value("body", message, "a body of a solid"));
         }

@@ -119,6 +119,11 @@ impl Thermal {
             let expected = "`solver = \"explicit\"`, or the enthalpy form";
             return Err(SetupError::value("solver", message, expected));
         }
+        if description == Description::ArbitraryLagrangianEulerian {
+            let message = "heat in a fluid whose points follow its walls is not computed";
+            let expected = "a fluid with `description = \"eulerian\"` or `\"updated_lagrangian\"`";
+            return Err(SetupError::value("body", message, expected));
+        }
         if description == Description::Eulerian && !is_explicit {
             let message = "heat that a flow carries is advanced by explicit steps only";
             let expected = "`solver = \"explicit\"`";

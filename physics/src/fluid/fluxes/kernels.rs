@@ -1,0 +1,137 @@
+//! Kernels of the sums over the bonds.
+
+use perimelt_core::{Bond, BondKernel};
+
+use crate::fluid::conservative::{COMPONENTS, components, is_diagonal};
+
+/// `sum_j N_ij`, from `m + D s` and density.
+pub(super) struct Outflow {
+    /// `1 / a`, 1/m.
+    pub(super) inverse: f64,
+    /// `2 D`, m²/s.
+    pub(super) diffusion: f64,
+}
+
+impl Outflow {
+    #[inline(always)]
+    fn flux<const D: usize, const I: usize>(
+        &self,
+        bond: &Bond,
+        own: &[f64; I],
+        other: &[f64; I],
+    ) -> f64 {
+        let carried: f64 = (0..D).map(|a| (own[a] + other[a]) * bond.xi[a]).sum();
+        bond.weight * self.inverse * (carried - self.diffusion * (other[D] - own[D]))
+    }
+}
+
+/// The kernel in this number of dimensions.
+pub(super) struct In<const D: usize, K>(pub(super) K);
+
+impl<const D: usize, const I: usize> BondKernel<I, 1> for In<D, Outflow> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; 1] {
+        [self.0.flux::<D, I>(bond, &own, &other)]
+    }
+}
+
+/// `sum_j N_ij (v_i + v_j)/2`, from `m + D s`, density and velocity.
+pub(super) struct Carry(pub(super) Outflow);
+
+impl<const D: usize, const I: usize> BondKernel<I, D> for In<D, Carry> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; D] {
+        let half = 0.5 * self.0.0.flux::<D, I>(bond, &own, &other);
+        std::array::from_fn(|a| half * (own[D + 1 + a] + other[D + 1 + a]))
+    }
+}
+
+/// Force and work of viscosity, from velocity and viscosity.
+pub(super) struct Viscosity<const D: usize> {
+    /// `2 / a`, 1/m.
+    pub(super) laplacian: f64,
+}
+
+impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Viscosity<D> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
+        let viscous = 0.5 * bond.weight * self.laplacian * (own[D] + other[D]);
+        let mut sums = [0.0; O];
+        for a in 0..D {
+            let difference = other[a] - own[a];
+            sums[a] = viscous * difference;
+            // each end gets half of the work of the pair
+            sums[D] += 0.5 * sums[a] * difference;
+        }
+        sums
+    }
+}
+
+/// `lap f` of several fields.
+pub(super) struct Laplacian {
+    /// `2 / a`, 1/m.
+    pub(super) laplacian: f64,
+}
+
+impl<const D: usize> BondKernel<D, D> for Laplacian {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; D], other: [f64; D]) -> [f64; D] {
+        let weight = bond.weight * self.laplacian;
+        std::array::from_fn(|a| weight * (other[a] - own[a]))
+    }
+}
+
+/// `-sum_j w/a (p_i + p_j) xi`, from the pressure.
+pub(super) struct Push {
+    /// `1 / a`, 1/m.
+    pub(super) inverse: f64,
+}
+
+impl<const D: usize> BondKernel<1, D> for Push {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 1], other: [f64; 1]) -> [f64; D] {
+        let part = -bond.weight * self.inverse * (own[0] + other[0]);
+        std::array::from_fn(|a| part * bond.xi[a])
+    }
+}
+
+/// As [`Viscosity`] with the tensor of a mapping ([`crate::fluid::point_motion`]): from velocity, viscosity and the tensor Q, by which the
+/// weight of a bond along n is `w (1 + n . Q n)`.
+pub(super) struct MappedViscosity<const D: usize> {
+    /// `2 / a`, 1/m.
+    pub(super) laplacian: f64,
+}
+
+impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for MappedViscosity<D> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
+        let mut stretch = 0.0;
+        for (n, &(a, b)) in COMPONENTS[..components(D)].iter().enumerate() {
+            let times = if is_diagonal(n) { 0.5 } else { 1.0 };
+            let mean = times * (own[D + 1 + n] + other[D + 1 + n]);
+            stretch += mean * bond.xi[a] * bond.xi[b];
+        }
+        let factor = 1.0 + stretch * bond.inverse_length * bond.inverse_length;
+        let viscosity = Viscosity::<D> {
+            laplacian: self.laplacian * factor,
+        };
+        viscosity.bond(bond, own, other)
+    }
+}
+
+/// `-sum_j w/a (C_i p_i + C_j p_j) xi`, from the rows of C times the pressure.
+pub(super) struct MappedPush {
+    /// `1 / a`, 1/m.
+    pub(super) inverse: f64,
+}
+
+impl<const D: usize, const I: usize> BondKernel<I, D> for MappedPush {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; D] {
+        let weight = -bond.weight * self.inverse;
+        std::array::from_fn(|a| {
+            let along = |b: usize| (own[a * D + b] + other[a * D + b]) * bond.xi[b];
+            weight * (0..D).map(along).sum::<f64>()
+        })
+    }
+}

@@ -1,0 +1,173 @@
+//! Forces of pressure and viscosity, and the momentum that the flux of mass carries.
+
+use nalgebra::Vector3;
+use perimelt_core::family::LayerRule;
+use perimelt_core::{BondKernel, World};
+use rayon::prelude::*;
+
+use super::Fluxes;
+use super::kernels::{Carry, In, Laplacian, Push};
+use crate::fluid::rates::{POINTS_PER_TASK, Terms};
+
+impl Fluxes {
+    /// Finds force and work of viscosity.
+    pub(super) fn find_viscosity<const D: usize, const I: usize, const O: usize>(
+        &mut self,
+        kernel: impl BondKernel<I, O>,
+        (terms, density): (&Terms<'_>, &[f64]),
+        velocity: &[Vec<f64>],
+    ) {
+        let mut rows = std::mem::take(&mut self.diffusion);
+        rows.resize(self.points() * O, 0.0);
+        let stretch = self.motion.as_ref().map(|m| &m.stretch);
+        let inputs: [&[f64]; I] = std::array::from_fn(|i| match (i, stretch) {
+            _ if i < D => &velocity[i][..],
+            (_, Some(stretch)) if i > D => &stretch[i - D - 1],
+            _ => &self.viscosity,
+        });
+        let (sums, _) = rows.as_chunks_mut::<O>();
+        self.family.sum(&kernel, inputs, sums);
+        let mut walls = std::mem::take(&mut self.walls);
+        let flow = self.at_walls(terms, density, velocity);
+        walls.find_slopes(&flow);
+        drop(flow);
+        walls.add_viscosity::<D, I, O>(&kernel, sums);
+        (self.diffusion, self.walls) = (rows, walls);
+    }
+
+    /// Finds the decay of short waves of the velocity; the same in all directions, as [`super::convection`] has it.
+    pub(super) fn find_short_waves<const D: usize>(
+        &mut self,
+        (terms, density): (&Terms<'_>, &[f64]),
+        velocity: &[Vec<f64>],
+    ) {
+        self.short_waves.clear();
+        let (Some(convection), medium) = (terms.convection, terms.medium) else {
+            return;
+        };
+        let laplacian = 2.0 * self.inverse();
+        let sum = laplacian * self.complete.content;
+        let missing = |i: usize| {
+            let slot = self.slot[i] as usize;
+            let square: f64 = velocity.iter().map(|v| v[slot] * v[slot]).sum();
+            let diffusivity = medium.viscosity.value[i] / density[i];
+            let flow = (square.sqrt(), medium.spacing[i]);
+            density[i] * convection.missing_diffusivity(flow, sum, diffusivity) / sum
+        };
+        let missing: Vec<f64> = (0..self.points()).into_par_iter().map(missing).collect();
+        if missing.iter().all(|m| *m == 0.0) {
+            return;
+        }
+        let mut rows = vec![0.0; self.points() * D];
+        let (sums, _) = rows.as_chunks_mut::<D>();
+        let kernel = Laplacian { laplacian };
+        let inputs: [&[f64]; D] = std::array::from_fn(|a| &velocity[a][..]);
+        self.family.sum(&kernel, inputs, sums);
+        for (sums, missing) in sums.iter_mut().zip(&missing) {
+            sums.iter_mut().for_each(|s| *s *= -missing);
+        }
+        let rules: Vec<LayerRule> = terms.rules.iter().map(LayerRule::homogeneous).collect();
+        let mut slots = vec![Vec::new(); D];
+        let flat: Vec<f64> = rows;
+        for (axis, slots) in slots.iter_mut().enumerate() {
+            slots.resize(self.family.slots(), 0.0);
+            self.family.scatter(&flat, D, axis, slots);
+            self.family.fill_layers(&rules, axis, slots);
+        }
+        let inputs: [&[f64]; D] = std::array::from_fn(|a| &slots[a][..]);
+        self.short_waves.resize(flat.len(), 0.0);
+        let mut rows = std::mem::take(&mut self.short_waves);
+        let (sums, _) = rows.as_chunks_mut::<D>();
+        self.family.sum(&kernel, inputs, sums);
+        self.short_waves = rows;
+    }
+
+    /// Finds the momentum that flows out of each point with this velocity (m/s).
+    pub(super) fn find_carried<const D: usize, const I: usize>(
+        &mut self,
+        terms: &Terms<'_>,
+        velocity: &[Vector3<f64>],
+    ) {
+        let flat = (bytemuck::cast_slice(velocity), 3);
+        for (axis, slots) in self.carried_velocity.iter_mut().enumerate() {
+            self.family.load(flat, axis, terms.rules, slots);
+        }
+        let mut rows = std::mem::take(&mut self.carried);
+        rows.resize(self.points() * D, 0.0);
+        let inputs: [&[f64]; I] = std::array::from_fn(|i| match i {
+            _ if i < D => &self.flux[i][..],
+            _ if i == D => &self.density,
+            _ => &self.carried_velocity[i - D - 1],
+        });
+        let kernel = In::<D, _>(Carry(self.outflow_kernel(terms)));
+        let (sums, _) = rows.as_chunks_mut::<D>();
+        self.family.sum(&kernel, inputs, sums);
+        let mut walls = std::mem::take(&mut self.walls);
+        walls.add_carried(velocity, sums);
+        (self.carried, self.walls) = (rows, walls);
+    }
+
+    pub(super) fn find_push<const D: usize>(&mut self) {
+        let mut rows = std::mem::take(&mut self.push);
+        rows.resize(self.points() * D, 0.0);
+        let kernel = Push {
+            inverse: self.inverse(),
+        };
+        let (sums, _) = rows.as_chunks_mut::<D>();
+        match &self.motion {
+            None => self.family.sum(&kernel, [&self.pressure], sums),
+            Some(motion) => {
+                let times = |row: &Vec<f64>| {
+                    let slots = row.iter().zip(&self.pressure);
+                    slots.map(|(c, p)| c * p).collect()
+                };
+                let rows: Vec<Vec<f64>> = motion.cofactors.iter().map(times).collect();
+                self.push_by::<D>(&rows, sums);
+            }
+        }
+        let own = |point: usize| [self.pressure[self.slot[point] as usize]];
+        self.walls
+            .add_pressure(&kernel, own, self.complete.moment, sums);
+        self.push = rows;
+    }
+
+    pub(super) fn carry_in<const D: usize, const I: usize>(
+        &mut self,
+        (terms, time): (&Terms<'_>, f64),
+        velocity: &[Vector3<f64>],
+        density: &[f64],
+    ) {
+        self.find_carried::<D, I>(terms, velocity);
+        let mut middle = std::mem::take(&mut self.middle_velocity);
+        let half = 0.5 * time * terms.acceleration_fraction;
+        let of_point = |(i, v): (usize, &Vector3<f64>)| {
+            v + half * self.acceleration(terms, i, (v, density[i]))
+        };
+        let points = velocity.par_iter().enumerate();
+        let points = points.with_min_len(POINTS_PER_TASK).map(of_point);
+        points.collect_into_vec(&mut middle);
+        self.find_carried::<D, I>(terms, &middle);
+        self.middle_velocity = middle;
+    }
+
+    pub(super) fn give<const D: usize, const I: usize, const O: usize>(
+        &mut self,
+        viscosity: impl BondKernel<I, O>,
+        (world, time): (&World, f64),
+    ) {
+        let mut walls = std::mem::take(&mut self.walls);
+        let push = Push {
+            inverse: self.inverse(),
+        };
+        let (pressure, moment) = (&self.pressure, self.complete.moment);
+        let own = |point: usize| [pressure[self.slot[point] as usize]];
+        walls.give(world, time, |wall, n| {
+            let viscous = wall.held_part::<D, I, O>(n, &viscosity);
+            let pressure: [f64; D] = wall.pressure_part(n, &push, &own, moment);
+            let mut force = Vector3::zeros();
+            (0..D).for_each(|a| force[a] = pressure[a] + viscous[a]);
+            force
+        });
+        self.walls = walls;
+    }
+}

@@ -1,0 +1,205 @@
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use perimelt_core::body::{Body, Store};
+use perimelt_core::family::LayerRule;
+use perimelt_core::{Axis, Face, Family, FamilySpec, Influence, Pddo};
+
+use super::fluxes::Fluxes;
+use super::medium::{Coefficient, Medium};
+use super::point_motion::PointMotion;
+use super::rates::{Rates, Terms};
+use super::state::{State, Tait};
+use super::treatments::CompleteFamily;
+use super::walls::Walls;
+use crate::testing::block;
+
+/// A fluid in a box of 1 m, of which the faces `mirrored` are planes of symmetry and the others periodic.
+struct Channel {
+    body: Body,
+    family: Arc<Family>,
+    rates: Fluxes,
+    medium: Medium,
+    rules: Vec<LayerRule>,
+}
+
+impl Channel {
+    fn new(dimension: usize, n: usize, mirrored: &[Face]) -> Channel {
+        let cells = std::array::from_fn(|a| if a < dimension { n } else { 1 });
+        let spacing = 1.0 / n as f64;
+        let mut body = block(cells, dimension, spacing, Store::Lattice, "density = 2");
+        let closed = |axis: &Axis| mirrored.iter().any(|f| f.axis() == axis.index());
+        let axes = Axis::ALL.into_iter().take(dimension);
+        let axes: Vec<Axis> = axes.filter(|a| !closed(a)).collect();
+        body.repeat(&axes).expect("it fills its box");
+        let spec = FamilySpec {
+            influence: Influence::Wendland,
+            layers: mirrored.to_vec(),
+            ..Pddo::spec(perimelt_core::Horizon::Spacings(2.015))
+        };
+        let family = Arc::new(Family::build(&body, &spec).expect("a family"));
+        let complete = CompleteFamily::of(&body, &family);
+        let motion = PointMotion::prepare(&body, &family, &[]).expect("a lattice");
+        let points = body.points.len();
+        let walls = (Walls::default(), Some(motion));
+        let rates = Fluxes::new(family.clone(), (dimension, points), complete, walls);
+        let mut viscosity = Coefficient::new(Vec::new(), &vec![0; points]);
+        viscosity.value.fill(3.0);
+        let state = State::Tait(Tait {
+            sound_speed: 10.0,
+            exponent: 1.0,
+            background: 0.0,
+        });
+        let medium = Medium {
+            state,
+            reference_density: vec![2.0; points],
+            spacing: vec![spacing; points],
+            viscosity,
+        };
+        let rules = mirrored.iter().map(|f| LayerRule {
+            scale: std::array::from_fn(|a| if a == f.axis() { -1.0 } else { 1.0 }),
+            ..LayerRule::even(*f)
+        });
+        Channel {
+            rules: rules.collect(),
+            body,
+            family,
+            rates,
+            medium,
+        }
+    }
+
+    /// Sets density (kg/m³) and velocity (m/s) and gives what moves to `act`.
+    fn set(
+        &mut self,
+        (density, velocity): (&[f64], &[Vector3<f64>]),
+        dt: f64,
+        act: impl FnOnce(&mut Fluxes, &Terms<'_>),
+    ) {
+        let terms = Terms {
+            medium: &self.medium,
+            force: None,
+            density_diffusion: 0.1,
+            volume_relaxation: 0.0,
+            compressible: false,
+            convection: Some(super::Convection::Hybrid),
+            acceleration_fraction: 1.0,
+            rules: &self.rules,
+            dt,
+        };
+        let mut slots = vec![Vec::new(); self.body.dimension];
+        let flat: Vec<f64> = velocity.iter().flat_map(|v| [v.x, v.y, v.z]).collect();
+        for (axis, slots) in slots.iter_mut().enumerate() {
+            self.family.load((&flat, 3), axis, &self.rules, slots);
+        }
+        self.rates.set_velocity(&slots, density, &terms);
+        act(&mut self.rates, &terms);
+    }
+}
+
+/// Displacement of the points at a time; it slides along the faces of the box.
+fn wobble(dimension: usize, time: f64) -> impl Fn(&Vector3<f64>) -> Vector3<f64> {
+    move |x| {
+        let wave = |a: usize, b: usize| (TAU * x[a]).sin() * (TAU * x[b] + time).cos();
+        let rise = 0.03 * (0.5 * TAU * x.y).sin() * (TAU * x.x + 2.0 * time).cos();
+        let along = 0.02 * (TAU * x.x + time).sin() * (TAU * x.y).cos();
+        match dimension {
+            2 => Vector3::new(along, rise * time.sin(), 0.0),
+            _ => Vector3::new(along, rise * time.sin(), 0.0) + 0.02 * Vector3::z() * wave(2, 0),
+        }
+    }
+}
+
+#[test]
+fn a_uniform_flow_stays_uniform_however_the_points_move() {
+    let faces = [Face::YMin, Face::YMax];
+    for (dimension, n) in [(2, 20), (3, 12)] {
+        let mut fluid = Channel::new(dimension, n, &faces);
+        let points = fluid.body.points.len();
+        let stream = Vector3::new(0.7, 0.0, if dimension == 3 { -0.4 } else { 0.0 });
+        let (mut density, mut velocity) = (vec![2.5; points], vec![stream; points]);
+        let mut pressure = vec![50.0; points];
+        let mut mass = 0.0;
+        for step in 1..=20 {
+            let dt = 1e-5 * f64::from(step);
+            let family = fluid.family.clone();
+            let to = wobble(dimension, 0.2 * f64::from(step));
+            fluid.rates.displace_points(&family, dt, to);
+            let (mut rho, mut v) = (density.clone(), velocity.clone());
+            fluid.set((&density, &velocity), dt, |rates, terms| {
+                rates.advance_density(terms, dt, (&mut rho, &mut pressure));
+                rates.set_pressure(&pressure, None);
+                rates.carry(terms, dt, &v.clone(), &rho);
+                rates.advance_velocity(terms, dt, &mut v, &rho);
+            });
+            (density, velocity) = (rho, v);
+            let full = fluid.rates.fullness().expect("volumes");
+            mass = full.iter().zip(&density).map(|(f, rho)| f * rho).sum();
+            let spread = full.iter().fold(0.0_f64, |m, f| m.max((f - 1.0).abs()));
+            assert!(step < 5 || spread > 0.03, "volumes change: {spread}");
+        }
+        for (rho, v) in density.iter().zip(&velocity) {
+            // rounding of 20 steps, in which points move at 300 m/s
+            assert!((rho / 2.5 - 1.0).abs() < 1e-12, "{dimension}D: {rho}");
+            assert!((v - stream).norm() < 1e-11, "{dimension}D: {v:?}");
+        }
+        assert!((mass / (2.5 * points as f64) - 1.0).abs() < 1e-13);
+    }
+}
+
+/// Largest error of the forces of pressure and viscosity over the largest force, with points displaced by a wave.
+fn error_of_forces(n: usize) -> f64 {
+    let mut fluid = Channel::new(2, n, &[]);
+    let family = fluid.family.clone();
+    let by = |x: &Vector3<f64>| {
+        let wave = 0.02 * (TAU * x.x).sin() * (TAU * x.y).cos();
+        Vector3::new(wave, -0.7 * wave, 0.0)
+    };
+    // twice, so that they rest
+    fluid.rates.displace_points(&family, 1.0, by);
+    fluid.rates.displace_points(&family, 1.0, by);
+    let places = fluid.body.points.position.iter().map(|x| x + by(x));
+    let places: Vec<_> = places.collect();
+    let shear = |x: &Vector3<f64>| 0.01 * (TAU * (x.x + x.y)).sin();
+    let velocity: Vec<_> = places.iter().map(|x| Vector3::x() * shear(x)).collect();
+    let pressure: Vec<f64> = places.iter().map(|x| (TAU * x.x).cos()).collect();
+    let density = vec![2.0; places.len()];
+    let mut found = vec![Vector3::zeros(); places.len()];
+    fluid.set((&density, &velocity), 1e-9, |rates, terms| {
+        rates.set_pressure(&pressure, None);
+        rates.carry(terms, 0.0, &velocity, &density);
+        rates.advance_velocity(terms, 1.0, &mut found, &density);
+    });
+    let force = |(x, v): (&Vector3<f64>, &Vector3<f64>)| {
+        let push = TAU * (TAU * x.x).sin();
+        let diffusion = -3.0 * 2.0 * TAU * TAU * shear(x);
+        (push + diffusion, *v)
+    };
+    let volume = |i: usize| {
+        let x = &fluid.body.points.position[i];
+        let wave = |a: f64, b: f64| 0.02 * TAU * a * b;
+        let ((s, c), (t, d)) = ((TAU * x.x).sin_cos(), (TAU * x.y).sin_cos());
+        (1.0 + wave(c, d)) * (1.0 + 0.7 * wave(s, t)) - 0.7 * wave(c, d) * wave(s, t)
+    };
+    let mut worst = 0.0_f64;
+    for (i, ((expected, _), found)) in places
+        .iter()
+        .zip(&velocity)
+        .map(force)
+        .zip(&found)
+        .enumerate()
+    {
+        // mass is density times the volume before the points moved, 1
+        worst = worst.max((2.0 * found.x - expected * volume(i)).abs());
+    }
+    worst / TAU
+}
+
+#[test]
+fn forces_are_those_of_the_displaced_points() {
+    let [coarse, fine] = [24, 48].map(error_of_forces);
+    assert!(fine < 0.02, "{coarse} {fine}");
+    let order = (coarse / fine).log2();
+    assert!(order > 1.7, "{order}");
+}
