@@ -2,6 +2,7 @@
 
 use crate::body::BodyError;
 use crate::family::FamilyError;
+use crate::text::number;
 
 /// Boxed cause of an error, for plugins with errors of their own.
 pub type Cause = Box<dyn std::error::Error + Send + Sync>;
@@ -113,7 +114,8 @@ pub enum Problem {
     Cycle(Vec<String>),
     /// A fixed step above the stable one.
     #[error(
-        "the step {fixed:.6e} s of `{physics}` is above its largest stable step {stable:.6e} s; use `step = \"auto\"` or a smaller value"
+        "the step {} s of `{physics}` is above its largest stable step {} s; use `step = \"auto\"` or a smaller value",
+        number(*fixed, 5), number(*stable, 5)
     )]
     UnstableStep {
         /// The physics.
@@ -125,7 +127,8 @@ pub enum Problem {
     },
     /// A fixed step above the stable one of a coupler.
     #[error(
-        "the step {fixed:.6e} s of `{physics}` is above the largest stable step {stable:.6e} s of `{coupler}`; use `step = \"auto\"` or a smaller value"
+        "the step {} s of `{physics}` is above the largest stable step {} s of `{coupler}`; use `step = \"auto\"` or a smaller value",
+        number(*fixed, 5), number(*stable, 5)
     )]
     UnstableExchange {
         /// The physics.
@@ -191,9 +194,10 @@ impl SetupError {
 pub enum RunError {
     /// Values that are not finite or grow without bound.
     #[error(
-        "{physics} blew up: field `{field}` is {value:.4e} at point {point} ({:.4e}, {:.4e}, {:.4e}) m of body `{body}` \
-         at t = {time:.6e} s; the step was {step:.4e} s{}",
-        position[0], position[1], position[2], stable_hint(*step, *stable)
+        "{physics} blew up: field `{field}` is {} at point {point} ({}) m of body `{body}` \
+         at t = {} s; the step was {} s{}",
+        number(*value, 5), position.map(|x| number(x, 5)).join(", "), number(*time, 7), number(*step, 5),
+        stable_hint(*step, *stable)
     )]
     BlowUp {
         /// The physics.
@@ -217,7 +221,8 @@ pub enum RunError {
     },
     /// A step so small that the run cannot end.
     #[error(
-        "{physics} asks for steps of {step:e} s at t = {time:e} s: that would be {count:e} more steps"
+        "{physics} asks for steps of {} s at t = {} s: that would be {} more steps",
+        number(*step, 3), number(*time, 7), number(*count, 3)
     )]
     StepTooSmall {
         /// The physics.
@@ -230,7 +235,7 @@ pub enum RunError {
         count: f64,
     },
     /// A plugin's own reason.
-    #[error("{plugin} failed at t = {time:e} s: {cause}")]
+    #[error("{plugin} failed at t = {} s: {cause}", number(*time, 7))]
     Plugin {
         /// The plugin.
         plugin: String,
@@ -241,8 +246,9 @@ pub enum RunError {
     },
     /// Strong coupling that does not converge.
     #[error(
-        "the coupling did not converge at t = {time:e} s: after {passes} passes the state still changed by {change:.3e}, the tolerance is {tolerance:e}; \
-         allow more passes, use smaller steps, or set `iteration.unconverged = \"continue\"`"
+        "the coupling did not converge at t = {} s: after {passes} passes the state still changed by {change:.3e}, the tolerance is {tolerance:e}; \
+         allow more passes, use smaller steps, or set `iteration.unconverged = \"continue\"`",
+        number(*time, 7)
     )]
     Unconverged {
         /// Passes taken.
@@ -288,9 +294,10 @@ fn providers(provided: &[String]) -> String {
 fn stable_hint(step: f64, stable: Option<f64>) -> String {
     match stable {
         Some(stable) if step <= stable => format!(
-            ", below the largest stable one of {stable:.4e} s: look at the loads and the material"
+            ", below the largest stable one of {} s: look at the loads and the material",
+            number(stable, 5)
         ),
-        Some(stable) => format!(", the largest stable one {stable:.4e} s"),
+        Some(stable) => format!(", the largest stable one {} s", number(stable, 5)),
         None => String::new(),
     }
 }

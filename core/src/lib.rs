@@ -32,6 +32,7 @@ pub mod setup;
 pub mod shape;
 pub mod simulation;
 pub mod solver;
+pub mod text;
 pub mod world;
 
 pub use activity::{ActivityChanges, GrowingFamily};

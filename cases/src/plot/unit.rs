@@ -1,5 +1,7 @@
 //! Numbers and units in their usual notation: `2.5 ms`, `W/m³`.
 
+pub(crate) use perimelt_core::text::number;
+
 /// A unit that suits the size of the numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Prefixed {
@@ -162,33 +164,6 @@ pub(crate) fn label(name: &str, unit: &str) -> String {
     }
 }
 
-/// With at most `digits` significant digits and no trailing zeros.
-pub(crate) fn number(value: f64, digits: usize) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return if value == 0.0 {
-            "0".into()
-        } else {
-            value.to_string()
-        };
-    }
-    let exponent = value.abs().log10().floor() as i32;
-    if !(-4..6).contains(&exponent) {
-        let text = format!("{:.*e}", digits - 1, value);
-        let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
-        return format!("{}e{exponent}", trimmed(mantissa));
-    }
-    let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
-    trimmed(&format!("{value:.decimals$}")).to_owned()
-}
-
-fn trimmed(number: &str) -> &str {
-    if number.contains('.') {
-        number.trim_end_matches('0').trim_end_matches('.')
-    } else {
-        number
-    }
-}
-
 /// A length (m) as text with a suitable unit.
 pub(crate) fn length_text(length: f64) -> String {
     let unit = self::length(length);
@@ -228,8 +203,5 @@ mod tests {
         assert_eq!((length(0.0).unit, time(0.0).unit), ("mm", "s"));
         assert_eq!(length(0.05).unit, "mm");
         assert_eq!(length(3e-7).unit, "nm");
-        assert_eq!(number(1e-12, 3), "1e-12");
-        assert_eq!(number(1234.567, 5), "1234.6");
-        assert_eq!(number(-0.25, 5), "-0.25");
     }
 }
