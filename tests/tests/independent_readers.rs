@@ -64,8 +64,16 @@ const HEATED_BLOCK: &str = r#"
 [bodies.block]
 shape.box = { min = [0, 0, 0], max = [0.02, 0.01, 0.005] }
 spacing = 0.001
-material = "S355"
+material = "steel"
 initial.temperature = 600
+
+[materials.steel]
+density = 7800
+specific_heat = 500
+conductivity = 40
+youngs_modulus = 2e11
+poissons_ratio = 0.3
+thermal_expansion = 1.2e-5
 
 [[physics]]
 type = "thermal"

@@ -27,7 +27,12 @@ pub struct DiffArgs {
     /// Second log
     pub second: PathBuf,
     /// Largest relative difference of quantities that count as equal
-    #[arg(long, value_name = "R", default_value_t = 0.0)]
+    #[arg(
+        long,
+        value_name = "R",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
     pub tolerance: f64,
     /// Bodies whose fields are compared [default: all]
     #[arg(long)]

@@ -121,7 +121,7 @@ fn what_only_one_log_has_is_told() {
     let comparison = diff(&args).expect("comparable");
     let told = comparison.unmatched.join("\n");
     assert!(
-        told.contains("bar: 2 times are in both logs, 1 only in the first"),
+        told.contains("balance: 2 times are in both logs, 1 only in the first"),
         "{told}"
     );
     assert!(told.contains("first at 0 s with 4 and 5 points"), "{told}");

@@ -8,7 +8,7 @@
 //!   `<body>-times.csv`, the times by number
 //! - always: `probe-<name>.csv`, `balance.csv`, `progress.csv`
 //!
-//! Points of a lattice are connected to hexahedra, see [`mesh`]. Positions are as logged, that is displaced: do not warp by
+//! Points of a lattice are connected to hexahedra (`mesh.rs`). Positions are as logged, that is displaced: do not warp by
 //! `displacement` again in ParaView. The array `reference_position` has the positions in the undeformed body; in tables,
 //! they are the positions less the displacements.
 
