@@ -14,6 +14,7 @@ use super::energy::{Energy, EnergyWatch};
 use super::equilibrium::Statics;
 use super::fields::{Damage, Fields, Hold};
 use super::fracture::FractureState;
+use super::growth::mask;
 use super::moduli::Moduli;
 use super::momentum::{Balanced, Momentum};
 use super::plasticity::Inelastic;
@@ -63,11 +64,17 @@ pub(super) struct State {
     pub(super) watch: EnergyWatch,
     /// Compliance of transformation plasticity that the plastic strain contains, 1/Pa; empty without.
     pub(super) seen_compliance: Vec<f64>,
+    /// Points that have material in the family, of a body that grows; else empty.
+    pub(super) present: Vec<bool>,
 }
 
 impl Run {
     /// Completes the initial state.
     pub(super) fn start(&mut self, world: &World) {
+        self.state.present = world
+            .activity(self.body)
+            .map_or_else(Vec::new, |a| mask(&a));
+        self.free_present_points();
         let temperature = world.read_if_provided(self.fields.temperature);
         self.solid
             .set_moduli(world.body(self.body), temperature.as_deref());
@@ -79,6 +86,7 @@ impl Run {
 
     /// Takes the present loads and moduli, and writes held components into `displacement`.
     pub(super) fn load(&mut self, world: &World, step: Step) {
+        self.follow_activity(world);
         let body = world.body(self.body);
         let temperature = world.read_if_provided(self.fields.temperature);
         self.solid.set_moduli(body, temperature.as_deref());
@@ -88,6 +96,7 @@ impl Run {
             self.solid.set_eigenstrain(&eigenstrain);
             self.eigenstrain_size = max_abs(&eigenstrain);
         }
+        self.load_stress_free(world);
         self.load_plasticity(world, temperature.as_deref());
         if let Some(hold) = self.fields.hold
             && self.stop_held_points(world, hold, step.size)
@@ -116,12 +125,19 @@ impl Run {
         points.map(hold).reduce(|| false, |a, b| a | b)
     }
 
-    /// Number of boundaries that hold each component of the displacement.
+    /// Number of boundaries that hold each component of the displacement; points without material count as held.
     pub(super) fn constraints(&self, world: &World) -> Vec<f64> {
-        match self.fields.hold {
+        let mut constraint = match self.fields.hold {
             Some(hold) => bytemuck::cast_slice(&world.read(hold.constraint)).to_vec(),
             None => vec![0.0; self.work.len()],
+        };
+        let (points, _) = constraint.as_chunks_mut::<3>();
+        for (point, present) in points.iter_mut().zip(&self.state.present) {
+            if !present {
+                *point = [1.0; 3];
+            }
         }
+        constraint
     }
 
     pub(super) fn load_displacement(&mut self, world: &World) {
