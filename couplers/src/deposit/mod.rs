@@ -16,9 +16,9 @@
 //!
 //! Steps end where a layer or a bead begins, and a toolpath moves by at most half a spacing in a step.
 //!
-//! With `mechanical` (correspondence, in equilibrium) material is free of stress in the shape of the body at its birth.
+//! With `mechanical` (correspondence) material is free of stress in the shape of the body at its birth.
 //!
-//! Not for: momentum of droplets, and bodies that move with stress waves.
+//! Not for: momentum of droplets.
 
 mod births;
 #[cfg(test)]

@@ -18,6 +18,13 @@
 //! e0 += e(H with the new neighbours) - e(H with the old ones)
 //! ```
 //!
+//! Of H_j the rotation is continued, and the strain up to that of elastic metal: fresh metal does not take over how the layer
+//! below has shrunk.
+//!
+//! Where the body has an annealing temperature, material that is deposited above it is free of all stress, pressure included,
+//! until it has cooled below for the first time: e0 follows its strain, and there is no plastic strain. Metal that melts
+//! again is annealed as any other.
+//!
 //! Births and cuts hence change no stress of any other point; what is unbalanced afterwards is what the material
 //! that is gone carried.
 //!
@@ -35,11 +42,26 @@ use perimelt_core::world::BodyIndex;
 use perimelt_core::{Face, Family, Setup, SetupError, World, keys};
 use rayon::prelude::*;
 
-use super::classical::{COMPONENTS, Point};
+use super::classical::{COMPONENTS, Point, symmetric};
 use super::keys::{Formulation, Mechanical};
+use super::moduli::Moduli;
 use super::momentum::{Momentum, place};
+use super::plasticity::{Inelastic, elastic_strain};
 use super::step::Run;
 use super::surface_stress::SurfaceStress;
+
+/// Strain that is continued from the body to what is deposited on it, of the order of the elastic limit of metals.
+const CONTINUED: f64 = 2e-3;
+
+/// The part of a displacement gradient that is continued to new material: the rotation, and strain up to [`CONTINUED`].
+fn continued_part(gradient: &Matrix3<f64>) -> Matrix3<f64> {
+    let strain = 0.5 * (gradient + gradient.transpose());
+    let size = strain.norm();
+    match size > CONTINUED {
+        true => gradient + strain * (CONTINUED / size - 1.0),
+        false => *gradient,
+    }
+}
 
 /// Whether there is material at each point.
 pub(super) fn mask(activity: &[f64]) -> Vec<bool> {
@@ -116,10 +138,11 @@ struct Surroundings<'a> {
     known: Vec<bool>,
 }
 
-/// State of motion of a body, by point.
+/// State of motion of a body.
 struct MotionState<'a> {
-    /// m.
-    displacement: &'a [Vector3<f64>],
+    /// By component and slot, m.
+    displacement: [Vec<f64>; 3],
+    /// By point.
     gradient: &'a [Matrix3<f64>],
     /// m/s; empty in equilibrium.
     velocity: &'a [Vector3<f64>],
@@ -151,6 +174,17 @@ impl<'a> Surroundings<'a> {
         }
     }
 
+    /// A displacement (m) by slot, continued into the layers by `rules`.
+    fn in_slots(&self, displacement: &[Vector3<f64>], rules: &[LayerRule]) -> [Vec<f64>; 3] {
+        std::array::from_fn(|axis| {
+            let mut slots = vec![0.0; self.family.slots()];
+            let values: &[f64] = bytemuck::cast_slice(displacement);
+            self.family.scatter(values, 3, axis, &mut slots);
+            self.family.fill_layers(rules, axis, &mut slots);
+            slots
+        })
+    }
+
     /// Continues the displacement of the known neighbours to a point; `None` if it has none.
     fn continued(&self, point: usize, state: &MotionState<'_>) -> Option<Placed> {
         let mut total = 0.0;
@@ -164,7 +198,8 @@ impl<'a> Surroundings<'a> {
             let mirror = Matrix3::from_diagonal(&sign.into());
             let gradient = mirror * state.gradient[other] * mirror;
             let xi = Vector3::from(bond.xi);
-            sum.displacement += bond.weight * (mirror * state.displacement[other] - gradient * xi);
+            let displacement = Vector3::from_fn(|axis, _| state.displacement[axis][slot]);
+            sum.displacement += bond.weight * (displacement - gradient * xi);
             sum.gradient += bond.weight * gradient;
             if let Some(velocity) = state.velocity.get(other) {
                 sum.velocity += bond.weight * (mirror * velocity);
@@ -185,24 +220,37 @@ impl Run {
         let Some(active) = world.activity(self.body).map(|a| mask(&a)) else {
             return;
         };
-        if active == self.state.present {
-            return;
+        if active != self.state.present {
+            self.change_presence(world, active);
         }
-        self.load_displacement(world);
-        let before = self.solid.gradients().to_vec();
+        let rules = world.layer_rules(self.layers);
+        self.state.layers = rules.iter().map(|r| [r.scale, r.offset]).collect();
+    }
+
+    /// Lets other points be present. Layers are as in the last step: what they prescribe for the end of this one strains
+    /// the material after its birth.
+    fn change_presence(&mut self, world: &World, active: Vec<bool>) {
+        let mut rules = world.layer_rules(self.layers).to_vec();
+        for (rule, [scale, offset]) in rules.iter_mut().zip(&self.state.layers) {
+            (rule.scale, rule.offset) = (*scale, *offset);
+        }
+        let before = self.gradients(world, &rules);
         self.solid.set_present(&active);
         self.statics.forget_rigid_modes();
         let was_present = std::mem::replace(&mut self.state.present, active);
         let present = self.state.present.clone();
+        self.state.fresh.resize(present.len(), false);
+        for (point, fresh) in self.state.fresh.iter_mut().enumerate() {
+            *fresh = present[point] && (*fresh || !was_present[point]);
+        }
         let gone = self.momentum_where(world, |i| was_present[i] && !present[i]);
-        self.place_born(world, &was_present, &before);
+        self.place_born(world, (&was_present, &rules), &before);
         let born = self.momentum_where(world, |i| !was_present[i] && present[i]);
         self.state.given += gone.times(-1.0).with_size_of(&gone);
         self.state.given += born;
         self.set_in_motion(world);
-        self.load_displacement(world);
+        let after = self.gradients(world, &rules);
         let finite = self.balanced.angular;
-        let after = self.solid.gradients().to_vec();
         let Some(birth_strain) = self.fields.birth_strain else {
             return;
         };
@@ -217,9 +265,22 @@ impl Run {
         }
     }
 
+    /// Gradients of the present displacement.
+    fn gradients(&mut self, world: &World, rules: &[LayerRule]) -> Vec<Matrix3<f64>> {
+        let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
+        self.solid
+            .set_displacement(bytemuck::cast_slice(&displacement), rules);
+        self.solid.gradients().to_vec()
+    }
+
     /// Sets the displacement of the points that are present now and were not before, from that of the others and its
     /// `gradients`.
-    fn place_born(&self, world: &World, was_present: &[bool], gradients: &[Matrix3<f64>]) {
+    fn place_born(
+        &self,
+        world: &World,
+        (was_present, rules): (&[bool], &[LayerRule]),
+        gradients: &[Matrix3<f64>],
+    ) {
         let present = &self.state.present;
         let pairs = || was_present.iter().zip(present);
         let mut waiting: Vec<usize> = (0..present.len())
@@ -231,14 +292,13 @@ impl Run {
             return;
         }
         let known = pairs().map(|(before, now)| *before && *now).collect();
-        let rules = world.layer_rules(self.layers);
-        let mut around = Surroundings::new(self.solid.family(), &rules, known);
-        let mut gradients = gradients.to_vec();
+        let mut around = Surroundings::new(self.solid.family(), rules, known);
+        let mut gradients: Vec<_> = gradients.iter().map(continued_part).collect();
         let mut displacement = world.write(self.fields.displacement);
         let mut velocity = self.fields.velocity.map(|v| world.write(v));
         while !waiting.is_empty() {
             let state = MotionState {
-                displacement: &displacement,
+                displacement: around.in_slots(&displacement, rules),
                 gradient: &gradients,
                 velocity: velocity.as_deref().unwrap_or(&[]),
             };
@@ -260,21 +320,39 @@ impl Run {
             }
             waiting = left;
         }
-        drop(velocity);
-        let Some(hold) = self.fields.hold else {
+    }
+
+    /// Relieves material that was deposited above the annealing temperature (K) and has not cooled below it yet of its
+    /// `stress` (Pa), which is then zero, and of its plastic strain.
+    pub(super) fn relieve_fresh(
+        &mut self,
+        world: &World,
+        temperature: &[f64],
+        (limit, moduli): (f64, &[Moduli]),
+        stress: &mut [[f64; 6]],
+    ) {
+        let Some(birth_strain) = self.fields.birth_strain else {
             return;
         };
-        let (constraint, held) = (world.read(hold.constraint), world.read(hold.displacement));
-        let born = pairs()
-            .enumerate()
-            .filter(|(_, (before, now))| !**before && **now);
-        for (point, _) in born {
-            for axis in 0..3 {
-                if constraint[point][axis] > 0.0 {
-                    displacement[point][axis] = held[point][axis] / constraint[point][axis];
-                }
-            }
+        let fresh = self.state.fresh.iter_mut().enumerate();
+        for (_, fresh) in fresh.filter(|(i, _)| temperature[*i] < limit) {
+            *fresh = false;
         }
+        let Some(plasticity) = self.solid.plasticity() else {
+            return;
+        };
+        let mut birth_strain = world.write(birth_strain);
+        let fresh = self.state.fresh.iter().enumerate().filter(|(_, f)| **f);
+        for (i, _) in fresh {
+            let elastic = elastic_strain(plasticity.stress_state, &stress[i], &moduli[i]);
+            let settled = &mut plasticity.settled[i];
+            let relieved = std::array::from_fn(|c| elastic[c] + settled.strain[c]);
+            birth_strain[i] += symmetric(&relieved);
+            *settled = Inelastic::default();
+            stress[i] = [0.0; 6];
+        }
+        drop(birth_strain);
+        self.load_stress_free(world);
     }
 
     /// Momentum of some points; zero in equilibrium.
@@ -297,7 +375,7 @@ impl Run {
     }
 
     /// Lets the points that are present move, and no others.
-    fn set_in_motion(&mut self, world: &World) {
+    pub(super) fn set_in_motion(&mut self, world: &World) {
         self.free_present_points();
         let Some(velocity) = self.fields.velocity else {
             return;

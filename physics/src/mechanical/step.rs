@@ -66,6 +66,10 @@ pub(super) struct State {
     pub(super) seen_compliance: Vec<f64>,
     /// Points that have material in the family, of a body that grows; else empty.
     pub(super) present: Vec<bool>,
+    /// Points that have not cooled below the annealing temperature since their birth, of a body that grows.
+    pub(super) fresh: Vec<bool>,
+    /// Factors and offsets of the layers in the last step, of a body that grows.
+    pub(super) layers: Vec<[[f64; 3]; 2]>,
 }
 
 impl Run {
@@ -74,7 +78,7 @@ impl Run {
         self.state.present = world
             .activity(self.body)
             .map_or_else(Vec::new, |a| mask(&a));
-        self.free_present_points();
+        self.set_in_motion(world);
         let temperature = world.read_if_provided(self.fields.temperature);
         self.solid
             .set_moduli(world.body(self.body), temperature.as_deref());
@@ -204,16 +208,17 @@ impl Run {
     }
 
     fn anneal(&mut self, world: &World) {
-        let anneals = (self.solid.plasticity()).is_some_and(|p| p.annealing_temperature.is_some());
+        let limit = (self.solid.plasticity()).and_then(|p| p.annealing_temperature);
         let Some(temperature) = world.read_if_provided(self.fields.temperature) else {
             return;
         };
-        if !anneals {
+        let Some(limit) = limit else {
             return;
-        }
+        };
         let points = 0..self.density.len();
         let moduli: Vec<Moduli> = points.map(|i| self.solid.moduli_of(i)).collect();
-        let stress = self.solid.material_stress();
+        let mut stress = self.solid.material_stress();
+        self.relieve_fresh(world, &temperature, (limit, &moduli), &mut stress);
         if let Some(plasticity) = self.solid.plasticity() {
             plasticity.anneal(&temperature, &stress, |i| moduli[i]);
         }
