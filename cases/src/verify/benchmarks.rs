@@ -160,6 +160,8 @@ benchmarks!(
     "deposit-loaded-wall",
     "deposit-moving-bar",
     "cut-bar",
+    "inherent-strain-transient",
+    "inherent-strain-wall",
     "powder-bar",
     "elastic-flag",
     "held-cantilever-bond",
