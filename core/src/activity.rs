@@ -1,9 +1,9 @@
 //! Bodies that grow: points without material become active when it is deposited.
 //!
 //! A coupler that deposits material declares so at set-up and names the points that have no material at first
-//! ([`Setup::deposit`]). It owns the field [`keys::ACTIVE`], which says for each point whether there is material: 1, or
-//! 0. The field is part of the configuration of the body and of every checkpoint. Everybody else asks
-//! [`World::activity`].
+//! ([`Setup::deposit`]); one that cuts material off declares that ([`Setup::cut_off`]). They write the field
+//! [`keys::ACTIVE`], which says for each point whether there is material: 1, or 0. The field is part of the configuration
+//! of the body and of every checkpoint. Everybody else asks [`World::activity`].
 //!
 //! A point without material has no bonds, no mass and no heat, and no surface. Plugins that act on a body that grows must
 //! know that: they declare it ([`Setup::follow_activity`], [`Setup::growing_family`]), and those that do not are refused.
@@ -118,10 +118,45 @@ impl Setup<'_> {
             let expected = "a body with `spacing`, without `zones`, `jitter` or `points`";
             return Err(SetupError::value("body", message, expected));
         }
-        let active = self.write(body, &keys::ACTIVE)?;
-        let mut first = vec![1.0; self.body(body).points.len()];
-        points.iter().for_each(|&p| first[p as usize] = 0.0);
-        self.set_first(active, |point| first[point]);
+        let active = self.change_activity(body)?;
+        let field = self.world.fields.values_mut(active.field);
+        points.iter().for_each(|&p| field[p as usize] = 0.0);
+        Ok(active)
+    }
+
+    /// Declares that the calling coupler cuts material off a body during the run, and hands over the activity of the
+    /// points, which the coupler sets to 0.
+    ///
+    /// # Errors
+    /// When the body has no lattice.
+    pub fn cut_off(&mut self, body: BodyIndex) -> Result<Write<f64>, SetupError> {
+        if self.body(body).lattice().is_none() {
+            let name = &self.body(body).name;
+            let message = format!("body `{name}` has no lattice, whose cells are cut off");
+            let expected = "a body with `spacing`, without `zones`, `jitter` or `points`";
+            return Err(SetupError::value("body", message, expected));
+        }
+        self.change_activity(body)
+    }
+
+    /// The activity of a body whose points become active or inactive. Couplers that deposit and that cut share it: each
+    /// changes its own points only.
+    fn change_activity(&mut self, body: BodyIndex) -> Result<Write<f64>, SetupError> {
+        let shared = self.world.activity_field(body);
+        let active = match shared {
+            None => self.write(body, &keys::ACTIVE)?,
+            Some(field) => {
+                self.declarations.push(Declaration {
+                    plugin: self.plugins.len() - 1,
+                    access: Access::Write,
+                    field,
+                });
+                Write::new(field)
+            }
+        };
+        if shared.is_none() {
+            self.set_first(active, |_| 1.0);
+        }
         self.world.growing[body] = true;
         self.follow_activity(body);
         Ok(active)
@@ -173,6 +208,25 @@ impl Setup<'_> {
         Ok(GrowingFamily(growers.len() - 1))
     }
 
+    /// A family of a body that grows for the calling plugin alone, of the points that are active at set-up. The plugin
+    /// takes up changes of the activity itself ([`Family::set_active`]), when it has compared the state before and after.
+    ///
+    /// # Errors
+    /// As [`Setup::growing_family`].
+    pub fn own_growing_family(
+        &mut self,
+        body: BodyIndex,
+        spec: &FamilySpec,
+    ) -> Result<Family, SetupError> {
+        self.follow_activity(body);
+        for sentence in crate::family::warnings(self.body(body), spec) {
+            self.warn(sentence);
+        }
+        let active = self.world.activity(body).map(|a| mask(&a));
+        let active = active.unwrap_or_else(|| vec![true; self.body(body).points.len()]);
+        Family::growing(self.body(body), spec, &active, 0).map_err(|e| SetupError::new("body", e))
+    }
+
     /// A growing family as it is at set-up.
     pub fn current_growing_family(&self, family: GrowingFamily) -> Arc<Family> {
         self.world.growing_family(family)
@@ -215,11 +269,12 @@ impl Setup<'_> {
     /// The mistake of a plugin that takes all points of a body for material.
     pub(crate) fn refused_growth(&self, body: BodyIndex) -> SetupError {
         let message = format!(
-            "`deposit` adds material to body `{}`, which this plugin does not support",
+            "`deposit` adds material to body `{}`, or `cut` takes it off, which this plugin does not support",
             self.body(body).name
         );
-        let expected = "`thermal`, `thermal_history`, `metallurgy`, `phase_change`, heat sources on a toolpath, and heat through surfaces or at a \
-                        prescribed temperature, or a body without `deposit`";
+        let expected = "`thermal`, `thermal_history`, `metallurgy`, `phase_change`, heat sources on a toolpath, heat through surfaces or at a \
+                        prescribed temperature, `mechanical`, `thermal_expansion`, `inherent_strain`, `clamp`, \
+                        `prescribed_displacement`, `traction`, `gravity`, or a body without `deposit` and `cut`";
         SetupError::value("", message, expected)
     }
 }

@@ -152,6 +152,10 @@ pub mod keys {
         IMPULSE: Vector3<f64> = "impulse", "N s/m3", "momentum per volume given at the start of a step";
         /// Isotropic stress-free strain, for example alpha (T - T_ref) (sink field of the mechanical physics).
         EIGENSTRAIN: f64 = "eigenstrain", "1", "isotropic stress-free strain";
+        /// Strain that is free of stress because the material was deposited on a strained body.
+        BIRTH_STRAIN: Matrix3<f64> = "birth_strain", "1", "strain of the body where and when material was deposited, which is free of stress";
+        /// Stress-free strain with components (sink field of the mechanical physics).
+        INHERENT_STRAIN: Matrix3<f64> = "inherent_strain", "1", "stress-free strain that deposition leaves in a layer";
         /// Plastic strain, with what was relieved by annealing.
         PLASTIC_STRAIN: Matrix3<f64> = "plastic_strain", "1", "inelastic strain: plastic flow, and what annealing relieved";
         /// Equivalent (von Mises) plastic strain since the last annealing.

@@ -480,7 +480,8 @@ impl<'w> Setup<'w> {
         }
     }
 
-    fn is_added<T: Value>(&self, body: BodyIndex, key: &Key<T>) -> bool {
+    /// Whether a coupler adds into the sink of `key`; for physics, which are prepared after couplers.
+    pub fn is_added<T: Value>(&self, body: BodyIndex, key: &Key<T>) -> bool {
         let field = self.world.fields.find(body, &key.name);
         let added = |d: &Declaration| Some(d.field) == field && d.access == Access::Add;
         let is_impulse = key.name == keys::IMPULSE.name;

@@ -15,6 +15,9 @@
 //! one percent of volume after cooling, which is a hydrostatic stress of hundreds of MPa. With a
 //! cut-off all points contract from the same strain.
 //!
+//! Material that is deposited during the run is free of stress at the temperature of its birth, which takes the place of
+//! T_ref: the strain is `alpha(T) (T - T_ref) - alpha(T_birth) (T_birth - T_ref)`.
+//!
 //! Not for a change of the stress-free state by melting: relief of strain in the melt needs a plastic
 //! or viscous solid.
 
@@ -50,6 +53,8 @@ struct ExpansionState {
     expansion: Vec<Property>,
     temperature: Read<f64>,
     liquid_fraction: ReadIfProvided<f64>,
+    /// K; zero at points that are there from the start.
+    birth_temperature: ReadIfProvided<f64>,
     eigenstrain: Write<f64>,
 }
 
@@ -67,6 +72,7 @@ pub fn thermal_strain(
 impl Coupler for ThermalExpansion {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        setup.follow_activity(body);
         if let Some(cutoff) = self.cutoff_temperature
             && (cutoff.is_nan() || cutoff <= self.reference_temperature)
         {
@@ -81,6 +87,7 @@ impl Coupler for ThermalExpansion {
             expansion: setup.property(body, "thermal_expansion")?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             liquid_fraction: setup.read_if_provided(body, &keys::LIQUID_FRACTION)?,
+            birth_temperature: setup.read_if_provided(body, &keys::BIRTH_TEMPERATURE)?,
             eigenstrain: setup.add(body, &keys::EIGENSTRAIN)?,
         });
         Ok(())
@@ -97,6 +104,8 @@ impl Coupler for ThermalExpansion {
         let liquid_fraction = liquid_fraction.as_deref();
         let material = &world.body(p.body).material_of_point;
         let (reference, cutoff) = (self.reference_temperature, self.cutoff_temperature);
+        let birth_temperature = world.read_if_provided(p.birth_temperature);
+        let birth_temperature = birth_temperature.as_deref();
         let mut eigenstrain = world.write(p.eigenstrain);
         let strain = |point: usize| {
             let expansion = &p.expansion[material[point] as usize];
@@ -107,7 +116,14 @@ impl Coupler for ThermalExpansion {
                     liquid_fraction.map_or(0.0, |f| f[point]),
                 ),
             };
-            thermal_strain(expansion, temperature, liquid, reference)
+            let strain = thermal_strain(expansion, temperature, liquid, reference);
+            match birth_temperature.map_or(0.0, |t| t[point]) {
+                0.0 => strain,
+                birth => {
+                    let birth = cutoff.map_or(birth, |cutoff| birth.min(cutoff));
+                    strain - thermal_strain(expansion, birth, 0.0, reference)
+                }
+            }
         };
         let points = eigenstrain.par_iter_mut().enumerate();
         points.for_each(|(point, sum)| *sum += strain(point));

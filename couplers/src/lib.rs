@@ -22,6 +22,8 @@
 //! | `insulated` | [`boundary::Insulated`] | | even layer of a field |
 //! | `heat_flux` | [`boundary::HeatFlux`] | | heat source |
 //! | `deposit` | [`deposit::Deposit`] | | active points; their temperature at birth |
+//! | `cut` | [`cut::Cut`] | | points that lose their material |
+//! | `inherent_strain` | [`inherent_strain::InherentStrain`] | | inherent strain |
 //! | `powder` | [`powder::Powder`] | liquid fraction | consolidated metal; conductivity of powder |
 //! | `convection` | [`boundary::Convection`] | temperature | heat source |
 //! | `water_jet` | [`boundary::WaterJet`] | temperature | heat source |
@@ -47,6 +49,7 @@
 pub mod boundary;
 pub mod buoyancy;
 pub mod contact;
+pub mod cut;
 pub mod deformation_heat;
 pub mod deposit;
 pub mod expansion;
@@ -54,6 +57,7 @@ pub mod fluid_structure;
 pub mod forcing_zone;
 pub mod heat_interface;
 pub mod heat_source;
+pub mod inherent_strain;
 pub mod phase_change;
 pub mod phase_expansion;
 pub mod phase_strength;
@@ -78,7 +82,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 36);
+        assert_eq!(couplers.len(), 38);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

@@ -11,6 +11,7 @@ use perimelt_core::log::Log;
 use program::command;
 
 const WELD: &str = include_str!("cases/weld.toml");
+const WALL: &str = include_str!("cases/wall.toml");
 const KILLS: u32 = 20;
 
 /// Time and bytes of the last checkpoint.
@@ -180,6 +181,31 @@ fn a_finished_run_goes_on_to_a_later_end_as_if_it_had_been_its_end() {
         (later[0] - 0.55).abs() < 1e-12 && later[1] == 0.6,
         "{later:?}"
     );
+}
+
+#[test]
+fn a_deposit_with_mechanics_goes_on_bit_by_bit() {
+    let folder = tempfile::tempdir().expect("a folder for logs");
+    let folder = folder.path();
+    let at = |name: &str| folder.join(name);
+    let write = |name: &str, text: &str| std::fs::write(at(name), text).expect("writable");
+    write("wall.toml", WALL);
+    let (done, message) = told(folder, &["run", "wall.toml", "--quiet"]);
+    assert!(done, "{message}");
+    let expected = final_state(&at("wall.mcap"));
+    // in the middle of the second bead, between release and cut, and after the cut
+    for end in ["3", "7.5", "7.9"] {
+        write(
+            "part.toml",
+            &WALL.replace("end = 8", &format!("end = {end}")),
+        );
+        let (done, message) = told(folder, &["run", "part.toml", "--quiet", "--force"]);
+        assert!(done, "{message}");
+        let resume = ["resume", "part.mcap", "--quiet", "--case", "wall.toml"];
+        let (done, message) = told(folder, &resume);
+        assert!(done, "{message}");
+        assert!(final_state(&at("part.mcap")) == expected, "from {end} s");
+    }
 }
 
 #[test]

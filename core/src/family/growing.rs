@@ -176,7 +176,7 @@ impl Family {
     ///
     /// # Panics
     /// When there is not one value for each point.
-    pub(crate) fn set_active(&mut self, active: &[bool]) {
+    pub fn set_active(&mut self, active: &[bool]) {
         assert_eq!(active.len(), self.points, "one value for each point");
         let Some(growth) = &self.growth else {
             return;
@@ -237,6 +237,11 @@ impl Family {
         }
         self.chunks = chunks(&self.runs, self.blocks.head.len(), 0);
         self.pairs = OnceLock::new();
+    }
+
+    /// Whether points become present and absent.
+    pub fn grows(&self) -> bool {
+        self.growth.is_some()
     }
 
     /// Counts the changes of a family that grows.

@@ -44,6 +44,7 @@ impl Clamp {
 impl Coupler for Clamp {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        setup.follow_activity(body);
         let dimension = setup.body(body).dimension;
         let held = match &self.components {
             None => std::array::from_fn(|axis| axis < dimension),

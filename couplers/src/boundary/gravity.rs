@@ -31,6 +31,7 @@ struct GravityState {
 impl Coupler for Gravity {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        setup.follow_activity(body);
         setup.property(body, "density")?;
         let acceleration = Vector3::from(self.acceleration);
         let densities = setup.reference_densities(body)?;

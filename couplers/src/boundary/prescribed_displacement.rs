@@ -67,6 +67,7 @@ impl PrescribedDisplacement {
 impl Coupler for PrescribedDisplacement {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        setup.follow_activity(body);
         let dimension = setup.body(body).dimension;
         let given = self.components().map(|c| c.is_some());
         if given == [false; 3] {

@@ -9,6 +9,7 @@
 //! The surface is that of the reference configuration: a pressure does not turn with the body.
 
 use nalgebra::Vector3;
+use perimelt_core::activity::is_active;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::family::LayerRule;
 use perimelt_core::world::LayerHandle;
@@ -145,6 +146,7 @@ impl Traction {
 impl Coupler for Traction {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        setup.follow_activity(body);
         let load = match (self.traction, &self.pressure) {
             (Some(traction), None) => Load::Traction(traction.into()),
             (None, Some(pressure)) => Load::Pressure(pressure.clone()),
@@ -173,11 +175,16 @@ impl Coupler for Traction {
             let centre = points.position[point] + 0.5 * points.spacing[point] * cell.face.normal();
             p.load.on(cell.face, centre.into(), step.end()) * (factor * cell.area)
         };
-        p.force = p.cells.iter().map(on_cell).sum();
+        let activity = world.activity(p.body);
+        let is_there = |cell: &&SurfaceCell| {
+            let activity = activity.as_ref();
+            activity.is_none_or(|a| is_active(a[cell.point as usize]))
+        };
+        p.force = p.cells.iter().filter(is_there).map(on_cell).sum();
         match &p.sink {
             TractionSink::Points(body_force) => {
                 let mut body_force = world.write(*body_force);
-                for cell in &p.cells {
+                for cell in p.cells.iter().filter(is_there) {
                     let point = cell.point as usize;
                     body_force[point] += on_cell(cell) / points.volume[point];
                 }

@@ -17,7 +17,9 @@
 //!
 //! Steps end where a layer or a bead begins, and a toolpath moves by at most half a spacing in a step.
 //!
-//! Not for: momentum of droplets, and bodies with mechanics.
+//! With `mechanical` (correspondence) material is free of stress in the shape of the body at its birth.
+//!
+//! Not for: momentum of droplets.
 
 mod births;
 #[cfg(test)]
@@ -25,7 +27,6 @@ mod tests;
 
 use std::rc::Rc;
 
-use perimelt_core::activity::is_active;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World, Write, keys};
 use schemars::JsonSchema;
@@ -302,12 +303,11 @@ impl DepositState {
     /// Counts the births so far from the first one on.
     fn count_again(&mut self, world: &World) {
         (self.born, self.deposited) = (0, [0.0; 2]);
-        let Some(active) = world.activity(self.body) else {
-            return;
-        };
+        // by their temperature: points that were born may have been cut off since
+        let birth_temperature = world.read(self.birth_temperature.into());
         let births = self.births.iter();
         let born = births
-            .take_while(|b| is_active(active[b.point as usize]))
+            .take_while(|b| birth_temperature[b.point as usize] > 0.0)
             .count();
         self.count(world, born);
     }

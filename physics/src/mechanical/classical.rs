@@ -59,7 +59,17 @@ impl Point {
         Point::new(self.moduli, 0.0, self.dimension)
     }
 
-    pub(super) fn with_inelastic(self, state: StressState, inelastic: [f64; 6]) -> Self {
+    /// With an inelastic strain in addition to what the point has.
+    pub(super) fn with_inelastic(self, state: StressState, mut inelastic: [f64; 6]) -> Self {
+        inelastic
+            .iter_mut()
+            .zip(self.inelastic)
+            .for_each(|(e, own)| *e += own);
+        self.replace_inelastic(state, inelastic)
+    }
+
+    /// With another inelastic strain.
+    pub(super) fn replace_inelastic(self, state: StressState, inelastic: [f64; 6]) -> Self {
         let trace = state.trace(&inelastic);
         Point {
             inelastic,

@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use super::classical::{Point, symmetric};
 use super::gradient::Gradient;
-use super::moduli::{Elasticity, Moduli};
+use super::moduli::{Elasticity, Moduli, Plane};
+use super::plasticity::StressState;
 
 /// Moduli and eigenstrain of the points of a body.
 #[derive(Debug)]
@@ -20,6 +21,8 @@ pub(super) struct ElasticPoints {
     moduli: Vec<Moduli>,
     /// In-plane stress-free strain of each point.
     pub(super) eigenstrain: Vec<f64>,
+    /// Stress-free strain with components of each point (xx, yy, zz, xy, yz, zx); empty if there is none.
+    pub(super) stress_free: Vec<[f64; 6]>,
 }
 
 impl ElasticPoints {
@@ -37,6 +40,7 @@ impl ElasticPoints {
             uniform,
             elasticity,
             eigenstrain: vec![0.0; body.points.len()],
+            stress_free: Vec::new(),
         }
     }
 
@@ -51,6 +55,15 @@ impl ElasticPoints {
 
     pub(super) fn is_plane_strain(&self) -> bool {
         self.elasticity.is_plane_strain()
+    }
+
+    /// The components that the stress of the body has.
+    pub(super) fn stress_state(&self) -> StressState {
+        let plane = match self.is_plane_strain() {
+            true => Plane::Strain,
+            false => Plane::Stress,
+        };
+        StressState::of(self.dimension, plane)
     }
 
     /// Evaluates the moduli at the temperature of each point, K; whether they can have changed.
@@ -112,7 +125,13 @@ impl StrainedPoints<'_> {
         let (moduli, dimension) = (elastic.moduli(point), elastic.dimension);
         match gradient.is_loose(point) {
             true => Point::loose(moduli, dimension),
-            false => Point::new(moduli, elastic.eigenstrain[point], dimension),
+            false => {
+                let law = Point::new(moduli, elastic.eigenstrain[point], dimension);
+                match elastic.stress_free.get(point) {
+                    None => law,
+                    Some(strain) => law.with_inelastic(elastic.stress_state(), *strain),
+                }
+            }
         }
     }
 

@@ -122,6 +122,7 @@ impl Run {
             && fields.plastic.is_none()
             && fields.eigenstrain.is_none()
             && fields.impulse.is_none()
+            && self.state.present.is_empty()
             && world.read_if_provided(fields.temperature).is_none()
     }
 

@@ -58,12 +58,24 @@ impl Statics {
         }
     }
 
+    /// Makes the next update find the rigid modes again: other points have material than before.
+    pub(super) fn forget_rigid_modes(&mut self) {
+        self.rigid = None;
+    }
+
     /// Updates the free rigid modes and the coarse space of `body` where held points, moduli or bonds changed, and
     /// chooses the Krylov method.
     fn update(&mut self, residual: &mut Residual<'_>, body: &Body) -> Result<(), SolverError> {
         let held = residual.constraint.iter().filter(|c| **c > 0.0).count();
         if self.rigid.as_ref().is_none_or(|rigid| rigid.held != held) {
-            let modes = rigid_modes(&body.points.position, body.dimension);
+            let mut modes = rigid_modes(&body.points.position, body.dimension);
+            for mode in &mut modes {
+                let (points, _) = mode.as_chunks_mut::<3>();
+                let points = points.iter_mut().zip(residual.present);
+                points
+                    .filter(|(_, p)| !**p)
+                    .for_each(|(m, _)| *m = [0.0; 3]);
+            }
             let space = free_rigid_modes(residual, modes)?;
             self.rigid = Some(FreeRigidModes { held, space });
         }
@@ -133,6 +145,7 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<Work, S
             .map_or(&[], |b| bytemuck::cast_slice(b)),
         volumes: (!relative_volume.is_empty()).then_some(&relative_volume[..]),
         constraint,
+        present: &run.state.present,
         dimension: body.dimension,
         tangent: match (is_plastic, statics.newton.options.linear) {
             (true, _) => Tangent::Plastic,

@@ -18,6 +18,9 @@ pub(super) struct Fields {
     /// If bonds break.
     pub(super) damage: Option<Damage>,
     pub(super) eigenstrain: Option<Read<f64>>,
+    pub(super) inherent_strain: Option<Read<Matrix3<f64>>>,
+    /// Of a body that grows.
+    pub(super) birth_strain: Option<Write<Matrix3<f64>>>,
     pub(super) body_force: Option<Read<Vector3<f64>>>,
     /// Of the explicit solver.
     pub(super) impulse: Option<Read<Vector3<f64>>>,
@@ -109,6 +112,11 @@ impl Fields {
             conjugate_stress_is_read: setup.is_read(body, &keys::CONJUGATE_STRESS),
             conjugate_stress: setup.own(body, &keys::CONJUGATE_STRESS)?,
             eigenstrain: setup.consume_if_added(body, &keys::EIGENSTRAIN)?,
+            inherent_strain: setup.consume_if_added(body, &keys::INHERENT_STRAIN)?,
+            birth_strain: match setup.is_growing(body) {
+                true => Some(setup.own(body, &keys::BIRTH_STRAIN)?),
+                false => None,
+            },
             body_force: setup.consume_if_added(body, &keys::BODY_FORCE)?,
             impulse: match is_explicit {
                 true => setup.take_if_added(body, &keys::IMPULSE)?,

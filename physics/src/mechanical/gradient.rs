@@ -5,9 +5,8 @@
 //! ```
 //!
 //! Sums run over unbroken bonds, so H stays exact beside cracks. A point whose bonds are too few for that is
-//! *loose*: its `K^-1` and its H are zero.
-
-use std::sync::Arc;
+//! *loose*: its `K^-1` and its H are zero. In a body that grows, a point without material is loose, and so is one whose
+//! neighbours were not deposited yet.
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Family};
@@ -27,6 +26,10 @@ impl<const D: usize, const Q: usize> BondKernel<3, Q> for Moment<D> {
 /// horizons of 2 and 3 spacings, corners that cracks leave of complete families keep 21 and 18 % in 2D, 17 and 12 %
 /// in 3D. Smaller fractions make damaged bodies stiffer, see [`RISE`]: a twentieth, 9 times.
 const LEAST: f64 = 0.1;
+
+/// As [`LEAST`], of points in a body that grows, relative to the bonds that a point has: the corner of a block keeps 34 %
+/// at a horizon of 2 spacings.
+const LEAST_OF_BORN: f64 = 0.02;
 
 /// Largest factor by which broken bonds raise the square of the largest frequency of a body, measured under random
 /// damage: a point with few bonds has a large `K^-1`.
@@ -59,10 +62,16 @@ fn inverse_of(mut shape: Matrix3<f64>, least: f64, dimension: usize) -> Option<M
     Some(inverse)
 }
 
+/// `K^-1` of a point in a family that grows; zero if its bonds do not span the dimensions.
+fn inverse_of_born(family: &Family, point: usize, dimension: usize) -> Matrix3<f64> {
+    let [shape, _] = shape_tensors(family, point, None);
+    let least = LEAST_OF_BORN * shape.trace() / dimension as f64;
+    inverse_of(shape, least, dimension).unwrap_or_default()
+}
+
 /// Displacement gradients of the points of a body.
 #[derive(Debug)]
 pub(super) struct Gradient {
-    family: Arc<Family>,
     dimension: usize,
     /// `K^-1`, 1/m; zero in the components that the dimension leaves out, and of loose points.
     pub(super) inverse_shape: Vec<Matrix3<f64>>,
@@ -79,11 +88,14 @@ impl Gradient {
     /// Inverts the shape tensors.
     ///
     /// # Errors
-    /// A point whose bonds do not span the dimensions.
-    pub(super) fn new(body: &Body, family: Arc<Family>) -> Result<Self, FlatFamily> {
+    /// A point whose bonds do not span the dimensions, unless the family grows.
+    pub(super) fn new(body: &Body, family: &Family) -> Result<Self, FlatFamily> {
         let (points, dimension) = (body.points.len(), body.dimension);
         let invert = |point: usize| {
-            let [shape, _] = shape_tensors(&family, point, None);
+            if family.grows() {
+                return Ok(inverse_of_born(family, point, dimension));
+            }
+            let [shape, _] = shape_tensors(family, point, None);
             // relative to a full family, whose eigenvalues are equal
             inverse_of(shape, 1e-6 * shape.trace(), dimension).ok_or_else(|| FlatFamily {
                 at: body.points.position[point].into(),
@@ -98,8 +110,18 @@ impl Gradient {
             sums: vec![0.0; points * if dimension == 3 { 9 } else { 4 }],
             zeros: vec![0.0; family.slots()],
             lost: vec![0; points],
-            family,
         })
+    }
+
+    /// Inverts the shape tensors of the points whose bonds changed when the family last grew.
+    pub(super) fn follow_growth(&mut self, family: &Family) {
+        let points = family.recalibrated().par_iter();
+        let dimension = self.dimension;
+        let inverses = points.map(|&p| inverse_of_born(family, p as usize, dimension));
+        let inverses: Vec<_> = inverses.collect();
+        for (&point, inverse) in family.recalibrated().iter().zip(inverses) {
+            self.inverse_shape[point as usize] = inverse;
+        }
     }
 
     /// Whether a point has too few bonds for a strain of its own.
@@ -108,11 +130,11 @@ impl Gradient {
     }
 
     /// Inverts the shape tensors of points whose bonds broke; whether there were any.
-    pub(super) fn update_shapes(&mut self, broken: Option<&BrokenBonds>) -> bool {
+    pub(super) fn update_shapes(&mut self, family: &Family, broken: Option<&BrokenBonds>) -> bool {
         let Some(broken) = broken else {
             return false;
         };
-        let (family, dimension) = (&self.family, self.dimension);
+        let dimension = self.dimension;
         let points = self.inverse_shape.par_iter_mut().zip(&mut self.lost);
         let points = points.enumerate().with_min_len(1024);
         let update = |(point, (inverse, lost)): (usize, (&mut Matrix3<f64>, &mut u32))| {
@@ -138,19 +160,21 @@ impl Gradient {
     /// empty) over unbroken bonds; whether a shape tensor changed.
     pub(super) fn evaluate(
         &mut self,
+        family: &Family,
         displacement: [&[f64]; 3],
         broken: Option<&BrokenBonds>,
     ) -> bool {
-        let changed = self.update_shapes(broken);
+        let changed = self.update_shapes(family, broken);
         match self.dimension {
-            1 | 2 => self.evaluate_in::<2, 4>(displacement, broken),
-            _ => self.evaluate_in::<3, 9>(displacement, broken),
+            1 | 2 => self.evaluate_in::<2, 4>(family, displacement, broken),
+            _ => self.evaluate_in::<3, 9>(family, displacement, broken),
         }
         changed
     }
 
     fn evaluate_in<const D: usize, const Q: usize>(
         &mut self,
+        family: &Family,
         displacement: [&[f64]; 3],
         broken: Option<&BrokenBonds>,
     ) {
@@ -159,8 +183,7 @@ impl Gradient {
             false => &self.zeros[..],
         });
         let sums = bytemuck::cast_slice_mut(&mut self.sums);
-        self.family
-            .sum_unbroken::<3, Q, _>(&Moment::<D>, inputs, broken, sums);
+        family.sum_unbroken::<3, Q, _>(&Moment::<D>, inputs, broken, sums);
         let sums = self.sums.par_chunks_exact(Q);
         let points = self
             .values

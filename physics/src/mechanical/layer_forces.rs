@@ -86,6 +86,11 @@ impl LayerForces {
         }
     }
 
+    /// Makes the bonds to layers be found again: points were born or cut off.
+    pub(super) fn forget(&mut self) {
+        self.layout = Layout::default();
+    }
+
     /// Whether the state of an image gives way to the forces of this file.
     pub(super) fn replace(&self, image: &Image) -> bool {
         let is_constant = image.scale[..self.dimension].iter().all(|s| *s == 0.0);

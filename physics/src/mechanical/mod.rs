@@ -18,6 +18,7 @@
 //! | `prepare` | the solid and the solvers, from the keys |
 //! | `step` | a step: loads, solver, plastic state |
 //! | `equilibrium`, `motion` | the solvers: statics, explicit motion |
+//! | `growth` | material that is deposited or cut off |
 //! | `momentum`, `reports` | balances of momentum, and stresses for the log |
 //! | `energy` | energies of explicit motion, and a watch over them |
 //! | `layer_forces` | forces of bonds to layers that are no symmetric images |
@@ -42,6 +43,7 @@ pub mod fracture;
 #[cfg(test)]
 mod fracture_tests;
 mod gradient;
+mod growth;
 pub mod keys;
 mod layer_forces;
 #[cfg(test)]
@@ -191,6 +193,7 @@ impl Physics for Mechanical {
         let run = self.run.as_mut().expect("prepared before a restart");
         let (state, broken): (State, Option<FractureState>) = erased_serde::deserialize(state)?;
         run.state = state;
+        run.restore_presence();
         if let Some(broken) = broken {
             run.solid.replace_fracture_state(broken);
         }

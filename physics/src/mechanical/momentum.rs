@@ -134,6 +134,15 @@ impl Momentum {
         }
     }
 
+    /// With the sizes of another momentum: those of a negative one are positive.
+    pub(super) fn with_size_of(self, other: &Momentum) -> Self {
+        Momentum {
+            linear_size: other.linear_size,
+            angular_size: other.angular_size,
+            ..self
+        }
+    }
+
     /// Without the linear part: what an unchanged momentum that moves adds.
     pub(super) fn only_angular(self) -> Self {
         Momentum {

@@ -1,5 +1,7 @@
 //! Motion by velocity Verlet, with an account of the impulses that the body takes up.
 
+use std::borrow::Cow;
+
 use nalgebra::Vector3;
 use perimelt_core::body::Points;
 use perimelt_core::family::LayerRule;
@@ -17,7 +19,7 @@ impl Run {
     pub(super) fn move_points(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
         self.take_up_impulses(world);
         let body_force = self.fields.body_force.map(|b| world.read(b));
-        let body_force = body_force.as_deref();
+        let body_force = self.on_present_points(body_force.as_deref());
         let mut displacement = world.write(self.fields.displacement);
         let velocity = self.fields.velocity.expect("owned by the explicit solver");
         let mut velocity = world.write(velocity);
@@ -29,7 +31,7 @@ impl Run {
         let dynamics = SolidDynamics {
             rules: &world.layer_rules(self.layers),
             points: &world.body(self.body).points,
-            body_force: body_force.map_or(&[], |b| bytemuck::cast_slice(b)),
+            body_force: &body_force,
             density: &self.density,
             inverse_density: &self.free_inverse_density,
             balanced: self.balanced,
@@ -43,6 +45,18 @@ impl Run {
         let verlet = &mut self.state.verlet;
         verlet.step(step.start, step.size, motion, dynamics)?;
         Ok(Work::of_stages(1))
+    }
+
+    /// A body force (N/m³) by component, zero at points without material; empty if there is none.
+    fn on_present_points<'a>(&self, body_force: Option<&'a [Vector3<f64>]>) -> Cow<'a, [f64]> {
+        let body_force: &[f64] = body_force.map_or(&[], |b| bytemuck::cast_slice(b));
+        let present = &self.state.present;
+        if present.iter().all(|p| *p) {
+            return Cow::Borrowed(body_force);
+        }
+        let components = body_force.iter().enumerate();
+        let on_present = |(n, b): (usize, &f64)| if present[n / 3] { *b } else { 0.0 };
+        components.map(on_present).collect()
     }
 
     /// Adds the momentum of the sink `impulse` to the velocities of free components.
@@ -89,10 +103,12 @@ impl Run {
         let constraint = world.read(hold.constraint);
         let inverses = self.free_inverse_density.par_chunks_mut(3);
         let rows = inverses.zip(velocity.par_iter_mut()).zip(&self.density);
-        let rows = rows.zip(constraint.par_iter()).with_min_len(4096);
-        rows.for_each(|(((inverse, velocity), density), constraint)| {
+        let rows = rows.zip(constraint.par_iter()).enumerate();
+        let present = &self.state.present;
+        let rows = rows.with_min_len(4096);
+        rows.for_each(|(point, (((inverse, velocity), density), constraint))| {
             for axis in 0..3 {
-                let free = constraint[axis] == 0.0;
+                let free = constraint[axis] == 0.0 && *present.get(point).unwrap_or(&true);
                 inverse[axis] = if free { 1.0 / density } else { 0.0 };
                 velocity[axis] = if free { velocity[axis] } else { 0.0 };
             }
@@ -110,8 +126,11 @@ impl Run {
             bytemuck::cast_slice(&held),
         );
         let velocity: &[f64] = bytemuck::cast_slice(velocity);
-        let inverse = &self.free_inverse_density[..];
+        let (inverse, present) = (&self.free_inverse_density[..], &self.state.present[..]);
         let changes = |n: usize| {
+            if !present.get(n / 3).unwrap_or(&true) {
+                return false;
+            }
             let is_held = constraint[n] > 0.0;
             let moves = || velocity[n] != 0.0 || held[n] / constraint[n] != displacement[n];
             is_held != (inverse[n] == 0.0) || (is_held && moves())
@@ -140,7 +159,9 @@ impl Run {
             Some(force) if !has_layers => force - loaded.get(component).unwrap_or(&0.0),
             _ => 0.0,
         };
-        let is_held = |i: usize, axis: usize| constraint[i][axis] > 0.0;
+        let present = &self.state.present[..];
+        let is_present = |i: usize| *present.get(i).unwrap_or(&true);
+        let is_held = |i: usize, axis: usize| constraint[i][axis] > 0.0 && is_present(i);
         let jump = |i: usize, axis: usize| match is_held(i, axis) {
             true => held[i][axis] / constraint[i][axis] - displacement[i][axis],
             false => 0.0,

@@ -11,6 +11,7 @@ use super::energy::Energy;
 use super::equilibrium::Statics;
 use super::fields::{Features, Fields};
 use super::fracture::{Criterion, Fracture};
+use super::growth;
 use super::keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
 use super::moduli::Elasticity;
 use super::momentum::Balanced;
@@ -23,6 +24,7 @@ use super::surface_stress::{Extrapolation, SurfaceStress};
 /// Prepares the run of the body that `keys` name.
 pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, SetupError> {
     let body = setup.find_body(keys.body.as_deref())?;
+    growth::check(keys, setup, body)?;
     let (family, layers) = family(keys, setup, body)?;
     let mut rules = setup.announced_layers(layers).into_iter();
     let bent = rules.find(|rule| rule.traction.is_some());
@@ -34,6 +36,9 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, Setup
         );
         let expected = "`by = \"body_force\"` in `traction`, or a solver of equilibrium: `quasi_static`, `relaxation`";
         return Err(SetupError::value("solver", message, expected));
+    }
+    if let Some(rule) = bent {
+        growth::check_layer(setup, body, rule.face)?;
     }
     for section in &keys.sections {
         section.check(setup, body)?;
@@ -119,7 +124,11 @@ fn family(
         layers: faces,
         audited: Vec::new(),
     };
-    Ok((setup.family(body, &spec)?, layers))
+    let family = match setup.is_growing(body) {
+        true => Arc::new(setup.own_growing_family(body, &spec)?),
+        false => setup.family(body, &spec)?,
+    };
+    Ok((family, layers))
 }
 
 /// Elasticity, plasticity and strength of the body.

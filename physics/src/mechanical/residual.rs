@@ -15,6 +15,8 @@ pub(super) struct Residual<'a> {
     /// Relative volumes of the components, if they differ: forces are densities.
     pub(super) volumes: Option<&'a [f64]>,
     pub(super) constraint: &'a [f64],
+    /// Whether each point has material; empty for a body that does not grow.
+    pub(super) present: &'a [bool],
     pub(super) dimension: usize,
     pub(super) tangent: Tangent,
 }
@@ -97,6 +99,11 @@ impl Rhs for Residual<'_> {
             zeros
                 .filter(|(i, _)| lost(i / 3))
                 .for_each(|(_, d)| *d = -1.0);
+        }
+        if !self.present.is_empty() {
+            // nor does a point whose neighbours have no material yet
+            let zeros = out.iter_mut().filter(|d| **d == 0.0);
+            zeros.for_each(|d| *d = -1.0);
         }
         match out.iter().position(|&d| d == 0.0) {
             Some(component) => Err(SolverError::model(UnresistedPoint {

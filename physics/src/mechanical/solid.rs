@@ -2,6 +2,7 @@
 
 use std::fmt::Debug;
 
+use nalgebra::Matrix3;
 use perimelt_core::family::{Continuation, LayerRule};
 use perimelt_core::{Body, Family};
 use rayon::prelude::*;
@@ -52,6 +53,18 @@ pub trait Solid: Debug {
     /// Takes the stress-free strain of each point; mirrored layers take that of their points.
     fn set_eigenstrain(&mut self, eigenstrain: &[f64]);
 
+    /// Takes the stress-free strain with components of each point (xx, yy, zz, xy, yz, zx), in addition to the
+    /// eigenstrain; empty if there is none. Of correspondence solids.
+    fn set_stress_free(&mut self, _strain: Vec<[f64; 6]>) {}
+
+    /// Takes the points that have material, of a family that grows. Of correspondence solids.
+    fn set_present(&mut self, _present: &[bool]) {}
+
+    /// Gradient of the displacement that was set, at each point; empty in formulations without.
+    fn gradients(&mut self) -> &[Matrix3<f64>] {
+        &[]
+    }
+
     /// Takes displacements, m, and sets the mirrored layers by `rules`.
     fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]);
 
@@ -92,7 +105,7 @@ pub trait Solid: Debug {
         None
     }
 
-    /// Factor by which broken bonds may raise the square of the largest frequency of the intact body.
+    /// Factor by which broken bonds and births may raise the square of the largest frequency of the intact body.
     fn rise_by_damage(&self) -> f64 {
         1.0
     }

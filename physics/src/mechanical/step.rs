@@ -14,6 +14,7 @@ use super::energy::{Energy, EnergyWatch};
 use super::equilibrium::Statics;
 use super::fields::{Damage, Fields, Hold};
 use super::fracture::FractureState;
+use super::growth::mask;
 use super::moduli::Moduli;
 use super::momentum::{Balanced, Momentum};
 use super::plasticity::Inelastic;
@@ -63,11 +64,21 @@ pub(super) struct State {
     pub(super) watch: EnergyWatch,
     /// Compliance of transformation plasticity that the plastic strain contains, 1/Pa; empty without.
     pub(super) seen_compliance: Vec<f64>,
+    /// Points that have material in the family, of a body that grows; else empty.
+    pub(super) present: Vec<bool>,
+    /// Points that have not cooled below the annealing temperature since their birth, of a body that grows.
+    pub(super) fresh: Vec<bool>,
+    /// Factors and offsets of the layers in the last step, of a body that grows.
+    pub(super) layers: Vec<[[f64; 3]; 2]>,
 }
 
 impl Run {
     /// Completes the initial state.
     pub(super) fn start(&mut self, world: &World) {
+        self.state.present = world
+            .activity(self.body)
+            .map_or_else(Vec::new, |a| mask(&a));
+        self.set_in_motion(world);
         let temperature = world.read_if_provided(self.fields.temperature);
         self.solid
             .set_moduli(world.body(self.body), temperature.as_deref());
@@ -79,6 +90,7 @@ impl Run {
 
     /// Takes the present loads and moduli, and writes held components into `displacement`.
     pub(super) fn load(&mut self, world: &World, step: Step) {
+        self.follow_activity(world);
         let body = world.body(self.body);
         let temperature = world.read_if_provided(self.fields.temperature);
         self.solid.set_moduli(body, temperature.as_deref());
@@ -88,6 +100,7 @@ impl Run {
             self.solid.set_eigenstrain(&eigenstrain);
             self.eigenstrain_size = max_abs(&eigenstrain);
         }
+        self.load_stress_free(world);
         self.load_plasticity(world, temperature.as_deref());
         if let Some(hold) = self.fields.hold
             && self.stop_held_points(world, hold, step.size)
@@ -116,12 +129,19 @@ impl Run {
         points.map(hold).reduce(|| false, |a, b| a | b)
     }
 
-    /// Number of boundaries that hold each component of the displacement.
+    /// Number of boundaries that hold each component of the displacement; points without material count as held.
     pub(super) fn constraints(&self, world: &World) -> Vec<f64> {
-        match self.fields.hold {
+        let mut constraint = match self.fields.hold {
             Some(hold) => bytemuck::cast_slice(&world.read(hold.constraint)).to_vec(),
             None => vec![0.0; self.work.len()],
+        };
+        let (points, _) = constraint.as_chunks_mut::<3>();
+        for (point, present) in points.iter_mut().zip(&self.state.present) {
+            if !present {
+                *point = [1.0; 3];
+            }
         }
+        constraint
     }
 
     pub(super) fn load_displacement(&mut self, world: &World) {
@@ -188,16 +208,17 @@ impl Run {
     }
 
     fn anneal(&mut self, world: &World) {
-        let anneals = (self.solid.plasticity()).is_some_and(|p| p.annealing_temperature.is_some());
+        let limit = (self.solid.plasticity()).and_then(|p| p.annealing_temperature);
         let Some(temperature) = world.read_if_provided(self.fields.temperature) else {
             return;
         };
-        if !anneals {
+        let Some(limit) = limit else {
             return;
-        }
+        };
         let points = 0..self.density.len();
         let moduli: Vec<Moduli> = points.map(|i| self.solid.moduli_of(i)).collect();
-        let stress = self.solid.material_stress();
+        let mut stress = self.solid.material_stress();
+        self.relieve_fresh(world, &temperature, (limit, &moduli), &mut stress);
         if let Some(plasticity) = self.solid.plasticity() {
             plasticity.anneal(&temperature, &stress, |i| moduli[i]);
         }

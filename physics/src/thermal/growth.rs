@@ -1,4 +1,4 @@
-//! Heat of a body that grows: births of points, and the heat and mass that come with them.
+//! Heat of a body that grows: births of points, and the heat and mass that come with them, and go with what is cut off.
 //!
 //! A coupler makes points active ([`perimelt_core::activity`]). A point is *born* when this physics takes it up: it gets the
 //! temperature at which its material is deposited and the enthalpy that belongs to it, which the account of the heat
@@ -9,7 +9,7 @@ use std::borrow::Cow;
 use perimelt_core::activity::is_active;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Balance, Read, Report, Setup, SetupError, World, Write, keys};
+use perimelt_core::{Balance, ReadIfProvided, Report, Setup, SetupError, World, Write, keys};
 use serde::{Deserialize, Serialize};
 
 use super::run::HeatAccount;
@@ -18,7 +18,7 @@ use super::run::HeatAccount;
 #[derive(Debug)]
 pub(super) struct Growth {
     body: BodyIndex,
-    birth_temperature: Read<f64>,
+    birth_temperature: ReadIfProvided<f64>,
     /// Mass of each point, kg.
     mass: Vec<f64>,
     pub(super) state: Born,
@@ -26,7 +26,7 @@ pub(super) struct Growth {
     pub(super) row_sums_of: Option<u64>,
 }
 
-/// Which points are born, and what was deposited with them.
+/// Which points are born, and what was deposited with them less what was cut off.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Born {
     /// By point.
@@ -45,7 +45,7 @@ pub(super) struct HeatState {
 
 impl Growth {
     pub(super) fn prepare(setup: &mut Setup<'_>, body: BodyIndex) -> Result<Growth, SetupError> {
-        let birth_temperature = setup.read(body, &keys::BIRTH_TEMPERATURE)?;
+        let birth_temperature = setup.read_if_provided(body, &keys::BIRTH_TEMPERATURE)?;
         let density = setup.density_at_points(body)?;
         let volume = &setup.body(body).points.volume;
         Ok(Growth {
@@ -93,7 +93,7 @@ impl Growth {
         points.map(|(b, v)| if *b { *v } else { 0.0 }).collect()
     }
 
-    /// Lets active points be born. Whether any was.
+    /// Lets active points be born and others go. Whether any did.
     pub(super) fn take_births(
         &mut self,
         world: &World,
@@ -104,28 +104,32 @@ impl Growth {
             return false;
         };
         let born = &mut self.state.born;
-        let waits = |(p, a): &(usize, &f64)| is_active(**a) && !born[*p];
-        let waiting: Vec<usize> = active
-            .iter()
-            .enumerate()
-            .filter(waits)
-            .map(|(p, _)| p)
-            .collect();
-        if waiting.is_empty() {
+        let differs = |(p, a): &(usize, &f64)| is_active(**a) != born[*p];
+        let changed = active.iter().enumerate().filter(differs);
+        let changed: Vec<usize> = changed.map(|(p, _)| p).collect();
+        if changed.is_empty() {
             return false;
         }
         let body = world.body(self.body);
-        let birth_temperature = world.read(self.birth_temperature);
+        let birth_temperature = world.read_if_provided(self.birth_temperature);
         let mut temperature = world.write(state.temperature);
         let mut enthalpy = world.write(state.enthalpy);
         let (mut heat, mut mass) = (0.0, 0.0);
-        for point in waiting {
+        for point in changed {
+            let volume = body.points.volume[point];
+            born[point] = !born[point];
+            if !born[point] {
+                heat -= volume * enthalpy[point];
+                mass -= self.mass[point];
+                continue;
+            }
             let curve = &curves[body.material_of_point[point] as usize];
-            temperature[point] = birth_temperature[point];
-            enthalpy[point] = curve.enthalpy(birth_temperature[point]);
-            heat += body.points.volume[point] * enthalpy[point];
+            if let Some(birth_temperature) = &birth_temperature {
+                temperature[point] = birth_temperature[point];
+            }
+            enthalpy[point] = curve.enthalpy(temperature[point]);
+            heat += volume * enthalpy[point];
             mass += self.mass[point];
-            born[point] = true;
         }
         self.state.heat += heat;
         self.state.mass[1] += mass;

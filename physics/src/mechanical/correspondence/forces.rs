@@ -21,7 +21,7 @@ impl Correspondence {
     pub(super) fn load_gradient(&mut self) {
         let axes = std::array::from_fn(|axis| &self.slots[DISPLACEMENT + axis][..]);
         let broken = self.fracture.as_ref().map(Fracture::broken);
-        if self.gradient.evaluate(axes, broken) {
+        if self.gradient.evaluate(&self.family, axes, broken) {
             self.load_stabilisation();
         }
     }
@@ -61,9 +61,9 @@ impl Correspondence {
             };
             let inverse = mirror * inverse[image.point] * mirror;
             let mut point = self.point(image.point, strain);
-            if let Some(plasticity) = &self.plasticity {
+            if self.plasticity.is_some() || !self.elastic.stress_free.is_empty() {
                 let inelastic = image_of(&scale, &point.inelastic, &mirror);
-                point = point.with_inelastic(plasticity.stress_state, inelastic);
+                point = point.replace_inelastic(self.elastic.stress_state(), inelastic);
             }
             let state = self.force_state_of((image.point, point), finite, &gradient, &inverse);
             for (row, column) in self.entries() {

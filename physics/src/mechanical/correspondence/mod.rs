@@ -29,7 +29,7 @@ use perimelt_core::family::{Continuation, LayerRule};
 use perimelt_core::{Body, Bond, Family};
 use rayon::prelude::*;
 
-use super::classical::{COMPONENTS, Point};
+use super::classical::{COMPONENTS, Point, symmetric};
 use super::elastic::ElasticPoints;
 use super::fracture::{BondLoads, Fracture, FractureState, NewBreaks};
 use super::gradient::{FlatFamily, Gradient, RISE};
@@ -110,7 +110,7 @@ impl Correspondence {
             layer_forces: LayerForces::new(dimension, &body.points.volume, in_motion),
             slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
             strength: std::array::from_fn(|_| vec![0.0; breaking]),
-            gradient: Gradient::new(body, family.clone())?,
+            gradient: Gradient::new(body, &family)?,
             force_state: vec![Matrix3::zeros(); points],
             padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
             energy: vec![[0.0; 2]; points],
@@ -182,6 +182,25 @@ impl Solid for Correspondence {
         }
     }
 
+    fn set_stress_free(&mut self, strain: Vec<[f64; 6]>) {
+        self.elastic.stress_free = strain;
+    }
+
+    fn set_present(&mut self, present: &[bool]) {
+        let family = Arc::get_mut(&mut self.family);
+        family
+            .expect("a family that grows has one owner")
+            .set_active(present);
+        self.gradient.follow_growth(&self.family);
+        self.layer_forces.forget();
+        self.load_stabilisation();
+    }
+
+    fn gradients(&mut self) -> &[Matrix3<f64>] {
+        self.load_gradient();
+        &self.gradient.values
+    }
+
     fn set_displacement(&mut self, values: &[f64], rules: &[LayerRule]) {
         continue_displacement(
             &self.family,
@@ -237,7 +256,7 @@ impl Solid for Correspondence {
 
     fn blocks(&mut self) -> &[[f64; 6]] {
         let broken = self.fracture.as_ref().map(Fracture::broken);
-        if self.gradient.update_shapes(broken) {
+        if self.gradient.update_shapes(&self.family, broken) {
             self.load_stabilisation();
         }
         let points = self.horizon.len();
@@ -265,7 +284,10 @@ impl Solid for Correspondence {
     }
 
     fn rise_by_damage(&self) -> f64 {
-        self.fracture.as_ref().map_or(1.0, |_| RISE)
+        match self.fracture.is_some() || self.family.grows() {
+            true => RISE,
+            false => 1.0,
+        }
     }
 
     fn energy(&mut self) -> &[[f64; 2]] {
@@ -279,7 +301,10 @@ impl Solid for Correspondence {
         let mut energy = std::mem::take(&mut self.energy);
         for (i, energy) in energy.iter_mut().enumerate() {
             let (gradient, point) = (&self.gradient.values[i], self.point(i, StrainKind::Total));
-            let strain = Point::strain(gradient, self.elastic.finite);
+            let mut strain = Point::strain(gradient, self.elastic.finite);
+            if let Some(stress_free) = self.elastic.stress_free.get(i) {
+                strain -= symmetric(stress_free);
+            }
             let stress = point.stress(&strain);
             // sum_j w |z|^2 = sum_j w |u_j - u_i|^2 - H : H K, with K the inverse of its inverse
             let mut shape = self.gradient.inverse_shape[i];

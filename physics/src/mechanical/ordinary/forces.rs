@@ -66,7 +66,9 @@ impl Ordinary {
         };
         let broken = self.fracture.as_ref().map(Fracture::broken);
         let displacement = self.inputs.displacement();
-        plastic.gradient.evaluate(displacement, broken);
+        plastic
+            .gradient
+            .evaluate(&self.family, displacement, broken);
         plastic
             .state
             .try_strains(self.elastic.strained(&plastic.gradient));

@@ -87,7 +87,7 @@ impl Ordinary {
         let plastic = match plasticity {
             Some(state) => Some(PlasticPoints {
                 state,
-                gradient: Gradient::new(body, family.clone())?,
+                gradient: Gradient::new(body, &family)?,
             }),
             None => None,
         };
@@ -225,7 +225,9 @@ impl Solid for Ordinary {
         };
         let broken = self.fracture.as_ref().map(Fracture::broken);
         let displacement = self.inputs.displacement();
-        plastic.gradient.evaluate(displacement, broken);
+        plastic
+            .gradient
+            .evaluate(&self.family, displacement, broken);
         plastic.state.follow(&plastic.gradient.values);
         self.load_inelastic(StrainKind::Change);
         self.load_pressure(StrainKind::Change, false);

@@ -28,6 +28,7 @@ use serde::{Deserialize, Serialize};
 use super::classical::{COMPONENTS, Point};
 use super::elastic::StrainedPoints;
 use super::moduli::{Moduli, Plane};
+pub(super) use return_mapping::elastic_strain;
 pub use return_mapping::{FlowStress, StressState, return_to_yield};
 use return_mapping::{flow_along_deviator, relieved_strain};
 

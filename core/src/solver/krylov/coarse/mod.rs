@@ -63,7 +63,9 @@ impl CoarseSpace {
         };
         let reaches: Vec<f64> = (0..position.len()).into_par_iter().map(reach_of).collect();
         let longest = reaches.iter().copied().fold(0.0, f64::max);
-        let shortest = reaches.into_iter().fold(longest, f64::min);
+        // points without springs, such as those whose material is not deposited yet, have no neighbourhood
+        let shortest = reaches.into_iter().filter(|r| *r > 0.0);
+        let shortest = shortest.fold(longest, f64::min);
         let grid = Grid::new(position, dimension, [shortest, longest], free)?;
         let (rows, band) = grid.size();
         let mut matrix = Banded::new(rows, band);

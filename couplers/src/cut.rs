@@ -1,0 +1,135 @@
+//! Cutting: material is taken off a body at a given time, such as the base plate of a part or the kerf of a saw.
+//!
+//! From then on the points of `region` have no bonds, no mass and no surface, as before a deposition. The stress of the
+//! rest is no longer balanced across the cut: it relaxes in the next step, and the displacement afterwards less that before
+//! is the distortion by the cut. Clamps on the points that are gone hold nothing; a part without clamps keeps its mean
+//! displacement and rotation.
+//!
+//! A kerf that separates two pieces is at least as wide as the horizon of the mechanics, since bonds reach over a narrower
+//! one. A plane cut takes off all that lies behind the plane.
+//!
+//! Not for: heat of the cut, and the forces of a tool.
+
+use perimelt_core::activity::is_active;
+use perimelt_core::{Coupler, RunError, Setup, SetupError, Step, World, Write};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Material that is cut off at a given time.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Cut {
+    /// Body; may be left out when there is one only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<String>,
+    /// Region of the points that lose their material.
+    pub region: String,
+    /// Time of the cut (s).
+    pub time: f64,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<CutState>,
+}
+
+#[derive(Debug)]
+struct CutState {
+    body: usize,
+    points: Vec<u32>,
+    active: Write<f64>,
+}
+
+#[typetag::serde(name = "cut")]
+impl Coupler for Cut {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        if !(self.time >= 0.0 && self.time.is_finite()) {
+            let message = format!("material is cut off at {} s", self.time);
+            return Err(SetupError::value("time", message, "a time of 0 s or more"));
+        }
+        let points = setup.region(body, "region", &self.region)?.points;
+        if points.len() == setup.body(body).points.len() {
+            let message = format!("region `{}` is the whole body", self.region);
+            return Err(SetupError::value("region", message, "a part of the body"));
+        }
+        self.prepared = Some(CutState {
+            body,
+            points,
+            active: setup.cut_off(body)?,
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        let p = self.prepared.as_ref().expect("prepared before the run");
+        // as births, cuts are part of the first step that begins at their time
+        if step.size == 0.0 || step.middle() < self.time {
+            return Ok(());
+        }
+        let is_done = |activity: &[f64]| p.points.iter().all(|&n| !is_active(activity[n as usize]));
+        if world.activity(p.body).is_some_and(|a| is_done(&a)) {
+            return Ok(());
+        }
+        let mut active = world.write(p.active);
+        p.points.iter().for_each(|&n| active[n as usize] = 0.0);
+        Ok(())
+    }
+
+    fn next_event(&self, after: f64) -> Option<f64> {
+        Some(self.time).filter(|time| *time > after)
+    }
+}
+
+perimelt_core::register_coupler!("cut", Cut);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::deposit::Deposit;
+    use crate::testing::{STEEL, apply, block, prepare, read, refusal, values};
+    use perimelt_core::keys;
+
+    #[test]
+    fn points_lose_their_material_in_the_step_that_begins_at_the_cut() {
+        let mut world = World::new(vec![block([3, 1, 1], 3, STEEL)]);
+        let mut cut: Cut = read("region = 'left'\ntime = 2");
+        prepare(&mut world, &mut cut, |_| ()).expect("valid");
+        assert_eq!(
+            (cut.next_event(0.0), cut.next_event(2.0)),
+            (Some(2.0), None)
+        );
+        for (start, left) in [(0.0, 1.0), (1.0, 1.0), (2.0, 0.0), (3.0, 0.0)] {
+            apply(&world, &mut cut, start);
+            assert_eq!(values(&world, &keys::ACTIVE), [left, 1.0, 1.0], "{start}");
+        }
+    }
+
+    #[test]
+    fn what_was_deposited_can_be_cut_off() {
+        let mut world = World::new(vec![block([3, 1, 1], 3, STEEL)]);
+        let table =
+            "region = 'left'\ntemperature = 900\nlayers = { height = 1, interval = 1, first = 1 }";
+        let mut deposit: Deposit = read(table);
+        let mut cut: Cut = read("region = 'left'\ntime = 2");
+        let mut setup = Setup::new(&mut world, std::path::Path::new("."));
+        setup.next_plugin("cut");
+        cut.prepare(&mut setup).expect("valid");
+        setup.next_plugin("deposit");
+        deposit.prepare(&mut setup).expect("valid");
+        setup
+            .finish()
+            .map_err(|(_, e)| e)
+            .expect("both may change the activity");
+        for (start, left) in [(0.0, 0.0), (1.0, 1.0), (2.0, 0.0), (3.0, 0.0)] {
+            apply(&world, &mut cut, start);
+            apply(&world, &mut deposit, start);
+            assert_eq!(values(&world, &keys::ACTIVE), [left, 1.0, 1.0], "{start}");
+        }
+    }
+
+    #[test]
+    fn a_body_is_not_cut_off_as_a_whole() {
+        let mut world = World::new(vec![block([1, 2, 1], 2, STEEL)]);
+        let mut cut: Cut = read("region = 'left'\ntime = 1");
+        assert!(refusal(&mut world, &mut cut).contains("whole body"));
+    }
+}

@@ -1,0 +1,432 @@
+//! Material that is deposited on a solid, or cut off it.
+//!
+//! A point that gets its material is *born* at the displacement that continues that of the material around it:
+//!
+//! ```text
+//! u_i = sum_j w (u_j - H_j xi) / sum_j w,   H_i = sum_j w H_j / sum_j w      j: points that are there
+//! ```
+//!
+//! points beside the body first, then those beside them. It is free of stress in that shape: the field `birth_strain` e0 is
+//! the strain of its displacement gradient H at birth, and its stress is that of the strain beyond e0. So is the
+//! strain of any point measured from the configuration in which its material was deposited, as inactive elements are
+//! activated in welding codes.
+//!
+//! Points that were there before get other neighbours by a birth or a cut, and from the same displacement another H. Their
+//! stress does not change by that:
+//!
+//! ```text
+//! e0 += e(H with the new neighbours) - e(H with the old ones)
+//! ```
+//!
+//! Of H_j the rotation is continued, and the strain up to that of elastic metal: fresh metal does not take over how the layer
+//! below has shrunk.
+//!
+//! Where the body has an annealing temperature, material that is deposited above it is free of all stress, pressure included,
+//! until it has cooled below for the first time: e0 follows its strain, and there is no plastic strain. Metal that melts
+//! again is annealed as any other.
+//!
+//! Births and cuts hence change no stress of any other point; what is unbalanced afterwards is what the material
+//! that is gone carried.
+//!
+//! A body in motion (`explicit`) gets its material at the velocity of what is around it. The balance of momentum counts what
+//! comes and goes with material as given.
+//!
+//! Correspondence solids only: their stress belongs to points. A bond of the other solids has the mean of the strains of its
+//! ends, and a point born beside a loaded one would not be free of stress.
+
+use nalgebra::{Matrix3, Vector3};
+use perimelt_core::activity::is_active;
+use perimelt_core::family::{Continuation, LayerRule};
+use perimelt_core::solver::reduce::max_abs;
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Face, Family, Setup, SetupError, World, keys};
+use rayon::prelude::*;
+
+use super::classical::{COMPONENTS, Point, symmetric};
+use super::keys::{Formulation, Mechanical};
+use super::moduli::Moduli;
+use super::momentum::{Momentum, place};
+use super::plasticity::{Inelastic, elastic_strain};
+use super::step::Run;
+use super::surface_stress::SurfaceStress;
+
+/// Strain that is continued from the body to what is deposited on it, of the order of the elastic limit of metals.
+const CONTINUED: f64 = 2e-3;
+
+/// The part of a displacement gradient that is continued to new material: the rotation, and strain up to [`CONTINUED`].
+fn continued_part(gradient: &Matrix3<f64>) -> Matrix3<f64> {
+    let strain = 0.5 * (gradient + gradient.transpose());
+    let size = strain.norm();
+    match size > CONTINUED {
+        true => gradient + strain * (CONTINUED / size - 1.0),
+        false => *gradient,
+    }
+}
+
+/// Whether there is material at each point.
+pub(super) fn mask(activity: &[f64]) -> Vec<bool> {
+    activity.iter().map(|v| is_active(*v)).collect()
+}
+
+/// Refuses keys that do not go together with a body that grows or with inherent strains.
+pub(super) fn check(
+    keys: &Mechanical,
+    setup: &Setup<'_>,
+    body: BodyIndex,
+) -> Result<(), SetupError> {
+    let grows = setup.is_growing(body);
+    let has_strain = setup.is_added(body, &keys::INHERENT_STRAIN);
+    if !(grows || has_strain) {
+        return Ok(());
+    }
+    let cause = match grows {
+        true => "a body whose material is deposited or cut off",
+        false => "a body with an inherent strain",
+    };
+    let refuse = |key: &str, what: &str, expected: &str| {
+        Err(SetupError::value(
+            key,
+            format!("{cause} does not go together with {what}"),
+            expected,
+        ))
+    };
+    if keys.formulation != Formulation::Correspondence {
+        let what = "bonds that have the mean strain of their ends";
+        return refuse("formulation", what, "`formulation = \"correspondence\"`");
+    }
+    if !grows {
+        return Ok(());
+    }
+    if keys.fracture.is_some() {
+        return refuse("fracture", "breaking bonds", "no `fracture`");
+    }
+    if keys.surface_stress != SurfaceStress::Direct {
+        let what = "a surface that is known from the start";
+        return refuse("surface_stress", what, "\"direct\"");
+    }
+    Ok(())
+}
+
+/// Refuses a traction by a layer, whose slope takes no strain at birth into account.
+pub(super) fn check_layer(
+    setup: &Setup<'_>,
+    body: BodyIndex,
+    face: Face,
+) -> Result<(), SetupError> {
+    if !(setup.is_growing(body) || setup.is_added(body, &keys::INHERENT_STRAIN)) {
+        return Ok(());
+    }
+    let message = format!(
+        "the traction on face `{}` acts by a layer, which does not know the strain at which material was deposited",
+        face.name()
+    );
+    Err(SetupError::value(
+        "body",
+        message,
+        "`by = \"body_force\"` in `traction`",
+    ))
+}
+
+/// The displacement of the points that are there, and where layers mirror them.
+struct Surroundings<'a> {
+    family: &'a Family,
+    /// By slot, the point in it or mirrored there.
+    point_in: Vec<u32>,
+    /// By slot, the signs of the components of a symmetric image; one for points, zero for other images.
+    sign: Vec<[f64; 3]>,
+    /// Whether the displacement of each point is known.
+    known: Vec<bool>,
+}
+
+/// State of motion of a body.
+struct MotionState<'a> {
+    /// By component and slot, m.
+    displacement: [Vec<f64>; 3],
+    /// By point.
+    gradient: &'a [Matrix3<f64>],
+    /// m/s; empty in equilibrium.
+    velocity: &'a [Vector3<f64>],
+}
+
+/// State of motion of a point.
+#[derive(Clone, Copy, Default)]
+struct Placed {
+    displacement: Vector3<f64>,
+    gradient: Matrix3<f64>,
+    velocity: Vector3<f64>,
+}
+
+impl<'a> Surroundings<'a> {
+    fn new(family: &'a Family, rules: &[LayerRule], known: Vec<bool>) -> Self {
+        let point_in = family.points_of_slots();
+        let mut sign = vec![[1.0; 3]; point_in.len()];
+        for image in family.images(&Continuation::plain(rules)) {
+            sign[image.slot] = match image.is_symmetric() {
+                true => image.scale,
+                false => [0.0; 3],
+            };
+        }
+        Surroundings {
+            family,
+            point_in,
+            sign,
+            known,
+        }
+    }
+
+    /// A displacement (m) by slot, continued into the layers by `rules`.
+    fn in_slots(&self, displacement: &[Vector3<f64>], rules: &[LayerRule]) -> [Vec<f64>; 3] {
+        std::array::from_fn(|axis| {
+            let mut slots = vec![0.0; self.family.slots()];
+            let values: &[f64] = bytemuck::cast_slice(displacement);
+            self.family.scatter(values, 3, axis, &mut slots);
+            self.family.fill_layers(rules, axis, &mut slots);
+            slots
+        })
+    }
+
+    /// Continues the displacement of the known neighbours to a point; `None` if it has none.
+    fn continued(&self, point: usize, state: &MotionState<'_>) -> Option<Placed> {
+        let mut total = 0.0;
+        let mut sum = Placed::default();
+        self.family.for_each_bond(point, |_, bond, slot| {
+            let other = self.point_in[slot] as usize;
+            let sign = self.sign[slot];
+            if bond.weight <= 0.0 || sign == [0.0; 3] || !self.known.get(other).unwrap_or(&false) {
+                return;
+            }
+            let mirror = Matrix3::from_diagonal(&sign.into());
+            let gradient = mirror * state.gradient[other] * mirror;
+            let xi = Vector3::from(bond.xi);
+            let displacement = Vector3::from_fn(|axis, _| state.displacement[axis][slot]);
+            sum.displacement += bond.weight * (displacement - gradient * xi);
+            sum.gradient += bond.weight * gradient;
+            if let Some(velocity) = state.velocity.get(other) {
+                sum.velocity += bond.weight * (mirror * velocity);
+            }
+            total += bond.weight;
+        });
+        (total > 0.0).then(|| Placed {
+            displacement: sum.displacement / total,
+            gradient: sum.gradient / total,
+            velocity: sum.velocity / total,
+        })
+    }
+}
+
+impl Run {
+    /// Takes up points that became active or inactive since the last step.
+    pub(super) fn follow_activity(&mut self, world: &World) {
+        let Some(active) = world.activity(self.body).map(|a| mask(&a)) else {
+            return;
+        };
+        if active != self.state.present {
+            self.change_presence(world, active);
+        }
+        let rules = world.layer_rules(self.layers);
+        self.state.layers = rules.iter().map(|r| [r.scale, r.offset]).collect();
+    }
+
+    /// Lets other points be present. Layers are as in the last step: what they prescribe for the end of this one strains
+    /// the material after its birth.
+    fn change_presence(&mut self, world: &World, active: Vec<bool>) {
+        let mut rules = world.layer_rules(self.layers).to_vec();
+        for (rule, [scale, offset]) in rules.iter_mut().zip(&self.state.layers) {
+            (rule.scale, rule.offset) = (*scale, *offset);
+        }
+        let before = self.gradients(world, &rules);
+        self.solid.set_present(&active);
+        self.statics.forget_rigid_modes();
+        let was_present = std::mem::replace(&mut self.state.present, active);
+        let present = self.state.present.clone();
+        self.state.fresh.resize(present.len(), false);
+        for (point, fresh) in self.state.fresh.iter_mut().enumerate() {
+            *fresh = present[point] && (*fresh || !was_present[point]);
+        }
+        let gone = self.momentum_where(world, |i| was_present[i] && !present[i]);
+        self.place_born(world, (&was_present, &rules), &before);
+        let born = self.momentum_where(world, |i| !was_present[i] && present[i]);
+        self.state.given += gone.times(-1.0).with_size_of(&gone);
+        self.state.given += born;
+        self.set_in_motion(world);
+        let after = self.gradients(world, &rules);
+        let finite = self.balanced.angular;
+        let Some(birth_strain) = self.fields.birth_strain else {
+            return;
+        };
+        let mut birth_strain = world.write(birth_strain);
+        for &point in self.solid.family().recalibrated() {
+            let point = point as usize;
+            let strain = |gradient: &Matrix3<f64>| Point::strain(gradient, finite);
+            match self.state.present[point] {
+                true => birth_strain[point] += strain(&after[point]) - strain(&before[point]),
+                false => birth_strain[point] = Matrix3::zeros(),
+            }
+        }
+    }
+
+    /// Gradients of the present displacement.
+    fn gradients(&mut self, world: &World, rules: &[LayerRule]) -> Vec<Matrix3<f64>> {
+        let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
+        self.solid
+            .set_displacement(bytemuck::cast_slice(&displacement), rules);
+        self.solid.gradients().to_vec()
+    }
+
+    /// Sets the displacement of the points that are present now and were not before, from that of the others and its
+    /// `gradients`.
+    fn place_born(
+        &self,
+        world: &World,
+        (was_present, rules): (&[bool], &[LayerRule]),
+        gradients: &[Matrix3<f64>],
+    ) {
+        let present = &self.state.present;
+        let pairs = || was_present.iter().zip(present);
+        let mut waiting: Vec<usize> = (0..present.len())
+            .zip(pairs())
+            .filter(|(_, (before, now))| !**before && **now)
+            .map(|(point, _)| point)
+            .collect();
+        if waiting.is_empty() {
+            return;
+        }
+        let known = pairs().map(|(before, now)| *before && *now).collect();
+        let mut around = Surroundings::new(self.solid.family(), rules, known);
+        let mut gradients: Vec<_> = gradients.iter().map(continued_part).collect();
+        let mut displacement = world.write(self.fields.displacement);
+        let mut velocity = self.fields.velocity.map(|v| world.write(v));
+        while !waiting.is_empty() {
+            let state = MotionState {
+                displacement: around.in_slots(&displacement, rules),
+                gradient: &gradients,
+                velocity: velocity.as_deref().unwrap_or(&[]),
+            };
+            let place = |&point: &usize| around.continued(point, &state);
+            let placed: Vec<Option<Placed>> = waiting.par_iter().map(place).collect();
+            // where nothing is there to which the material is attached, it stays at rest
+            let is_alone = placed.iter().all(Option::is_none);
+            let mut left = Vec::new();
+            for (point, placed) in waiting.into_iter().zip(placed) {
+                let Some(placed) = placed.or_else(|| is_alone.then(Placed::default)) else {
+                    left.push(point);
+                    continue;
+                };
+                (displacement[point], gradients[point]) = (placed.displacement, placed.gradient);
+                if let Some(velocity) = &mut velocity {
+                    velocity[point] = placed.velocity;
+                }
+                around.known[point] = true;
+            }
+            waiting = left;
+        }
+    }
+
+    /// Relieves material that was deposited above the annealing temperature (K) and has not cooled below it yet of its
+    /// `stress` (Pa), which is then zero, and of its plastic strain.
+    pub(super) fn relieve_fresh(
+        &mut self,
+        world: &World,
+        temperature: &[f64],
+        (limit, moduli): (f64, &[Moduli]),
+        stress: &mut [[f64; 6]],
+    ) {
+        let Some(birth_strain) = self.fields.birth_strain else {
+            return;
+        };
+        let fresh = self.state.fresh.iter_mut().enumerate();
+        for (_, fresh) in fresh.filter(|(i, _)| temperature[*i] < limit) {
+            *fresh = false;
+        }
+        let Some(plasticity) = self.solid.plasticity() else {
+            return;
+        };
+        let mut birth_strain = world.write(birth_strain);
+        let fresh = self.state.fresh.iter().enumerate().filter(|(_, f)| **f);
+        for (i, _) in fresh {
+            let elastic = elastic_strain(plasticity.stress_state, &stress[i], &moduli[i]);
+            let settled = &mut plasticity.settled[i];
+            let relieved = std::array::from_fn(|c| elastic[c] + settled.strain[c]);
+            birth_strain[i] += symmetric(&relieved);
+            *settled = Inelastic::default();
+            stress[i] = [0.0; 6];
+        }
+        drop(birth_strain);
+        self.load_stress_free(world);
+    }
+
+    /// Momentum of some points; zero in equilibrium.
+    fn momentum_where(&self, world: &World, counts: impl Fn(usize) -> bool + Sync) -> Momentum {
+        let Some(velocity) = self.fields.velocity else {
+            return Momentum::default();
+        };
+        let velocity = &*world.read::<Vector3<f64>>(velocity.into());
+        let displacement = &*world.read::<Vector3<f64>>(self.fields.displacement.into());
+        let (points, density) = (&world.body(self.body).points, &self.density);
+        Momentum::sum(self.balanced, points.len(), |i| {
+            let mass = if counts(i) {
+                density[i] * points.volume[i]
+            } else {
+                0.0
+            };
+            let x = place(&points.position[i], displacement[i].as_slice());
+            [x, (mass * velocity[i]).into()]
+        })
+    }
+
+    /// Lets the points that are present move, and no others.
+    pub(super) fn set_in_motion(&mut self, world: &World) {
+        self.free_present_points();
+        let Some(velocity) = self.fields.velocity else {
+            return;
+        };
+        let mut velocity = world.write(velocity);
+        let points = velocity.iter_mut().zip(&self.state.present);
+        points
+            .filter(|(_, p)| !**p)
+            .for_each(|(v, _)| *v = Vector3::zeros());
+        let state = &mut self.state;
+        state.verlet.forget_force();
+        state.external_force = None;
+        state.watch.disturbed = true;
+    }
+
+    /// Gives points without material no inverse density. Boundaries that hold points set theirs afterwards.
+    pub(super) fn free_present_points(&mut self) {
+        let (inverse, _) = self.free_inverse_density.as_chunks_mut::<3>();
+        let points = inverse
+            .iter_mut()
+            .zip(&self.density)
+            .zip(&self.state.present);
+        points.for_each(|((inverse, density), present)| {
+            *inverse = [if *present { 1.0 / density } else { 0.0 }; 3];
+        });
+    }
+
+    /// Gives the family the points that were present when the state was saved.
+    pub(super) fn restore_presence(&mut self) {
+        if !self.state.present.is_empty() {
+            self.solid.set_present(&self.state.present);
+            self.statics.forget_rigid_modes();
+            self.free_present_points();
+        }
+    }
+
+    /// Takes the strains with components at which points are free of stress.
+    pub(super) fn load_stress_free(&mut self, world: &World) {
+        let birth = self.fields.birth_strain.map(|f| world.read(f.into()));
+        let inherent = self.fields.inherent_strain.map(|f| world.read(f));
+        if birth.is_none() && inherent.is_none() {
+            return;
+        }
+        let fields = [birth.as_deref(), inherent.as_deref()];
+        let strain = |point: usize| {
+            let sum: Matrix3<f64> = fields.into_iter().flatten().map(|field| field[point]).sum();
+            COMPONENTS.map(|at| sum[at])
+        };
+        let strains = (0..self.density.len()).into_par_iter().map(strain);
+        let strains: Vec<[f64; 6]> = strains.collect();
+        self.eigenstrain_size += max_abs(strains.as_flattened());
+        self.solid.set_stress_free(strains);
+    }
+}
