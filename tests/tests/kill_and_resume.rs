@@ -1,5 +1,7 @@
 //! However a run is killed, its log replays up to the last interval, and `resume` ends in the
 //! state of the uninterrupted run, bit for bit.
+//!
+//! `PERIMELT_KILLS=300 cargo test --release -p perimelt-tests --test kill_and_resume killed` kills as many runs.
 
 mod program;
 
@@ -12,7 +14,6 @@ use program::command;
 
 const WELD: &str = include_str!("cases/weld.toml");
 const WALL: &str = include_str!("cases/wall.toml");
-const KILLS: u32 = 20;
 
 /// Time and bytes of the last checkpoint.
 fn final_state(log: &Path) -> (f64, Vec<u8>) {
@@ -25,7 +26,7 @@ fn final_state(log: &Path) -> (f64, Vec<u8>) {
 }
 
 #[test]
-fn twenty_killed_runs_replay_and_resume_to_the_same_bits() {
+fn killed_runs_replay_and_resume_to_the_same_bits() {
     let folder = tempfile::tempdir().expect("a folder for logs");
     let at = |name: &str| folder.path().join(name);
     // finer than the case of the mistakes, so that a run is long enough to be killed
@@ -35,6 +36,7 @@ fn twenty_killed_runs_replay_and_resume_to_the_same_bits() {
     let run = command(folder.path(), &["run", "weld.toml", "--quiet"]).status();
     assert!(run.expect("it starts").success());
     let whole = started.elapsed();
+    let kills = std::env::var("PERIMELT_KILLS").map_or(20, |n| n.parse().expect("a number"));
     let (end, expected) = final_state(&at("weld.mcap"));
     let states = Log::open(at("weld.mcap"))
         .expect("the log opens")
@@ -44,7 +46,7 @@ fn twenty_killed_runs_replay_and_resume_to_the_same_bits() {
     // a small generator: kill times need to differ, not to be random
     let mut seed: u64 = 0x9e37_79b9_7f4a_7c15;
     let mut killed_midway = 0;
-    for kill in 0..KILLS {
+    for kill in 0..kills {
         seed = seed
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
@@ -100,7 +102,7 @@ fn twenty_killed_runs_replay_and_resume_to_the_same_bits() {
         std::fs::remove_file(&log).expect("removable");
     }
     assert!(
-        killed_midway >= KILLS / 4,
+        killed_midway >= kills / 4,
         "only {killed_midway} runs were killed while running"
     );
 }

@@ -16,7 +16,7 @@ mod axes;
 mod charts;
 pub(crate) mod colour;
 mod contour;
-mod curves;
+pub(crate) mod curves;
 mod error;
 mod fields;
 mod film;

@@ -11,6 +11,7 @@
 pub(crate) mod audit;
 pub mod benchmarks;
 pub mod check;
+pub mod html;
 pub mod limit;
 mod measured_run;
 pub mod measurement;
@@ -60,6 +61,9 @@ pub struct VerifyArgs {
     /// With `--report`: renews the tables of this document, between the comments that mark them
     #[arg(long, value_name = "DOCUMENT", requires = "report")]
     pub into: Option<PathBuf>,
+    /// Writes the results as a page with plots into this folder
+    #[arg(long, value_name = "FOLDER", conflicts_with = "into")]
+    pub html: Option<PathBuf>,
 }
 
 impl VerifyArgs {
@@ -148,7 +152,11 @@ pub(crate) struct Planned {
 pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
     if let Some(results) = &args.report {
         let cases = benchmarks::load(args.cases.as_deref())?;
-        let tables = report::tables(&Results::read(results)?, &cases)?;
+        let results = Results::read(results)?;
+        if let Some(folder) = &args.html {
+            return Ok(html::write(folder, &results, &cases)?);
+        }
+        let tables = report::tables(&results, &cases)?;
         return match &args.into {
             Some(document) => Ok(report::renew(document, &tables)?),
             None => Ok(write!(std::io::stdout(), "{tables}")?),
@@ -169,9 +177,12 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
     let wall = duration(started.elapsed().as_secs_f64());
     let mut out = std::io::stdout().lock();
     write!(out, "{}", OutcomeTable(&outcomes))?;
+    results.add(Session::now(args.level()), &outcomes);
     if let Some(path) = &args.output {
-        results.add(Session::now(args.level()), &outcomes);
         results.write(path)?;
+    }
+    if let Some(folder) = &args.html {
+        html::write(folder, &results, &benchmarks::load(args.cases.as_deref())?)?;
     }
     let failed = outcomes.iter().filter(|o| !o.passed).count();
     let all = outcomes.len();

@@ -37,6 +37,9 @@ pub struct Outcome {
     pub level: Level,
     /// Wall time of the run of the case, s.
     pub seconds: f64,
+    /// Measured value and reference of each of several values; nothing where a number is not finite.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub compared: Vec<[Option<f64>; 2]>,
 }
 
 impl Outcome {
@@ -62,6 +65,12 @@ impl Outcome {
         for (i, &measured) in values.iter().enumerate() {
             let number = if references.len() == 1 { 0 } else { i };
             let reference = references.get(number).copied().unwrap_or(f64::NAN);
+            if values.len() > 1 {
+                let pair = [measured, reference];
+                outcome
+                    .compared
+                    .push(pair.map(|v| v.is_finite().then_some(v)));
+            }
             let (error, most) = check.limit.judge(measured, reference, peak);
             outcome.passed &= error <= most;
             // the first NaN is the worst value
@@ -94,6 +103,7 @@ impl Outcome {
             source: check.source.clone(),
             level: check.level,
             seconds: 0.0,
+            compared: Vec::new(),
         }
     }
 
@@ -112,6 +122,7 @@ impl Outcome {
             source: "conservation".into(),
             level: Level::Everyday,
             seconds: 0.0,
+            compared: Vec::new(),
         }
     }
 
