@@ -13,6 +13,7 @@ fn main() {
         "verification",
         "welding",
         "additive",
+        "quenching",
         "../core/src",
         "../physics/src",
         "../couplers/src",

@@ -69,7 +69,7 @@ impl Beam {
         let depth = self.depth.reach();
         let finest = self.footprint.finest().min(self.depth.finest());
         let mut first = [0_i64; 3];
-        let mut count = [0_usize; 3];
+        let mut count = [0_i64; 3];
         let mut offsets: [Vec<f64>; 3] = Default::default();
         for a in 0..3 {
             let reach = frame.along[a].abs() * along
@@ -78,33 +78,34 @@ impl Beam {
             let at = grid.in_cells(a, origin[a]);
             let reach = reach / grid.spacing[a];
             first[a] = (at - reach).floor() as i64;
-            count[a] = ((at + reach).ceil() as i64 - first[a]).max(1) as usize;
+            count[a] = ((at + reach).ceil() as i64 - first[a]).max(1);
             offsets[a] = self.offsets(grid.spacing[a], finest);
         }
+        let cells = || {
+            let [x, y, z] = [0, 1, 2].map(|a| first[a]..first[a] + count[a]);
+            z.flat_map(move |k| {
+                let x = x.clone();
+                let row = move |j| x.clone().map(move |i| [i, j, k]);
+                y.clone().flat_map(row)
+            })
+        };
+        let point_in = |cell: [i64; 3]| {
+            let inside = (0..3).all(|a| cell[a] >= 0 && cell[a] < grid.dims[a] as i64);
+            let cell = inside.then(|| cell.map(|c| c as usize));
+            cell.and_then(|cell| body.point(cell))
+        };
         let parts = &mut scratch.lateral;
         parts.clear();
         let [mut all, mut hit] = [0.0; 2];
-        let mut each = |cell: [i64; 3], part: f64| {
+        for cell in cells() {
+            let centre =
+                Vector3::from_fn(|a, _| grid.origin[a] + (cell[a] as f64 + 0.5) * grid.spacing[a]);
+            let part = self.mean(&frame, &centre, &offsets);
             all += part;
-            let inside = (0..3).all(|a| cell[a] >= 0 && cell[a] < grid.dims[a] as i64);
-            let point = inside
-                .then(|| body.point(cell.map(|c| c as usize)))
-                .flatten();
-            if point.is_some() {
+            if point_in(cell).is_some() {
                 hit += part;
             }
             parts.push(part);
-        };
-        for k in 0..count[2] as i64 {
-            for j in 0..count[1] as i64 {
-                for i in 0..count[0] as i64 {
-                    let cell = [first[0] + i, first[1] + j, first[2] + k];
-                    let centre = Vector3::from_fn(|a, _| {
-                        grid.origin[a] + (cell[a] as f64 + 0.5) * grid.spacing[a]
-                    });
-                    each(cell, self.mean(&frame, &centre, &offsets));
-                }
-            }
         }
         if all == 0.0 {
             return Deposit {
@@ -124,22 +125,9 @@ impl Beam {
             covered => power * covered,
         };
         let scale = if hit > 0.0 { deposited / hit } else { 0.0 };
-        let parts = &scratch.lateral;
-        let mut next = 0;
-        for k in 0..count[2] as i64 {
-            for j in 0..count[1] as i64 {
-                for i in 0..count[0] as i64 {
-                    let cell = [first[0] + i, first[1] + j, first[2] + k];
-                    let part = parts[next];
-                    next += 1;
-                    let inside = (0..3).all(|a| cell[a] >= 0 && cell[a] < grid.dims[a] as i64);
-                    if part > 0.0
-                        && inside
-                        && let Some(point) = body.point(cell.map(|c| c as usize))
-                    {
-                        values[point] += scale * part / body.volume(point);
-                    }
-                }
+        for (cell, part) in cells().zip(&scratch.lateral) {
+            if let Some(point) = point_in(cell).filter(|_| *part > 0.0) {
+                values[point] += scale * part / body.volume(point);
             }
         }
         Deposit {

@@ -254,7 +254,7 @@ pub enum ToolpathError {
         /// Key in the case file.
         key: String,
     },
-    /// `wait` in a table without the condition, or the like.
+    /// A row of the table waits, but it is not given for what.
     #[error("line {line} of the toolpath table {} has a `wait`, but the toolpath has no `wait_until`", path.display())]
     TableWait {
         /// The file.
