@@ -182,6 +182,11 @@ impl Physics for Thermal {
         let mut reports: Vec<Report> = faces.iter().flat_map(HeatedFace::reports).collect();
         if faces.len() > 1 {
             reports.push(HeatedFace::total(faces));
+            reports.push(Report {
+                name: "heat.layers".into(),
+                unit: "W".into(),
+                value: self.run().through_layers,
+            });
         }
         reports.extend(self.run().growth.iter().flat_map(Growth::reports));
         reports

@@ -96,6 +96,7 @@ impl Run {
             integrator: Integrator::new(thermal.solver, thermal.tolerance),
             heat: HeatAccount::default(),
             faces: faces.filter(HeatedFace::is_measurable).collect(),
+            through_layers: 0.0,
             stable_step: f64::INFINITY,
         })
     }
