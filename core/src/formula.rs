@@ -79,6 +79,11 @@ impl Formula {
         })
     }
 
+    /// Whether it is a formula in the time alone.
+    pub fn is_of_time(&self) -> bool {
+        self.used.iter().all(|v| VARIABLES[*v] == "t")
+    }
+
     /// The value at a position (m) and time (s).
     pub fn at(&self, [x, y, z]: [f64; 3], time: f64) -> f64 {
         let all = [x, y, z, time];

@@ -1,4 +1,4 @@
-//! A number, or a table of numbers in time.
+//! A number, a formula in time, or a table of numbers in time.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -9,14 +9,16 @@ use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
 
+use crate::formula::Formula;
 use crate::material::Table;
 
-/// A number that may change in time: piecewise linear through the rows of a table, constant
+/// A number that may change in time: a formula, or piecewise linear through the rows of a table, constant
 /// before the first and after the last. A jump is two rows a moment apart.
 ///
 /// ```toml
 /// value = 300
 /// value = { time = [0, 10], value = [300, 500] }   # s
+/// value = "300 + 5 * t * exp(-2 * t)"              # t in s
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum InTime {
@@ -24,6 +26,8 @@ pub enum InTime {
     Constant(f64),
     /// Rows of time (s) and value.
     Table(Table),
+    /// A formula in the time t (s).
+    Formula(Formula),
 }
 
 impl InTime {
@@ -32,22 +36,24 @@ impl InTime {
         match self {
             InTime::Constant(value) => *value,
             InTime::Table(table) => table.at(time),
+            InTime::Formula(formula) => formula.at([0.0; 3], time),
         }
     }
 
     /// The first row later than `after` (s): a kink, on which steps should land.
     pub fn next_event(&self, after: f64) -> Option<f64> {
         match self {
-            InTime::Constant(_) => None,
+            InTime::Constant(_) | InTime::Formula(_) => None,
             InTime::Table(table) => table.abscissae().iter().copied().find(|t| *t > after),
         }
     }
 
-    /// All numbers given: every value lies between the least and the largest of them.
+    /// All numbers given: every value lies between the least and the largest of them. Empty for a formula.
     pub fn values(&self) -> &[f64] {
         match self {
             InTime::Constant(value) => std::slice::from_ref(value),
             InTime::Table(table) => table.values(),
+            InTime::Formula(_) => &[],
         }
     }
 }
@@ -57,7 +63,8 @@ pub fn earlier(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     a.into_iter().chain(b).min_by(f64::total_cmp)
 }
 
-const FORMS: &str = "a number, or { time = [...], value = [...] } with times in seconds";
+const FORMS: &str =
+    "a number, { time = [...], value = [...] } with times in seconds, or a formula in t (s)";
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -97,6 +104,16 @@ impl<'de> Visitor<'de> for InTimeVisitor {
         Ok(InTime::Constant(value as f64))
     }
 
+    fn visit_str<E: de::Error>(self, text: &str) -> Result<InTime, E> {
+        let formula = Formula::new(text).map_err(E::custom)?;
+        match formula.is_of_time() {
+            true => Ok(InTime::Formula(formula)),
+            false => Err(E::custom(format_args!(
+                "the formula `{text}` depends on the position; expected {FORMS}"
+            ))),
+        }
+    }
+
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<InTime, A::Error> {
         let rows = Rows::deserialize(MapAccessDeserializer::new(map))?;
         Table::new(rows.time, rows.value)
@@ -109,6 +126,7 @@ impl Serialize for InTime {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             InTime::Constant(value) => serializer.serialize_f64(*value),
+            InTime::Formula(formula) => formula.serialize(serializer),
             InTime::Table(table) => {
                 let mut map = serializer.serialize_map(Some(2))?;
                 map.serialize_entry("time", table.abscissae())?;
@@ -126,9 +144,10 @@ impl JsonSchema for InTime {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "description": "A number, or a table of numbers in time",
+            "description": "A number, a formula in time, or a table of numbers in time",
             "anyOf": [
                 { "type": "number", "description": "The same at all times" },
+                { "type": "string", "description": "Formula in the time t (s), such as \"300 + 5 * t * exp(-2 * t)\"" },
                 {
                     "type": "object",
                     "description": "Piecewise linear in time, constant outside the rows",
@@ -173,6 +192,9 @@ mod tests {
             assert_eq!(ramp.next_event(after), event);
         }
         assert_eq!(read("5").expect("valid").at(7.0), 5.0);
+        let pulse = read("'300 + 5 * t * exp(-2 * t)'").expect("valid");
+        assert_eq!((pulse.at(0.0), pulse.next_event(0.0)), (300.0, None));
+        assert!((pulse.at(2.0) - 300.0 - 10.0 * (-4.0_f64).exp()).abs() < 1e-12);
         assert_eq!(earlier(Some(2.0), None), Some(2.0));
         assert_eq!(earlier(Some(2.0), Some(1.0)), Some(1.0));
     }
@@ -180,7 +202,12 @@ mod tests {
     #[test]
     fn mistakes_are_explained() {
         for (text, message) in [
-            ("'hot'", "a number, or { time ="),
+            ("'hot'", "`hot` in the formula `hot` is unknown"),
+            (
+                "'300 + x'",
+                "depends on the position; expected a number, { time =",
+            ),
+            ("true", "a number, { time ="),
             ("inf", "not a finite number"),
             ("{ time = [0, 1], value = [1] }", "one value per row"),
             ("{ time = [0, 1] }", "missing field `value`"),
@@ -193,7 +220,11 @@ mod tests {
 
     #[test]
     fn writing_and_reading_gives_the_same() {
-        for text in ["5.5", "{ time = [1, 3], value = [10, 30] }"] {
+        for text in [
+            "5.5",
+            "{ time = [1, 3], value = [10, 30] }",
+            "'5 * t * exp(-2 * t)'",
+        ] {
             let value = read(text).expect("valid");
             let json = serde_json::to_string(&value).expect("serialises");
             assert_eq!(serde_json::from_str::<InTime>(&json).expect("reads"), value);

@@ -123,7 +123,7 @@ mistakes! {
     spacing_beside_zones: "spacing = 0.001\n" => "spacing = 0.001\nzones = [{ min = [0, 0, 0], max = [0.02, 0.01, 0.004], spacing = 0.001 }]\n";
     tank_that_does_not_hold_the_body: "spacing = 0.001\n" => "spacing = 0.001\ntank = { min = [0, 0, 0], max = [0.03, 0.005, 0.004] }\n";
     body_in_a_tank_that_stays: "spacing = 0.001\n" => "spacing = 0.001\ntank = { min = [0, 0, 0], max = [0.03, 0.02, 0.01] }\n";
-    moving_source_on_zones: "spacing = 0.001\n" => "zones = [{ min = [0, 0, 0], max = [0.02, 0.01, 0.004], spacing = 0.001 }]\n";
+    zone_with_a_horizon_of_zero: "spacing = 0.001\n" => "zones = [{ min = [0, 0, 0], max = [0.02, 0.01, 0.004], spacing = 0.001, horizon_factor = 0 }]\n";
     horizon_that_reaches_nobody: "horizon = 2\n" => "horizon = { length = 0.0005 }\n";
     temperature_below_zero: "initial.temperature = 300" => "initial.temperature = -5";
     surroundings_below_zero: "ambient = 300" => "ambient = -5";

@@ -56,9 +56,12 @@ impl MeasuredRun {
         let iterations: u64 = progress.iterations.iter().sum();
         let evaluations: u64 = progress.evaluations.iter().sum();
         let wall = duration(seconds);
+        let world = simulation.world();
+        let points: usize = world.bodies().iter().map(|body| body.points.len()).sum();
+        let bonds: usize = simulation.family_sizes().iter().map(|f| f.bonds).sum();
         match result {
             Ok(()) => tell(&format!(
-                "{name}: {steps} steps, {iterations} iterations, {evaluations} evaluations in {wall}"
+                "{name}: {points} points, {bonds} bonds, {steps} steps, {iterations} iterations, {evaluations} evaluations in {wall}"
             )),
             Err(failure) => {
                 let stopped = MeasuredRun::stopped(name, &failure);

@@ -63,6 +63,16 @@ impl Cloud {
         self.bounds
     }
 
+    /// Centre of the cell of each point, m.
+    pub fn centres(&self) -> &[Vector3<f64>] {
+        &self.centre
+    }
+
+    /// Whether the cells are those of a grid, which touch without gaps; those of a table are not.
+    pub fn is_tiled(&self) -> bool {
+        self.slack == 0.0
+    }
+
     /// The point, other than `except`, whose cell contains a position (m); the nearest in its spacings, if several
     /// do.
     pub(super) fn point_at(
@@ -161,6 +171,10 @@ impl Points {
             position: order.iter().map(|&p| self.position[p as usize]).collect(),
             volume: of(&self.volume),
             spacing: of(&self.spacing),
+            horizon_factor: match self.horizon_factor.is_empty() {
+                true => Vec::new(),
+                false => of(&self.horizon_factor),
+            },
         }
     }
 }

@@ -134,6 +134,7 @@ impl Body {
             spacing: vec![spacing; position.len()],
             position,
             volume,
+            horizon_factor: Vec::new(),
         };
         let discretisation = Discretisation::Lattice(lattice);
         Ok(Body::new(

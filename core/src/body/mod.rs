@@ -24,7 +24,7 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 
 use crate::axis::Axis;
-use crate::family::Cut;
+use crate::family::{Cut, Horizon};
 use crate::material::Material;
 use crate::shape::{Bounds, Shape};
 
@@ -37,9 +37,22 @@ pub struct Points {
     pub volume: Vec<f64>,
     /// Edge of the cell of each point, m.
     pub spacing: Vec<f64>,
+    /// Factor of the horizon of each point; empty where it is 1 everywhere.
+    pub horizon_factor: Vec<f64>,
 }
 
 impl Points {
+    /// Horizon of a point, m.
+    pub fn horizon(&self, point: usize, horizon: Horizon) -> f64 {
+        let factor = self.horizon_factor.get(point).copied().unwrap_or(1.0);
+        factor * horizon.of(self.spacing[point])
+    }
+
+    /// Horizons of all points, m.
+    pub fn horizons(&self, horizon: Horizon) -> Vec<f64> {
+        (0..self.len()).map(|p| self.horizon(p, horizon)).collect()
+    }
+
     /// Number of points.
     pub fn len(&self) -> usize {
         self.position.len()

@@ -67,6 +67,7 @@ impl Body {
             position: Vec::new(),
             volume: Vec::new(),
             spacing: Vec::new(),
+            horizon_factor: Vec::new(),
         };
         for (line, text) in lines {
             let cells: Vec<&str> = text.split(',').map(str::trim).collect();

@@ -17,6 +17,22 @@ pub struct Zone {
     pub max: [f64; 3],
     /// Distance between neighbouring points, m.
     pub spacing: f64,
+    /// Factor of the horizons of its points, 1 by default: with `horizon_factor = 2` and `horizon = 3` they are 6
+    /// spacings.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub horizon_factor: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde passes a reference"
+)]
+fn is_one(factor: &f64) -> bool {
+    *factor == 1.0
 }
 
 /// What can be wrong with a zone.
@@ -25,6 +41,9 @@ pub enum ZoneError {
     /// A spacing that is not positive.
     #[error("`spacing` = {0} must be positive")]
     Spacing(f64),
+    /// A factor of the horizon that is not positive.
+    #[error("`horizon_factor` = {0} must be positive and finite")]
+    HorizonFactor(f64),
     /// An edge that is not a whole number of spacings.
     #[error(
         "its extent is {extent} m along {}, not a whole number of spacings of {spacing} m",
@@ -51,6 +70,9 @@ impl Zone {
     fn cells(&self, dimension: usize) -> Result<[usize; 3], ZoneError> {
         if self.spacing.is_nan() || self.spacing <= 0.0 {
             return Err(ZoneError::Spacing(self.spacing));
+        }
+        if !(self.horizon_factor > 0.0 && self.horizon_factor.is_finite()) {
+            return Err(ZoneError::HorizonFactor(self.horizon_factor));
         }
         let mut cells = [1; 3];
         for (axis, cells) in cells.iter_mut().enumerate().take(dimension) {
@@ -98,6 +120,7 @@ impl Body {
         let middle = 0.5 * (min + max);
         let depth = if dimension == 3 { 1.0 } else { thickness };
         let (mut position, mut spacing) = (Vec::new(), Vec::new());
+        let mut horizon_factor = Vec::new();
         for (number, zone) in zones.iter().enumerate() {
             let wrong = |mistake| BodyError::Zone { number, mistake };
             let cells = zone.cells(dimension).map_err(wrong)?;
@@ -133,6 +156,10 @@ impl Body {
                 return Err(wrong(ZoneError::Empty));
             }
             spacing.resize(position.len(), zone.spacing);
+            horizon_factor.resize(position.len(), zone.horizon_factor);
+        }
+        if horizon_factor.iter().all(|f| *f == 1.0) {
+            horizon_factor.clear();
         }
         if let Some(at) = left_out(shape, dimension, zones, (min, max)) {
             return Err(BodyError::NotCovered { at: at.into() });
@@ -142,6 +169,7 @@ impl Body {
             volume: volume.collect(),
             position,
             spacing,
+            horizon_factor,
         };
         let (points, discretisation) = points.into_cloud(0.0);
         Ok(Body::new(
@@ -194,6 +222,7 @@ mod tests {
             min: [min[0], min[1], 0.0],
             max: [max[0], max[1], 0.0],
             spacing,
+            horizon_factor: 1.0,
         }
     }
 

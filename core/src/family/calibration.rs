@@ -34,13 +34,13 @@ impl Calibration {
         let sum = |part: fn(&Bond) -> f64| bonds.clone().map(part).sum::<f64>();
         let strain = match self.correction {
             Correction::None => return [1.0; 3],
-            Correction::Lattice => {
+            Correction::Lattice | Correction::Zone => {
                 return [self.dimension as f64 / sum(|b| b.weight * b.length); 3];
             }
             Correction::Volume => {
                 return [self.volume_over_moment / horizon / sum(|b| b.weight); 3];
             }
-            Correction::Point => Strain::Isotropic,
+            Correction::Point | Correction::Balanced => Strain::Isotropic,
             Correction::Uniaxial => Strain::Uniaxial,
         };
         calibration(self.dimension, strain, bonds)

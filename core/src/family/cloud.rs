@@ -12,12 +12,14 @@ use rayon::prelude::*;
 use crate::body::Body;
 use crate::cell_list::CellList;
 
+use super::balance::Balance;
 use super::blocks::Blocks;
 use super::build::{chunks, cuts};
 use super::calibration::{Calibration, factor_along};
 use super::images::Images;
 use super::kernel::ROW_LANES;
-use super::{Bond, Cut, Family, FamilyError, FamilySpec, Order, Rows, Span, TIE};
+use super::lattice::stencil;
+use super::{Bond, Correction, Cut, Family, FamilyError, FamilySpec, Order, Rows, Span, TIE};
 
 /// Bonds of a point beyond which a horizon is taken for a mistake.
 const MOST_BONDS: usize = 65_535;
@@ -37,7 +39,7 @@ struct Members<'a> {
 }
 
 /// A bond and the slot at its other end.
-type Member = (u32, Bond);
+pub(super) type Member = (u32, Bond);
 
 impl Members<'_> {
     /// How far the family of `owner` holds points like `other`, m.
@@ -100,6 +102,13 @@ impl Members<'_> {
         if trace <= 0.0 {
             return Err(self.no_neighbours(body, point));
         }
+        if self.spec.correction == Correction::Zone {
+            let horizon = self.horizon[point];
+            let cell = (self.spacing[point], self.volume[point]);
+            let members = stencil(body, self.spec, horizon, cell);
+            let complete = members.iter().map(|(_, b)| b);
+            return Ok(self.calibration.factors(horizon, complete));
+        }
         Ok(self.calibration.factors(self.horizon[point], own()))
     }
 
@@ -114,12 +123,7 @@ impl Members<'_> {
 impl Family {
     pub(super) fn on_cloud(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
         let points = body.points.len();
-        let horizon: Vec<f64> = body
-            .points
-            .spacing
-            .iter()
-            .map(|s| spec.horizon.of(*s))
-            .collect();
+        let horizon = body.points.horizons(spec.horizon);
         let coarsest = body.coarsest_spacing();
         let reach = |horizon: f64| spec.reach(horizon, coarsest);
         let widest = reach(horizon.iter().copied().fold(0.0, f64::max));
@@ -151,18 +155,36 @@ impl Family {
             .collect();
         let factors = factors.into_iter().collect::<Result<Vec<_>, _>>()?;
 
+        let corrected = |p: usize| {
+            let mut row = of(p);
+            for (slot, bond) in &mut row {
+                let other = members.images.point[*slot as usize] as usize;
+                bond.weight *= factor_along(bond, &factors[p]);
+                bond.dual *= factor_along(bond, &factors[other]);
+            }
+            row
+        };
+        let balance = match spec.correction {
+            Correction::Balanced => {
+                let whole = (0..points).into_par_iter().map(corrected).collect();
+                Some(Balance::new(body, spec, &members.images, whole)?)
+            }
+            _ => None,
+        };
         let cuts = cuts(body, spec);
         let rows: Vec<Rows> = (0..points)
             .into_par_iter()
             .map(|p| {
-                let mut row = of(p);
+                let mut row = corrected(p);
                 row.retain(|(slot, bond)| {
                     !severed(&cuts, &members.images.position, p, *slot as usize, bond)
                 });
-                for (slot, bond) in &mut row {
-                    let other = members.images.point[*slot as usize] as usize;
-                    bond.weight *= factor_along(bond, &factors[p]);
-                    bond.dual *= factor_along(bond, &factors[other]);
+                if let Some(balance) = &balance {
+                    for (slot, bond) in &mut row {
+                        let factor = balance.factor(p, *slot as usize, bond);
+                        bond.weight *= factor;
+                        bond.dual *= factor;
+                    }
                 }
                 Rows::of_point(p, &row)
             })
@@ -256,7 +278,7 @@ fn severed(
 }
 
 impl Rows {
-    fn of_point(point: usize, members: &[Member]) -> Rows {
+    pub(super) fn of_point(point: usize, members: &[Member]) -> Rows {
         Rows {
             point: vec![point as u32],
             slot: vec![point as u32],

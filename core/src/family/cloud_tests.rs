@@ -30,6 +30,7 @@ fn bands(bands: &[(f64, f64)]) -> Body {
             min,
             max: [right, 1.2, 0.0],
             spacing,
+            horizon_factor: 1.0,
         }
     };
     let zones: Vec<Zone> = bands.iter().map(zone).collect();

@@ -88,7 +88,7 @@ impl<'a> Review<'a> {
     fn of(&self, point: usize) -> Option<Finding> {
         let (position, spacing) = (&self.body.points.position, &self.body.points.spacing);
         let at = &position[point];
-        let horizon = self.horizon.of(spacing[point]) * (1.0 + 1e-9);
+        let horizon = self.body.points.horizon(point, self.horizon) * (1.0 + 1e-9);
         // the point itself is the first
         let mut family = vec![point];
         let mut coarse = (false, false);
@@ -225,11 +225,13 @@ mod tests {
                     min: [0.0; 3],
                     max: [6.0, 12.0, 0.0],
                     spacing: fine,
+                    horizon_factor: 1.0,
                 },
                 Zone {
                     min: [6.0, 0.0, 0.0],
                     max: [12.0, 12.0, 0.0],
                     spacing: 3.0,
+                    horizon_factor: 1.0,
                 },
             ];
             Body::fill_zones("plate", &rectangle([0.0; 2], [12.0; 2]), 2, 1.0, &zones[..])

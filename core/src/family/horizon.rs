@@ -21,7 +21,8 @@ pub enum Horizon {
 }
 
 impl Horizon {
-    /// Horizon of a point with the given spacing, m.
+    /// Horizon of a point with the given spacing, m, where its zone has no factor of its own
+    /// ([`Points::horizon`](crate::body::Points::horizon)).
     pub fn of(self, spacing: f64) -> f64 {
         match self {
             Horizon::Spacings(count) => count * spacing,
@@ -34,11 +35,24 @@ impl Horizon {
     /// # Errors
     /// A horizon below the (coarsest) spacing.
     pub fn check(self, body: &Body) -> Result<(), SetupError> {
-        let spacing = body.coarsest_spacing();
-        // a length given in decimals may fall short by rounding
-        if self.of(spacing) >= spacing * (1.0 - 1e-9) {
+        let points = &body.points;
+        let reaches_a_neighbour = |p: usize| {
+            // a length given in decimals may fall short by rounding
+            points.horizon(p, self) >= points.spacing[p] * (1.0 - 1e-9)
+        };
+        let Some(point) = (0..points.len()).find(|p| !reaches_a_neighbour(*p)) else {
             return Ok(());
+        };
+        if !points.horizon_factor.is_empty() {
+            let message = format!(
+                "`horizon` = {self} and the `horizon_factor` of a zone reach no neighbour: {} m with a spacing of {} m",
+                points.horizon(point, self),
+                points.spacing[point]
+            );
+            let expected = "horizons of at least the spacing of each zone";
+            return Err(SetupError::value("horizon", message, expected));
         }
+        let spacing = body.coarsest_spacing();
         let message = format!("`horizon` = {self} reaches no neighbour");
         let expected = match self {
             Horizon::Spacings(_) => "at least 1 (spacing)".to_string(),

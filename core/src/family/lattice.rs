@@ -61,7 +61,8 @@ impl LatticeBonds {
         spec: &FamilySpec,
     ) -> Result<(LatticeBonds, Grid), FamilyError> {
         let horizon = spec.horizon.of(lattice.spacing);
-        let stencil = stencil(body, lattice.spacing, spec);
+        let cell = (lattice.spacing, body.points.volume[0]);
+        let stencil = stencil(body, spec, horizon, cell);
         if stencil.len() > usize::from(u16::MAX) {
             return Err(FamilyError::HorizonTooLarge {
                 bonds: stencil.len(),
@@ -289,11 +290,16 @@ impl Padded {
     }
 }
 
-/// Members of a complete family as lattice steps, with influence and partial volumes, ordered z, y, x. Lengths are
-/// compared in spacings.
-fn stencil(body: &Body, spacing: f64, spec: &FamilySpec) -> Vec<([i64; 3], Bond)> {
-    let horizon = spec.horizon.of(spacing) / spacing;
-    let moment = spec.moment(body, spec.horizon.of(spacing));
+/// Members of a complete family of the given horizon (m) on a lattice of points of the given spacing (m) and volume (m³),
+/// as lattice steps, with influence and partial volumes, ordered z, y, x. Lengths are compared in spacings.
+pub(super) fn stencil(
+    body: &Body,
+    spec: &FamilySpec,
+    horizon: f64,
+    (spacing, volume): (f64, f64),
+) -> Vec<([i64; 3], Bond)> {
+    let moment = spec.moment(body, horizon);
+    let horizon = horizon / spacing;
     let cut = spec.reach(horizon, 1.0);
     let reach: [i64; 3] = std::array::from_fn(|a| {
         if a < body.dimension {
@@ -312,7 +318,7 @@ fn stencil(body: &Body, spacing: f64, spec: &FamilySpec) -> Vec<([i64; 3], Bond)
                     continue;
                 }
                 let share = spec.share(horizon, 1.0, length);
-                let weight = share * body.points.volume[0] / moment;
+                let weight = share * volume / moment;
                 let bond = Bond {
                     xi: step.map(|s| s as f64 * spacing),
                     length: length * spacing,

@@ -16,6 +16,9 @@
 //! over the union of its horizon and its dual horizon. Families of points that move ([`Family::moving`]) have
 //! rows, too, which are found again as points move; the [`World`](crate::World) owns them.
 
+mod balance;
+#[cfg(test)]
+mod balance_tests;
 mod blocks;
 mod broken;
 mod build;

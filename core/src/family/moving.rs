@@ -46,6 +46,9 @@ fn check(body: &Body, spec: &FamilySpec) -> Result<(), FamilyError> {
     if spec.correction != Correction::None {
         return refuse("corrections of its bonds", "`correction = \"none\"`");
     }
+    if !body.points.horizon_factor.is_empty() {
+        return refuse("a `horizon_factor`", "zones without one");
+    }
     if !body.cuts.is_empty() {
         return refuse("bonds that a `crack` cuts", "a body without cracks");
     }

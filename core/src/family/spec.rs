@@ -32,12 +32,20 @@ pub enum PartialVolume {
 pub enum Correction {
     /// The continuum constants as they are.
     None,
-    /// One factor for all bonds, so that a complete family is exact.
+    /// One factor for all bonds, so that a complete family is exact. On a cloud one for each point, so that its own family
+    /// is exact on the mean of all directions.
     Lattice,
+    /// As `lattice`, but on a cloud the factor of each point is that of a complete family among points of its own spacing,
+    /// the calibration of regions of published dual-horizon models (spec 02, 1.3). Beside an interface, and behind bare
+    /// surfaces, no family is exact.
+    Zone,
     /// Factors for each point, so that its own family is exact also where a bare surface cuts it
     /// (after Wang (2025), eqs. 4.4 to 4.8); a bond takes the mean of its ends.
     #[default]
     Point,
+    /// As `point`, and on a cloud bonds have factors of their own with which a linear field is in equilibrium at every
+    /// point that no bare surface is near, also where spacings and horizons change. For conduction.
+    Balanced,
     /// As `point`, but elasticity is exact under uniaxial strain along each axis, as published.
     Uniaxial,
     /// One factor for each point, the volume of a complete family over that of its members (Gao (2020), 7.3.2, given
@@ -51,7 +59,7 @@ impl Correction {
     pub(super) fn is_by_point(self) -> bool {
         matches!(
             self,
-            Correction::Point | Correction::Uniaxial | Correction::Volume
+            Correction::Point | Correction::Balanced | Correction::Uniaxial | Correction::Volume
         )
     }
 }
@@ -202,6 +210,14 @@ pub enum FamilyError {
     /// A family of a body that grows was asked for something that it does not support.
     #[error("material is deposited on bodies with a lattice; {0} are not supported there")]
     Growing(&'static str),
+    /// No factors of the bonds put a linear field in equilibrium.
+    #[error(
+        "no positive factors of the bonds put a linear field in equilibrium ({reason}); use `correction = \"point\"`"
+    )]
+    NotBalanced {
+        /// What went wrong.
+        reason: String,
+    },
     /// Two points in one place.
     #[error("two points lie at ({}, {}, {}) m", at[0], at[1], at[2])]
     Coincident {

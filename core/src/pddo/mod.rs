@@ -540,9 +540,7 @@ impl Pddo {
         derivatives: &Derivatives,
         places: &[Vector3<f64>],
     ) -> Vec<Option<f64>> {
-        let spacings = &body.points.spacing;
-        let horizon = self.family.spec().horizon;
-        let reach: Vec<f64> = spacings.iter().map(|s| horizon.of(*s)).collect();
+        let reach = body.points.horizons(self.family.spec().horizon);
         let list = CellList::new(&body.points.position, &reach);
         let at = |place: &Vector3<f64>| {
             let (mut sum, mut number) = (0.0, 0u32);

@@ -6,7 +6,7 @@
 use nalgebra::Vector3;
 use perimelt_core::cell_list::CellList;
 use perimelt_core::world::{BodyIndex, BondBreaker};
-use perimelt_core::{Body, Coupler, Report, RunError, Setup, SetupError, Step, World};
+use perimelt_core::{Body, Coupler, Horizon, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +26,7 @@ pub struct GrowingCrack {
     /// When it begins to grow (s).
     #[serde(default)]
     pub start_time: f64,
-    /// Longest bond that it can cross, in spacings: not below the horizon.
+    /// Longest bond that it can cross, in spacings of the end with the larger ones: not below the horizon.
     #[serde(default = "usual_reach")]
     pub reach: f64,
     #[serde(skip)]
@@ -82,12 +82,14 @@ impl GrowingCrack {
         let along = (to - from) / length;
         let across = Vector3::new(-along.y, along.x, 0.0);
         let positions = &body.points.position;
-        let reach: Vec<f64> = body.points.spacing.iter().map(|s| self.reach * s).collect();
+        let reach = body.points.horizons(Horizon::Spacings(self.reach));
         let list = CellList::new(positions, &reach);
+        // a bond is as long as the larger of two horizons
+        let widest = reach.iter().copied().fold(0.0, f64::max);
         let mut found = Vec::new();
         for (point, at) in positions.iter().enumerate() {
             let height = across.dot(&(at - from));
-            if height.abs() > reach[point] {
+            if height.abs() > widest {
                 continue;
             }
             list.visit_near(at, reach[point], |other| {

@@ -25,7 +25,7 @@ pub struct PrescribedTemperature {
     /// Region whose points are held; or give `face`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
-    /// Temperature (K): a number, or `{ time = [...], value = [...] }` with times in s.
+    /// Temperature (K): a number, `{ time = [...], value = [...] }` with times in s, or a formula in t (s).
     pub value: InTime,
     /// Values in the layer behind a face; default `mirrored`.
     #[serde(default)]

@@ -1,10 +1,11 @@
-//! The lattice of a body, on whose cells heat sources deposit their power.
+//! The cells of a body, on which heat sources deposit their power: those of its lattice, or of a lattice that covers a
+//! body without one.
 
 use std::cell::Ref;
 
 use nalgebra::Vector3;
+use perimelt_core::Body;
 use perimelt_core::activity::is_active;
-use perimelt_core::{Body, SetupError};
 
 use crate::source::{CellGrid, HeatedBody};
 
@@ -16,25 +17,17 @@ pub(super) struct LatticeBody<'a> {
     pub activity: Option<Ref<'a, [f64]>>,
 }
 
-/// The lattice of a body. Missing axes have one cell with the extent of the body: its thickness
-/// along z in 2D, a square of its cross-section in 1D.
-///
-/// # Errors
-/// A body that has no lattice.
-pub(super) fn grid(body: &Body) -> Result<CellGrid, SetupError> {
-    let Some(lattice) = body.lattice() else {
-        let message = format!(
-            "body `{}` has no lattice, whose cells heat sources need",
-            body.name
-        );
-        let expected = "a body with `spacing`, without `zones`, `jitter` or `points`";
-        return Err(SetupError::value("body", message, expected));
-    };
+/// The lattice of a body, or one of its finest spacing that covers it. Missing axes have one cell with the extent of the
+/// body: its thickness along z in 2D, a square of its cross-section in 1D.
+pub(super) fn grid(body: &Body) -> CellGrid {
     let across = match body.dimension {
         1 => body.thickness.sqrt(),
         _ => body.thickness,
     };
     let missing = |axis: usize| axis >= body.dimension;
+    let Some(lattice) = body.lattice() else {
+        return covering(body, across);
+    };
     let spacing = |axis| {
         if missing(axis) {
             across
@@ -49,12 +42,31 @@ pub(super) fn grid(body: &Body) -> Result<CellGrid, SetupError> {
             lattice.origin[axis]
         }
     };
-    Ok(CellGrid {
+    CellGrid {
         origin: Vector3::from_fn(|axis, _| origin(axis)),
         spacing: Vector3::from_fn(|axis, _| spacing(axis)),
         dims: lattice.cells,
         plate: missing(2),
-    })
+    }
+}
+
+/// A lattice that covers a body without one; `across` is the extent along missing axes, m.
+fn covering(body: &Body, across: f64) -> CellGrid {
+    let (low, high) = body.bounds();
+    let finest = body.finest_spacing();
+    let is_there = |axis: usize| axis < body.dimension;
+    CellGrid {
+        origin: Vector3::from_fn(|axis, _| match is_there(axis) {
+            true => low[axis],
+            false => 0.5 * (low[axis] + high[axis] - across),
+        }),
+        spacing: Vector3::from_fn(|axis, _| if is_there(axis) { finest } else { across }),
+        dims: std::array::from_fn(|axis| match is_there(axis) {
+            true => ((high[axis] - low[axis]) / finest).ceil().max(1.0) as usize,
+            false => 1,
+        }),
+        plate: !is_there(2),
+    }
 }
 
 impl HeatedBody for LatticeBody<'_> {
@@ -90,7 +102,7 @@ mod tests {
             }
             let target = LatticeBody {
                 body: &body,
-                grid: grid(&body).expect("a lattice"),
+                grid: grid(&body),
                 activity: None,
             };
             let volume = target.volume(target.point([1, 0, 0]).expect("a full block"));

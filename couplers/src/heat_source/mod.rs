@@ -22,12 +22,17 @@
 //! toolpath.line = { start = [0, 0, 0.005], direction = [1, 0, 0], speed = 0.005 }
 //! ```
 //!
+//! On a body without a lattice (zones, displaced points, points of a table) each point receives the integral of the density
+//! over its own cell.
+//!
 //! Sources are sampled at the middle of a step, and steps end at the events of the toolpath, so
 //! that the energy is exact. While the source is on, automatic steps are at most the time in
 //! which it moves a quarter of its shortest lateral length, or of a cell where that is longer: longer
 //! steps would heat a row of spots instead of a line.
 
 mod account;
+#[cfg(test)]
+mod cloud_tests;
 mod keys;
 mod lattice;
 mod moving;

@@ -13,7 +13,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::account::Account;
 use super::keys::{Keys, read, schema};
 use super::lattice::{LatticeBody, grid};
-use crate::source::{self, CellGrid, Depositor, HeatedSurface, Source};
+use crate::source::{self, CellGrid, Cells, Depositor, HeatedSurface, Source};
 use crate::toolpath::{Clock, TimedPath, Toolpath, Track};
 
 /// Fraction of the shortest length that the source may move in a step.
@@ -173,9 +173,12 @@ impl<S: SourceShape> MovingSource<S> {
             let message = "a moving source cannot heat a 1D body";
             return Err(SetupError::value("body", message, "a 2D or 3D body"));
         }
-        let grid = grid(body)?;
-        let depositor = Depositor::new(&self.shape.source(), &grid)
-            .map_err(|e| SetupError::other(e.key(), e))?;
+        let grid = grid(body);
+        let fault = |e: source::SourceError| SetupError::other(e.key(), e);
+        let depositor = Depositor::new(&self.shape.source(), &grid).map_err(fault)?;
+        if body.lattice().is_none() {
+            depositor.check_cells().map_err(fault)?;
+        }
         let length = self.shape.length().max(body.finest_spacing());
         self.check_path(body, path.track(), 2.0 * length)?;
         let speed = path.track().fastest();
@@ -265,14 +268,20 @@ impl<S: SourceShape> MovingSource<S> {
 
     fn apply_source(&mut self, world: &World, step: Step) {
         let p = self.prepared.as_mut().expect("prepared before the run");
-        let body = LatticeBody {
-            body: world.body(p.body),
-            grid: p.grid,
-            activity: world.activity(p.body),
-        };
+        let body = world.body(p.body);
         let pose = p.path.pose(step.middle());
         let mut heat_source = world.write(p.heat_source);
-        let deposit = p.depositor.add(&body, &pose, &mut heat_source);
+        let deposit = match Cells::of(body, p.grid) {
+            Some(cells) => (p.depositor).add_to_cells(&cells, &pose, &mut heat_source),
+            None => {
+                let body = LatticeBody {
+                    body,
+                    grid: p.grid,
+                    activity: world.activity(p.body),
+                };
+                p.depositor.add(&body, &pose, &mut heat_source)
+            }
+        };
         self.account.book(&deposit, step.size, pose.speed);
         // the next step is limited if the next move has power
         self.account.is_on = p.path.is_on_after(step.end());

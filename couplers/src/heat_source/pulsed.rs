@@ -12,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::account::Account;
 use super::keys::{Keys, read, schema};
 use super::lattice::{LatticeBody, grid};
-use crate::source::{self, CellGrid};
+use crate::source::{self, CellGrid, Cells};
 
 /// Fraction of the pulse duration that a step may take.
 const STEP_FRACTION: f64 = 0.25;
@@ -34,6 +34,8 @@ pub struct PulsedLaserSource {
 struct PulsedLaserState {
     body: usize,
     grid: CellGrid,
+    /// Of the cells that face the laser, m².
+    area: f64,
     heat_source: Write<f64>,
 }
 
@@ -49,10 +51,16 @@ impl Coupler for PulsedLaserSource {
         let body = setup.find_body(self.body.as_deref())?;
         let fault = |e: source::SourceError| SetupError::other(e.key(), e);
         self.shape.validate().map_err(fault)?;
-        let grid = grid(setup.body(body))?;
+        let this = setup.body(body);
+        let (grid, face) = (grid(this), self.shape.heated_surface.face);
+        let area = match face.axis() < this.dimension {
+            true => this.surface(&[face]).iter().map(|c| c.area).sum(),
+            false => this.points.volume.iter().sum::<f64>() / grid.spacing[face.axis()],
+        };
         self.prepared = Some(PulsedLaserState {
             body,
             grid,
+            area,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
         });
         self.account.is_on = true;
@@ -62,14 +70,20 @@ impl Coupler for PulsedLaserSource {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let p = self.prepared.as_ref().expect("prepared before the run");
         if step.size > 0.0 {
-            let body = LatticeBody {
-                body: world.body(p.body),
-                grid: p.grid,
-                activity: None,
-            };
+            let body = world.body(p.body);
             let mut heat_source = world.write(p.heat_source);
             let span = (step.start, step.end());
-            let deposit = self.shape.add(&body, span, &mut heat_source);
+            let deposit = match Cells::of(body, p.grid) {
+                Some(cells) => (self.shape).add_to_cells(&cells, span, p.area, &mut heat_source),
+                None => {
+                    let body = LatticeBody {
+                        body,
+                        grid: p.grid,
+                        activity: None,
+                    };
+                    self.shape.add(&body, span, &mut heat_source)
+                }
+            };
             self.account.book(&deposit, step.size, 0.0);
         }
         self.account.is_on = step.end() < self.end();

@@ -11,8 +11,9 @@
 
 use super::heated_body::depth_range;
 use super::profile::{DepthProfile, Footprint};
-use super::{CellGrid, Deposit, HeatedBody, HeatedSurface, Sampling, SourceError};
+use super::{CellGrid, Cells, Deposit, HeatedBody, HeatedSurface, Sampling, SourceError};
 use crate::toolpath::Pose;
+use nalgebra::Vector3;
 
 /// Most cells in a cross-section of the source: 1 GB of work space.
 const MOST_CELLS: f64 = 1e8;
@@ -91,6 +92,27 @@ impl Span {
         }
     }
 
+    /// One cell between `low` and `high` (m).
+    fn of_cell(
+        grid: &CellGrid,
+        axis: usize,
+        position: f64,
+        (low, high): (f64, f64),
+        reach: f64,
+    ) -> Self {
+        if grid.is_thickness(axis) {
+            return Self::new(grid, axis, position, reach);
+        }
+        Self {
+            first: 0,
+            count: 1,
+            low: low - position,
+            width: high - low,
+            reach,
+            thickness: false,
+        }
+    }
+
     /// Ends of a cell, seen from the source (m).
     fn cell(&self, index: usize) -> (f64, f64) {
         let low = self.low + index as f64 * self.width;
@@ -155,18 +177,9 @@ impl Beam {
         let grid = *body.grid();
         let depth_axis = self.surface.face.axis();
         let axes = [(depth_axis + 1) % 3, (depth_axis + 2) % 3];
-        let asked = match self.plate_depth {
-            Some(depth) if grid.is_thickness(depth_axis) => {
-                power * grid.spacing[depth_axis] / depth
-            }
-            _ => power,
-        };
-
+        let asked = self.asked(&grid, power);
         let travel = self.travel(axes.map(|axis| pose.direction[axis]));
-        let [along, across] = self.footprint.reach();
-        let [cos, sin] = travel.map(f64::abs);
-        // half lengths of the box around the turned footprint
-        let reach = [cos * along + sin * across, sin * along + cos * across];
+        let reach = self.reach(travel);
         let spans = [0, 1].map(|i| Span::new(&grid, axes[i], pose.position[axes[i]], reach[i]));
         let level = self.surface.level.unwrap_or(pose.position[depth_axis]);
         let first_layer = self.fill_depth(&grid, level, self.sampling, &mut scratch.depth);
@@ -212,6 +225,70 @@ impl Beam {
             deposited: scale * hit,
             lost,
         }
+    }
+
+    /// As [`Beam::add`], on a body without a lattice.
+    pub fn add_to_cells(
+        &self,
+        cells: &Cells<'_>,
+        pose: &Pose,
+        power: f64,
+        values: &mut [f64],
+        scratch: &mut Scratch,
+    ) -> Deposit {
+        let depth_axis = self.surface.face.axis();
+        let axes = [(depth_axis + 1) % 3, (depth_axis + 2) % 3];
+        let travel = self.travel(axes.map(|axis| pose.direction[axis]));
+        let reach = self.reach(travel);
+        let level = self.surface.level.unwrap_or(pose.position[depth_axis]);
+        let depth = self.depth.reach();
+        let (shallow, deep) = match self.surface.face.is_upper() {
+            true => (level - depth, level),
+            false => (level, level + depth),
+        };
+        let (mut low, mut high) = (pose.position, pose.position);
+        (low[depth_axis], high[depth_axis]) = (shallow, deep);
+        for (axis, reach) in axes.into_iter().zip(reach) {
+            low[axis] -= reach;
+            high[axis] += reach;
+        }
+        let mut part = |[low, high]: [Vector3<f64>; 2]| {
+            let spans = [0, 1].map(|i| {
+                let ends = (low[axes[i]], high[axes[i]]);
+                Span::of_cell(&cells.grid, axes[i], pose.position[axes[i]], ends, reach[i])
+            });
+            self.fill_lateral(&spans, travel, Sampling::CellAverage, scratch);
+            let lateral: f64 = scratch.lateral.iter().sum();
+            let (near, far) = match self.surface.face.is_upper() {
+                true => (level - high[depth_axis], level - low[depth_axis]),
+                false => (low[depth_axis] - level, high[depth_axis] - level),
+            };
+            match cells.grid.is_thickness(depth_axis) {
+                true => lateral,
+                false => lateral * (self.depth.down_to(far) - self.depth.down_to(near)),
+            }
+        };
+        let of_cell = |point: usize| (point, part(cells.corners(point)));
+        let parts: Vec<(usize, f64)> = cells.near(low, high).map(of_cell).collect();
+        let in_box = part(cells.bounds);
+        let asked = self.asked(&cells.grid, power);
+        cells.deposit(&parts, (asked, in_box, self.normalise), values)
+    }
+
+    /// The power asked for, W, when the toolpath gives `power`.
+    fn asked(&self, grid: &CellGrid, power: f64) -> f64 {
+        let axis = self.surface.face.axis();
+        match self.plate_depth {
+            Some(depth) if grid.is_thickness(axis) => power * grid.spacing[axis] / depth,
+            _ => power,
+        }
+    }
+
+    /// Half lengths of the box around the turned footprint, m.
+    fn reach(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        let [along, across] = self.footprint.reach();
+        let (cos, sin) = (u.abs(), v.abs());
+        [cos * along + sin * across, sin * along + cos * across]
     }
 
     /// Unit vector of travel on the heated face; exactly along an axis if it is so within rounding.

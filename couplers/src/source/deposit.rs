@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::beam::{Beam, Scratch};
-use super::{CellGrid, HeatedBody, Point, Source, SourceError};
+use super::{CellGrid, Cells, HeatedBody, Point, Sampling, Source, SourceError};
 use crate::toolpath::Pose;
 
 /// Powers of one deposit (W), for the log.
@@ -69,6 +69,33 @@ impl Depositor {
             axis,
             scratch: Scratch::default(),
         })
+    }
+
+    /// Refuses what needs a lattice.
+    ///
+    /// # Errors
+    /// [`SourceError::PointSampling`].
+    pub fn check_cells(&self) -> Result<(), SourceError> {
+        match &self.source {
+            CheckedSource::Beam(beam) if beam.sampling == Sampling::Point => {
+                Err(SourceError::PointSampling)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// As [`Depositor::add`], on a body without a lattice.
+    pub fn add_to_cells(&mut self, cells: &Cells<'_>, pose: &Pose, values: &mut [f64]) -> Deposit {
+        let power = pose.power * self.efficiency;
+        if power == 0.0 {
+            return Deposit::default();
+        }
+        match &self.source {
+            CheckedSource::Point(point) => point.add_to_cells(cells, pose, power, values),
+            CheckedSource::Beam(beam) => {
+                beam.add_to_cells(cells, pose, power, values, &mut self.scratch)
+            }
+        }
     }
 
     /// Adds the power density at `pose` (W/m³) to `values`, one per point.

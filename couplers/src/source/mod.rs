@@ -13,6 +13,8 @@
 //! returns a [`Deposit`], the powers to log. The coordinate xi runs along the travel direction, eta across
 //! it, and zeta is the depth below the heated face; above the face the density is zero.
 //!
+//! On a body without a lattice each point receives the integral of the density over its own cell ([`Cells`]).
+//!
 //! **Power.** The density is averaged over all cells of the lattice that the source reaches, those without
 //! material included (below the heated face the lattice continues beyond the body). It is scaled so that
 //! these cells together receive the power asked for. Cells with material receive their part; the part of
@@ -20,6 +22,7 @@
 //! cells, and falls in proportion while it crosses an edge of the body.
 
 mod beam;
+mod cells;
 mod deposit;
 mod ellipsoid;
 mod gaussian;
@@ -32,6 +35,7 @@ mod super_gaussian;
 mod tests;
 mod tilted;
 
+pub use cells::Cells;
 pub use deposit::{Deposit, Depositor};
 pub use ellipsoid::{Goldak, SemiEllipsoid};
 pub use gaussian::Gaussian;
@@ -147,6 +151,11 @@ pub enum SourceError {
         /// Value found.
         value: f64,
     },
+    /// Values at cell centres were asked for on a body without a lattice.
+    #[error(
+        "`sampling = \"point\"` needs the cells of a lattice, of a body with `spacing`; leave it out on this body"
+    )]
+    PointSampling,
     /// A number outside its range.
     #[error("`{key}` of the heat source must lie between {low} and {high}, but is {value}")]
     OutOfRange {
@@ -203,6 +212,7 @@ impl SourceError {
             Self::Fractions { .. } => "front_fraction",
             Self::EffectiveDepth => "effective_depth",
             Self::Direction(_) => "heated_surface.direction",
+            Self::PointSampling => "sampling",
         }
     }
 }

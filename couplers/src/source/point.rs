@@ -10,7 +10,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{CellGrid, Deposit, HeatedBody, HeatedSurface, SourceError, whole, within};
+use nalgebra::Vector3;
+
+use super::{CellGrid, Cells, Deposit, HeatedBody, HeatedSurface, SourceError, whole, within};
 use crate::toolpath::Pose;
 
 /// A point source that hops from lattice vertex to lattice vertex.
@@ -78,6 +80,55 @@ impl Point {
             }
         }
         deposit
+    }
+
+    /// As [`Point::add`], on a body without a lattice: equal parts at the positions half a spacing of the cell at the source
+    /// before and behind it along each axis, so that the source hops as on a lattice of that spacing.
+    pub(super) fn add_to_cells(
+        &self,
+        cells: &Cells<'_>,
+        pose: &Pose,
+        asked: f64,
+        values: &mut [f64],
+    ) -> Deposit {
+        let face = self.heated_surface.face;
+        let mut source = pose.position;
+        if let Some(level) = self.heated_surface.level {
+            let at = &mut source[face.axis()];
+            *at = if face.is_upper() {
+                at.min(level)
+            } else {
+                at.max(level)
+            };
+        }
+        let inward = -1e-3 * face.normal();
+        let size = [source, source + inward * cells.grid.spacing[face.axis()]]
+            .iter()
+            .find_map(|at| cells.point_at(at))
+            .map_or(cells.grid.spacing[0], |point| cells.size[point]);
+        let is_at_face = match self.heated_surface.level {
+            Some(level) => (source[face.axis()] - level).abs() < 0.5 * size,
+            None => true,
+        };
+        let offsets =
+            |axis: usize| match (axis < cells.dimension, axis == face.axis() && is_at_face) {
+                (false, _) => vec![0.0],
+                (true, true) => vec![0.5 * size * inward[axis].signum()],
+                (true, false) => vec![-0.5 * size, 0.5 * size],
+            };
+        let [xs, ys, zs] = [0, 1, 2].map(offsets);
+        let fraction = 1.0 / (xs.len() * ys.len() * zs.len()) as f64;
+        let mut parts = Vec::new();
+        for z in &zs {
+            for y in &ys {
+                for x in &xs {
+                    let at = source + Vector3::new(*x, *y, *z);
+                    parts.extend(cells.point_at(&at).map(|point| (point, fraction)));
+                }
+            }
+        }
+        let hit: f64 = parts.iter().map(|(_, part)| part).sum();
+        cells.deposit(&parts, (asked, hit, true), values)
     }
 
     /// First and last cell along an axis.

@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::heated_body::depth_range;
-use super::{Deposit, HeatedBody, HeatedSurface, SourceError, positive, within};
+use super::{Cells, Deposit, HeatedBody, HeatedSurface, SourceError, positive, within};
 
 /// An exponentially absorbed laser pulse on a whole face.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -108,7 +108,7 @@ impl PulsedLaser {
             None if face.is_upper() => layers as f64,
             None => 0.0,
         };
-        let deeper = |depth: f64| (-depth.max(0.0) * width / self.absorption_depth).exp();
+        let deeper = |depth: f64| self.left_at(depth * width);
         let column = self.absorbed(from, to) / (to - from) * grid.spacing[u] * grid.spacing[v];
         let mut deposit = Deposit::default();
         for j in 0..grid.dims[v] {
@@ -134,6 +134,54 @@ impl PulsedLaser {
             }
         }
         deposit
+    }
+}
+
+impl PulsedLaser {
+    /// Fraction of the intensity that is left at a depth (m).
+    fn left_at(&self, depth: f64) -> f64 {
+        (-depth.max(0.0) / self.absorption_depth).exp()
+    }
+
+    /// As [`PulsedLaser::add`], on a body without a lattice. `area` (m²) is that of the cells that face the laser, to which
+    /// the power asked for belongs.
+    pub fn add_to_cells(
+        &self,
+        cells: &Cells<'_>,
+        (from, to): (f64, f64),
+        area: f64,
+        values: &mut [f64],
+    ) -> Deposit {
+        let face = self.heated_surface.face;
+        let axis = face.axis();
+        let through = cells.grid.is_thickness(axis);
+        let [low, high] = cells.bounds;
+        let level = match self.heated_surface.level {
+            Some(level) if !through => level,
+            _ if face.is_upper() => high[axis],
+            _ => low[axis],
+        };
+        let intensity = self.absorbed(from, to) / (to - from);
+        let mut deposited = 0.0;
+        for (point, value) in values.iter_mut().enumerate() {
+            let extent = cells.extent(point);
+            let [low, high] = cells.corners(point);
+            let (near, far) = match (through, face.is_upper()) {
+                (true, _) => (0.0, extent[axis]),
+                (false, true) => (level - high[axis], level - low[axis]),
+                (false, false) => (low[axis] - level, high[axis] - level),
+            };
+            let part = self.left_at(near) - self.left_at(far);
+            let power = intensity * part * cells.volume[point] / extent[axis];
+            *value += power / cells.volume[point];
+            deposited += power;
+        }
+        let asked = intensity * area;
+        Deposit {
+            asked,
+            deposited,
+            lost: asked - deposited,
+        }
     }
 }
 

@@ -21,6 +21,7 @@ fn two_spacings(size: [f64; 3], fine: f64, amplitude: f64, poissons_ratio: f64) 
         min: [min, 0.0, 0.0],
         max: [max, y, depth],
         spacing,
+        horizon_factor: 1.0,
     };
     let zones = [zone(0.0, x / 2.0, fine), zone(x / 2.0, x, 2.0 * fine)];
     let shape = Shape::Box(BoxShape {

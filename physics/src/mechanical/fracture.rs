@@ -159,12 +159,7 @@ impl Fracture {
             criterion: section.criterion,
             dimension: this.dimension,
             strength,
-            horizon: this
-                .points
-                .spacing
-                .iter()
-                .map(|s| spec.horizon.of(*s))
-                .collect(),
+            horizon: this.points.horizons(spec.horizon),
             unbreakable,
             crossing: match this.dimension {
                 1 => moment(3) / (4.0 * moment(2)),

@@ -111,6 +111,10 @@ fn family(
     let usual = Horizon::Spacings(if correspondence { 2.0 } else { 3.0 });
     let horizon = keys.horizon.unwrap_or(usual);
     horizon.check(setup.body(body))?;
+    if keys.correction == Correction::Balanced {
+        let message = "`balanced` puts linear temperatures in equilibrium, not deformations";
+        return Err(SetupError::value("correction", message, "\"point\""));
+    }
     let (layers, faces, _) = setup.layers(body, &keys::DISPLACEMENT);
     let spec = FamilySpec {
         horizon,

@@ -20,6 +20,7 @@ use perimelt_core::{Bond, BondKernel, BrokenBonds, Derivatives, Family, Pddo};
 use rayon::prelude::*;
 
 use super::powder::{Powder, Series};
+use super::states::{StateFlow, States};
 
 /// Slots that a thread takes at a time.
 const SLOTS_PER_TASK: usize = 4096;
@@ -34,6 +35,8 @@ pub(super) struct Conduction {
     /// What the conductivities of bonds are multiplied by, so that a complete family is exact.
     calibration: f64,
     derivatives: Option<SecondDerivatives>,
+    /// In the ordinary form.
+    states: Option<States>,
     temperature_slots: Vec<f64>,
     conductivity_slots: Vec<f64>,
     conductivity_field: Vec<f64>,
@@ -76,6 +79,8 @@ enum Loaded {
     Potential,
     /// The potential within a material, the conductivities of the ends between materials.
     Mixed,
+    /// The conductivities and gradients of their ends, in the ordinary form.
+    States,
 }
 
 /// Fields by slot for the kernel that sums them: temperatures (K) or potentials (W/m); temperatures and conductivities
@@ -85,6 +90,7 @@ enum Inputs<'a> {
     Ends([&'a [f64]; 2]),
     Series([&'a [f64]; 2]),
     Mixed([&'a [f64]; 4]),
+    States(StateFlow, [&'a [f64]; 5]),
 }
 
 /// The form of second derivatives.
@@ -173,6 +179,7 @@ impl Conduction {
             uniform,
             calibration,
             derivatives: None,
+            states: None,
             temperature_slots: vec![0.0; family.slots()],
             conductivity_slots: vec![0.0; if varying == 0 { 0 } else { family.slots() }],
             conductivity_field: vec![0.0; varying],
@@ -201,6 +208,11 @@ impl Conduction {
             conductivity: Vec::new(),
         });
         conduction
+    }
+
+    /// The ordinary form, with this stabilisation.
+    pub(super) fn set_states(&mut self, dimension: usize, stabilisation: f64) {
+        self.states = Some(States::new(dimension, self.rate.len(), stabilisation));
     }
 
     /// Lets points be powder, which has these conductivities by material.
@@ -246,10 +258,17 @@ impl Conduction {
         if [Loaded::Potential, Loaded::Mixed].contains(&self.loaded) {
             self.load_potential(matter, temperature);
         }
+        if let Some(states) = &mut self.states {
+            let fields = (&self.temperature_slots[..], &self.conductivity_field[..]);
+            states.load(matter, fields, self.broken.as_ref());
+        }
     }
 
     fn what_to_load(&self) -> Loaded {
         let by_derivatives = self.derivatives.is_some();
+        if self.states.is_some() {
+            return Loaded::States;
+        }
         match self.uniform {
             None if self.powder.is_some() => Loaded::Series,
             Some(_) => Loaded::Uniform,
@@ -336,6 +355,9 @@ impl Conduction {
             Inputs::Ends(inputs) => family.sum_unbroken(&Varying, inputs, broken, &mut rate),
             Inputs::Series(inputs) => family.sum_unbroken(&Series, inputs, broken, &mut rate),
             Inputs::Mixed(inputs) => family.sum_unbroken(&Mixed, inputs, broken, &mut rate),
+            Inputs::States(kernel, inputs) => {
+                family.sum_unbroken(&kernel, inputs, broken, &mut rate);
+            }
         }
         self.rate = rate;
     }
@@ -352,6 +374,11 @@ impl Conduction {
             Loaded::Potential => Inputs::One(Uniform { conductivity: 1.0 }, [potential]),
             Loaded::Ends => Inputs::Ends([temperature, conductivity]),
             Loaded::Series => Inputs::Series([temperature, conductivity]),
+            Loaded::States => {
+                let states = self.states.as_ref().expect("loaded from them");
+                let (kernel, inputs) = states.flow(temperature, conductivity);
+                Inputs::States(kernel, inputs)
+            }
             Loaded::Mixed => Inputs::Mixed([
                 temperature,
                 conductivity,
@@ -407,6 +434,7 @@ impl Conduction {
             Inputs::Ends(inputs) => family.sum_from_layers(&Varying, inputs, add),
             Inputs::Series(inputs) => family.sum_from_layers(&Series, inputs, add),
             Inputs::Mixed(inputs) => family.sum_from_layers(&Mixed, inputs, add),
+            Inputs::States(kernel, inputs) => family.sum_from_layers(&kernel, inputs, add),
         }
         total
     }
@@ -435,7 +463,12 @@ impl Conduction {
     }
 
     /// Sum of the coefficients of each point's bonds at the largest conductivities, W/(m³ K).
-    pub(super) fn largest_row_sums(&self, family: &Family, material: &[u16]) -> Vec<[f64; 1]> {
+    pub(super) fn largest_row_sums(&mut self, family: &Family, material: &[u16]) -> Vec<[f64; 1]> {
+        let broken = self.broken.as_ref();
+        let stiffness = self
+            .states
+            .as_mut()
+            .map_or(1.0, |s| s.stiffness(family, broken));
         let largest = &self.largest;
         if let Some(SecondDerivatives { pddo, .. }) = &self.derivatives {
             let points = material.par_iter().enumerate();
@@ -445,7 +478,7 @@ impl Conduction {
         }
         let conductivity: Vec<f64> = material
             .iter()
-            .map(|&m| self.calibration * largest[m as usize])
+            .map(|&m| stiffness * self.calibration * largest[m as usize])
             .collect();
         let mut slots = Vec::new();
         family.load((&conductivity, 1), 0, &[], &mut slots);

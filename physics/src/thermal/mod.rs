@@ -23,6 +23,7 @@
 //!
 //! Where the coupler `powder` gives the field `consolidated`, powder has a conductivity of its own.
 //!
+//! In the ordinary form the heat flow of a bond depends on all bonds of both ends, so that families of any shape conduct exactly.
 //! In the form of second derivatives the sum is that of the differential operator ([`Form`]), as published for flows.
 //!
 //! Surfaces: the faces of a body that fills its box continue in mirrored layers (insulated
@@ -45,6 +46,7 @@ mod keys;
 mod powder;
 mod prepare;
 mod run;
+mod states;
 #[cfg(test)]
 mod tests;
 
@@ -180,6 +182,11 @@ impl Physics for Thermal {
         let mut reports: Vec<Report> = faces.iter().flat_map(HeatedFace::reports).collect();
         if faces.len() > 1 {
             reports.push(HeatedFace::total(faces));
+            reports.push(Report {
+                name: "heat.layers".into(),
+                unit: "W".into(),
+                value: self.run().through_layers,
+            });
         }
         reports.extend(self.run().growth.iter().flat_map(Growth::reports));
         reports

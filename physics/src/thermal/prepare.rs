@@ -96,6 +96,7 @@ impl Run {
             integrator: Integrator::new(thermal.solver, thermal.tolerance),
             heat: HeatAccount::default(),
             faces: faces.filter(HeatedFace::is_measurable).collect(),
+            through_layers: 0.0,
             stable_step: f64::INFINITY,
         })
     }
@@ -129,11 +130,33 @@ impl Thermal {
             let expected = "`solver = \"explicit\"`";
             return Err(SetupError::value("solver", message, expected));
         }
+        self.check_states(description)?;
         if self.form == Form::SecondDerivatives && description == Description::UpdatedLagrangian {
             let message = "second derivatives need points that stay";
             return Err(SetupError::value("form", message, "`form = \"bonds\"`"));
         }
         self.check_correction(description)
+    }
+
+    /// Refuses the ordinary form of points that move, and a stabilisation without it.
+    fn check_states(&self, description: Description) -> Result<(), SetupError> {
+        if self.form != Form::Ordinary {
+            if self.stabilisation != 1.0 {
+                let message = "`stabilisation` belongs to the ordinary form";
+                let expected = "`form = \"ordinary\"` with it";
+                return Err(SetupError::value("stabilisation", message, expected));
+            }
+            return Ok(());
+        }
+        if description != Description::TotalLagrangian {
+            let message = "the ordinary form needs points that are matter at rest";
+            return Err(SetupError::value("form", message, "`form = \"bonds\"`"));
+        }
+        if !(0.0..=1.0).contains(&self.stabilisation) {
+            let message = format!("`stabilisation` is {}", self.stabilisation);
+            return Err(SetupError::value("stabilisation", message, "0 to 1"));
+        }
+        Ok(())
     }
 
     /// Refuses keys that do not fit a body that grows.
@@ -146,6 +169,10 @@ impl Thermal {
                     message,
                     "a solver that steps in time, such as \"explicit\"",
                 )
+            }
+            (_, Form::Ordinary) => {
+                let message = "the ordinary form needs families that stay, but `deposit` adds material to the body";
+                ("form", message, "`form = \"bonds\"`")
             }
             (_, Form::SecondDerivatives) => {
                 let message = "second derivatives need complete families, but `deposit` adds material to the body";
@@ -170,14 +197,29 @@ impl Thermal {
         let (message, expected) = match (self.correction, self.form, description) {
             (Some(Correction::Uniaxial), ..) => ("conduction has no uniaxial strain", "\"point\""),
             (
-                Some(Correction::Point | Correction::Lattice | Correction::Volume),
+                Some(
+                    Correction::Point
+                    | Correction::Balanced
+                    | Correction::Lattice
+                    | Correction::Zone
+                    | Correction::Volume,
+                ),
                 Form::SecondDerivatives,
                 _,
             ) => {
                 let message = "`correction` applies to bonds; second derivatives are exact without";
                 (message, "\"none\", or leave it out")
             }
-            (Some(Correction::Point | Correction::Volume), _, Description::UpdatedLagrangian) => {
+            (
+                Some(
+                    Correction::Point
+                    | Correction::Balanced
+                    | Correction::Zone
+                    | Correction::Volume,
+                ),
+                _,
+                Description::UpdatedLagrangian,
+            ) => {
                 let message = "bonds of points that move are calibrated for complete families";
                 (message, "\"lattice\" or \"none\"")
             }
@@ -231,7 +273,10 @@ impl Thermal {
         }
         if place.description != Description::UpdatedLagrangian {
             let family = setup.family(body, &spec)?;
-            let conduction = Conduction::by_bonds(&family, conductivity, points, 1.0);
+            let mut conduction = Conduction::by_bonds(&family, conductivity, points, 1.0);
+            if self.form == Form::Ordinary {
+                conduction.set_states(setup.body(body).dimension, self.stabilisation);
+            }
             return Ok((Neighbours::AtRest(family), conduction, None));
         }
         spec.correction = Correction::None;

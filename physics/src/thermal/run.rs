@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::carried::{CarriedHeat, Diffusion};
-use super::conduction::Conduction;
+use super::conduction::{Conduction, Matter};
 use super::faces::HeatedFace;
 use super::growth::{Growth, HeatState};
 use super::integrate::Integrator;
@@ -40,6 +40,8 @@ pub(super) struct Run {
     pub(super) floating: bool,
     pub(super) heat: HeatAccount,
     pub(super) faces: Vec<HeatedFace>,
+    /// Heat that bonds carry in through all layers with prescribed values when last observed, W.
+    pub(super) through_layers: f64,
     /// Largest stable explicit step, s.
     pub(super) stable_step: f64,
 }
@@ -252,6 +254,15 @@ impl Run {
         let temperature = world.read::<f64>(self.temperature.into());
         let rules = world.layer_rules(self.layers);
         let body = world.body(self.body);
+        let family = self.neighbours.now(world);
+        let matter = Matter {
+            family: &family,
+            rules: &rules,
+            material: &body.material_of_point,
+            curves: &self.curves,
+        };
+        self.conduction.load(&matter, &temperature);
+        self.through_layers = self.conduction.inflow(&family, &body.points.volume);
         let conductivity = |point: usize| {
             let (m, t) = (body.material_of_point[point], temperature[point]);
             let liquid = self.curves[m as usize].liquid_fraction(t);

@@ -97,11 +97,10 @@ impl Correspondence {
             i if i >= DISPLACEMENT => i - DISPLACEMENT < dimension,
             i => i / 3 < dimension && i % 3 < dimension,
         };
-        let horizon = body.points.spacing.iter();
-        let horizon = horizon.map(|s| family.spec().horizon.of(*s));
+        let horizon = body.points.horizons(family.spec().horizon);
         let mut this = Correspondence {
             dimension,
-            horizon: horizon.collect(),
+            horizon,
             stabilisation,
             elastic: ElasticPoints::new(body, elasticity, finite),
             plasticity,

@@ -82,11 +82,9 @@ impl PressureLaw<'_> {
 fn normaliser(family: &Family, body: &Body, totals: &[[f64; 1]]) -> Vec<f64> {
     let (d, spec) = (body.dimension as f64, family.spec());
     if spec.correction == Correction::None {
-        let of_point = |spacing: &f64| {
-            let horizon = spec.horizon.of(*spacing);
-            d * spec.moment(body, horizon) / spec.volume(body, horizon)
-        };
-        return body.points.spacing.iter().map(of_point).collect();
+        let of_point = |horizon: f64| d * spec.moment(body, horizon) / spec.volume(body, horizon);
+        let horizons = body.points.horizons(spec.horizon);
+        return horizons.into_iter().map(of_point).collect();
     }
     totals.iter().map(|[total]| d / total).collect()
 }

@@ -8,7 +8,8 @@ mod inputs;
 use std::sync::Arc;
 
 use perimelt_core::family::{Continuation, LayerRule};
-use perimelt_core::{Body, Family, Horizon};
+use perimelt_core::solver::reduce::max_abs;
+use perimelt_core::{Body, Family};
 
 use super::classical::symmetric;
 use super::elastic::ElasticPoints;
@@ -91,11 +92,11 @@ impl Ordinary {
             }),
             None => None,
         };
+        let horizons = body.points.horizons(family.spec().horizon);
         let mut this = Ordinary {
             dimension,
-            horizon: family.spec().horizon.of(body.coarsest_spacing()),
-            horizons_differ: matches!(family.spec().horizon, Horizon::Spacings(_))
-                && body.points.spacing.windows(2).any(|s| s[0] != s[1]),
+            horizon: max_abs(&horizons),
+            horizons_differ: horizons.windows(2).any(|h| h[0] != h[1]),
             elastic: ElasticPoints::new(body, elasticity, finite),
             dilatation: is_ordinary.then(|| Dilatation::new(&family, body)),
             plastic,

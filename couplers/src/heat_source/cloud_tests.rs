@@ -1,0 +1,231 @@
+//! Heat sources on bodies without a lattice: the power is exact, and on a uniform cloud it is that of the lattice.
+
+use perimelt_core::body::{Jitter, Zone};
+use perimelt_core::shape::{BoxShape, Shape};
+use perimelt_core::{Body, Coupler, Setup, World, keys};
+use proptest::prelude::*;
+
+use super::*;
+use crate::testing::{STEEL, apply, block, prepare, read, refusal, total, values};
+
+fn ready(body: Body, source: &mut dyn Coupler) -> World {
+    let mut world = World::new(vec![body]);
+    let physics = |setup: &mut Setup<'_>| {
+        setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+    };
+    prepare(&mut world, source, physics).expect("valid");
+    world
+}
+
+fn cloud(body: Body, amplitude: f64) -> Body {
+    body.jittered(Jitter { amplitude, seed: 2 }).expect("valid")
+}
+
+/// 20 x 20 x 8 m, of a fine part in the middle between coarse ends.
+fn zones(dimension: usize) -> Body {
+    let shape = Shape::Box(BoxShape {
+        min: [0.0; 3],
+        max: [20.0, 20.0, 8.0],
+    });
+    let zone = |from: f64, to: f64, spacing: f64| Zone {
+        min: [from, 0.0, 0.0],
+        max: [to, 20.0, 8.0],
+        spacing,
+        horizon_factor: 1.0,
+    };
+    let zones = [
+        zone(0.0, 8.0, 2.0),
+        zone(8.0, 14.0, 1.0),
+        zone(14.0, 20.0, 2.0),
+    ];
+    let mut body = Body::fill_zones("block", &shape, dimension, 8.0, &zones).expect("valid");
+    body.materials = block([1, 1, 1], 3, STEEL).materials;
+    body
+}
+
+fn report(source: &dyn Coupler, name: &str) -> f64 {
+    let reports = source.report();
+    let found = reports.iter().find(|r| r.name == name);
+    found.expect("reported").value
+}
+
+fn moving(kind: usize, path: &str) -> Box<dyn Coupler> {
+    let line = format!("\ntoolpath.line = {path}");
+    match kind {
+        0 => Box::new(read::<EllipsoidSource>(&format!(
+            "power = 100\nhalf_length = 1.5\nhalf_width = 2\ndepth = 1{line}"
+        ))),
+        1 => Box::new(read::<GoldakSource>(&format!(
+            "power = 100\nfront_length = 1.5\nrear_length = 3\nhalf_width = 2\ndepth = 2{line}"
+        ))),
+        2 => Box::new(read::<GaussianSource>(&format!(
+            "power = 100\nsigma = 1\neffective_depth = 8{line}"
+        ))),
+        3 => Box::new(read::<SuperGaussianSource>(&format!(
+            "power = 100\nabsorptivity = 1\nradius = 2\npenetration_depth = 1{line}"
+        ))),
+        _ => Box::new(read::<PointSource>(&format!("power = 100{line}"))),
+    }
+}
+
+#[test]
+fn a_uniform_cloud_is_heated_as_its_lattice() {
+    for kind in 0..5 {
+        for direction in ["[1, 0, 0]", "[1, 0.4, 0]"] {
+            let path = format!("{{ start = [9.3, 10.2, 8], direction = {direction}, speed = 2 }}");
+            let heat = [false, true].map(|is_cloud| {
+                let mut body = block([20, 20, 8], 3, STEEL);
+                if is_cloud {
+                    body = cloud(body, 0.0);
+                }
+                let mut source = moving(kind, &path);
+                let world = ready(body, &mut *source);
+                apply(&world, &mut *source, 0.0);
+                let heat = values(&world, &keys::HEAT_SOURCE);
+                let positions = &world.body(0).points.position;
+                let mut by_place: Vec<_> = positions
+                    .iter()
+                    .map(|x| x.map(|c| c as i64))
+                    .zip(heat)
+                    .collect();
+                by_place.sort_by_key(|(x, _)| (x.z, x.y, x.x));
+                by_place
+            });
+            let peak = heat[0].iter().map(|(_, h)| *h).fold(0.0, f64::max);
+            for ((x, lattice), (_, cloud)) in heat[0].iter().zip(&heat[1]) {
+                // the part beyond the cut-off, and numerical integration
+                assert!(
+                    (lattice - cloud).abs() < 1e-4 * peak,
+                    "{kind} {direction} {x}: {lattice} {cloud}"
+                );
+            }
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    #[test]
+    fn the_power_is_exact_on_zones_and_displaced_points(
+        kind in 0..5usize,
+        x in 7.0..15.0f64,
+        y in 8.0..12.0f64,
+        turn in 0.0..3.0f64,
+        amplitude in 0.0..0.4f64,
+        flat in any::<bool>(),
+    ) {
+        let body = cloud(zones(if flat { 2 } else { 3 }), amplitude);
+        let path = format!("{{ start = [{x}, {y}, 8], direction = [{}, {}, 0], speed = 1 }}", turn.cos(), turn.sin());
+        let mut source = moving(kind, &path);
+        let world = ready(body, &mut *source);
+        apply(&world, &mut *source, 0.0);
+        prop_assert!((total(&world, &keys::HEAT_SOURCE) - 100.0).abs() < 1e-9, "{kind}: {}", total(&world, &keys::HEAT_SOURCE));
+        prop_assert!((report(&*source, "power.deposited") - 100.0).abs() < 1e-9);
+        prop_assert_eq!(report(&*source, "power.lost"), 0.0);
+    }
+}
+
+#[test]
+fn what_falls_beside_a_cloud_is_lost() {
+    for kind in 0..4 {
+        // the source is at the edge in the middle of the step
+        let mut source = moving(
+            kind,
+            "{ start = [-1, 10, 8], direction = [1, 0, 0], speed = 2 }",
+        );
+        let world = ready(zones(3), &mut *source);
+        apply(&world, &mut *source, 0.0);
+        let (deposited, lost) = (
+            report(&*source, "power.deposited"),
+            report(&*source, "power.lost"),
+        );
+        assert!((deposited + lost - 100.0).abs() < 1e-9);
+        assert!((total(&world, &keys::HEAT_SOURCE) - deposited).abs() < 1e-9);
+        // the fraction of the front is given for the double ellipsoid: 2 / (1 + 3/1.5) of it in front, halved
+        let front = if kind == 1 { 100.0 / 3.0 } else { 50.0 };
+        assert!((deposited - front).abs() < 0.1, "{kind}: {deposited}");
+    }
+}
+
+#[test]
+fn the_power_is_exact_on_points_of_a_table() {
+    let mut table = "x,y,z,volume\n".to_string();
+    for n in 0..4000 {
+        let at = |step: f64, size: f64| (f64::from(n) * step).fract() * size;
+        table += &format!(
+            "{},{},{},{}\n",
+            at(0.618_034, 20.0),
+            at(0.414_214, 20.0),
+            at(0.732_051, 8.0),
+            0.8
+        );
+    }
+    let shape = Shape::Box(BoxShape {
+        min: [0.0; 3],
+        max: [20.0, 20.0, 8.0],
+    });
+    for kind in 0..4 {
+        let mut body = Body::from_table("table", &shape, 3, 1.0, &table).expect("valid");
+        body.materials = block([1, 1, 1], 3, STEEL).materials;
+        let mut source = moving(
+            kind,
+            "{ start = [9, 10, 8], direction = [1, 0, 0], speed = 1 }",
+        );
+        let world = ready(body, &mut *source);
+        apply(&world, &mut *source, 0.0);
+        // the cells of the table end a little below the top of the box or beyond it
+        let heat = total(&world, &keys::HEAT_SOURCE);
+        assert!((heat - report(&*source, "power.deposited")).abs() < 1e-9);
+        assert!((heat - 100.0).abs() < 15.0, "{kind}: {heat}");
+    }
+}
+
+#[test]
+fn a_pulse_heats_zones_as_a_lattice() {
+    const PULSE: &str =
+        "fluence = 10\nreflectivity = 0.5\npulse_duration = 1\nabsorption_depth = 3";
+    for (dimension, face, area) in [
+        (1, "x-", 1.0),
+        (2, "y+", 160.0),
+        (3, "z+", 400.0),
+        (2, "z+", 400.0),
+    ] {
+        let body = match dimension {
+            1 => cloud(block([20, 1, 1], 1, STEEL), 0.1),
+            _ => zones(dimension),
+        };
+        let mut laser: PulsedLaserSource =
+            read(&format!("{PULSE}\nheated_surface.face = '{face}'"));
+        let world = ready(body, &mut laser);
+        apply(&world, &mut laser, 1.5);
+        let energy = |name: &str| report(&laser, &format!("energy.{name}"));
+        let whole = laser.shape.absorbed(1.5, 2.5) * area;
+        assert!(
+            (energy("asked") / whole - 1.0).abs() < 1e-12,
+            "{dimension}D {face}"
+        );
+        assert!((total(&world, &keys::HEAT_SOURCE) - energy("deposited")).abs() < 1e-9);
+        let depth = if face == "x-" || face == "y+" {
+            20.0
+        } else {
+            8.0
+        };
+        let through = f64::exp(-depth / 3.0);
+        assert!(
+            (energy("lost") / whole - through).abs() < 1e-9,
+            "{dimension}D {face}"
+        );
+    }
+}
+
+#[test]
+fn values_at_cell_centres_need_a_lattice() {
+    let path = "toolpath.line = { start = [9, 10, 8], direction = [1, 0, 0], speed = 1 }";
+    let keys = format!(
+        "power = 1\nhalf_length = 1\nhalf_width = 2\ndepth = 1\nsampling = 'point'\n{path}"
+    );
+    let mut source: EllipsoidSource = read(&keys);
+    let message = refusal(&mut World::new(vec![zones(3)]), &mut source);
+    assert!(message.starts_with("sampling: "), "{message}");
+}

@@ -1,0 +1,186 @@
+//! The ordinary state-based form: the heat flow of a bond depends on all bonds of its two ends.
+//!
+//! The potential of a point is that of its mean temperature gradient `g` and of what the bonds have besides:
+//!
+//! ```text
+//! Z_i = 1/2 ( k g.g + s k ( sum_j c_ij tau_ij^2 - g.M g ) )      tau_ij = T_j - T_i,  c_ij = w_ij / |xi|
+//! g   = M^-1 sum_j c_ij tau_ij xi,    M = sum_j c_ij xi xi
+//! ```
+//!
+//! with the weights `w` of the bonds. The heat flow that follows from it by the general form of the equation of heat flow
+//! (spec 02, 1.1: eqs. 6.5 to 6.7 of Wang (2025), read as its E2) is
+//!
+//! ```text
+//! dh_i/dt = sum_j c_ij ( xi.p_i + s k_i tau_ij ) + c_ji ( xi.p_j + s k_j tau_ij ),    p = k (M^-1 - s) g
+//! ```
+//!
+//! Pairs of points exchange heat as in the form of bonds, to rounding. A family of any shape conducts with the conductivity of its
+//! material in all directions (`M` takes the place of corrections), also beside a crack. `s` is the stabilisation: with 1, and
+//! where `M` is the unit tensor, as in a calibrated complete family, the form is that of bonds; with 0, temperatures that
+//! alternate from point to point do not decay.
+
+use nalgebra::{Matrix3, Vector3};
+use perimelt_core::family::LayerRule;
+use perimelt_core::{Bond, BondKernel, BrokenBonds, Family};
+use rayon::prelude::*;
+
+use super::conduction::Matter;
+
+/// Families whose moment along an axis is below this fraction of a complete one keep the form of bonds.
+const LEAST_MOMENT: f64 = 0.2;
+
+/// Moments and gradients of all points.
+#[derive(Debug)]
+pub(super) struct States {
+    dimension: usize,
+    stabilisation: f64,
+    /// `M^-1 - s` of each point; empty until found.
+    excess: Vec<Matrix3<f64>>,
+    moment: Vec<[f64; 6]>,
+    gradient: Vec<[f64; 3]>,
+    /// `p` of each point, K/m times W/(m K).
+    state: Vec<f64>,
+    slots: [Vec<f64>; 3],
+    /// Number of broken bonds with which the moments were found.
+    broken: usize,
+}
+
+/// `M`: xx, yy, zz, xy, xz, yz.
+struct Moment;
+
+impl BondKernel<0, 6> for Moment {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, _: [f64; 0], _: [f64; 0]) -> [f64; 6] {
+        let ([x, y, z], c) = (bond.xi, bond.weight * bond.inverse_length);
+        [x * x, y * y, z * z, x * y, x * z, y * z].map(|product| c * product)
+    }
+}
+
+/// `sum_j c_ij tau_ij xi`.
+struct Slope;
+
+impl BondKernel<1, 3> for Slope {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, [own]: [f64; 1], [other]: [f64; 1]) -> [f64; 3] {
+        let c = bond.weight * bond.inverse_length * (other - own);
+        bond.xi.map(|x| c * x)
+    }
+}
+
+/// The heat flow from temperature, the three components of `p`, and conductivity of the ends.
+pub(super) struct StateFlow {
+    stabilisation: f64,
+}
+
+impl BondKernel<5, 1> for StateFlow {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 5], other: [f64; 5]) -> [f64; 1] {
+        let [x, y, z] = bond.xi;
+        let along = |p: &[f64; 5]| x * p[1] + y * p[2] + z * p[3];
+        let tau = self.stabilisation * (other[0] - own[0]);
+        let of_own = bond.weight * (along(&own) + own[4] * tau);
+        let of_other = bond.dual * (along(&other) + other[4] * tau);
+        [bond.inverse_length * (of_own + of_other)]
+    }
+}
+
+impl States {
+    pub(super) fn new(dimension: usize, points: usize, stabilisation: f64) -> States {
+        States {
+            dimension,
+            stabilisation,
+            excess: Vec::new(),
+            moment: vec![[0.0; 6]; points],
+            gradient: vec![[0.0; 3]; points],
+            state: vec![0.0; 3 * points],
+            slots: Default::default(),
+            broken: 0,
+        }
+    }
+
+    /// Finds `M^-1 - s` when bonds have broken since the last time.
+    fn find_moments(&mut self, family: &Family, broken: Option<&BrokenBonds>) {
+        let number = broken.map_or(0, BrokenBonds::total);
+        if !self.excess.is_empty() && number == self.broken {
+            return;
+        }
+        self.broken = number;
+        family.sum_unbroken(&Moment, [], broken, &mut self.moment);
+        let (dimension, s) = (self.dimension, self.stabilisation);
+        let excess = self.moment.par_iter().map(|[xx, yy, zz, xy, xz, yz]| {
+            let mut moment = Matrix3::new(*xx, *xy, *xz, *xy, *yy, *yz, *xz, *yz, *zz);
+            (dimension..3).for_each(|axis| moment[(axis, axis)] = 1.0);
+            let least = moment.symmetric_eigenvalues().min();
+            match moment.try_inverse() {
+                Some(inverse) if least > LEAST_MOMENT => inverse - Matrix3::identity() * s,
+                _ => Matrix3::zeros(),
+            }
+        });
+        excess.collect_into_vec(&mut self.excess);
+    }
+
+    /// Largest ratio of the potential of a point to that of its bonds: by it the stable step is shorter.
+    pub(super) fn stiffness(&mut self, family: &Family, broken: Option<&BrokenBonds>) -> f64 {
+        self.find_moments(family, broken);
+        let s = self.stabilisation;
+        let of = |excess: &Matrix3<f64>| s + excess.symmetric_eigenvalues().max().max(0.0);
+        self.excess.par_iter().map(of).reduce(|| s, f64::max)
+    }
+
+    /// Finds `p` from temperatures by slot (K) and conductivities of the points, W/(m K).
+    pub(super) fn load(
+        &mut self,
+        matter: &Matter<'_>,
+        (temperature, conductivity): (&[f64], &[f64]),
+        broken: Option<&BrokenBonds>,
+    ) {
+        let family = matter.family;
+        self.find_moments(family, broken);
+        family.sum_unbroken(&Slope, [temperature], broken, &mut self.gradient);
+        let points = self.state.par_chunks_exact_mut(3).zip(&self.gradient);
+        let points = points.zip(&self.excess).zip(&self.moment).zip(conductivity);
+        let dimension = self.dimension;
+        points.for_each(|((((state, slope), excess), moment), k)| {
+            // the gradient is M^-1 times the slope
+            let [xx, yy, zz, xy, xz, yz] = *moment;
+            let mut matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+            (dimension..3).for_each(|axis| matrix[(axis, axis)] = 1.0);
+            let slope = Vector3::from(*slope);
+            let gradient = matrix.try_inverse().map_or(Vector3::zeros(), |m| m * slope);
+            state.copy_from_slice((*k * (excess * gradient)).as_slice());
+        });
+        let rules = turned(family, matter.rules);
+        for (component, slots) in self.slots.iter_mut().enumerate() {
+            family.load((&self.state, 3), component, &rules, slots);
+        }
+    }
+
+    /// The kernel and its inputs, from what was loaded.
+    pub(super) fn flow<'a>(
+        &'a self,
+        temperature: &'a [f64],
+        conductivity: &'a [f64],
+    ) -> (StateFlow, [&'a [f64]; 5]) {
+        let [x, y, z] = &self.slots;
+        let kernel = StateFlow {
+            stabilisation: self.stabilisation,
+        };
+        (kernel, [temperature, x, y, z, conductivity])
+    }
+}
+
+/// How `p` continues behind faces: as the gradient of a temperature that continues by `rules`.
+fn turned(family: &Family, rules: &[LayerRule]) -> Vec<LayerRule> {
+    let faces = family.spec().layers.iter();
+    let rule = |face: &perimelt_core::Face| {
+        let of_temperature = rules.iter().find(|r| r.face == *face);
+        let scale = of_temperature.map_or(1.0, |r| r.scale[0]);
+        LayerRule {
+            traction: None,
+            face: *face,
+            scale: std::array::from_fn(|a| if a == face.axis() { -scale } else { scale }),
+            offset: [0.0; 3],
+        }
+    };
+    faces.map(rule).collect()
+}
