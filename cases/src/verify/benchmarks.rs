@@ -225,6 +225,7 @@ benchmarks!(
     "gao-7.3-gate-coarse",
     "gao-7.3-gate-fine",
     "interface-added-mass",
+    "interface-ale-carried-bodies",
     "interface-ale-sheared-layer",
     "interface-ale-uniform-stream",
     "interface-drag-array",
