@@ -191,7 +191,9 @@ fn points_that_fold_are_refused_with_the_place() {
     while error.is_none() && !layer.is_finished() {
         error = layer.step().err();
     }
-    let message = error.expect("the layer is more than twice as thick").to_string();
+    let message = error
+        .expect("the layer is more than twice as thick")
+        .to_string();
     assert!(message.contains("points of body `oil` near"), "{message}");
     assert!(message.contains("fold"), "{message}");
 }
