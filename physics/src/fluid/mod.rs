@@ -289,7 +289,8 @@ impl Fluid {
     /// Refuses to go on where a wall has moved too far for points that rest.
     fn check_displacement(&self, world: &World, time: f64) -> Result<(), RunError> {
         let run = self.run();
-        let walls = run.rates.walls();
+        // points that follow walls have a limit of their own
+        let walls = run.rates.walls().filter(|_| run.rates.motion().is_none());
         let Some((moved, wall)) = walls.and_then(Walls::largest_displacement) else {
             return Ok(());
         };
