@@ -178,6 +178,7 @@ benchmarks!(
     "dual-growing-crack",
     "dual-bar",
     "dual-block",
+    "dual-goldak",
     "wang-7.5.1-stefan",
     "wang-7.5.1-stefan-plate",
     "wang-7.5.1-stefan-no-latent",

@@ -84,7 +84,8 @@ pub enum Form {
     #[default]
     Bonds,
     /// Ordinary state-based: the heat flow of a bond also depends on the mean gradients at both ends, so that a family of
-    /// any shape, at a bare surface or beside a crack, has the conductivity of its material. Heat is conserved to rounding;
+    /// any shape, at a bare surface or beside a crack, has the conductivity of its material without a correction. Heat is
+    /// conserved to rounding;
     /// a step costs about three times as much. The conductivity of a bond is the mean of its ends.
     Ordinary,
     /// `k lap T + grad k . grad T` with second derivatives of the differential operator, as published (Gao (2020),
