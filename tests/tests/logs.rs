@@ -97,7 +97,7 @@ fn a_window_of_a_log_is_read_drawn_and_resumed_like_the_whole() {
             "error: `--to` is NaN, expected a time in s\n",
         ),
     ] {
-        let all = [&["trim", "weld.mcap", "--out", "none.mcap"], arguments].concat();
+        let all = [&["trim", "weld.mcap", "--out", "none.mcap"][..], arguments].concat();
         let (status, _, message) = told(folder, &all);
         assert_eq!((status, &*message), (1, expected));
         assert!(!folder.join("none.mcap").exists());
@@ -117,7 +117,7 @@ fn logs_that_differ_are_told_from_equal_ones_by_the_status() {
             "--out",
             "other.mcap",
         ];
-        let (status, _, message) = told(folder, &[&run, arguments].concat());
+        let (status, _, message) = told(folder, &[&run[..], arguments].concat());
         assert_eq!(status, 0, "{message}");
     };
     other(&[]);
@@ -166,7 +166,7 @@ fn logs_that_differ_are_told_from_equal_ones_by_the_status() {
 fn sections_and_films_are_drawn_as_asked_and_mistakes_explained() {
     let folder = logged("0.2");
     let folder = folder.path();
-    let plot = |arguments: &[&str]| told(folder, &[&["plot", "weld.mcap"], arguments].concat());
+    let plot = |arguments: &[&str]| told(folder, &[&["plot", "weld.mcap"][..], arguments].concat());
     let (status, output, message) = plot(&[
         "--section",
         "x=0.01",
