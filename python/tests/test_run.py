@@ -34,7 +34,7 @@ def test_a_changed_case_is_run(tmp_path: Path, capsys: pytest.CaptureFixture[str
         assert log.case_folder == CASES
     # nothing is left beside the case
     assert sorted(CASES.iterdir()) == before
-    assert "finished at t = 2" in capsys.readouterr().out
+    assert "finished at t = 0.2 s" in capsys.readouterr().out
 
 
 def test_a_dictionary_is_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
