@@ -196,10 +196,10 @@ fn a_deposit_with_mechanics_goes_on_bit_by_bit() {
     assert!(done, "{message}");
     let expected = final_state(&at("wall.mcap"));
     // in the middle of the second bead, between release and cut, and after the cut
-    for end in ["3", "7.5", "7.9"] {
+    for end in ["3", "7.5", "8"] {
         write(
             "part.toml",
-            &WALL.replace("end = 8", &format!("end = {end}")),
+            &WALL.replace("end = 9", &format!("end = {end}")),
         );
         let (done, message) = told(folder, &["run", "part.toml", "--quiet", "--force"]);
         assert!(done, "{message}");
