@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import numpy.testing as npt
 import pytest
@@ -87,6 +89,36 @@ def test_tensors_become_their_textbook_numbers() -> None:
     npt.assert_allclose(perimelt.magnitude(np.array([[3.0, 0, -4]])), [5])
 
 
+WALL = """
+[bodies.wall]
+shape.box = { min = [0, 0, -0.001], max = [0.006, 0.002, 0.002] }
+spacing = 0.001
+material = "steel"
+initial.temperature = 300
+regions.above.box = { min = [0, 0, 0], max = [0.006, 0.002, 0.002] }
+
+[materials.steel]
+density = 7800
+specific_heat = 500
+conductivity = 5
+
+[[physics]]
+type = "thermal"
+
+[[couplers]]
+type = "deposit"
+region = "above"
+temperature = 1000
+layers = { height = 0.001, interval = 1 }
+
+[time]
+end = 3
+
+[log]
+interval = 0.1
+"""
+
+
 def test_a_history_is_the_probe_at_that_point(weld: perimelt.Log) -> None:
     body = weld.body()
     position = [0.0085, 0.0065, 0.0035]
@@ -98,6 +130,23 @@ def test_a_history_is_the_probe_at_that_point(weld: perimelt.Log) -> None:
     npt.assert_array_equal(history.index, probe.index)
     # at a point the linear interpolation of the probe is the value, up to rounding
     npt.assert_allclose(history["temperature"], probe, rtol=1e-12)
+
+
+def test_a_history_begins_when_its_point_is_added(tmp_path: Path) -> None:
+    case = tmp_path / "wall.toml"
+    case.write_text(WALL)
+    with perimelt.run(case, quiet=True) as log:
+        body = log.body()
+        first, last = body.state(number=0), body.state()
+        assert first.points < last.points
+        assert len(first.reference_positions) == first.points
+        above, below = [0.0035, 0.0005, 0.0015], [0.0035, 0.0005, -0.0005]
+        npt.assert_allclose(last.reference_positions[last.nearest(above)], above, atol=1e-8)
+        history = body.history("temperature", above)
+        assert 0 < history.index[0] <= 1.1
+        assert history.index[-1] == 3
+        assert history["temperature"].iloc[0] > 800
+        assert list(body.history("temperature", below).index) == list(body.times)
 
 
 def test_a_history_of_a_vector_has_its_components(weld: perimelt.Log) -> None:

@@ -199,18 +199,15 @@ class Body:
 
     @cached_property
     def reference_positions(self) -> Array:
-        """Positions of the undeformed body, m, shape (n, 3).
+        """Positions of the undeformed body, m, shape (n, 3): those of the first state."""
+        return self._first.reference_positions
 
-        Those of the first state, less its displacements if they are logged. Precision as logged.
-        """
+    @cached_property
+    def _first(self) -> State:
         first = next(self.states(), None)
         if first is None:
             raise NoStateError(f"the log has no sound state of `{self.name}`")
-        positions = first.positions
-        if "displacement" in first.logged:
-            positions = positions - first["displacement"]
-        positions.flags.writeable = False
-        return positions
+        return first
 
     @cached_property
     def grid(self) -> Grid:
@@ -222,12 +219,11 @@ class Body:
         return Grid(self.reference_positions, self.spacing)
 
     def nearest(self, position: npt.ArrayLike) -> int:
-        """Number of the point whose reference position is nearest to a position, m."""
-        wanted = np.asarray(position, dtype=float)
-        if wanted.shape != (3,):
-            raise PerimeltError(f"a position is three numbers, x, y and z in m, not {position!r}")
-        distances = np.sum((self.reference_positions - wanted) ** 2, axis=1)
-        return int(np.argmin(distances))
+        """Number of the point whose reference position is nearest to a position, m.
+
+        Where points are added or removed, numbers change: this is that of the first state.
+        """
+        return self._first.nearest(position)
 
     def history(self, name: str, point: int | npt.ArrayLike, *, every: int = 1) -> pd.DataFrame:
         """A field at one point over all logged times.
@@ -237,25 +233,33 @@ class Body:
         Args:
             name: field or component
             point: number of the point, or a position (m): the point nearest to it in the reference
-                configuration is taken; its number and position are in `attrs`
+                configuration is taken; its number and position in the last state are in `attrs`.
+                States before a point is added there have no row.
             every: take every n-th state only
 
         Returns:
             A column for a scalar, one for each component of a vector or tensor.
         """
-        number = int(point) if isinstance(point, (int, np.integer)) else self.nearest(point)
-        if not -self.points <= number < self.points:
+        number = int(point) if isinstance(point, (int, np.integer)) else None
+        if number is not None and not -self.points <= number < self.points:
             raise PerimeltError(f"there is no point {number}; `{self.name}` has {self.points}")
         times: list[float] = []
         columns: dict[str, list[float]] = {}
+        found, place = 0, np.zeros(3)
+        # where points are added, another one is nearest before
+        ends = [] if number is not None else [self._first, self.state()]
+        reach = max(self.spacing, min((1.001 * s.distance(point) for s in ends), default=np.inf))
         for state in self.states(every=every):
-            values = state[name]
+            if number is None and state.distance(point) > reach:
+                continue
+            found = state.nearest(point) if number is None else number % state.points
+            place = state.reference_positions[found]
             times.append(state.time)
-            for column, value in _by_component(name, values[number : number + 1 or None]):
+            for column, value in _by_component(name, state[name][found : found + 1]):
                 columns.setdefault(column, []).append(float(value[0]))
         table = frame(times, columns, dict.fromkeys(columns, self.unit(name)))
-        table.attrs["point"] = number % self.points
-        table.attrs["position"] = tuple(map(float, self.reference_positions[number]))
+        table.attrs["point"] = found
+        table.attrs["position"] = tuple(map(float, place))
         return table
 
     # What is computed from the log

@@ -81,10 +81,34 @@ class State(Mapping[str, Array]):
         """Current positions, m, shape (n, 3)."""
         return self._values(POSITIONS)
 
-    @property
+    @cached_property
     def reference_positions(self) -> Array:
-        """Positions of the undeformed body, m, shape (n, 3); see `Body.reference_positions`."""
-        return self.body.reference_positions
+        """Positions without the displacements, if they are logged, m, shape (n, 3).
+
+        Those of all states are equal unless points are added or removed. Precision as logged.
+        """
+        positions = self.positions
+        if "displacement" in self.logged:
+            positions = positions - self["displacement"]
+        positions.flags.writeable = False
+        return positions
+
+    def nearest(self, position: npt.ArrayLike) -> int:
+        """Number of the point whose reference position is nearest to a position, m."""
+        return int(np.argmin(self._distances(position)))
+
+    def distance(self, position: npt.ArrayLike) -> float:
+        """Distance of that point from the position, m."""
+        return float(np.min(self._distances(position)))
+
+    def _distances(self, position: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        wanted = np.asarray(position, dtype=float)
+        if wanted.shape != (3,):
+            raise PerimeltError(f"a position is three numbers, x, y and z in m, not {position!r}")
+        distances: npt.NDArray[np.float64] = np.linalg.norm(
+            self.reference_positions - wanted, axis=1
+        )
+        return distances
 
     @property
     def logged(self) -> list[str]:
