@@ -135,7 +135,7 @@ def test_a_history_is_the_probe_at_that_point(weld: perimelt.Log) -> None:
 def test_a_history_begins_when_its_point_is_added(tmp_path: Path) -> None:
     case = tmp_path / "wall.toml"
     case.write_text(WALL)
-    with perimelt.run(case, quiet=True) as log:
+    with perimelt.run(case, out=tmp_path / "wall.mcap", quiet=True) as log:
         body = log.body()
         first, last = body.state(number=0), body.state()
         assert first.points < last.points
