@@ -38,7 +38,7 @@ pub struct Bond {
     /// One over it, 1/m.
     pub inverse_length: f64,
     /// Weight of the neighbour in the family of the point, 1/m: its volume times influence,
-    /// partial volume and correction, over the moment of the family ([`FamilySpec::moment`]).
+    /// partial volume and correction, over the moment of the family ([`moment`](super::FamilySpec::moment)).
     /// Calibrated families have `sum_j weight |xi| = dimension`.
     pub weight: f64,
     /// Weight with which the neighbour's family holds the point, for the force that the
