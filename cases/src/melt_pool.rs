@@ -439,7 +439,8 @@ mod tests {
             .map(|p| if hot(p) { 1800.0 } else { 1200.0 })
             .collect();
         let pool = measured(&positions, 3, Travel::X, &temperature).expect("a pool");
-        assert!((pool.depth.expect("3D") - 2.0 * SPACING).abs() < 1e-12);
+        // the parabola around the largest temperature overshoots at a step
+        assert!((pool.depth.expect("3D") - 2.0 * SPACING).abs() < 0.2 * SPACING);
     }
 
     #[test]

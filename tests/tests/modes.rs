@@ -200,9 +200,12 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path) {
         }
     };
     let couplers = case_table.get("couplers").and_then(|c| c.as_array());
-    let is_deposit = |c: &toml::Value| c.get("type").and_then(|t| t.as_str()) == Some("deposit");
-    if couplers.is_some_and(|c| c.iter().any(is_deposit)) {
-        return; // a body that grows has a lattice
+    let changes_points = |c: &toml::Value| {
+        let kind = c.get("type").and_then(|t| t.as_str());
+        matches!(kind, Some("deposit" | "cut"))
+    };
+    if couplers.is_some_and(|c| c.iter().any(changes_points)) {
+        return; // a body that grows or is cut has a lattice
     }
     for (_, body) in table(case_table, "bodies").iter_mut() {
         body.as_table_mut()

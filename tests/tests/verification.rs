@@ -52,6 +52,8 @@ fn a_uniform_temperature_stays_uniform() {
         let end = end.as_float().or(end.as_integer().map(|e| e as f64));
         let end = (10.0 * step).min(0.05).min(0.05 * end.expect("a time"));
         table["time"]["end"] = end.into();
+        let time = table["time"].as_table_mut().expect("a section");
+        time.remove("stages");
         table.insert(
             "log".into(),
             toml::Table::from_iter([("interval".into(), end.into())]).into(),

@@ -359,7 +359,15 @@ benchmarks!(
     "gao-3.6.3-kalthoff",
     ],
     "welding": ["bead_on_plate", "butt_weld", "haz_hardness", "residual_stress", "t_joint"],
-    "additive": ["gcode_part", "hatch", "powder_bed_tower", "single_track", "wire_arc_wall"],
+    "additive": [
+        "gcode_part",
+        "hatch",
+        "part_inherent_strain",
+        "powder_bed_tower",
+        "single_track",
+        "wall_distortion",
+        "wire_arc_wall",
+    ],
     "quenching": ["billet"],
 );
 

@@ -62,7 +62,7 @@ fn moving(kind: usize, path: &str) -> Box<dyn Coupler> {
             "power = 100\nsigma = 1\neffective_depth = 8{line}"
         ))),
         3 => Box::new(read::<SuperGaussianSource>(&format!(
-            "power = 100\nabsorptivity = 1\nradius = 2\npenetration_depth = 1{line}"
+            "power = 100\nabsorptivity = 1\nradius = 2\npenetration_depth = 2\npenetration = 'gaussian'{line}"
         ))),
         _ => Box::new(read::<PointSource>(&format!("power = 100{line}"))),
     }

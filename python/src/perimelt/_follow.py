@@ -33,17 +33,20 @@ def follow(path: str | os.PathLike[str], *, poll: float = 1.0) -> Iterator[Log]:
         found = file.stat().st_size if file.exists() else -1
         if found >= 0 and found != size:
             size = found
-            if log is not None:
-                log.close()
             with warnings.catch_warnings():
                 # what is being written ends anywhere
                 warnings.simplefilter("ignore", DamageWarning)
-                log = Log(file)
-            if len(log.times) != states or log.finished:
-                states = len(log.times)
+                newer = Log(file)
+            if len(newer.times) == states and not newer.finished:
+                # the log of the last states stays open
+                newer.close()
+            else:
+                if log is not None:
+                    log.close()
+                log, states = newer, len(newer.times)
                 yield log
-            if log.finished:
-                return
+                if log.finished:
+                    return
         elif log is not None and not log.is_being_written():
             return
         time.sleep(poll)
