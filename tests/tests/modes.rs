@@ -93,7 +93,9 @@ fn short(file: &Path, factor: f64) -> Result<Table, String> {
         .options()
         .end
         .min(STEPS * simulation.macro_step());
-    table(&mut whole, "time").insert("end".into(), end.into());
+    let time = table(&mut whole, "time");
+    time.insert("end".into(), end.into());
+    time.remove("stages");
     let log = table(&mut whole, "log");
     log.insert("interval".into(), (end / 4.0).into());
     log.insert("checkpoint".into(), (end / 2.0).into());
