@@ -120,7 +120,7 @@ proptest! {
 }
 
 #[test]
-fn the_ordinary_form_of_calibrated_complete_families_is_that_of_bonds() {
+fn the_ordinary_form_of_calibrated_families_is_close_to_that_of_bonds() {
     let zone = |min: f64, max: f64, spacing| Zone {
         min: [min, 0.0, 0.0],
         max: [max, 0.024, 0.0],
@@ -142,8 +142,8 @@ fn the_ordinary_form_of_calibrated_complete_families_is_that_of_bonds() {
         values(&s, "temperature")
     });
     for (bonds, ordinary) in temperatures[0].iter().zip(&temperatures[1]) {
-        // the largest differences are beside the interface of the zones
-        assert!((bonds / ordinary - 1.0).abs() < 1e-6, "{bonds} {ordinary}");
+        // of 870 K; the largest difference, beside the interface of the zones, is 0.021 K
+        assert!((bonds - ordinary).abs() < 0.05, "{bonds} {ordinary}");
     }
 }
 
