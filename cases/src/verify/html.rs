@@ -5,8 +5,8 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::VerifyError;
-use super::check::{Check, Level, Measure};
-use super::results::{Recorded, Results, file_error};
+use super::check::{Check, Measure};
+use super::results::{Recorded, Results, Session, file_error};
 use super::table::{HEADINGS, Outcome};
 use crate::case::Case;
 use crate::plot::curves::{Chart, Panel};
@@ -67,24 +67,13 @@ pub fn write(
 
 /// Versions, machines and dates.
 fn sessions(results: &Results) -> String {
-    let mut text = String::from(
-        "<table><tr><th>session<th>version<th>commit<th>date<th>machine<th>threads<th>level\n",
+    let mut text = format!(
+        "<table><tr><th>session<th>{}\n",
+        Session::HEADINGS.join("<th>")
     );
-    for (number, s) in results.sessions.iter().enumerate() {
-        let level = match s.level {
-            Level::Everyday => "everyday",
-            Level::Nightly => "nightly",
-        };
-        let _ = writeln!(
-            text,
-            "<tr><td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{level}",
-            number + 1,
-            s.version,
-            s.commit,
-            s.date,
-            escape(&s.machine),
-            s.threads
-        );
+    for (number, session) in results.sessions.iter().enumerate() {
+        let cells = session.cells().map(|cell| escape(&cell)).join("<td>");
+        let _ = writeln!(text, "<tr><td>{}<td>{cells}", number + 1);
     }
     text + "</table>\n"
 }
@@ -218,7 +207,7 @@ fn escape(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::verify::results::Session;
+    use crate::verify::check::Level;
 
     const CASE: &str = r#"
         case.title = "A bar & its ends"

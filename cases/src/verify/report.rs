@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::VerifyError;
 use super::check::{Check, Level};
-use super::results::{Recorded, Results, file_error};
+use super::results::{Recorded, Results, Session, file_error};
 use super::table::{HEADINGS, number};
 use crate::case::Case;
 
@@ -64,31 +64,17 @@ pub fn tables(results: &Results, cases: &[(String, Case)]) -> Result<String, Ver
 }
 
 fn sessions(text: &mut String, results: &Results) {
-    let _ = writeln!(
-        text,
-        "| session | version | commit | date | machine | threads | level | checks |"
-    );
-    let _ = writeln!(text, "|---|---|---|---|---|---|---|---|");
-    for (number, s) in results.sessions.iter().enumerate() {
+    let headings = Session::HEADINGS.join(" | ");
+    let _ = writeln!(text, "| session | {headings} | checks |");
+    let _ = writeln!(text, "|{}", "---|".repeat(Session::HEADINGS.len() + 2));
+    for (number, session) in results.sessions.iter().enumerate() {
         let checks = results
             .checks
             .iter()
             .filter(|c| c.session == number)
             .count();
-        let level = match s.level {
-            Level::Everyday => "everyday",
-            Level::Nightly => "nightly",
-        };
-        let _ = writeln!(
-            text,
-            "| {} | {} | {} | {} | {} | {} | {level} | {checks} |",
-            number + 1,
-            s.version,
-            s.commit,
-            s.date,
-            s.machine,
-            s.threads,
-        );
+        let cells = session.cells().join(" | ");
+        let _ = writeln!(text, "| {} | {cells} | {checks} |", number + 1);
     }
 }
 

@@ -47,6 +47,28 @@ pub struct Recorded {
 }
 
 impl Session {
+    /// Headings of its [`Session::cells`].
+    pub(super) const HEADINGS: [&str; 6] =
+        ["version", "commit", "date", "machine", "threads", "level"];
+
+    /// What a table shows of it.
+    pub(super) fn cells(&self) -> [String; 6] {
+        let level = match self.level {
+            Level::Everyday => "everyday",
+            Level::Nightly => "nightly",
+        };
+        let threads = self.threads.to_string();
+        [
+            &*self.version,
+            &*self.commit,
+            &*self.date,
+            &*self.machine,
+            &*threads,
+            level,
+        ]
+        .map(Into::into)
+    }
+
     /// A session of this program on this machine.
     pub fn now(level: Level) -> Session {
         let since = SystemTime::now().duration_since(UNIX_EPOCH);

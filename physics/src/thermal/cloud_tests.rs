@@ -9,8 +9,8 @@ use proptest::prelude::*;
 
 const STEEL: &str = "density = 8000\nspecific_heat = 500\nconductivity = 40";
 
-/// A plate whose right half has twice the spacing, its points displaced by up to a tenth of it.
-fn plate(keys: &str) -> Simulation {
+/// A plate whose right half has twice the spacing.
+fn body_of_two_spacings() -> Body {
     let zone = |min: f64, max: f64, spacing| Zone {
         min: [min, 0.0, 0.0],
         max: [max, 0.024, 0.0],
@@ -22,12 +22,16 @@ fn plate(keys: &str) -> Simulation {
         max: [0.04, 0.024, 0.01],
     });
     let zones = [zone(0.0, 0.02, 1e-3), zone(0.02, 0.04, 2e-3)];
-    let body = Body::fill_zones("plate", &shape, 2, 0.1, &zones).expect("valid zones");
+    Body::fill_zones("plate", &shape, 2, 0.1, &zones).expect("valid zones")
+}
+
+/// That plate, its points displaced by up to a tenth of the spacing.
+fn plate(keys: &str) -> Simulation {
     let jitter = Jitter {
         amplitude: 0.1,
         seed: 1,
     };
-    let mut body = body.jittered(jitter).expect("valid");
+    let mut body = body_of_two_spacings().jittered(jitter).expect("valid");
     body.materials = vec![material(STEEL)];
     let thermal: Thermal = read(keys);
     simulation(body, vec![Box::new(thermal)], vec![], 0.5)
@@ -121,19 +125,8 @@ proptest! {
 
 #[test]
 fn the_ordinary_form_of_calibrated_families_is_close_to_that_of_bonds() {
-    let zone = |min: f64, max: f64, spacing| Zone {
-        min: [min, 0.0, 0.0],
-        max: [max, 0.024, 0.0],
-        spacing,
-        horizon_factor: 1.0,
-    };
-    let shape = Shape::Box(BoxShape {
-        min: [0.0; 3],
-        max: [0.04, 0.024, 0.01],
-    });
-    let zones = [zone(0.0, 0.02, 1e-3), zone(0.02, 0.04, 2e-3)];
     let temperatures = ["form = 'bonds'", "form = 'ordinary'"].map(|form| {
-        let mut body = Body::fill_zones("plate", &shape, 2, 0.1, &zones).expect("valid zones");
+        let mut body = body_of_two_spacings();
         body.materials = vec![material(STEEL)];
         let thermal: Thermal = read(form);
         let mut s = simulation(body, vec![Box::new(thermal)], vec![], 0.5);

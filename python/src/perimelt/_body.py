@@ -248,11 +248,16 @@ class Body:
         found, place = 0, np.zeros(3)
         # where points are added, another one is nearest before
         ends = [] if number is not None else [self._first, self.state()]
-        reach = max(self.spacing, min((1.001 * s.distance(point) for s in ends), default=np.inf))
+        distances = (1.001 * state.nearest_with_distance(point)[1] for state in ends)
+        reach = max(self.spacing, min(distances, default=np.inf))
         for state in self.states(every=every):
-            if number is None and state.distance(point) > reach:
-                continue
-            found = state.nearest(point) if number is None else number % state.points
+            if number is None:
+                nearest, distance = state.nearest_with_distance(point)
+                if distance > reach:
+                    continue
+                found = nearest
+            else:
+                found = number % state.points
             place = state.reference_positions[found]
             times.append(state.time)
             for column, value in _by_component(name, state[name][found : found + 1]):

@@ -95,20 +95,16 @@ class State(Mapping[str, Array]):
 
     def nearest(self, position: npt.ArrayLike) -> int:
         """Number of the point whose reference position is nearest to a position, m."""
-        return int(np.argmin(self._distances(position)))
+        return self.nearest_with_distance(position)[0]
 
-    def distance(self, position: npt.ArrayLike) -> float:
-        """Distance of that point from the position, m."""
-        return float(np.min(self._distances(position)))
-
-    def _distances(self, position: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def nearest_with_distance(self, position: npt.ArrayLike) -> tuple[int, float]:
+        """Number of that point, and its distance from the position, m."""
         wanted = np.asarray(position, dtype=float)
         if wanted.shape != (3,):
             raise PerimeltError(f"a position is three numbers, x, y and z in m, not {position!r}")
-        distances: npt.NDArray[np.float64] = np.linalg.norm(
-            self.reference_positions - wanted, axis=1
-        )
-        return distances
+        distances = np.linalg.norm(self.reference_positions - wanted, axis=1)
+        found = int(np.argmin(distances))
+        return found, float(distances[found])
 
     @property
     def logged(self) -> list[str]:
