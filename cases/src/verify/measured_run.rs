@@ -1,15 +1,17 @@
-//! One run of a case with the measurements of all checks that concern it.
+//! Runs of cases, each with the measurements of all checks that concern it.
 
+use std::collections::BTreeMap;
 use std::io::IsTerminal;
+use std::sync::Mutex;
 use std::time::Instant;
 
 use perimelt_core::{RunError, Simulation};
 
-use super::Planned;
 use super::audit::Audit;
 use super::check::{Check, Measure};
 use super::measurement::Measurement;
 use super::table::Outcome;
+use super::{Planned, VerifyError};
 use crate::case::Case;
 use crate::commands::tell;
 use crate::run::Failure;
@@ -26,14 +28,47 @@ pub(super) struct MeasuredRun {
     pub(super) seconds: f64,
 }
 
+/// Runs cases in their order, as many at a time as there are threads. One run scales with threads only as far as its
+/// size allows, several runs always do, and the results of a run do not depend on its threads. Fewer cases than threads
+/// share the threads.
+///
+/// # Errors
+/// Threads that cannot be started.
+pub(super) fn run_side_by_side<'c>(
+    cases: &[&'c (String, Case)],
+    planned: &[Planned],
+) -> Result<BTreeMap<&'c str, MeasuredRun>, VerifyError> {
+    let threads = rayon::current_num_threads();
+    let workers = threads.min(cases.len()).max(1);
+    let pools = (0..workers).map(|_| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads / workers);
+        pool.build()
+    });
+    let pools: Vec<rayon::ThreadPool> = pools.collect::<Result<_, _>>()?;
+    let is_alone = workers == 1;
+    let waiting = Mutex::new(cases.iter());
+    let runs = Mutex::new(BTreeMap::new());
+    let poisoned = "no thread panics while it holds the lock";
+    std::thread::scope(|scope| {
+        for pool in &pools {
+            scope.spawn(|| {
+                loop {
+                    let Some((name, case)) = waiting.lock().expect(poisoned).next() else {
+                        break;
+                    };
+                    let run = pool.install(|| MeasuredRun::of(name, case, planned, is_alone));
+                    runs.lock().expect(poisoned).insert(name.as_str(), run);
+                }
+            });
+        }
+    });
+    Ok(runs.into_inner().expect(poisoned))
+}
+
 impl MeasuredRun {
-    /// Runs a case to its end and takes the measurements that concern it.
-    pub(super) fn of(
-        name: &str,
-        case: &Case,
-        planned: &[Planned],
-        concerns: impl Fn(&Planned) -> bool,
-    ) -> MeasuredRun {
+    /// Runs a case to its end and takes the measurements that concern it. A bar shows the progress of a run that is
+    /// alone.
+    fn of(name: &str, case: &Case, planned: &[Planned], is_alone: bool) -> MeasuredRun {
         let started = Instant::now();
         let mut simulation = match case.compose() {
             Ok(simulation) => simulation,
@@ -41,7 +76,7 @@ impl MeasuredRun {
         };
         let mut measurements: Vec<Result<Measurement, String>> = planned
             .iter()
-            .map(|p| match concerns(p) {
+            .map(|p| match p.concerns(name) {
                 true => Measurement::new(&p.check.measure, &simulation)
                     .map_err(|mistake| mistake.to_string()),
                 false => Err(String::new()),
@@ -49,7 +84,8 @@ impl MeasuredRun {
             .collect();
         let mut audit = Audit::default();
         let measured = measurements.iter_mut().flatten().collect();
-        let result = advance(case, &mut simulation, measured, &mut audit);
+        let quiet = !is_alone || !std::io::stderr().is_terminal();
+        let result = advance(case, &mut simulation, measured, &mut audit, quiet);
         let seconds = started.elapsed().as_secs_f64();
         let progress = simulation.progress();
         let steps = progress.macro_steps;
@@ -130,9 +166,10 @@ fn advance(
     simulation: &mut Simulation,
     mut measurements: Vec<&mut Measurement>,
     audit: &mut Audit,
+    quiet: bool,
 ) -> Result<(), Failure> {
     case.start(simulation)?;
-    let mut display = Display::new(simulation, f64::INFINITY, !std::io::stderr().is_terminal());
+    let mut display = Display::new(simulation, f64::INFINITY, quiet);
     let result = loop {
         if simulation.is_finished() {
             break Ok(());

@@ -29,9 +29,8 @@ use perimelt_core::error::nearest;
 use crate::case::CaseError;
 use crate::case::sections::Components;
 use crate::run::display::duration;
-use crate::run::on_workers;
 use check::{Check, Level};
-use measured_run::MeasuredRun;
+use measured_run::{MeasuredRun, run_side_by_side};
 use results::{Results, Session};
 use table::{Outcome, OutcomeTable};
 
@@ -49,7 +48,7 @@ pub struct VerifyArgs {
     /// Case files of this folder instead of those of the program
     #[arg(long, value_name = "FOLDER")]
     pub cases: Option<PathBuf>,
-    /// Threads
+    /// Threads; as many cases run side by side
     #[arg(long)]
     pub threads: Option<usize>,
     /// Writes the results to this JSON file; results of other checks in it are kept
@@ -129,6 +128,9 @@ pub enum VerifyError {
         /// Error of the operating system.
         source: std::io::Error,
     },
+    /// Threads that cannot be started.
+    #[error("the threads for the runs cannot be started: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
     /// Checks that did not pass.
     #[error("{failed} of {all} checks failed")]
     Failed {
@@ -143,6 +145,13 @@ pub enum VerifyError {
 pub(crate) struct Planned {
     case: String,
     check: Check,
+}
+
+impl Planned {
+    /// Whether the check needs the run of a case: it is its own, or is compared with it.
+    fn concerns(&self, case: &str) -> bool {
+        self.case == case || self.check.others().any(|other| other == case)
+    }
 }
 
 /// Runs `perimelt verify`.
@@ -173,7 +182,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
         _ => Results::default(),
     };
     let started = Instant::now();
-    let outcomes = on_workers(|| verify(args))?;
+    let outcomes = verify(args)?;
     let wall = duration(started.elapsed().as_secs_f64());
     let mut out = std::io::stdout().lock();
     write!(out, "{}", OutcomeTable(&outcomes))?;
@@ -237,13 +246,10 @@ pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
         return Err(VerifyError::NoSuchCase { case, quantity, of });
     }
 
-    let mut runs: BTreeMap<&str, MeasuredRun> = BTreeMap::new();
-    for (name, case) in &cases {
-        let concerns = |p: &Planned| p.case == *name || p.check.others().any(|o| o == name);
-        if planned.iter().any(concerns) || without_checks.contains(name.as_str()) {
-            runs.insert(name, MeasuredRun::of(name, case, &planned, concerns));
-        }
-    }
+    let is_needed =
+        |name: &str| planned.iter().any(|p| p.concerns(name)) || without_checks.contains(name);
+    let needed: Vec<_> = cases.iter().filter(|(name, _)| is_needed(name)).collect();
+    let runs = run_side_by_side(&needed, &planned)?;
     let ran = cases
         .iter()
         .filter_map(|(name, _)| Some((name, runs.get(name.as_str())?)));
