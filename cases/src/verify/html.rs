@@ -18,6 +18,15 @@ const PLOTS: &str = "plots";
 /// Width of a plot, pixels.
 const WIDTH: u32 = 760;
 
+/// Creates the folder of a page and that of its plots.
+///
+/// # Errors
+/// A folder that cannot be created.
+pub(super) fn create(folder: &Path) -> Result<(), VerifyError> {
+    let plots = folder.join(PLOTS);
+    std::fs::create_dir_all(&plots).map_err(|e| file_error(&plots, "cannot be created", e.into()))
+}
+
 /// Writes `index.html` and its plots into a folder, which is created.
 ///
 /// # Errors
@@ -27,9 +36,7 @@ pub fn write(
     results: &Results,
     cases: &[(String, Case)],
 ) -> Result<(), VerifyError> {
-    let plots = folder.join(PLOTS);
-    std::fs::create_dir_all(&plots)
-        .map_err(|e| file_error(&plots, "cannot be created", e.into()))?;
+    create(folder)?;
     let (mut contents, mut sections) = (String::new(), String::new());
     for (name, case) in cases {
         let checks = results.checks.iter().filter(|c| c.outcome.case == *name);

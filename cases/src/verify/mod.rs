@@ -26,8 +26,8 @@ use std::time::Instant;
 
 use perimelt_core::error::nearest;
 
-use crate::case::CaseError;
 use crate::case::sections::Components;
+use crate::case::{Case, CaseError};
 use crate::run::display::duration;
 use check::{Check, Level};
 use measured_run::{MeasuredRun, run_side_by_side};
@@ -159,8 +159,8 @@ impl Planned {
 /// # Errors
 /// A mistake in a case, a file that cannot be read or written, or a check that fails.
 pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
+    let cases = benchmarks::load(args.cases.as_deref())?;
     if let Some(results) = &args.report {
-        let cases = benchmarks::load(args.cases.as_deref())?;
         let results = Results::read(results)?;
         if let Some(folder) = &args.html {
             return Ok(html::write(folder, &results, &cases)?);
@@ -176,13 +176,16 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
             .num_threads(threads)
             .build_global()?;
     }
-    // a file that cannot be read is found before the runs, not after them
+    // files that cannot be read or written are found before the runs, not after them
+    if let Some(folder) = &args.html {
+        html::create(folder)?;
+    }
     let mut results = match &args.output {
         Some(path) if path.exists() => Results::read(path)?,
         _ => Results::default(),
     };
     let started = Instant::now();
-    let outcomes = verify(args)?;
+    let outcomes = verify_cases(args, &cases)?;
     let wall = duration(started.elapsed().as_secs_f64());
     let mut out = std::io::stdout().lock();
     write!(out, "{}", OutcomeTable(&outcomes))?;
@@ -191,7 +194,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
         results.write(path)?;
     }
     if let Some(folder) = &args.html {
-        html::write(folder, &results, &benchmarks::load(args.cases.as_deref())?)?;
+        html::write(folder, &results, &cases)?;
     }
     let failed = outcomes.iter().filter(|o| !o.passed).count();
     let all = outcomes.len();
@@ -207,10 +210,13 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
 /// # Errors
 /// A mistake that is found before the first run. A run that fails is no error: its checks have not passed.
 pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
-    let cases = benchmarks::load(args.cases.as_deref())?;
+    verify_cases(args, &benchmarks::load(args.cases.as_deref())?)
+}
+
+fn verify_cases(args: &VerifyArgs, cases: &[(String, Case)]) -> Result<Vec<Outcome>, VerifyError> {
     let (filter, level) = (args.filter.as_deref().unwrap_or(""), args.level());
     let mut declared: BTreeMap<&str, Vec<Check>> = BTreeMap::new();
-    for (name, case) in &cases {
+    for (name, case) in cases {
         declared.insert(name, case.verify_entries()?);
     }
     let mut planned = Vec::new();

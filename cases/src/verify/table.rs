@@ -279,21 +279,10 @@ mod null_for_nan {
     }
 }
 
-/// Six significant digits, in plain notation where that is short.
+/// Six significant digits in plain notation, four with an exponent.
 pub(super) fn number(value: f64) -> String {
-    let size = value.abs();
-    if value == 0.0 {
-        return "0".into();
-    }
-    if !(1e-3..1e6).contains(&size) {
-        return format!("{value:.3e}");
-    }
-    let digits = (5 - size.log10().floor() as i32).max(0) as usize;
-    let text = format!("{value:.digits$}");
-    match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.').into(),
-        false => text,
-    }
+    let is_plain = (1e-3..1e6).contains(&value.abs());
+    perimelt_core::text::number(value, if is_plain { 6 } else { 4 })
 }
 
 #[cfg(test)]
@@ -372,6 +361,6 @@ mod tests {
     #[test]
     fn numbers_have_six_digits() {
         let texts = [12345.678, 0.0123456789, -3.0, 1.5e-7, 1234567.0].map(number);
-        assert_eq!(texts, ["12345.7", "0.0123457", "-3", "1.500e-7", "1.235e6"]);
+        assert_eq!(texts, ["12345.7", "0.0123457", "-3", "1.5e-7", "1.235e6"]);
     }
 }

@@ -1,0 +1,325 @@
+#!/usr/bin/env python3
+"""Mutation testing of a random sample with one build.
+
+cargo-mutants builds the tests once for each mutant, which takes days for the mutants of this project. This script asks
+cargo-mutants for its list, draws a sample, and writes all mutants of the sample into a copy of the tree, each behind a
+condition that an environment variable turns on. Then it runs the tests once for each mutant.
+
+    pip install tree-sitter tree-sitter-rust
+    cargo install cargo-mutants
+    python tests/mutation/survey.py write --copy ../copy --sample 100
+    python tests/mutation/survey.py build --copy ../copy
+    python tests/mutation/survey.py run --copy ../copy --results mutants.json
+    python tests/mutation/survey.py report --results mutants.json
+"""
+
+import argparse
+import json
+import os
+import random
+import re
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+VARIABLE = "PERIMELT_MUTANT"
+# what must be covered, with the paths that belong to it
+AREAS = {
+    "couplers": ["couplers/src/"],
+    "physics": ["physics/src/"],
+    "core: simulation, schedule, set-up": ["core/src/simulation/", "core/src/schedule.rs", "core/src/setup"],
+    "core: solvers": ["core/src/solver/"],
+    "core: log": ["core/src/log/"],
+    "core: families and kernels": ["core/src/family/", "core/src/pddo/"],
+}
+# text for people and sizes in memory are no results
+LEFT_OUT = re.compile(r"impl (std::fmt::|fmt::)?(Debug|Display) for|<impl .*(Debug|Display)|memory|::describe|::schema")
+SWITCH = f'''//! The mutant that is active.
+use std::sync::OnceLock;
+static ACTIVE: OnceLock<u32> = OnceLock::new();
+#[doc(hidden)]
+#[inline]
+pub fn is(number: u32) -> bool {{
+    *ACTIVE.get_or_init(|| std::env::var("{VARIABLE}").ok().and_then(|v| v.parse().ok()).unwrap_or(0)) == number
+}}
+'''
+
+
+def area_of(file):
+    for area, paths in AREAS.items():
+        if any(file.startswith(path) for path in paths):
+            return area
+    return None
+
+
+def listed(tree):
+    """Mutants of all areas."""
+    packages = [f for p in ("core", "couplers", "physics") for f in ("-p", f"perimelt-{p}")]
+    text = subprocess.check_output(["cargo", "mutants", "--list", "--json", *packages], cwd=tree)
+    mutants = [m for m in json.loads(text) if m["genre"] != "StructField"]
+    return [m for m in mutants if area_of(m["file"]) and not LEFT_OUT.search(m["name"])]
+
+
+def sample_of(mutants, size, seed):
+    """So many mutants of each area."""
+    drawn = []
+    generator = random.Random(seed)
+    for area in AREAS:
+        own = [m for m in mutants if area_of(m["file"]) == area]
+        drawn += generator.sample(own, min(size, len(own)))
+    for number, mutant in enumerate(drawn, 1):
+        mutant["number"] = number
+        mutant["area"] = area_of(mutant["file"])
+        del mutant["diff"]
+    return drawn
+
+
+class Edits:
+    """Insertions and replacements in one file, by byte."""
+
+    def __init__(self, text):
+        from tree_sitter import Language, Parser
+        import tree_sitter_rust
+
+        self.text = text
+        self.root = Parser(Language(tree_sitter_rust.language())).parse(text).root_node
+        self.starts = [0]
+        for line in text.splitlines(keepends=True):
+            self.starts.append(self.starts[-1] + len(line))
+        self.edits = []
+
+    def offset(self, place):
+        line = self.text[self.starts[place["line"] - 1] : self.starts[place["line"]]].decode()
+        return self.starts[place["line"] - 1] + len(line[: place["column"] - 1].encode())
+
+    def add(self, mutant, crate):
+        """Whether the mutant can be written."""
+        start, end = (self.offset(mutant["span"][side]) for side in ("start", "end"))
+        switch = f"{crate}::mutant::is({mutant['number']})"
+        replacement = mutant["replacement"].split("/*")[0].strip()
+        node = self.root.descendant_for_byte_range(start, max(start, end - 1))
+        source = lambda n: self.text[n.start_byte : n.end_byte].decode()
+        match mutant["genre"]:
+            case "FnValue":
+                if "impl " in mutant["function"]["return_type"]:
+                    return False  # the type must be that of the other value
+                self.edits.append((start, start, f"if {switch} {{ return {replacement}; }}\n"))
+            case "BinaryOperator":
+                node = node.parent
+                if node is None or node.type not in ("binary_expression", "compound_assignment_expr"):
+                    return False
+                left, right = (source(node.child_by_field_name(side)) for side in ("left", "right"))
+                operator = self.text[start:end].decode()
+                kept, changed = (f"{left} {o} ({right})" for o in (operator, replacement))
+                if node.type == "binary_expression":
+                    kept, changed = (f"({left}) {o} ({right})" for o in (operator, replacement))
+                    text = f"(if {switch} {{ {changed} }} else {{ {kept} }})"
+                else:
+                    text = f"{{ if {switch} {{ {changed} }} else {{ {kept} }} }}"
+                self.edits.append((node.start_byte, node.end_byte, text))
+            case "UnaryOperator":
+                node = node.parent
+                if node is None or node.type != "unary_expression":
+                    return False
+                inner = source(node.named_children[-1])
+                text = f"(if {switch} {{ {inner} }} else {{ {source(node)} }})"
+                self.edits.append((node.start_byte, node.end_byte, text))
+            case "MatchArmGuard":
+                text = f"(if {switch} {{ {replacement} }} else {{ {self.text[start:end].decode()} }})"
+                self.edits.append((start, end, text))
+            case "MatchArm":
+                while node is not None and node.type != "match_arm":
+                    node = node.parent
+                pattern = node and node.child_by_field_name("pattern")
+                if pattern is None or pattern.child_by_field_name("condition") is not None:
+                    return False
+                self.edits.append((pattern.end_byte, pattern.end_byte, f" if !{switch}"))
+        return True
+
+    def written(self):
+        """The text; of edits that overlap only the first counts. Also the numbers of the edits that do not."""
+        out, at, left_out = [], 0, []
+        for start, end, text in sorted(self.edits):
+            if start < at:
+                left_out.append(int(re.search(r"mutant::is\((\d+)\)", text)[1]))
+                continue
+            out += [self.text[at:start], text.encode()]
+            at = end
+        return b"".join([*out, self.text[at:]]), left_out
+
+
+def write(args):
+    """Writes the mutants into the copy, without those that were found not to compile."""
+    copy = Path(args.copy)
+    listing = copy / "mutants.json"
+    if listing.exists():
+        mutants = json.loads(listing.read_text())
+    else:
+        mutants = sample_of(listed(copy), args.sample, args.seed)
+    subprocess.check_call(["git", "checkout", "-q", "--", "core", "couplers", "physics"], cwd=copy)
+    (copy / "core/src/mutant.rs").write_text(SWITCH)
+    library = copy / "core/src/lib.rs"
+    library.write_text(library.read_text() + "\n#[doc(hidden)]\npub mod mutant;\n")
+    for file in sorted({m["file"] for m in mutants}):
+        edits = Edits((copy / file).read_bytes())
+        crate = "crate" if file.startswith("core/") else "perimelt_core"
+        for mutant in mutants:
+            if mutant["file"] == file and not mutant.get("unviable"):
+                mutant["unviable"] = not edits.add(mutant, crate)
+        text, left_out = edits.written()
+        for mutant in mutants:
+            mutant["unviable"] = mutant.get("unviable", False) or mutant["number"] in left_out
+        (copy / file).write_bytes(text)
+    listing.write_text(json.dumps(mutants, indent=0))
+    print(sum(not m["unviable"] for m in mutants), "mutants written")
+
+
+def refused(copy):
+    """Numbers of the mutants at errors of the compiler."""
+    packages = [f for p in ("core", "couplers", "physics") for f in ("-p", f"perimelt-{p}")]
+    command = ["cargo", "check", "--release", "--keep-going", "--message-format=json", *packages]
+    checked = subprocess.run(command, cwd=copy, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    numbers, unexplained = set(), []
+    for line in checked.stdout.decode().splitlines():
+        message = json.loads(line).get("message") if line.startswith("{") else None
+        if not isinstance(message, dict) or message.get("level") != "error" or not message.get("spans"):
+            continue
+        spans = message["spans"] + [s for child in message["children"] for s in child["spans"]]
+        found = set()
+        for span in spans:
+            lines = (copy / span["file_name"]).read_text().splitlines()
+            text = "\n".join(lines[span["line_start"] - 1 : span["line_end"]])
+            found |= {int(n) for n in re.findall(r"mutant::is\((\d+)\)", text)}
+        if not found:
+            unexplained.append(message["rendered"])
+        numbers |= found
+    return numbers, unexplained, checked.returncode
+
+
+def build(args):
+    """Removes the mutants that do not compile, then builds tests and program."""
+    copy = Path(args.copy)
+    while True:
+        numbers, unexplained, status = refused(copy)
+        if status == 0:
+            break
+        if not numbers:
+            sys.exit("\n".join(unexplained) or "cargo check failed")
+        mutants = json.loads((copy / "mutants.json").read_text())
+        for mutant in mutants:
+            mutant["unviable"] = mutant["unviable"] or mutant["number"] in numbers
+        (copy / "mutants.json").write_text(json.dumps(mutants, indent=0))
+        print(len(numbers), "mutants do not compile")
+        write(args)
+    for command in (["test", "--no-run", "--lib", "--workspace"], ["build"]):
+        subprocess.check_call(["cargo", *command, "--release"], cwd=copy)
+
+
+def test_binaries(copy):
+    command = ["cargo", "test", "--release", "--no-run", "--lib", "--workspace", "--message-format=json"]
+    text = subprocess.check_output(command, cwd=copy, stderr=subprocess.DEVNULL).decode()
+    found = {}
+    for line in text.splitlines():
+        message = json.loads(line)
+        if message.get("executable") and message["profile"]["test"]:
+            found[message["target"]["name"].removeprefix("perimelt_")] = message["executable"]
+    return found
+
+
+def passes(command, number, timeout, cwd):
+    """Whether a command succeeds with a mutant; `None` after the timeout."""
+    environment = {**os.environ, VARIABLE: str(number)}
+    try:
+        done = subprocess.run(command, cwd=cwd, env=environment, timeout=timeout, capture_output=True)
+        return done.returncode == 0
+    except subprocess.TimeoutExpired:
+        return None
+
+
+def run(args):
+    copy, path = Path(args.copy).resolve(), Path(args.results)
+    tests = test_binaries(copy)
+    program = copy / "target/release/perimelt" if not args.program else Path(args.program)
+    results = json.loads(path.read_text()) if path.exists() else []
+    done = {r["number"] for r in results}
+    order = ["core", "couplers", "physics", "perimelt"]
+    limits = {}
+    for name in order:
+        started = time.time()
+        cwd = copy / ("cases" if name == "perimelt" else name)
+        if not passes([tests[name], "-q"], 0, 1200, cwd):
+            sys.exit(f"the tests of {name} fail without a mutant")
+        limits[name] = 20 + 5 * (time.time() - started)
+        print(f"{name}: {time.time() - started:.0f} s", flush=True)
+    mutants = [m for m in json.loads((copy / "mutants.json").read_text()) if not m["unviable"]]
+    random.Random(args.seed).shuffle(mutants)
+    for mutant in mutants:
+        if mutant["number"] in done:
+            continue
+        own = mutant["file"].split("/")[0]
+        killed = None
+        for name in [own] + [n for n in order[order.index(own) + 1 :] if args.all]:
+            cwd = copy / ("cases" if name == "perimelt" else name)
+            outcome = passes([tests[name], "-q"], mutant["number"], limits[name], cwd)
+            if not outcome:
+                killed = f"unit tests of {name}" + (" (no end)" if outcome is None else "")
+                break
+        results.append({**mutant, "killed": killed})
+        path.write_text(json.dumps(results, indent=0))
+        print(killed or "SURVIVED", mutant["name"], flush=True)
+        if args.until and time.time() > args.until:
+            break
+
+
+def verify(args):
+    """Runs the benchmarks of every day with the mutants that no unit test has killed."""
+    copy, path = Path(args.copy).resolve(), Path(args.results)
+    program = Path(args.program) if args.program else copy / "target/release/perimelt"
+    results = json.loads(path.read_text())
+    for mutant in results:
+        if mutant["killed"] or mutant.get("verified"):
+            continue
+        outcome = passes([program, "verify"], mutant["number"], 1800, copy)
+        mutant["verified"] = True
+        if not outcome:
+            mutant["killed"] = "verification" + (" (no end)" if outcome is None else "")
+        path.write_text(json.dumps(results, indent=0))
+        print(mutant["killed"] or "SURVIVED", mutant["name"], flush=True)
+        if args.until and time.time() > args.until:
+            break
+
+
+def report(args):
+    results = json.loads(Path(args.results).read_text())
+    print("| area | mutants of the sample | killed by unit tests | by verification | survive | killed |")
+    print("|---|---|---|---|---|---|")
+    for area in AREAS:
+        own = [r for r in results if r["area"] == area]
+        if not own:
+            continue
+        by = Counter((r["killed"] or "none").split()[0] for r in own)
+        share = 1 - by["none"] / len(own)
+        print(f"| {area} | {len(own)} | {by['unit']} | {by['verification']} | {by['none']} | {100 * share:.0f} % |")
+    print("\nSurvivors:\n")
+    for mutant in sorted((r for r in results if not r["killed"]), key=lambda r: r["name"]):
+        print(f"- `{mutant['name']}`")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("task", choices=["write", "build", "run", "verify", "report"])
+    parser.add_argument("--copy", help="a copy of the tree (a git worktree), which is changed")
+    parser.add_argument("--sample", type=int, default=100, help="mutants of each area")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--results", default="mutants.json")
+    parser.add_argument("--program", help="program for `verify`; that of the copy unless given")
+    parser.add_argument("--all", action="store_true", help="also the unit tests of crates that depend on the mutant's")
+    parser.add_argument("--until", type=float, help="stops after this time (s since 1970)")
+    args = parser.parse_args()
+    {"write": write, "build": build, "run": run, "verify": verify, "report": report}[args.task](args)
+
+
+if __name__ == "__main__":
+    main()
