@@ -42,7 +42,7 @@ pub use configuration::{Configuration, Description, MovingFamily, PointMover};
 pub use error::{Problem, RunError, SetupError};
 pub use family::{
     Bond, BondKernel, BrokenBonds, Correction, Cut, Family, FamilySpec, Horizon, Image, Influence,
-    Operator, PartialVolume,
+    Operator, PartialVolume, SlotField,
 };
 pub use field::{Key, Read, ReadIfProvided, Write, keys};
 pub use formula::Formula;

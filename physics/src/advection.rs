@@ -4,8 +4,8 @@
 //! fields stay uniform. Walls mirror the flux, also where the fluid sticks to them, so that nothing flows through.
 
 use nalgebra::Vector3;
-use perimelt_core::family::LayerRule;
-use perimelt_core::{Body, Derivatives, Description, Horizon, Pddo};
+use perimelt_core::family::{ByRules, LayerRule, Mirrored};
+use perimelt_core::{Body, Derivatives, Description, Horizon, Pddo, SlotField};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -56,7 +56,7 @@ impl Convection {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ShortWaves {
     difference: Vec<f64>,
-    slots: Vec<f64>,
+    slots: SlotField,
     rate: Vec<f64>,
 }
 
@@ -75,10 +75,8 @@ impl ShortWaves {
             return;
         }
         let rules: Vec<LayerRule> = rules.iter().map(LayerRule::homogeneous).collect();
-        let family = pddo.family();
-        self.slots.resize(family.slots(), 0.0);
-        family.scatter(&self.difference, 1, 0, &mut self.slots);
-        family.fill_layers(&rules, component, &mut self.slots);
+        let ghosts = ByRules(&rules, component);
+        self.slots.load(pddo.family(), &self.difference[..], ghosts);
         pddo.laplacian(&self.slots, work, &mut self.rate);
     }
 
@@ -92,7 +90,7 @@ impl ShortWaves {
 #[derive(Clone, Debug)]
 pub(crate) struct Flux {
     /// By slot, one array for each axis.
-    slots: Vec<Vec<f64>>,
+    slots: Vec<SlotField>,
     /// By point.
     pub(crate) divergence: Vec<f64>,
 }
@@ -100,7 +98,7 @@ pub(crate) struct Flux {
 impl Flux {
     pub(crate) fn new(dimension: usize) -> Self {
         Flux {
-            slots: vec![Vec::new(); dimension],
+            slots: vec![SlotField::default(); dimension],
             divergence: Vec::new(),
         }
     }
@@ -109,26 +107,25 @@ impl Flux {
     pub(crate) fn find(
         &mut self,
         (pddo, work): (&Pddo, &mut Derivatives),
-        velocity: &[Vec<f64>],
+        velocity: &[SlotField],
         density: Option<&[f64]>,
     ) {
         for (axis, (slots, velocity)) in self.slots.iter_mut().zip(velocity).enumerate() {
-            slots.clone_from(velocity);
-            if let Some(density) = density {
-                slots.iter_mut().zip(density).for_each(|(f, rho)| *f *= rho);
+            let velocity = velocity.iter();
+            match density {
+                Some(density) => slots.set(velocity.zip(density).map(|(v, rho)| v * rho)),
+                None => slots.set(velocity.copied()),
             }
-            pddo.family().fill_layers_turning(slots, |a| a == axis);
+            slots.fill_ghosts(pddo.family(), Mirrored::Vector(axis));
         }
         pddo.divergence(&self.slots, work, &mut self.divergence);
     }
 
     /// Sets the flux to that given by point. Walls mirror it.
     pub(crate) fn set(&mut self, (pddo, work): (&Pddo, &mut Derivatives), flux: &[Vector3<f64>]) {
-        let family = pddo.family();
-        let flux: &[f64] = bytemuck::cast_slice(flux);
         for (axis, slots) in self.slots.iter_mut().enumerate() {
-            family.load((flux, 3), axis, &[], slots);
-            family.fill_layers_turning(slots, |a| a == axis);
+            let along = |point: usize| flux[point][axis];
+            slots.load(pddo.family(), along, Mirrored::Vector(axis));
         }
         pddo.divergence(&self.slots, work, &mut self.divergence);
     }
@@ -146,8 +143,7 @@ impl Flux {
         field: &[f64],
     ) {
         for (slots, mass) in self.slots.iter_mut().zip(&mass.slots) {
-            slots.clear();
-            slots.extend(mass.iter().zip(field).map(|(mass, value)| mass * value));
+            slots.set(mass.iter().zip(field).map(|(mass, value)| mass * value));
         }
         pddo.divergence(&self.slots, work, &mut self.divergence);
     }

@@ -2,7 +2,10 @@
 
 use nalgebra::Vector3;
 
-use super::{Bond, BondKernel, Correction, Family, FamilyError, FamilySpec, Horizon, LayerRule};
+use super::{
+    Bond, BondKernel, ByRules, Correction, Family, FamilyError, FamilySpec, Horizon, LayerRule,
+    SlotField,
+};
 use crate::body::{Body, Face, Jitter, Zone};
 use crate::shape::{BoxShape, Shape};
 
@@ -61,9 +64,8 @@ fn flow(body: &Body, family: &Family, axis: usize) -> Vec<f64> {
             offset: [2.0 * body.face_position(face); 3],
         })
         .collect();
-    let mut slots = vec![0.0; family.slots()];
-    family.scatter(&values, 1, 0, &mut slots);
-    family.fill_layers(&rules, 0, &mut slots);
+    let mut slots = SlotField::default();
+    slots.load(family, &values[..], ByRules(&rules, 0));
     let mut sums = vec![[0.0]; values.len()];
     family.sum(&Flow, [&slots], &mut sums);
     sums.into_iter().map(|[sum]| sum).collect()

@@ -183,8 +183,7 @@ impl Family {
 mod tests {
     use super::*;
     use crate::body::{Body, Store};
-    use crate::family::BondKernel;
-    use crate::family::FamilySpec;
+    use crate::family::{BondKernel, FamilySpec, Mirrored, SlotField};
     use crate::shape::{BoxShape, Shape};
 
     struct Count;
@@ -214,8 +213,8 @@ mod tests {
                 let family = Family::build(&body, &FamilySpec::new(3.0)).expect("valid");
                 let value = |x: &nalgebra::Vector3<f64>| if x.x < 20.0 { -1.0 } else { 1.0 };
                 let values: Vec<f64> = body.points.position.iter().map(value).collect();
-                let mut slots = vec![0.0; family.slots()];
-                family.scatter(&values, 1, 0, &mut slots);
+                let mut slots = SlotField::default();
+                slots.load(&family, &values[..], Mirrored::Scalar);
                 let mut broken = family.unbroken();
                 let mut lost = vec![0.0; values.len()];
                 for (point, lost) in lost.iter_mut().enumerate() {

@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 
 use super::{
-    Bond, BondKernel, Correction, Cut, Family, FamilyError, FamilySpec, Horizon, Influence,
-    LayerRule, PartialVolume,
+    Bond, BondKernel, ByRules, Correction, Cut, Family, FamilyError, FamilySpec, Horizon,
+    Influence, LayerRule, Mirrored, PartialVolume, SlotField,
 };
 use crate::body::{Body, Face, Jitter, Zone};
 use crate::shape::{BoxShape, Shape};
@@ -67,9 +67,8 @@ impl BondKernel<1, 4> for All {
 fn sums(body: &Body, family: &Family, rules: &[LayerRule]) -> Vec<[f64; 4]> {
     let value = |x: &Vector3<f64>| (3.0 * x.x).sin() + x.y * x.z + x.y;
     let values: Vec<f64> = body.points.position.iter().map(value).collect();
-    let mut slots = vec![0.0; family.slots()];
-    family.scatter(&values, 1, 0, &mut slots);
-    family.fill_layers(rules, 0, &mut slots);
+    let mut slots = SlotField::default();
+    slots.load(family, &values[..], ByRules(rules, 0));
     let mut sums = vec![[0.0; 4]; values.len()];
     family.sum(&All, [&slots], &mut sums);
     sums
@@ -272,9 +271,9 @@ proptest! {
             Err(e) => panic!("{e}"),
         };
         let wave = |k: usize| body.points.position.iter().map(move |x| (x.dot(&Vector3::new(5.0, 7.0 + k as f64, 3.0))).sin() * 0.01);
-        let fields: [Vec<f64>; 4] = std::array::from_fn(|k| {
-            let mut slots = vec![0.0; family.slots()];
-            family.scatter(&wave(k).collect::<Vec<_>>(), 1, 0, &mut slots);
+        let fields: [SlotField; 4] = std::array::from_fn(|k| {
+            let mut slots = SlotField::default();
+            slots.load(&family, &wave(k).collect::<Vec<_>>()[..], Mirrored::Scalar);
             slots
         });
         let mut force = vec![[0.0; 3]; body.points.len()];
@@ -308,15 +307,14 @@ fn what_flows_through_an_audited_layer_is_what_the_body_lacks() {
         .iter()
         .map(|x| 1.0 + x.x + x.y)
         .collect();
-    let mut slots = vec![0.0; family.slots()];
-    family.scatter(&values, 1, 0, &mut slots);
     let cold = LayerRule {
         traction: None,
         face: Face::XMin,
         scale: [-1.0; 3],
         offset: [0.0; 3],
     };
-    family.fill_layers(&[cold], 0, &mut slots);
+    let mut slots = SlotField::default();
+    slots.load(&family, &values[..], ByRules(&[cold], 0));
     let mut flow = vec![[0.0]; values.len()];
     family.sum(&Flow, [&slots], &mut flow);
     let volume = &body.points.volume;

@@ -133,8 +133,7 @@ impl Cut {
 mod tests {
     use super::*;
     use crate::body::Body;
-    use crate::family::{Bond, LayerRule};
-    use crate::family::{BondKernel, Family, FamilySpec};
+    use crate::family::{Bond, BondKernel, Family, FamilySpec, Mirrored, SlotField};
     use crate::shape::{BoxShape, Shape};
 
     #[test]
@@ -190,10 +189,8 @@ mod tests {
     fn sums(body: &Body, spec: &FamilySpec, field: impl Fn(&Vector3<f64>) -> f64) -> Vec<f64> {
         let family = Family::build(body, spec).expect("valid");
         let values: Vec<f64> = body.points.position.iter().map(field).collect();
-        let mut slots = vec![0.0; family.slots()];
-        family.scatter(&values, 1, 0, &mut slots);
-        let even = spec.layers.iter().map(|&face| LayerRule::even(face));
-        family.fill_layers(&even.collect::<Vec<_>>(), 0, &mut slots);
+        let mut slots = SlotField::default();
+        slots.load(&family, &values[..], Mirrored::Scalar);
         let mut sums = vec![[0.0]; values.len()];
         family.sum(&Flow, [&slots], &mut sums);
         sums.into_iter().map(|[s]| s).collect()

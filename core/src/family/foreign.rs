@@ -7,6 +7,11 @@
 //! the other one, bond by bond.
 //!
 //! Behind mirrored faces of the body the foreign points have images, too.
+//!
+//! Foreign points have no slots, and a [`SlotField`](super::SlotField) does not hold their fields: which points are near changes
+//! as bodies move, and values there belong to bonds rather than to ghosts. In an interface of a fluid, the velocity is extrapolated
+//! by the depth of the bond behind the surface, and the viscosity is that of the own point. Callers hence evaluate kernels bond by
+//! bond, and reflect the vectors of images ([`ForeignGhost::reflect`]).
 
 use std::ops::Range;
 

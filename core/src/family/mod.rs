@@ -3,8 +3,8 @@
 //! 1. A physics describes the family it wants ([`FamilySpec`]): horizon, partial-volume rule,
 //!    correction, and the faces behind which the body goes on as a mirrored layer.
 //! 2. [`Family::build`] leaves out bonds across the body's [`Cut`]s and lays out *slots*: one for each point and one for each layer point
-//!    (*ghost*). Kernel inputs live in slot space ([`Family::scatter`], [`Family::fill_layers`],
-//!    [`Family::continue_vector`]).
+//!    (*ghost*). Inputs of kernels are fields by slot ([`SlotField`]); a [`GhostRule`] says how the values of
+//!    ghosts follow from those of points.
 //! 3. [`Family::sum`] evaluates a [`BondKernel`] over all bonds of all points, and
 //!    [`Family::sum_unbroken`] over those that are not among the [`BrokenBonds`].
 //!
@@ -29,6 +29,7 @@ mod cloud_tests;
 mod cut;
 mod foreign;
 mod gaps;
+mod ghost_rule;
 mod growing;
 mod horizon;
 mod images;
@@ -38,16 +39,19 @@ mod lattice;
 mod layer;
 mod moving;
 mod operator;
+mod slot_field;
 mod spec;
 
 pub use broken::BrokenBonds;
 pub use cut::Cut;
 pub use foreign::{ForeignBonds, ForeignGhost, Places};
+pub use ghost_rule::{ByImage, ByRules, Curved, GhostRule, Mirrored, Rising, WithTractions};
 pub use horizon::Horizon;
 pub use influence::Influence;
 pub use kernel::{Bond, BondKernel};
 pub use layer::{Continuation, Image, LayerRule, Layout, Traction};
 pub use operator::Operator;
+pub use slot_field::{PointValues, SlotField};
 pub use spec::{Correction, FamilyError, FamilySpec, PartialVolume};
 
 pub(crate) use gaps::warnings;
@@ -233,39 +237,6 @@ impl Family {
                 .get()
                 .and_then(Option::as_ref)
                 .map_or(0, Pairs::memory)
-    }
-
-    /// Copies one component of a field (point-major, `components` per point) to the slots
-    /// of its points.
-    pub fn scatter(&self, field: &[f64], components: usize, component: usize, slots: &mut [f64]) {
-        if !self.order.point_in.is_empty() {
-            let slots = slots.par_iter_mut().zip(&self.order.point_in);
-            return slots.with_min_len(SLOTS).for_each(|(value, &point)| {
-                *value = field[point as usize * components + component];
-            });
-        }
-        let parts = slots.par_chunks_mut(SLOTS).enumerate();
-        parts.for_each(|(number, part)| {
-            let (start, end) = (number * SLOTS, number * SLOTS + part.len());
-            let from = self
-                .spans
-                .partition_point(|s| (s.slot + s.len) as usize <= start);
-            let spans = self.spans[from..].iter();
-            for span in spans.take_while(|s| (s.slot as usize) < end) {
-                let (slot, point) = (span.slot as usize, span.point as usize);
-                let here = slot.max(start)..(slot + span.len as usize).min(end);
-                let first = point + here.start - slot;
-                let target = &mut part[here.start - start..here.end - start];
-                if components == 1 {
-                    target.copy_from_slice(&field[first..][..target.len()]);
-                } else {
-                    let source = field[first * components + component..]
-                        .iter()
-                        .step_by(components);
-                    target.iter_mut().zip(source).for_each(|(t, s)| *t = *s);
-                }
-            }
-        });
     }
 }
 

@@ -345,7 +345,7 @@ impl Rows {
 mod tests {
     use super::*;
     use crate::body::{Face, Jitter};
-    use crate::family::{Bond, BondKernel, Cut};
+    use crate::family::{Bond, BondKernel, Cut, Mirrored, SlotField};
     use crate::shape::{BoxShape, Shape};
 
     struct Pull;
@@ -383,9 +383,8 @@ mod tests {
                 let moved: Vec<_> = moved.map(|x| x + Vector3::x() * way * x.y).collect();
                 family.follow(&moved, &body.points.volume);
                 let values: Vec<f64> = moved.iter().map(|x| (x.x * x.y).exp() + x.z).collect();
-                let mut slots = vec![0.0; family.slots()];
-                family.scatter(&values, 1, 0, &mut slots);
-                family.fill_layers(&[], 0, &mut slots);
+                let mut slots = SlotField::default();
+                slots.load(&family, &values[..], Mirrored::Scalar);
                 let mut sums = vec![[0.0; 3]; values.len()];
                 family.sum(&Pull, [&slots], &mut sums);
                 let bonds = (0..values.len()).map(|p| family.bonds_of(p) as f64);

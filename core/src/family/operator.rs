@@ -4,13 +4,13 @@
 
 use std::sync::Arc;
 
-use super::{BondKernel, Family};
+use super::{BondKernel, Family, Mirrored, SlotField};
 
 /// Sums of kernels with `I` inputs and `O` sums over one family; layers mirror every input.
 #[derive(Debug)]
 pub struct Operator<const I: usize, const O: usize> {
     family: Arc<Family>,
-    slots: [Vec<f64>; I],
+    slots: [SlotField; I],
     sums: Vec<[f64; O]>,
 }
 
@@ -18,7 +18,7 @@ impl<const I: usize, const O: usize> Operator<I, O> {
     /// An operator over `family`.
     pub fn new(family: Arc<Family>) -> Self {
         Operator {
-            slots: std::array::from_fn(|_| vec![0.0; family.slots]),
+            slots: std::array::from_fn(|_| SlotField::zeros(&family)),
             sums: vec![[0.0; O]; family.points],
             family,
         }
@@ -27,8 +27,7 @@ impl<const I: usize, const O: usize> Operator<I, O> {
     /// For every point, the sum of `kernel` over its bonds; `inputs` by point.
     pub fn sum(&mut self, kernel: &impl BondKernel<I, O>, inputs: [&[f64]; I]) -> &[[f64; O]] {
         for (slots, input) in self.slots.iter_mut().zip(inputs) {
-            self.family.scatter(input, 1, 0, slots);
-            self.family.fill_layers(&[], 0, slots);
+            slots.load(&self.family, input, Mirrored::Scalar);
         }
         let slots = self.slots.each_ref().map(|s| &s[..]);
         self.family.sum(kernel, slots, &mut self.sums);

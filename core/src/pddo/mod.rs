@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use crate::body::Body;
 use crate::cell_list::CellList;
 use crate::family::{
-    Bond, BondKernel, Correction, Family, FamilySpec, Horizon, Influence, PartialVolume,
+    Bond, BondKernel, Correction, Family, FamilySpec, Horizon, Influence, PartialVolume, SlotField,
 };
 use basis::{exponents, monomials};
 
@@ -401,7 +401,7 @@ impl Pddo {
     /// When an array of `field` is not [`Family::slots`] long, or there is not one for each axis.
     pub fn divergence(
         &self,
-        field: &[Vec<f64>],
+        field: &[SlotField],
         work: &mut Derivatives,
         divergence: &mut Vec<f64>,
     ) {
@@ -421,7 +421,7 @@ impl Pddo {
     /// As [`Pddo::divergence`], or when the operator is of first order.
     pub fn gradient_of_divergence(
         &self,
-        field: &[Vec<f64>],
+        field: &[SlotField],
         work: &mut Derivatives,
         rows: &mut Vec<f64>,
     ) {

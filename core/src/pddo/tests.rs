@@ -1,5 +1,6 @@
 use super::*;
 use crate::body::{Jitter, Store};
+use crate::family::Mirrored;
 use crate::shape::{BoxShape, Shape};
 use crate::{Axis, Face, Operator};
 use proptest::prelude::*;
@@ -22,9 +23,8 @@ fn operator(body: &Body, horizon: f64, order: usize, mirrored: bool) -> Pddo {
 
 fn derivatives(body: &Body, pddo: &Pddo, f: impl Fn(&Vector3<f64>) -> f64) -> Derivatives {
     let values: Vec<f64> = body.points.position.iter().map(f).collect();
-    let mut slots = vec![0.0; pddo.family().slots()];
-    pddo.family().scatter(&values, 1, 0, &mut slots);
-    pddo.family().fill_layers(&[], 0, &mut slots);
+    let mut slots = SlotField::default();
+    slots.load(pddo.family(), &values[..], Mirrored::Scalar);
     let mut derivatives = Derivatives::default();
     pddo.differentiate(&slots, &mut derivatives);
     derivatives
@@ -476,11 +476,13 @@ fn sums_of_derivatives_are_those_of_all_of_them() {
         for mirrored in [true, false] {
             let body = block(cells, 0.1);
             let pddo = operator(&body, 3.015, 2, mirrored);
-            let field = |axis: usize| -> Vec<f64> {
+            let field = |axis: usize| {
                 let at = |slot: usize| ((slot * (axis + 3)) as f64).sin();
-                (0..pddo.family().slots()).map(at).collect()
+                let mut field = SlotField::default();
+                field.set((0..pddo.family().slots()).map(at));
+                field
             };
-            let fields: Vec<Vec<f64>> = (0..dimension).map(field).collect();
+            let fields: Vec<SlotField> = (0..dimension).map(field).collect();
             let all: Vec<Derivatives> = fields
                 .iter()
                 .map(|field| {

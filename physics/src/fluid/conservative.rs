@@ -26,14 +26,15 @@
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
+use perimelt_core::family::{Mirrored, Rising};
 use perimelt_core::pddo::largest_wave_number;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Body, Bond, BondKernel, Family, PddoError, World};
+use perimelt_core::{Body, Bond, BondKernel, Family, PddoError, SlotField, World};
 use rayon::prelude::*;
 
 use super::collision::FluidPoints;
 use super::medium::Medium;
-use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms, load_weighted};
+use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
 use super::treatments::CompleteFamily;
 use super::walls::{FluidAtWall, Walls};
 
@@ -72,11 +73,11 @@ pub(super) struct Conservative {
     /// m.
     horizon: f64,
     /// Fields by slot; the velocity is mirrored by walls.
-    velocity: Vec<Vec<f64>>,
-    density: Vec<f64>,
-    viscosity: Vec<f64>,
-    pressure: Vec<f64>,
-    inverse: Vec<Vec<f64>>,
+    velocity: Vec<SlotField>,
+    density: SlotField,
+    viscosity: SlotField,
+    pressure: SlotField,
+    inverse: Vec<SlotField>,
     /// Sums of the survey, one row for each point.
     sums: Vec<f64>,
     surveyed: Vec<Surveyed>,
@@ -225,11 +226,11 @@ impl Conservative {
             is_central,
             crowd,
             horizon,
-            velocity: vec![Vec::new(); dimension],
-            density: Vec::new(),
-            viscosity: Vec::new(),
-            pressure: Vec::new(),
-            inverse: vec![Vec::new(); components(dimension)],
+            velocity: vec![SlotField::default(); dimension],
+            density: SlotField::default(),
+            viscosity: SlotField::default(),
+            pressure: SlotField::default(),
+            inverse: vec![SlotField::default(); components(dimension)],
             sums: Vec::new(),
             surveyed: Vec::new(),
             push: Vec::new(),
@@ -255,7 +256,7 @@ impl Conservative {
     }
 
     /// In `D` dimensions, with `I` inputs and `O` sums.
-    fn survey<const D: usize, const I: usize, const O: usize>(&mut self, held: &[Vec<f64>]) {
+    fn survey<const D: usize, const I: usize, const O: usize>(&mut self, held: &[SlotField]) {
         let kernel = self.survey_kernel::<D>();
         let mut all_sums = std::mem::take(&mut self.sums);
         all_sums.resize(self.surveyed.len() * O, 0.0);
@@ -312,7 +313,7 @@ impl Conservative {
     fn give<const D: usize, const I: usize, const O: usize, const P: usize>(
         &mut self,
         world: &World,
-        held: &[Vec<f64>],
+        held: &[SlotField],
         time: f64,
     ) {
         let mut walls = std::mem::take(&mut self.walls);
@@ -392,7 +393,7 @@ impl Rates for Conservative {
         self.walls.follow(world, body);
     }
 
-    fn give_impulses(&mut self, world: &World, velocity: &[Vec<f64>], time: f64) {
+    fn give_impulses(&mut self, world: &World, velocity: &[SlotField], time: f64) {
         match self.dimension {
             _ if self.walls.is_empty() => (),
             2 => self.give::<2, 6, 14, 4>(world, velocity, time),
@@ -438,20 +439,17 @@ impl Rates for Conservative {
     /// The viscosity is copied to slots together with the velocity.
     fn set_viscosity(&mut self, _medium: &Medium) {}
 
-    fn set_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>) {
-        load_weighted(
-            &self.family,
-            density,
-            &mut self.density,
-            |axis, point, distance| terms.density_slope(point, axis) * distance,
-        );
+    fn set_velocity(&mut self, velocity: &[SlotField], density: &[f64], terms: &Terms<'_>) {
+        let hydrostatic =
+            Rising(|axis, point, distance| terms.density_slope(point, axis) * distance);
+        self.density.load(&self.family, density, hydrostatic);
         terms
             .medium
             .viscosity
             .load(&self.family, &mut self.viscosity);
         for (a, (mirrored, held)) in self.velocity.iter_mut().zip(velocity).enumerate() {
-            mirrored.clone_from(held);
-            self.family.fill_layers_turning(mirrored, |axis| axis == a);
+            mirrored.set(held.iter().copied());
+            mirrored.fill_ghosts(&self.family, Mirrored::Vector(a));
         }
         self.surveyed.resize(density.len(), Surveyed::default());
         let slope = |i: usize| Vector3::from_fn(|a, _| terms.density_slope(i, a));
@@ -467,24 +465,16 @@ impl Rates for Conservative {
             2 => self.survey::<2, 6, 14>(velocity),
             _ => self.survey::<3, 8, 24>(velocity),
         }
-        // a mirror changes the sign of components that combine its normal with another axis
         for (n, (slots, &(a, b))) in self.inverse.iter_mut().zip(&COMPONENTS).enumerate() {
-            slots.resize(self.family.slots(), 0.0);
-            for (point, found) in self.surveyed.iter().enumerate() {
-                slots[self.family.slot_of(point)] = found.inverse[n];
-            }
-            self.family
-                .fill_layers_turning(slots, |axis| a != b && [a, b].contains(&axis));
+            let inverse = |point: usize| self.surveyed[point].inverse[n];
+            slots.load(&self.family, inverse, Mirrored::Tensor(a, b));
         }
     }
 
     fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
-        load_weighted(
-            &self.family,
-            pressure,
-            &mut self.pressure,
-            |axis, point, distance| force.map_or(0.0, |f| f[point][axis] * distance),
-        );
+        let hydrostatic =
+            Rising(|axis, point, distance| force.map_or(0.0, |f| f[point][axis] * distance));
+        self.pressure.load(&self.family, pressure, hydrostatic);
         let family = &self.family;
         self.walls.set_pressure(
             |point| family.slot_of(point),

@@ -11,9 +11,9 @@
 //! kept to rounding.
 
 use nalgebra::Vector3;
-use perimelt_core::family::LayerRule;
+use perimelt_core::family::{ByRules, LayerRule, Mirrored};
 use perimelt_core::pddo::second;
-use perimelt_core::{Derivatives, Pddo};
+use perimelt_core::{Derivatives, Pddo, SlotField};
 use rayon::prelude::*;
 
 use crate::advection::{Flux, ShortWaves};
@@ -30,8 +30,8 @@ pub(super) struct CarriedFlow {
     /// Decay of short waves of each component of the momentum, N/m³.
     short_waves: Vec<ShortWaves>,
     /// By slot.
-    density: Vec<f64>,
-    velocity: Vec<f64>,
+    density: SlotField,
+    velocity: SlotField,
     /// In the middle of the step, by point.
     middle_density: Vec<f64>,
     /// Sum of the weights of the Laplacian times the squared spacing.
@@ -44,8 +44,8 @@ impl CarriedFlow {
             mass: Flux::new(dimension),
             momentum: vec![Flux::new(dimension); dimension],
             short_waves: vec![ShortWaves::default(); dimension],
-            density: Vec::new(),
-            velocity: Vec::new(),
+            density: SlotField::default(),
+            velocity: SlotField::default(),
             middle_density: Vec::new(),
             laplacian: 0.0,
         }
@@ -55,12 +55,12 @@ impl CarriedFlow {
     pub(super) fn set_mass(
         &mut self,
         (pddo, work): (&Pddo, &mut Derivatives),
-        velocity: &[Vec<f64>],
+        velocity: &[SlotField],
         density: &[f64],
         (dt, diffusion): (f64, impl Fn(usize) -> f64 + Sync),
     ) {
         let family = pddo.family();
-        family.load((density, 1), 0, &[], &mut self.density);
+        self.density.load(family, density, Mirrored::Scalar);
         let operator = (pddo, &mut *work);
         self.mass.find(operator, velocity, Some(&self.density));
         let divergence = &self.mass.divergence;
@@ -68,7 +68,8 @@ impl CarriedFlow {
         let points = density.par_iter().enumerate();
         let points = points.with_min_len(POINTS_PER_TASK).map(middle);
         points.collect_into_vec(&mut self.middle_density);
-        family.load((&self.middle_density, 1), 0, &[], &mut self.density);
+        let middle = &self.middle_density[..];
+        self.density.load(family, middle, Mirrored::Scalar);
         let operator = (pddo, work);
         self.mass.find(operator, velocity, Some(&self.density));
     }
@@ -77,7 +78,7 @@ impl CarriedFlow {
     pub(super) fn set_short_waves(
         &mut self,
         (pddo, work): (&Pddo, &mut Derivatives),
-        velocity: &[Vec<f64>],
+        velocity: &[SlotField],
         density: &[f64],
         (terms, laplacian): (&Terms<'_>, impl Fn(usize, usize) -> f64 + Sync),
     ) {
@@ -122,10 +123,10 @@ impl CarriedFlow {
         velocity: &[Vector3<f64>],
         rules: &[LayerRule],
     ) {
-        let flat = (bytemuck::cast_slice(velocity), 3);
         for (axis, carried) in self.momentum.iter_mut().enumerate() {
-            let family = pddo.family();
-            family.load(flat, axis, rules, &mut self.velocity);
+            let along = |point: usize| velocity[point][axis];
+            let ghosts = ByRules(rules, axis);
+            self.velocity.load(pddo.family(), along, ghosts);
             carried.carry((pddo, &mut *work), &self.mass, &self.velocity);
         }
     }
@@ -138,7 +139,7 @@ impl CarriedFlow {
 }
 
 /// Largest rate at which the Laplacian changes a field between two walls behind which layers are curved
-/// ([`Family::curve_layers`](perimelt_core::Family::curve_layers)), 1/m²: layers that reach far behind the wall weigh
+/// ([`Curved`](perimelt_core::family::Curved)), 1/m²: layers that reach far behind the wall weigh
 /// more than the points before it.
 pub(super) fn largest_rate_at_walls(pddo: &Pddo) -> f64 {
     let mut bonds: Vec<(f64, f64)> = Vec::new();

@@ -20,19 +20,20 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use perimelt_core::{Derivatives, Family, Pddo, PddoError};
+use perimelt_core::family::{Mirrored, Rising};
+use perimelt_core::{Derivatives, Family, Pddo, PddoError, SlotField};
 use rayon::prelude::*;
 
 use crate::advection::Flux;
 
 use super::convection::{CarriedFlow, largest_rate_at_walls};
 use super::medium::{Coefficient, Medium};
-use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms, load_weighted};
+use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
 
 /// A field in slot space, and some of its derivatives.
 #[derive(Debug, Default)]
 struct Differentiated {
-    slots: Vec<f64>,
+    slots: SlotField,
     /// One row for each point: the first derivatives, and after them the Laplacian where it is needed.
     rows: Vec<f64>,
 }
@@ -54,18 +55,18 @@ struct DensityDiffusion {
     laplacian: Vec<f64>,
     axes: [Along; 3],
     /// `rho - s . x / 2` by slot, kg/m³.
-    reduced: Vec<f64>,
+    reduced: SlotField,
 }
 
 /// Coordinates and hydrostatic slopes along an axis.
 #[derive(Debug, Default)]
 struct Along {
-    /// Coordinate by slot, m, and its Laplacian at points, 1/m; empty before they are needed.
-    coordinate: Vec<f64>,
+    /// Coordinate by slot, m, and its Laplacian at points, 1/m, which is empty before they are needed.
+    coordinate: SlotField,
     coordinate_laplacian: Vec<f64>,
     /// Slope by point and by slot, kg/m⁴, and its Laplacian at points, kg/m⁶.
     slope: Vec<f64>,
-    slope_slots: Vec<f64>,
+    slope_slots: SlotField,
     slope_laplacian: Vec<f64>,
 }
 
@@ -77,7 +78,7 @@ impl DensityDiffusion {
         terms: &Terms<'_>,
     ) {
         let family = pddo.family();
-        family.load((density, 1), 0, &[], &mut self.reduced);
+        self.reduced.load(family, density, Mirrored::Scalar);
         let mut loaded = [false; 3];
         for (axis, along) in self.axes.iter_mut().enumerate().take(pddo.dimension()) {
             along.slope.clear();
@@ -85,12 +86,13 @@ impl DensityDiffusion {
             along.slope.extend(slopes);
             loaded[axis] = along.slope.iter().any(|s| *s != 0.0);
             if loaded[axis] {
-                if along.coordinate.is_empty() {
-                    family.mirrored_coordinates(axis, &mut along.coordinate);
+                if along.coordinate_laplacian.is_empty() {
+                    along.coordinate.load_coordinate(family, axis);
                     pddo.laplacian(&along.coordinate, work, &mut along.coordinate_laplacian);
                 }
-                family.load((&along.slope, 1), 0, &[], &mut along.slope_slots);
-                let hydrostatic = along.slope_slots.iter().zip(&along.coordinate);
+                let slots = &mut along.slope_slots;
+                slots.load(family, &along.slope[..], Mirrored::Scalar);
+                let hydrostatic = along.slope_slots.iter().zip(&*along.coordinate);
                 let slots = self.reduced.iter_mut().zip(hydrostatic);
                 slots.for_each(|(rho, (s, x))| *rho -= 0.5 * s * x);
                 pddo.laplacian(&along.slope_slots, work, &mut along.slope_laplacian);
@@ -256,7 +258,7 @@ impl Rates for Differences {
         family: &dyn Fn() -> Arc<Family>,
     ) -> Result<(), PddoError> {
         let axes = self.diffusion.axes.iter_mut();
-        axes.for_each(|along| along.coordinate.clear());
+        axes.for_each(|along| along.coordinate_laplacian.clear());
         self.pddo.rebuild(positions, family)
     }
 
@@ -278,7 +280,7 @@ impl Rates for Differences {
             .set_coefficient(&medium.viscosity, pddo, work);
     }
 
-    fn set_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>) {
+    fn set_velocity(&mut self, velocity: &[SlotField], density: &[f64], terms: &Terms<'_>) {
         let (pddo, work) = (&self.pddo, &mut self.work);
         for (slots, rows) in velocity.iter().zip(&mut self.velocity) {
             pddo.gradient_and_laplacian(slots, work, rows);
@@ -325,12 +327,9 @@ impl Rates for Differences {
 
     fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
         let slots = &mut self.pressure.slots;
-        load_weighted(
-            self.pddo.family(),
-            pressure,
-            slots,
-            |axis, point, distance| force.map_or(0.0, |f| f[point][axis] * distance),
-        );
+        let hydrostatic =
+            Rising(|axis, point, distance| force.map_or(0.0, |f| f[point][axis] * distance));
+        slots.load(self.pddo.family(), pressure, hydrostatic);
         self.pddo
             .gradient(slots, &mut self.work, &mut self.pressure.rows);
     }

@@ -31,7 +31,7 @@
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::Places;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{BondKernel, Family, Setup, SetupError, World};
+use perimelt_core::{BondKernel, Family, Setup, SetupError, SlotField, World};
 
 use super::point_motion::LEAST_DISTORTION;
 use super::treatments::CompleteFamily;
@@ -97,7 +97,7 @@ pub(super) struct ImmersedFlow<
     /// Of each point.
     pub slot: &'a [u32],
     /// Components by slot, m/s.
-    pub velocity: &'a [Vec<f64>],
+    pub velocity: &'a [SlotField],
     /// By point, kg/m³.
     pub density: &'a [f64],
     /// By point, Pa s.

@@ -1,8 +1,9 @@
 //! Properties of the fluid at its points.
 
-use perimelt_core::Family;
+use perimelt_core::family::Mirrored;
 use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::solver::reduce::max_abs;
+use perimelt_core::{Family, SlotField};
 use rayon::prelude::*;
 
 use super::rates::POINTS_PER_TASK;
@@ -73,9 +74,9 @@ impl Coefficient {
     }
 
     /// Copies it to slots; where it does not vary only when their number changed.
-    pub(super) fn load(&self, family: &Family, slots: &mut Vec<f64>) {
+    pub(super) fn load(&self, family: &Family, slots: &mut SlotField) {
         if self.varies || slots.len() != family.slots() {
-            family.load((&self.value, 1), 0, &[], slots);
+            slots.load(family, &self.value[..], Mirrored::Scalar);
         }
     }
 

@@ -27,8 +27,9 @@
 use std::f64::consts::PI;
 
 use nalgebra::{Matrix3, Vector3};
+use perimelt_core::family::Mirrored;
 use perimelt_core::shape::{BoxShape, Shape};
-use perimelt_core::{Axis, Body, Bond, BondKernel, Face, Family, SetupError};
+use perimelt_core::{Axis, Body, Bond, BondKernel, Face, Family, SetupError, SlotField};
 use rayon::prelude::*;
 
 use super::conservative::{COMPONENTS, components, is_diagonal};
@@ -63,13 +64,13 @@ pub(super) struct PointMotion {
     /// u by cell, m.
     displacement: Vec<Vector3<f64>>,
     /// By slot of the lattice, m.
-    slots: Vec<Vec<f64>>,
+    slots: Vec<SlotField>,
     /// Directions of the bonds of a complete family.
     directions: Vec<Vector3<f64>>,
     points: Vec<Mapped>,
     /// By slot of the family of the fluid: the rows of C, and the tensor of the viscosity.
-    pub(super) cofactors: Vec<Vec<f64>>,
-    pub(super) stretch: Vec<Vec<f64>>,
+    pub(super) cofactors: Vec<SlotField>,
+    pub(super) stretch: Vec<SlotField>,
 }
 
 /// A cell that walls fill.
@@ -223,7 +224,7 @@ impl PointMotion {
         let mut motion = PointMotion {
             dimension: body.dimension,
             displacement: vec![Vector3::zeros(); lattice.points.len()],
-            slots: vec![Vec::new(); body.dimension],
+            slots: vec![SlotField::default(); body.dimension],
             over_relaxation: 2.0 / (1.0 + (1.0 - radius * radius).sqrt()),
             points: vec![Mapped::default(); cell.len()],
             cofactors: Vec::new(),
@@ -310,11 +311,9 @@ impl PointMotion {
     /// Finds the mapping from u; `P = D * D`.
     fn find_mapping<const D: usize, const P: usize>(&mut self) {
         let cells = self.displacement.len();
-        let flat: &[f64] = bytemuck::cast_slice(&self.displacement);
         for (axis, slots) in self.slots.iter_mut().enumerate() {
-            slots.resize(self.family.slots(), 0.0);
-            self.family.scatter(flat, 3, axis, slots);
-            self.family.fill_layers_turning(slots, |a| a == axis);
+            let along = |cell: usize| self.displacement[cell][axis];
+            slots.load(&self.family, along, Mirrored::Vector(axis));
         }
         let inverse = 1.0 / self.complete.moment;
         let inputs: [&[f64]; D] = std::array::from_fn(|a| &self.slots[a][..]);
@@ -323,7 +322,7 @@ impl PointMotion {
             .sum(&Gradient::<D> { inverse }, inputs, &mut gradient);
         let mut second = Vec::new();
         if D == 3 {
-            second = self.second_order(gradient.as_flattened(), inverse);
+            second = self.second_order(&gradient, inverse);
         }
         let complete = (self.fourth_moment(), &self.directions[..]);
         let points = self.points.par_iter_mut().zip(&self.cell);
@@ -342,16 +341,16 @@ impl PointMotion {
     }
 
     /// The part of the cofactors that is of second order, by cell.
-    fn second_order(&self, gradient: &[f64], inverse: f64) -> Vec<[f64; 9]> {
-        let mut slots = self.slots.clone();
-        for n in 0..9 {
-            let mut values = vec![0.0; self.family.slots()];
-            self.family.scatter(gradient, 9, n, &mut values);
-            let turns = |a: usize| (a == n / 3) != (a == n % 3);
-            self.family.fill_layers_turning(&mut values, turns);
-            slots.push(values);
+    fn second_order<const P: usize>(&self, gradient: &[[f64; P]], inverse: f64) -> Vec<[f64; 9]> {
+        let mut slots: [SlotField; P] = std::array::from_fn(|_| SlotField::default());
+        for (n, slots) in slots.iter_mut().enumerate() {
+            let component = |cell: usize| gradient[cell][n];
+            slots.load(&self.family, component, Mirrored::Tensor(n / 3, n % 3));
         }
-        let inputs: [&[f64]; 12] = std::array::from_fn(|n| &slots[n][..]);
+        let inputs: [&[f64]; 12] = std::array::from_fn(|n| match n {
+            0..3 => &self.slots[n][..],
+            _ => &slots[n - 3],
+        });
         let mut sums = vec![[0.0; 9]; self.displacement.len()];
         self.family.sum(&SecondOrder { inverse }, inputs, &mut sums);
         sums
@@ -369,21 +368,16 @@ impl PointMotion {
     /// Copies cofactors and stretch to the slots of the fluid.
     fn fill_slots(&mut self, family: &Family) {
         let d = self.dimension;
-        self.cofactors.resize(d * d, Vec::new());
-        self.stretch.resize(components(d), Vec::new());
-        let points = &self.points;
-        let fill = |slots: &mut Vec<f64>, [a, b]: [usize; 2], of: &dyn Fn(&Mapped) -> f64| {
-            let values: Vec<f64> = points.iter().map(of).collect();
-            slots.resize(family.slots(), 0.0);
-            family.scatter(&values, 1, 0, slots);
-            family.fill_layers_turning(slots, |axis| (axis == a) != (axis == b));
-        };
+        self.cofactors.resize(d * d, SlotField::default());
+        self.stretch.resize(components(d), SlotField::default());
         for (n, slots) in self.cofactors.iter_mut().enumerate() {
-            let at = [n / d, n % d];
-            fill(slots, at, &|m| m.cofactors[(at[0], at[1])]);
+            let (a, b) = (n / d, n % d);
+            let cofactor = |point: usize| self.points[point].cofactors[(a, b)];
+            slots.load(family, cofactor, Mirrored::Tensor(a, b));
         }
-        for (n, slots) in self.stretch.iter_mut().enumerate() {
-            fill(slots, COMPONENTS[n].into(), &|m| m.stretch[n]);
+        for (n, (slots, &(a, b))) in self.stretch.iter_mut().zip(&COMPONENTS).enumerate() {
+            let stretch = |point: usize| self.points[point].stretch[n];
+            slots.load(family, stretch, Mirrored::Tensor(a, b));
         }
     }
 

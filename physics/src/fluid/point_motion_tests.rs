@@ -3,8 +3,8 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use perimelt_core::body::{Body, Store};
-use perimelt_core::family::LayerRule;
-use perimelt_core::{Axis, Face, Family, FamilySpec, Influence, Pddo};
+use perimelt_core::family::{ByRules, LayerRule};
+use perimelt_core::{Axis, Face, Family, FamilySpec, Influence, Pddo, SlotField};
 
 use super::fluxes::Fluxes;
 use super::medium::{Coefficient, Medium};
@@ -88,10 +88,10 @@ impl Channel {
             rules: &self.rules,
             dt,
         };
-        let mut slots = vec![Vec::new(); self.body.dimension];
-        let flat: Vec<f64> = velocity.iter().flat_map(|v| [v.x, v.y, v.z]).collect();
+        let mut slots = vec![SlotField::default(); self.body.dimension];
         for (axis, slots) in slots.iter_mut().enumerate() {
-            self.family.load((&flat, 3), axis, &self.rules, slots);
+            let along = |point: usize| velocity[point][axis];
+            slots.load(&self.family, along, ByRules(&self.rules, axis));
         }
         self.rates.set_velocity(&slots, density, &terms);
         act(&mut self.rates, &terms);

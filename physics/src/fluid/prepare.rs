@@ -6,7 +6,7 @@ use perimelt_core::solver::reduce::sum;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
     Body, Description, Face, Family, FamilySpec, Influence, MovingFamily, Pddo, PointMover, Setup,
-    SetupError, World, keys,
+    SetupError, SlotField, World, keys,
 };
 
 use crate::advection::usual_horizon;
@@ -124,7 +124,7 @@ impl Run {
             stable_step: 0.0,
             rates,
             treatments,
-            slots: vec![Vec::new(); this.dimension],
+            slots: vec![SlotField::default(); this.dimension],
             moving: moving.map(|(mover, family)| Moving {
                 mover,
                 family,

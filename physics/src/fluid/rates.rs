@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Family, PddoError, World};
+use perimelt_core::{Family, PddoError, SlotField, World};
 use rayon::prelude::*;
 
 use crate::advection::Convection;
@@ -149,7 +149,7 @@ pub(super) trait Rates: std::fmt::Debug {
     }
 
     /// Gives the walls the opposite of what they do to the fluid in a time (s), with the velocity by slot as last set.
-    fn give_impulses(&mut self, _world: &World, _velocity: &[Vec<f64>], _time: f64) {}
+    fn give_impulses(&mut self, _world: &World, _velocity: &[SlotField], _time: f64) {}
 
     /// Lets points that would penetrate walls in this step collide with them.
     fn collide(&mut self, _world: &World, _body: BodyIndex, _fluid: FluidPoints<'_>) {}
@@ -182,7 +182,7 @@ pub(super) trait Rates: std::fmt::Debug {
     fn set_viscosity(&mut self, medium: &Medium);
 
     /// Sets the velocity, by slot and component, and the density.
-    fn set_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>);
+    fn set_velocity(&mut self, velocity: &[SlotField], density: &[f64], terms: &Terms<'_>);
 
     /// Sets the pressure; behind faces it grows with the weight of the fluid before them.
     fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>);
@@ -215,16 +215,4 @@ pub(super) trait Rates: std::fmt::Debug {
 
     /// Finds the heat of viscous friction per current volume, W/m³.
     fn friction(&self, medium: &Medium, friction: &mut Vec<f64>);
-}
-
-/// Copies a field to slots; behind faces it is mirrored, and `rise(axis, point, distance)` is added.
-pub(super) fn load_weighted(
-    family: &Family,
-    field: &[f64],
-    slots: &mut Vec<f64>,
-    rise: impl Fn(usize, usize, f64) -> f64,
-) {
-    slots.resize(family.slots(), 0.0);
-    family.scatter(field, 1, 0, slots);
-    family.fill_layers_rising(slots, rise);
 }

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::world::{BodyIndex, LayersHandle};
-use perimelt_core::{MovingFamily, PddoError, PointMover, Read, World, Write};
+use perimelt_core::{MovingFamily, PddoError, PointMover, Read, SlotField, World, Write};
 
 use super::medium::Medium;
 use super::rates::{LargestSums, Rates, Stability};
@@ -38,7 +38,7 @@ pub(super) struct Run {
     pub(super) stable_step: f64,
     pub(super) treatments: Treatments,
     /// Components of the velocity by slot.
-    pub(super) slots: Vec<Vec<f64>>,
+    pub(super) slots: Vec<SlotField>,
     pub(super) moving: Option<Moving>,
     /// Volume that a fluid without free surface fills, m³.
     pub(super) container: Option<f64>,

@@ -9,8 +9,9 @@
 //!    put in order and put back into their box; the configuration of the body is set.
 
 use nalgebra::Vector3;
+use perimelt_core::family::{ByRules, Curved};
 use perimelt_core::solver::reduce::sum_of;
-use perimelt_core::{PddoError, Step, World};
+use perimelt_core::{PddoError, SlotField, Step, World};
 
 use super::boundaries::keep_inside;
 use super::collision::FluidPoints;
@@ -33,7 +34,7 @@ struct Advance<'a> {
     rates: &'a mut dyn Rates,
     treatments: &'a mut Treatments,
     /// Components of the velocity by slot.
-    slots: &'a mut [Vec<f64>],
+    slots: &'a mut [SlotField],
     terms: Terms<'a>,
     impulses: Option<Impulses<'a>>,
     /// Of a fluid without free surface.
@@ -293,12 +294,13 @@ impl Run {
 impl Advance<'_> {
     /// Copies the velocity to slots and passes it to the rates.
     fn set_velocity(&mut self, flow: &Flow<'_>) {
-        let flat = (bytemuck::cast_slice(flow.velocity), 3);
+        let velocity = &*flow.velocity;
         for (axis, slots) in self.slots.iter_mut().enumerate() {
-            let family = self.rates.family();
-            family.load(flat, axis, self.terms.rules, slots);
-            if self.terms.convection.is_some() {
-                family.curve_layers(self.terms.rules, axis, slots);
+            let (family, rules) = (self.rates.family(), ByRules(self.terms.rules, axis));
+            let along = |point: usize| velocity[point][axis];
+            match self.terms.convection {
+                Some(_) => slots.load(family, along, Curved(rules)),
+                None => slots.load(family, along, rules),
             }
         }
         self.rates

@@ -2,9 +2,10 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::Vector3;
 use perimelt_core::body::{Body, Store};
-use perimelt_core::family::LayerRule;
+use perimelt_core::family::{ByRules, Curved, LayerRule};
 use perimelt_core::{
     Axis, Derivatives, Face, Family, FamilySpec, Horizon, Pddo, Physics, RunError, Simulation,
+    SlotField,
 };
 
 use super::Fluid;
@@ -572,9 +573,8 @@ fn curved_layers_continue_a_parabola() {
     let family = std::sync::Arc::new(Family::build(&body, &spec).expect("valid"));
     let pddo = Pddo::build(&body, family.clone(), 2).expect("valid");
     let values: Vec<f64> = body.points.position.iter().map(|x| field(x.x)).collect();
-    let (mut slots, mut laplacian) = (Vec::new(), Vec::new());
-    family.load((&values, 1), 0, &rules, &mut slots);
-    family.curve_layers(&rules, 0, &mut slots);
+    let (mut slots, mut laplacian) = (SlotField::default(), Vec::new());
+    slots.load(&family, &values[..], Curved(ByRules(&rules, 0)));
     pddo.laplacian(&slots, &mut Derivatives::default(), &mut laplacian);
     assert!(
         laplacian.iter().all(|l| (l - 6.0).abs() < 1e-9),

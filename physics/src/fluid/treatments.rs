@@ -4,7 +4,7 @@
 //! opposite amounts.
 
 use nalgebra::{Matrix4, Vector3, Vector4};
-use perimelt_core::{Body, Bond, BondKernel, Family};
+use perimelt_core::{Body, Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
 
 use super::medium::Medium;
@@ -133,7 +133,7 @@ impl Treatments {
     }
 
     /// Sums of a kernel over velocities by slot; `D` of them for each point.
-    fn sum<K>(&mut self, family: &Family, kernel: &K, velocity: &[Vec<f64>], points: usize)
+    fn sum<K>(&mut self, family: &Family, kernel: &K, velocity: &[SlotField], points: usize)
     where
         K: BondKernel<2, 2> + BondKernel<3, 3>,
     {
@@ -151,7 +151,7 @@ impl Treatments {
         &mut self,
         (family, medium): (&Family, &Medium),
         strength: f64,
-        slots: &[Vec<f64>],
+        slots: &[SlotField],
         (velocity, density): (&mut [Vector3<f64>], &[f64]),
     ) {
         let size = medium.smoothing_length(0);
@@ -177,7 +177,7 @@ impl Treatments {
         &mut self,
         family: &Family,
         fraction: f64,
-        slots: &[Vec<f64>],
+        slots: &[SlotField],
         displacement: &mut [Vector3<f64>],
     ) {
         self.sum(family, &Difference, slots, displacement.len());

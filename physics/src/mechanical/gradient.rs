@@ -80,8 +80,6 @@ pub(super) struct Gradient {
     /// The last H.
     pub(super) values: Vec<Matrix3<f64>>,
     sums: Vec<f64>,
-    /// Takes the place of inputs that the dimension leaves out.
-    pub(super) zeros: Vec<f64>,
 }
 
 impl Gradient {
@@ -108,7 +106,6 @@ impl Gradient {
             inverse_shape,
             values: vec![Matrix3::zeros(); points],
             sums: vec![0.0; points * if dimension == 3 { 9 } else { 4 }],
-            zeros: vec![0.0; family.slots()],
             lost: vec![0; points],
         })
     }
@@ -156,8 +153,7 @@ impl Gradient {
         self.lost.fill(u32::MAX);
     }
 
-    /// Evaluates H from displacement components in slot space (those that the dimension leaves out may be
-    /// empty) over unbroken bonds; whether a shape tensor changed.
+    /// Evaluates H from displacement components by slot over unbroken bonds; whether a shape tensor changed.
     pub(super) fn evaluate(
         &mut self,
         family: &Family,
@@ -178,12 +174,8 @@ impl Gradient {
         displacement: [&[f64]; 3],
         broken: Option<&BrokenBonds>,
     ) {
-        let inputs = std::array::from_fn(|a| match a < self.dimension {
-            true => displacement[a],
-            false => &self.zeros[..],
-        });
         let sums = bytemuck::cast_slice_mut(&mut self.sums);
-        family.sum_unbroken::<3, Q, _>(&Moment::<D>, inputs, broken, sums);
+        family.sum_unbroken::<3, Q, _>(&Moment::<D>, displacement, broken, sums);
         let sums = self.sums.par_chunks_exact(Q);
         let points = self
             .values

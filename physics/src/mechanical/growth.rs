@@ -36,10 +36,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::activity::is_active;
-use perimelt_core::family::{Continuation, LayerRule};
+use perimelt_core::family::{ByRules, Continuation, LayerRule};
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Face, Family, Setup, SetupError, World, keys};
+use perimelt_core::{Face, Family, Setup, SetupError, SlotField, World, keys};
 use rayon::prelude::*;
 
 use super::classical::{COMPONENTS, Point, symmetric};
@@ -141,7 +141,7 @@ struct Surroundings<'a> {
 /// State of motion of a body.
 struct MotionState<'a> {
     /// By component and slot, m.
-    displacement: [Vec<f64>; 3],
+    displacement: [SlotField; 3],
     /// By point.
     gradient: &'a [Matrix3<f64>],
     /// m/s; empty in equilibrium.
@@ -175,12 +175,11 @@ impl<'a> Surroundings<'a> {
     }
 
     /// A displacement (m) by slot, continued into the layers by `rules`.
-    fn in_slots(&self, displacement: &[Vector3<f64>], rules: &[LayerRule]) -> [Vec<f64>; 3] {
+    fn in_slots(&self, displacement: &[Vector3<f64>], rules: &[LayerRule]) -> [SlotField; 3] {
         std::array::from_fn(|axis| {
-            let mut slots = vec![0.0; self.family.slots()];
-            let values: &[f64] = bytemuck::cast_slice(displacement);
-            self.family.scatter(values, 3, axis, &mut slots);
-            self.family.fill_layers(rules, axis, &mut slots);
+            let mut slots = SlotField::default();
+            let along = |point: usize| displacement[point][axis];
+            slots.load(self.family, along, ByRules(rules, axis));
             slots
         })
     }

@@ -21,7 +21,7 @@
 //! that depends on that component alone.
 
 use perimelt_core::family::{Continuation, Image, Layout};
-use perimelt_core::{Bond, BondKernel, BrokenBonds, Family};
+use perimelt_core::{Bond, BondKernel, BrokenBonds, Family, SlotField};
 use rayon::prelude::*;
 
 /// The bonds of a body to layer points that are no symmetric images.
@@ -39,8 +39,8 @@ pub(super) struct LayerForces {
     followed: Vec<(usize, usize)>,
     /// Force density of the state of its point along each bond, N/m³.
     pulls: Vec<[f64; 3]>,
-    /// Force on each slot, N: one array for each dimension.
-    reaction: Vec<Vec<f64>>,
+    /// Force on each slot, N: one field for each dimension.
+    reaction: Vec<SlotField>,
 }
 
 /// A point with bonds to layer points.
@@ -165,8 +165,11 @@ impl LayerForces {
         followed.dedup();
         self.followed = followed.iter().map(|&p| (p, family.slot_of(p))).collect();
         self.pulls = vec![[0.0; 3]; self.bonds.len()];
-        let slots = if points == 0 { 0 } else { family.slots() };
-        self.reaction = vec![vec![0.0; slots]; self.dimension];
+        let reaction = match points {
+            0 => SlotField::default(),
+            _ => SlotField::zeros(family),
+        };
+        self.reaction = vec![reaction; self.dimension];
     }
 
     /// Whether all layer points are symmetric images, or their displacement is constant.
@@ -253,7 +256,7 @@ impl LayerForces {
                 };
                 reaction[ghost.slot] = ghost.bonds.iter().map(on_ghost).sum();
             }
-            family.fold_layers(continuation.rules(), axis, reaction);
+            reaction.fold_ghosts(family, continuation.rules(), axis);
             for (point, slot) in &self.followed {
                 let force = std::mem::take(&mut reaction[*slot]);
                 out[3 * point + axis] += force / volume[*point];

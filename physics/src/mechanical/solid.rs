@@ -3,9 +3,8 @@
 use std::fmt::Debug;
 
 use nalgebra::Matrix3;
-use perimelt_core::family::{Continuation, LayerRule};
-use perimelt_core::{Body, Family};
-use rayon::prelude::*;
+use perimelt_core::family::{Continuation, LayerRule, WithTractions};
+use perimelt_core::{Body, Family, SlotField};
 
 use super::elastic::ElasticPoints;
 use super::fracture::{Fracture, FractureState, NewBreaks};
@@ -162,12 +161,6 @@ pub(super) enum StrainKind {
     Change,
 }
 
-/// Writes a value of each point into slots; mirrored layers take those of their points.
-pub(super) fn load_mirrored(family: &Family, values: &[f64], slots: &mut [f64]) {
-    family.scatter(values, 1, 0, slots);
-    family.fill_layers(&[], 0, slots);
-}
-
 /// A displacement, m, with the rules of its layers.
 #[derive(Clone, Copy)]
 pub(super) struct LayeredDisplacement<'a> {
@@ -176,29 +169,28 @@ pub(super) struct LayeredDisplacement<'a> {
     pub(super) rules: &'a [LayerRule],
 }
 
-/// Writes a displacement into slots (one array for each dimension) and continues it into the layers. Under a
+/// Loads a displacement (one field for each dimension) and continues it into the layers. Under a
 /// traction the slope of the layer follows from the moduli and the eigenstrain of `elastic`.
 pub(super) fn continue_displacement(
     family: &Family,
     displacement: LayeredDisplacement<'_>,
     elastic: &ElasticPoints,
-    vector: &mut [Vec<f64>],
+    vector: &mut [SlotField],
     continuation: &mut Continuation,
 ) {
     let LayeredDisplacement { values, rules } = displacement;
     let dimension = vector.len();
-    let axes = vector.par_iter_mut().enumerate();
-    axes.for_each(|(axis, slots)| family.scatter(values, 3, axis, slots));
-    family.continue_vector(
+    let ghosts = WithTractions {
         rules,
-        vector,
         continuation,
-        |face, traction, point, lateral| {
+        slope: |face, traction, point, lateral| {
             let eigenstrain = elastic.eigenstrain[point];
             let moduli = elastic.moduli(point);
             moduli.slope_under_traction((face, traction), lateral, eigenstrain, dimension)
         },
-    );
+    };
+    let along = |axis: usize| move |point: usize| values[3 * point + axis];
+    SlotField::load_all(vector, family, along, ghosts);
 }
 
 /// Where sums of `D` components go: to the output itself in 3D, else to the work array.

@@ -11,7 +11,8 @@
 use std::sync::Arc;
 
 use nalgebra::Vector3;
-use perimelt_core::{Body, Derivatives, Pddo, Read};
+use perimelt_core::family::{ByImage, ByRules, Continuation};
+use perimelt_core::{Body, Derivatives, Image, Pddo, Read, SlotField};
 use rayon::prelude::*;
 
 use crate::advection::{Convection, Flux, ShortWaves};
@@ -29,8 +30,6 @@ pub(super) struct CarriedHeat {
     pub(super) velocity: Read<Vector3<f64>>,
     pub(super) density: Read<f64>,
     pub(super) mass_flux: Read<Vector3<f64>>,
-    /// Slots behind faces, with the material of the point that they mirror.
-    ghosts: Vec<(u32, u16)>,
     mass: Flux,
     heat: Flux,
     /// Of the heat, W/m³.
@@ -38,8 +37,8 @@ pub(super) struct CarriedHeat {
     /// At the start of the step, kg/m³ and J/m³.
     start_density: Vec<f64>,
     start_enthalpy: Vec<f64>,
-    enthalpy_slots: Vec<f64>,
-    temperature_slots: Vec<f64>,
+    enthalpy_slots: SlotField,
+    temperature_slots: SlotField,
     temperature_laplacian: Vec<f64>,
     middle_temperature: Vec<f64>,
     middle_enthalpy: Vec<f64>,
@@ -79,20 +78,8 @@ impl CarriedHeat {
         convection: Convection,
         fields: FlowFields,
     ) -> Self {
-        let family = pddo.family();
-        let mut is_own = vec![false; family.slots()];
-        (0..body.points.len()).for_each(|point| is_own[family.slot_of(point)] = true);
-        let points = family.points_of_slots();
-        let ghosts = (0..).zip(&points).zip(&is_own);
-        let ghosts = ghosts.filter(|((_, point), is_own)| !**is_own && **point != u32::MAX);
-        let ghosts = ghosts.map(|((slot, &point), _)| {
-            let material = body.material_of_point[point as usize];
-            (slot, material)
-        });
-        let slots = || vec![0.0; family.slots()];
         let spacing = body.points.spacing[0];
         CarriedHeat {
-            ghosts: ghosts.collect(),
             convection,
             velocity: fields.velocity,
             density: fields.density,
@@ -102,8 +89,8 @@ impl CarriedHeat {
             short_waves: ShortWaves::default(),
             start_density: Vec::new(),
             start_enthalpy: Vec::new(),
-            enthalpy_slots: slots(),
-            temperature_slots: slots(),
+            enthalpy_slots: SlotField::default(),
+            temperature_slots: SlotField::default(),
             temperature_laplacian: Vec::new(),
             middle_temperature: Vec::new(),
             middle_enthalpy: Vec::new(),
@@ -203,14 +190,15 @@ impl CarriedHeat {
     /// Copies temperature and enthalpy to slots.
     fn load(&mut self, matter: &Matter<'_>, temperature: &[f64], enthalpy: &[f64]) {
         let family = self.pddo.family();
-        family.scatter(enthalpy, 1, 0, &mut self.enthalpy_slots);
-        family.scatter(temperature, 1, 0, &mut self.temperature_slots);
-        family.fill_layers(matter.rules, 0, &mut self.temperature_slots);
-        for &(slot, material) in &self.ghosts {
-            let temperature = self.temperature_slots[slot as usize];
-            self.enthalpy_slots[slot as usize] =
-                matter.curves[material as usize].enthalpy(temperature);
-        }
+        let slots = &mut self.temperature_slots;
+        slots.load(family, temperature, ByRules(matter.rules, 0));
+        let images = Continuation::default();
+        let behind = |image: &Image| {
+            let material = matter.material[image.point] as usize;
+            [matter.curves[material].enthalpy(slots[image.slot])]
+        };
+        self.enthalpy_slots
+            .load(family, enthalpy, ByImage(&images, behind));
     }
 
     /// Largest stable explicit step (s) at a point of this spacing (m), for the largest speed (m/s): diffusion is

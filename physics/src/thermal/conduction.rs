@@ -13,10 +13,10 @@
 
 use std::sync::Arc;
 
-use perimelt_core::family::LayerRule;
+use perimelt_core::family::{ByRules, LayerRule, Mirrored};
 use perimelt_core::material::{EnthalpyCurve, HeatPotential, Property};
 use perimelt_core::solver::reduce::max_abs;
-use perimelt_core::{Bond, BondKernel, BrokenBonds, Derivatives, Family, Pddo};
+use perimelt_core::{Bond, BondKernel, BrokenBonds, Derivatives, Family, Pddo, SlotField};
 use rayon::prelude::*;
 
 use super::powder::{Powder, Series};
@@ -37,16 +37,16 @@ pub(super) struct Conduction {
     derivatives: Option<SecondDerivatives>,
     /// In the ordinary form.
     states: Option<States>,
-    temperature_slots: Vec<f64>,
-    conductivity_slots: Vec<f64>,
+    temperature_slots: SlotField,
+    conductivity_slots: SlotField,
     conductivity_field: Vec<f64>,
     /// Of each material, where conductivities depend on the temperature.
     potentials: Vec<HeatPotential>,
     /// By slot, W/m.
-    potential_slots: Vec<f64>,
+    potential_slots: SlotField,
     potential_field: Vec<f64>,
     /// By slot, of the points that they mirror.
-    mirrored: Mirrored,
+    mirrored: MirroredFields,
     /// What was loaded last.
     loaded: Loaded,
     /// Where the body has powder.
@@ -59,11 +59,10 @@ pub(super) struct Conduction {
 
 /// Fields behind faces as those of the points that they mirror, by slot.
 #[derive(Debug, Default)]
-struct Mirrored {
+struct MirroredFields {
     /// K.
-    temperature: Vec<f64>,
-    material: Vec<f64>,
-    material_field: Vec<f64>,
+    temperature: SlotField,
+    material: SlotField,
 }
 
 /// What bonds conduct by.
@@ -180,13 +179,13 @@ impl Conduction {
             calibration,
             derivatives: None,
             states: None,
-            temperature_slots: vec![0.0; family.slots()],
-            conductivity_slots: vec![0.0; if varying == 0 { 0 } else { family.slots() }],
+            temperature_slots: SlotField::zeros(family),
+            conductivity_slots: SlotField::default(),
             conductivity_field: vec![0.0; varying],
             potentials: Vec::new(),
-            potential_slots: Vec::new(),
+            potential_slots: SlotField::default(),
             potential_field: Vec::new(),
-            mirrored: Mirrored::default(),
+            mirrored: MirroredFields::default(),
             loaded: Loaded::Uniform,
             powder: None,
             broken: None,
@@ -216,10 +215,9 @@ impl Conduction {
     }
 
     /// Lets points be powder, which has these conductivities by material.
-    pub(super) fn set_powder(&mut self, family: &Family, conductivity: Vec<Property>) {
+    pub(super) fn set_powder(&mut self, conductivity: Vec<Property>) {
         self.uniform = None;
         let points = self.rate.len();
-        self.conductivity_slots = vec![0.0; family.slots()];
         self.conductivity_field = vec![0.0; points];
         for (largest, powder) in self.largest.iter_mut().zip(&conductivity) {
             *largest = largest.max(max_abs(&powder.values()));
@@ -241,13 +239,9 @@ impl Conduction {
 
     /// Fills the slots from a temperature field (K) and evaluates the conductivities.
     pub(super) fn load(&mut self, matter: &Matter<'_>, temperature: &[f64]) {
-        let family = matter.family;
-        family.load(
-            (temperature, 1),
-            0,
-            matter.rules,
-            &mut self.temperature_slots,
-        );
+        let ghosts = ByRules(matter.rules, 0);
+        self.temperature_slots
+            .load(matter.family, temperature, ghosts);
         self.loaded = self.what_to_load();
         if self.loaded == Loaded::Uniform {
             return;
@@ -294,8 +288,9 @@ impl Conduction {
             let dense = properties[m].at(t, liquid);
             *k = calibration * powder.map_or(dense, |p| p.mixed(point, (m, t), dense));
         });
-        let field = (&self.conductivity_field[..], 1);
-        (matter.family).load(field, 0, &[], &mut self.conductivity_slots);
+        let field = &self.conductivity_field[..];
+        self.conductivity_slots
+            .load(matter.family, field, Mirrored::Scalar);
     }
 
     /// Behind faces the potential continues as the temperature does: as far from its value at the mean of both sides.
@@ -309,20 +304,19 @@ impl Conduction {
         let points = temperature.par_iter().zip(matter.material);
         let potential = points.map(|(&t, &m)| calibration * potentials[m as usize].at(t));
         potential.collect_into_vec(&mut self.potential_field);
-        let mirror = |field: &[f64], slots: &mut Vec<f64>| family.load((field, 1), 0, &[], slots);
-        mirror(&self.potential_field, &mut self.potential_slots);
+        self.potential_slots
+            .load(family, &self.potential_field[..], Mirrored::Scalar);
         let several = potentials.len() > 1;
         let mirrored = &mut self.mirrored;
         if several {
-            mirrored.material_field.clear();
-            let materials = matter.material.iter().map(|&m| f64::from(m));
-            mirrored.material_field.extend(materials);
-            mirror(&mirrored.material_field, &mut mirrored.material);
+            let material = |point: usize| f64::from(matter.material[point]);
+            mirrored.material.load(family, material, Mirrored::Scalar);
         }
         if matter.rules.is_empty() {
             return;
         }
-        mirror(temperature, &mut mirrored.temperature);
+        let slots = &mut mirrored.temperature;
+        slots.load(family, temperature, Mirrored::Scalar);
         let material = |slot: usize| match several {
             true => mirrored.material[slot] as usize,
             false => 0,
@@ -330,8 +324,8 @@ impl Conduction {
         let behind = self
             .potential_slots
             .par_iter_mut()
-            .zip(&self.temperature_slots)
-            .zip(&mirrored.temperature);
+            .zip(&self.temperature_slots[..])
+            .zip(&mirrored.temperature[..]);
         let behind = behind.enumerate().with_min_len(SLOTS_PER_TASK);
         behind.for_each(|(slot, ((potential, here), mirrored))| {
             if here != mirrored {
@@ -476,13 +470,11 @@ impl Conduction {
                 |(point, &m): (usize, &u16)| [largest[m as usize] * pddo.laplacian_sum(point)];
             return points.map(sum).collect();
         }
-        let conductivity: Vec<f64> = material
-            .iter()
-            .map(|&m| stiffness * self.calibration * largest[m as usize])
-            .collect();
-        let mut slots = Vec::new();
-        family.load((&conductivity, 1), 0, &[], &mut slots);
-        let mut sums = vec![[0.0]; conductivity.len()];
+        let factor = stiffness * self.calibration;
+        let conductivity = |point: usize| factor * largest[material[point] as usize];
+        let mut slots = SlotField::default();
+        slots.load(family, conductivity, Mirrored::Scalar);
+        let mut sums = vec![[0.0]; material.len()];
         family.sum(&RowSum, [&slots], &mut sums);
         sums
     }

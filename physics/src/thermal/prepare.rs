@@ -62,8 +62,7 @@ impl Run {
             true => {
                 thermal.check_powder(description)?;
                 let powder = setup.property(body, "powder_conductivity")?;
-                let family = neighbours.at_setup(setup);
-                conduction.set_powder(&family, powder);
+                conduction.set_powder(powder);
                 Some(setup.read(body, &keys::CONSOLIDATED)?)
             }
             false => None,

@@ -20,8 +20,8 @@
 //! alternate from point to point do not decay.
 
 use nalgebra::{Matrix3, Vector3};
-use perimelt_core::family::LayerRule;
-use perimelt_core::{Bond, BondKernel, BrokenBonds, Family};
+use perimelt_core::family::{ByRules, LayerRule};
+use perimelt_core::{Bond, BondKernel, BrokenBonds, Family, SlotField};
 use rayon::prelude::*;
 
 use super::conduction::Matter;
@@ -39,8 +39,8 @@ pub(super) struct States {
     moment: Vec<[f64; 6]>,
     gradient: Vec<[f64; 3]>,
     /// `p` of each point, K/m times W/(m K).
-    state: Vec<f64>,
-    slots: [Vec<f64>; 3],
+    state: Vec<[f64; 3]>,
+    slots: [SlotField; 3],
     /// Number of broken bonds with which the moments were found.
     broken: usize,
 }
@@ -92,7 +92,7 @@ impl States {
             excess: Vec::new(),
             moment: vec![[0.0; 6]; points],
             gradient: vec![[0.0; 3]; points],
-            state: vec![0.0; 3 * points],
+            state: vec![[0.0; 3]; points],
             slots: Default::default(),
             broken: 0,
         }
@@ -137,7 +137,7 @@ impl States {
         let family = matter.family;
         self.find_moments(family, broken);
         family.sum_unbroken(&Slope, [temperature], broken, &mut self.gradient);
-        let points = self.state.par_chunks_exact_mut(3).zip(&self.gradient);
+        let points = self.state.par_iter_mut().zip(&self.gradient);
         let points = points.zip(&self.excess).zip(&self.moment).zip(conductivity);
         let dimension = self.dimension;
         points.for_each(|((((state, slope), excess), moment), k)| {
@@ -147,11 +147,12 @@ impl States {
             (dimension..3).for_each(|axis| matrix[(axis, axis)] = 1.0);
             let slope = Vector3::from(*slope);
             let gradient = matrix.try_inverse().map_or(Vector3::zeros(), |m| m * slope);
-            state.copy_from_slice((*k * (excess * gradient)).as_slice());
+            *state = (*k * (excess * gradient)).into();
         });
         let rules = turned(family, matter.rules);
         for (component, slots) in self.slots.iter_mut().enumerate() {
-            family.load((&self.state, 3), component, &rules, slots);
+            let state = |point: usize| self.state[point][component];
+            slots.load(family, state, ByRules(&rules, component));
         }
     }
 

@@ -1,6 +1,6 @@
 use super::*;
 use crate::body::Face;
-use crate::family::{Bond, BondKernel, Correction, LayerRule};
+use crate::family::{Bond, BondKernel, ByRules, Correction, LayerRule, SlotField};
 use crate::shape::{BoxShape, Shape};
 
 struct Flow;
@@ -32,14 +32,14 @@ fn value(x: &nalgebra::Vector3<f64>) -> f64 {
 
 /// Sums of all bonds and of those with audited layers, of a field that is `-1` times its mirror image there.
 fn sums(family: &Family, values: &[f64]) -> (Vec<f64>, Vec<f64>) {
-    let mut slots = vec![f64::NAN; family.slots()];
-    family.scatter(values, 1, 0, &mut slots);
+    let mut slots = SlotField::zeros(family);
+    slots.fill(f64::NAN);
     let odd = |&face: &Face| LayerRule {
         scale: [-1.0; 3],
         ..LayerRule::even(face)
     };
     let rules: Vec<LayerRule> = family.spec().audited.iter().map(odd).collect();
-    family.fill_layers(&rules, 0, &mut slots);
+    slots.load(family, values, ByRules(&rules, 0));
     let mut sums = vec![[f64::NAN]; values.len()];
     family.sum(&Flow, [&slots], &mut sums);
     let mut layers = vec![0.0; values.len()];

@@ -424,7 +424,7 @@ fn add_block<const I: usize, const O: usize, K: BondKernel<I, O>>(
 mod tests {
     use super::*;
     use crate::body::{Body, Face, Store};
-    use crate::family::{BrokenBonds, Correction, FamilySpec};
+    use crate::family::{BrokenBonds, Correction, FamilySpec, Mirrored, SlotField};
     use crate::shape::{BoxShape, Shape};
 
     /// Something that pulls ends together, of finite length, and a sum for one end only.
@@ -476,13 +476,11 @@ mod tests {
     }
 
     /// Displacements that differ from slot to slot of points, and go on behind the faces.
-    fn displacement(family: &Family) -> [Vec<f64>; 3] {
+    fn displacement(family: &Family) -> [SlotField; 3] {
         std::array::from_fn(|axis| {
             let value = |point: usize| 0.05 * ((point * (axis + 3)) as f64).sin();
-            let values: Vec<f64> = (0..family.points).map(value).collect();
-            let mut slots = vec![0.0; family.slots()];
-            family.scatter(&values, 1, 0, &mut slots);
-            family.fill_layers(&[], 0, &mut slots);
+            let mut slots = SlotField::default();
+            slots.load(family, value, Mirrored::Scalar);
             slots
         })
     }

@@ -1,5 +1,7 @@
 //! Flux of mass, and the density in the middle of the step.
 
+use perimelt_core::SlotField;
+use perimelt_core::family::Mirrored;
 use rayon::prelude::*;
 
 use super::Fluxes;
@@ -11,27 +13,27 @@ impl Fluxes {
     pub(super) fn set_mass_flux<const D: usize>(
         &mut self,
         axis: usize,
-        work: &mut Vec<f64>,
         density: &[f64],
-        velocity: &[Vec<f64>],
+        velocity: &[SlotField],
     ) {
-        work.clear();
-        let points = density.iter().zip(&self.slot);
+        let (family, mass) = (&self.family, &mut self.mass[axis]);
+        let of_point = |axis: usize, point: usize| velocity[axis][self.slot[point] as usize];
+        let ghosts = Mirrored::Vector(axis);
         match &self.motion {
-            None => work.extend(points.map(|(rho, slot)| rho * velocity[axis][*slot as usize])),
+            None => {
+                let flux = |point: usize| density[point] * of_point(axis, point);
+                mass.load(family, flux, ghosts);
+            }
             Some(motion) => {
-                let points = points.zip(motion.points());
-                work.extend(points.map(|((rho, slot), mapped)| {
-                    let past = |a: usize| velocity[a][*slot as usize] - mapped.velocity[a];
+                let flux = |point: usize| {
+                    let mapped = &motion.points()[point];
+                    let past = |a: usize| of_point(a, point) - mapped.velocity[a];
                     let along = (0..D).map(|a| mapped.cofactors[(a, axis)] * past(a));
-                    rho * along.sum::<f64>()
-                }));
+                    density[point] * along.sum::<f64>()
+                };
+                mass.load(family, flux, ghosts);
             }
         }
-        let mass = &mut self.mass[axis];
-        mass.resize(self.family.slots(), 0.0);
-        self.family.scatter(work, 1, 0, mass);
-        self.family.fill_layers_turning(mass, |a| a == axis);
     }
 
     /// Finds the flux of mass with this density (kg/m³) and what flows out of each point.
@@ -39,26 +41,23 @@ impl Fluxes {
         &mut self,
         terms: &Terms<'_>,
         density: &[f64],
-        velocity: &[Vec<f64>],
+        velocity: &[SlotField],
     ) {
-        let mut work = std::mem::take(&mut self.work);
+        let mut slopes = std::mem::take(&mut self.slopes);
         let diffusivity = terms.density_diffusivity(0);
         for axis in 0..D {
-            self.set_mass_flux::<D>(axis, &mut work, density, velocity);
-            let mut flux = std::mem::take(&mut self.flux[axis]);
-            flux.clone_from(&self.mass[axis]);
+            self.set_mass_flux::<D>(axis, density, velocity);
+            let mass = self.mass[axis].iter();
             if diffusivity > 0.0 && terms.force.is_some() {
-                let slope = |i| self.on_lattice(i, terms.density_gradient(i))[axis];
-                work.clear();
-                work.extend((0..density.len()).map(slope));
-                let mut slopes = Vec::new();
-                self.family.load((&work, 1), 0, &[], &mut slopes);
-                let slots = flux.iter_mut().zip(&slopes);
-                slots.for_each(|(flux, slope)| *flux += diffusivity * slope);
+                let slope = |i: usize| self.on_lattice(i, terms.density_gradient(i))[axis];
+                slopes.load(&self.family, slope, Mirrored::Scalar);
+                let slots = mass.zip(&*slopes);
+                self.flux[axis].set(slots.map(|(flux, slope)| flux + diffusivity * slope));
+            } else {
+                self.flux[axis].set(mass.copied());
             }
-            self.flux[axis] = flux;
         }
-        self.work = work;
+        self.slopes = slopes;
         let inputs: [&[f64]; I] = std::array::from_fn(|i| match i {
             _ if i < D => &self.flux[i][..],
             _ => &self.density,
@@ -79,7 +78,7 @@ impl Fluxes {
         &mut self,
         terms: &Terms<'_>,
         density: &[f64],
-        velocity: &[Vec<f64>],
+        velocity: &[SlotField],
     ) {
         self.find_outflow::<D, I>(terms, density, velocity);
         let mut middle = std::mem::take(&mut self.middle_density);

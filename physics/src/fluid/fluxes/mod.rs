@@ -28,9 +28,10 @@ mod motion;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
+use perimelt_core::family::Rising;
 use perimelt_core::pddo::largest_wave_number;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Family, PddoError, World};
+use perimelt_core::{Family, PddoError, SlotField, World};
 use rayon::prelude::*;
 
 use kernels::{MappedViscosity, Outflow, Viscosity};
@@ -38,7 +39,7 @@ use kernels::{MappedViscosity, Outflow, Viscosity};
 use super::immersed::ImmersedFlow;
 use super::medium::Medium;
 use super::point_motion::PointMotion;
-use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms, load_weighted};
+use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
 use super::treatments::CompleteFamily;
 use super::walls::Walls;
 
@@ -61,13 +62,15 @@ pub(super) struct Fluxes {
     /// Rate at which it changes, 1/s.
     swept: Vec<[f64; 1]>,
     /// By slot: of mass, kg/(m² s), and with `D s`.
-    mass: Vec<Vec<f64>>,
-    flux: Vec<Vec<f64>>,
-    density: Vec<f64>,
-    viscosity: Vec<f64>,
-    pressure: Vec<f64>,
+    mass: Vec<SlotField>,
+    flux: Vec<SlotField>,
+    density: SlotField,
+    viscosity: SlotField,
+    pressure: SlotField,
+    /// `s`, kg/m⁴.
+    slopes: SlotField,
     /// What is carried, by slot, m/s.
-    carried_velocity: Vec<Vec<f64>>,
+    carried_velocity: Vec<SlotField>,
     /// By point: mass that flows out, kg/(m³ s).
     outflow: Vec<[f64; 1]>,
     /// In the middle of the step: kg/m³, m/s.
@@ -79,7 +82,6 @@ pub(super) struct Fluxes {
     push: Vec<f64>,
     carried: Vec<f64>,
     short_waves: Vec<f64>,
-    work: Vec<f64>,
 }
 
 impl Fluxes {
@@ -99,12 +101,13 @@ impl Fluxes {
             complete,
             walls,
             motion,
-            mass: vec![Vec::new(); dimension],
-            flux: vec![Vec::new(); dimension],
-            density: Vec::new(),
-            viscosity: Vec::new(),
-            pressure: Vec::new(),
-            carried_velocity: vec![Vec::new(); dimension],
+            mass: vec![SlotField::default(); dimension],
+            flux: vec![SlotField::default(); dimension],
+            density: SlotField::default(),
+            viscosity: SlotField::default(),
+            pressure: SlotField::default(),
+            slopes: SlotField::default(),
+            carried_velocity: vec![SlotField::default(); dimension],
             outflow: vec![[0.0]; points],
             middle_density: Vec::new(),
             middle_velocity: Vec::new(),
@@ -112,7 +115,6 @@ impl Fluxes {
             push: Vec::new(),
             carried: Vec::new(),
             short_waves: Vec::new(),
-            work: Vec::new(),
         }
     }
 
@@ -137,7 +139,7 @@ impl Fluxes {
         &'a self,
         terms: &'a Terms<'_>,
         density: &'a [f64],
-        velocity: &'a [Vec<f64>],
+        velocity: &'a [SlotField],
     ) -> ImmersedFlow<
         'a,
         impl Fn(usize) -> Vector3<f64> + Sync + 'a,
@@ -206,7 +208,7 @@ impl Rates for Fluxes {
         self.motion.as_mut()
     }
 
-    fn give_impulses(&mut self, world: &World, _velocity: &[Vec<f64>], time: f64) {
+    fn give_impulses(&mut self, world: &World, _velocity: &[SlotField], time: f64) {
         let (laplacian, to) = (2.0 * self.inverse(), (world, time));
         match (self.dimension, self.motion.is_some()) {
             _ if self.walls.is_empty() => (),
@@ -253,12 +255,12 @@ impl Rates for Fluxes {
     /// The viscosity is copied to slots together with the velocity.
     fn set_viscosity(&mut self, _medium: &Medium) {}
 
-    fn set_velocity(&mut self, velocity: &[Vec<f64>], density: &[f64], terms: &Terms<'_>) {
+    fn set_velocity(&mut self, velocity: &[SlotField], density: &[f64], terms: &Terms<'_>) {
         let mut by_slot = std::mem::take(&mut self.density);
-        let rise = |axis, point, distance| {
+        let hydrostatic = Rising(|axis, point, distance| {
             self.on_lattice(point, terms.density_gradient(point))[axis] * distance
-        };
-        load_weighted(&self.family, density, &mut by_slot, rise);
+        });
+        by_slot.load(&self.family, density, hydrostatic);
         self.density = by_slot;
         let viscosity = &terms.medium.viscosity;
         viscosity.load(&self.family, &mut self.viscosity);
@@ -294,10 +296,9 @@ impl Rates for Fluxes {
     fn set_pressure(&mut self, pressure: &[f64], force: Option<&[Vector3<f64>]>) {
         let mut by_slot = std::mem::take(&mut self.pressure);
         let weight = |point: usize| force.map_or_else(Vector3::zeros, |f| f[point]);
-        let rise = |axis: usize, point: usize, distance| {
-            self.on_lattice(point, weight(point))[axis] * distance
-        };
-        load_weighted(&self.family, pressure, &mut by_slot, rise);
+        let hydrostatic =
+            Rising(|axis, point, distance| self.on_lattice(point, weight(point))[axis] * distance);
+        by_slot.load(&self.family, pressure, hydrostatic);
         self.pressure = by_slot;
         let mut walls = std::mem::take(&mut self.walls);
         let slot = |point: usize| self.slot[point] as usize;

@@ -1,8 +1,8 @@
 //! Forces of pressure and viscosity, and the momentum that the flux of mass carries.
 
 use nalgebra::Vector3;
-use perimelt_core::family::LayerRule;
-use perimelt_core::{BondKernel, World};
+use perimelt_core::family::{ByRules, LayerRule};
+use perimelt_core::{BondKernel, SlotField, World};
 use rayon::prelude::*;
 
 use super::Fluxes;
@@ -15,7 +15,7 @@ impl Fluxes {
         &mut self,
         kernel: impl BondKernel<I, O>,
         (terms, density): (&Terms<'_>, &[f64]),
-        velocity: &[Vec<f64>],
+        velocity: &[SlotField],
     ) {
         let mut rows = std::mem::take(&mut self.diffusion);
         rows.resize(self.points() * O, 0.0);
@@ -39,7 +39,7 @@ impl Fluxes {
     pub(super) fn find_short_waves<const D: usize>(
         &mut self,
         (terms, density): (&Terms<'_>, &[f64]),
-        velocity: &[Vec<f64>],
+        velocity: &[SlotField],
     ) {
         self.short_waves.clear();
         let (Some(convection), medium) = (terms.convection, terms.medium) else {
@@ -67,15 +67,13 @@ impl Fluxes {
             sums.iter_mut().for_each(|s| *s *= -missing);
         }
         let rules: Vec<LayerRule> = terms.rules.iter().map(LayerRule::homogeneous).collect();
-        let mut slots = vec![Vec::new(); D];
-        let flat: Vec<f64> = rows;
+        let mut slots: [SlotField; D] = std::array::from_fn(|_| SlotField::default());
         for (axis, slots) in slots.iter_mut().enumerate() {
-            slots.resize(self.family.slots(), 0.0);
-            self.family.scatter(&flat, D, axis, slots);
-            self.family.fill_layers(&rules, axis, slots);
+            let along = |point: usize| sums[point][axis];
+            slots.load(&self.family, along, ByRules(&rules, axis));
         }
         let inputs: [&[f64]; D] = std::array::from_fn(|a| &slots[a][..]);
-        self.short_waves.resize(flat.len(), 0.0);
+        self.short_waves.resize(self.points() * D, 0.0);
         let mut rows = std::mem::take(&mut self.short_waves);
         let (sums, _) = rows.as_chunks_mut::<D>();
         self.family.sum(&kernel, inputs, sums);
@@ -88,9 +86,9 @@ impl Fluxes {
         terms: &Terms<'_>,
         velocity: &[Vector3<f64>],
     ) {
-        let flat = (bytemuck::cast_slice(velocity), 3);
         for (axis, slots) in self.carried_velocity.iter_mut().enumerate() {
-            self.family.load(flat, axis, terms.rules, slots);
+            let along = |point: usize| velocity[point][axis];
+            slots.load(&self.family, along, ByRules(terms.rules, axis));
         }
         let mut rows = std::mem::take(&mut self.carried);
         rows.resize(self.points() * D, 0.0);
@@ -117,11 +115,13 @@ impl Fluxes {
         match &self.motion {
             None => self.family.sum(&kernel, [&self.pressure], sums),
             Some(motion) => {
-                let times = |row: &Vec<f64>| {
-                    let slots = row.iter().zip(&self.pressure);
-                    slots.map(|(c, p)| c * p).collect()
+                let times = |row: &SlotField| {
+                    let slots = row.iter().zip(&*self.pressure);
+                    let mut product = SlotField::default();
+                    product.set(slots.map(|(c, p)| c * p));
+                    product
                 };
-                let rows: Vec<Vec<f64>> = motion.cofactors.iter().map(times).collect();
+                let rows: Vec<SlotField> = motion.cofactors.iter().map(times).collect();
                 self.push_by::<D>(&rows, sums);
             }
         }

@@ -1,6 +1,8 @@
 //! Points that follow the walls: the mapped sums, the bonds to walls, and the volumes.
 
 use nalgebra::Vector3;
+use perimelt_core::SlotField;
+use perimelt_core::family::Mirrored;
 
 use super::Fluxes;
 use super::kernels::{In, MappedPush, Outflow};
@@ -30,14 +32,13 @@ impl Fluxes {
     pub(super) fn find_swept<const D: usize, const I: usize>(&mut self) {
         self.swept.fill([0.0]);
         if let Some(motion) = &self.motion {
-            let mut slots = vec![Vec::new(); D];
+            let mut slots: [SlotField; D] = std::array::from_fn(|_| SlotField::default());
             for (axis, slots) in slots.iter_mut().enumerate() {
-                let points = motion.points().iter();
-                let along = points.map(|m| m.cofactors.column(axis).dot(&m.velocity));
-                let along: Vec<f64> = along.collect();
-                slots.resize(self.family.slots(), 0.0);
-                self.family.scatter(&along, 1, 0, slots);
-                self.family.fill_layers_turning(slots, |a| a == axis);
+                let along = |point: usize| {
+                    let mapped = &motion.points()[point];
+                    mapped.cofactors.column(axis).dot(&mapped.velocity)
+                };
+                slots.load(&self.family, along, Mirrored::Vector(axis));
             }
             let inputs: [&[f64]; I] = std::array::from_fn(|i| &slots[i.min(D - 1)][..]);
             let kernel = In::<D, _>(Outflow {
@@ -53,7 +54,7 @@ impl Fluxes {
     }
 
     /// Sums [`MappedPush`] over these inputs.
-    pub(super) fn push_by<const D: usize>(&self, rows: &[Vec<f64>], sums: &mut [[f64; D]]) {
+    pub(super) fn push_by<const D: usize>(&self, rows: &[SlotField], sums: &mut [[f64; D]]) {
         let inverse = self.inverse();
         match D {
             2 => {

@@ -36,8 +36,8 @@ use nalgebra::Vector3;
 use perimelt_core::family::{ForeignBonds, Places};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    BondKernel, Configuration, FamilySpec, Read, Report, Setup, SetupError, Wall, World, Write,
-    keys,
+    BondKernel, Configuration, FamilySpec, Read, Report, Setup, SetupError, SlotField, Wall, World,
+    Write, keys,
 };
 
 use super::collision::{CollisionWall, FluidPoints};
@@ -102,7 +102,7 @@ pub(super) struct FluidAtWall<'a, S: Fn(usize) -> usize + Sync, F: Fn(usize) -> 
     /// Slot of a point.
     pub slot_of: S,
     /// Components of the velocity, m/s.
-    pub velocity: &'a [Vec<f64>],
+    pub velocity: &'a [SlotField],
     /// kg/m³.
     pub density: &'a [f64],
     /// Pa s.

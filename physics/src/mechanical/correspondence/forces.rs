@@ -1,16 +1,17 @@
 //! Force states of the points, forces of the bonds, and the excess of bonds over their critical stretch.
 
 use nalgebra::Matrix3;
-use perimelt_core::BrokenBonds;
+use perimelt_core::family::ByImage;
+use perimelt_core::{BrokenBonds, Image, SlotField};
 use rayon::prelude::*;
 
 use super::Correspondence;
-use super::kernels::{DISPLACEMENT, Force, INPUTS};
+use super::kernels::{DISPLACEMENT, Force};
 use crate::mechanical::classical::{Point, diagonal, image_of};
 use crate::mechanical::fracture::Fracture;
 use crate::mechanical::solid::{StrainKind, flat, unflatten};
 use crate::mechanical::specialise::specialise;
-use crate::mechanical::stretch::{EXCESS_INPUTS, Excess};
+use crate::mechanical::stretch::Excess;
 
 impl Correspondence {
     pub(super) fn broken(&self) -> Option<&BrokenBonds> {
@@ -19,7 +20,7 @@ impl Correspondence {
 
     /// Evaluates H of the displacement that was set.
     pub(super) fn load_gradient(&mut self) {
-        let axes = std::array::from_fn(|axis| &self.slots[DISPLACEMENT + axis][..]);
+        let axes = std::array::from_fn(|axis| self.inputs.along(axis));
         let broken = self.fracture.as_ref().map(Fracture::broken);
         if self.gradient.evaluate(&self.family, axes, broken) {
             self.load_stabilisation();
@@ -39,23 +40,20 @@ impl Correspondence {
 
     /// Evaluates the stress and loads the force states.
     pub(super) fn load_force_state(&mut self, strain: StrainKind, finite: bool) {
+        let dimension = self.dimension;
+        // by rows; only those in the dimensions of the body are loaded
+        let entry = |n: usize| (n / dimension % 3, n % dimension);
         let mut states = std::mem::take(&mut self.force_state);
-        let mut slots = std::mem::take(&mut self.slots);
+        let mut slots = std::mem::take(&mut self.inputs.force_state);
         let (values, inverse) = (&self.gradient.values, &self.gradient.inverse_shape);
         states.par_iter_mut().enumerate().for_each(|(i, state)| {
             let point = self.point(i, strain);
             *state = self.force_state_of((i, point), finite, &values[i], &inverse[i]);
         });
-        // nalgebra stores columns
-        let flat: &[f64] = bytemuck::cast_slice(&states);
-        for (row, column) in self.entries() {
-            let slots = &mut slots[3 * row + column];
-            self.family.scatter(flat, 9, 3 * column + row, slots);
-        }
-        for image in self.family.images(&self.continuation) {
+        let of_image = |image: &Image| {
             let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
             // a state that gives way to other forces keeps the stress of no strain where the layer is constant
-            let gradient = match self.layer_forces.replace(&image) {
+            let gradient = match self.layer_forces.replace(image) {
                 true => Matrix3::zeros(),
                 false => scale * values[image.point] * mirror + image.bend,
             };
@@ -66,22 +64,16 @@ impl Correspondence {
                 point = point.replace_inelastic(self.elastic.stress_state(), inelastic);
             }
             let state = self.force_state_of((image.point, point), finite, &gradient, &inverse);
-            for (row, column) in self.entries() {
-                slots[3 * row + column][image.slot] = state[(row, column)];
-            }
-        }
-        (self.force_state, self.slots) = (states, slots);
-    }
-
-    /// Rows and columns of tensors in the dimensions of the body.
-    fn entries(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
-        let dimension = self.dimension;
-        (0..dimension).flat_map(move |row| (0..dimension).map(move |column| (row, column)))
-    }
-
-    /// Inputs of the kernels; zeros in place of those that the dimension leaves out.
-    pub(super) fn inputs(&self) -> [&[f64]; INPUTS] {
-        kernel_inputs(&self.slots, &self.gradient.zeros)
+            std::array::from_fn::<_, 9, _>(|n| state[entry(n)])
+        };
+        let by_point = &states[..];
+        let component = |n: usize| {
+            let at = entry(n);
+            move |point: usize| by_point[point][at]
+        };
+        let ghosts = ByImage(&self.continuation, of_image);
+        SlotField::load_all(&mut slots, &self.family, component, ghosts);
+        (self.force_state, self.inputs.force_state) = (states, slots);
     }
 
     pub(super) fn sum_forces(&mut self, out: &mut [f64]) {
@@ -92,7 +84,7 @@ impl Correspondence {
     }
 
     fn sum_forces_in<const D: usize>(&mut self, out: &mut [f64]) {
-        let inputs = kernel_inputs(&self.slots, &self.gradient.zeros);
+        let inputs = self.inputs.of_forces();
         let broken = self.fracture.as_ref().map(Fracture::broken);
         let sums = flat::<D>(&mut self.padded, bytemuck::cast_slice_mut(out));
         self.family.sum_unbroken(&Force, inputs, broken, sums);
@@ -107,31 +99,10 @@ impl Correspondence {
         let Some(fracture) = &mut self.fracture else {
             return;
         };
-        let inputs = excess_inputs(&self.slots, &self.strength, &self.gradient.zeros);
+        let inputs = self.inputs.of_excess();
         let (finite, broken) = (self.elastic.finite, Some(&fracture.state.broken));
         let (family, sums) = (&self.family, bytemuck::cast_slice_mut(&mut fracture.excess));
         specialise!(FINITE = finite =>
             family.sum_unbroken(&Excess::<FINITE>, inputs, broken, sums));
     }
-}
-
-fn kernel_inputs<'a>(slots: &'a [Vec<f64>; INPUTS], zeros: &'a [f64]) -> [&'a [f64]; INPUTS] {
-    slots.each_ref().map(|s| match s.is_empty() {
-        true => zeros,
-        false => s,
-    })
-}
-
-/// Inputs of [`Excess`].
-pub(super) fn excess_inputs<'a>(
-    slots: &'a [Vec<f64>; INPUTS],
-    [eigenstrain, critical]: &'a [Vec<f64>; 2],
-    zeros: &'a [f64],
-) -> [&'a [f64]; EXCESS_INPUTS] {
-    let inputs = kernel_inputs(slots, zeros);
-    std::array::from_fn(|i| match i {
-        3 => &eigenstrain[..],
-        4 => critical,
-        axis => inputs[DISPLACEMENT + axis],
-    })
 }

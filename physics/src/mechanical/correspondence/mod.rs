@@ -20,13 +20,14 @@
 //! of its own.
 
 mod forces;
+mod inputs;
 mod kernels;
 
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
-use perimelt_core::family::{Continuation, LayerRule};
-use perimelt_core::{Body, Bond, Family};
+use perimelt_core::family::{ByImage, Continuation, LayerRule, Mirrored};
+use perimelt_core::{Body, Bond, Family, Image, SlotField};
 use rayon::prelude::*;
 
 use super::classical::{COMPONENTS, Point, symmetric};
@@ -36,13 +37,11 @@ use super::gradient::{FlatFamily, Gradient, RISE};
 use super::layer_forces::LayerForces;
 use super::moduli::Moduli;
 use super::plasticity::Plasticity;
-use super::solid::{
-    Constitution, LayeredDisplacement, Solid, StrainKind, continue_displacement, load_mirrored,
-};
+use super::solid::{Constitution, LayeredDisplacement, Solid, StrainKind, continue_displacement};
 use super::specialise::specialise;
 use super::stretch::Excess;
-use forces::excess_inputs;
-use kernels::{Block, DISPLACEMENT, Force, INPUTS, STABILISATION, SquaredExtension};
+use inputs::Inputs;
+use kernels::{Block, Force, SquaredExtension};
 
 /// A correspondence solid.
 #[derive(Debug)]
@@ -58,9 +57,7 @@ pub struct Correspondence {
     fracture: Option<Fracture>,
     continuation: Continuation,
     layer_forces: LayerForces,
-    slots: [Vec<f64>; INPUTS],
-    /// Eigenstrain and critical stretch in slot space; empty if bonds do not break.
-    strength: [Vec<f64>; 2],
+    inputs: Inputs,
     /// H of each point.
     gradient: Gradient,
     /// `P K^-1 - g H` of each point.
@@ -90,13 +87,6 @@ impl Correspondence {
             fracture,
             in_motion,
         } = constitution;
-        let slots = family.slots();
-        let breaking = if fracture.is_some() { slots } else { 0 };
-        let needed = |i: usize| match i {
-            STABILISATION => true,
-            i if i >= DISPLACEMENT => i - DISPLACEMENT < dimension,
-            i => i / 3 < dimension && i % 3 < dimension,
-        };
         let horizon = body.points.horizons(family.spec().horizon);
         let mut this = Correspondence {
             dimension,
@@ -104,11 +94,10 @@ impl Correspondence {
             stabilisation,
             elastic: ElasticPoints::new(body, elasticity, finite),
             plasticity,
-            fracture,
             continuation: Continuation::default(),
             layer_forces: LayerForces::new(dimension, &body.points.volume, in_motion),
-            slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
-            strength: std::array::from_fn(|_| vec![0.0; breaking]),
+            inputs: Inputs::new(&family, dimension, fracture.is_some()),
+            fracture,
             gradient: Gradient::new(body, &family)?,
             force_state: vec![Matrix3::zeros(); points],
             padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
@@ -131,14 +120,17 @@ impl Correspondence {
     }
 
     fn load_stabilisation(&mut self) {
-        let springs: Vec<f64> = (0..self.horizon.len()).map(|i| self.spring(i)).collect();
-        load_mirrored(&self.family, &springs, &mut self.slots[STABILISATION]);
+        let mut slots = std::mem::take(&mut self.inputs.stabilisation);
+        let spring = |point: usize| self.spring(point);
+        slots.load(&self.family, spring, Mirrored::Scalar);
+        self.inputs.stabilisation = slots;
     }
 
     fn load_limits(&mut self, body: &Body, temperature: Option<&[f64]>) {
         if let Some(fracture) = &mut self.fracture {
             fracture.load(body, temperature, |i| self.elastic.moduli(i));
-            load_mirrored(&self.family, &fracture.critical, &mut self.strength[1]);
+            let [_, limits] = &mut self.inputs.strength;
+            limits.load(&self.family, &fracture.critical[..], Mirrored::Scalar);
         }
     }
 
@@ -176,8 +168,9 @@ impl Solid for Correspondence {
 
     fn set_eigenstrain(&mut self, eigenstrain: &[f64]) {
         if self.elastic.set_eigenstrain(eigenstrain) && self.fracture.is_some() {
-            let eigenstrain = &self.elastic.eigenstrain;
-            load_mirrored(&self.family, eigenstrain, &mut self.strength[0]);
+            let [eigenstrain, _] = &mut self.inputs.strength;
+            let values = &self.elastic.eigenstrain[..];
+            eigenstrain.load(&self.family, values, Mirrored::Scalar);
         }
     }
 
@@ -205,7 +198,7 @@ impl Solid for Correspondence {
             &self.family,
             LayeredDisplacement { values, rules },
             &self.elastic,
-            &mut self.slots[DISPLACEMENT..DISPLACEMENT + self.dimension],
+            &mut self.inputs.displacement,
             &mut self.continuation,
         );
         self.layer_forces.follow(&self.family, &self.continuation);
@@ -258,25 +251,26 @@ impl Solid for Correspondence {
         if self.gradient.update_shapes(&self.family, broken) {
             self.load_stabilisation();
         }
-        let points = self.horizon.len();
-        let mut slots: [Vec<f64>; 9] = std::array::from_fn(|_| vec![0.0; self.family.slots()]);
-        let mut field = vec![0.0; points];
-        for (slots, (row, column)) in slots.iter_mut().zip(COMPONENTS) {
-            let entries = field.iter_mut().zip(&self.gradient.inverse_shape);
-            entries.for_each(|(entry, inverse)| *entry = inverse[(row, column)]);
-            self.family.scatter(&field, 1, 0, slots);
-            for image in self.family.images(&self.continuation) {
-                slots[image.slot] = image.mirror[row] * image.mirror[column] * field[image.point];
-            }
+        let mut slots: [SlotField; 8] = Default::default();
+        let inverse = &self.gradient.inverse_shape;
+        for (slots, at) in slots.iter_mut().zip(COMPONENTS) {
+            let of_image = |image: &Image| {
+                let sign = image.mirror[at.0] * image.mirror[at.1];
+                [sign * inverse[image.point][at]]
+            };
+            let ghosts = ByImage(&self.continuation, of_image);
+            slots.load(&self.family, |i: usize| inverse[i][at], ghosts);
         }
         let constants: [fn(Moduli) -> f64; 2] = [|m| m.lame, |m| m.shear];
         for (slots, constant) in slots[6..].iter_mut().zip(constants) {
-            let entries = field.iter_mut().enumerate();
-            entries.for_each(|(i, entry)| *entry = constant(self.elastic.moduli(i)));
-            load_mirrored(&self.family, &field, slots);
+            let value = |i: usize| constant(self.elastic.moduli(i));
+            slots.load(&self.family, value, Mirrored::Scalar);
         }
-        slots[8].copy_from_slice(&self.slots[STABILISATION]);
-        let (inputs, tensors) = (slots.each_ref().map(|s| &s[..]), &mut self.tensors);
+        let inputs: [&[f64]; 9] = std::array::from_fn(|i| match slots.get(i) {
+            Some(slots) => &slots[..],
+            None => &self.inputs.stabilisation,
+        });
+        let tensors = &mut self.tensors;
         let broken = self.fracture.as_ref().map(Fracture::broken);
         self.family.sum_unbroken(&Block, inputs, broken, tensors);
         &self.tensors
@@ -293,8 +287,7 @@ impl Solid for Correspondence {
         self.load_gradient();
         let points = self.horizon.len();
         let mut extension = vec![[0.0]; points];
-        let inputs = self.inputs();
-        let inputs = std::array::from_fn(|axis| inputs[DISPLACEMENT + axis]);
+        let inputs = std::array::from_fn(|axis| self.inputs.along(axis));
         self.family
             .sum_unbroken(&SquaredExtension, inputs, self.broken(), &mut extension);
         let mut energy = std::mem::take(&mut self.energy);
@@ -344,7 +337,7 @@ impl Solid for Correspondence {
     /// Broken bonds leave no frozen stress: the conjugate stress is that of points.
     fn break_bonds(&mut self, fraction: f64, damage: &mut [f64]) -> NewBreaks {
         let finite = self.elastic.finite;
-        let inputs = excess_inputs(&self.slots, &self.strength, &self.gradient.zeros);
+        let inputs = self.inputs.of_excess();
         let ratio = |bond: &Bond, own: usize, other: usize| {
             let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
             let (stretch, limit) = specialise!(FINITE = finite =>
@@ -396,7 +389,11 @@ impl Solid for Correspondence {
     fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3])) {
         self.load_gradient();
         self.load_force_state(StrainKind::Elastic, self.elastic.finite);
-        self.family
-            .sum_across(&Force, (self.inputs(), self.broken()), plane, receive);
+        self.family.sum_across(
+            &Force,
+            (self.inputs.of_forces(), self.broken()),
+            plane,
+            receive,
+        );
     }
 }

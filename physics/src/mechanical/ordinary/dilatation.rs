@@ -1,7 +1,7 @@
 //! Dilatation of the points and the pressure that it causes.
 
 use nalgebra::Matrix3;
-use perimelt_core::family::{Continuation, Image};
+use perimelt_core::family::{ByImage, Continuation, Image};
 use perimelt_core::{Body, BrokenBonds, Correction, Family};
 use rayon::prelude::*;
 
@@ -135,12 +135,10 @@ impl Dilatation {
             let factors = [normaliser[i], of_unit_strain[i]];
             *pressure = law.pressure(i, factors, sums[i][0], law.inelastic(i));
         });
-        let slots = &mut inputs.slots[PRESSURE];
-        family.scatter(&self.pressure, 1, 0, slots);
-        for image in family.images(continuation) {
-            let bent = continuation.is_bent();
-            slots[image.slot] = self.pressure_of_image(law, &image, bent);
-        }
+        let bent = continuation.is_bent();
+        let of_image = |image: &Image| [self.pressure_of_image(law, image, bent)];
+        let ghosts = ByImage(continuation, of_image);
+        inputs.slots[PRESSURE].load(family, &self.pressure[..], ghosts);
     }
 
     /// Pressure of the mirror image of a point, Pa.

@@ -55,8 +55,7 @@ impl Ordinary {
             StrainKind::Change => &state.change[i],
             StrainKind::Elastic | StrainKind::Total => &state.tried[i].strain,
         };
-        self.inputs
-            .load_inelastic(state.tried.len(), &self.continuation, strain_of);
+        self.inputs.load_inelastic(&self.continuation, strain_of);
     }
 
     /// Returns the stress of the displacement that was set to the flow stress.

@@ -2,11 +2,10 @@
 
 use std::sync::Arc;
 
-use perimelt_core::family::Continuation;
-use perimelt_core::{BondKernel, BrokenBonds, Family};
+use perimelt_core::family::{ByImage, Continuation, Mirrored, PointValues};
+use perimelt_core::{BondKernel, BrokenBonds, Family, Image, SlotField};
 
 use crate::mechanical::classical::{diagonal, image_of};
-use crate::mechanical::solid::load_mirrored;
 use crate::mechanical::stretch::{
     CRITICAL, EIGENSTRAIN, INPUTS, PLASTIC_INPUTS, PRESSURE, Plastic, STIFFNESS, Uniform,
 };
@@ -27,64 +26,62 @@ pub(super) struct Needs {
 pub(super) struct Inputs {
     family: Arc<Family>,
     has_pressure: bool,
-    pub(super) slots: [Vec<f64>; INPUTS],
+    pub(super) slots: [SlotField; INPUTS],
     /// Components of the inelastic strain; empty without plasticity.
-    inelastic: [Vec<f64>; 6],
+    inelastic: [SlotField; 6],
     /// Takes the place of inputs that the body does not have.
-    zeros: Vec<f64>,
+    zeros: SlotField,
     /// Eigenstrain, stiffness and limit where they are the same for all points; the other entries are zero.
     pub(super) uniform: Option<[f64; INPUTS]>,
 }
 
 impl Inputs {
     pub(super) fn new(family: Arc<Family>, dimension: usize, needs: Needs) -> Self {
-        let slots = family.slots();
         let needed = |input| match input {
             EIGENSTRAIN | STIFFNESS => true,
             PRESSURE => needs.pressure,
             CRITICAL => needs.limits,
             axis => axis < dimension,
         };
-        let inelastic = if needs.inelastic { slots } else { 0 };
+        let zeros = SlotField::zeros(&family);
+        let field = |is_needed: bool| match is_needed {
+            true => zeros.clone(),
+            false => SlotField::default(),
+        };
         Inputs {
             has_pressure: needs.pressure,
-            slots: std::array::from_fn(|i| vec![0.0; if needed(i) { slots } else { 0 }]),
-            inelastic: std::array::from_fn(|_| vec![0.0; inelastic]),
-            zeros: vec![0.0; slots],
+            slots: std::array::from_fn(|i| field(needed(i))),
+            inelastic: std::array::from_fn(|_| field(needs.inelastic)),
+            zeros,
             uniform: None,
             family,
         }
     }
 
     /// Takes a value of each point; mirrored layers take those of their points.
-    pub(super) fn load(&mut self, input: usize, values: &[f64]) {
-        load_mirrored(&self.family, values, &mut self.slots[input]);
+    pub(super) fn load(&mut self, input: usize, values: impl PointValues) {
+        self.slots[input].load(&self.family, values, Mirrored::Scalar);
     }
 
     /// Takes the inelastic strain of each point; layers continue it as they do the strain.
     pub(super) fn load_inelastic<'a>(
         &mut self,
-        points: usize,
         continuation: &Continuation,
-        strain: impl Fn(usize) -> &'a [f64; 6],
+        strain: impl Fn(usize) -> &'a [f64; 6] + Sync,
     ) {
-        let mut component = vec![0.0; points];
-        for (c, slots) in self.inelastic.iter_mut().enumerate() {
-            let values = component.iter_mut().enumerate();
-            values.for_each(|(i, value)| *value = strain(i)[c]);
-            self.family.scatter(&component, 1, 0, slots);
-        }
-        for image in self.family.images(continuation) {
+        let strain = &strain;
+        let of_image = |image: &Image| {
             let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
-            let strain = image_of(&scale, strain(image.point), &mirror);
-            let slots = self.inelastic.iter_mut().zip(strain);
-            slots.for_each(|(slots, e)| slots[image.slot] = e);
-        }
+            image_of(&scale, strain(image.point), &mirror)
+        };
+        let component = |c: usize| move |point: usize| strain(point)[c];
+        let ghosts = ByImage(continuation, of_image);
+        SlotField::load_all(&mut self.inelastic, &self.family, component, ghosts);
     }
 
-    /// The displacement along each axis; empty along those that the dimension leaves out.
+    /// The displacement along each axis.
     pub(super) fn displacement(&self) -> [&[f64]; 3] {
-        std::array::from_fn(|axis| &self.slots[axis][..])
+        self.first()
     }
 
     /// An input; zeros if the body does not have it.

@@ -7,9 +7,9 @@ mod inputs;
 
 use std::sync::Arc;
 
-use perimelt_core::family::{Continuation, LayerRule};
+use perimelt_core::family::{Continuation, LayerRule, Mirrored};
 use perimelt_core::solver::reduce::max_abs;
-use perimelt_core::{Body, Family};
+use perimelt_core::{Body, Family, SlotField};
 
 use super::classical::symmetric;
 use super::elastic::ElasticPoints;
@@ -18,9 +18,7 @@ use super::gradient::{FlatFamily, Gradient};
 use super::layer_forces::LayerForces;
 use super::moduli::Moduli;
 use super::plasticity::Plasticity;
-use super::solid::{
-    Constitution, LayeredDisplacement, Solid, StrainKind, continue_displacement, load_mirrored,
-};
+use super::solid::{Constitution, LayeredDisplacement, Solid, StrainKind, continue_displacement};
 use super::specialise::specialise;
 use super::stretch::{
     Block, CRITICAL, EIGENSTRAIN, Energy, Force, INPUTS, Plastic, STIFFNESS, Stress,
@@ -117,14 +115,13 @@ impl Ordinary {
 
     fn load_stiffness(&mut self) {
         let stiffness = |i: usize| self.elastic.moduli(i).bond_stiffness(self.dimension);
-        let stiffness: Vec<f64> = (0..self.energy.len()).map(stiffness).collect();
-        self.inputs.load(STIFFNESS, &stiffness);
+        self.inputs.load(STIFFNESS, stiffness);
     }
 
     fn load_limits(&mut self, body: &Body, temperature: Option<&[f64]>) {
         if let Some(fracture) = &mut self.fracture {
             fracture.load(body, temperature, |i| self.elastic.moduli(i));
-            self.inputs.load(CRITICAL, &fracture.critical);
+            self.inputs.load(CRITICAL, &fracture.critical[..]);
         }
     }
 
@@ -181,7 +178,7 @@ impl Solid for Ordinary {
 
     fn set_eigenstrain(&mut self, eigenstrain: &[f64]) {
         if self.elastic.set_eigenstrain(eigenstrain) {
-            self.inputs.load(EIGENSTRAIN, &self.elastic.eigenstrain);
+            self.inputs.load(EIGENSTRAIN, &self.elastic.eigenstrain[..]);
             self.find_uniform_inputs();
         }
     }
@@ -267,9 +264,8 @@ impl Solid for Ordinary {
             };
             moduli.bond_stiffness(self.dimension) + added
         };
-        let stiffness: Vec<f64> = (0..points).map(stiffness).collect();
-        let mut slots = vec![0.0; self.family.slots()];
-        load_mirrored(&self.family, &stiffness, &mut slots);
+        let mut slots = SlotField::default();
+        slots.load(&self.family, stiffness, Mirrored::Scalar);
         let mut blocks = vec![[0.0; 6]; points];
         let inputs = [&slots[..]; INPUTS];
         self.family.sum(&Block, inputs, &mut blocks);

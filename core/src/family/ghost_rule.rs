@@ -1,0 +1,448 @@
+//! How the values of ghosts follow from those of points.
+//!
+//! | ghosts | rule |
+//! |---|---|
+//! | images of a scalar, of a vector or a tensor; copies of periodic sides | [`Mirrored`] |
+//! | as boundaries prescribe | [`ByRules`], [`Curved`], [`WithTractions`] |
+//! | images that rise with the distance | [`Rising`] |
+//! | a value of each image, of whatever fields | [`ByImage`] |
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::body::Face;
+
+use super::layer::{Continuation, Image, Jump, LayerRule, Traction};
+use super::{Family, Ghost, SlotField};
+
+/// How the values of ghosts follow from those of points.
+pub trait GhostRule {
+    /// Fills the ghosts of fields whose points have their values. [`SlotField::load`] and [`SlotField::fill_ghosts`] call it.
+    fn fill(self, family: &Family, fields: &mut [SlotField]);
+}
+
+/// Ghosts as mirror images of points. Copies of periodic sides keep the sign.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mirrored {
+    /// A scalar keeps its sign.
+    Scalar,
+    /// The component of a vector along an axis changes sign across faces normal to it.
+    Vector(usize),
+    /// A component of a tensor changes sign across faces that are normal to one of its two axes only.
+    Tensor(usize, usize),
+}
+
+impl Mirrored {
+    fn turns(self, axis: usize) -> bool {
+        match self {
+            Mirrored::Scalar => false,
+            Mirrored::Vector(a) => axis == a,
+            Mirrored::Tensor(a, b) => (axis == a) != (axis == b),
+        }
+    }
+}
+
+impl GhostRule for Mirrored {
+    fn fill(self, family: &Family, fields: &mut [SlotField]) {
+        for slots in fields {
+            for (face, ghosts) in family.layers() {
+                let axis = face.axis();
+                let turns = self.turns(axis) && !family.periodic[axis];
+                let sign = if turns { -1.0 } else { 1.0 };
+                for ghost in ghosts {
+                    slots[ghost.slot as usize] = sign * slots[ghost.source as usize];
+                }
+            }
+        }
+    }
+}
+
+/// A component of a field by the rules of boundaries; without one, ghosts are images as they are. Tractions are left
+/// out. Where faces that meet prescribe different values the field jumps; its value there is taken to be their mean.
+#[derive(Clone, Copy, Debug)]
+pub struct ByRules<'a>(pub &'a [LayerRule], pub usize);
+
+impl GhostRule for ByRules<'_> {
+    fn fill(self, family: &Family, fields: &mut [SlotField]) {
+        let ByRules(rules, component) = self;
+        for slots in fields {
+            for (face, ghosts) in family.layers() {
+                let rule = rules.iter().find(|r| r.face == face);
+                let (scale, offset) =
+                    rule.map_or((1.0, 0.0), |r| (r.scale[component], r.offset[component]));
+                for ghost in ghosts {
+                    slots[ghost.slot as usize] = scale * slots[ghost.source as usize] + offset;
+                }
+            }
+            if rules.iter().any(|r| r.offset[component] != 0.0) {
+                family.fill_corners(rules, component, slots);
+            }
+        }
+    }
+}
+
+/// As [`ByRules`]; the layers of a lattice behind faces that prescribe all components of a field, odd, get the curvature `c` of
+/// the parabola through the value `b` on the face and the two points before it, too: `c x^2` at the distance x, with
+/// `c = 4/3 (f2 - b - 3 (f1 - b)) / spacing^2`. An odd layer alone has no curvature on the face. Layers behind edges and
+/// corners are not curved.
+#[derive(Clone, Copy, Debug)]
+pub struct Curved<'a>(pub ByRules<'a>);
+
+impl GhostRule for Curved<'_> {
+    fn fill(self, family: &Family, fields: &mut [SlotField]) {
+        let ByRules(rules, component) = self.0;
+        self.0.fill(family, fields);
+        for slots in fields {
+            family.curve_layers(rules, component, slots);
+        }
+    }
+}
+
+/// Images of a scalar plus `rise(axis, point, distance)`: what the field grows by from the mirror image of `point`, over the
+/// distance (m) along the axis of the normal. Copies of periodic sides do not grow.
+#[derive(Clone, Copy, Debug)]
+pub struct Rising<F: Fn(usize, usize, f64) -> f64>(pub F);
+
+impl<F: Fn(usize, usize, f64) -> f64> GhostRule for Rising<F> {
+    fn fill(self, family: &Family, fields: &mut [SlotField]) {
+        let Rising(rise) = self;
+        for slots in fields {
+            for (face, ghosts) in family.layers() {
+                let axis = face.axis();
+                for ghost in ghosts {
+                    let (slot, source) = (ghost.slot as usize, ghost.source as usize);
+                    let grown = match family.periodic[axis] {
+                        true => 0.0,
+                        false => {
+                            let distance = family.place(slot, axis) - family.place(source, axis);
+                            rise(axis, ghost.point as usize, distance)
+                        }
+                    };
+                    slots[slot] = slots[source] + grown;
+                }
+            }
+        }
+    }
+}
+
+/// Values of `N` fields at each image of a point, where layers continue the vector field of a [`Continuation`].
+#[derive(Clone, Copy, Debug)]
+pub struct ByImage<'a, F>(pub &'a Continuation, pub F);
+
+impl<const N: usize, F: FnMut(&Image) -> [f64; N]> GhostRule for ByImage<'_, F> {
+    fn fill(self, family: &Family, fields: &mut [SlotField]) {
+        let ByImage(continuation, mut values) = self;
+        for image in family.images(continuation) {
+            let fields = fields.iter_mut().zip(values(&image));
+            fields.for_each(|(slots, value)| slots[image.slot] = value);
+        }
+    }
+}
+
+/// The components of a vector field by the rules of boundaries, tractions included.
+#[derive(Debug)]
+pub struct WithTractions<'a, F>
+where
+    F: Fn(Face, &Traction, usize, &Matrix3<f64>) -> Vector3<f64>,
+{
+    /// The rules.
+    pub rules: &'a [LayerRule],
+    /// Keeps how the field continues.
+    pub continuation: &'a mut Continuation,
+    /// `slope(face, traction, point, lateral)`: the derivative of the field along the axis of the
+    /// normal that a traction makes at the mirror image of `point`, with the `lateral` columns of the
+    /// gradient given.
+    pub slope: F,
+}
+
+impl<F> GhostRule for WithTractions<'_, F>
+where
+    F: Fn(Face, &Traction, usize, &Matrix3<f64>) -> Vector3<f64>,
+{
+    fn fill(self, family: &Family, fields: &mut [SlotField]) {
+        for (component, slots) in fields.chunks_mut(1).enumerate() {
+            ByRules(self.rules, component).fill(family, slots);
+        }
+        let WithTractions {
+            rules,
+            continuation,
+            slope,
+        } = self;
+        family.bend_layers(rules, fields, continuation, slope);
+    }
+}
+
+/// Coordinate along an axis: that of the image, of copies of periodic sides their own.
+struct Coordinate(usize);
+
+impl GhostRule for Coordinate {
+    fn fill(self, family: &Family, fields: &mut [SlotField]) {
+        let Coordinate(along) = self;
+        for slots in fields {
+            for (face, ghosts) in family.layers() {
+                for ghost in ghosts {
+                    let (slot, source) = (ghost.slot as usize, ghost.source as usize);
+                    let way = match family.periodic[face.axis()] {
+                        true => family.place(slot, along) - family.place(source, along),
+                        false => 0.0,
+                    };
+                    slots[slot] = slots[source] + way;
+                }
+            }
+        }
+    }
+}
+
+impl SlotField {
+    /// Sets the coordinate along an axis, m; behind faces that of the mirror point, behind periodic faces that of the
+    /// copy.
+    pub fn load_coordinate(&mut self, family: &Family, axis: usize) {
+        self.set((0..family.slots).map(|slot| family.place(slot, axis)));
+        self.fill_ghosts(family, Coordinate(axis));
+    }
+
+    /// Transpose of the linear part of [`ByRules`]: adds the values of ghosts to those of the points that they follow, and
+    /// clears them.
+    pub fn fold_ghosts(&mut self, family: &Family, rules: &[LayerRule], component: usize) {
+        if rules.iter().any(|r| r.offset[component] != 0.0) {
+            for corner in &family.corners {
+                if let Some(jump) = Jump::at(corner, rules, component) {
+                    let value = std::mem::take(&mut self[corner.slot as usize]);
+                    self[family.slot_of(corner.point as usize)] += jump.scale * value;
+                }
+            }
+        }
+        for (face, ghosts) in family.layers().rev() {
+            let rule = rules.iter().find(|r| r.face == face);
+            let scale = rule.map_or(1.0, |r| r.scale[component]);
+            for ghost in ghosts.iter().rev() {
+                let value = std::mem::take(&mut self[ghost.slot as usize]);
+                self[ghost.source as usize] += scale * value;
+            }
+        }
+    }
+}
+
+impl Family {
+    /// Fills the ghosts of fields whose points have their values. All ghosts of all fields are filled here: ghosts that another
+    /// process owns will be exchanged here, before images of them are taken.
+    pub(super) fn fill_ghosts(&self, fields: &mut [SlotField], ghosts: impl GhostRule) {
+        ghosts.fill(self, fields);
+    }
+
+    /// The layers in the order in which they are filled: ghosts follow those of layers before theirs.
+    fn layers(&self) -> impl DoubleEndedIterator<Item = (Face, &[Ghost])> {
+        let layers = self.layers.iter();
+        layers.map(|(face, range)| (*face, &self.ghosts[range.clone()]))
+    }
+
+    /// Continues a field behind corners at which faces disagree: odd about the mean of what they prescribe, or
+    /// constant where their layers are. One face after the other would let the last one go on beyond the corner.
+    fn fill_corners(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
+        for corner in &self.corners {
+            if let Some(jump) = Jump::at(corner, rules, component) {
+                let image = slots[self.slot_of(corner.point as usize)];
+                slots[corner.slot as usize] = jump.mean + jump.scale * (image - jump.mean);
+            }
+        }
+    }
+
+    /// See [`Curved`].
+    fn curve_layers(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
+        let Some(grid) = &self.grid else {
+            return;
+        };
+        for (face, ghosts) in self.layers() {
+            let axis = face.axis();
+            let prescribes_all =
+                |r: &&LayerRule| r.face == face && r.scale == [-1.0; 3] && r.traction.is_none();
+            let Some(rule) = rules.iter().find(prescribes_all) else {
+                continue;
+            };
+            if self.periodic[axis] {
+                continue;
+            }
+            let on_face = 0.5 * rule.offset[component];
+            let stride = grid.stride(axis);
+            let inwards = |slot: usize, cells: usize| match face.is_upper() {
+                true => slot - cells * stride,
+                false => slot + cells * stride,
+            };
+            for ghost in ghosts {
+                let (slot, source) = (ghost.slot as usize, ghost.source as usize);
+                let layer = (slot.abs_diff(source) / stride).div_ceil(2);
+                let [first, second] = [layer, layer + 1].map(|cells| inwards(slot, cells));
+                let are_points = grid.mirrored[first] == 0 && grid.mirrored[second] == 0;
+                if !are_points {
+                    continue;
+                }
+                let [first, second] = [first, second].map(|s| slots[s] - on_face);
+                let distance = layer as f64 - 0.5;
+                slots[slot] += 4.0 / 3.0 * (second - 3.0 * first) * distance * distance;
+            }
+        }
+    }
+
+    /// Bends the layers of a vector field behind faces under traction, and keeps in `continuation` how all of them continue.
+    fn bend_layers(
+        &self,
+        rules: &[LayerRule],
+        slots: &mut [SlotField],
+        continuation: &mut Continuation,
+        slope: impl Fn(Face, &Traction, usize, &Matrix3<f64>) -> Vector3<f64>,
+    ) {
+        let (own, bends) = (&mut continuation.rules, &mut continuation.bends);
+        own.clear();
+        own.extend_from_slice(rules);
+        bends.clear();
+        let bent = rules.iter().filter(|r| r.traction.is_some());
+        let bent = bent.fold(0, |bits, r| bits | 1u8 << r.face as usize);
+        // tractions by layers are refused on clouds
+        let Some(grid) = self.grid.as_ref().filter(|_| bent != 0) else {
+            return;
+        };
+        let mut done = 0;
+        for (face, ghosts) in self.layers() {
+            let axis = face.axis();
+            // plain mirror images hold already, bent layers from the order in which they are filled
+            let usable = |faces: u8| faces & bent == 0 || faces & !done == 0;
+            let even = LayerRule::even(face);
+            let rule = rules.iter().find(|r| r.face == face).unwrap_or(&even);
+            for ghost in ghosts {
+                let (slot, source) = (ghost.slot as usize, ghost.source as usize);
+                if grid.mirrored[slot] & bent == 0 {
+                    bends.push(Matrix3::zeros());
+                    continue;
+                }
+                for (a, slots) in slots.iter_mut().enumerate() {
+                    slots[slot] = rule.scale[a] * slots[source] + rule.offset[a];
+                }
+                let mut bend: Matrix3<f64> = ghost
+                    .parent
+                    .map_or_else(Matrix3::zeros, |parent| bends[parent as usize]);
+                (0..3).for_each(|a| bend.row_mut(a).scale_mut(rule.scale[a]));
+                bend.column_mut(axis).scale_mut(-1.0);
+                if let Some(traction) = &rule.traction {
+                    let lateral = grid.lateral(slots, (source, axis), usable);
+                    let slope = slope(face, traction, ghost.point as usize, &lateral);
+                    let cells = [slot, source].map(|s| grid.cell(s, axis) as f64);
+                    let distance = (cells[0] - cells[1]) * grid.spacing;
+                    for (a, slots) in slots.iter_mut().enumerate() {
+                        slots[slot] += distance * slope[a];
+                        bend[(a, axis)] += 2.0 * slope[a];
+                    }
+                }
+                bends.push(bend);
+            }
+            done |= 1u8 << face as usize;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Axis;
+    use crate::body::Body;
+    use crate::family::{Correction, FamilySpec};
+    use crate::shape::{BoxShape, Shape};
+
+    #[test]
+    fn where_faces_disagree_none_comes_first() {
+        let rule = |face, scale, value| LayerRule {
+            scale: [scale; 3],
+            offset: [(1.0 - scale) * value; 3],
+            ..LayerRule::even(face)
+        };
+        let rules = [
+            rule(Face::XMax, -1.0, 1.0),
+            rule(Face::YMin, -1.0, 7.0),
+            rule(Face::YMax, -1.0, 1.0),
+            rule(Face::ZMax, 0.0, 4.0),
+            rule(Face::ZMin, 1.0, 0.0),
+        ];
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [0.4; 3],
+        });
+        let body = Body::fill("block", &shape, 3, 0.1, 0.5).expect("valid");
+        let spec = FamilySpec {
+            layers: rules.iter().map(|r| r.face).collect(),
+            correction: Correction::None,
+            ..FamilySpec::new(0.2)
+        };
+        let families = [Family::build(&body, &spec), Family::moving(&body, &spec)];
+        for family in families.map(|f| f.expect("valid")) {
+            let values: Vec<f64> = (0..body.points.len()).map(|i| i as f64).collect();
+            let mut slots = SlotField::default();
+            slots.load(&family, &values[..], ByRules(&rules, 0));
+            let behind = |faces: &[Face]| {
+                let is = |g: &&Ghost| {
+                    let passed = |f: &Face| faces.contains(f) == (g.passes[*f as usize] > 0);
+                    Face::ALL.iter().all(passed)
+                };
+                let ghost = family.ghosts.iter().find(is).expect("behind each corner");
+                (slots[ghost.slot as usize], f64::from(ghost.point))
+            };
+            use Face::{XMax, YMax, YMin, ZMax, ZMin};
+            for faces in [&[XMax, YMin][..], &[XMax, YMin, ZMin]] {
+                let (value, point) = behind(faces);
+                assert_eq!(value, 8.0 - point);
+            }
+            assert_eq!(behind(&[XMax, ZMax]).0, 2.5);
+            assert_eq!(behind(&[XMax, YMin, ZMax]).0, 4.0);
+            // where they agree, or one has nothing to say, it is the image
+            let (value, point) = behind(&[XMax, YMax]);
+            assert_eq!(value, point);
+            let (value, point) = behind(&[XMax, ZMin]);
+            assert_eq!(value, 2.0 - point);
+        }
+    }
+
+    #[test]
+    fn images_mirror_scalars_vectors_and_tensors() {
+        for dimension in [2, 3] {
+            let shape = Shape::Box(BoxShape {
+                min: [0.0; 3],
+                max: [0.6, 0.5, 0.4],
+            });
+            let mut body = Body::fill("block", &shape, dimension, 0.1, 0.5).expect("valid");
+            body.repeat(&[Axis::Y]).expect("it fits");
+            let spec = FamilySpec {
+                correction: Correction::None,
+                ..FamilySpec::mirrored(&body, 0.2)
+            };
+            let families = [Family::build(&body, &spec), Family::moving(&body, &spec)];
+            for family in families.map(|f| f.expect("valid")) {
+                assert!(family.has_layers());
+                let values: Vec<f64> = (0..body.points.len()).map(|i| (i as f64).sin()).collect();
+                let signs = |image: &Image, axes: &[usize]| {
+                    let periodic = |axis: usize| family.periodic[axis];
+                    let sign = |&axis: &usize| {
+                        if periodic(axis) {
+                            1.0
+                        } else {
+                            image.mirror[axis]
+                        }
+                    };
+                    axes.iter().map(sign).product::<f64>()
+                };
+                let images = Continuation::default();
+                for (ghosts, axes) in [
+                    (Mirrored::Scalar, vec![]),
+                    (Mirrored::Vector(0), vec![0]),
+                    (Mirrored::Vector(1), vec![1]),
+                    (Mirrored::Tensor(0, 0), vec![0, 0]),
+                    (Mirrored::Tensor(0, 1), vec![0, 1]),
+                    (Mirrored::Tensor(2, 0), vec![2, 0]),
+                ] {
+                    let (mut found, mut expected) = (SlotField::default(), SlotField::default());
+                    found.load(&family, &values[..], ghosts);
+                    let value = |image: &Image| [signs(image, &axes) * values[image.point]];
+                    let at = |point: usize| values[point];
+                    expected.load(&family, at, ByImage(&images, value));
+                    assert_eq!(found, expected, "{ghosts:?}");
+                }
+            }
+        }
+    }
+}
