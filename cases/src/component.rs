@@ -78,6 +78,8 @@ impl Number {
                     .sum();
                 (1.5 * contraction).sqrt()
             }
+            // the iteration would not end
+            Number::Principal(_) if value.iter().any(|x| !x.is_finite()) => f64::NAN,
             Number::Principal(rank) => {
                 let mut values = Matrix3::from_column_slice(value).symmetric_eigenvalues();
                 values.as_mut_slice().sort_by(|a, b| b.total_cmp(a));
@@ -90,6 +92,14 @@ impl Number {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_tensor_that_is_not_finite_has_no_principal_value() {
+        for bad in [f64::NAN, f64::INFINITY] {
+            let value = [1.0, 0.0, 0.0, 0.0, bad, 0.0, 0.0, 0.0, 1.0];
+            assert!(Number::Principal(0).of(&value).is_nan());
+        }
+    }
 
     fn number(name: &str, value: &[f64]) -> Option<f64> {
         Number::find(value.len(), name).map(|n| n.of(value))

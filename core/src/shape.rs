@@ -4,9 +4,17 @@
 //! bounding box. Bodies are the cell centres of a lattice that lie inside a shape;
 //! regions are the points of a body that do.
 
+mod extrusion;
+mod stl;
+
+use std::path::Path;
+
 use nalgebra::{Rotation3, Unit, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+pub use extrusion::Extrusion;
+pub use stl::{Stl, StlError};
 
 /// A solid shape. All lengths in metres.
 ///
@@ -25,6 +33,10 @@ pub enum Shape {
     Sphere(Sphere),
     /// All positions below a plane: those with `(x - point) . normal <= 0`.
     HalfSpace(HalfSpace),
+    /// A polygon drawn out along an axis, in m.
+    Extrusion(Extrusion),
+    /// The solid in an STL file.
+    Stl(Stl),
     /// Everything inside at least one of the shapes.
     Union(Vec<Shape>),
     /// Everything inside `from` and outside `subtract`.
@@ -203,6 +215,26 @@ impl Rotate {
 pub type Bounds = (Vector3<f64>, Vector3<f64>);
 
 impl Shape {
+    /// Reads the files that the shape names, whose paths start from `folder`; before this, what they describe contains
+    /// nothing.
+    ///
+    /// # Errors
+    /// [`StlError`].
+    pub fn load(&mut self, folder: &Path) -> Result<(), StlError> {
+        match self {
+            Shape::Stl(s) => s.load(folder),
+            Shape::Union(shapes) => shapes.iter_mut().try_for_each(|s| s.load(folder)),
+            Shape::Difference(d) => d.from.load(folder).and_then(|()| d.subtract.load(folder)),
+            Shape::Rotate(r) => r.shape.load(folder),
+            Shape::Box(_)
+            | Shape::Cylinder(_)
+            | Shape::EllipticalCylinder(_)
+            | Shape::Sphere(_)
+            | Shape::HalfSpace(_)
+            | Shape::Extrusion(_) => Ok(()),
+        }
+    }
+
     /// Whether `position` (m) lies inside or, within `tolerance` (m), on the surface.
     pub fn contains(&self, position: &Vector3<f64>, tolerance: f64) -> bool {
         match self {
@@ -226,6 +258,8 @@ impl Shape {
                 let normal = Vector3::from(h.normal).normalize();
                 (position - Vector3::from(h.point)).dot(&normal) <= tolerance
             }
+            Shape::Extrusion(e) => e.contains(position, tolerance),
+            Shape::Stl(s) => s.contains(position, tolerance),
             Shape::Union(shapes) => shapes.iter().any(|s| s.contains(position, tolerance)),
             Shape::Difference(d) => {
                 d.from.contains(position, tolerance) && !d.subtract.contains(position, -tolerance)
@@ -250,6 +284,8 @@ impl Shape {
                 Some((centre - reach, centre + reach))
             }
             Shape::HalfSpace(_) => None,
+            Shape::Extrusion(e) => e.bounds(),
+            Shape::Stl(s) => s.bounds(),
             Shape::Union(shapes) => shapes
                 .iter()
                 .map(Shape::bounds)
@@ -279,6 +315,8 @@ impl Shape {
             }
             Shape::EllipticalCylinder(c) => c.mistake(),
             Shape::HalfSpace(h) if h.normal == [0.0; 3] => Some("the normal is zero".into()),
+            Shape::Extrusion(e) => e.mistake(),
+            Shape::Stl(s) => s.mistake(),
             Shape::Union(shapes) => shapes.iter().find_map(Shape::mistake),
             Shape::Difference(d) => d.from.mistake().or_else(|| d.subtract.mistake()),
             Shape::Rotate(r) => r.mistake(),

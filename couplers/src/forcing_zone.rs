@@ -12,7 +12,7 @@
 //! stays below the target by `dp time / (rho L)`.
 
 use nalgebra::Vector3;
-use perimelt_core::shape::Shape;
+use perimelt_core::shape::{Shape, StlError};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
     Coupler, Formula, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys,
@@ -125,6 +125,9 @@ impl ForcingZone {
 impl Coupler for ForcingZone {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        let unreadable =
+            |e: StlError| SetupError::value("shape", e.to_string(), "a closed surface");
+        self.shape.load(&setup.path("")).map_err(unreadable)?;
         self.check_numbers()?;
         self.check_zone(setup, body)?;
         self.prepared = Some(ZoneState {

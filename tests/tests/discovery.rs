@@ -57,6 +57,8 @@ fn everything_that_a_case_can_name_is_explained() {
         ("polyline", "segments"),
         ("hatch", "also: "),
         ("box", "max"),
+        ("extrusion", "polygon"),
+        ("stl", "scale"),
         ("melt_pool", "probes.kind.melt_pool"),
         ("S355", "EN 10025-2"),
         ("solidus", "[K]"),

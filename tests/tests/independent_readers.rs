@@ -2,7 +2,7 @@
 //! our code.
 //!
 //! `PERIMELT_PYTHON` names a Python with `vtk` and `jsonschema`; else `python3`. Without them the tests are skipped, but
-//! fail where `CI` is set.
+//! fail where `CI` is set. Rerun, 800 MB of packages, reads a log where `PERIMELT_RERUN_PYTHON` names a Python with `rerun-sdk`.
 
 mod program;
 
@@ -58,6 +58,27 @@ fn output(folder: &Path, arguments: &[&str]) -> String {
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{arguments:?}: {errors}");
     String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[test]
+fn rerun_shows_the_points_of_a_log() {
+    let Ok(python) = std::env::var("PERIMELT_RERUN_PYTHON") else {
+        eprintln!("skipped: PERIMELT_RERUN_PYTHON is not set");
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    // without displacements
+    let case = HEATED_BLOCK.replace(
+        "[[couplers]]\ntype = \"thermal_expansion\"\nreference_temperature = 300\n",
+        "",
+    );
+    std::fs::write(folder.join("block.toml"), case).expect("writable");
+    output(folder, &["run", "block.toml", "--quiet"]);
+    let told = run_script(&python, "read_rerun.py", &[folder.join("block.mcap")]);
+    let expected =
+        "/block/points: 2 states, 1000 points from 0.0005 0.0005 0.0005 to 0.0195 0.0095 0.0045";
+    assert_eq!(told.trim(), expected);
 }
 
 const HEATED_BLOCK: &str = r#"

@@ -3,6 +3,7 @@
 use perimelt_core::body::{BodyError, ZoneError};
 use perimelt_core::error::nearest;
 use perimelt_core::material::Material;
+use perimelt_core::shape::Shape;
 use perimelt_core::{Body, Problem};
 
 use super::error::CaseError;
@@ -74,10 +75,11 @@ impl Case {
         })?;
         body.store = section.store;
         for (region, shape) in &section.regions {
+            let shape = self.loaded(&[name, "regions", region], shape)?;
             if let Some(mistake) = shape.mistake() {
                 return Err(self.body_error(&[name, "regions", region], mistake, ""));
             }
-            let points = body.points_in(shape);
+            let points = body.points_in(&shape);
             if points.points.is_empty() {
                 let (from, to) = body.bounds();
                 let problem = Problem::EmptyRegion {
@@ -99,6 +101,15 @@ impl Case {
         Ok(body)
     }
 
+    /// A shape with the files that it names.
+    fn loaded(&self, path: &[&str], shape: &Shape) -> Result<Shape> {
+        let mut shape = shape.clone();
+        shape
+            .load(&self.folder)
+            .map_err(|e| self.body_error(path, e.to_string(), ""))?;
+        Ok(shape)
+    }
+
     /// The points of a body, from whichever of `spacing`, `zones` and `points` is given.
     fn points(
         &self,
@@ -106,7 +117,10 @@ impl Case {
         section: &BodySection,
         thickness: f64,
     ) -> Result<std::result::Result<Body, BodyError>> {
-        let (shape, dimension) = (&section.shape, section.dimension);
+        let (shape, dimension) = (
+            &self.loaded(&[name, "shape"], &section.shape)?,
+            section.dimension,
+        );
         let zones = (!section.zones.is_empty()).then_some(&section.zones);
         match (section.spacing, zones, &section.points) {
             (Some(spacing), None, None) => {

@@ -252,6 +252,13 @@ pub(super) fn decode(message: &[u8], time: f64) -> Result<LoggedCloud, Undecodab
             _ => return Err(Undecodable::Layout("its first fields are not x, y and z")),
         }
     }
+    // fields that share bytes would take far more memory than the message
+    let elements_bytes: usize = message.fields.iter().map(|e| bytes_of(e.r#type())).sum();
+    if elements_bytes > stride {
+        return Err(Undecodable::Layout(
+            "its fields take more bytes than a point has",
+        ));
+    }
     let coordinates = unpack(&message.data, stride, &message.fields[..3])?;
     let mut fields = Vec::new();
     while let Some(first) = elements.first() {
@@ -294,6 +301,15 @@ fn group<'a>(first: &'a str, elements: &[PackedElementField]) -> (&'a str, usize
     (first, 1)
 }
 
+/// Bytes of a number; 0 for one of an unknown type.
+fn bytes_of(numeric_type: NumericType) -> usize {
+    match numeric_type {
+        NumericType::Float32 => 4,
+        NumericType::Float64 => 8,
+        NumericType::Unknown => 0,
+    }
+}
+
 /// The values of these elements, those of one point together.
 fn unpack(
     data: &[u8],
@@ -305,12 +321,8 @@ fn unpack(
         .iter()
         .map(|element| {
             let start = element.offset as usize;
-            let width = match element.r#type() {
-                NumericType::Float32 => 4,
-                NumericType::Float64 => 8,
-                NumericType::Unknown => return None,
-            };
-            (start + width <= stride).then_some((start, width))
+            let width = bytes_of(element.r#type());
+            (width > 0 && start + width <= stride).then_some((start, width))
         })
         .collect();
     let Some(layout) = layout else {
@@ -337,6 +349,28 @@ fn number(bytes: &[u8]) -> f64 {
 mod tests {
     use super::*;
     use crate::log::FieldView;
+
+    #[test]
+    fn fields_that_share_bytes_are_refused() {
+        let element = |name: &str, offset| PackedElementField {
+            name: name.into(),
+            offset,
+            r#type: NumericType::Float32 as i32,
+        };
+        let cloud = |others: usize| {
+            let mut fields = vec![element("x", 0), element("y", 4), element("z", 8)];
+            fields.extend((0..others).map(|n| element(&format!("field{n}"), 12)));
+            let message = PointCloud {
+                point_stride: 16,
+                fields,
+                data: vec![0; 32],
+                ..Default::default()
+            };
+            decode(&message.encode_to_vec(), 0.0)
+        };
+        assert_eq!(cloud(1).ok().map(|cloud| cloud.positions.len()), Some(2));
+        assert!(matches!(cloud(2), Err(Undecodable::Layout(_))));
+    }
 
     #[test]
     fn tensor_elements_are_named_by_row_then_column() {

@@ -33,10 +33,7 @@ impl<'a> Topic<'a> {
             _ => {
                 if let Some(probe) = name.strip_prefix(PROBES) {
                     Self::Probe(probe)
-                } else if let Some(body) = name
-                    .strip_prefix('/')
-                    .and_then(|name| name.strip_suffix(POINTS))
-                {
+                } else if let Some(body) = body_of(name) {
                     Self::Points(body)
                 } else {
                     Self::further_part(name).unwrap_or(Self::Other)
@@ -48,14 +45,21 @@ impl<'a> Topic<'a> {
     fn further_part(name: &'a str) -> Option<Self> {
         let (first, number) = name.rsplit_once('/')?;
         let is_number = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
-        (is_number && matches!(Self::of(first), Self::Points(_) | Self::Checkpoint))
-            .then_some(Self::Part(first))
+        // a part has no parts: a name of any length is looked at once
+        let is_whole =
+            first == CHECKPOINT || !first.starts_with(PROBES) && body_of(first).is_some();
+        (is_number && is_whole).then_some(Self::Part(first))
     }
 
     /// Point clouds and checkpoints are large and stay in the file until asked for.
     pub(super) fn is_large(self) -> bool {
         matches!(self, Self::Points(_) | Self::Part(_) | Self::Checkpoint)
     }
+}
+
+/// The body whose points a topic has.
+fn body_of(name: &str) -> Option<&str> {
+    name.strip_prefix('/')?.strip_suffix(POINTS)
 }
 
 /// Topic of part `number`, from 2, of the messages of topic `first`.
@@ -74,4 +78,19 @@ pub(super) fn probe(name: &str) -> String {
 /// A body's name is one level of a topic, and must not be the level of the probes.
 pub(super) fn is_body_name(name: &str) -> bool {
     !name.is_empty() && !name.contains('/') && name != "probes"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_belong_to_states_only() {
+        let is_part = |name: &str| matches!(Topic::of(name), Topic::Part(_));
+        assert!(is_part("/plate/points/2") && is_part("/checkpoint/3"));
+        assert!(!is_part("/probes/points/2") && !is_part("/plate/points/x"));
+        assert!(!is_part("/plate/points/2/2"));
+        // more levels than a stack has room for
+        assert!(matches!(Topic::of(&"/1".repeat(1 << 20)), Topic::Other));
+    }
 }
