@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use perimelt_core::activity::is_active;
 use perimelt_core::error::Problem;
 use perimelt_core::field::FieldIndex;
+use perimelt_core::refinement::Level;
 use perimelt_core::{Body, SetupError, Simulation, World};
 
 use crate::case::sections::{LineProbe, MeltPoolProbe, ProbeKind, ProbeSection, Statistic};
@@ -29,10 +30,35 @@ pub struct Probe {
 
 #[derive(Debug)]
 enum Quantity {
-    /// Weighted means at positions.
-    Positions(Component, Vec<Weights>),
+    /// Weighted means at positions, those of a window of finer points where there is one.
+    Positions(Component, Vec<Spot>, Option<Component>),
     Region(Component, Vec<u32>, Statistic),
     MeltPool(FieldIndex, PoolProbe),
+}
+
+/// A position (m) with its points.
+#[derive(Debug)]
+struct Spot {
+    position: [f64; 3],
+    weights: Weights,
+}
+
+impl Spot {
+    /// On a body, in its reference configuration. Mistakes are reported at `key`.
+    fn new(body: &Body, position: [f64; 3], key: &str) -> Result<Spot, SetupError> {
+        let weights = Weights::at(body, position, Interpolation::Linear, key)?;
+        Ok(Spot { position, weights })
+    }
+
+    /// The value that a window of finer points has there, if it is there now and has the field.
+    fn on_window(&self, component: Option<Component>, world: &World) -> Option<f64> {
+        let component = component?;
+        let window = world.fields().field(component.field).body;
+        let at = Vector3::from(self.position) - world.window_shift(window);
+        let window = world.body(window);
+        let weights = Weights::at(window, at.into(), Interpolation::Linear, "").ok()?;
+        Some(weights.value(component, world))
+    }
 }
 
 /// Which number of a field.
@@ -84,22 +110,21 @@ impl Probe {
         let field = find_field(simulation, body, field_name, "field")?;
         let component = Component::new(world, field, section.component.as_deref())?;
         let unit = world.fields().field(field).unit.clone();
+        let finer = component.on_window(simulation, body);
         let column = match &section.component {
             Some(part) => format!("{field_name}.{part}"),
             None => field_name.clone(),
         };
         let (columns, quantity) = match &section.kind {
             ProbeKind::Point(position) => {
-                let weights = Weights::at(points, *position, Interpolation::Linear, "kind.point")?;
-                (
-                    vec![(column, unit)],
-                    Quantity::Positions(component, vec![weights]),
-                )
+                let spots = vec![Spot::new(points, *position, "kind.point")?];
+                let columns = vec![(column, unit)];
+                (columns, Quantity::Positions(component, spots, finer))
             }
             ProbeKind::Line(line) => {
-                let (names, weights) = along(points, line)?;
+                let (names, spots) = along(points, line)?;
                 let columns = names.into_iter().map(|n| (n, unit.clone())).collect();
-                (columns, Quantity::Positions(component, weights))
+                (columns, Quantity::Positions(component, spots, finer))
             }
             ProbeKind::Region(region) => {
                 let selected = points_of(points, region.name.as_deref(), "kind.region.name")?;
@@ -126,10 +151,13 @@ impl Probe {
     pub fn measure(&self, world: &World) -> Vec<f64> {
         let body = world.body(self.body);
         match &self.quantity {
-            Quantity::Positions(component, positions) => positions
-                .iter()
-                .map(|w| w.value(*component, world))
-                .collect(),
+            Quantity::Positions(component, spots, finer) => {
+                let value = |spot: &Spot| {
+                    let finer = spot.on_window(*finer, world);
+                    finer.unwrap_or_else(|| spot.weights.value(*component, world))
+                };
+                spots.iter().map(value).collect()
+            }
             Quantity::Region(component, points, statistic) => {
                 let activity = world.activity(self.body);
                 let there = |p: &&u32| {
@@ -245,6 +273,21 @@ impl Component {
         Ok(Component { field, number })
     }
 
+    /// The same number of the window of finer points that moves over a body, if it has one with that field.
+    fn on_window(self, simulation: &Simulation, body: usize) -> Option<Component> {
+        let world = simulation.world();
+        let name = &world.fields().field(self.field).name;
+        let window = match world.refinement(body)? {
+            (refinement, Level::Plate) => refinement.window(),
+            (_, Level::Window) => return None,
+        };
+        let is_there = simulation
+            .lasting()
+            .any(|f| f.body == window && f.name == *name);
+        let field = world.fields().find(window, name).filter(|_| is_there)?;
+        Some(Component { field, ..self })
+    }
+
     /// By point of its body, whether there is material; `None` where all have some.
     pub(crate) fn activity(self, world: &World) -> Option<Ref<'_, [f64]>> {
         world.activity(world.fields().field(self.field).body)
@@ -284,8 +327,8 @@ pub(crate) fn is_line<'a>(names: impl Iterator<Item = &'a str>) -> bool {
         .is_some_and(|d| d.len() >= 2 && d[0] == 0.0 && d.windows(2).all(|pair| pair[0] < pair[1]))
 }
 
-/// Column names (distance from the start, m) and weights of a line of positions.
-fn along(body: &Body, line: &LineProbe) -> Result<(Vec<String>, Vec<Weights>), SetupError> {
+/// Column names (distance from the start, m) and positions of a line.
+fn along(body: &Body, line: &LineProbe) -> Result<(Vec<String>, Vec<Spot>), SetupError> {
     if line.number < 2 {
         let message = format!("the line has {} positions", line.number);
         return Err(SetupError::value("kind.line.number", message, "2 or more"));
@@ -297,15 +340,14 @@ fn along(body: &Body, line: &LineProbe) -> Result<(Vec<String>, Vec<Weights>), S
     }
     let (from, to) = (Vector3::from(line.from), Vector3::from(line.to));
     let mut names = Vec::new();
-    let mut weights = Vec::new();
+    let mut spots = Vec::new();
     for i in 0..line.number {
         let fraction = i as f64 / (line.number - 1) as f64;
         let position = from + (to - from) * fraction;
         names.push(format!("{:.6e}", (to - from).norm() * fraction));
-        let linear = Interpolation::Linear;
-        weights.push(Weights::at(body, position.into(), linear, "kind.line")?);
+        spots.push(Spot::new(body, position.into(), "kind.line")?);
     }
-    Ok((names, weights))
+    Ok((names, spots))
 }
 
 impl PoolProbe {

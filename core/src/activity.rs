@@ -238,7 +238,11 @@ impl Setup<'_> {
             let follows = |plugin: usize| self.followers.contains(&(plugin, body));
             let acts = |d: &&Declaration| {
                 let is_here = self.world.fields.field(d.field).body == body;
-                is_here && matches!(d.access, Access::Own | Access::Add | Access::Give)
+                is_here
+                    && matches!(
+                        d.access,
+                        Access::Own | Access::Add | Access::Give | Access::GiveSum
+                    )
             };
             let unaware = self.declarations.iter().filter(acts).map(|d| d.plugin);
             let unaware = unaware.chain(self.plugins_with_families(body));

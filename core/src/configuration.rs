@@ -100,6 +100,8 @@ struct Current {
     configuration: RefCell<Option<Arc<Configuration>>>,
     /// Changes of the displacement that the configuration includes.
     displacement_seen: Cell<Option<u64>>,
+    /// Shift of a window that it includes, m.
+    shift_seen: Cell<Vector3<f64>>,
     /// The plugin that moves the points, by its position in the set-up.
     mover: Option<usize>,
     /// The plugin whose matter flows through the points, and how it describes them.
@@ -244,9 +246,11 @@ impl World {
     pub fn configuration(&self, body: BodyIndex) -> Arc<Configuration> {
         let current = &self.configurations.bodies[body];
         let changes = self.displacement_changes(body, current.mover);
+        let shift = self.window_shift(body);
         let mut configuration = current.configuration.borrow_mut();
         if let Some(configuration) = &*configuration
             && current.displacement_seen.get() == changes
+            && current.shift_seen.get() == shift
         {
             return configuration.clone();
         }
@@ -256,8 +260,10 @@ impl World {
             None => points.position.clone(),
             Some(_) => self.displaced(body),
         };
-        Arc::make_mut(&mut now).replace(positions.into_iter(), &points.volume);
+        let positions = positions.into_iter().map(|x| x + shift);
+        Arc::make_mut(&mut now).replace(positions, &points.volume);
         current.displacement_seen.set(changes);
+        current.shift_seen.set(shift);
         *configuration = Some(now.clone());
         now
     }

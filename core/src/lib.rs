@@ -27,6 +27,7 @@ pub mod material;
 pub mod pair_list;
 pub mod pddo;
 pub mod plugin;
+pub mod refinement;
 pub mod schedule;
 pub mod setup;
 pub mod shape;

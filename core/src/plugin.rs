@@ -428,6 +428,9 @@ pub trait Coupler {
     ) -> Result<(), erased_serde::Error> {
         Ok(())
     }
+
+    /// Called once a state was restored by [`Coupler::load`], to publish what others read besides the fields.
+    fn restored(&mut self, _world: &World) {}
 }
 
 /// Builds a plugin of one kind from its table in a case file, keeping exact error positions.

@@ -42,7 +42,7 @@ pub struct Group {
     pub members: Vec<usize>,
     /// Couplers to apply once in each step of the group, in order: exchanges, and what they read from.
     pub couplers: Vec<usize>,
-    /// Members that give amounts to others: the step of the group is not longer than theirs.
+    /// Members that give amounts to others, not summed over their sub-steps: the step of the group is not longer than theirs.
     pub givers: Vec<usize>,
     /// Sinks of members, not of amounts, that `couplers` add to.
     pub rates: Vec<FieldIndex>,
@@ -162,7 +162,7 @@ impl Plan {
             shares(fields, &self.sinks[p]) || shares(fields, &self.amounts[p])
         };
         let given: Vec<_> = (0..physics)
-            .map(|p| declared.fields(couplers + p, |a| a == Access::Give))
+            .map(|p| declared.fields(couplers + p, Access::gives))
             .collect();
         // the least physics of each group
         let mut group_of: Vec<usize> = (0..physics).collect();
@@ -195,7 +195,10 @@ impl Plan {
             let order = topological(members.len(), &|a, b| sees(members[a], members[b]));
             let order = order.map_err(|c| cycle(c.iter().map(|&m| members[m]).collect()))?;
             let members: Vec<usize> = order.into_iter().map(|m| members[m]).collect();
-            let gives = |p: &usize| !given[*p].is_empty();
+            let gives = |p: &usize| {
+                let given = declared.fields(couplers + p, |a| a == Access::Give);
+                !given.is_empty()
+            };
             groups.push(Group {
                 givers: members.iter().copied().filter(gives).collect(),
                 members,

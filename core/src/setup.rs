@@ -39,6 +39,8 @@ pub enum Access {
     Add,
     /// Adds amounts to another body, of a physics that advances before the one that takes them up.
     Give,
+    /// As `Give`, summed over the sub-steps of the physics, so that the other body may take longer steps.
+    GiveSum,
     /// Reads.
     Read,
     /// Reads if provided.
@@ -59,6 +61,10 @@ impl Access {
             self,
             Access::Read | Access::ReadIfProvided | Access::Consume | Access::Take
         )
+    }
+
+    pub(crate) fn gives(self) -> bool {
+        matches!(self, Access::Give | Access::GiveSum)
     }
 
     pub(crate) fn consumes(self) -> bool {
@@ -110,6 +116,8 @@ pub struct Setup<'w> {
     pub(crate) declarations: Vec<Declaration>,
     /// Plugins that follow the activity of the points of a body.
     pub(crate) followers: Vec<(usize, BodyIndex)>,
+    /// Plugins that know that the points of a body may be a window that moves.
+    pub(crate) window_followers: Vec<(usize, BodyIndex)>,
     families: Vec<ObtainedFamily>,
     /// Bodies that are walls for others.
     walls: Vec<DeclaredWall>,
@@ -137,6 +145,7 @@ impl<'w> Setup<'w> {
             plugins: Vec::new(),
             declarations: Vec::new(),
             followers: Vec::new(),
+            window_followers: Vec::new(),
             families: Vec::new(),
             walls: Vec::new(),
             warnings: Vec::new(),
@@ -363,24 +372,7 @@ impl<'w> Setup<'w> {
     /// # Errors
     /// When density or specific heat are missing, or the curve cannot be.
     pub fn enthalpy_curves(&self, body: BodyIndex) -> Result<Vec<EnthalpyCurve>, SetupError> {
-        let change = self.world.phase_change[body];
-        let curve = |material: &Material| {
-            // a material that does not say how it melts stays solid
-            let melts = ["solidus", "liquidus", "latent_heat"]
-                .iter()
-                .all(|p| material.get(p).is_some());
-            let latent = match change.filter(|_| melts) {
-                Some(change) => Some(material.latent_heat(change.mushy_capacity, change.form)?),
-                None => None,
-            };
-            material.enthalpy_curve(latent)
-        };
-        self.body(body)
-            .materials
-            .iter()
-            .map(curve)
-            .collect::<Result<_, MaterialError>>()
-            .map_err(|e| SetupError::other("", e))
+        self.world.enthalpy_curves(body)
     }
 
     fn declare<T: Value>(
@@ -560,6 +552,27 @@ impl<'w> Setup<'w> {
             .map(Write::new)
     }
 
+    /// Amounts that the calling physics gives to the points of another body, whose physics takes them up
+    /// ([`Setup::take`]): the sum over its sub-steps since both bodies were at one time.
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    pub fn give_sum<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<Write<T>, SetupError> {
+        self.declare(body, key, Access::GiveSum).map(Write::new)
+    }
+
+    /// Amounts that the calling physics takes up once, at the start of a step, from the physics of another body.
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    pub fn take<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> Result<Read<T>, SetupError> {
+        self.declare(body, key, Access::Take).map(Read::new)
+    }
+
     /// A field that the calling plugin reads.
     ///
     /// # Errors
@@ -610,6 +623,7 @@ impl<'w> Setup<'w> {
     /// The first access without its counterpart.
     pub fn finish(mut self) -> Result<Vec<Declaration>, (usize, SetupError)> {
         self.check_growth()?;
+        self.check_refinements()?;
         let fields = self.world.fields.iter().count();
         let with = |test: fn(Access) -> bool| {
             let mut found = vec![false; fields];
@@ -647,11 +661,13 @@ impl<'w> Setup<'w> {
                         provided: provided.collect(),
                     }
                 }
-                Access::Add | Access::Give if !consumed[d.field] => Problem::NobodyConsumes {
-                    field: name,
-                    body,
-                    plugin,
-                },
+                Access::Add | Access::Give | Access::GiveSum if !consumed[d.field] => {
+                    Problem::NobodyConsumes {
+                        field: name,
+                        body,
+                        plugin,
+                    }
+                }
                 _ => continue,
             };
             return Err((d.plugin, SetupError::new("", problem)));

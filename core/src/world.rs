@@ -6,9 +6,11 @@ use nalgebra::Vector3;
 
 use crate::body::{Body, Face};
 use crate::configuration::Configurations;
+use crate::error::SetupError;
 use crate::family::{LayerRule, Traction};
 use crate::field::{Fields, Read, ReadIfProvided, Value, Write};
-use crate::material::{LatentHeatForm, MushyCapacity};
+use crate::material::{EnthalpyCurve, LatentHeatForm, Material, MaterialError, MushyCapacity};
+use crate::refinement::Refinement;
 use crate::solver::reduce::weighted_sum;
 
 /// Index of a body.
@@ -35,7 +37,7 @@ pub struct LayerHandle {
 pub struct LayersHandle(pub(crate) usize);
 
 /// How a body melts and freezes, set by the phase-change coupler.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PhaseChange {
     /// What heats up between solidus and liquidus.
     pub mushy_capacity: MushyCapacity,
@@ -77,6 +79,8 @@ pub struct World {
     /// By body: the faces that are planes of symmetry.
     pub(crate) symmetry: Vec<Vec<Face>>,
     broken: Vec<RefCell<BrokenPairs>>,
+    /// Bodies with a window of finer points that moves.
+    pub(crate) refinements: Vec<Refinement>,
 }
 
 impl World {
@@ -102,6 +106,32 @@ impl World {
     /// One body.
     pub fn body(&self, index: BodyIndex) -> &Body {
         &self.bodies[index]
+    }
+
+    /// Enthalpy against temperature of each material of a body, with latent heat where the
+    /// body has a phase change and the material all of solidus, liquidus and latent heat.
+    ///
+    /// # Errors
+    /// When density or specific heat are missing, or the curve cannot be.
+    pub fn enthalpy_curves(&self, body: BodyIndex) -> Result<Vec<EnthalpyCurve>, SetupError> {
+        let change = self.phase_change[body];
+        let curve = |material: &Material| {
+            // a material that does not say how it melts stays solid
+            let melts = ["solidus", "liquidus", "latent_heat"]
+                .iter()
+                .all(|p| material.get(p).is_some());
+            let latent = match change.filter(|_| melts) {
+                Some(change) => Some(material.latent_heat(change.mushy_capacity, change.form)?),
+                None => None,
+            };
+            material.enthalpy_curve(latent)
+        };
+        self.bodies[body]
+            .materials
+            .iter()
+            .map(curve)
+            .collect::<Result<_, MaterialError>>()
+            .map_err(|e| SetupError::other("", e))
     }
 
     /// Whether the points of a body move together, so that a single one has the inertia of the whole body

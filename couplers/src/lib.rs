@@ -40,6 +40,7 @@
 //! | `impactor` | [`contact::Impactor`] | displacement, velocity | body force |
 //! | `forcing_zone` | [`forcing_zone::ForcingZone`] | velocity | body force |
 //! | `heat_interface` | [`heat_interface::HeatInterface`] | temperature of two bodies | heat source |
+//! | `moving_refinement` | [`moving_refinement::MovingRefinement`] | temperature, enthalpy of two bodies | moves a window of finer points |
 //! | `growing_crack` | [`boundary::GrowingCrack`] | | breaks bonds of the body |
 //! | `insulated_crack` | [`boundary::InsulatedCrack`] | | cuts the families of the body |
 //!
@@ -58,6 +59,7 @@ pub mod forcing_zone;
 pub mod heat_interface;
 pub mod heat_source;
 pub mod inherent_strain;
+pub mod moving_refinement;
 pub mod phase_change;
 pub mod phase_expansion;
 pub mod phase_strength;
@@ -82,7 +84,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 38);
+        assert_eq!(couplers.len(), 39);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

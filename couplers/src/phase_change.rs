@@ -79,6 +79,8 @@ impl Coupler for PhaseChange {
             form: self.form,
         };
         setup.set_phase_change(body, change);
+        // the fraction follows from the state of each point
+        setup.follow_window(body);
         self.prepared = Some(PhaseChangeState {
             body,
             curves: setup.enthalpy_curves(body)?,

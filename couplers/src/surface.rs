@@ -83,6 +83,10 @@ impl SurfaceHeat {
         region: Option<&str>,
     ) -> Result<SurfaceHeat, SetupError> {
         setup.follow_activity(body);
+        // a region would be a part of the window that moves with it
+        if region.is_none() {
+            setup.follow_window(body);
+        }
         let points = region.map(|name| setup.region(body, "region", name));
         Ok(SurfaceHeat {
             faces: faces.to_vec(),

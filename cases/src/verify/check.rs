@@ -427,6 +427,8 @@ pub enum Extent {
     Rear,
     /// Largest x.
     Front,
+    /// Largest less smallest x.
+    Length,
     /// Along y; half of the pool in a body cut at its plane of symmetry.
     Width,
     /// Down from the topmost surface.

@@ -275,6 +275,20 @@ impl Grid {
 }
 
 impl Family {
+    /// Slots of the layer points, with the cells of the body's lattice in which they lie, counted on beyond its faces; none
+    /// of a cloud.
+    pub fn layer_cells(&self) -> Vec<(u32, [i64; 3])> {
+        let Some(grid) = &self.grid else {
+            return Vec::new();
+        };
+        let first = self.spans.first().map_or(0, |span| span.slot as usize);
+        let cell = |slot: usize| -> [i64; 3] {
+            std::array::from_fn(|a| grid.cell(slot, a) as i64 - grid.cell(first, a) as i64)
+        };
+        let layers = self.ghosts.iter();
+        layers.map(|g| (g.slot, cell(g.slot as usize))).collect()
+    }
+
     /// Number of layer points.
     pub fn layer_points(&self) -> usize {
         self.ghosts.len()

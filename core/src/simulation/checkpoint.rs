@@ -81,6 +81,7 @@ impl Simulation {
             let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
             let broken = |e| RunError::Checkpoint(format!("state of {}: {e}", c.label));
             c.plugin.load(&mut erased).map_err(broken)?;
+            c.plugin.restored(&self.world);
         }
         Ok(())
     }

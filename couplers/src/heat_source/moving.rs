@@ -184,6 +184,7 @@ impl<S: SourceShape> MovingSource<S> {
         let speed = path.track().fastest();
         self.warn_of_size(setup, index);
         setup.follow_activity(index);
+        setup.follow_window(index);
         path.prepare(setup, index)?;
         self.prepared = Some(MovingSourceState {
             body: index,
@@ -269,7 +270,9 @@ impl<S: SourceShape> MovingSource<S> {
     fn apply_source(&mut self, world: &World, step: Step) {
         let p = self.prepared.as_mut().expect("prepared before the run");
         let body = world.body(p.body);
-        let pose = p.path.pose(step.middle());
+        let mut pose = p.path.pose(step.middle());
+        // the points of a window are where they are at set-up, moved by its shift
+        pose.position -= world.window_shift(p.body);
         let mut heat_source = world.write(p.heat_source);
         let deposit = match Cells::of(body, p.grid) {
             Some(cells) => (p.depositor).add_to_cells(&cells, &pose, &mut heat_source),

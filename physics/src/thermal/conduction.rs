@@ -51,6 +51,8 @@ pub(super) struct Conduction {
     loaded: Loaded,
     /// Where the body has powder.
     powder: Option<Powder>,
+    /// Slots of layer points with temperatures of their own, K.
+    layers: Vec<(u32, f64)>,
     /// Bonds that conduct no more.
     pub(super) broken: Option<BrokenBonds>,
     /// Heat that flowed to each point when last asked for, W/m³.
@@ -126,6 +128,12 @@ impl BondKernel<1, 1> for Uniform {
     }
 }
 
+/// Heat that a bond carries to its point, over conductivity and difference of temperatures, 1/m².
+pub(super) fn coefficient(bond: &Bond) -> f64 {
+    let [heat] = Uniform { conductivity: 1.0 }.bond(bond, [0.0], [1.0]);
+    heat
+}
+
 /// Conduction with a conductivity at each point; the bond takes the mean of its ends.
 struct Varying;
 
@@ -188,6 +196,7 @@ impl Conduction {
             mirrored: MirroredFields::default(),
             loaded: Loaded::Uniform,
             powder: None,
+            layers: Vec::new(),
             broken: None,
             rate: vec![[0.0]; points],
         }
@@ -242,6 +251,9 @@ impl Conduction {
         let ghosts = ByRules(matter.rules, 0);
         self.temperature_slots
             .load(matter.family, temperature, ghosts);
+        for (slot, own) in &self.layers {
+            self.temperature_slots[*slot as usize] = *own;
+        }
         self.loaded = self.what_to_load();
         if self.loaded == Loaded::Uniform {
             return;
@@ -313,7 +325,7 @@ impl Conduction {
             mirrored.material.load(family, material, Mirrored::Scalar);
         }
         if matter.rules.is_empty() {
-            return;
+            return self.load_layers();
         }
         let slots = &mut mirrored.temperature;
         slots.load(family, temperature, Mirrored::Scalar);
@@ -333,6 +345,32 @@ impl Conduction {
                 *potential = 2.0 * calibration * face - *potential;
             }
         });
+        self.load_layers();
+    }
+
+    /// The potential of layer points with temperatures of their own, which have the one material of the body.
+    fn load_layers(&mut self) {
+        for (slot, temperature) in &self.layers {
+            self.potential_slots[*slot as usize] =
+                self.calibration * self.potentials[0].at(*temperature);
+        }
+    }
+
+    /// Layer points whose temperature (K) does not follow from that of the body, by slot; for bodies of one material.
+    pub(super) fn layers_mut(&mut self) -> &mut Vec<(u32, f64)> {
+        &mut self.layers
+    }
+
+    /// The field by slot to whose differences the heat of bonds is proportional, and its factor, from what was loaded, for
+    /// bodies of one material in the form of bonds: with [`coefficient`] they give W/m³.
+    pub(super) fn linear_input(&self) -> (&[f64], f64) {
+        match self.loaded {
+            Loaded::Potential => (&self.potential_slots, 1.0),
+            _ => {
+                let conductivity = self.calibration * self.uniform.unwrap_or_default();
+                (&self.temperature_slots, conductivity)
+            }
+        }
     }
 
     /// Heat that flows to each point, W/m³, from what was loaded.

@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use super::carried::{Carried, CarriedHeat};
 use super::conduction::{Conduction, Matter};
 use super::keys::ThermalSolver;
+use super::refined::Refined;
 use super::run::{HeatAccount, Run};
 
 /// A solver with its work vectors.
@@ -219,11 +220,21 @@ struct Fields<'a> {
 }
 
 impl Fields<'_> {
-    /// Takes equal steps of forward Euler that cover `size` (s).
-    fn advance_explicitly(self, mut flow: Flow<'_>, (size, steps): (f64, usize)) -> Work {
+    /// Takes equal steps of forward Euler that cover `size` (s); `refined`: of a body that has a window of finer points or
+    /// is one.
+    fn advance_explicitly(
+        self,
+        mut flow: Flow<'_>,
+        (size, steps): (f64, usize),
+        mut refined: Option<(&mut Refined, &World)>,
+    ) -> Work {
         let dt = size / steps as f64;
         for _ in 0..steps {
             self.account.supply(dt * flow.evaluate(self.temperature));
+            if let Some((refined, world)) = &mut refined {
+                let heat = refined.exchange(world, dt, flow.conduction);
+                self.account.supply(heat);
+            }
             let curves = flow.matter.curves;
             let points = self
                 .temperature
@@ -294,6 +305,14 @@ impl Fields<'_> {
 impl Run {
     /// Advances temperature and enthalpy over `step`.
     pub(super) fn advance(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
+        let work = self.take_step(world, step)?;
+        if let Some(refined) = &self.refined {
+            refined.cover(world, (self.temperature, self.enthalpy), &self.curves);
+        }
+        Ok(work)
+    }
+
+    fn take_step(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
         self.take_births(world);
         self.hold_temperatures(world);
         if let Some(consolidated) = self.consolidated {
@@ -310,6 +329,9 @@ impl Run {
         let family = self.neighbours.now(world);
         let ratios = self.volume_ratios(world);
         let configuration = ratios.as_ref().map(|_| world.configuration(self.body));
+        if let Some(refined) = &mut self.refined {
+            refined.follow(world, &family, &mut self.conduction);
+        }
         let matter = Matter {
             family: &family,
             rules: &rules,
@@ -345,10 +367,12 @@ impl Run {
             state,
             temperature: work,
         } = &mut self.integrator;
+        // a plate takes up its heat where the window does not cover it
+        let uncovered = self.refined.as_mut().and_then(Refined::take_volumes);
         let flow = Flow {
             conduction: &mut self.conduction,
             matter,
-            volume: &body.points.volume,
+            volume: uncovered.as_deref().unwrap_or(&body.points.volume),
             is_weighted: body.lattice().is_none() || current.is_some(),
             current,
             source: source_there.as_deref().or(source.as_deref()),
@@ -370,7 +394,12 @@ impl Run {
                     Some(_) => (size / *stable_step * (1.0 - 1e-9)).ceil().max(1.0) as usize,
                     None => 1,
                 };
-                Ok(fields.advance_explicitly(flow, (size, steps)))
+                let refined = self.refined.as_mut().map(|r| (r, world));
+                let work = fields.advance_explicitly(flow, (size, steps), refined);
+                if let Some(refined) = &mut self.refined {
+                    refined.put_volumes(uncovered);
+                }
+                Ok(work)
             }
             Method::Steady(newton, tolerance) => {
                 let at = (step.end(), self.floating);
@@ -397,7 +426,7 @@ impl Run {
         let (constraint, held) = (world.read(constraint), world.read(held));
         let mut temperature = world.write(self.temperature);
         let mut enthalpy = world.write(self.enthalpy);
-        let points = &world.body(self.body).points;
+        let volume = self.heated_volumes(world);
         let material = &world.body(self.body).material_of_point;
         let mut supplied = 0.0;
         let growth = self.growth.as_ref();
@@ -405,7 +434,7 @@ impl Run {
         for (i, c) in constraint.iter().enumerate().filter(is_held) {
             temperature[i] = held[i] / c;
             let new = self.curves[material[i] as usize].enthalpy(temperature[i]);
-            supplied += points.volume[i] * (new - enthalpy[i]);
+            supplied += volume[i] * (new - enthalpy[i]);
             enthalpy[i] = new;
         }
         self.heat.supply(supplied);

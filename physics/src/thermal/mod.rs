@@ -26,6 +26,8 @@
 //! In the ordinary form the heat flow of a bond depends on all bonds of both ends, so that families of any shape conduct exactly.
 //! In the form of second derivatives the sum is that of the differential operator ([`Form`]), as published for flows.
 //!
+//! A body may have a window of finer points that moves with a source (`refined`).
+//!
 //! Surfaces: the faces of a body that fills its box continue in mirrored layers (insulated
 //! unless a boundary says otherwise); other surfaces end, and their bonds are corrected where points are at rest.
 //!
@@ -45,6 +47,7 @@ mod integrate;
 mod keys;
 mod powder;
 mod prepare;
+mod refined;
 mod run;
 mod states;
 #[cfg(test)]
@@ -165,7 +168,10 @@ impl Physics for Thermal {
         let stored = weighted_sum(&enthalpy, volume);
         // the heat of a body that cools down again ends where it began
         let content = sum_of([&enthalpy, volume], |[h, v]| (h * v).abs());
-        let (initial, supplied) = (run.heat.initial, run.heat.supplied);
+        let (initial, supplied) = (
+            run.heat.initial,
+            run.heat.supplied + run.heat_of_moves(world),
+        );
         let balance = Balance::new("heat", "J", stored, initial, supplied);
         let balance = balance.of_size(content + run.heat.exchanged);
         match &run.growth {

@@ -17,6 +17,7 @@ use super::faces::HeatedFace;
 use super::growth::Growth;
 use super::integrate::Integrator;
 use super::keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
+use super::refined::Refined;
 use super::run::{Cracks, HeatAccount, Neighbours, Run};
 
 /// Body, what its points are, and the faces behind which it goes on.
@@ -54,6 +55,15 @@ impl Run {
             heated,
         };
         let (neighbours, mut conduction, pddo) = thermal.operators(setup, &place)?;
+        let refined = {
+            let family = neighbours.at_setup(setup);
+            Refined::prepare(
+                thermal,
+                setup,
+                (body, description),
+                (&family, &place.heated),
+            )?
+        };
         let growth = match neighbours {
             Neighbours::Growing(_) => Some(Growth::prepare(setup, body)?),
             _ => None,
@@ -61,6 +71,14 @@ impl Run {
         let consolidated = match setup.is_written(body, &keys::CONSOLIDATED) {
             true => {
                 thermal.check_powder(description)?;
+                if refined.is_some() {
+                    let message = "a body with a window of finer points has no powder";
+                    return Err(SetupError::value(
+                        "body",
+                        message,
+                        "a body without `powder`",
+                    ));
+                }
                 let powder = setup.property(body, "powder_conductivity")?;
                 conduction.set_powder(powder);
                 Some(setup.read(body, &keys::CONSOLIDATED)?)
@@ -91,6 +109,7 @@ impl Run {
             carried,
             cracks: follows_cracks.then(Cracks::default),
             growth,
+            refined,
             consolidated,
             integrator: Integrator::new(thermal.solver, thermal.tolerance),
             heat: HeatAccount::default(),

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::refinement::Level;
 use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
 use perimelt_core::{BrokenBonds, Family, GrowingFamily, MovingFamily, Read, World, Write};
 use rayon::prelude::*;
@@ -14,6 +15,7 @@ use super::conduction::{Conduction, Matter};
 use super::faces::HeatedFace;
 use super::growth::{Growth, HeatState};
 use super::integrate::Integrator;
+use super::refined::Refined;
 
 /// A prepared heat physics.
 #[derive(Debug)]
@@ -33,6 +35,8 @@ pub(super) struct Run {
     pub(super) cracks: Option<Cracks>,
     /// Of a body on which material is deposited.
     pub(super) growth: Option<Growth>,
+    /// Of a body that has a window of finer points or is one.
+    pub(super) refined: Option<Refined>,
     /// Where the body has powder.
     pub(super) consolidated: Option<Read<f64>>,
     pub(super) integrator: Integrator,
@@ -140,9 +144,20 @@ impl Run {
     /// Volumes of the points that have heat, m³.
     pub(super) fn heated_volumes<'a>(&self, world: &'a World) -> Cow<'a, [f64]> {
         let volume = &world.body(self.body).points.volume;
-        match &self.growth {
-            Some(growth) => growth.volumes(volume).into(),
-            None => volume.into(),
+        let refinement = world.refinement(self.body);
+        match (&self.growth, refinement) {
+            (Some(growth), _) => growth.volumes(volume).into(),
+            (None, Some((refinement, Level::Plate))) => refinement.uncovered(volume).into(),
+            (None, _) => volume.into(),
+        }
+    }
+
+    /// Heat that a window of finer points took over by its moves, J: supplied to the window, lost by the body around it.
+    pub(super) fn heat_of_moves(&self, world: &World) -> f64 {
+        match world.refinement(self.body) {
+            Some((refinement, Level::Window)) => refinement.position().heat,
+            Some((refinement, Level::Plate)) => -refinement.position().heat,
+            None => 0.0,
         }
     }
 
@@ -228,6 +243,10 @@ impl Run {
                 limits.fold(f64::INFINITY, f64::min)
             }
         };
+        let stable_step = match &self.refined {
+            Some(refined) => refined.step_fraction() * stable_step,
+            None => stable_step,
+        };
         self.stable_step = stable_step;
         self.integrator.set_stable_step(stable_step);
     }
@@ -253,7 +272,7 @@ impl Run {
             curves: &self.curves,
         };
         self.conduction.load(&matter, &temperature);
-        self.through_layers = self.conduction.inflow(&family, &body.points.volume);
+        self.through_layers = self.conduction.inflow(&family, &self.heated_volumes(world));
         let conductivity = |point: usize| {
             let (m, t) = (body.material_of_point[point], temperature[point]);
             let liquid = self.curves[m as usize].liquid_fraction(t);

@@ -209,9 +209,12 @@ impl Sampler {
                 let field = world.fields().field(*temperature);
                 let (temperature, activity) = (field.data(), world.activity(field.body));
                 let pool = gauge.measure_present(temperature.flat(), activity.as_deref());
+                // the gauge counts from where the case places the body
+                let along = world.window_shift(field.body).x;
                 let extent = pool.and_then(|pool| match extent {
-                    Extent::Rear => Some(pool.rear),
-                    Extent::Front => Some(pool.front),
+                    Extent::Rear => Some(pool.rear + along),
+                    Extent::Front => Some(pool.front + along),
+                    Extent::Length => Some(pool.length()),
                     Extent::Width => pool.width,
                     Extent::Depth => pool.depth,
                 });

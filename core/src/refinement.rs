@@ -1,0 +1,593 @@
+//! A window of finer points that moves over a body with coarser ones.
+//!
+//! Two bodies on lattices: the *plate* and, inside of it, the *window*, whose spacing is that of the plate divided by a whole
+//! number. Cells of the plate below the window are *covered*: their enthalpy is the mean of the points of the window in
+//! them, and the balance of heat counts these points instead. The window moves by whole cells of the plate. Its points keep
+//! their places in memory; their fields are shifted, and points that enter get the enthalpy of the cells of the
+//! plate there, with slopes whose mean over a cell is zero. Points that leave have been averaged into the cells of the plate
+//! before. Moves therefore keep the heat of both bodies together to rounding.
+//!
+//! The [`World`] owns the position of the window. A coupler declares the two bodies ([`Setup::refine`]) and moves the window
+//! between steps ([`World::move_window`]); the physics of both bodies follow it ([`World::refinement`]). Plugins that act on
+//! the window know that its points move ([`Setup::follow_window`]); others are refused.
+
+use std::cell::Cell;
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use crate::body::{Body, Lattice};
+use crate::error::SetupError;
+use crate::field::{Read, Write, keys};
+use crate::setup::{Access, Setup};
+use crate::world::{BodyIndex, World};
+
+/// Part of the volume of a body whose coordinates may differ from cells by rounding, in cells.
+const ROUNDING: f64 = 1e-3;
+
+/// The two bodies of a refinement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// The body with the coarser points.
+    Plate,
+    /// The body with the finer points.
+    Window,
+}
+
+/// A plate and the window that moves over it.
+#[derive(Debug)]
+pub struct Refinement {
+    plate: BodyIndex,
+    window: BodyIndex,
+    dimension: usize,
+    /// Points of the window along an edge of a cell of the plate.
+    ratio: usize,
+    /// Spacing of the plate, m.
+    spacing: f64,
+    /// Cells of the plate along each axis.
+    plate_cells: [usize; 3],
+    /// Cells of the plate that the window covers along each axis.
+    cells: [usize; 3],
+    /// Lowest cell of the plate below the window where the case places it.
+    first: [i64; 3],
+    /// Temperature (K) and enthalpy (J/m³) of the plate, then of the window.
+    temperature: [Write<f64>; 2],
+    enthalpy: [Write<f64>; 2],
+    position: Cell<WindowPosition>,
+}
+
+/// Where a window is, and the heat that its moves took along.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct WindowPosition {
+    /// Lowest cell of the plate below the window.
+    pub low: [i64; 3],
+    /// Heat that the window took over from the plate by its moves since the start, less what it left behind, J.
+    pub heat: f64,
+}
+
+/// Permission of a coupler to move a window.
+#[derive(Clone, Copy, Debug)]
+pub struct WindowMover {
+    refinement: usize,
+}
+
+impl Refinement {
+    fn new(
+        world: &World,
+        (plate, window): (BodyIndex, BodyIndex),
+        temperature: [Read<f64>; 2],
+        enthalpy: [Read<f64>; 2],
+    ) -> Result<Refinement, SetupError> {
+        let [coarse, fine] = [plate, window].map(|b| &world.bodies[b]);
+        let lattices = (full_lattice(coarse, "body")?, full_lattice(fine, "fine")?);
+        let (ratio, cells, first) = fit((coarse, lattices.0), (fine, lattices.1))?;
+        let handles = |of: [Read<f64>; 2]| of.map(|handle| Write::new(handle.field));
+        let position = WindowPosition {
+            low: first,
+            heat: 0.0,
+        };
+        Ok(Refinement {
+            plate,
+            window,
+            dimension: coarse.dimension,
+            ratio,
+            spacing: lattices.0.spacing,
+            plate_cells: lattices.0.cells,
+            cells,
+            first,
+            temperature: handles(temperature),
+            enthalpy: handles(enthalpy),
+            position: Cell::new(position),
+        })
+    }
+
+    /// The body with the coarser points.
+    pub fn plate(&self) -> BodyIndex {
+        self.plate
+    }
+
+    /// The body with the finer points.
+    pub fn window(&self) -> BodyIndex {
+        self.window
+    }
+
+    /// Points of the window along an edge of a cell of the plate, by axis: 1 along axes that the bodies do not have.
+    pub fn ratio(&self) -> [usize; 3] {
+        std::array::from_fn(|a| if a < self.dimension { self.ratio } else { 1 })
+    }
+
+    /// Cells of the plate along each axis.
+    pub fn plate_cells(&self) -> [usize; 3] {
+        self.plate_cells
+    }
+
+    /// Cells of the plate that the window covers along each axis.
+    pub fn cells(&self) -> [usize; 3] {
+        self.cells
+    }
+
+    /// Where the window is.
+    pub fn position(&self) -> WindowPosition {
+        self.position.get()
+    }
+
+    /// Enthalpy of the window, J/m³: for the physics of the plate, which advances after that of the window.
+    pub fn window_enthalpy(&self) -> Read<f64> {
+        self.enthalpy[1].into()
+    }
+
+    /// Where the window may be nearest to a position (cells of the plate), so that it stays on the plate.
+    pub fn nearest(&self, low: [i64; 3]) -> [i64; 3] {
+        std::array::from_fn(|a| {
+            let last = self.plate_cells[a] as i64 - self.cells[a] as i64;
+            low[a].clamp(0, last)
+        })
+    }
+
+    /// Where the window is when it has moved by `way` (m) along x and y from where the case places it.
+    pub fn moved_by(&self, way: Vector3<f64>) -> [i64; 3] {
+        let along = self.dimension.min(2);
+        let cells = |a: usize| match a < along {
+            true => (way[a] / self.spacing).round() as i64,
+            false => 0,
+        };
+        self.nearest(std::array::from_fn(|a| self.first[a] + cells(a)))
+    }
+
+    /// Point of the plate in a cell.
+    pub fn plate_point(&self, cell: [usize; 3]) -> usize {
+        let [nx, ny, _] = self.plate_cells;
+        (cell[2] * ny + cell[1]) * nx + cell[0]
+    }
+
+    /// Cell of a point of the plate.
+    pub fn plate_cell(&self, point: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.plate_cells;
+        [point % nx, point / nx % ny, point / (nx * ny)]
+    }
+
+    /// Points of the window along each axis.
+    pub fn window_points(&self) -> [usize; 3] {
+        let ratio = self.ratio();
+        std::array::from_fn(|a| self.cells[a] * ratio[a])
+    }
+
+    /// Cells that the window covers at a position (its lowest cell), by row along x: the first one and their number.
+    fn rows(&self, low: [i64; 3]) -> impl Iterator<Item = ([usize; 3], usize)> + use<> {
+        let (low, cells) = (low.map(|c| c as usize), self.cells);
+        let layers = low[2]..low[2] + cells[2];
+        layers.flat_map(move |z| {
+            let rows = low[1]..low[1] + cells[1];
+            rows.map(move |y| ([low[0], y, z], cells[0]))
+        })
+    }
+
+    /// Passes each covered point of the plate and the points of the window in its cell to `receive`.
+    pub fn for_each_covered(&self, mut receive: impl FnMut(usize, &[usize])) {
+        let mut inside = Vec::new();
+        let low = self.position().low;
+        for (first, count) in self.rows(low) {
+            for x in 0..count {
+                let cell = [first[0] + x, first[1], first[2]];
+                self.window_points_in(low, cell, &mut inside);
+                receive(self.plate_point(cell), &inside);
+            }
+        }
+    }
+
+    /// The points of a window at `low` that lie in a cell of the plate below it.
+    fn window_points_in(&self, low: [i64; 3], cell: [usize; 3], inside: &mut Vec<usize>) {
+        let (ratio, [nx, ny, _]) = (self.ratio(), self.window_points());
+        let from: [usize; 3] = std::array::from_fn(|a| (cell[a] - low[a] as usize) * ratio[a]);
+        inside.clear();
+        for z in from[2]..from[2] + ratio[2] {
+            for y in from[1]..from[1] + ratio[1] {
+                let row = (z * ny + y) * nx + from[0];
+                inside.extend(row..row + ratio[0]);
+            }
+        }
+    }
+
+    /// Whether a window at `low` covers a cell of the plate.
+    fn covers_at(&self, low: [i64; 3], cell: [usize; 3]) -> bool {
+        (0..3).all(|a| {
+            let from = low[a] as usize;
+            (from..from + self.cells[a]).contains(&cell[a])
+        })
+    }
+
+    /// Whether the window covers a cell of the plate.
+    pub fn covers(&self, cell: [usize; 3]) -> bool {
+        self.covers_at(self.position().low, cell)
+    }
+
+    /// Volumes of the points of the plate that the window does not cover, else 0, m³.
+    pub fn uncovered(&self, volume: &[f64]) -> Vec<f64> {
+        let mut uncovered = volume.to_vec();
+        for (first, count) in self.rows(self.position().low) {
+            let point = self.plate_point(first);
+            uncovered[point..point + count].fill(0.0);
+        }
+        uncovered
+    }
+
+    /// How far the points of the window are from where the case places them, m.
+    fn shift(&self) -> Vector3<f64> {
+        let low = self.position().low;
+        Vector3::from_fn(|a, _| (low[a] - self.first[a]) as f64 * self.spacing)
+    }
+
+    /// Slopes of the enthalpy of the plate along each axis, per point of the window: those of the limiter of van Leer
+    /// (monotonised central differences), so that points that enter are not hotter or colder than the cells around them.
+    fn slopes(&self, enthalpy: &[f64], cell: [usize; 3]) -> [f64; 3] {
+        let here = enthalpy[self.plate_point(cell)];
+        std::array::from_fn(|a| {
+            if a >= self.dimension || cell[a] == 0 || cell[a] + 1 == self.plate_cells[a] {
+                return 0.0;
+            }
+            let at = |c: usize| {
+                let mut other = cell;
+                other[a] = c;
+                enthalpy[self.plate_point(other)]
+            };
+            let (below, above) = (here - at(cell[a] - 1), at(cell[a] + 1) - here);
+            if below * above <= 0.0 {
+                return 0.0;
+            }
+            let least = 2.0 * below.abs().min(above.abs());
+            let central = 0.5 * (below + above);
+            central.signum() * central.abs().min(least) / self.ratio as f64
+        })
+    }
+
+    /// Moves the fields of the window; what enters gets the enthalpy of the plate and its temperature by `temperature`.
+    fn move_to(&self, world: &World, low: [i64; 3], temperature: &dyn Fn(f64) -> f64) {
+        let before = self.position();
+        let volume = &world.bodies[self.plate].points.volume;
+        let [nx, ny, nz] = self.window_points();
+        let mut heat = -self.leave_behind(world, low, temperature);
+        let plate = world.read::<f64>(self.enthalpy[0].into());
+        let ratio = self.ratio();
+        let step: [i64; 3] = std::array::from_fn(|a| (low[a] - before.low[a]) * ratio[a] as i64);
+        for field in [self.enthalpy[1], self.temperature[1]] {
+            shift(&mut world.write(field), [nx, ny, nz], step);
+        }
+        let mut enthalpy = world.write(self.enthalpy[1]);
+        let mut temperatures = world.write(self.temperature[1]);
+        let mut inside = Vec::new();
+        for (first, count) in self.rows(low) {
+            for x in 0..count {
+                let cell = [first[0] + x, first[1], first[2]];
+                if self.covers_at(before.low, cell) {
+                    continue;
+                }
+                let point = self.plate_point(cell);
+                heat += plate[point] * volume[point];
+                let slopes = self.slopes(&plate, cell);
+                self.window_points_in(low, cell, &mut inside);
+                for (n, &entering) in inside.iter().enumerate() {
+                    let place = [
+                        n % ratio[0],
+                        n / ratio[0] % ratio[1],
+                        n / (ratio[0] * ratio[1]),
+                    ];
+                    let rise = |a: usize| {
+                        let from_centre = place[a] as f64 - 0.5 * (ratio[a] as f64 - 1.0);
+                        slopes[a] * from_centre
+                    };
+                    let h = plate[point] + (0..3).map(rise).sum::<f64>();
+                    enthalpy[entering] = h;
+                    temperatures[entering] = temperature(h);
+                }
+            }
+        }
+        let heat = before.heat + heat;
+        self.position.set(WindowPosition { low, heat });
+    }
+
+    /// Gives the cells of the plate that a window at `low` does not cover any more the mean enthalpy of the points of the
+    /// window in them; the heat that they have, J.
+    fn leave_behind(&self, world: &World, low: [i64; 3], temperature: &dyn Fn(f64) -> f64) -> f64 {
+        let volume = &world.bodies[self.plate].points.volume;
+        let window = world.read::<f64>(self.enthalpy[1].into());
+        let mut plate = world.write(self.enthalpy[0]);
+        let mut temperatures = world.write(self.temperature[0]);
+        let mut heat = 0.0;
+        self.for_each_covered(|point, inside| {
+            if !self.covers_at(low, self.plate_cell(point)) {
+                plate[point] = mean(&window, inside);
+                temperatures[point] = temperature(plate[point]);
+                heat += plate[point] * volume[point];
+            }
+        });
+        heat
+    }
+}
+
+/// Mean of the values of some points.
+pub fn mean(values: &[f64], points: &[usize]) -> f64 {
+    points.iter().map(|&p| values[p]).sum::<f64>() / points.len() as f64
+}
+
+/// Moves the values of a grid of points by `step` points against the axes; what is left behind keeps old values.
+fn shift(values: &mut [f64], [nx, ny, nz]: [usize; 3], step: [i64; 3]) {
+    let range = |n: usize, step: i64| -> Box<dyn Iterator<Item = usize>> {
+        let kept = (n as i64 - step.abs()).max(0) as usize;
+        // values at `to` come from `to + step`; in the order in which no source has been overwritten
+        let from = (-step).max(0) as usize;
+        let targets = from..from + kept;
+        match step >= 0 {
+            true => Box::new(targets),
+            false => Box::new(targets.rev()),
+        }
+    };
+    let columns: Vec<usize> = range(nx, step[0]).collect();
+    let Some((first, last)) = columns.iter().min().zip(columns.iter().max()) else {
+        return;
+    };
+    let from = |to: usize, step: i64| (to as i64 + step) as usize;
+    for z in range(nz, step[2]) {
+        for y in range(ny, step[1]) {
+            let source = (from(z, step[2]) * ny + from(y, step[1])) * nx;
+            let target = (z * ny + y) * nx;
+            let start = source + from(*first, step[0]);
+            values.copy_within(start..=source + from(*last, step[0]), target + first);
+        }
+    }
+}
+
+/// The lattice of a body that fills its box and consists of one material; blamed on `key`.
+fn full_lattice<'a>(body: &'a Body, key: &str) -> Result<&'a Lattice, SetupError> {
+    let refuse = |message: String, expected: &str| Err(SetupError::value(key, message, expected));
+    let lattice = match body.lattice() {
+        Some(lattice) if lattice.is_full() => lattice,
+        _ => {
+            let message = format!("body `{}` is not a full box of one spacing", body.name);
+            return refuse(message, "a body with `shape.box` and one `spacing`");
+        }
+    };
+    if body.materials.len() != 1 {
+        let message = format!("body `{}` has several materials", body.name);
+        return refuse(message, "a body of one material");
+    }
+    if !body.cuts.is_empty() || body.periodic != [false; 3] {
+        let message = format!("body `{}` has cracks or is periodic", body.name);
+        return refuse(message, "a body without cracks and `periodic`");
+    }
+    Ok(lattice)
+}
+
+/// How a window fits into a plate: points along an edge of a cell of the plate, cells of the plate below it, and the
+/// lowest of these.
+fn fit(
+    (plate, coarse): (&Body, &Lattice),
+    (window, fine): (&Body, &Lattice),
+) -> Result<(usize, [usize; 3], [i64; 3]), SetupError> {
+    let refuse =
+        |message: String, expected: &str| Err(SetupError::value("fine", message, expected));
+    if plate.dimension != window.dimension || plate.thickness != window.thickness {
+        let message = format!(
+            "bodies `{}` and `{}` differ in their dimension or thickness",
+            plate.name, window.name
+        );
+        return refuse(message, "two bodies of one dimension and thickness");
+    }
+    if plate.materials != window.materials {
+        let message = format!(
+            "bodies `{}` and `{}` differ in their material",
+            plate.name, window.name
+        );
+        return refuse(message, "two bodies of the same material");
+    }
+    let ratio = (coarse.spacing / fine.spacing).round();
+    if ratio < 2.0 || (ratio * fine.spacing / coarse.spacing - 1.0).abs() > 1e-9 {
+        let message = format!(
+            "the spacing {} m of body `{}` is not that of body `{}`, {} m, divided by a whole number of 2 or more",
+            fine.spacing, window.name, plate.name, coarse.spacing
+        );
+        return refuse(
+            message,
+            "a spacing such as a half or a quarter of the coarser one",
+        );
+    }
+    let ratio = ratio as usize;
+    let (mut cells, mut first) = ([1; 3], [0; 3]);
+    for axis in 0..plate.dimension {
+        let low = (fine.origin[axis] - coarse.origin[axis]) / coarse.spacing;
+        let count = fine.cells[axis] as f64 / ratio as f64;
+        let is_whole = |x: f64| (x - x.round()).abs() < ROUNDING;
+        let end = low.round() + count.round();
+        if !is_whole(low)
+            || !is_whole(count)
+            || low.round() < 0.0
+            || end > coarse.cells[axis] as f64
+        {
+            let message = format!(
+                "body `{}` spans {:?} to {:?} m, which are not whole cells of body `{}`",
+                window.name,
+                window.bounds().0.as_slice(),
+                window.bounds().1.as_slice(),
+                plate.name
+            );
+            let expected = "a box inside of the coarser body whose faces lie on faces of its cells";
+            return refuse(message, expected);
+        }
+        (cells[axis], first[axis]) = (count.round() as usize, low.round() as i64);
+    }
+    Ok((ratio, cells, first))
+}
+
+impl World {
+    /// The refinement of which a body is the plate or the window.
+    pub fn refinement(&self, body: BodyIndex) -> Option<(&Refinement, Level)> {
+        self.refinements.iter().find_map(|r| match body {
+            b if b == r.plate => Some((r, Level::Plate)),
+            b if b == r.window => Some((r, Level::Window)),
+            _ => None,
+        })
+    }
+
+    /// How far the points of a body are from their reference positions because it is a window that moves, m.
+    pub fn window_shift(&self, body: BodyIndex) -> Vector3<f64> {
+        match self.refinement(body) {
+            Some((refinement, Level::Window)) => refinement.shift(),
+            _ => Vector3::zeros(),
+        }
+    }
+
+    /// The refinement that a coupler moves.
+    pub fn moved_refinement(&self, mover: WindowMover) -> &Refinement {
+        &self.refinements[mover.refinement]
+    }
+
+    /// Moves a window, whose lowest cell is then `low`, with its fields; between steps, when the physics of both bodies have
+    /// advanced to one time. `temperature` (K) is that of an enthalpy (J/m³).
+    pub fn move_window(&self, mover: WindowMover, low: [i64; 3], temperature: impl Fn(f64) -> f64) {
+        let refinement = self.moved_refinement(mover);
+        let low = refinement.nearest(low);
+        if refinement.position().low != low {
+            refinement.move_to(self, low, &temperature);
+        }
+    }
+
+    /// Puts a window back where it was, without its fields, which are restored on their own.
+    pub fn restore_window(&self, mover: WindowMover, position: WindowPosition) {
+        self.moved_refinement(mover).position.set(position);
+    }
+}
+
+impl Setup<'_> {
+    /// Lets `window` be a part of `plate` with finer points that moves over it; called by a coupler, which gets the
+    /// permission to move it.
+    ///
+    /// # Errors
+    /// When the two bodies do not fit, or one of them belongs to a refinement already.
+    pub fn refine(
+        &mut self,
+        plate: BodyIndex,
+        window: BodyIndex,
+    ) -> Result<WindowMover, SetupError> {
+        for (key, body) in [("body", plate), ("fine", window)] {
+            if self.world.refinement(body).is_some() {
+                let message = format!("body `{}` has a window already", self.body(body).name);
+                return Err(SetupError::value(key, message, "one window for each body"));
+            }
+        }
+        let temperature = [
+            self.read(plate, &keys::TEMPERATURE)?,
+            self.read(window, &keys::TEMPERATURE)?,
+        ];
+        let enthalpy = [
+            self.read(plate, &keys::ENTHALPY)?,
+            self.read(window, &keys::ENTHALPY)?,
+        ];
+        let refinement = Refinement::new(self.world, (plate, window), temperature, enthalpy)?;
+        self.world.refinements.push(refinement);
+        self.follow_window(window);
+        Ok(WindowMover {
+            refinement: self.world.refinements.len() - 1,
+        })
+    }
+
+    /// The refinement of which a body is a part; for physics, which are prepared after couplers.
+    pub fn refinement(&self, body: BodyIndex) -> Option<(&Refinement, Level)> {
+        self.world.refinement(body)
+    }
+
+    /// Declares that the calling plugin knows that the points of a body may be a window that moves: it acts at the places
+    /// where they are ([`World::window_shift`]), or its action does not depend on their places.
+    pub fn follow_window(&mut self, body: BodyIndex) {
+        let plugin = self.plugins.len() - 1;
+        self.window_followers.push((plugin, body));
+    }
+
+    /// Refuses plugins that do not know that a body is a window which moves, and bodies that melt differently.
+    pub(crate) fn check_refinements(&self) -> Result<(), (usize, SetupError)> {
+        for refinement in &self.world.refinements {
+            let (plate, window) = (refinement.plate, refinement.window);
+            let follows = |plugin: usize| self.window_followers.contains(&(plugin, window));
+            let acts = |d: &&crate::setup::Declaration| {
+                let is_here = self.world.fields.field(d.field).body == window;
+                let is_reading = matches!(d.access, Access::Read | Access::ReadIfProvided);
+                let is_layer = matches!(d.access, Access::Layer | Access::LayerIfProvided);
+                is_here && !(is_reading || is_layer)
+            };
+            let unaware = self.declarations.iter().filter(acts).map(|d| d.plugin);
+            let unaware = unaware.chain(self.plugins_with_families(window));
+            if let Some(plugin) = unaware.into_iter().find(|p| !follows(*p)) {
+                let message = format!(
+                    "the points of body `{}` are a window that moves, which this plugin does not support",
+                    self.body(window).name
+                );
+                let expected = format!(
+                    "`thermal`, `phase_change`, heat sources on a toolpath, or heat through surfaces; other plugins act on \
+                     body `{}`",
+                    self.body(plate).name
+                );
+                return Err((plugin, SetupError::value("", message, expected)));
+            }
+            let changes = [plate, window].map(|b| self.world.phase_change[b]);
+            if changes[0] != changes[1] {
+                let message = format!(
+                    "bodies `{}` and `{}` do not melt alike",
+                    self.body(plate).name,
+                    self.body(window).name
+                );
+                let expected = "`phase_change` with the same keys for both bodies, or for none";
+                let plugin = self.window_followers.iter().find(|(_, b)| *b == window);
+                let plugin = plugin.map_or(0, |(plugin, _)| *plugin);
+                return Err((plugin, SetupError::value("fine", message, expected)));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_move_by_whole_points_along_every_axis() {
+        let size = [4, 3, 2];
+        let at = |[x, y, z]: [i64; 3]| (x + 10 * y + 100 * z) as f64;
+        let cells = || (0..24i64).map(|n| [n % 4, n / 4 % 3, n / 12]);
+        for step in [
+            [1, 0, 0],
+            [-2, 0, 0],
+            [0, 1, 0],
+            [1, -1, 1],
+            [-1, 2, -1],
+            [5, 0, 0],
+        ] {
+            let mut values: Vec<f64> = cells().map(at).collect();
+            shift(&mut values, size, step);
+            for (n, cell) in cells().enumerate() {
+                let from: [i64; 3] = std::array::from_fn(|a| cell[a] + step[a]);
+                if (0..3).all(|a| from[a] >= 0 && from[a] < size[a] as i64) {
+                    assert_eq!(values[n], at(from), "{step:?} {cell:?}");
+                }
+            }
+        }
+    }
+}

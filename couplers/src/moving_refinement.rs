@@ -1,0 +1,155 @@
+//! Refinement that follows a heat source: a window of finer points that moves over a plate.
+//!
+//! The window is a body of its own inside of the plate, a box whose faces lie on faces of cells of the plate and
+//! whose spacing is that of the plate divided by a whole number. It keeps its place relative to the source: when
+//! the source has travelled by a cell of the plate along x or y, the window moves by that cell, as far as it stays on the
+//! plate. Both bodies have a `thermal` of their own, the same material and the same `phase_change`. Heat that crosses the faces of
+//! the window, and heat that it takes along and leaves behind, is conserved to rounding
+//! ([`perimelt_core::refinement`]).
+//!
+//! Cells of the plate below the window take the mean of the finer points; what sources and boundaries give them
+//! is not counted. Sources and losses through surfaces therefore belong to both bodies, or to the window alone where they act
+//! inside of it only.
+//!
+//! The heat source with the followed path may heat either body. Temperatures around the window are those of cells of the plate: the
+//! window should contain the melt pool and a few cells around it.
+//!
+//! Not for: mechanics, metallurgy and histories of points on the window, whose points do not stay with the material; they
+//! act on the plate.
+
+use std::rc::Rc;
+
+use nalgebra::Vector3;
+use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::refinement::{WindowMover, WindowPosition};
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Coupler, Report, RunError, Setup, SetupError, Step, World};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::toolpath::TimedPath;
+
+/// A window of finer points that follows a heat source over a plate.
+#[derive(Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MovingRefinement {
+    /// Body with the coarser points, the plate.
+    pub body: String,
+    /// Body with the finer points, the window: a box inside of the plate, placed as it is when the source is at the start
+    /// of its path.
+    pub fine: String,
+    /// Name of the heat source that the window follows, the `name` of its table.
+    pub follow: String,
+    #[serde(skip)]
+    #[schemars(skip)]
+    prepared: Option<MovingRefinementState>,
+}
+
+#[derive(Debug)]
+struct MovingRefinementState {
+    window: BodyIndex,
+    mover: WindowMover,
+    path: Rc<TimedPath>,
+    /// Of the window, once a step begins.
+    curves: Vec<EnthalpyCurve>,
+    position: WindowPosition,
+    /// Lower corner of the window, m.
+    corner: Vector3<f64>,
+}
+
+impl MovingRefinementState {
+    fn observe(&mut self, world: &World) {
+        self.position = world.moved_refinement(self.mover).position();
+        let (low, _) = world.body(self.window).bounds();
+        self.corner = low + world.window_shift(self.window);
+    }
+}
+
+#[typetag::serde(name = "moving_refinement")]
+impl Coupler for MovingRefinement {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let plate = setup.find_body(Some(&self.body))?;
+        let window = setup.find_body(Some(&self.fine)).map_err(|e| SetupError {
+            key: "fine".into(),
+            ..e
+        })?;
+        if plate == window {
+            let message = format!("`body` and `fine` are both `{}`", self.body);
+            return Err(SetupError::value("fine", message, "another body"));
+        }
+        let path: Rc<TimedPath> = setup.shared("follow", "heat source", &self.follow)?;
+        let mover = setup.refine(plate, window)?;
+        let placed = setup.refinement(window).map(|(r, _)| r.position());
+        self.prepared = Some(MovingRefinementState {
+            window,
+            mover,
+            path,
+            curves: Vec::new(),
+            position: placed.unwrap_or_default(),
+            corner: setup.body(window).bounds().0,
+        });
+        Ok(())
+    }
+
+    fn apply(&mut self, _world: &World, _step: Step) -> Result<(), RunError> {
+        Ok(())
+    }
+
+    fn begin_step(&mut self, world: &World, time: f64) {
+        let Some(p) = &mut self.prepared else {
+            return;
+        };
+        if p.curves.is_empty() {
+            // `thermal` has found the same ones at set-up
+            p.curves = world.enthalpy_curves(p.window).unwrap_or_default();
+        }
+        let Some(curve) = p.curves.first() else {
+            return;
+        };
+        let way = p.path.pose(time).position - p.path.first_position();
+        let low = world.moved_refinement(p.mover).moved_by(way);
+        world.move_window(p.mover, low, |h| curve.temperature(h));
+        p.observe(world);
+    }
+
+    fn report(&self) -> Vec<Report> {
+        let report = |name: &str, unit: &str, value: f64| Report {
+            name: name.into(),
+            unit: unit.into(),
+            value,
+        };
+        let Some(p) = &self.prepared else {
+            return Vec::new();
+        };
+        vec![
+            report("corner.x", "m", p.corner.x),
+            report("corner.y", "m", p.corner.y),
+            report("heat of moves", "J", p.position.heat),
+        ]
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        let position = self.prepared.as_ref().map(|p| p.position);
+        Box::new(position.unwrap_or_default())
+    }
+
+    fn load(
+        &mut self,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        let position: WindowPosition = erased_serde::deserialize(state)?;
+        if let Some(p) = &mut self.prepared {
+            p.position = position;
+        }
+        Ok(())
+    }
+
+    fn restored(&mut self, world: &World) {
+        if let Some(p) = &mut self.prepared {
+            world.restore_window(p.mover, p.position);
+            p.observe(world);
+        }
+    }
+}
+
+perimelt_core::register_coupler!("moving_refinement", MovingRefinement);
