@@ -174,7 +174,7 @@ fn a_uniform_temperature_stays_uniform_while_the_window_moves() {
     for horizon in [1, 3] {
         let track = Track {
             temperature: "1000".into(),
-            power: 1e-9,
+            power: 1e-12,
             ..hot_spot(horizon, 4, 3)
         };
         let mut simulation = track.compose();
