@@ -72,6 +72,7 @@ impl Track {
             body = 'window'
             power = {:e}
             sigma = 4e-4
+            {}
             toolpath.line = {{ start = [4e-3, 4e-3, {top}e-3], end = [{}e-3, {}e-3, {top}e-3], speed = 0.02 }}
             [time]
             end = 0.4
@@ -81,6 +82,7 @@ impl Track {
             body("window", [2.0, 2.0, window], [6.0, 6.0, top], 1.0 / self.ratio as f64),
             self.conductivity,
             self.power,
+            if self.dimension == 3 { "effective_depth = 1e-3" } else { "" },
             self.to[0],
             self.to[1],
         );
@@ -172,7 +174,7 @@ fn a_uniform_temperature_stays_uniform_while_the_window_moves() {
     for horizon in [1, 3] {
         let track = Track {
             temperature: "1000".into(),
-            power: 1e-9,
+            power: 1e-12,
             ..hot_spot(horizon, 4, 3)
         };
         let mut simulation = track.compose();
