@@ -6,7 +6,7 @@ use std::sync::Arc;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::refinement::Level;
 use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
-use perimelt_core::{BrokenBonds, Family, GrowingFamily, MovingFamily, Read, World, Write};
+use perimelt_core::{BrokenBonds, Family, GrowingFamily, MovingFamily, Read, Setup, World, Write};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -59,6 +59,15 @@ pub(super) enum Neighbours {
 }
 
 impl Neighbours {
+    /// As they are at set-up.
+    pub(super) fn at_setup(&self, setup: &Setup<'_>) -> Arc<Family> {
+        match self {
+            Neighbours::AtRest(family) => family.clone(),
+            Neighbours::Moving(family) => setup.current_family(*family),
+            Neighbours::Growing(family) => setup.current_growing_family(*family),
+        }
+    }
+
     /// As they are now.
     pub(super) fn now(&self, world: &World) -> Arc<Family> {
         match self {
