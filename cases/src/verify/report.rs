@@ -184,7 +184,7 @@ mod tests {
             "{text}"
         );
         assert!(
-            lines[1].starts_with("|  | audit of mass (worst of 2 audits) | 5.000e-13 |"),
+            lines[1].starts_with("|  | audit of mass (worst of 2 audits) | 5e-13 |"),
             "{text}"
         );
     }

@@ -409,7 +409,7 @@ mod tests {
             body.repeat(&[Axis::Y]).expect("it fits");
             let spec = FamilySpec {
                 correction: Correction::None,
-                ..FamilySpec::mirrored(&body, 0.2)
+                ..FamilySpec::mirrored(&body, 2.0)
             };
             let families = [Family::build(&body, &spec), Family::moving(&body, &spec)];
             for family in families.map(|f| f.expect("valid")) {

@@ -118,12 +118,12 @@ impl Extrusion {
             ));
         }
         let edges: Vec<_> = self.edges().collect();
+        if let Some(i) = edges.iter().position(|[a, b]| a == b) {
+            return Some(format!("corner {} of the polygon is repeated", i + 1));
+        }
         for (i, edge) in edges.iter().enumerate() {
             let [a, b] = *edge;
             let corner = i + 1;
-            if a == b {
-                return Some(format!("corner {corner} of the polygon is repeated"));
-            }
             let after = edges[(i + 1) % count][1];
             if turn(a, b, after) == 0.0 && (b - a).dot(&(after - b)) < 0.0 {
                 let corner = (i + 1) % count + 1;
