@@ -77,7 +77,7 @@ pub enum StlError {
 }
 
 impl Stl {
-    /// A solid in a file that has not been read yet ([`Stl::load`]).
+    /// A solid in a file that has not been read yet (`Stl::load`).
     pub fn new(file: impl Into<PathBuf>, scale: f64) -> Stl {
         Stl {
             file: file.into(),
