@@ -153,9 +153,10 @@ fn heat_of_a_hot_spot_that_the_window_crosses_is_kept_to_rounding() {
         let mut simulation = hot_spot(horizon, ratio, dimension).compose();
         let drift = drift(&mut simulation);
         assert!(drift < 1e-13, "{horizon} {ratio} {dimension}: {drift}");
-        // points of half the spacing may do with the steps of the plate
+        // steps of the simulation bound both bodies where horizons are long or spacings close
         let sub_steps = &simulation.progress().sub_steps;
-        assert!(ratio == 2 || sub_steps[1] > sub_steps[0], "{sub_steps:?}");
+        let has_sub_steps = sub_steps[1] > sub_steps[0];
+        assert!(has_sub_steps || (horizon, ratio) != (1, 4), "{sub_steps:?}");
     }
 }
 
