@@ -235,18 +235,9 @@ impl Setup<'_> {
     /// Refuses plugins that do not know that a body grows, and lets the others read the activity.
     pub(crate) fn check_growth(&mut self) -> Result<(), (usize, SetupError)> {
         for body in (0..self.world.bodies.len()).filter(|&b| self.world.growing[b]) {
-            let follows = |plugin: usize| self.followers.contains(&(plugin, body));
-            let acts = |d: &&Declaration| {
-                let is_here = self.world.fields.field(d.field).body == body;
-                is_here
-                    && matches!(
-                        d.access,
-                        Access::Own | Access::Add | Access::Give | Access::GiveSum
-                    )
-            };
-            let unaware = self.declarations.iter().filter(acts).map(|d| d.plugin);
-            let unaware = unaware.chain(self.plugins_with_families(body));
-            if let Some(plugin) = unaware.into_iter().find(|p| !follows(*p)) {
+            let acts =
+                |access: Access| matches!(access, Access::Own | Access::Add) || access.gives();
+            if let Some(plugin) = self.unaware_plugin(body, acts, &self.followers) {
                 return Err((plugin, self.refused_growth(body)));
             }
             let Some(field) = self.world.activity_field(body) else {

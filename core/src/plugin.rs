@@ -3,7 +3,7 @@
 //! A plugin is a struct whose fields are the keys of its table in the case file. It
 //! 1. derives `Serialize`, `Deserialize` (with `deny_unknown_fields`) and `JsonSchema`; doc
 //!    comments of the fields, with units, become the help text of `perimelt explain`;
-//! 2. implements [`Physics`] or [`Coupler`] under `#[typetag::serde(name = "...")]`;
+//! 2. implements [`Physics`] or [`Coupler`] under `#[typetag::serialize(name = "...")]`;
 //! 3. registers with [`crate::register_physics!`] or [`crate::register_coupler!`].
 //!
 //! What it obtains at set-up (handles, families, work arrays) sits in a
@@ -254,7 +254,7 @@ pub struct Report {
 }
 
 /// Something with a state that the scheduler steps.
-#[typetag::serde(tag = "type")]
+#[typetag::serialize(tag = "type")]
 pub trait Physics {
     /// Declares fields, obtains families and handles, checks the case.
     ///
@@ -351,7 +351,7 @@ pub trait Physics {
 }
 
 /// Something that carries what fields do to others, on one body or between two.
-#[typetag::serde(tag = "type")]
+#[typetag::serialize(tag = "type")]
 pub trait Coupler {
     /// What other couplers may use by the `name` of this one, such as the path of a torch; asked of all couplers before
     /// any is prepared ([`Setup::shared`]). Relative paths in the case start from `folder`.

@@ -525,16 +525,12 @@ impl Setup<'_> {
     pub(crate) fn check_refinements(&self) -> Result<(), (usize, SetupError)> {
         for refinement in &self.world.refinements {
             let (plate, window) = (refinement.plate, refinement.window);
-            let follows = |plugin: usize| self.window_followers.contains(&(plugin, window));
-            let acts = |d: &&crate::setup::Declaration| {
-                let is_here = self.world.fields.field(d.field).body == window;
-                let is_reading = matches!(d.access, Access::Read | Access::ReadIfProvided);
-                let is_layer = matches!(d.access, Access::Layer | Access::LayerIfProvided);
-                is_here && !(is_reading || is_layer)
+            let acts = |access: Access| {
+                let is_reading = matches!(access, Access::Read | Access::ReadIfProvided);
+                let is_layer = matches!(access, Access::Layer | Access::LayerIfProvided);
+                !(is_reading || is_layer)
             };
-            let unaware = self.declarations.iter().filter(acts).map(|d| d.plugin);
-            let unaware = unaware.chain(self.plugins_with_families(window));
-            if let Some(plugin) = unaware.into_iter().find(|p| !follows(*p)) {
+            if let Some(plugin) = self.unaware_plugin(window, acts, &self.window_followers) {
                 let message = format!(
                     "the points of body `{}` are a window that moves, which this plugin does not support",
                     self.body(window).name

@@ -9,7 +9,7 @@ mod stl;
 
 use std::path::Path;
 
-use nalgebra::{Rotation3, Unit, Vector3};
+use nalgebra::{Rotation3, SVector, Unit, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -323,6 +323,15 @@ impl Shape {
             _ => None,
         }
     }
+}
+
+/// Distance of a position from the segment between a and b, m.
+fn distance_from_segment<const N: usize>(at: SVector<f64, N>, [a, b]: [SVector<f64, N>; 2]) -> f64 {
+    let along = b - a;
+    let fraction = (at - a).dot(&along) / along.norm_squared();
+    // a segment without length has the fraction NaN, which `clamp` keeps
+    let fraction = if fraction.is_nan() { 0.0 } else { fraction };
+    (at - a - along * fraction.clamp(0.0, 1.0)).norm()
 }
 
 #[cfg(test)]

@@ -38,7 +38,7 @@ struct BuoyancyState {
     body_force: Write<Vector3<f64>>,
 }
 
-#[typetag::serde(name = "buoyancy")]
+#[typetag::serialize(name = "buoyancy")]
 impl Coupler for Buoyancy {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

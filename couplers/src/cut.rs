@@ -38,7 +38,7 @@ struct CutState {
     active: Write<f64>,
 }
 
-#[typetag::serde(name = "cut")]
+#[typetag::serialize(name = "cut")]
 impl Coupler for Cut {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

@@ -54,7 +54,7 @@ struct DeformationHeatState {
     heat: WorkHeat,
 }
 
-#[typetag::serde(name = "deformation_heat")]
+#[typetag::serialize(name = "deformation_heat")]
 impl Coupler for DeformationHeat {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

@@ -68,7 +68,7 @@ pub fn thermal_strain(
     expansion.at(temperature, liquid_fraction) * (temperature - reference_temperature)
 }
 
-#[typetag::serde(name = "thermal_expansion")]
+#[typetag::serialize(name = "thermal_expansion")]
 impl Coupler for ThermalExpansion {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

@@ -35,7 +35,7 @@ pub struct FluidStructure {
     pub slip: bool,
 }
 
-#[typetag::serde(name = "fluid_structure")]
+#[typetag::serialize(name = "fluid_structure")]
 impl Coupler for FluidStructure {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let find = |key: &str, name: &str| {

@@ -121,7 +121,7 @@ impl ForcingZone {
     }
 }
 
-#[typetag::serde(name = "forcing_zone")]
+#[typetag::serialize(name = "forcing_zone")]
 impl Coupler for ForcingZone {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

@@ -241,7 +241,7 @@ impl HeatInterface {
     }
 }
 
-#[typetag::serde(name = "heat_interface")]
+#[typetag::serialize(name = "heat_interface")]
 impl Coupler for HeatInterface {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.check()?;

@@ -139,7 +139,7 @@ impl Profile {
     }
 }
 
-#[typetag::serde(name = "inherent_strain")]
+#[typetag::serialize(name = "inherent_strain")]
 impl Coupler for InherentStrain {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

@@ -65,7 +65,7 @@ impl MovingRefinementState {
     }
 }
 
-#[typetag::serde(name = "moving_refinement")]
+#[typetag::serialize(name = "moving_refinement")]
 impl Coupler for MovingRefinement {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let plate = setup.find_body(Some(&self.body))?;

@@ -67,7 +67,7 @@ fn missing_property(setup: &Setup<'_>, body: usize) -> Option<Problem> {
     first
 }
 
-#[typetag::serde(name = "phase_change")]
+#[typetag::serialize(name = "phase_change")]
 impl Coupler for PhaseChange {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

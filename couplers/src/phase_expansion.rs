@@ -79,7 +79,7 @@ impl PhaseExpansion {
     }
 }
 
-#[typetag::serde(name = "phase_expansion")]
+#[typetag::serialize(name = "phase_expansion")]
 impl Coupler for PhaseExpansion {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         if !(0.0..=1.0).contains(&self.reference_austenite) {

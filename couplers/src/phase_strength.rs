@@ -62,7 +62,7 @@ impl PhaseStrength {
     }
 }
 
-#[typetag::serde(name = "phase_strength")]
+#[typetag::serialize(name = "phase_strength")]
 impl Coupler for PhaseStrength {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

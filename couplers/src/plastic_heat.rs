@@ -32,7 +32,7 @@ fn usual_fraction() -> f64 {
     0.9
 }
 
-#[typetag::serde(name = "plastic_heat")]
+#[typetag::serialize(name = "plastic_heat")]
 impl Coupler for PlasticHeat {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         if !(0.0..=1.0).contains(&self.fraction) {

@@ -38,7 +38,7 @@ struct PowderState {
     consolidated: Write<f64>,
 }
 
-#[typetag::serde(name = "powder")]
+#[typetag::serialize(name = "powder")]
 impl Coupler for Powder {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

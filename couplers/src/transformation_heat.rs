@@ -42,7 +42,7 @@ struct State {
     density: Vec<f64>,
 }
 
-#[typetag::serde(name = "transformation_heat")]
+#[typetag::serialize(name = "transformation_heat")]
 impl Coupler for TransformationHeat {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         if !(self.latent_heat >= 0.0 && self.latent_heat.is_finite()) {

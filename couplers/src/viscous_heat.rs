@@ -24,7 +24,7 @@ pub struct ViscousHeat {
     heat: Option<WorkHeat>,
 }
 
-#[typetag::serde(name = "viscous_heat")]
+#[typetag::serialize(name = "viscous_heat")]
 impl Coupler for ViscousHeat {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

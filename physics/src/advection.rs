@@ -55,29 +55,29 @@ impl Convection {
 /// `f - mean f = -lap f / laplacian`. Its integral vanishes where the layers behind faces are even.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ShortWaves {
-    difference: Vec<f64>,
+    rules: Vec<LayerRule>,
     slots: SlotField,
     rate: Vec<f64>,
 }
 
 impl ShortWaves {
     /// Sets `d (f - mean f)`, given by point, for a component of a field that continues behind faces by these rules.
-    /// Nothing is done where it vanishes everywhere.
     pub(crate) fn find(
         &mut self,
         (pddo, work): (&Pddo, &mut Derivatives),
         (rules, component): (&[LayerRule], usize),
-        difference: impl IndexedParallelIterator<Item = f64>,
+        difference: impl Fn(usize) -> f64 + Sync,
     ) {
-        difference.collect_into_vec(&mut self.difference);
-        if self.difference.iter().all(|d| *d == 0.0) {
-            self.rate.clear();
-            return;
-        }
-        let rules: Vec<LayerRule> = rules.iter().map(LayerRule::homogeneous).collect();
-        let ghosts = ByRules(&rules, component);
-        self.slots.load(pddo.family(), &self.difference[..], ghosts);
+        self.rules.clear();
+        self.rules.extend(rules.iter().map(LayerRule::homogeneous));
+        let ghosts = ByRules(&self.rules, component);
+        self.slots.load(pddo.family(), difference, ghosts);
         pddo.laplacian(&self.slots, work, &mut self.rate);
+    }
+
+    /// Sets a difference that vanishes everywhere.
+    pub(crate) fn vanish(&mut self) {
+        self.rate.clear();
     }
 
     /// `lap(d (f - mean f))` at a point.
@@ -111,7 +111,7 @@ impl Flux {
         density: Option<&[f64]>,
     ) {
         for (axis, (slots, velocity)) in self.slots.iter_mut().zip(velocity).enumerate() {
-            let velocity = velocity.iter();
+            let velocity = velocity.par_iter();
             match density {
                 Some(density) => slots.set(velocity.zip(density).map(|(v, rho)| v * rho)),
                 None => slots.set(velocity.copied()),
@@ -143,7 +143,7 @@ impl Flux {
         field: &[f64],
     ) {
         for (slots, mass) in self.slots.iter_mut().zip(&mass.slots) {
-            slots.set(mass.iter().zip(field).map(|(mass, value)| mass * value));
+            slots.set(mass.par_iter().zip(field).map(|(mass, value)| mass * value));
         }
         pddo.divergence(&self.slots, work, &mut self.divergence);
     }

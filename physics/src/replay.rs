@@ -162,7 +162,7 @@ fn values<'a>(cloud: &'a LoggedCloud, name: &str) -> &'a [f64] {
     find(cloud, name).map_or(&[], |f| &f.values)
 }
 
-#[typetag::serde(name = "replay")]
+#[typetag::serialize(name = "replay")]
 impl Physics for Replay {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

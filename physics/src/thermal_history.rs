@@ -138,7 +138,7 @@ fn common(body: &Body, property: &str) -> Option<f64> {
     Property::common(&values?)
 }
 
-#[typetag::serde(name = "thermal_history")]
+#[typetag::serialize(name = "thermal_history")]
 impl Physics for ThermalHistory {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.check()?;

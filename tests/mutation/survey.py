@@ -34,6 +34,7 @@ AREAS = {
     "core: log": ["core/src/log/"],
     "core: families and kernels": ["core/src/family/", "core/src/pddo/"],
 }
+PACKAGES = [flag for crate in ("core", "couplers", "physics") for flag in ("-p", f"perimelt-{crate}")]
 # text for people and sizes in memory are no results
 LEFT_OUT = re.compile(r"impl (std::fmt::|fmt::)?(Debug|Display) for|<impl .*(Debug|Display)|memory|::describe|::schema")
 SWITCH = f'''//! The mutant that is active.
@@ -56,8 +57,7 @@ def area_of(file):
 
 def listed(tree):
     """Mutants of all areas."""
-    packages = [f for p in ("core", "couplers", "physics") for f in ("-p", f"perimelt-{p}")]
-    text = subprocess.check_output(["cargo", "mutants", "--list", "--json", *packages], cwd=tree)
+    text = subprocess.check_output(["cargo", "mutants", "--list", "--json", *PACKAGES], cwd=tree)
     mutants = [m for m in json.loads(text) if m["genre"] != "StructField"]
     return [m for m in mutants if area_of(m["file"]) and not LEFT_OUT.search(m["name"])]
 
@@ -178,8 +178,7 @@ def write(args):
 
 def refused(copy):
     """Numbers of the mutants at errors of the compiler."""
-    packages = [f for p in ("core", "couplers", "physics") for f in ("-p", f"perimelt-{p}")]
-    command = ["cargo", "check", "--release", "--keep-going", "--message-format=json", *packages]
+    command = ["cargo", "check", "--release", "--keep-going", "--message-format=json", *PACKAGES]
     checked = subprocess.run(command, cwd=copy, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     numbers, unexplained = set(), []
     for line in checked.stdout.decode().splitlines():
@@ -238,18 +237,20 @@ def passes(command, number, timeout, cwd):
         return None
 
 
+def folder_of(copy, crate):
+    return copy / ("cases" if crate == "perimelt" else crate)
+
+
 def run(args):
     copy, path = Path(args.copy).resolve(), Path(args.results)
     tests = test_binaries(copy)
-    program = copy / "target/release/perimelt" if not args.program else Path(args.program)
     results = json.loads(path.read_text()) if path.exists() else []
     done = {r["number"] for r in results}
     order = ["core", "couplers", "physics", "perimelt"]
     limits = {}
     for name in order:
         started = time.time()
-        cwd = copy / ("cases" if name == "perimelt" else name)
-        if not passes([tests[name], "-q"], 0, 1200, cwd):
+        if not passes([tests[name], "-q"], 0, 1200, folder_of(copy, name)):
             sys.exit(f"the tests of {name} fail without a mutant")
         limits[name] = 20 + 5 * (time.time() - started)
         print(f"{name}: {time.time() - started:.0f} s", flush=True)
@@ -261,8 +262,7 @@ def run(args):
         own = mutant["file"].split("/")[0]
         killed = None
         for name in [own] + [n for n in order[order.index(own) + 1 :] if args.all]:
-            cwd = copy / ("cases" if name == "perimelt" else name)
-            outcome = passes([tests[name], "-q"], mutant["number"], limits[name], cwd)
+            outcome = passes([tests[name], "-q"], mutant["number"], limits[name], folder_of(copy, name))
             if not outcome:
                 killed = f"unit tests of {name}" + (" (no end)" if outcome is None else "")
                 break

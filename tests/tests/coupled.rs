@@ -309,7 +309,7 @@ struct Humidity {
     humidity: Option<Write<f64>>,
 }
 
-#[typetag::serde(name = "humidity_of_the_air")]
+#[typetag::serialize(name = "humidity_of_the_air")]
 impl Physics for Humidity {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let key = Key::new("humidity", "1", "relative humidity");

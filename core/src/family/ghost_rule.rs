@@ -8,6 +8,7 @@
 //! | a value of each image, of whatever fields | [`ByImage`] |
 
 use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
 
 use crate::body::Face;
 
@@ -196,7 +197,8 @@ impl SlotField {
     /// Sets the coordinate along an axis, m; behind faces that of the mirror point, behind periodic faces that of the
     /// copy.
     pub fn load_coordinate(&mut self, family: &Family, axis: usize) {
-        self.set((0..family.slots).map(|slot| family.place(slot, axis)));
+        let slots = (0..family.slots).into_par_iter();
+        self.set(slots.map(|slot| family.place(slot, axis)));
         self.fill_ghosts(family, Coordinate(axis));
     }
 

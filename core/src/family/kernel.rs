@@ -269,9 +269,15 @@ impl Family {
         mut receive: impl FnMut(usize, [f64; O]),
     ) {
         self.check_inputs(&inputs);
-        for row in 0..self.layer_rows.point.len() {
-            let sum = self.sum_any_row(kernel, &inputs, (&self.layer_rows, row), Bits::NONE);
-            receive(self.layer_rows.point[row] as usize, sum);
+        let mut sums = [[0.0; O]; 1024];
+        for (block, points) in self.layer_rows.point.chunks(sums.len()).enumerate() {
+            let first = block * sums.len();
+            let rows = sums.par_iter_mut().zip(first..first + points.len());
+            rows.with_min_len(128).for_each(|(sums, row)| {
+                *sums = self.sum_any_row(kernel, &inputs, (&self.layer_rows, row), Bits::NONE);
+            });
+            let points = points.iter().zip(&sums);
+            points.for_each(|(&point, sums)| receive(point as usize, *sums));
         }
     }
 

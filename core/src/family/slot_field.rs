@@ -68,9 +68,9 @@ impl SlotField {
     }
 
     /// Sets the values of all slots, ghosts included.
-    pub fn set(&mut self, values: impl IntoIterator<Item = f64>) {
-        self.0.clear();
-        self.0.extend(values);
+    pub fn set(&mut self, values: impl IndexedParallelIterator<Item = f64>) {
+        let values = values.with_min_len(SLOTS / 4);
+        values.collect_into_vec(&mut self.0);
     }
 
     /// Fills the ghosts of a field whose points have their values.

@@ -131,6 +131,8 @@ pub struct EnthalpyCurve {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Melting {
     latent: LatentHeat,
+    /// Enthalpies at solidus and liquidus, J/m³.
+    interval: [f64; 2],
     /// Capacity at the liquidus, which belongs to the interval.
     capacity_at_liquidus: f64,
 }
@@ -187,6 +189,10 @@ impl EnthalpyCurve {
             let mushy = knots.partition_point(|&knot| knot < latent.liquidus);
             Melting {
                 latent,
+                interval: [latent.solidus, latent.liquidus].map(|t| {
+                    let piece = &pieces[piece_index(&knots, t)];
+                    piece.enthalpy(t)
+                }),
                 capacity_at_liquidus: pieces[mushy].capacity(latent.liquidus),
             }
         });
@@ -249,6 +255,8 @@ impl EnthalpyCurve {
             Some(Melting { latent, .. }) if latent.solidus == latent.liquidus => {
                 (enthalpy / (self.density * latent.latent_heat)).clamp(0.0, 1.0)
             }
+            Some(Melting { interval, .. }) if enthalpy < interval[0] => 0.0,
+            Some(Melting { interval, .. }) if enthalpy >= interval[1] => 1.0,
             _ => self.liquid_fraction(self.temperature(enthalpy)),
         }
     }

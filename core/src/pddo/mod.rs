@@ -317,6 +317,11 @@ impl Pddo {
         self.invert(positions)
     }
 
+    /// Number of points.
+    pub fn points(&self) -> usize {
+        self.inverse_of_point.len()
+    }
+
     /// The family over which sums are taken.
     pub fn family(&self) -> &Arc<Family> {
         &self.family

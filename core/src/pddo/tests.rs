@@ -479,7 +479,7 @@ fn sums_of_derivatives_are_those_of_all_of_them() {
             let field = |axis: usize| {
                 let at = |slot: usize| ((slot * (axis + 3)) as f64).sin();
                 let mut field = SlotField::default();
-                field.set((0..pddo.family().slots()).map(at));
+                field.set((0..pddo.family().slots()).into_par_iter().map(at));
                 field
             };
             let fields: Vec<SlotField> = (0..dimension).map(field).collect();

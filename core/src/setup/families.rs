@@ -7,7 +7,7 @@ use crate::error::SetupError;
 use crate::family::{Family, FamilySpec};
 use crate::world::{BodyIndex, BondBreaker, World};
 
-use super::Setup;
+use super::{Access, Declaration, Setup};
 
 /// A family of points that stay, and the plugin that asked for it first.
 pub(super) struct ObtainedFamily {
@@ -168,6 +168,20 @@ impl Setup<'_> {
     pub(crate) fn plugins_with_families(&self, body: BodyIndex) -> impl Iterator<Item = usize> {
         let families = self.families.iter().filter(move |f| f.body == body);
         families.map(|f| f.plugin)
+    }
+
+    /// The first plugin that acts on a body, by a declared access or a family, and is not among its `followers`.
+    pub(crate) fn unaware_plugin(
+        &self,
+        body: BodyIndex,
+        acts: impl Fn(Access) -> bool,
+        followers: &[(usize, BodyIndex)],
+    ) -> Option<usize> {
+        let is_here = |d: &&Declaration| self.world.fields.field(d.field).body == body;
+        let declarations = self.declarations.iter().filter(is_here);
+        let declared = declarations.filter(|d| acts(d.access)).map(|d| d.plugin);
+        let mut all = declared.chain(self.plugins_with_families(body));
+        all.find(|plugin| !followers.contains(&(*plugin, body)))
     }
 
     /// All families obtained so far.

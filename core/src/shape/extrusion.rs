@@ -4,7 +4,7 @@ use nalgebra::{Vector2, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Bounds;
+use super::{Bounds, distance_from_segment};
 use crate::axis::Axis;
 
 /// A polygon drawn out along an axis, such as a plate with a V-groove or a rolled section.
@@ -32,20 +32,11 @@ fn turn(a: Vector2<f64>, b: Vector2<f64>, c: Vector2<f64>) -> f64 {
     (b - a).perp(&(c - a))
 }
 
-/// Distance of a position from the segment between a and b, m.
-fn distance(at: Vector2<f64>, [a, b]: [Vector2<f64>; 2]) -> f64 {
-    let along = b - a;
-    let fraction = (at - a).dot(&along) / along.norm_squared();
-    // a segment without length has the fraction NaN, which `clamp` keeps
-    let fraction = if fraction.is_nan() { 0.0 } else { fraction };
-    (at - a - along * fraction.clamp(0.0, 1.0)).norm()
-}
-
 /// Whether two segments have a common position.
 fn meet([a, b]: [Vector2<f64>; 2], [c, d]: [Vector2<f64>; 2]) -> bool {
     let opposite = |p: f64, q: f64| p > 0.0 && q < 0.0 || p < 0.0 && q > 0.0;
     let crosses = opposite(turn(a, b, c), turn(a, b, d)) && opposite(turn(c, d, a), turn(c, d, b));
-    let touches = |p, segment| distance(p, segment) == 0.0;
+    let touches = |p, segment| distance_from_segment(p, segment) == 0.0;
     crosses || touches(a, [c, d]) || touches(b, [c, d]) || touches(c, [a, b]) || touches(d, [a, b])
 }
 
@@ -75,7 +66,7 @@ impl Extrusion {
         let at = Vector2::new(position[u], position[v]);
         let mut inside = false;
         for [a, b] in self.edges() {
-            if distance(at, [a, b]) <= tolerance.abs() {
+            if distance_from_segment(at, [a, b]) <= tolerance.abs() {
                 return tolerance >= 0.0;
             }
             // a ray along the first coordinate; an edge has its lower, not its upper end

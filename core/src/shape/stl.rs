@@ -14,7 +14,7 @@ use nalgebra::{Vector2, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Bounds;
+use super::{Bounds, distance_from_segment};
 
 /// The solid in an STL file, text or binary. Its surface must be closed.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -386,12 +386,7 @@ impl Surface {
         if area > 0.0 && inside.iter().all(|side| *side >= 0.0) {
             return (position - a).dot(&normal).abs() / area;
         }
-        let to_edge = edges.map(|(from, to)| {
-            let along = to - from;
-            let fraction = (position - from).dot(&along) / along.norm_squared();
-            let fraction = if fraction.is_nan() { 0.0 } else { fraction };
-            (position - from - along * fraction.clamp(0.0, 1.0)).norm()
-        });
+        let to_edge = edges.map(|(from, to)| distance_from_segment(*position, [from, to]));
         to_edge.into_iter().fold(f64::INFINITY, f64::min)
     }
 }

@@ -40,7 +40,7 @@ impl Clamp {
     }
 }
 
-#[typetag::serde(name = "clamp")]
+#[typetag::serialize(name = "clamp")]
 impl Coupler for Clamp {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

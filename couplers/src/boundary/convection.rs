@@ -46,7 +46,7 @@ struct ConvectionState {
     capacity: Option<f64>,
 }
 
-#[typetag::serde(name = "convection")]
+#[typetag::serialize(name = "convection")]
 impl Coupler for Convection {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

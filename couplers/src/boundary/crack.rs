@@ -102,7 +102,7 @@ fn separates_cells(body: &Body, cut: &Cut) -> bool {
     })
 }
 
-#[typetag::serde(name = "insulated_crack")]
+#[typetag::serialize(name = "insulated_crack")]
 impl Coupler for InsulatedCrack {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

@@ -27,7 +27,7 @@ struct GravityState {
     body_force: Write<Vector3<f64>>,
 }
 
-#[typetag::serde(name = "gravity")]
+#[typetag::serialize(name = "gravity")]
 impl Coupler for Gravity {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

@@ -109,7 +109,7 @@ impl GrowingCrack {
     }
 }
 
-#[typetag::serde(name = "growing_crack")]
+#[typetag::serialize(name = "growing_crack")]
 impl Coupler for GrowingCrack {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.check()?;

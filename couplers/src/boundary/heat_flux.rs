@@ -27,7 +27,7 @@ pub struct HeatFlux {
     prepared: Option<SurfaceHeat>,
 }
 
-#[typetag::serde(name = "heat_flux")]
+#[typetag::serialize(name = "heat_flux")]
 impl Coupler for HeatFlux {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

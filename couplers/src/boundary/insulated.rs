@@ -29,7 +29,7 @@ fn temperature() -> String {
     keys::TEMPERATURE.name.into_owned()
 }
 
-#[typetag::serde(name = "insulated")]
+#[typetag::serialize(name = "insulated")]
 impl Coupler for Insulated {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

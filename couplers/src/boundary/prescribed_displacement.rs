@@ -63,7 +63,7 @@ impl PrescribedDisplacement {
     }
 }
 
-#[typetag::serde(name = "prescribed_displacement")]
+#[typetag::serialize(name = "prescribed_displacement")]
 impl Coupler for PrescribedDisplacement {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

@@ -46,7 +46,7 @@ enum TemperatureSink {
     },
 }
 
-#[typetag::serde(name = "prescribed_temperature")]
+#[typetag::serialize(name = "prescribed_temperature")]
 impl Coupler for PrescribedTemperature {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

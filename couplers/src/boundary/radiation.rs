@@ -50,7 +50,7 @@ struct RadiationState {
     emissivity: Vec<Property>,
 }
 
-#[typetag::serde(name = "radiation")]
+#[typetag::serialize(name = "radiation")]
 impl Coupler for Radiation {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

@@ -22,7 +22,7 @@ pub struct Symmetry {
     vectors: Vec<LayerHandle>,
 }
 
-#[typetag::serde(name = "symmetry")]
+#[typetag::serialize(name = "symmetry")]
 impl Coupler for Symmetry {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

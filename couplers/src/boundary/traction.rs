@@ -142,7 +142,7 @@ impl Traction {
     }
 }
 
-#[typetag::serde(name = "traction")]
+#[typetag::serialize(name = "traction")]
 impl Coupler for Traction {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

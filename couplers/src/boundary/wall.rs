@@ -46,7 +46,7 @@ pub enum WallKind {
     Slip,
 }
 
-#[typetag::serde(name = "wall")]
+#[typetag::serialize(name = "wall")]
 impl Coupler for Wall {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

@@ -131,7 +131,7 @@ impl WaterJet {
     }
 }
 
-#[typetag::serde(name = "water_jet")]
+#[typetag::serialize(name = "water_jet")]
 impl Coupler for WaterJet {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.check()?;

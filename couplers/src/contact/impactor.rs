@@ -83,7 +83,7 @@ struct Ball {
     velocity: Vector3<f64>,
 }
 
-#[typetag::serde(name = "impactor")]
+#[typetag::serialize(name = "impactor")]
 impl Coupler for Impactor {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         check_stiffness(self.stiffness)?;

@@ -361,7 +361,7 @@ impl Contact {
     }
 }
 
-#[typetag::serde(name = "contact")]
+#[typetag::serialize(name = "contact")]
 impl Coupler for Contact {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         check_stiffness(self.stiffness)?;

@@ -323,7 +323,7 @@ impl DepositState {
     }
 }
 
-#[typetag::serde(name = "deposit")]
+#[typetag::serialize(name = "deposit")]
 impl Coupler for Deposit {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

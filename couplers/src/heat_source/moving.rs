@@ -352,7 +352,7 @@ impl<S: JsonSchema> JsonSchema for MovingSource<S> {
 
 macro_rules! moving_source {
     ($name:literal, $shape:ident) => {
-        #[typetag::serde(name = $name)]
+        #[typetag::serialize(name = $name)]
         impl Coupler for MovingSource<source::$shape> {
             fn share(&mut self, folder: &Path) -> Result<Option<Rc<dyn Any>>, SetupError> {
                 Ok(Some(self.timed_path(folder)?))

@@ -45,7 +45,7 @@ impl PulsedLaserSource {
     }
 }
 
-#[typetag::serde(name = "pulsed_laser")]
+#[typetag::serialize(name = "pulsed_laser")]
 impl Coupler for PulsedLaserSource {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

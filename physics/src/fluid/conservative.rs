@@ -448,7 +448,7 @@ impl Rates for Conservative {
             .viscosity
             .load(&self.family, &mut self.viscosity);
         for (a, (mirrored, held)) in self.velocity.iter_mut().zip(velocity).enumerate() {
-            mirrored.set(held.iter().copied());
+            mirrored.set(held.par_iter().copied());
             mirrored.fill_ghosts(&self.family, Mirrored::Vector(a));
         }
         self.surveyed.resize(density.len(), Surveyed::default());

@@ -34,12 +34,18 @@ pub(super) struct CarriedFlow {
     velocity: SlotField,
     /// In the middle of the step, by point.
     middle_density: Vec<f64>,
+    /// Of each point.
+    slot: Vec<u32>,
+    /// Diffusivity that short waves lack, times density over the sum of the weights of the Laplacian, kg/(m s) m².
+    missing: Vec<f64>,
     /// Sum of the weights of the Laplacian times the squared spacing.
     laplacian: f64,
 }
 
 impl CarriedFlow {
-    pub(super) fn new(dimension: usize) -> Self {
+    pub(super) fn new(pddo: &Pddo) -> Self {
+        let (dimension, family) = (pddo.dimension(), pddo.family());
+        let slot = |point: usize| family.slot_of(point) as u32;
         CarriedFlow {
             mass: Flux::new(dimension),
             momentum: vec![Flux::new(dimension); dimension],
@@ -47,6 +53,8 @@ impl CarriedFlow {
             density: SlotField::default(),
             velocity: SlotField::default(),
             middle_density: Vec::new(),
+            slot: (0..pddo.points()).map(slot).collect(),
+            missing: Vec::new(),
             laplacian: 0.0,
         }
     }
@@ -88,10 +96,8 @@ impl CarriedFlow {
         if self.laplacian == 0.0 {
             self.laplacian = pddo.laplacian_sum(0) * medium.spacing[0].powi(2);
         }
-        let family = pddo.family();
-        let missing = |i: usize| {
-            let slot = family.slot_of(i);
-            let square: f64 = velocity.iter().map(|v| v[slot] * v[slot]).sum();
+        let missing = |(i, slot): (usize, &u32)| {
+            let square: f64 = velocity.iter().map(|v| v[*slot as usize].powi(2)).sum();
             let spacing = medium.spacing[i];
             let sum = self.laplacian / (spacing * spacing);
             let diffusivity = medium.viscosity.value[i] / density[i];
@@ -99,16 +105,24 @@ impl CarriedFlow {
                 convection.missing_diffusivity((square.sqrt(), spacing), sum, diffusivity);
             density[i] * missing / sum
         };
+        let points = self.slot.par_iter().enumerate();
+        let points = points.with_min_len(POINTS_PER_TASK).map(missing);
+        points.collect_into_vec(&mut self.missing);
+        if self.missing.iter().all(|missing| *missing == 0.0) {
+            return self.short_waves.iter_mut().for_each(ShortWaves::vanish);
+        }
         for (axis, short_waves) in self.short_waves.iter_mut().enumerate() {
-            let points = (0..density.len()).into_par_iter();
-            let difference = points
-                .with_min_len(POINTS_PER_TASK)
-                .map(|i| match missing(i) {
-                    0.0 => 0.0,
-                    missing => -missing * laplacian(i, axis),
-                });
+            let difference = |i: usize| -self.missing[i] * laplacian(i, axis);
             short_waves.find((pddo, &mut *work), (terms.rules, axis), difference);
         }
+    }
+
+    /// Copies the flux of mass to points, kg/(m² s).
+    pub(super) fn copy_mass_flux(&self, flux: &mut [Vector3<f64>]) {
+        let points = flux.par_iter_mut().zip(&self.slot);
+        points
+            .with_min_len(POINTS_PER_TASK)
+            .for_each(|(flux, slot)| *flux = self.mass.at(*slot as usize));
     }
 
     /// Rate at which the momentum of short waves along an axis decays, N/m³.

@@ -81,9 +81,13 @@ impl DensityDiffusion {
         self.reduced.load(family, density, Mirrored::Scalar);
         let mut loaded = [false; 3];
         for (axis, along) in self.axes.iter_mut().enumerate().take(pddo.dimension()) {
-            along.slope.clear();
-            let slopes = (0..density.len()).map(|i| terms.density_slope(i, axis));
-            along.slope.extend(slopes);
+            if terms.force.is_none() {
+                continue;
+            }
+            let points = (0..density.len()).into_par_iter();
+            let points = points.with_min_len(POINTS_PER_TASK);
+            let slopes = points.map(|i| terms.density_slope(i, axis));
+            slopes.collect_into_vec(&mut along.slope);
             loaded[axis] = along.slope.iter().any(|s| *s != 0.0);
             if loaded[axis] {
                 if along.coordinate_laplacian.is_empty() {
@@ -92,20 +96,23 @@ impl DensityDiffusion {
                 }
                 let slots = &mut along.slope_slots;
                 slots.load(family, &along.slope[..], Mirrored::Scalar);
-                let hydrostatic = along.slope_slots.iter().zip(&*along.coordinate);
-                let slots = self.reduced.iter_mut().zip(hydrostatic);
+                let hydrostatic = along.slope_slots.par_iter().zip(&*along.coordinate);
+                let slots = self.reduced.par_iter_mut().zip(hydrostatic);
+                let slots = slots.with_min_len(POINTS_PER_TASK);
                 slots.for_each(|(rho, (s, x))| *rho -= 0.5 * s * x);
                 pddo.laplacian(&along.slope_slots, work, &mut along.slope_laplacian);
             }
         }
         pddo.laplacian(&self.reduced, work, &mut self.laplacian);
         for (along, _) in self.axes.iter().zip(loaded).filter(|(_, loaded)| *loaded) {
-            for (i, laplacian) in self.laplacian.iter_mut().enumerate() {
+            let points = self.laplacian.par_iter_mut().enumerate();
+            let points = points.with_min_len(POINTS_PER_TASK);
+            points.for_each(|(i, laplacian)| {
                 let x = along.coordinate[family.slot_of(i)];
                 *laplacian += 0.5
                     * (x * along.slope_laplacian[i]
                         - along.slope[i] * along.coordinate_laplacian[i]);
-            }
+            });
         }
     }
 }
@@ -128,7 +135,9 @@ pub(super) struct Differences {
     flux: Flux,
     /// In an Eulerian fluid.
     carried: Option<CarriedFlow>,
-    /// In the middle of the step, m/s.
+    /// Of an Eulerian fluid: but for convection, m/s².
+    acceleration: Vec<Vector3<f64>>,
+    /// Of an Eulerian fluid: in the middle of the step, m/s.
     middle_velocity: Vec<Vector3<f64>>,
     diffusion: DensityDiffusion,
     work: Derivatives,
@@ -142,7 +151,8 @@ impl Differences {
             velocity: vec![Vec::new(); pddo.dimension()],
             slope_of_divergence: Vec::new(),
             flux: Flux::new(pddo.dimension()),
-            carried: is_eulerian.then(|| CarriedFlow::new(pddo.dimension())),
+            carried: is_eulerian.then(|| CarriedFlow::new(&pddo)),
+            acceleration: Vec::new(),
             middle_velocity: Vec::new(),
             diffusion: DensityDiffusion::default(),
             work: Derivatives::default(),
@@ -158,13 +168,14 @@ impl Differences {
         &self,
         terms: &Terms<'_>,
         (i, density): (usize, f64),
-    ) -> [f64; D] {
+    ) -> Vector3<f64> {
         let viscosity = &terms.medium.viscosity;
         let of: [&[f64]; D] = std::array::from_fn(|b| row(&self.velocity[b], D + 1, i));
         let pressure = row(&self.pressure.rows, D, i);
         let slope = viscosity.varies.then(|| row(&self.viscosity.rows, D, i));
         let viscosity = viscosity.value[i];
-        std::array::from_fn(|a| {
+        let mut acceleration = Vector3::zeros();
+        for a in 0..D {
             let mut force = viscosity * of[a][D] - pressure[a];
             if terms.compressible {
                 force += viscosity / 3.0 * row(&self.slope_of_divergence, D, i)[a];
@@ -177,8 +188,9 @@ impl Differences {
             if let Some(carried) = &self.carried {
                 force += carried.short_waves(i, a);
             }
-            force / density + terms.body_acceleration(i, a)
-        })
+            acceleration[a] = force / density + terms.body_acceleration(i, a);
+        }
+        acceleration
     }
 
     fn accelerate<const D: usize>(
@@ -188,42 +200,50 @@ impl Differences {
         velocity: &mut [Vector3<f64>],
         density: &[f64],
     ) {
+        let time = dt * terms.acceleration_fraction;
         let points = velocity.par_iter_mut().enumerate();
-        points.with_min_len(POINTS_PER_TASK).for_each(|(i, v)| {
-            let mut acceleration = self.acceleration::<D>(terms, (i, density[i]));
-            if let Some(carried) = &self.carried {
-                for (a, acceleration) in acceleration.iter_mut().enumerate() {
-                    *acceleration += carried.force(i, a, v[a]) / density[i];
+        points
+            .with_min_len(POINTS_PER_TASK)
+            .for_each(|(i, v)| match &self.carried {
+                Some(carried) => {
+                    let others = self.acceleration[i];
+                    for a in 0..D {
+                        let carried = carried.force(i, a, v[a]) / density[i];
+                        v[a] += time * (others[a] + carried);
+                    }
                 }
-            }
-            for (a, acceleration) in acceleration.into_iter().enumerate() {
-                v[a] += dt * terms.acceleration_fraction * acceleration;
-            }
-        });
+                None => *v += time * self.acceleration::<D>(terms, (i, density[i])),
+            });
     }
 
-    /// Finds the velocity after half a step of this size (s).
+    /// Finds the acceleration but for convection, and the velocity after half a step of this size (s).
     fn find_middle<const D: usize>(
-        &self,
+        &mut self,
         (terms, dt): (&Terms<'_>, f64),
         velocity: &[Vector3<f64>],
         density: &[f64],
-        middle: &mut Vec<Vector3<f64>>,
     ) {
+        let mut found = (
+            std::mem::take(&mut self.acceleration),
+            std::mem::take(&mut self.middle_velocity),
+        );
         let time = 0.5 * dt * terms.acceleration_fraction;
         let of_point = |(i, velocity): (usize, &Vector3<f64>)| {
             let acceleration = self.acceleration::<D>(terms, (i, density[i]));
             let mut middle = *velocity;
-            for (a, acceleration) in acceleration.into_iter().enumerate() {
+            for a in 0..D {
                 let slope = row(&self.velocity[a], D + 1, i);
                 let carried: f64 = (0..D).map(|b| velocity[b] * slope[b]).sum();
-                middle[a] += time * (acceleration - carried);
+                middle[a] += time * (acceleration[a] - carried);
             }
-            middle
+            (acceleration, middle)
         };
         let points = velocity.par_iter().enumerate();
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.map(of_point).collect_into_vec(middle);
+        points
+            .map(of_point)
+            .unzip_into_vecs(&mut found.0, &mut found.1);
+        (self.acceleration, self.middle_velocity) = found;
     }
 
     /// Rate of the density by diffusion, kg/(m³ s).
@@ -307,21 +327,22 @@ impl Rates for Differences {
     }
 
     fn carry(&mut self, terms: &Terms<'_>, dt: f64, velocity: &[Vector3<f64>], density: &[f64]) {
-        let mut middle = std::mem::take(&mut self.middle_velocity);
+        if self.carried.is_none() {
+            return;
+        }
         match self.velocity.len() {
-            2 => self.find_middle::<2>((terms, dt), velocity, density, &mut middle),
-            _ => self.find_middle::<3>((terms, dt), velocity, density, &mut middle),
+            2 => self.find_middle::<2>((terms, dt), velocity, density),
+            _ => self.find_middle::<3>((terms, dt), velocity, density),
         }
         if let Some(carried) = &mut self.carried {
-            carried.set_momentum((&self.pddo, &mut self.work), &middle, terms.rules);
+            let (operator, middle) = ((&self.pddo, &mut self.work), &self.middle_velocity);
+            carried.set_momentum(operator, middle, terms.rules);
         }
-        self.middle_velocity = middle;
     }
 
     fn mass_flux(&self, flux: &mut [Vector3<f64>]) {
         if let Some(carried) = &self.carried {
-            let points = flux.iter_mut().enumerate();
-            points.for_each(|(i, m)| *m = carried.mass.at(self.pddo.family().slot_of(i)));
+            carried.copy_mass_flux(flux);
         }
     }
 

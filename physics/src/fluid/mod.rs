@@ -83,7 +83,7 @@ use walls::Walls;
 /// Steps after which the stable step of points that move is found again.
 const STEPS_BETWEEN_LIMITS: u64 = 64;
 
-#[typetag::serde(name = "fluid")]
+#[typetag::serialize(name = "fluid")]
 impl Physics for Fluid {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.run = Some(Run::prepare(self, setup)?);

@@ -15,7 +15,7 @@ struct Stretching {
     fields: Option<[Write<Vector3<f64>>; 2]>,
 }
 
-#[typetag::serde(name = "test_stretching")]
+#[typetag::serialize(name = "test_stretching")]
 impl Coupler for Stretching {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let constraint = setup.add(0, &keys::CONSTRAINT)?;

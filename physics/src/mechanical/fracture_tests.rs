@@ -239,7 +239,7 @@ struct Pull {
     layers: Vec<perimelt_core::world::LayerHandle>,
 }
 
-#[typetag::serde(name = "test_pull")]
+#[typetag::serialize(name = "test_pull")]
 impl perimelt_core::Coupler for Pull {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), perimelt_core::SetupError> {
         for face in [Face::XMin, Face::XMax] {

@@ -235,7 +235,7 @@ struct FreeLayer {
     layer: Option<LayerHandle>,
 }
 
-#[typetag::serde(name = "test_free_layer")]
+#[typetag::serialize(name = "test_free_layer")]
 impl Coupler for FreeLayer {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.layer = Some(setup.layer(0, &keys::DISPLACEMENT, Face::XMin, true)?);

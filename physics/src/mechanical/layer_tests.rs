@@ -26,7 +26,7 @@ struct Tension {
     eigenstrain: Option<Write<f64>>,
 }
 
-#[typetag::serde(name = "test_tension")]
+#[typetag::serialize(name = "test_tension")]
 impl Coupler for Tension {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let dimension = setup.body(0).dimension;

@@ -78,7 +78,7 @@ use fracture::FractureState;
 pub use keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
 use step::State;
 
-#[typetag::serde(name = "mechanical")]
+#[typetag::serialize(name = "mechanical")]
 impl Physics for Mechanical {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.run = Some(prepare::run(self, setup)?);

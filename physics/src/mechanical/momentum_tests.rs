@@ -38,7 +38,7 @@ struct SinkFields {
     layer: Option<LayerHandle>,
 }
 
-#[typetag::serde(name = "test_surroundings")]
+#[typetag::serialize(name = "test_surroundings")]
 impl Coupler for Surroundings {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let mut hold = None;

@@ -22,7 +22,7 @@ struct Swelling {
     eigenstrain: Option<Write<f64>>,
 }
 
-#[typetag::serde(name = "test_swelling")]
+#[typetag::serialize(name = "test_swelling")]
 impl Coupler for Swelling {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.eigenstrain = Some(setup.add(0, &keys::EIGENSTRAIN)?);
@@ -49,7 +49,7 @@ struct HeatCycle {
     walls: Vec<LayerHandle>,
 }
 
-#[typetag::serde(name = "test_heat_cycle")]
+#[typetag::serialize(name = "test_heat_cycle")]
 impl Coupler for HeatCycle {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.eigenstrain = Some(setup.add(0, &keys::EIGENSTRAIN)?);

@@ -315,7 +315,7 @@ impl Metallurgy {
     }
 }
 
-#[typetag::serde(name = "metallurgy")]
+#[typetag::serialize(name = "metallurgy")]
 impl Physics for Metallurgy {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.check()?;

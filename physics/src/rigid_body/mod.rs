@@ -269,7 +269,7 @@ fn check_body(
     Ok(())
 }
 
-#[typetag::serde(name = "rigid_body")]
+#[typetag::serialize(name = "rigid_body")]
 impl Physics for RigidBody {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

@@ -18,7 +18,7 @@ struct Push {
     sinks: Option<[Write<Vector3<f64>>; 2]>,
 }
 
-#[typetag::serde(name = "test_rigid_push")]
+#[typetag::serialize(name = "test_rigid_push")]
 impl Coupler for Push {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let force = setup.add(0, &keys::BODY_FORCE)?;

@@ -130,18 +130,14 @@ impl CarriedHeat {
         let points = (0..carried.density.len()).into_par_iter();
         let points = points.with_min_len(POINTS_PER_TASK);
         points.map(missing).collect_into_vec(&mut self.rate);
-        if self.rate.iter().any(|missing| *missing > 0.0) {
-            self.load(matter, carried.temperature, carried.enthalpy);
-            let slots = &self.temperature_slots;
-            let laplacian = &mut self.temperature_laplacian;
-            self.pddo.laplacian(slots, &mut self.work, laplacian);
-        } else {
-            self.temperature_laplacian.clear();
-            self.temperature_laplacian.resize(self.rate.len(), 0.0);
+        if self.rate.iter().all(|missing| *missing == 0.0) {
+            return self.short_waves.vanish();
         }
-        let difference = self.rate.par_iter().zip(&self.temperature_laplacian);
-        let difference = difference.with_min_len(POINTS_PER_TASK);
-        let difference = difference.map(|(missing, laplacian)| -missing * laplacian);
+        self.load(matter, carried.temperature, carried.enthalpy);
+        let slots = &self.temperature_slots;
+        let laplacian = &mut self.temperature_laplacian;
+        self.pddo.laplacian(slots, &mut self.work, laplacian);
+        let difference = |i: usize| -self.rate[i] * self.temperature_laplacian[i];
         let operator = (&*self.pddo, &mut self.work);
         self.short_waves
             .find(operator, (matter.rules, 0), difference);

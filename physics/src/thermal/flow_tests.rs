@@ -205,7 +205,7 @@ struct HotFloor {
     layers: Vec<(perimelt_core::world::LayerHandle, [f64; 3], f64)>,
 }
 
-#[typetag::serde(name = "hot floor of a test")]
+#[typetag::serialize(name = "hot floor of a test")]
 impl perimelt_core::Coupler for HotFloor {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), perimelt_core::SetupError> {
         use perimelt_core::{Face, keys};
@@ -266,7 +266,7 @@ struct WorkToHeat {
     seen: Vec<f64>,
 }
 
-#[typetag::serde(name = "work to heat of a test")]
+#[typetag::serialize(name = "work to heat of a test")]
 impl perimelt_core::Coupler for WorkToHeat {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), perimelt_core::SetupError> {
         use perimelt_core::keys;

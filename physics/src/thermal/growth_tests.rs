@@ -37,7 +37,7 @@ struct BirthsState {
 /// All births are over at this time, s.
 const LAST: f64 = 0.4;
 
-#[typetag::serde(name = "births")]
+#[typetag::serialize(name = "births")]
 impl Coupler for Births {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let points = setup.body(0).points.len() as u32;

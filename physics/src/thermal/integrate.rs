@@ -5,6 +5,7 @@
 //! boundaries. The scheme that integrates the state thereby integrates its account, and the
 //! balance holds to rounding.
 
+use perimelt_core::refinement::Level;
 use perimelt_core::solver::reduce::{norm, sum_of};
 use perimelt_core::solver::{
     At, Implicit, KrylovMethod, Newton, NewtonOptions, Rhs, Rkl2, SolverError, steady_state,
@@ -368,7 +369,7 @@ impl Run {
             temperature: work,
         } = &mut self.integrator;
         // a plate takes up its heat where the window does not cover it
-        let uncovered = self.refined.as_mut().and_then(Refined::take_volumes);
+        let uncovered = self.refined.as_ref().and_then(Refined::uncovered);
         let flow = Flow {
             conduction: &mut self.conduction,
             matter,
@@ -395,11 +396,7 @@ impl Run {
                     None => 1,
                 };
                 let refined = self.refined.as_mut().map(|r| (r, world));
-                let work = fields.advance_explicitly(flow, (size, steps), refined);
-                if let Some(refined) = &mut self.refined {
-                    refined.put_volumes(uncovered);
-                }
-                Ok(work)
+                Ok(fields.advance_explicitly(flow, (size, steps), refined))
             }
             Method::Steady(newton, tolerance) => {
                 let at = (step.end(), self.floating);
@@ -426,15 +423,21 @@ impl Run {
         let (constraint, held) = (world.read(constraint), world.read(held));
         let mut temperature = world.write(self.temperature);
         let mut enthalpy = world.write(self.enthalpy);
-        let volume = self.heated_volumes(world);
+        let volume = &world.body(self.body).points.volume;
         let material = &world.body(self.body).material_of_point;
+        // the heat of covered points is that of the window
+        let plate = world.refinement(self.body);
+        let plate = plate.filter(|(_, level)| *level == Level::Plate);
+        let counts = |point: usize| plate.is_none_or(|(r, _)| !r.covers(r.plate_cell(point)));
         let mut supplied = 0.0;
         let growth = self.growth.as_ref();
         let is_held = |(i, c): &(usize, &f64)| **c > 0.0 && growth.is_none_or(|g| g.is_born(*i));
         for (i, c) in constraint.iter().enumerate().filter(is_held) {
             temperature[i] = held[i] / c;
             let new = self.curves[material[i] as usize].enthalpy(temperature[i]);
-            supplied += volume[i] * (new - enthalpy[i]);
+            if counts(i) {
+                supplied += volume[i] * (new - enthalpy[i]);
+            }
             enthalpy[i] = new;
         }
         self.heat.supply(supplied);

@@ -82,7 +82,7 @@ impl Thermal {
     }
 }
 
-#[typetag::serde(name = "thermal")]
+#[typetag::serialize(name = "thermal")]
 impl Physics for Thermal {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.run = Some(Run::prepare(self, setup)?);

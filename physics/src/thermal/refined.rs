@@ -18,6 +18,7 @@
 //! plate, because the temperatures behind the faces of the window stay during that step.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use perimelt_core::field::Key;
 use perimelt_core::material::EnthalpyCurve;
@@ -93,7 +94,7 @@ pub(super) struct Plate {
     body: BodyIndex,
     taken: Read<f64>,
     /// Of the cells that are not covered, else 0, m³.
-    volume: Vec<f64>,
+    volume: Arc<[f64]>,
     /// Points beside the window.
     receivers: Vec<u32>,
     exchange: Exchange,
@@ -340,7 +341,7 @@ impl Plate {
         }
         self.at = Some(low);
         let body = world.body(self.body);
-        self.volume = refinement.uncovered(&body.points.volume);
+        self.volume = refinement.uncovered(&body.points.volume).into();
         let spacing = body.finest_spacing();
         let reach = (family.spec().horizon.of(spacing) / spacing).ceil() as i64 + 1;
         let covered = refinement.cells();
@@ -421,7 +422,7 @@ impl Refined {
             return Ok(Some(Refined::Plate(Box::new(Plate {
                 body,
                 taken: setup.take(body, &HEAT_OF_WINDOW)?,
-                volume: Vec::new(),
+                volume: Arc::new([]),
                 receivers: Vec::new(),
                 exchange: Exchange::default(),
                 at: None,
@@ -470,18 +471,11 @@ impl Refined {
         }
     }
 
-    /// Takes the volumes of the points whose heat counts, where not all do, m³.
-    pub(super) fn take_volumes(&mut self) -> Option<Vec<f64>> {
+    /// Volumes of the points whose heat counts, where not all do, m³.
+    pub(super) fn uncovered(&self) -> Option<Arc<[f64]>> {
         match self {
             Refined::Window(_) => None,
-            Refined::Plate(plate) => Some(std::mem::take(&mut plate.volume)),
-        }
-    }
-
-    /// Puts back what [`Refined::take_volumes`] took.
-    pub(super) fn put_volumes(&mut self, volume: Option<Vec<f64>>) {
-        if let (Refined::Plate(plate), Some(volume)) = (self, volume) {
-            plate.volume = volume;
+            Refined::Plate(plate) => Some(plate.volume.clone()),
         }
     }
 

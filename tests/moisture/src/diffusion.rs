@@ -48,7 +48,7 @@ impl Run {
     }
 }
 
-#[typetag::serde(name = "moisture_diffusion")]
+#[typetag::serialize(name = "moisture_diffusion")]
 impl Physics for MoistureDiffusion {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

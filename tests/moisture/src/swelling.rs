@@ -17,7 +17,7 @@ struct Swelling {
     handles: Option<(Read<f64>, Write<f64>)>,
 }
 
-#[typetag::serde(name = "swelling")]
+#[typetag::serialize(name = "swelling")]
 impl Coupler for Swelling {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;

@@ -29,7 +29,7 @@ struct FenderFields {
     density: Vec<f64>,
 }
 
-#[typetag::serde(name = "fender")]
+#[typetag::serialize(name = "fender")]
 impl Physics for Fender {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(Some(&self.body))?;
@@ -80,7 +80,7 @@ struct Bumper {
 /// Momentum that a body gets, and the volumes of its points, m³.
 struct BumperSide(Write<Vector3<f64>>, Vec<f64>);
 
-#[typetag::serde(name = "bumper")]
+#[typetag::serialize(name = "bumper")]
 impl Coupler for Bumper {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let [a, b] = &self.bodies;

@@ -47,7 +47,7 @@ impl Fluxes {
         let diffusivity = terms.density_diffusivity(0);
         for axis in 0..D {
             self.set_mass_flux::<D>(axis, density, velocity);
-            let mass = self.mass[axis].iter();
+            let mass = self.mass[axis].par_iter();
             if diffusivity > 0.0 && terms.force.is_some() {
                 let slope = |i: usize| self.on_lattice(i, terms.density_gradient(i))[axis];
                 slopes.load(&self.family, slope, Mirrored::Scalar);

@@ -116,7 +116,7 @@ impl Fluxes {
             None => self.family.sum(&kernel, [&self.pressure], sums),
             Some(motion) => {
                 let times = |row: &SlotField| {
-                    let slots = row.iter().zip(&*self.pressure);
+                    let slots = row.par_iter().zip(&*self.pressure);
                     let mut product = SlotField::default();
                     product.set(slots.map(|(c, p)| c * p));
                     product
