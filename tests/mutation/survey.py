@@ -2,14 +2,18 @@
 """Mutation testing of a random sample with one build.
 
 cargo-mutants builds the tests once for each mutant, which takes days for the mutants of this project. This script asks
-cargo-mutants for its list, draws a sample, and writes all mutants of the sample into a copy of the tree, each behind a
-condition that an environment variable turns on. Then it runs the tests once for each mutant.
+cargo-mutants for its list, draws a sample, and writes all mutants of the sample, and those of `chosen.toml`, into a copy
+of the tree, each behind a condition that an environment variable turns on. Then it runs for each mutant, until one
+fails: the unit tests of its module, of its crate, tests of the crate `tests`, and the everyday benchmarks that reach
+the mutant, the shortest first.
 
     pip install tree-sitter tree-sitter-rust
     cargo install cargo-mutants
+    git worktree add ../copy
     python tests/mutation/survey.py write --copy ../copy --sample 100
     python tests/mutation/survey.py build --copy ../copy
     python tests/mutation/survey.py run --copy ../copy --results mutants.json
+    python tests/mutation/survey.py verify --copy ../copy --results mutants.json
     python tests/mutation/survey.py report --results mutants.json
 """
 
@@ -20,11 +24,17 @@ import random
 import re
 import subprocess
 import sys
+import tempfile
 import time
+import tomllib
 from collections import Counter
 from pathlib import Path
 
 VARIABLE = "PERIMELT_MUTANT"
+TRACE = "PERIMELT_REACHED_MUTANTS"
+HERE = Path(__file__).resolve().parent
+# tests of whole runs; the other files of the crate `tests` look at texts and pictures
+RUNS = ["bodies_that_meet", "coupled", "eulerian_walls", "kill_and_resume", "modes", "moving_window", "replayed"]
 # what must be covered, with the paths that belong to it
 AREAS = {
     "couplers": ["couplers/src/"],
@@ -34,16 +44,36 @@ AREAS = {
     "core: log": ["core/src/log/"],
     "core: families and kernels": ["core/src/family/", "core/src/pddo/"],
 }
+# what is built and run: unit tests and tests of runs
+TESTED = ["--workspace", "--lib", *[flag for test in RUNS for flag in ("--test", test)]]
 PACKAGES = [flag for crate in ("core", "couplers", "physics") for flag in ("-p", f"perimelt-{crate}")]
 # text for people and sizes in memory are no results
 LEFT_OUT = re.compile(r"impl (std::fmt::|fmt::)?(Debug|Display) for|<impl .*(Debug|Display)|memory|::describe|::schema")
-SWITCH = f'''//! The mutant that is active.
+SWITCH = f'''//! The mutant that is active, and the mutants that a run reaches.
+use std::io::Write;
 use std::sync::OnceLock;
-static ACTIVE: OnceLock<u32> = OnceLock::new();
+use std::sync::atomic::{{AtomicBool, Ordering}};
+static STATE: OnceLock<(u32, bool)> = OnceLock::new();
+static REACHED: [AtomicBool; 4096] = [const {{ AtomicBool::new(false) }}; 4096];
 #[doc(hidden)]
 #[inline]
 pub fn is(number: u32) -> bool {{
-    *ACTIVE.get_or_init(|| std::env::var("{VARIABLE}").ok().and_then(|v| v.parse().ok()).unwrap_or(0)) == number
+    let (active, traced) = *STATE.get_or_init(|| {{
+        let active = std::env::var("{VARIABLE}").ok().and_then(|v| v.parse().ok());
+        (active.unwrap_or(0), std::env::var_os("{TRACE}").is_some())
+    }});
+    if traced && !REACHED[number as usize].load(Ordering::Relaxed) {{
+        note(number);
+    }}
+    active == number
+}}
+#[cold]
+fn note(number: u32) {{
+    if !REACHED[number as usize].swap(true, Ordering::Relaxed) {{
+        let path = std::env::var_os("{TRACE}").expect("traced");
+        let file = std::fs::OpenOptions::new().create(true).append(true).open(path);
+        let _ = file.and_then(|mut f| f.write_all(format!("{{number}}\\n").as_bytes()));
+    }}
 }}
 '''
 
@@ -69,11 +99,16 @@ def sample_of(mutants, size, seed):
     for area in AREAS:
         own = [m for m in mutants if area_of(m["file"]) == area]
         drawn += generator.sample(own, min(size, len(own)))
-    for number, mutant in enumerate(drawn, 1):
-        mutant["number"] = number
+    for mutant in drawn:
         mutant["area"] = area_of(mutant["file"])
         del mutant["diff"]
     return drawn
+
+
+def chosen():
+    """Mutants of our own choice."""
+    listed = tomllib.loads((HERE / "chosen.toml").read_text())["mutation"]
+    return [{**m, "name": m["what"], "genre": "Chosen", "area": "chosen"} for m in listed]
 
 
 class Edits:
@@ -89,6 +124,7 @@ class Edits:
         for line in text.splitlines(keepends=True):
             self.starts.append(self.starts[-1] + len(line))
         self.edits = []
+        self.chosen = []
 
     def offset(self, place):
         line = self.text[self.starts[place["line"] - 1] : self.starts[place["line"]]].decode()
@@ -96,6 +132,8 @@ class Edits:
 
     def add(self, mutant, crate):
         """Whether the mutant can be written."""
+        if mutant["genre"] == "Chosen":
+            return self.add_chosen(mutant, crate)
         start, end = (self.offset(mutant["span"][side]) for side in ("start", "end"))
         switch = f"{crate}::mutant::is({mutant['number']})"
         replacement = mutant["replacement"].split("/*")[0].strip()
@@ -138,12 +176,28 @@ class Edits:
                 self.edits.append((pattern.end_byte, pattern.end_byte, f" if !{switch}"))
         return True
 
+    def add_chosen(self, mutant, crate):
+        of, to = mutant["of"], mutant["to"]
+        start = self.text.index(of.encode())
+        assert self.text.count(of.encode()) == 1, f"`{of}` occurs twice in {mutant['file']}"
+        switch = f"{crate}::mutant::is({mutant['number']})"
+        text = f"(if {switch} {{ {to} }} else {{ {of} }})"
+        self.chosen.append((start, start + len(of.encode()), text.strip("()") if of.endswith(";") else text))
+        return True
+
     def written(self):
         """The text; of edits that overlap only the first counts. Also the numbers of the edits that do not."""
         out, at, left_out = [], 0, []
-        for start, end, text in sorted(self.edits):
+        number = lambda text: int(re.search(r"mutant::is\((\d+)\)", text)[1])
+        edits = list(self.chosen)
+        for edit in sorted(self.edits):
+            if any(edit[0] < end and start < edit[1] for start, end, _ in self.chosen):
+                left_out.append(number(edit[2]))
+            else:
+                edits.append(edit)
+        for start, end, text in sorted(edits):
             if start < at:
-                left_out.append(int(re.search(r"mutant::is\((\d+)\)", text)[1]))
+                left_out.append(number(text))
                 continue
             out += [self.text[at:start], text.encode()]
             at = end
@@ -157,7 +211,9 @@ def write(args):
     if listing.exists():
         mutants = json.loads(listing.read_text())
     else:
-        mutants = sample_of(listed(copy), args.sample, args.seed)
+        mutants = chosen() + sample_of(listed(copy), args.sample, args.seed)
+        for number, mutant in enumerate(mutants, 1):
+            mutant["number"] = number
     subprocess.check_call(["git", "checkout", "-q", "--", "core", "couplers", "physics"], cwd=copy)
     (copy / "core/src/mutant.rs").write_text(SWITCH)
     library = copy / "core/src/lib.rs"
@@ -212,24 +268,26 @@ def build(args):
         (copy / "mutants.json").write_text(json.dumps(mutants, indent=0))
         print(len(numbers), "mutants do not compile")
         write(args)
-    for command in (["test", "--no-run", "--lib", "--workspace"], ["build"]):
+    for command in (["test", "--no-run", *TESTED], ["build"]):
         subprocess.check_call(["cargo", *command, "--release"], cwd=copy)
 
 
 def test_binaries(copy):
-    command = ["cargo", "test", "--release", "--no-run", "--lib", "--workspace", "--message-format=json"]
+    """Paths of the unit tests of crates, and of the tests of runs, by name."""
+    command = ["cargo", "test", "--release", "--no-run", *TESTED, "--message-format=json"]
     text = subprocess.check_output(command, cwd=copy, stderr=subprocess.DEVNULL).decode()
     found = {}
     for line in text.splitlines():
         message = json.loads(line)
-        if message.get("executable") and message["profile"]["test"]:
+        if message.get("executable") and message["profile"]["test"] and "bin" not in message["target"]["kind"]:
             found[message["target"]["name"].removeprefix("perimelt_")] = message["executable"]
     return found
 
 
 def passes(command, number, timeout, cwd):
     """Whether a command succeeds with a mutant; `None` after the timeout."""
-    environment = {**os.environ, VARIABLE: str(number)}
+    # the harness stops at the first failure where it may
+    environment = {**os.environ, VARIABLE: str(number), "RUSTC_BOOTSTRAP": "1"}
     try:
         done = subprocess.run(command, cwd=cwd, env=environment, timeout=timeout, capture_output=True)
         return done.returncode == 0
@@ -237,8 +295,16 @@ def passes(command, number, timeout, cwd):
         return None
 
 
-def folder_of(copy, crate):
-    return copy / ("cases" if crate == "perimelt" else crate)
+def folder_of(copy, name):
+    return copy / {"perimelt": "cases"}.get(name, "tests" if name in RUNS else name)
+
+
+def module_of(file):
+    """Prefix of the names of the tests beside a file."""
+    parts = list(Path(file).with_suffix("").parts[2:])
+    if parts[-1] in ("mod", "lib"):
+        parts.pop()
+    return "::".join(parts)
 
 
 def run(args):
@@ -246,25 +312,31 @@ def run(args):
     tests = test_binaries(copy)
     results = json.loads(path.read_text()) if path.exists() else []
     done = {r["number"] for r in results}
-    order = ["core", "couplers", "physics", "perimelt"]
+    crates = ["core", "couplers", "physics", "perimelt"]
+    command = lambda name, *filter: [tests[name], "-q", "-Zunstable-options", "--fail-fast", *filter]
     limits = {}
-    for name in order:
+    for name in crates + RUNS:
         started = time.time()
-        if not passes([tests[name], "-q"], 0, 1200, folder_of(copy, name)):
+        if not passes(command(name), 0, 1200, folder_of(copy, name)):
             sys.exit(f"the tests of {name} fail without a mutant")
         limits[name] = 20 + 5 * (time.time() - started)
         print(f"{name}: {time.time() - started:.0f} s", flush=True)
     mutants = [m for m in json.loads((copy / "mutants.json").read_text()) if not m["unviable"]]
     random.Random(args.seed).shuffle(mutants)
+    mutants.sort(key=lambda m: m["area"] != "chosen")
     for mutant in mutants:
         if mutant["number"] in done:
             continue
         own = mutant["file"].split("/")[0]
+        tried = [(own, module_of(mutant["file"])), (own, "")]
+        if args.all:
+            tried += [(name, "") for name in crates[crates.index(own) + 1 :] + RUNS]
         killed = None
-        for name in [own] + [n for n in order[order.index(own) + 1 :] if args.all]:
-            outcome = passes([tests[name], "-q"], mutant["number"], limits[name], folder_of(copy, name))
+        for name, filter in tried:
+            outcome = passes(command(name, filter), mutant["number"], limits[name], folder_of(copy, name))
             if not outcome:
-                killed = f"unit tests of {name}" + (" (no end)" if outcome is None else "")
+                kind = "tests of runs: " if name in RUNS else "unit tests of "
+                killed = kind + name + (" (no end)" if outcome is None else "")
                 break
         results.append({**mutant, "killed": killed})
         path.write_text(json.dumps(results, indent=0))
@@ -273,18 +345,51 @@ def run(args):
             break
 
 
+def everyday_cases(copy):
+    """Names of the cases with everyday checks, and their times (s)."""
+    checks = json.loads((copy / "docs/benchmarks.json").read_text())["checks"]
+    times = {}
+    for check in checks:
+        if check["level"] == "everyday":
+            times.setdefault(check["case"], 0.0)
+        if check["case"] in times:
+            times[check["case"]] = max(times[check["case"]], check.get("seconds") or 0.0)
+    return times
+
+
+def reached_mutants(program, case, cwd):
+    with tempfile.NamedTemporaryFile() as file:
+        environment = {**os.environ, TRACE: file.name}
+        subprocess.run([program, "verify", case], cwd=cwd, env=environment, capture_output=True)
+        return {int(line) for line in file.read().split()}
+
+
 def verify(args):
-    """Runs the benchmarks of every day with the mutants that no unit test has killed."""
+    """Runs the everyday benchmarks that reach a mutant for those that no test has killed."""
     copy, path = Path(args.copy).resolve(), Path(args.results)
     program = Path(args.program) if args.program else copy / "target/release/perimelt"
     results = json.loads(path.read_text())
-    for mutant in results:
-        if mutant["killed"] or mutant.get("verified"):
-            continue
-        outcome = passes([program, "verify"], mutant["number"], 1800, copy)
+    left = [m for m in results if not m["killed"] and not m.get("verified")]
+    numbers = {m["number"] for m in left}
+    times = everyday_cases(copy)
+    reaching = copy / "reached.json"
+    reached = json.loads(reaching.read_text()) if reaching.exists() else {}
+    for case in sorted(times, key=times.get):
+        if case not in reached:
+            reached[case] = sorted(reached_mutants(program, case, copy) & numbers)
+            reaching.write_text(json.dumps(reached))
+    for mutant in left:
+        spent = 0.0
+        for case in sorted((c for c in times if mutant["number"] in reached[c]), key=times.get):
+            limit = 30 + 10 * times[case]
+            outcome = passes([program, "verify", case], mutant["number"], limit, copy)
+            if not outcome:
+                mutant["killed"] = f"verification: {case}" + (" (no end)" if outcome is None else "")
+                break
+            spent += times[case]
+            if spent > args.budget:
+                break
         mutant["verified"] = True
-        if not outcome:
-            mutant["killed"] = "verification" + (" (no end)" if outcome is None else "")
         path.write_text(json.dumps(results, indent=0))
         print(mutant["killed"] or "SURVIVED", mutant["name"], flush=True)
         if args.until and time.time() > args.until:
@@ -293,15 +398,16 @@ def verify(args):
 
 def report(args):
     results = json.loads(Path(args.results).read_text())
-    print("| area | mutants of the sample | killed by unit tests | by verification | survive | killed |")
-    print("|---|---|---|---|---|---|")
-    for area in AREAS:
+    print("| area | mutants | killed by unit tests | by tests of runs | by verification | survive | killed |")
+    print("|---|---|---|---|---|---|---|")
+    for area in [*AREAS, "chosen"]:
         own = [r for r in results if r["area"] == area]
         if not own:
             continue
         by = Counter((r["killed"] or "none").split()[0] for r in own)
         share = 1 - by["none"] / len(own)
-        print(f"| {area} | {len(own)} | {by['unit']} | {by['verification']} | {by['none']} | {100 * share:.0f} % |")
+        kinds = " | ".join(str(by[kind]) for kind in ("unit", "tests", "verification:", "none"))
+        print(f"| {area} | {len(own)} | {kinds} | {100 * share:.0f} % |")
     print("\nSurvivors:\n")
     for mutant in sorted((r for r in results if not r["killed"]), key=lambda r: r["name"]):
         print(f"- `{mutant['name']}`")
@@ -314,6 +420,7 @@ def main():
     parser.add_argument("--sample", type=int, default=100, help="mutants of each area")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--results", default="mutants.json")
+    parser.add_argument("--budget", type=float, default=120, help="time for the benchmarks of one mutant, s")
     parser.add_argument("--program", help="program for `verify`; that of the copy unless given")
     parser.add_argument("--all", action="store_true", help="also the unit tests of crates that depend on the mutant's")
     parser.add_argument("--until", type=float, help="stops after this time (s since 1970)")
