@@ -433,6 +433,23 @@ pub trait Coupler {
     fn restored(&mut self, _world: &World) {}
 }
 
+/// Values by point from a checkpoint ([`Physics::load`], [`Coupler::load`]) of a body with this number of points.
+///
+/// # Errors
+/// When the state cannot be read, or is that of another number of points.
+pub fn load_points<T: serde::de::DeserializeOwned>(
+    state: &mut dyn erased_serde::Deserializer<'_>,
+    points: usize,
+) -> Result<Vec<T>, erased_serde::Error> {
+    let values: Vec<T> = erased_serde::deserialize(state)?;
+    if values.len() == points {
+        return Ok(values);
+    }
+    let found = values.len();
+    let message = format!("values of {found} points for a body of {points} points");
+    Err(serde::de::Error::custom(message))
+}
+
 /// Builds a plugin of one kind from its table in a case file, keeping exact error positions.
 pub type FromToml<P> = fn(toml::de::ValueDeserializer<'_>) -> Result<Box<P>, toml::de::Error>;
 

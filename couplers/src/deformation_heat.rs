@@ -85,7 +85,7 @@ impl Coupler for DeformationHeat {
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
         let prepared = self.prepared.as_ref().expect("prepared before a save");
-        Box::new(&prepared.heat.rate.seen)
+        prepared.heat.save()
     }
 
     fn load(
@@ -93,8 +93,7 @@ impl Coupler for DeformationHeat {
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
         let p = self.prepared.as_mut().expect("prepared before a restart");
-        p.heat.rate.seen = erased_serde::deserialize(state)?;
-        Ok(())
+        p.heat.load(state)
     }
 
     fn report(&self) -> Vec<Report> {

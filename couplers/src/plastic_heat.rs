@@ -52,7 +52,7 @@ impl Coupler for PlasticHeat {
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
         let heat = self.heat.as_ref().expect("prepared before a save");
-        Box::new(&heat.rate.seen)
+        heat.save()
     }
 
     fn load(
@@ -60,8 +60,7 @@ impl Coupler for PlasticHeat {
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
         let heat = self.heat.as_mut().expect("prepared before a restart");
-        heat.rate.seen = erased_serde::deserialize(state)?;
-        Ok(())
+        heat.load(state)
     }
 
     fn report(&self) -> Vec<Report> {

@@ -1,5 +1,6 @@
 //! The rate of a field between the times at which a coupler is applied, and heat from the rate of a work.
 
+use perimelt_core::plugin::load_points;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Key, Read, Report, Setup, SetupError, World, Write, keys};
 use rayon::prelude::*;
@@ -8,7 +9,7 @@ use rayon::prelude::*;
 /// the step size of the physics that changes the field.
 #[derive(Debug)]
 pub(crate) struct Rate {
-    /// Values when the rate was last taken; empty before the first time. A restart needs them.
+    /// Values when the rate was last taken, zero before the first time. A restart needs them.
     pub seen: Vec<f64>,
     /// Change per second, by point.
     pub values: Vec<f64>,
@@ -18,14 +19,13 @@ impl Rate {
     /// The rate of a field of `points` values that is zero at first.
     pub fn new(points: usize) -> Self {
         Rate {
-            seen: Vec::new(),
+            seen: vec![0.0; points],
             values: vec![0.0; points],
         }
     }
 
     /// Takes the values of `now` at the end of a step of `size` (s); in a step of size zero the rate is zero.
     pub fn take(&mut self, now: &[f64], size: f64) {
-        self.seen.resize(now.len(), 0.0);
         for ((rate, now), seen) in self.values.iter_mut().zip(now).zip(&mut self.seen) {
             *rate = if size > 0.0 {
                 (now - *seen) / size
@@ -77,6 +77,20 @@ impl WorkHeat {
         // in order, so that the sum does not depend on the number of threads
         let volumes = world.body(self.body).points.volume.iter().enumerate();
         self.power = volumes.map(|(point, volume)| heat(point) * volume).sum();
+    }
+
+    /// What a restart needs.
+    pub fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(&self.rate.seen)
+    }
+
+    /// Takes what [`WorkHeat::save`] gave.
+    pub fn load(
+        &mut self,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        self.rate.seen = load_points(state, self.rate.values.len())?;
+        Ok(())
     }
 
     /// The power of the last step under a name.

@@ -70,7 +70,7 @@ impl Coupler for TransformationHeat {
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
         let prepared = self.prepared.as_ref().expect("prepared before a save");
-        Box::new(&prepared.heat.rate.seen)
+        prepared.heat.save()
     }
 
     fn load(
@@ -78,8 +78,7 @@ impl Coupler for TransformationHeat {
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
         let prepared = self.prepared.as_mut().expect("prepared before a restart");
-        prepared.heat.rate.seen = erased_serde::deserialize(state)?;
-        Ok(())
+        prepared.heat.load(state)
     }
 
     fn report(&self) -> Vec<Report> {

@@ -40,7 +40,7 @@ impl Coupler for ViscousHeat {
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
         let heat = self.heat.as_ref().expect("prepared before a save");
-        Box::new(&heat.rate.seen)
+        heat.save()
     }
 
     fn load(
@@ -48,8 +48,7 @@ impl Coupler for ViscousHeat {
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
         let heat = self.heat.as_mut().expect("prepared before a restart");
-        heat.rate.seen = erased_serde::deserialize(state)?;
-        Ok(())
+        heat.load(state)
     }
 
     fn report(&self) -> Vec<Report> {

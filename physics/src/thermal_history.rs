@@ -18,6 +18,7 @@ use perimelt_core::activity::is_active;
 use perimelt_core::body::Body;
 use perimelt_core::cell_list::CellList;
 use perimelt_core::material::Property;
+use perimelt_core::plugin::load_points;
 use perimelt_core::{
     Description, Physics, Read, RunError, Setup, SetupError, Step, Work, World, Write, keys,
 };
@@ -201,17 +202,15 @@ impl Physics for ThermalHistory {
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(self.run.as_ref().map(|run| &run.points))
+        Box::new(&self.run.as_ref().expect("prepared before a save").points)
     }
 
     fn load(
         &mut self,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        let points: Option<Vec<Point>> = erased_serde::deserialize(state)?;
-        if let (Some(run), Some(points)) = (&mut self.run, points) {
-            run.points = points;
-        }
+        let run = self.run.as_mut().expect("prepared before a restart");
+        run.points = load_points(state, run.points.len())?;
         Ok(())
     }
 }

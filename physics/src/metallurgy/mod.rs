@@ -33,6 +33,7 @@ mod tests;
 pub mod transformation;
 
 use perimelt_core::material::{Table, ValueRange};
+use perimelt_core::plugin::load_points;
 use perimelt_core::{
     Key, Physics, Read, Report, RunError, Setup, SetupError, Step, Work, World, Write, keys,
     register_property,
@@ -418,17 +419,15 @@ impl Physics for Metallurgy {
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(self.run.as_ref().map(|run| &run.points))
+        Box::new(&self.run.as_ref().expect("prepared before a save").points)
     }
 
     fn load(
         &mut self,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        let points: Option<Vec<Microstructure>> = erased_serde::deserialize(state)?;
-        if let (Some(run), Some(points)) = (&mut self.run, points) {
-            run.points = points;
-        }
+        let run = self.run.as_mut().expect("prepared before a restart");
+        run.points = load_points(state, run.points.len())?;
         Ok(())
     }
 }
