@@ -37,9 +37,11 @@ pub struct ForcingZone {
     /// Components of the target velocity, m/s: numbers, or formulas in x, y, z (m) and t (s).
     pub velocity: [Formula; 3],
     /// Relaxation time, s: differences from the target decay with it. Steps are not longer.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub time: f64,
     /// Time during which the target grows from zero, s, as `(1 - cos(pi t / ramp)) / 2`.
     #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
     pub ramp: f64,
     #[serde(skip)]
     #[schemars(skip)]

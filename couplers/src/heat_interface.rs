@@ -38,9 +38,11 @@ pub struct HeatInterface {
     pub other: String,
     /// Contact conductance, W/(m² K); left out: perfect contact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub conductance: Option<f64>,
     /// Largest distance of two surfaces in contact, m; left out: half of the smaller spacing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub gap: Option<f64>,
     #[serde(skip)]
     #[schemars(skip)]

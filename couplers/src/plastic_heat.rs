@@ -22,6 +22,7 @@ pub struct PlasticHeat {
     pub body: Option<String>,
     /// Fraction of the plastic work that becomes heat (Taylor and Quinney), 0 to 1.
     #[serde(default = "usual_fraction")]
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub fraction: f64,
     #[serde(skip)]
     #[schemars(skip)]

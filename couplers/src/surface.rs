@@ -82,28 +82,28 @@ impl SurfaceHeat {
         faces: &[Face],
         region: Option<&str>,
     ) -> Result<SurfaceHeat, SetupError> {
-        setup.follow_activity(body);
         // a region would be a part of the window that moves with it
         if region.is_none() {
             setup.follow_window(body);
         }
-        let points = region.map(|name| setup.region(body, "region", name));
-        Ok(SurfaceHeat {
-            faces: faces.to_vec(),
-            region: points.transpose()?.map(|region| region.points),
-            ..Self::unchanging(setup, body, faces, region)?
-        })
+        Self::without_window(setup, body, faces, region)
     }
 
-    /// As [`SurfaceHeat::prepare`], of a body on which no material is deposited.
-    pub fn unchanging(
+    /// As [`SurfaceHeat::prepare`], of a body without a moving refinement.
+    pub fn without_window(
         setup: &mut Setup<'_>,
         body: BodyIndex,
         faces: &[Face],
         region: Option<&str>,
     ) -> Result<SurfaceHeat, SetupError> {
+        setup.follow_activity(body);
         let cells = select(setup, body, faces, region)?;
-        Self::through(setup, body, cells)
+        let points = region.map(|name| setup.region(body, "region", name));
+        Ok(SurfaceHeat {
+            faces: faces.to_vec(),
+            region: points.transpose()?.map(|region| region.points),
+            ..Self::through(setup, body, cells)?
+        })
     }
 
     fn through(
@@ -148,10 +148,10 @@ impl SurfaceHeat {
         &self.cells
     }
 
-    /// Finds the bare cell faces around points that became active or inactive.
-    fn follow(&mut self, world: &World) {
+    /// Finds the bare cell faces around points that became active or inactive; whether there are any.
+    pub fn follow(&mut self, world: &World) -> bool {
         let Some(changed) = self.activity.since_last(world, self.body) else {
-            return;
+            return false;
         };
         let body = world.body(self.body);
         let neighbours = |&point: &u32| {
@@ -172,6 +172,7 @@ impl SurfaceHeat {
             .extend(body.surface_of(here, &self.faces, active));
         // faces of a point stay in the order of `faces`
         self.cells.sort_by_key(|cell| cell.point);
+        true
     }
 
     /// Adds `flux` (W/m², into the body) of each surface point.

@@ -25,6 +25,7 @@ pub struct TransformationHeat {
     pub body: Option<String>,
     /// Heat that a mass of austenite gives off when it transforms (J/kg); about 77e3 for pearlite.
     #[serde(default = "heat_of_pearlite")]
+    #[schemars(extend("minimum" = 0))]
     pub latent_heat: f64,
     #[serde(skip)]
     #[schemars(skip)]

@@ -38,12 +38,14 @@ pub struct ThermalHistory {
     pub body: Option<String>,
     /// Temperature of `time_above`, K; the solidus of the body's material when left out.
     #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub above: Option<f64>,
     /// Upper and lower temperature of `cooling_time`, K.
     #[serde(default = "eight_five")]
     pub cooling: [f64; 2],
     /// Temperature of the solidification front, K; the liquidus of the body's material when left out.
     #[serde(default)]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub solidification: Option<f64>,
     #[serde(skip)]
     #[schemars(skip)]

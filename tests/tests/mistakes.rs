@@ -204,3 +204,124 @@ fn every_key_of_every_plugin_is_recognised_when_misspelt() {
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
 }
+
+/// Numbers beyond the ranges of a schema, with the places of their keys in a table.
+struct Beyond<'a> {
+    schema: &'a serde_json::Value,
+    place: Vec<String>,
+    found: Vec<(Vec<String>, f64)>,
+}
+
+impl Beyond<'_> {
+    fn walk(&mut self, node: &serde_json::Value, value: &toml::Value) {
+        if let Some(reference) = node["$ref"].as_str() {
+            let schema = self.schema;
+            let node = schema.pointer(&reference[1..]).expect("a definition");
+            self.walk(node, value);
+        }
+        for alternatives in ["allOf", "anyOf", "oneOf"] {
+            let nodes = node[alternatives].as_array().into_iter().flatten();
+            nodes.for_each(|node| self.walk(node, value));
+        }
+        match value {
+            toml::Value::Table(table) => {
+                for (key, value) in table {
+                    self.step(key, &node["properties"][key], value);
+                }
+            }
+            toml::Value::Array(values) => {
+                for (index, value) in values.iter().enumerate() {
+                    self.step(&index.to_string(), &node["items"], value);
+                }
+            }
+            toml::Value::Float(_) | toml::Value::Integer(_) => {
+                let limit = |name: &str| node[name].as_f64();
+                let beyond = [
+                    limit("exclusiveMinimum"),
+                    limit("minimum").map(|least| least - 1.0),
+                    limit("maximum").map(|most| most + 1.0),
+                ];
+                let place = &self.place;
+                let found = beyond.into_iter().flatten().map(|n| (place.clone(), n));
+                self.found.extend(found);
+            }
+            _ => {}
+        }
+    }
+
+    fn step(&mut self, key: &str, node: &serde_json::Value, value: &toml::Value) {
+        self.place.push(key.into());
+        self.walk(node, value);
+        self.place.pop();
+    }
+}
+
+/// The value at a place in a table.
+fn value_at<'a>(table: &'a mut toml::Value, place: &[String]) -> &'a mut toml::Value {
+    place.iter().fold(table, |value, key| match value {
+        toml::Value::Array(values) => &mut values[key.parse::<usize>().expect("an index")],
+        other => &mut other[key.as_str()],
+    })
+}
+
+/// What the schema of a plugin refuses in an editor, the program refuses, too.
+#[test]
+fn numbers_beyond_the_ranges_of_the_schema_are_refused() {
+    let folder = Path::new(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../fuzz/corpus/case_file"
+    ));
+    let mut schemas = std::collections::BTreeMap::new();
+    for plugin in registered::<dyn Physics>() {
+        schemas.insert(("physics", plugin.name), (plugin.schema)().to_value());
+    }
+    for plugin in registered::<dyn Coupler>() {
+        schemas.insert(("couplers", plugin.name), (plugin.schema)().to_value());
+    }
+    let mut tried = std::collections::BTreeSet::new();
+    let mut accepted = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("the corpus").flatten() {
+        let text = std::fs::read_to_string(entry.path()).expect("a text");
+        let mut case: toml::Value = toml::from_str(&text).expect("a case");
+        for ((section, kind), schema) in &schemas {
+            let number = case
+                .get(section)
+                .and_then(|s| s.as_array())
+                .map_or(0, Vec::len);
+            for index in 0..number {
+                let place = [section.to_string(), index.to_string()];
+                let plugin = value_at(&mut case, &place).clone();
+                if plugin.get("type").and_then(|t| t.as_str()) != Some(kind) {
+                    continue;
+                }
+                let mut beyond = Beyond {
+                    schema,
+                    place: place.to_vec(),
+                    found: Vec::new(),
+                };
+                beyond.walk(schema, &plugin);
+                for (place, number) in beyond.found {
+                    let is_key = |key: &&String| key.parse::<usize>().is_err();
+                    let key: Vec<_> = place.iter().filter(is_key).skip(1).cloned().collect();
+                    let key = format!("{kind}.{} = {number}", key.join("."));
+                    if !tried.insert(key.clone()) {
+                        continue;
+                    }
+                    let mut changed = case.clone();
+                    let value = value_at(&mut changed, &place);
+                    *value = match value {
+                        toml::Value::Integer(_) => toml::Value::Integer(number as i64),
+                        _ => toml::Value::Float(number),
+                    };
+                    let text = toml::to_string(&changed).expect("TOML");
+                    let case = Case::parse("changed.toml", text, folder);
+                    if case.and_then(|case| case.compose().map(|_| ())).is_ok() {
+                        accepted.push(format!("{}: {key}", entry.file_name().display()));
+                    }
+                }
+            }
+        }
+    }
+    assert!(accepted.is_empty(), "accepted:\n{}", accepted.join("\n"));
+    assert!(tried.len() > 60, "only {}: {tried:?}", tried.len());
+}

@@ -238,6 +238,8 @@ benchmarks!(
     "interface-heat-steady",
     "interface-oil-on-water",
     "interface-two-layers",
+    "casting-slab",
+    "casting-jet",
     "deposit-rod",
     "deposit-rod-fine",
     "deposit-wall-present",
@@ -371,7 +373,7 @@ benchmarks!(
         "wall_distortion",
         "wire_arc_wall",
     ],
-    "quenching": ["billet"],
+    "quenching": ["billet", "casting"],
 );
 
 /// The benchmark cases of the program, or those of a folder, with their names.

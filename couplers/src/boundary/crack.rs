@@ -46,6 +46,7 @@ pub struct Disc {
     /// Normal of its plane, of any length.
     pub normal: [f64; 3],
     /// Radius, m.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
 }
 

@@ -22,12 +22,14 @@ pub struct GrowingCrack {
     /// Where it ends when fully grown, x and y (m).
     pub to: [f64; 2],
     /// Speed of the tip (m/s).
+    #[schemars(extend("minimum" = 0))]
     pub speed: f64,
     /// When it begins to grow (s).
     #[serde(default)]
     pub start_time: f64,
     /// Longest bond that it can cross, in spacings of the end with the larger ones: not below the horizon.
     #[serde(default = "usual_reach")]
+    #[schemars(extend("minimum" = 1))]
     pub reach: f64,
     #[serde(skip)]
     #[schemars(skip)]

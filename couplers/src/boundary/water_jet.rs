@@ -12,10 +12,12 @@
 //! ```
 //!
 //! (spec 08, 1.8: the impingement zone makes the speed of the front independent of the spacing.) Each row of cells along
-//! the flow has a film of its own. A 2D plate is cooled through its plane.
+//! the flow has a film of its own. A 2D plate is cooled through its plane. On a body that grows, as an ingot that is cast, the
+//! film runs over the surface that is there at the moment.
 
 use std::collections::BTreeMap;
 
+use nalgebra::Vector3;
 use perimelt_core::material::Property;
 use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, keys};
 use schemars::JsonSchema;
@@ -45,16 +47,20 @@ pub struct WaterJet {
     #[serde(default)]
     pub speed: f64,
     /// Length of the zone that the jet hits (m).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub impingement: f64,
     /// Temperature of the water (K).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub water: f64,
     /// Boiling curve: flux out of the wet surface (W/m²), `{ temperature = [...], value = [...] }` with the temperature of
     /// the surface in K.
     pub flux: Property,
     /// Temperature of the surface above which the film lifts off (K).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub leidenfrost: f64,
     /// Heat transfer coefficient where the film has lifted off (W/(m² K)).
     #[serde(default = "usual_film_coefficient")]
+    #[schemars(extend("minimum" = 0))]
     pub film_coefficient: f64,
     #[serde(skip)]
     #[schemars(skip)]
@@ -72,12 +78,29 @@ type Row = Vec<(usize, f64)>;
 struct State {
     heat: SurfaceHeat,
     temperature: Read<f64>,
+    /// By point: the cells of the row in which it lies, and its distance along the flow from the origin (m).
+    place: Vec<([u32; 3], f64)>,
     /// In the order of the flow.
     rows: Vec<Row>,
     /// Into the body, W/m², by point.
     flux: Vec<f64>,
     /// Smallest capacity of the materials, J/(m³ K); a steady solution needs none.
     capacity: Option<f64>,
+}
+
+impl State {
+    /// Finds the rows of the surface that is bare now.
+    fn find_rows(&mut self) {
+        let mut rows: BTreeMap<(Face, [u32; 3]), Row> = BTreeMap::new();
+        for cell in self.heat.cells() {
+            let (row, along) = self.place[cell.point as usize];
+            let row = rows.entry((cell.face, row)).or_default();
+            row.push((cell.point as usize, along));
+        }
+        self.rows = rows.into_values().collect();
+        let rows = self.rows.iter_mut();
+        rows.for_each(|row| row.sort_by(|a, b| a.1.total_cmp(&b.1)));
+    }
 }
 
 impl WaterJet {
@@ -159,12 +182,14 @@ impl Coupler for WaterJet {
                 "a body on one regular grid",
             ));
         };
-        let cells = lattice.cell_of_point.clone();
-        let along = |point: usize| match self.flow.is_upper() {
-            true => this.points.position[point][axis],
-            false => -this.points.position[point][axis],
+        let place = |(position, cell): (&Vector3<f64>, &[u32; 3])| {
+            let mut row = *cell;
+            row[axis] = 0;
+            let along = position[axis];
+            (row, if self.flow.is_upper() { along } else { -along })
         };
-        let along: Vec<f64> = (0..cells.len()).map(along).collect();
+        let points = this.points.position.iter().zip(&lattice.cell_of_point);
+        let place: Vec<_> = points.map(place).collect();
         let through_plane = self.faces.is_empty() && this.dimension == 2;
         if self.faces.is_empty() && !through_plane {
             let message = "the cooled surface is not given";
@@ -176,32 +201,26 @@ impl Coupler for WaterJet {
         }
         let heat = match through_plane {
             true => SurfaceHeat::through_plane(setup, body, region)?,
-            false => SurfaceHeat::unchanging(setup, body, &self.faces, region)?,
+            false => SurfaceHeat::without_window(setup, body, &self.faces, region)?,
         };
-        let mut rows: BTreeMap<(Face, [u32; 3]), Row> = BTreeMap::new();
-        for cell in heat.cells() {
-            let point = cell.point as usize;
-            let mut row = cells[point];
-            row[axis] = 0;
-            rows.entry((cell.face, row))
-                .or_default()
-                .push((point, along[point]));
-        }
-        let mut rows: Vec<_> = rows.into_values().collect();
-        rows.iter_mut()
-            .for_each(|row| row.sort_by(|a, b| a.1.total_cmp(&b.1)));
-        self.prepared = Some(State {
+        let mut state = State {
             heat,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
-            rows,
-            flux: vec![0.0; cells.len()],
+            rows: Vec::new(),
+            flux: vec![0.0; place.len()],
+            place,
             capacity: smallest_capacity(setup, body),
-        });
+        };
+        state.find_rows();
+        self.prepared = Some(state);
         Ok(())
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let p = self.prepared.as_mut().expect("prepared before the run");
+        if p.heat.follow(world) {
+            p.find_rows();
+        }
         let temperature = world.read(p.temperature);
         let jet = self.start + self.speed * step.middle();
         let jet = if self.flow.is_upper() { jet } else { -jet };
@@ -242,6 +261,8 @@ perimelt_core::register_coupler!("water_jet", WaterJet);
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
     use crate::testing::{STEEL, apply, block, prepare, read, refusal, set, values};
 
@@ -270,6 +291,40 @@ mod tests {
         let expected = [0.0, -4e4, -4e4, -6e4, -5e4, -1e4];
         assert_eq!(jet("faces = ['z+']", 3), expected);
         assert_eq!(jet("", 2), expected);
+    }
+
+    #[test]
+    fn the_film_runs_over_the_material_that_is_there() {
+        let mut world = World::new(vec![block([2, 1, 4], 3, STEEL)]);
+        let mut setup = Setup::new(&mut world, Path::new("."));
+        setup.next_plugin("deposit");
+        let active = setup.deposit(0, &[4, 5, 6, 7]).expect("a lattice");
+        setup.next_plugin("thermal");
+        setup.own(0, &keys::TEMPERATURE).expect("free");
+        setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        setup.follow_activity(0);
+        setup.next_plugin("jet");
+        // above all of the body; the film runs down
+        let jet = JET
+            .replace("'x+'", "'z-'")
+            .replace("start = 1", "start = 10");
+        let mut coupler: WaterJet = read(&format!("{jet}faces = ['x+']"));
+        coupler.prepare(&mut setup).expect("valid");
+        setup.finish().expect("complete");
+        let mut heat = || {
+            set(&mut world, &keys::HEAT_SOURCE, |_| 0.0);
+            set(&mut world, &keys::TEMPERATURE, |i| {
+                if i < 4 { 400.0 } else { 900.0 }
+            });
+            apply(&world, &mut coupler, 0.0);
+            let heat = values(&world, &keys::HEAT_SOURCE);
+            world.write(active).fill(1.0);
+            heat
+        };
+        // wet; then the film lifts off from the hot material above
+        assert_eq!(heat(), [0.0, -4e4, 0.0, -4e4, 0.0, 0.0, 0.0, 0.0]);
+        let lifted = [0.0, -1e4, 0.0, -1e4, 0.0, -6e4, 0.0, -6e4];
+        assert_eq!(heat(), lifted);
     }
 
     #[test]

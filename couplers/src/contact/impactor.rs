@@ -21,14 +21,17 @@ pub struct Impactor {
     /// Centre at the start, m.
     pub centre: [f64; 3],
     /// Radius, m.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
     /// Velocity at the start, m/s.
     pub velocity: [f64; 3],
     /// Mass, kg; left out: nothing stops it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub mass: Option<f64>,
     /// Stiffness of the contact in those of a bond.
     #[serde(default = "fifteen")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub stiffness: f64,
     #[serde(skip)]
     #[schemars(skip)]

@@ -53,9 +53,11 @@ pub struct Contact {
     pub other: Option<String>,
     /// Stiffness of the contact as a multiple of that of a bond.
     #[serde(default = "fifteen")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub stiffness: f64,
     /// Coefficient of friction (Coulomb).
     #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
     pub friction: f64,
     #[serde(skip)]
     #[schemars(skip)]

@@ -21,8 +21,10 @@ const NEAR: f64 = 1e-6;
 #[serde(deny_unknown_fields)]
 pub struct Bead {
     /// Width across the direction of travel (m).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub width: f64,
     /// Height below the toolpath (m).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub height: f64,
 }
 
@@ -31,14 +33,17 @@ pub struct Bead {
 #[serde(deny_unknown_fields)]
 pub struct Layers {
     /// Thickness of a layer (m).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub height: f64,
     /// Time from one layer to the next (s).
+    #[schemars(extend("minimum" = 0))]
     pub interval: f64,
     /// When the first layer is deposited (s); default 0.
     #[serde(default)]
     pub first: f64,
     /// Number of layers that are deposited at once, at the time of the first of them; default 1.
     #[serde(default = "one")]
+    #[schemars(extend("minimum" = 1))]
     pub at_once: u32,
 }
 

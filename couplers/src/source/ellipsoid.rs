@@ -20,18 +20,23 @@ use super::{
 pub struct SemiEllipsoid {
     /// Power where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0))]
     pub power: Option<f64>,
     /// Part of the power that enters the body, 0 to 1; default that of `process`, else 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub efficiency: Option<f64>,
     /// Arc process, whose efficiency counts where `efficiency` is left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub process: Option<ArcProcess>,
     /// c, half length along the travel direction (m): exp(-3) of the peak there.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub half_length: f64,
     /// a, half width (m).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub half_width: f64,
     /// b, depth (m). A 2D plate heats through its thickness.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub depth: f64,
     /// Cell average or value at the cell centre; default `cell_average`.
     #[serde(default)]
@@ -50,20 +55,26 @@ pub struct SemiEllipsoid {
 pub struct Goldak {
     /// Power where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0))]
     pub power: Option<f64>,
     /// Part of the power that enters the body, 0 to 1; default that of `process`, else 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub efficiency: Option<f64>,
     /// Arc process, whose efficiency counts where `efficiency` is left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub process: Option<ArcProcess>,
     /// c_f, length of the front (m): exp(-3) of the peak there.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub front_length: f64,
     /// c_r, length of the rear (m).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub rear_length: f64,
     /// a, half width (m).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub half_width: f64,
     /// b, depth (m). A 2D plate heats through its thickness.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub depth: f64,
     /// f_f, 0 to 2: twice the part of the power in front. Default 2 - f_r, or what makes the
     /// density continuous.

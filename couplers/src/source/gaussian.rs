@@ -21,18 +21,22 @@ use super::{
 pub struct Gaussian {
     /// Power where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0))]
     pub power: Option<f64>,
     /// Part of the power that enters the body, 0 to 1; default that of `process`, else 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub efficiency: Option<f64>,
     /// Arc process, whose efficiency counts where `efficiency` is left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub process: Option<ArcProcess>,
     /// Standard deviation (m): the flux falls to exp(-1/2) of its peak there.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub sigma: f64,
     /// Depth over which the flux is spread (m); a 2D plate may leave it out and takes its
     /// thickness, the only depth that conserves the power there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub effective_depth: Option<f64>,
     /// Cell average or value at the cell centre; default `cell_average`.
     #[serde(default)]

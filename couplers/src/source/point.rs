@@ -21,9 +21,11 @@ use crate::toolpath::Pose;
 pub struct Point {
     /// Power where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0))]
     pub power: Option<f64>,
     /// Part of the power that enters the body, 0 to 1; default 1.
     #[serde(default = "whole")]
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub efficiency: f64,
     /// When the source hops to the next vertex; default `centred`.
     #[serde(default)]

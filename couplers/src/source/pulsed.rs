@@ -19,12 +19,16 @@ use super::{Cells, Deposit, HeatedBody, HeatedSurface, SourceError, positive, wi
 #[serde(deny_unknown_fields)]
 pub struct PulsedLaser {
     /// Fluence of the laser (J/m²).
+    #[schemars(extend("minimum" = 0))]
     pub fluence: f64,
     /// Part that is reflected, 0 to 1.
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub reflectivity: f64,
     /// Pulse duration, full width at half maximum of the Gaussian it stands for (s).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub pulse_duration: f64,
     /// Depth in which the intensity falls by e (m).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub absorption_depth: f64,
     /// Time of the peak (s); default twice the pulse duration.
     #[serde(default, skip_serializing_if = "Option::is_none")]

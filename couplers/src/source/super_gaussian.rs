@@ -15,20 +15,25 @@ use super::{HeatedSurface, Sampling, SourceError, positive, within, yes};
 pub struct SuperGaussian {
     /// Power of the laser where the toolpath gives none (W).
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0))]
     pub power: Option<f64>,
     /// Part of the laser power that is absorbed, 0 to 1; default that of the material. Values of the library are those of
     /// flat metal near 1 um; powder and a vapour depression absorb more.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub absorptivity: Option<f64>,
     /// Wavelength of the laser (m): where it is not near 1 um (fibre, disc, diode), `absorptivity` must be given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub wavelength: Option<f64>,
     /// w, radius at which the flux is exp(-2) of its peak (m).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
     /// k, 1 to 50: 2 is a Gaussian, large values approach a top hat; default 2.
     #[serde(default = "gaussian_order")]
     pub order: f64,
     /// l, depth (m) with the meaning that `penetration` gives it. A 2D plate absorbs all power through its thickness.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub penetration_depth: f64,
     /// How the power falls with depth, at the same total: `uniform` down to l; `linear` to zero at l; `gaussian`,
     /// exp(-2 (zeta/l)^2), as `radius` across the beam and as in other codes; `exponential`, exp(-zeta/l), the law of Beer

@@ -17,8 +17,10 @@ pub struct Circle {
     /// Centre (m).
     pub centre: [f64; 3],
     /// Radius (m).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
     /// Speed along the circle (m/s).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub speed: f64,
     /// Direction of the axis, of any length; default z.
     #[serde(default = "upward")]
@@ -42,6 +44,7 @@ pub struct Circle {
     pub start_time: f64,
     /// Power (W); default that of the source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0))]
     pub power: Option<f64>,
 }
 

@@ -48,9 +48,11 @@ pub struct Gcode {
     pub origin: [f64; 3],
     /// Speed of `G0` (m/s); default 0.1.
     #[serde(default = "usual_rapid_speed")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub rapid_speed: f64,
     /// Power (W) of one unit of `S`; default 1.
     #[serde(default = "one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub power_per_s: f64,
     /// Numbers of the `M` codes that switch the power on; default 3 and 4.
     #[serde(default = "on_codes")]

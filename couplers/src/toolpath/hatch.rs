@@ -19,28 +19,35 @@ pub struct Hatch {
     /// Corner of the rectangle where the first layer starts (m).
     pub corner: [f64; 3],
     /// Length of a scan line (m).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub length: f64,
     /// Width of the rectangle (m); 0 for a single line.
+    #[schemars(extend("minimum" = 0))]
     pub width: f64,
     /// Distance between scan lines (m).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub spacing: f64,
     /// Angle of the scan lines from +x towards +y (rad); default 0. The width extends to their
     /// left.
     #[serde(default)]
     pub angle: f64,
     /// Scan speed (m/s).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub speed: f64,
     /// Whether every second line runs backwards; default yes.
     #[serde(default = "yes")]
     pub bidirectional: bool,
     /// Time from the end of a line to the start of the next, source off (s); default 0.
     #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
     pub turn_time: f64,
     /// Number of layers; default 1.
     #[serde(default = "one")]
+    #[schemars(extend("minimum" = 1))]
     pub layers: u32,
     /// Rise in z from layer to layer (m); default 0.
     #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
     pub layer_height: f64,
     /// Turn of the pattern about the middle of the rectangle from layer to layer (rad);
     /// default 0.
@@ -48,6 +55,7 @@ pub struct Hatch {
     pub layer_angle: f64,
     /// Time between layers, source off (s); default 0.
     #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
     pub layer_time: f64,
     /// What each layer but the first waits for, after `layer_time`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -57,6 +65,7 @@ pub struct Hatch {
     pub start_time: f64,
     /// Power on the lines (W); default that of the source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0))]
     pub power: Option<f64>,
 }
 

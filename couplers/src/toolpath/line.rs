@@ -19,6 +19,7 @@ pub struct Line {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<[f64; 3]>,
     /// Speed (m/s).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub speed: f64,
     /// When the source is switched on (s); default 0.
     #[serde(default)]
@@ -28,6 +29,7 @@ pub struct Line {
     pub end_time: Option<f64>,
     /// Power (W); default that of the source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0))]
     pub power: Option<f64>,
 }
 

@@ -17,9 +17,11 @@ pub struct Polyline {
     pub start_time: f64,
     /// Speed of the segments that give none (m/s).
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub speed: Option<f64>,
     /// Power of the segments that give none (W); default that of the source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0))]
     pub power: Option<f64>,
     /// The segments in order.
     pub segments: Vec<Segment>,
@@ -33,15 +35,19 @@ pub struct Segment {
     pub to: [f64; 3],
     /// Speed (m/s); default that of the polyline.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub speed: Option<f64>,
     /// Power while moving (W); default that of the polyline. 0 for a move with the source off.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0))]
     pub power: Option<f64>,
     /// Rest at the end of the segment (s); default 0.
     #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
     pub dwell: f64,
     /// Power while resting (W); default that of the segment.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0))]
     pub dwell_power: Option<f64>,
     /// What the torch waits for, switched off, before this segment.
     #[serde(default, skip_serializing_if = "Option::is_none")]

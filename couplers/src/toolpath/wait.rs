@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields)]
 pub struct WaitUntil {
     /// Temperature (K).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub temperature: f64,
     /// Whether the path goes on below this temperature (interpass temperature) or above it (preheating); default `below`.
     #[serde(default)]

@@ -23,10 +23,13 @@ pub struct Weave {
     /// End of the seam (m).
     pub end: [f64; 3],
     /// Speed along the seam (m/s); the source itself is faster by its sideways motion.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub speed: f64,
     /// Largest distance from the seam (m).
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub amplitude: f64,
     /// Distance along the seam of one full oscillation (m); frequency = speed / wavelength.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub wavelength: f64,
     /// Shape of the oscillation; default `sine`.
     #[serde(default)]
@@ -36,6 +39,7 @@ pub struct Weave {
     pub start_time: f64,
     /// Power (W); default that of the source.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("minimum" = 0))]
     pub power: Option<f64>,
 }
 

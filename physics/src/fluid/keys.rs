@@ -52,21 +52,25 @@ pub struct Fluid {
     /// Diffusion of density, as a fraction of spacing times speed of sound, such as 0.05: smooths the
     /// pressure, with an error of second order in pressure gradients that change.
     #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
     pub density_diffusion: f64,
     /// Rate at which the density of the conservative form approaches the kernel sum of the masses, as a fraction of
     /// the speed of sound over the spacing. It keeps the volume over long times; larger values add noise where points
     /// are in disorder.
     #[serde(default = "usual_volume_relaxation")]
+    #[schemars(extend("minimum" = 0))]
     pub volume_relaxation: f64,
     /// Distance by which points of an updated Lagrangian fluid are moved away from crowded places, as a fraction of
     /// the distance that the fastest point moves, such as 0.05, or 0.5 where a lid stirs (Gao (2020), eqs. 6.46 to
     /// 6.50; corrected, see spec 05, E23). The fields stay with the points: an error of the order of the shift.
     #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
     pub shifting: f64,
     /// Fraction of the mean velocity of the neighbours with which points of an updated Lagrangian fluid move, from 0
     /// to 1 (XSPH; Gao (2020), eq. 6.53; corrected, see spec 05, E24). It keeps the points in order; where the
     /// velocity has a curvature, they do not follow the fluid exactly.
     #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
     pub xsph: f64,
     /// Collision of points with solids (`fluid_structure`) that they would penetrate, for impacts and edges at which
     /// pressure does not keep points out; when left out, points do not collide.
@@ -76,11 +80,13 @@ pub struct Fluid {
     /// collide without rebound, and points come no nearer to walls given by faces than half of it. It prevents pairs of
     /// points where a flow stretches and takes kinetic energy there; 0: none.
     #[serde(default)]
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub least_distance: f64,
     /// Viscosity between points that approach each other, as a fraction of 1.2 spacings times the speed of sound,
     /// such as 0.02 (Gao (2020), eq. 6.56; corrected, see spec 05, E26). It damps sound and impacts, and also shear,
     /// by about a tenth of it in two dimensions.
     #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
     pub artificial_viscosity: f64,
     /// Number of steps after which velocity and density are smoothed by moving least squares, such as 20 (Gao (2020),
     /// eqs. 5.111 to 5.114; corrected, see spec 05, E12); 0: never. Linear fields do not change; each smoothing acts
@@ -89,6 +95,7 @@ pub struct Fluid {
     pub smoothing: u32,
     /// Time during which accelerations grow smoothly from zero, s (Gao (2020), eq. 5.110).
     #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
     pub startup: f64,
     /// Step in s, or "auto".
     #[serde(default)]

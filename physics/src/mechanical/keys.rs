@@ -1,7 +1,7 @@
 //! Keys of a `mechanical` table in a case file.
 
 use perimelt_core::solver::RelaxationOptions;
-use perimelt_core::{Correction, Horizon, Influence, PartialVolume, StepSize, Update};
+use perimelt_core::{Correction, Horizon, Influence, PartialVolume, SetupError, StepSize, Update};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +28,7 @@ pub struct Mechanical {
     pub plane: Plane,
     /// Stabilisation G of the zero-energy modes of `correspondence`.
     #[serde(default = "tenth")]
+    #[schemars(extend("minimum" = 0))]
     pub stabilisation: f64,
     /// Horizon in spacings of each point, or `{ length = ... }` in m for a uniform one; default 3 spacings, or 2 for
     /// `correspondence`.
@@ -110,6 +111,7 @@ pub enum MechanicalSolver {
     QuasiStatic {
         /// Unbalanced force relative to the loads at which the iteration stops.
         #[serde(default = "tolerance")]
+        #[schemars(extend("exclusiveMinimum" = 0))]
         tolerance: f64,
     },
     /// Equilibrium at every step by adaptive dynamic relaxation, as published; `relative_tolerance`
@@ -119,12 +121,37 @@ pub enum MechanicalSolver {
     Explicit {
         /// Mass-proportional damping rate, 1/s.
         #[serde(default)]
+        #[schemars(extend("minimum" = 0))]
         damping: f64,
     },
 }
 
 pub(super) fn tolerance() -> f64 {
     1e-8
+}
+
+impl Mechanical {
+    /// Refuses numbers beyond their ranges.
+    pub(super) fn check(&self) -> Result<(), SetupError> {
+        let at_least_zero = |key: &str, value: f64| match value >= 0.0 && value.is_finite() {
+            true => Ok(()),
+            false => {
+                let message = format!("`{key}` is {value}");
+                Err(SetupError::value(key, message, "zero or above"))
+            }
+        };
+        at_least_zero("stabilisation", self.stabilisation)?;
+        match self.solver {
+            MechanicalSolver::QuasiStatic { tolerance } if !(tolerance > 0.0) => {
+                let message = format!("the tolerance is {tolerance}");
+                Err(SetupError::value("solver", message, "a number above 0"))
+            }
+            MechanicalSolver::Explicit { damping } => {
+                at_least_zero("solver.explicit.damping", damping)
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 impl Default for MechanicalSolver {

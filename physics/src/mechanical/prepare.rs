@@ -23,6 +23,7 @@ use super::surface_stress::{Extrapolation, SurfaceStress};
 
 /// Prepares the run of the body that `keys` name.
 pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, SetupError> {
+    keys.check()?;
     let body = setup.find_body(keys.body.as_deref())?;
     growth::check(keys, setup, body)?;
     let (family, layers) = family(keys, setup, body)?;

@@ -93,6 +93,7 @@ pub struct Metallurgy {
     pub martensite: Option<MartensiteSection>,
     /// K of the transformation plasticity, 1/Pa; near 1e-10 for low-alloy steels.
     #[serde(default)]
+    #[schemars(extend("minimum" = 0))]
     pub transformation_plasticity: f64,
     /// Rate of cooling (K/s at 700 °C) at which the constituents of the start formed, for their hardness.
     #[serde(default = "usual_cooling_rate")]
@@ -115,14 +116,19 @@ fn usual_cooling_rate() -> f64 {
 #[serde(deny_unknown_fields, default)]
 pub struct InitialShares {
     /// Share of austenite.
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub austenite: f64,
     /// Share of ferrite.
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub ferrite: f64,
     /// Share of pearlite.
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub pearlite: f64,
     /// Share of bainite.
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub bainite: f64,
     /// Share of martensite.
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub martensite: f64,
 }
 

@@ -52,6 +52,7 @@ pub struct RigidBody {
     pub body: Option<String>,
     /// Mass, kg; density times volume when left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub mass: Option<f64>,
     /// Inertia about the centre of mass, kg m²: a number in 2D; in 3D `[xx, yy, zz]` or a 3 by 3 matrix. That of the
     /// points and their cells when left out.

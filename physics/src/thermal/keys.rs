@@ -33,6 +33,7 @@ pub struct Thermal {
     /// complete calibrated family conducts as in the form of bonds; with 0 nothing removes temperatures that
     /// alternate from point to point.
     #[serde(default = "whole", skip_serializing_if = "is_whole")]
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub stabilisation: f64,
     /// Heat flow across broken bonds of the mechanics.
     #[serde(default)]
@@ -48,6 +49,7 @@ pub struct Thermal {
     pub solver: ThermalSolver,
     /// Relative accuracy of the implicit and steady solvers.
     #[serde(default = "tolerance")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub tolerance: f64,
     /// Step in s, or "auto".
     #[serde(default)]

@@ -131,6 +131,10 @@ impl Thermal {
 
     /// Refuses keys that fit neither the materials nor the description of the points.
     fn check(&self, curves: &[EnthalpyCurve], description: Description) -> Result<(), SetupError> {
+        if !(self.tolerance > 0.0) {
+            let message = format!("`tolerance` is {}", self.tolerance);
+            return Err(SetupError::value("tolerance", message, "a number above 0"));
+        }
         let is_explicit = self.solver == ThermalSolver::Explicit;
         let apparent = curves.iter().any(|c| c.form() == LatentHeatForm::Apparent);
         if apparent && !is_explicit {

@@ -35,6 +35,7 @@ use perimelt_core::{Family, PddoError, SlotField, World};
 use rayon::prelude::*;
 
 use kernels::{MappedViscosity, Outflow, Viscosity};
+use momentum::ShortWaveWork;
 
 use super::immersed::ImmersedFlow;
 use super::medium::Medium;
@@ -82,6 +83,7 @@ pub(super) struct Fluxes {
     push: Vec<f64>,
     carried: Vec<f64>,
     short_waves: Vec<f64>,
+    short_wave_work: ShortWaveWork,
 }
 
 impl Fluxes {
@@ -115,6 +117,7 @@ impl Fluxes {
             push: Vec::new(),
             carried: Vec::new(),
             short_waves: Vec::new(),
+            short_wave_work: ShortWaveWork::new(dimension),
         }
     }
 
@@ -320,8 +323,8 @@ impl Rates for Fluxes {
     }
 
     fn mass_flux(&self, flux: &mut [Vector3<f64>]) {
-        let points = flux.iter_mut().zip(&self.slot);
-        points.for_each(|(m, slot)| {
+        let points = flux.par_iter_mut().zip(&self.slot);
+        points.with_min_len(POINTS_PER_TASK).for_each(|(m, slot)| {
             *m = Vector3::from_fn(|a, _| self.mass.get(a).map_or(0.0, |m| m[*slot as usize]));
         });
     }
@@ -332,17 +335,16 @@ impl Rates for Fluxes {
         dt: f64,
         (density, pressure): (&mut [f64], &mut [f64]),
     ) {
-        let before = self.fullness.clone();
-        let volumes = self.fullness.iter_mut().zip(&self.swept);
-        volumes.for_each(|(fullness, [rate])| *fullness += dt * rate);
-        let points = density.par_iter_mut().zip(pressure).enumerate();
-        points
-            .with_min_len(POINTS_PER_TASK)
-            .for_each(|(i, (rho, p))| {
-                let old = *rho;
-                *rho = (old * before[i] - dt * self.outflow[i][0]) / self.fullness[i];
-                *p = terms.medium.pressure(i, (old, *rho), *p);
-            });
+        let volumes = self.fullness.par_iter_mut().zip(&self.swept);
+        let volumes = volumes.zip(&self.outflow);
+        let points = density.par_iter_mut().zip(pressure).zip(volumes);
+        let points = points.enumerate().with_min_len(POINTS_PER_TASK);
+        points.for_each(|(i, ((rho, p), ((fullness, [rate]), [outflow])))| {
+            let (old, before) = (*rho, *fullness);
+            *fullness += dt * rate;
+            *rho = (old * before - dt * outflow) / *fullness;
+            *p = terms.medium.pressure(i, (old, *rho), *p);
+        });
     }
 
     fn advance_velocity(

@@ -9,6 +9,28 @@ use super::Fluxes;
 use super::kernels::{Carry, In, Laplacian, Push};
 use crate::fluid::rates::{POINTS_PER_TASK, Terms};
 
+/// What the decay of short waves needs on the way.
+#[derive(Debug)]
+pub(super) struct ShortWaveWork {
+    /// By point, kg m/s: diffusivity that short waves lack, times density over the sum of the weights of the Laplacian.
+    missing: Vec<f64>,
+    /// Rows of points, one for each component, and the same by slot: momentum of the short waves.
+    rows: Vec<f64>,
+    slots: Vec<SlotField>,
+    rules: Vec<LayerRule>,
+}
+
+impl ShortWaveWork {
+    pub(super) fn new(dimension: usize) -> Self {
+        ShortWaveWork {
+            missing: Vec::new(),
+            rows: Vec::new(),
+            slots: vec![SlotField::default(); dimension],
+            rules: Vec::new(),
+        }
+    }
+}
+
 impl Fluxes {
     /// Finds force and work of viscosity.
     pub(super) fn find_viscosity<const D: usize, const I: usize, const O: usize>(
@@ -54,30 +76,29 @@ impl Fluxes {
             let flow = (square.sqrt(), medium.spacing[i]);
             density[i] * convection.missing_diffusivity(flow, sum, diffusivity) / sum
         };
-        let missing: Vec<f64> = (0..self.points()).into_par_iter().map(missing).collect();
-        if missing.iter().all(|m| *m == 0.0) {
+        let points = (0..self.points()).into_par_iter();
+        let points = points.with_min_len(POINTS_PER_TASK).map(missing);
+        let work = &mut self.short_wave_work;
+        points.collect_into_vec(&mut work.missing);
+        if work.missing.iter().all(|m| *m == 0.0) {
             return;
         }
-        let mut rows = vec![0.0; self.points() * D];
-        let (sums, _) = rows.as_chunks_mut::<D>();
         let kernel = Laplacian { laplacian };
         let inputs: [&[f64]; D] = std::array::from_fn(|a| &velocity[a][..]);
+        work.rows.resize(self.slot.len() * D, 0.0);
+        let (sums, _) = work.rows.as_chunks_mut::<D>();
         self.family.sum(&kernel, inputs, sums);
-        for (sums, missing) in sums.iter_mut().zip(&missing) {
-            sums.iter_mut().for_each(|s| *s *= -missing);
+        work.rules.clear();
+        work.rules
+            .extend(terms.rules.iter().map(LayerRule::homogeneous));
+        for (axis, slots) in work.slots.iter_mut().enumerate() {
+            let along = |point: usize| -work.missing[point] * sums[point][axis];
+            slots.load(&self.family, along, ByRules(&work.rules, axis));
         }
-        let rules: Vec<LayerRule> = terms.rules.iter().map(LayerRule::homogeneous).collect();
-        let mut slots: [SlotField; D] = std::array::from_fn(|_| SlotField::default());
-        for (axis, slots) in slots.iter_mut().enumerate() {
-            let along = |point: usize| sums[point][axis];
-            slots.load(&self.family, along, ByRules(&rules, axis));
-        }
-        let inputs: [&[f64]; D] = std::array::from_fn(|a| &slots[a][..]);
-        self.short_waves.resize(self.points() * D, 0.0);
-        let mut rows = std::mem::take(&mut self.short_waves);
-        let (sums, _) = rows.as_chunks_mut::<D>();
+        let inputs: [&[f64]; D] = std::array::from_fn(|a| &work.slots[a][..]);
+        self.short_waves.resize(self.slot.len() * D, 0.0);
+        let (sums, _) = self.short_waves.as_chunks_mut::<D>();
         self.family.sum(&kernel, inputs, sums);
-        self.short_waves = rows;
     }
 
     /// Finds the momentum that flows out of each point with this velocity (m/s).
