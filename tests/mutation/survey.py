@@ -178,11 +178,13 @@ class Edits:
 
     def add_chosen(self, mutant, crate):
         of, to = mutant["of"], mutant["to"]
+        times = self.text.count(of.encode())
+        assert times == 1, f"`{of}` occurs {times} times in {mutant['file']}"
         start = self.text.index(of.encode())
-        assert self.text.count(of.encode()) == 1, f"`{of}` occurs twice in {mutant['file']}"
         switch = f"{crate}::mutant::is({mutant['number']})"
-        text = f"(if {switch} {{ {to} }} else {{ {of} }})"
-        self.chosen.append((start, start + len(of.encode()), text.strip("()") if of.endswith(";") else text))
+        text = f"if {switch} {{ {to} }} else {{ {of} }}"
+        is_statement = of.endswith(";")
+        self.chosen.append((start, start + len(of.encode()), text if is_statement else f"({text})"))
         return True
 
     def written(self):
@@ -372,13 +374,12 @@ def verify(args):
     program = Path(args.program) if args.program else copy / "target/release/perimelt"
     results = json.loads(path.read_text())
     left = [m for m in results if not m["killed"] and not m.get("verified")]
-    numbers = {m["number"] for m in left}
     times = everyday_cases(copy)
     reaching = copy / "reached.json"
     reached = json.loads(reaching.read_text()) if reaching.exists() else {}
     for case in sorted(times, key=times.get):
         if case not in reached:
-            reached[case] = sorted(reached_mutants(program, case, copy) & numbers)
+            reached[case] = sorted(reached_mutants(program, case, copy))
             reaching.write_text(json.dumps(reached))
     for mutant in left:
         spent = 0.0
