@@ -3,17 +3,17 @@
 
 cargo-mutants builds the tests once for each mutant, which takes days for the mutants of this project. This script asks
 cargo-mutants for its list, draws a sample, and writes all mutants of the sample, and those of `chosen.toml`, into a copy
-of the tree, each behind a condition that an environment variable turns on. Then it runs for each mutant, until one
-fails: the unit tests of its module, of its crate, tests of the crate `tests`, and the everyday benchmarks that reach
-the mutant, the shortest first.
+of the tree, each behind a condition that an environment variable turns on. `trace` runs each test and each everyday
+benchmark once and records the mutants that it reaches. `run` turns the mutants on one by one and repeats what reaches
+them, the shortest first, until something fails.
 
     pip install tree-sitter tree-sitter-rust
     cargo install cargo-mutants
     git worktree add ../copy
     python tests/mutation/survey.py write --copy ../copy --sample 100
     python tests/mutation/survey.py build --copy ../copy
+    python tests/mutation/survey.py trace --copy ../copy
     python tests/mutation/survey.py run --copy ../copy --results mutants.json
-    python tests/mutation/survey.py verify --copy ../copy --results mutants.json
     python tests/mutation/survey.py report --results mutants.json
 """
 
@@ -28,13 +28,15 @@ import tempfile
 import time
 import tomllib
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 VARIABLE = "PERIMELT_MUTANT"
 TRACE = "PERIMELT_REACHED_MUTANTS"
 HERE = Path(__file__).resolve().parent
 # tests of whole runs; the other files of the crate `tests` look at texts and pictures
-RUNS = ["bodies_that_meet", "coupled", "eulerian_walls", "kill_and_resume", "modes", "moving_window", "replayed"]
+RUNS = """bodies_that_meet clouds command_line coupled damaged_logs eulerian_walls kill_and_resume logs modes moving_window
+random_bodies replayed""".split()
 # what must be covered, with the paths that belong to it
 AREAS = {
     "couplers": ["couplers/src/"],
@@ -277,158 +279,153 @@ def build(args):
 
 
 def test_binaries(copy):
-    """Paths of the unit tests of crates, and of the tests of runs, by name."""
+    """Programs of the unit tests of crates, and of the tests of runs, and their folders, by name."""
     command = ["cargo", "test", "--release", "--no-run", *TESTED, "--message-format=json"]
     text = subprocess.check_output(command, cwd=copy, stderr=subprocess.DEVNULL).decode()
     found = {}
     for line in text.splitlines():
         message = json.loads(line)
         if message.get("executable") and message["profile"]["test"] and "bin" not in message["target"]["kind"]:
-            found[message["target"]["name"].removeprefix("perimelt_")] = message["executable"]
+            folder = str(Path(message["manifest_path"]).parent)
+            found[message["target"]["name"].removeprefix("perimelt_")] = message["executable"], folder
     return found
 
 
-def passes(command, number, timeout, cwd):
-    """Whether a command succeeds with a mutant; `None` after the timeout."""
-    # the harness stops at the first failure where it may
-    environment = {**os.environ, VARIABLE: str(number), "RUSTC_BOOTSTRAP": "1"}
+def execute(command, folder, timeout=None, **variables):
+    """Whether a command succeeds; `None` after the timeout."""
+    # the harness of tests stops at the first failure where unstable options are allowed
+    environment = {**os.environ, **variables, "RUSTC_BOOTSTRAP": "1"}
     try:
-        done = subprocess.run(command, cwd=cwd, env=environment, timeout=timeout, capture_output=True)
+        done = subprocess.run(command, cwd=folder, env=environment, timeout=timeout, capture_output=True)
         return done.returncode == 0
     except subprocess.TimeoutExpired:
         return None
 
 
-def folder_of(copy, name):
-    return copy / {"perimelt": "cases"}.get(name, "tests" if name in RUNS else name)
+def test_command(program, tests):
+    return [program, "-q", "-Zunstable-options", "--fail-fast", "--exact", *tests]
 
 
-def module_of(file):
-    """Prefix of the names of the tests beside a file."""
-    parts = list(Path(file).with_suffix("").parts[2:])
-    if parts[-1] in ("mod", "lib"):
-        parts.pop()
-    return "::".join(parts)
+def checks_of(copy):
+    """All tests and all cases with everyday benchmarks: name, kind, command without names, folder."""
+    for name, (program, folder) in test_binaries(copy).items():
+        kind = "tests of runs" if name in RUNS else "unit tests"
+        listed = subprocess.check_output([program, "--list"], cwd=folder).decode().splitlines()
+        for test in (line.removesuffix(": test") for line in listed if line.endswith(": test")):
+            yield {"name": test, "of": name, "kind": kind, "program": program, "folder": folder}
+    benchmarks = json.loads((copy / "docs/benchmarks.json").read_text())["checks"]
+    program = str(copy / "target/release/perimelt")
+    for case in sorted({check["case"] for check in benchmarks if check["level"] == "everyday"}):
+        yield {"name": case, "of": "verify", "kind": "benchmarks", "program": program, "folder": str(copy)}
+
+
+def command_of(check):
+    if check["kind"] == "benchmarks":
+        return [check["program"], "verify", check["name"]]
+    return test_command(check["program"], [check["name"]])
+
+
+def trace(args):
+    """Runs each check without a mutant; records its time and the mutants that it reaches."""
+    copy = Path(args.copy).resolve()
+    path = copy / "checks.json"
+    checks = json.loads(path.read_text()) if path.exists() else []
+    known = {(c["of"], c["name"]) for c in checks}
+    missing = [c for c in checks_of(copy) if (c["of"], c["name"]) not in known]
+
+    def traced(check):
+        with tempfile.NamedTemporaryFile() as file:
+            started = time.time()
+            passed = execute(command_of(check), check["folder"], **{TRACE: file.name})
+            reached = sorted({int(line) for line in file.read().split()})
+        return {**check, "passed": passed, "seconds": time.time() - started, "reached": reached}
+
+    with ThreadPoolExecutor(args.workers) as pool:
+        for check in pool.map(traced, missing):
+            checks.append(check)
+            if not check["passed"]:
+                print(check["of"], check["name"], "fails without a mutant and is left out")
+            if len(checks) % 50 == 0 or check["seconds"] > 10:
+                path.write_text(json.dumps(checks))
+                print(len(checks), f"{check['seconds']:.0f} s", check["of"], check["name"], flush=True)
+    path.write_text(json.dumps(checks))
+
+
+def killer_of(mutant, checks, budget):
+    """What kills a mutant: of the checks that reach it the shortest first, until the budget (s) is spent."""
+    variable = {VARIABLE: str(mutant["number"])}
+    reaching = sorted((c for c in checks if mutant["number"] in c["reached"]), key=lambda c: c["seconds"])
+    short = [c for c in reaching if c["seconds"] < 1 and c["kind"] != "benchmarks"]
+    for name in dict.fromkeys(c["of"] for c in short):
+        own = [c for c in short if c["of"] == name]
+        limit = 20 + 10 * sum(c["seconds"] for c in own)
+        outcome = execute(test_command(own[0]["program"], [c["name"] for c in own]), own[0]["folder"], limit, **variable)
+        if not outcome:
+            return f"{own[0]['kind']}: {name}" + (" (no end)" if outcome is None else "")
+    spent = 0.0
+    for check in (c for c in reaching if c not in short):
+        outcome = execute(command_of(check), check["folder"], 20 + 10 * check["seconds"], **variable)
+        if not outcome:
+            return f"{check['kind']}: {check['of']} {check['name']}" + (" (no end)" if outcome is None else "")
+        spent += check["seconds"]
+        if spent > budget:
+            break
+    return None
 
 
 def run(args):
+    """Tries each mutant that has no result yet."""
     copy, path = Path(args.copy).resolve(), Path(args.results)
-    tests = test_binaries(copy)
+    checks = [c for c in json.loads((copy / "checks.json").read_text()) if c["passed"]]
     results = json.loads(path.read_text()) if path.exists() else []
     done = {r["number"] for r in results}
-    crates = ["core", "couplers", "physics", "perimelt"]
-    command = lambda name, *filter: [tests[name], "-q", "-Zunstable-options", "--fail-fast", *filter]
-    limits = {}
-    for name in crates + RUNS:
-        started = time.time()
-        if not passes(command(name), 0, 1200, folder_of(copy, name)):
-            sys.exit(f"the tests of {name} fail without a mutant")
-        limits[name] = 20 + 5 * (time.time() - started)
-        print(f"{name}: {time.time() - started:.0f} s", flush=True)
     mutants = [m for m in json.loads((copy / "mutants.json").read_text()) if not m["unviable"]]
     random.Random(args.seed).shuffle(mutants)
     mutants.sort(key=lambda m: m["area"] != "chosen")
-    for mutant in mutants:
-        if mutant["number"] in done:
-            continue
-        own = mutant["file"].split("/")[0]
-        tried = [(own, module_of(mutant["file"])), (own, "")]
-        if args.all:
-            tried += [(name, "") for name in crates[crates.index(own) + 1 :] + RUNS]
-        killed = None
-        for name, filter in tried:
-            outcome = passes(command(name, filter), mutant["number"], limits[name], folder_of(copy, name))
-            if not outcome:
-                kind = "tests of runs: " if name in RUNS else "unit tests of "
-                killed = kind + name + (" (no end)" if outcome is None else "")
-                break
-        results.append({**mutant, "killed": killed})
-        path.write_text(json.dumps(results, indent=0))
-        print(killed or "SURVIVED", mutant["name"], flush=True)
+
+    def tried(mutant):
         if args.until and time.time() > args.until:
-            break
+            return None
+        reaching = sum(mutant["number"] in c["reached"] for c in checks)
+        return {**mutant, "checks": reaching, "killed": killer_of(mutant, checks, args.budget)}
 
-
-def everyday_cases(copy):
-    """Names of the cases with everyday checks, and their times (s)."""
-    checks = json.loads((copy / "docs/benchmarks.json").read_text())["checks"]
-    times = {}
-    for check in checks:
-        if check["level"] == "everyday":
-            times.setdefault(check["case"], 0.0)
-        if check["case"] in times:
-            times[check["case"]] = max(times[check["case"]], check.get("seconds") or 0.0)
-    return times
-
-
-def reached_mutants(program, case, cwd):
-    with tempfile.NamedTemporaryFile() as file:
-        environment = {**os.environ, TRACE: file.name}
-        subprocess.run([program, "verify", case], cwd=cwd, env=environment, capture_output=True)
-        return {int(line) for line in file.read().split()}
-
-
-def verify(args):
-    """Runs the everyday benchmarks that reach a mutant for those that no test has killed."""
-    copy, path = Path(args.copy).resolve(), Path(args.results)
-    program = Path(args.program) if args.program else copy / "target/release/perimelt"
-    results = json.loads(path.read_text())
-    left = [m for m in results if not m["killed"] and not m.get("verified")]
-    times = everyday_cases(copy)
-    reaching = copy / "reached.json"
-    reached = json.loads(reaching.read_text()) if reaching.exists() else {}
-    for case in sorted(times, key=times.get):
-        if case not in reached:
-            reached[case] = sorted(reached_mutants(program, case, copy))
-            reaching.write_text(json.dumps(reached))
-    for mutant in left:
-        spent = 0.0
-        for case in sorted((c for c in times if mutant["number"] in reached[c]), key=times.get):
-            limit = 30 + 10 * times[case]
-            outcome = passes([program, "verify", case], mutant["number"], limit, copy)
-            if not outcome:
-                mutant["killed"] = f"verification: {case}" + (" (no end)" if outcome is None else "")
-                break
-            spent += times[case]
-            if spent > args.budget:
-                break
-        mutant["verified"] = True
-        path.write_text(json.dumps(results, indent=0))
-        print(mutant["killed"] or "SURVIVED", mutant["name"], flush=True)
-        if args.until and time.time() > args.until:
-            break
+    with ThreadPoolExecutor(args.workers) as pool:
+        for result in pool.map(tried, [m for m in mutants if m["number"] not in done]):
+            if result:
+                results.append(result)
+                path.write_text(json.dumps(results, indent=0))
+                print(result["killed"] or f"SURVIVED {result['checks']} checks,", "|", result["name"], flush=True)
 
 
 def report(args):
     results = json.loads(Path(args.results).read_text())
-    print("| area | mutants | killed by unit tests | by tests of runs | by verification | survive | killed |")
+    print("| area | mutants | killed by unit tests | by tests of runs | by benchmarks | survive | killed |")
     print("|---|---|---|---|---|---|---|")
     for area in [*AREAS, "chosen"]:
         own = [r for r in results if r["area"] == area]
         if not own:
             continue
-        by = Counter((r["killed"] or "none").split()[0] for r in own)
-        share = 1 - by["none"] / len(own)
-        kinds = " | ".join(str(by[kind]) for kind in ("unit", "tests", "verification:", "none"))
-        print(f"| {area} | {len(own)} | {kinds} | {100 * share:.0f} % |")
+        by = Counter((r["killed"] or "none").split(":")[0] for r in own)
+        kinds = " | ".join(str(by[kind]) for kind in ("unit tests", "tests of runs", "benchmarks", "none"))
+        print(f"| {area} | {len(own)} | {kinds} | {100 * (1 - by['none'] / len(own)):.0f} % |")
     print("\nSurvivors:\n")
     for mutant in sorted((r for r in results if not r["killed"]), key=lambda r: r["name"]):
         print(f"- `{mutant['name']}`")
 
 
 def main():
+    tasks = {"write": write, "build": build, "trace": trace, "run": run, "report": report}
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("task", choices=["write", "build", "run", "verify", "report"])
+    parser.add_argument("task", choices=tasks)
     parser.add_argument("--copy", help="a copy of the tree (a git worktree), which is changed")
     parser.add_argument("--sample", type=int, default=100, help="mutants of each area")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--results", default="mutants.json")
-    parser.add_argument("--budget", type=float, default=120, help="time for the benchmarks of one mutant, s")
-    parser.add_argument("--program", help="program for `verify`; that of the copy unless given")
-    parser.add_argument("--all", action="store_true", help="also the unit tests of crates that depend on the mutant's")
-    parser.add_argument("--until", type=float, help="stops after this time (s since 1970)")
+    parser.add_argument("--budget", type=float, default=120, help="time for the long checks of one mutant, s")
+    parser.add_argument("--workers", type=int, default=1, help="checks or mutants at once")
+    parser.add_argument("--until", type=float, help="tries no mutant after this time (s since 1970)")
     args = parser.parse_args()
-    {"write": write, "build": build, "run": run, "verify": verify, "report": report}[args.task](args)
+    tasks[args.task](args)
 
 
 if __name__ == "__main__":

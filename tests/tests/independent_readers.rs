@@ -5,48 +5,12 @@
 //! fail where `CI` is set. Rerun, 800 MB of packages, reads a log where `PERIMELT_RERUN_PYTHON` names a Python with `rerun-sdk`.
 
 mod program;
+mod python;
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::Path;
+use std::process::Stdio;
 
 use program::command;
-
-/// A Python that can import these modules, if there is one.
-fn python(modules: &str) -> Option<String> {
-    let python = std::env::var("PERIMELT_PYTHON").unwrap_or_else(|_| "python3".into());
-    let probe = Command::new(&python)
-        .args(["-c", &format!("import {modules}")])
-        .output();
-    if probe.as_ref().is_ok_and(|o| o.status.success()) {
-        return Some(python);
-    }
-    let why = match probe {
-        Ok(output) => String::from_utf8_lossy(&output.stderr).into_owned(),
-        Err(error) => error.to_string(),
-    };
-    assert!(
-        std::env::var_os("CI").is_none(),
-        "`{python}` cannot import {modules}: {why}"
-    );
-    eprintln!("skipped: `{python}` cannot import {modules}: {why}");
-    None
-}
-
-/// What a script in `python` prints.
-fn run_script(python: &str, script: &str, arguments: &[PathBuf]) -> String {
-    let script = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("python")
-        .join(script);
-    let output = Command::new(python)
-        .arg(script)
-        .args(arguments)
-        .output()
-        .expect("it started before");
-    let told = String::from_utf8_lossy(&output.stdout).into_owned();
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{told}{errors}");
-    told
-}
 
 /// Runs the program in a folder and returns what it prints.
 fn output(folder: &Path, arguments: &[&str]) -> String {
@@ -75,7 +39,7 @@ fn rerun_shows_the_points_of_a_log() {
     );
     std::fs::write(folder.join("block.toml"), case).expect("writable");
     output(folder, &["run", "block.toml", "--quiet"]);
-    let told = run_script(&python, "read_rerun.py", &[folder.join("block.mcap")]);
+    let told = python::run_script(&python, "read_rerun.py", &[folder.join("block.mcap")]);
     let expected =
         "/block/points: 2 states, 1000 points from 0.0005 0.0005 0.0005 to 0.0195 0.0095 0.0045";
     assert_eq!(told.trim(), expected);
@@ -115,7 +79,7 @@ interval = 0.1
 
 #[test]
 fn vtk_contours_and_clips_what_is_exported() {
-    let Some(python) = python("vtkmodules.vtkIOXML, vtkmodules.vtkFiltersGeneral") else {
+    let Some(python) = python::with("vtkmodules.vtkIOXML, vtkmodules.vtkFiltersGeneral") else {
         return;
     };
     let folder = tempfile::tempdir().expect("a folder");
@@ -128,7 +92,7 @@ fn vtk_contours_and_clips_what_is_exported() {
         "{told}"
     );
     let file = folder.join("block-export/block-00001.vtu");
-    let told = run_script(&python, "read_export.py", &[file]);
+    let told = python::run_script(&python, "read_export.py", &[file]);
     // cells between 20 x 10 x 5 points
     assert!(told.contains("1000 points, 684 hexahedra"), "{told}");
     assert!(
@@ -139,14 +103,14 @@ fn vtk_contours_and_clips_what_is_exported() {
 
 #[test]
 fn every_case_file_is_valid_by_the_printed_schema() {
-    let Some(python) = python("jsonschema, tomllib") else {
+    let Some(python) = python::with("jsonschema, tomllib") else {
         return;
     };
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     std::fs::write(folder.join("schema.json"), output(folder, &["schema"])).expect("writable");
     let cases = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases");
-    let told = run_script(
+    let told = python::run_script(
         &python,
         "validate_cases.py",
         &[folder.join("schema.json"), cases],
@@ -175,7 +139,7 @@ fn every_case_file_is_valid_by_the_printed_schema() {
             .status()
             .expect("it starts");
         assert!(!checked.success(), "{wrong} is accepted by the program");
-        let told = run_script(
+        let told = python::run_script(
             &python,
             "validate_cases.py",
             &[folder.join("schema.json"), file],

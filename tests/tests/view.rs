@@ -82,7 +82,11 @@ impl Answer {
 
 impl View {
     fn of(folder: &Path) -> View {
-        let mut child = command(folder, &["view", "weld.mcap", "--no-open"])
+        View::of_file(folder, "weld.mcap")
+    }
+
+    fn of_file(folder: &Path, file: &str) -> View {
+        let mut child = command(folder, &["view", file, "--no-open"])
             .stdout(Stdio::piped())
             .spawn()
             .expect("it starts");
@@ -130,6 +134,34 @@ impl View {
 fn numbers(value: &Value) -> Vec<f64> {
     let values = value.as_array().expect("an array").iter();
     values.map(|v| v.as_f64().unwrap_or(f64::NAN)).collect()
+}
+
+#[test]
+fn a_case_is_run_and_shown() {
+    let folder = folder(0.1);
+    let view = View::of_file(folder.path(), "weld.toml");
+    let started = Instant::now();
+    loop {
+        let run = view.get("/run.json").json();
+        let times = numbers(&run["bodies"][0]["times"]);
+        if times.last() == Some(&0.1) {
+            break;
+        }
+        assert!(started.elapsed() < Duration::from_secs(60), "{run}");
+    }
+    drop(view);
+    // the run refuses to replace the log that exists now
+    let viewed = command(folder.path(), &["view", "weld.toml", "--no-open"])
+        .stderr(Stdio::piped())
+        .output()
+        .expect("it starts");
+    let told = String::from_utf8_lossy(&viewed.stderr);
+    assert!(!viewed.status.success());
+    assert!(told.contains("weld.mcap exists"), "{told}");
+    assert!(
+        told.contains("there is nothing to show: the run of weld.toml has not begun"),
+        "{told}"
+    );
 }
 
 #[test]

@@ -92,13 +92,7 @@ pub fn run(args: &RunArgs) -> Done {
     }
     set_threads(args.common.threads)?;
     let case = Case::read(&args.case)?.changed(&args.set)?;
-    let stem = args.case.file_stem().unwrap_or_default();
-    let out = args.out.clone().unwrap_or_else(|| {
-        // appended, because a name such as `tension-0.5` contains dots
-        let mut name = stem.to_os_string();
-        name.push(".mcap");
-        PathBuf::from(name)
-    });
+    let out = args.out.clone().unwrap_or_else(|| run::log_of(&args.case));
     if let (Ok(a), Ok(b)) = (out.canonicalize(), args.case.canonicalize())
         && a == b
     {

@@ -33,6 +33,15 @@ pub struct Options {
     pub stop: Arc<AtomicUsize>,
 }
 
+/// The log of a case unless another is asked for: its name with `.mcap`, in the working directory.
+#[must_use]
+pub fn log_of(case: &Path) -> PathBuf {
+    // appended, because a name such as `tension-0.5` contains dots
+    let mut name = case.file_stem().unwrap_or_default().to_os_string();
+    name.push(".mcap");
+    PathBuf::from(name)
+}
+
 /// Why a run ended without a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {

@@ -24,7 +24,10 @@ mod answer;
 mod browser;
 mod describe;
 mod http;
+#[cfg(feature = "live")]
+mod live;
 mod page;
+mod start;
 mod store;
 
 use std::io::{self, Write};
@@ -36,16 +39,21 @@ use perimelt_core::log::LogError;
 use crate::commands::tell;
 use crate::melt_pool::Travel;
 use answer::Answer;
+#[cfg(feature = "live")]
+use live::serve as serve_live;
 use store::Store;
 
 /// What to show, and where.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ViewArgs {
-    /// log of a run, finished or under way
+    /// log of a run, finished or under way, or a case, which is run
     pub log: PathBuf,
     /// port on 127.0.0.1 [default: a free one]
     #[arg(long)]
     pub port: Option<u16>,
+    /// also serve the messages of the log to Foxglove and other viewers of its protocol, on this port of 127.0.0.1
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "8765")]
+    pub live: Option<u16>,
     /// print the address only, without opening a browser
     #[arg(long)]
     pub no_open: bool,
@@ -57,17 +65,21 @@ pub struct ViewArgs {
 /// Why a log cannot be shown.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
-    /// A case file was given instead of a log.
-    #[error(
-        "{} is a case file, expected a log: run it with `perimelt run {}`, then call `perimelt view {}`, also while it runs",
-        path.display(), path.display(), log.display()
-    )]
-    CaseFile {
+    /// The run of the case cannot be started.
+    #[error("cannot start the run: {0}")]
+    Start(io::Error),
+    /// The run of the case ended without a log.
+    #[error("there is nothing to show: the run of {} has not begun", case.display())]
+    NoRun {
         /// The case file.
-        path: PathBuf,
-        /// Its log, unless `--out` names another.
-        log: PathBuf,
+        case: PathBuf,
     },
+    /// The program has no part that serves other viewers.
+    #[cfg(not(feature = "live"))]
+    #[error(
+        "this program cannot serve other viewers; build it with `cargo build --release --features live` for `--live`"
+    )]
+    NotLive,
     /// The log cannot be read.
     #[error(transparent)]
     Log(#[from] LogError),
@@ -89,26 +101,27 @@ pub enum ViewError {
 /// Serves a log until the program is ended.
 ///
 /// # Errors
-/// The log cannot be read, or the port cannot be used.
+/// The log cannot be read, the run of the case does not begin, or a port cannot be used.
 pub fn view(args: &ViewArgs, out: &mut impl Write) -> Result<(), ViewError> {
-    if is_case(&args.log) {
-        return Err(ViewError::CaseFile {
-            path: args.log.clone(),
-            log: args.log.with_extension("mcap"),
-        });
-    }
-    let store = Store::open(&args.log)?;
+    let path = match is_case(&args.log) {
+        true => start::start(&args.log)?,
+        false => args.log.clone(),
+    };
+    let store = Store::open(&path)?;
     let port = args.port.unwrap_or(0);
     let unusable = |source| ViewError::Port { port, source };
     let listener =
         TcpListener::bind(SocketAddr::from((Ipv4Addr::LOCALHOST, port))).map_err(unusable)?;
     let port = listener.local_addr().map_err(unusable)?.port();
     let address = format!("http://127.0.0.1:{port}/");
-    writeln!(
-        out,
-        "{address} shows {}; Ctrl-C ends it",
-        args.log.display()
-    )?;
+    writeln!(out, "{address} shows {}; Ctrl-C ends it", path.display())?;
+    if let Some(port) = args.live {
+        writeln!(
+            out,
+            "{} serves it to other viewers",
+            serve_live(&path, port)?
+        )?;
+    }
     out.flush()?;
     if !args.no_open && !browser::open(&address) {
         tell("note: no browser could be opened; open the address in one");
@@ -120,6 +133,11 @@ pub fn view(args: &ViewArgs, out: &mut impl Write) -> Result<(), ViewError> {
     };
     http::serve(&listener, |request| answer.to(request));
     Ok(())
+}
+
+#[cfg(not(feature = "live"))]
+fn serve_live(_: &Path, _: u16) -> Result<String, ViewError> {
+    Err(ViewError::NotLive)
 }
 
 fn is_case(path: &Path) -> bool {

@@ -11,7 +11,7 @@
 //! | attachment `case.toml` | the case file as run |
 //! | metadata `run` | [`RunInfo`], one JSON text per key, and `case_file`, the name of the case file |
 //!
-//! [`Writer`] writes it, [`Log`] reads it back, also when the run was killed, and
+//! [`Writer`] writes it, [`Log`] reads it back, also when the run was killed, [`Follow`] reads on while it is written, and
 //! [`Writer::continue_from`] starts the log of a resumed run from an older one.
 //!
 //! **Time.** MCAP counts time in whole nanoseconds, too coarse for femtosecond heating. The
@@ -31,6 +31,7 @@
 //! number is written last: where it is present, the state is complete. [`Log`] joins the parts.
 
 mod error;
+mod follow;
 mod foxglove_schema;
 mod point_cloud;
 mod reader;
@@ -51,8 +52,9 @@ use serde::{Deserialize, Serialize};
 use crate::body::Face;
 
 pub use error::LogError;
+pub use follow::{Follow, RawMessage};
 pub use reader::Log;
-pub use scan::{Damage, Ending};
+pub use scan::{Channel, Damage, Ending, Schema};
 pub use series::{Column, Series};
 pub use writer::{Writer, check_unused};
 

@@ -10,7 +10,8 @@ use mcap::records::{MessageHeader, Record};
 use serde_json::{Map, Value};
 
 use super::{
-    CheckpointInfo, Damage, Ending, LogError, LoggedCloud, Progress, RunInfo, Series, point_cloud,
+    CheckpointInfo, Damage, Ending, Follow, LogError, LoggedCloud, Progress, RunInfo, Series,
+    point_cloud,
     scan::{Contents, MessagePlace},
     source::Source,
     topic,
@@ -273,8 +274,10 @@ impl Log {
         for place in &self.contents.chunks {
             let visited = source.visit(*place, |record| match record {
                 Record::Message { header, data } => {
-                    match self.contents.channels.get(&header.channel_id) {
-                        Some(channel) => visit(&channel.topic, &channel.schema, &header, &data),
+                    match self.contents.channels.get(header.channel_id) {
+                        Some(channel) => {
+                            visit(&channel.topic, &channel.schema.data, &header, &data)
+                        }
                         None => Ok(()),
                     }
                 }
@@ -286,6 +289,23 @@ impl Log {
             }
         }
         Ok(())
+    }
+
+    /// Follows the log from its newest state on.
+    #[must_use]
+    pub fn follow(self) -> Follow {
+        // what belongs to the newest state comes after the chunk with the state before it
+        let offset = self.run.bodies.first().and_then(|body| {
+            let (newest, before) = self.messages(&topic::points(&body.name)).split_last()?;
+            let mut ends = before.iter().rev().map(|state| state.place.end());
+            ends.find(|end| *end <= newest.place.offset)
+        });
+        let source = self.source.into_inner();
+        Follow::new(
+            source.unwrap_or_else(PoisonError::into_inner),
+            offset.unwrap_or(mcap::MAGIC.len() as u64),
+            self.contents.channels,
+        )
     }
 
     /// The messages of a topic that is large.

@@ -52,11 +52,64 @@ pub(super) struct MessagePlace {
     pub(super) log_time: u64,
 }
 
-/// A channel with the data of its schema.
-#[derive(Clone, Debug)]
-pub(super) struct Channel {
-    pub(super) topic: String,
-    pub(super) schema: Vec<u8>,
+/// What the messages of a topic are.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Channel {
+    /// topic
+    pub topic: String,
+    /// encoding of its messages: `json`, `protobuf`
+    pub encoding: String,
+    /// form of its messages; empty for bytes of no form
+    pub schema: Schema,
+}
+
+/// A schema of messages.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Schema {
+    /// name, such as `foxglove.PointCloud`
+    pub name: String,
+    /// language of the schema: `jsonschema`, `protobuf`
+    pub encoding: String,
+    /// the schema
+    pub data: Vec<u8>,
+}
+
+/// The channels and schemas that were met so far, by number.
+#[derive(Default)]
+pub(super) struct Channels {
+    channels: HashMap<u16, Channel>,
+    schemas: HashMap<u16, Schema>,
+}
+
+impl Channels {
+    /// The channel of a number.
+    pub(super) fn get(&self, number: u16) -> Option<&Channel> {
+        self.channels.get(&number)
+    }
+
+    /// Takes a record if it is a schema or a channel.
+    pub(super) fn add(&mut self, record: Record) {
+        match record {
+            Record::Schema { header, data } => {
+                let schema = Schema {
+                    name: header.name,
+                    encoding: header.encoding,
+                    data: data.into_owned(),
+                };
+                self.schemas.insert(header.id, schema);
+            }
+            Record::Channel(channel) => {
+                let schema = self.schemas.get(&channel.schema_id).cloned();
+                let known = Channel {
+                    topic: channel.topic,
+                    encoding: channel.message_encoding,
+                    schema: schema.unwrap_or_default(),
+                };
+                self.channels.insert(channel.id, known);
+            }
+            _ => {}
+        }
+    }
 }
 
 /// A message of topic `/index`.
@@ -81,7 +134,7 @@ impl IndexLine {
 pub(super) struct Contents {
     pub(super) run: Option<BTreeMap<String, String>>,
     pub(super) case_text: Option<String>,
-    pub(super) channels: HashMap<u16, Channel>,
+    pub(super) channels: Channels,
     /// chunks (and messages outside chunks), in file order
     pub(super) chunks: Vec<Place>,
     /// by topic
@@ -93,7 +146,6 @@ pub(super) struct Contents {
     pub(super) damage: Vec<Damage>,
     /// exact time and step of large messages, by topic and log time
     exact: HashMap<(String, u64), CheckpointInfo>,
-    schemas: HashMap<u16, Vec<u8>>,
 }
 
 impl Contents {
@@ -134,7 +186,7 @@ impl Contents {
             if let Err(error) = taken {
                 break damage(error)?;
             }
-            offset += place.length;
+            offset = place.end();
         };
         // the indexes behind the last chunk of an unfinished log may not be complete
         if let Some((chunk, _)) = pending {
@@ -156,7 +208,7 @@ impl Contents {
                     done => done?,
                 }
             }
-            offset += place.length;
+            offset = place.end();
         }
         Ok(())
     }
@@ -189,7 +241,7 @@ impl Contents {
     ) -> Result<(), LogError> {
         let large = |index: &MessageIndex| {
             self.channels
-                .get(&index.channel_id)
+                .get(index.channel_id)
                 .is_some_and(|c| Topic::of(&c.topic).is_large())
         };
         if indexes.is_empty() || !indexes.iter().all(large) {
@@ -198,8 +250,10 @@ impl Contents {
             for index in indexes {
                 let mut entries = index.records.clone();
                 entries.sort_by_key(|entry| entry.offset);
-                let topic = &self.channels[&index.channel_id].topic;
-                let messages = self.large.entry(topic.clone()).or_default();
+                let Some(channel) = self.channels.get(index.channel_id) else {
+                    continue;
+                };
+                let messages = self.large.entry(channel.topic.clone()).or_default();
                 messages.extend(
                     entries
                         .iter()
@@ -237,30 +291,13 @@ impl Contents {
 
     fn record(&mut self, record: Record) -> Result<(), LogError> {
         match record {
-            Record::Schema { header, data } => {
-                self.schemas.insert(header.id, data.into_owned());
-            }
-            Record::Channel(channel) => {
-                let schema = self
-                    .schemas
-                    .get(&channel.schema_id)
-                    .cloned()
-                    .unwrap_or_default();
-                self.channels.insert(
-                    channel.id,
-                    Channel {
-                        topic: channel.topic,
-                        schema,
-                    },
-                );
-            }
             Record::Attachment { header, data, .. } if header.name == "case.toml" => {
                 self.case_text = Some(String::from_utf8_lossy(&data).into_owned());
             }
             Record::Metadata(metadata) if metadata.name == "run" => {
                 self.run = Some(metadata.metadata);
             }
-            _ => {}
+            record => self.channels.add(record),
         }
         Ok(())
     }
@@ -271,7 +308,7 @@ impl Contents {
         header: &MessageHeader,
         data: &[u8],
     ) -> Result<(), LogError> {
-        let Some(channel) = self.channels.get(&header.channel_id) else {
+        let Some(channel) = self.channels.get(header.channel_id) else {
             return Ok(());
         };
         let json = |source| LogError::Json {
@@ -298,13 +335,14 @@ impl Contents {
                 .push(serde_json::from_slice(data).map_err(json)?),
             Topic::Balance => {
                 if self.balance.columns.is_empty() {
-                    self.balance = Series::new(series::columns(&channel.schema).map_err(json)?);
+                    self.balance =
+                        Series::new(series::columns(&channel.schema.data).map_err(json)?);
                 }
                 self.balance.push(data).map_err(json)?;
             }
             Topic::Probe(name) => {
                 if !self.probes.contains_key(name) {
-                    let columns = series::columns(&channel.schema).map_err(json)?;
+                    let columns = series::columns(&channel.schema.data).map_err(json)?;
                     self.probes.insert(name.into(), Series::new(columns));
                 }
                 if let Some(series) = self.probes.get_mut(name) {

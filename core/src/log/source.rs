@@ -2,7 +2,7 @@
 
 use std::{
     fs::File,
-    io::{BufReader, Read, Seek},
+    io::{self, BufReader, Read, Seek},
     path::{Path, PathBuf},
 };
 
@@ -25,6 +25,13 @@ const RECORD_HEAD: u64 = 9;
 pub(super) struct Place {
     pub(super) offset: u64,
     pub(super) length: u64,
+}
+
+impl Place {
+    /// Where the next record starts.
+    pub(super) fn end(&self) -> u64 {
+        self.offset + self.length
+    }
 }
 
 /// The file and the position of the reader.
@@ -59,6 +66,29 @@ impl Source {
             return Err(LogError::NotMcap { path: path.into() });
         }
         Ok(source)
+    }
+
+    /// Takes note of what was written since the file was opened.
+    pub(super) fn update_length(&mut self) -> Result<(), LogError> {
+        self.length = self.length_now().map_err(|source| LogError::Io {
+            action: "read",
+            path: self.path.clone(),
+            source,
+        })?;
+        Ok(())
+    }
+
+    fn length_now(&self) -> io::Result<u64> {
+        Ok(self.reader.get_ref().metadata()?.len())
+    }
+
+    /// Whether another file has its name now. A file that only grows is at least as long at each look as at the one before.
+    pub(super) fn is_replaced(&self) -> bool {
+        let of_name = || std::fs::metadata(&self.path).map(|data| data.len());
+        match (self.length_now(), of_name(), self.length_now()) {
+            (Ok(before), Ok(named), Ok(after)) => named < before || named > after,
+            _ => false,
+        }
     }
 
     fn read(&mut self, offset: u64, buffer: &mut [u8]) -> Result<(), LogError> {

@@ -51,6 +51,14 @@ impl<'a> Topic<'a> {
         (is_number && is_whole).then_some(Self::Part(first))
     }
 
+    /// Checkpoints and the index are of no use without the file.
+    pub(super) fn is_for_resuming(self) -> bool {
+        matches!(
+            self,
+            Self::Checkpoint | Self::Index | Self::Part(CHECKPOINT)
+        )
+    }
+
     /// Point clouds and checkpoints are large and stay in the file until asked for.
     pub(super) fn is_large(self) -> bool {
         matches!(self, Self::Points(_) | Self::Part(_) | Self::Checkpoint)
