@@ -412,6 +412,13 @@ mod tests {
             moved.contains("`heat`") && passed.contains("`heat`"),
             "{moved}"
         );
+        // its own family at rest does not hinder a physics
+        let mut world = self::world();
+        let mut setup = Setup::new(&mut world, Path::new("."));
+        setup.next_plugin("heat");
+        setup.next_plugin("water");
+        setup.family(0, &spec()).expect("valid");
+        setup.move_points(0).expect("nobody else has one");
     }
 
     #[test]

@@ -36,7 +36,7 @@ TRACE = "PERIMELT_REACHED_MUTANTS"
 HERE = Path(__file__).resolve().parent
 # tests of whole runs; the other files of the crate `tests` look at texts and pictures
 RUNS = """bodies_that_meet clouds command_line coupled damaged_logs eulerian_walls kill_and_resume logs modes moving_window
-random_bodies replayed""".split()
+python_log random_bodies replayed""".split()
 # what must be covered, with the paths that belong to it
 AREAS = {
     "couplers": ["couplers/src/"],

@@ -204,6 +204,17 @@ mod tests {
     }
 
     #[test]
+    fn a_bond_that_breaks_again_counts_once() {
+        let family = Family::build(&block(2), &FamilySpec::new(3.0)).expect("valid");
+        let mut broken = family.unbroken();
+        for bond in [0, 3, 17, 3, 0] {
+            broken.break_bond(100, bond);
+        }
+        assert_eq!((broken.of(100), broken.of(99)), (3, 0));
+        assert!(broken.is_broken(100, 17) && !broken.is_broken(100, 16));
+    }
+
+    #[test]
     fn sums_skip_broken_bonds_in_every_store() {
         for dimension in [1, 2, 3] {
             let mut body = block(dimension);

@@ -373,6 +373,45 @@ mod tests {
     }
 
     #[test]
+    fn coordinates_come_first_and_in_order() {
+        let decoded = |names: [&str; 3]| {
+            let fields = names
+                .iter()
+                .zip([0, 4, 8])
+                .map(|(name, offset)| PackedElementField {
+                    name: (*name).into(),
+                    offset,
+                    r#type: NumericType::Float32 as i32,
+                });
+            let message = PointCloud {
+                point_stride: 12,
+                fields: fields.collect(),
+                data: vec![0; 24],
+                ..Default::default()
+            };
+            decode(&message.encode_to_vec(), 0.0)
+        };
+        assert!(decoded(VECTOR).is_ok());
+        for names in [["x", "z", "y"], ["x", "y", "temperature"]] {
+            assert!(matches!(decoded(names), Err(Undecodable::Layout(_))));
+        }
+    }
+
+    #[test]
+    fn times_have_seconds_and_nanoseconds() {
+        let cloud = CloudView {
+            time: 1.5,
+            positions: &[[0.0; 3]],
+            fields: &[],
+        };
+        let mut buffer = Vec::new();
+        encode(&mut buffer, &cloud, 0..1, Precision::F32, 1_500_000_001);
+        let message = PointCloud::decode(buffer.as_slice()).expect("just encoded");
+        let time = message.timestamp.expect("it has a time");
+        assert_eq!((time.seconds, time.nanos), (1, 500_000_001));
+    }
+
+    #[test]
     fn tensor_elements_are_named_by_row_then_column() {
         let stress = nalgebra::Matrix3::new(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0);
         let field = FieldView {

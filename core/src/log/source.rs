@@ -122,13 +122,11 @@ impl Source {
         self.read(offset, &mut head)?;
         let [opcode, length @ ..] = head;
         let body = u64::from_le_bytes(length);
-        Ok((body <= left - RECORD_HEAD).then_some((
-            opcode,
-            Place {
-                offset,
-                length: RECORD_HEAD + body,
-            },
-        )))
+        let place = || Place {
+            offset,
+            length: RECORD_HEAD + body,
+        };
+        Ok((body <= left - RECORD_HEAD).then(|| (opcode, place())))
     }
 
     /// Visits the record at `place`, or if it is a chunk the records in it, after its checksum.
@@ -143,6 +141,7 @@ impl Source {
             offset: place.offset,
             source,
         };
+        self.check_chunk(place)?;
         let mut reader = LinearReader::new_with_options(
             LinearReaderOptions::default()
                 .with_skip_start_magic(true)
@@ -168,6 +167,38 @@ impl Source {
             }
         }
         Ok(())
+    }
+
+    /// Refuses a chunk whose records end elsewhere than the chunk; the library counts below zero there.
+    fn check_chunk(&mut self, place: Place) -> Result<(), LogError> {
+        // two times, size of the records when unpacked, checksum, length of the name of the compression
+        const FIXED: usize = RECORD_HEAD as usize + 8 + 8 + 8 + 4 + 4;
+        let mut head = [0; FIXED];
+        if place.length < FIXED as u64 {
+            return Ok(()); // too short for a chunk: the library says so
+        }
+        self.read(place.offset, &mut head)?;
+        if head[0] != op::CHUNK {
+            return Ok(());
+        }
+        let name = head
+            .last_chunk()
+            .map_or(0, |name| u32::from_le_bytes(*name));
+        let size_at = FIXED as u64 + u64::from(name);
+        let available = place.length.saturating_sub(size_at + 8);
+        let mut size = [0; 8];
+        if size_at + 8 <= place.length {
+            self.read(place.offset + size_at, &mut size)?;
+        }
+        let header = u64::from_le_bytes(size);
+        if header == available {
+            return Ok(());
+        }
+        Err(LogError::Damaged {
+            path: self.path.clone(),
+            offset: place.offset,
+            source: McapError::BadChunkLength { header, available },
+        })
     }
 
     /// Where the summary of a finished file starts, by its footer; `None` without one.

@@ -438,6 +438,9 @@ fn other_files_are_told_apart() {
         std::fs::write(&path, content).unwrap();
         assert!(refusal().contains("is not an MCAP file"), "{}", refusal());
     }
+    // a run that was killed before it wrote anything
+    std::fs::write(&path, mcap::MAGIC).unwrap();
+    assert!(refusal().contains("the file was cut off"), "{}", refusal());
     let mut other = mcap::Writer::new(std::fs::File::create(&path).unwrap()).unwrap();
     other.finish().unwrap();
     assert!(

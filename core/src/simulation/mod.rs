@@ -17,6 +17,9 @@ mod checkpoint;
 mod iteration;
 mod steps;
 
+#[cfg(test)]
+mod tests;
+
 pub use iteration::{Iteration, Unconverged};
 
 use std::path::Path;

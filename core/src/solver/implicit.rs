@@ -197,6 +197,47 @@ mod tests {
         }
     }
 
+    /// Decay at a rate of its own for each component.
+    struct Decays([f64; 3]);
+
+    impl Rhs for Decays {
+        fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+            update(rate, [state, &self.0], |_, [y, k]| -k * y);
+            Ok(())
+        }
+
+        fn tangent(&mut self, _: At, v: &[f64], out: &mut [f64]) -> Result<bool, SolverError> {
+            update(out, [v, &self.0], |_, [v, k]| -k * v);
+            Ok(true)
+        }
+
+        fn tangent_diagonal(&mut self, _: At, out: &mut [f64]) -> Result<bool, SolverError> {
+            update(out, [&self.0], |_, [k]| -k);
+            Ok(true)
+        }
+    }
+
+    #[test]
+    fn the_diagonal_is_that_of_the_tangent() {
+        let mut equation = StepEquation {
+            rhs: &mut Decays([1.0, 20.0, 0.3]),
+            history: &[0.0; 3],
+            weight: 0.7,
+        };
+        let at = At {
+            time: 0.0,
+            state: &[1.0; 3],
+        };
+        let (mut diagonal, mut column) = ([0.0; 3], [0.0; 3]);
+        assert!(equation.tangent_diagonal(at, &mut diagonal).unwrap());
+        for i in 0..3 {
+            let mut unit = [0.0; 3];
+            unit[i] = 1.0;
+            assert!(equation.tangent(at, &unit, &mut column).unwrap());
+            assert_eq!(column[i], diagonal[i]);
+        }
+    }
+
     #[test]
     fn a_loose_tolerance_still_keeps_the_sum_to_rounding() {
         // a Stefan problem in enthalpy: temperature stays at 0 for 0 < h < 50

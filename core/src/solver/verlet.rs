@@ -232,6 +232,30 @@ mod tests {
     }
 
     #[test]
+    fn forces_that_depend_on_time_are_those_of_the_end_of_a_step() {
+        let error = |steps: usize| {
+            let (mut u, mut v) = ([0.0], [0.0]);
+            let mut verlet = Verlet::new(0.0);
+            let dt = 1.0 / steps as f64;
+            for n in 0..steps {
+                let motion = Motion {
+                    displacement: &mut u,
+                    velocity: &mut v,
+                    inverse_mass: &[1.0],
+                };
+                let force = |time: f64, _: &[f64], f: &mut [f64]| {
+                    f[0] = time.cos();
+                    Ok(())
+                };
+                verlet.step(n as f64 * dt, dt, motion, force).unwrap();
+            }
+            u[0] - (1.0 - 1.0f64.cos())
+        };
+        let order = (error(50) / error(100)).log2();
+        assert!((order - 2.0).abs() < 0.01, "{order}");
+    }
+
+    #[test]
     fn the_energy_of_verlet_does_not_drift() {
         // the error oscillates with amplitude E (omega dt)^2 / 4 = 0.005, over 10 swings as over 10,000
         for swings in [10, 10_000] {

@@ -490,6 +490,37 @@ mod tests {
         World::new(vec![block([3, 5, 5], 3, ELASTIC), second])
     }
 
+    /// Impulse on the first body, in a step of two blocks that overlap and move along each other at these speeds.
+    fn impulse_along(speeds: [f64; 2], friction: f64) -> f64 {
+        let mut world = two([4.0, 0.0, 0.0]);
+        let keys = format!("body = 'block'\nother = 'second'\nfriction = {friction}");
+        let mut contact: Contact = read(&keys);
+        prepare(&mut world, &mut contact, |setup| own(setup, 2)).expect("valid");
+        for (body, speed) in speeds.into_iter().enumerate() {
+            let index = world.fields().find(body, "velocity").expect("owned");
+            let v = world.values_mut(index).chunks_exact_mut(3);
+            v.for_each(|v| v[1] = speed);
+        }
+        let index = world.fields().find(0, "displacement").expect("owned");
+        let x = world.values_mut(index).chunks_exact_mut(3);
+        x.for_each(|v| v[0] = 1.1);
+        contact.apply(&world, Step::new(0.0, 0.1)).expect("applies");
+        let index = world.fields().find(0, "impulse").expect("a sink");
+        let field = world.fields().field(index).data();
+        let (vectors, _) = field.flat().as_chunks::<3>();
+        vectors.iter().map(|j| j[1]).sum()
+    }
+
+    #[test]
+    fn friction_acts_on_the_relative_velocity() {
+        let sliding = impulse_along([2.0, 0.0], 0.3);
+        assert!(sliding < 0.0, "it brakes: {sliding}");
+        let moved = impulse_along([5.0, 3.0], 0.3);
+        assert!((moved - sliding).abs() < 1e-9 * sliding.abs(), "{moved}");
+        let together = impulse_along([3.0, 3.0], 0.3);
+        assert!(together.abs() < 1e-9 * sliding.abs(), "{together}");
+    }
+
     #[test]
     fn bodies_repel_each_other_and_keep_their_momentum() {
         for (gap, touch) in [(-0.1, true), (0.1, false)] {

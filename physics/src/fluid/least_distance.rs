@@ -354,6 +354,30 @@ mod tests {
     }
 
     #[test]
+    fn a_point_before_a_face_stops_at_half_the_distance() {
+        let faces = [Face::XMin, Face::YMax];
+        for (face, [x, y]) in [(0, [0.0, 0.05]), (1, [0.05, 0.1])] {
+            let mut crowd = Crowd::new(&faces, [false; 3]);
+            let near = |p: &Vector3<f64>| (p - Vector3::new(x, y, p.z)).norm();
+            let distances: Vec<f64> = crowd.position.iter().map(near).collect();
+            let nearest =
+                (0..distances.len()).min_by(|a, b| distances[*a].total_cmp(&distances[*b]));
+            let nearest = nearest.expect("there are points");
+            let out = [-Vector3::x(), Vector3::y()][face];
+            crowd
+                .velocity
+                .iter_mut()
+                .for_each(|v| *v = Vector3::zeros());
+            crowd.velocity[nearest] = 8.0 * out;
+            let after = crowd.keep(&faces.map(LayerRule::even));
+            let at = crowd.position[nearest];
+            let gap = [at.x, 0.1 - at.y][face];
+            let allowed = (gap - 0.5 * LEAST).max(0.0) / DT;
+            assert!((after[nearest].dot(&out) - allowed).abs() < 1e-3 * LEAST / DT);
+        }
+    }
+
+    #[test]
     fn points_collide_across_periodic_sides_and_not_with_mirror_images() {
         let crowd = Crowd::new(&[], [true, true, false]);
         let after = crowd.keep(&[]);

@@ -349,6 +349,25 @@ fn a_free_drop_keeps_momentum_and_spin_to_rounding() {
 }
 
 #[test]
+fn the_first_row_has_no_pressure_where_that_is_asked() {
+    let mut s = turning(2, "surface = 'zero_pressure'");
+    s.start().expect("starts");
+    for _ in 0..5 {
+        s.step().expect("steps");
+        let (density, pressure) = (values(&s, "density"), values(&s, "pressure"));
+        let mut largest = 0.0f64;
+        for (i, x) in s.world().body(0).points.position.iter().enumerate() {
+            if x.x < 0.1 || x.x > 0.9 || x.y < 0.1 || x.y > 0.7 {
+                assert_eq!([density[i], pressure[i]], [2.0, 0.0], "at {x}");
+            } else {
+                largest = largest.max(pressure[i].abs());
+            }
+        }
+        assert!(largest > 0.1, "{largest}");
+    }
+}
+
+#[test]
 fn a_thread_of_points_swings_along_itself() {
     // a family in a line does not tell how the fluid moves across it
     let material = "density = 2\nviscosity = 1e-18";

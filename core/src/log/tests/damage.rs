@@ -61,3 +61,70 @@ fn a_damaged_chunk_costs_nothing_but_what_it_holds() {
         assert_eq!(last_lost, 1, "of all chunks one holds the last checkpoint");
     }
 }
+
+#[test]
+fn a_chunk_whose_records_end_before_it_is_damaged() {
+    let (_folder, path) = logged(3, 30);
+    let bytes = std::fs::read(&path).unwrap();
+    // times, size when unpacked, checksum; then the name of the compression and the size of the records
+    let name_at = 8 + 8 + 8 + 4;
+    for place in chunks(&bytes) {
+        let chunk = &bytes[place.clone()];
+        let name = u32::from_le_bytes(chunk[name_at..name_at + 4].try_into().unwrap());
+        let size_at = place.start + name_at + 4 + name as usize;
+        let size = u64::from_le_bytes(bytes[size_at..size_at + 8].try_into().unwrap());
+        for wrong in [0, size - 1, size + 1, u64::MAX] {
+            let mut damaged = bytes.clone();
+            damaged[size_at..size_at + 8].copy_from_slice(&wrong.to_le_bytes());
+            std::fs::write(&path, &damaged).unwrap();
+            let log = Log::open(&path).unwrap();
+            let lost = log.damage().len() + 6 - sound(&log, 3).iter().sum::<usize>();
+            assert!(lost > 0, "{wrong} for {size}");
+        }
+    }
+}
+
+#[test]
+fn a_large_damaged_checkpoint_falls_back_to_the_one_before() {
+    // beyond 256 KiB a checkpoint is a chunk of its own, which is read only when it is asked for
+    const POINTS: usize = 40_000;
+    let (_folder, path) = logged(3, POINTS);
+    let bytes = std::fs::read(&path).unwrap();
+    let whole = Log::open(&path).unwrap();
+    let mut damaged = bytes.clone();
+    // the last chunks: points and checkpoint of each step
+    for (lost, place) in chunks(&bytes).iter().rev().enumerate() {
+        damaged[place.start + place.len() * 3 / 4] ^= 0x55;
+        std::fs::write(&path, &damaged).unwrap();
+        let log = Log::open(&path).unwrap();
+        assert_eq!(log.checkpoints().len(), whole.checkpoints().len());
+        let sound = (0..log.checkpoints().len())
+            .rev()
+            .find(|i| log.checkpoint(*i).is_ok());
+        match (log.last_sound_checkpoint(), sound) {
+            (Ok((index, state)), Some(sound)) => {
+                assert_eq!(index, sound, "{lost} chunks are lost");
+                assert_eq!(state, whole.checkpoint(sound).unwrap());
+            }
+            (Err(LogError::Damaged { .. }), None) => return,
+            (found, sound) => panic!("{sound:?}, but {:?}", found.map(|(index, _)| index)),
+        }
+    }
+    panic!("all checkpoints are damaged");
+}
+
+#[test]
+fn a_record_of_impossible_length_ends_the_log() {
+    let (_folder, path) = logged(3, 30);
+    let bytes = std::fs::read(&path).unwrap();
+    let last = chunks(&bytes).pop().unwrap();
+    for wrong in [u64::MAX, u64::MAX - 8, 1 << 63, bytes.len() as u64] {
+        let mut damaged = bytes.clone();
+        damaged[last.start - 8..last.start].copy_from_slice(&wrong.to_le_bytes());
+        std::fs::write(&path, &damaged).unwrap();
+        let log = Log::open(&path).unwrap();
+        let at = last.start as u64 - 9;
+        assert_eq!(*log.ending(), Ending::Unfinished { at }, "{wrong}");
+        assert!(!log.times(BODY).is_empty());
+    }
+}

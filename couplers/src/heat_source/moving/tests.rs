@@ -254,3 +254,21 @@ fn the_absorptivity_is_that_of_the_material_unless_the_case_gives_one() {
     assert!(refused("", STEEL).contains("has no constant `absorptivity`"));
     assert!(refused("wavelength = 10.6e-6", &dark).contains("hold near 1 um"));
 }
+
+#[test]
+fn a_path_may_pass_beside_the_body_by_twice_the_size_of_the_source() {
+    let passes = |distance: f64| {
+        let y = 20.0 + distance;
+        let mut source: EllipsoidSource = toml::from_str(&format!(
+            "power = 100\nhalf_length = 3\nhalf_width = 3\ndepth = 3
+            toolpath.line = {{ start = [0, {y}, 8], end = [20, {y}, 8], speed = 2 }}"
+        ))
+        .expect("valid");
+        let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
+        let consumed = |setup: &mut Setup<'_>| {
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        };
+        prepare(&mut world, &mut source, consumed).is_ok()
+    };
+    assert!(passes(5.9) && !passes(6.1));
+}

@@ -1,0 +1,344 @@
+//! The clock with plugins that do next to nothing.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use serde::Serialize;
+
+use super::*;
+use crate::body::Body;
+use crate::field::{Key, Read, Write};
+use crate::plugin::{Clock, Work};
+use crate::shape::{BoxShape, Shape};
+
+/// A physics whose field has the values of a rule.
+#[derive(Serialize)]
+struct Ruled {
+    field: &'static str,
+    /// value at a point after a step
+    #[serde(skip)]
+    rule: Box<dyn FnMut(usize, Step) -> f64>,
+    #[serde(skip)]
+    own: Option<Write<f64>>,
+    /// what others add
+    #[serde(skip)]
+    sink: Option<Read<f64>>,
+    clock_step: StepSize,
+    stable: Option<f64>,
+    /// stable step from a time on
+    changed: Option<(f64, f64)>,
+    /// largest macro step from a time on
+    limit: Option<(f64, f64)>,
+    plausible: Option<f64>,
+    time: f64,
+}
+
+fn ruled(field: &'static str, rule: impl FnMut(usize, Step) -> f64 + 'static) -> Ruled {
+    Ruled {
+        field,
+        rule: Box::new(rule),
+        own: None,
+        sink: None,
+        clock_step: StepSize::Auto,
+        stable: None,
+        changed: None,
+        limit: None,
+        plausible: None,
+        time: 0.0,
+    }
+}
+
+fn key(name: &'static str) -> Key<f64> {
+    Key::new(name, "1", "a number")
+}
+
+/// Index of the body that has a field.
+fn body_of(field: &str) -> usize {
+    usize::from(field == "y")
+}
+
+fn sink_of(field: &str) -> Key<f64> {
+    match field {
+        "x" => Key::new("x_added", "1/s", "added to x"),
+        _ => Key::new("y_added", "1/s", "added to y"),
+    }
+}
+
+#[typetag::serialize(name = "test_ruled")]
+impl Physics for Ruled {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        self.own = Some(setup.own(body_of(self.field), &key(self.field))?);
+        self.sink = setup.take_if_added(body_of(self.field), &sink_of(self.field))?;
+        Ok(())
+    }
+
+    fn clock(&self) -> Clock {
+        Clock {
+            step: self.clock_step,
+            ..Clock::default()
+        }
+    }
+
+    fn stable_step(&mut self, _world: &World) -> Option<f64> {
+        self.stable
+    }
+
+    fn changed_stable_step(&self) -> Option<f64> {
+        let (from, step) = self.changed?;
+        (self.time >= from).then_some(step)
+    }
+
+    fn step_limit(&self) -> Option<f64> {
+        let (from, step) = self.limit?;
+        (self.time >= from).then_some(step)
+    }
+
+    fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {
+        self.plausible
+            .map(|limit| (self.field, limit))
+            .into_iter()
+            .collect()
+    }
+
+    fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
+        let mut own = world.write(self.own.expect("prepared"));
+        for (i, x) in own.iter_mut().enumerate() {
+            *x = (self.rule)(i, step);
+        }
+        self.time = step.end();
+        Ok(Work {
+            iterations: 3,
+            evaluations: 2,
+        })
+    }
+}
+
+/// A coupler that reads fields, adds to others or writes some, and keeps the steps that it sees.
+#[derive(Default, Serialize)]
+struct Seen {
+    reads: Vec<&'static str>,
+    adds: Vec<&'static str>,
+    writes: Vec<&'static str>,
+    #[serde(skip)]
+    steps: Rc<RefCell<Vec<Step>>>,
+}
+
+#[typetag::serialize(name = "test_seen")]
+impl Coupler for Seen {
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        for name in &self.reads {
+            setup.read(body_of(name), &key(name))?;
+        }
+        for name in &self.adds {
+            setup.add(body_of(name), &sink_of(name))?;
+        }
+        for name in &self.writes {
+            setup.write(body_of(name), &key(name))?;
+        }
+        Ok(())
+    }
+
+    fn apply(&mut self, _world: &World, step: Step) -> Result<(), RunError> {
+        self.steps.borrow_mut().push(step);
+        Ok(())
+    }
+}
+
+/// A second in steps of a quarter.
+fn quarters() -> TimeOptions {
+    TimeOptions {
+        end: 1.0,
+        step: StepSize::Fixed(0.25),
+        stages: Vec::new(),
+        safety: 0.5,
+        log_interval: 1.0,
+        iteration: None,
+    }
+}
+
+fn prepared(
+    physics: Vec<Ruled>,
+    couplers: Vec<Seen>,
+    options: TimeOptions,
+) -> Result<Simulation, (Culprit, SetupError)> {
+    let (min, max) = ([0.0; 3], [8.0, 1.0, 0.0]);
+    let shape = Shape::Box(BoxShape { min, max });
+    let body = |name| Body::fill(name, &shape, 2, 1.0, 1.0).expect("a valid body");
+    let physics = physics.into_iter().map(|p| Named {
+        label: format!("the physics of {}", p.field),
+        plugin: Box::new(p) as Box<dyn Physics>,
+    });
+    let couplers = couplers.into_iter().enumerate().map(|(i, c)| Named {
+        label: format!("coupler {i}"),
+        plugin: Box::new(c) as Box<dyn Coupler>,
+    });
+    let world = World::new(vec![body("row"), body("other")]);
+    Simulation::prepare(
+        world,
+        couplers.collect(),
+        physics.collect(),
+        options,
+        Path::new("."),
+    )
+}
+
+/// Runs to the end.
+fn run(
+    physics: Vec<Ruled>,
+    couplers: Vec<Seen>,
+    options: TimeOptions,
+) -> Result<Progress, RunError> {
+    let simulation = prepared(physics, couplers, options);
+    let mut simulation = simulation.map_err(|(_, e)| e).expect("a valid composition");
+    simulation.start()?;
+    while !simulation.is_finished() {
+        simulation.step()?;
+    }
+    Ok(simulation.progress().clone())
+}
+
+#[test]
+fn couplers_that_feed_nobody_see_each_macro_step() {
+    let watcher = Seen {
+        reads: vec!["x"],
+        writes: vec!["seen"],
+        ..Seen::default()
+    };
+    let steps = watcher.steps.clone();
+    run(vec![ruled("x", |_, _| 1.0)], vec![watcher], quarters()).expect("it runs");
+    let expected: Vec<Step> = [
+        (0.0, 0.0),
+        (0.0, 0.25),
+        (0.25, 0.25),
+        (0.5, 0.25),
+        (0.75, 0.25),
+    ]
+    .map(|(start, size)| Step::new(start, size))
+    .into();
+    assert_eq!(*steps.borrow(), expected);
+}
+
+#[test]
+fn the_work_of_all_sub_steps_is_counted() {
+    let mut physics = ruled("x", |_, _| 1.0);
+    physics.stable = Some(0.2); // half of it is safe: three sub-steps in a quarter
+    let progress = run(vec![physics], vec![], quarters()).expect("it runs");
+    assert_eq!(progress.macro_steps, 4);
+    assert_eq!(progress.sub_steps, [12]);
+    assert_eq!(progress.iterations, [36]);
+    assert_eq!(progress.evaluations, [24]);
+}
+
+#[test]
+fn a_blow_up_is_told_with_its_place() {
+    for (bad, plausible) in [(f64::NAN, None), (-20.0, Some(10.0))] {
+        let mut physics = ruled("x", move |i, step| match i {
+            5 if step.start >= 0.5 => bad,
+            _ => 1.0,
+        });
+        physics.plausible = plausible;
+        let failed = run(vec![physics], vec![], quarters()).expect_err("it blows up");
+        let RunError::BlowUp {
+            physics,
+            field,
+            body,
+            point,
+            position,
+            value,
+            ..
+        } = failed
+        else {
+            panic!("{failed}");
+        };
+        assert_eq!(
+            [&*physics, &*field, &*body],
+            ["the physics of x", "x", "row"]
+        );
+        assert_eq!((point, position), (5, [5.5, 0.5, 0.0]));
+        assert!(value == bad || value.is_nan() && bad.is_nan());
+    }
+}
+
+#[test]
+fn steps_too_small_to_add_to_the_time_are_refused() {
+    let mut physics = ruled("x", |_, _| 1.0);
+    physics.limit = Some((0.5, 1e-20));
+    let options = TimeOptions {
+        step: StepSize::Auto,
+        log_interval: 0.5,
+        ..quarters()
+    };
+    let failed = run(vec![physics], vec![], options).expect_err("it never ends");
+    let RunError::StepTooSmall { time, count, .. } = failed else {
+        panic!("{failed}");
+    };
+    assert_eq!(time, 0.5);
+    assert!((count - 0.5e20).abs() < 1e6, "{count}");
+}
+
+#[test]
+fn passes_that_do_not_converge_are_counted() {
+    let mut calls = 0.0;
+    // restarting it does not bring back what it was
+    let restless = ruled("x", move |i, _| {
+        calls += f64::from(u8::from(i == 0));
+        calls
+    });
+    let iteration = Iteration {
+        tolerance: 1e-3,
+        passes: 2,
+        unconverged: Unconverged::Continue,
+    };
+    let progress = run(vec![restless], vec![], options_of(iteration)).expect("it goes on");
+    assert_eq!((progress.passes, progress.unconverged), (8, 4));
+    let progress = run(vec![ruled("x", |_, _| 1.0)], vec![], options_of(iteration));
+    let progress = progress.expect("it converges");
+    assert_eq!((progress.passes, progress.unconverged), (8, 0));
+}
+
+fn options_of(iteration: Iteration) -> TimeOptions {
+    TimeOptions {
+        iteration: Some(iteration),
+        ..quarters()
+    }
+}
+
+/// Bodies that exchange something advance together, by the longest step of both.
+#[test]
+fn a_stable_step_that_changes_changes_the_step_of_its_group() {
+    let physics = |field| {
+        let mut physics = ruled(field, |_, _| 1.0);
+        physics.stable = Some(0.5);
+        physics.changed = Some((0.5, 0.1));
+        physics
+    };
+    let exchange = Seen {
+        reads: vec!["x", "y"],
+        adds: vec!["x", "y"],
+        ..Seen::default()
+    };
+    let steps = exchange.steps.clone();
+    run(vec![physics("x"), physics("y")], vec![exchange], quarters()).expect("it runs");
+    let sizes: Vec<f64> = steps.borrow().iter().map(|step| step.size).collect();
+    // half of the stable step: one in a quarter, then five
+    let expected = [&[0.0, 0.25, 0.25][..], &[0.05; 10]].concat();
+    assert_eq!(sizes.len(), expected.len(), "{sizes:?}");
+    let off = sizes.iter().zip(&expected).map(|(a, b)| (a - b).abs());
+    assert!(off.fold(0.0, f64::max) < 1e-12, "{sizes:?}");
+}
+
+#[test]
+fn a_circle_of_couplers_is_blamed_on_one_of_them() {
+    let coupler = |reads, writes| Seen {
+        reads: vec![reads],
+        writes: vec![writes],
+        ..Seen::default()
+    };
+    let couplers = vec![coupler("x", "seen"), coupler("a", "b"), coupler("b", "a")];
+    let refused = prepared(vec![ruled("x", |_, _| 1.0)], couplers, quarters());
+    let (culprit, error) = refused.err().expect("they wait for each other");
+    assert!(
+        matches!(culprit, Culprit::Coupler(1 | 2)),
+        "{culprit:?}: {error}"
+    );
+}
