@@ -307,13 +307,13 @@ fn only_the_page_itself_gets_answers() {
 }
 
 #[test]
-fn a_case_file_and_a_missing_log_are_explained() {
+fn a_faulty_case_and_a_missing_log_are_explained() {
     let folder = folder(0.1);
+    let case = WELD.replace("[time]", "[tme]");
+    std::fs::write(folder.path().join("weld.toml"), case).expect("writable");
     for (file, why) in [
-        (
-            "weld.toml",
-            "run it with `perimelt run weld.toml`, then call `perimelt view weld.mcap`",
-        ),
+        ("weld.toml", "did you mean `time`?"),
+        ("weld.toml", "the run of weld.toml has not begun"),
         ("weld.mcap", "could not read the log weld.mcap"),
     ] {
         let output = command(folder.path(), &["view", file, "--no-open"])

@@ -34,5 +34,7 @@ pub(super) fn start(case: &Path) -> Result<PathBuf, ViewError> {
 
 fn spawn(case: &Path) -> io::Result<Child> {
     let program = std::env::current_exe()?;
-    Command::new(program).arg("run").arg(case).spawn()
+    let mut run = Command::new(program);
+    // the first line of the output is the address of the page
+    run.arg("run").arg(case).stdout(io::stderr()).spawn()
 }
