@@ -336,5 +336,8 @@ mod tests {
         }
         let mut coupler: WaterJet = read(&JET.replace("leidenfrost = 700", "leidenfrost = 200"));
         assert!(refusal(&mut world, &mut coupler).starts_with("leidenfrost"));
+        let negative = JET.replace("flux = ", "flux = -1e6 # ");
+        let mut coupler: WaterJet = read(&negative);
+        assert!(refusal(&mut world, &mut coupler).starts_with("flux"));
     }
 }

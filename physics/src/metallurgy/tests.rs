@@ -160,6 +160,52 @@ fn transformation_compliance_is_that_of_the_share() {
     assert!((heated.field("transformation_compliance") - expected).abs() < 1e-24);
 }
 
+/// Maynier, Dollet and Bastien (1978): hardness by each per cent of C, Si, Mn, Ni, Cr, Mo, V, and that times the logarithm of
+/// the rate in K/h.
+#[test]
+fn hardness_rises_with_each_element_as_published() {
+    let published = [
+        (
+            [223.0, 53.0, 30.0, 12.6, 7.0, 19.0, 0.0],
+            [0.0, -19.0, 0.0, 4.0, 8.0, 0.0, 130.0],
+        ),
+        (
+            [185.0, 330.0, 153.0, 65.0, 144.0, 191.0, 0.0],
+            [53.0, -55.0, -22.0, -10.0, -20.0, -33.0, 0.0],
+        ),
+        ([949.0, 27.0, 11.0, 8.0, 16.0, 0.0, 0.0], [0.0; 7]),
+    ];
+    let with = |content: [f64; 7]| {
+        let [c, si, mn, ni, cr, mo, v] = content;
+        Composition {
+            carbon: c,
+            silicon: si,
+            manganese: mn,
+            nickel: ni,
+            chromium: cr,
+            molybdenum: mo,
+            vanadium: v,
+        }
+    };
+    // K/s, and the logarithm of the rate in K/h
+    for (rate, logarithm) in [(1.0 / 3600.0, 0.0), (100.0 / 3600.0, 2.0)] {
+        for element in 0..7 {
+            let mut content = [0.3; 7];
+            let less = with(content).hardness(rate);
+            content[element] += 1.0;
+            let more = with(content).hardness(rate);
+            for (i, (constant, slope)) in published.iter().enumerate() {
+                let expected = constant[element] + logarithm * slope[element];
+                let found = more[i] - less[i];
+                assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+            }
+        }
+    }
+    let [ferrite, bainite, martensite] = Composition::default().hardness(10.0 / 3600.0);
+    assert!((ferrite - 52.0).abs() < 1e-9 && (bainite + 234.0).abs() < 1e-9);
+    assert!((martensite - 148.0).abs() < 1e-9);
+}
+
 #[test]
 fn temperatures_of_the_composition() {
     let steel = Composition {
@@ -187,6 +233,21 @@ fn laws_that_cannot_be_are_refused() {
     assert!(refusal(STEEL, curve).contains("bainite"));
     assert!(refusal(STEEL, "austenite = { start = 1000, end = 900 }").contains("900"));
     assert!(refusal(STEEL, "transformation_plasticity = 1e-4").contains("0.0001"));
+    for (keys, key) in [
+        ("initial_cooling_rate = -1", "initial_cooling_rate"),
+        (
+            "austenite = { start = 1000, end = 1100, time = -1 }",
+            "austenite.time",
+        ),
+        ("martensite = { start = -600 }", "martensite.start"),
+        (
+            "martensite = { start = 600, rate = -0.011 }",
+            "martensite.rate",
+        ),
+    ] {
+        let refused = refusal(STEEL, keys);
+        assert!(refused.contains(key), "{keys}: {refused}");
+    }
 }
 
 proptest! {
