@@ -6,11 +6,13 @@
 
 mod program;
 mod python;
+mod running;
 
 use std::io::{BufRead, BufReader};
-use std::process::{Child, Stdio};
+use std::process::Stdio;
 
 use program::command;
+use running::Running;
 
 const BLOCK: &str = r#"
 [bodies.block]
@@ -40,21 +42,11 @@ step = 2e-5 # the run takes longer than a viewer to connect
 interval = 0.005
 "#;
 
-/// Ends the program however the test ends.
-struct Served(Child);
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 /// Starts `perimelt view` with these arguments; the process and the address for viewers.
-fn serve(folder: &std::path::Path, arguments: &[&str]) -> (Served, String) {
+fn serve(folder: &std::path::Path, arguments: &[&str]) -> (Running, String) {
     let arguments = [&["view", "--no-open", "--live=0"], arguments].concat();
     let mut viewed = command(folder, &arguments);
-    let mut viewed = Served(viewed.stdout(Stdio::piped()).spawn().expect("it starts"));
+    let mut viewed = Running(viewed.stdout(Stdio::piped()).spawn().expect("it starts"));
     let output = viewed.0.stdout.take().expect("piped");
     let line = BufReader::new(output).lines().map_while(Result::ok);
     let mut addresses = line.filter_map(|line| {

@@ -3,15 +3,17 @@
 //! `PERIMELT_CHROMIUM` names a Chromium for the last test; else one is looked for in `PATH`. Without one the test is skipped.
 
 mod program;
+mod running;
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use perimelt_core::log::Log;
 use program::command;
+use running::Running;
 use serde_json::Value;
 
 const WELD: &str = include_str!("cases/weld.toml");
@@ -30,16 +32,6 @@ fn logged() -> tempfile::TempDir {
     let status = command(folder.path(), &["run", "weld.toml", "--quiet"]).status();
     assert!(status.expect("it starts").success());
     folder
-}
-
-/// A program that ends with the test.
-struct Running(Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
 }
 
 /// `perimelt view` of the log in a folder.

@@ -125,9 +125,8 @@ impl Live {
             }
         }
         self.follow.visit(|message| {
-            publish(&self.context, &mut self.published, &message)?;
+            publish(&self.context, &mut self.published, &message);
             self.server.broadcast_time(message.log_time);
-            Ok(())
         })
     }
 }
@@ -136,7 +135,7 @@ fn publish(
     context: &Arc<Context>,
     published: &mut BTreeMap<String, Published>,
     message: &RawMessage,
-) -> Result<(), LogError> {
+) {
     let Channel {
         topic,
         encoding,
@@ -151,7 +150,7 @@ fn publish(
             // fails only without an encoding
             match channel.build_raw() {
                 Ok(channel) => channel,
-                Err(_) => return Ok(()),
+                Err(_) => return,
             }
         }
     };
@@ -162,5 +161,4 @@ fn publish(
     };
     newest.channel.log_with_meta(&newest.data, newest.time);
     published.insert(topic.clone(), newest);
-    Ok(())
 }

@@ -43,24 +43,20 @@ impl Follow {
     /// are left out.
     ///
     /// # Errors
-    /// The file cannot be read, or the visit fails.
-    pub fn visit<E: From<LogError>>(
-        &mut self,
-        mut visit: impl FnMut(RawMessage) -> Result<(), E>,
-    ) -> Result<(), E> {
+    /// The file cannot be read.
+    pub fn visit(&mut self, mut visit: impl FnMut(RawMessage)) -> Result<(), LogError> {
         self.source.update_length()?;
         while !self.is_finished
             && let Some((opcode, place)) = self.source.record(self.offset)?
         {
             self.is_finished = opcode == op::DATA_END;
-            let mut outcome = Ok(());
             let read = self.source.visit(place, |record| {
                 match record {
-                    Record::Message { header, data } if outcome.is_ok() => {
+                    Record::Message { header, data } => {
                         if let Some(channel) = self.channels.get(header.channel_id)
                             && !Topic::of(&channel.topic).is_for_resuming()
                         {
-                            outcome = visit(RawMessage {
+                            visit(RawMessage {
                                 channel,
                                 log_time: header.log_time,
                                 data: &data,
@@ -74,7 +70,6 @@ impl Follow {
             if !matches!(read, Err(LogError::Damaged { .. })) {
                 read?;
             }
-            outcome?;
             self.offset = place.end();
         }
         Ok(())

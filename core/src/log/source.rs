@@ -122,11 +122,10 @@ impl Source {
         self.read(offset, &mut head)?;
         let [opcode, length @ ..] = head;
         let body = u64::from_le_bytes(length);
-        let place = || Place {
-            offset,
-            length: RECORD_HEAD + body,
-        };
-        Ok((body <= left - RECORD_HEAD).then(|| (opcode, place())))
+        Ok((body <= left - RECORD_HEAD).then(|| {
+            let length = RECORD_HEAD + body;
+            (opcode, Place { offset, length })
+        }))
     }
 
     /// Visits the record at `place`, or if it is a chunk the records in it, after its checksum.

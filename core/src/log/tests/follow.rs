@@ -9,7 +9,6 @@ fn new_messages(follow: &mut Follow) -> Vec<(String, u64)> {
         let is_json = serde_json::from_slice::<serde_json::Value>(message.data).is_ok();
         assert_eq!(message.channel.encoding == "json", is_json);
         found.push((message.channel.topic.clone(), message.log_time));
-        Ok::<_, LogError>(())
     });
     visited.expect("the file is read");
     found
