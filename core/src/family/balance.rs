@@ -230,3 +230,33 @@ fn free_points(body: &Body, spec: &FamilySpec) -> Vec<bool> {
     }
     is_free
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::family::balance_tests::{plate, spec};
+    use crate::family::{Correction, Horizon};
+
+    /// The right side alone is bare. Surface cells are reached by their own horizon and by that of the other point.
+    #[test]
+    fn points_are_free_beyond_the_reach_of_bare_surfaces() {
+        let layers = [Face::XMin, Face::YMin, Face::YMax];
+        let spec = FamilySpec {
+            horizon: Horizon::Spacings(2.9),
+            ..spec(Correction::Balanced, &layers)
+        };
+        // last column that is free: 2 m less 2.9 and a half spacings; or less 1.16 m, the horizon on the left
+        for (left, last) in [((0.1, 1.0), 1.65), ((0.2, 2.0), 0.7)] {
+            let right = if left.0 == 0.1 { 0.1 } else { 0.05 };
+            let body = plate([left, (right, 1.0)], 0.0);
+            let is_free = free_points(&body, &spec);
+            for (x, is_free) in body.points.position.iter().zip(is_free) {
+                let is_reached = match left.0 == 0.2 && x.x > 1.0 {
+                    true => x.x > 2.0 - 3.4 * right,
+                    false => x.x > last + 1e-6,
+                };
+                assert_eq!(is_free, !is_reached, "{x}");
+            }
+        }
+    }
+}

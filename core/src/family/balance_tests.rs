@@ -20,7 +20,7 @@ impl BondKernel<1, 1> for Flow {
 }
 
 /// A plate of 2 m by 1 m of two zones: spacing (m) and factor of the horizon of each.
-fn plate(zones: [(f64, f64); 2], jitter: f64) -> Body {
+pub(super) fn plate(zones: [(f64, f64); 2], jitter: f64) -> Body {
     let shape = Shape::Box(BoxShape {
         min: [0.0; 3],
         max: [2.0, 1.0, 0.1],
@@ -40,7 +40,7 @@ fn plate(zones: [(f64, f64); 2], jitter: f64) -> Body {
     body.jittered(jitter).expect("valid")
 }
 
-fn spec(correction: Correction, layers: &[Face]) -> FamilySpec {
+pub(super) fn spec(correction: Correction, layers: &[Face]) -> FamilySpec {
     FamilySpec {
         horizon: Horizon::Spacings(3.0),
         correction,

@@ -198,3 +198,16 @@ pub(super) fn chunks(runs: &[Span], blocks: usize, rows: usize) -> Vec<Chunk> {
     }));
     chunks
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stretches_are_as_long_as_points_and_slots_follow_each_other() {
+        let slot_of_point = [4, 5, 6, 9, 10, 11, 12];
+        let spans = stretches(&slot_of_point, |point| point != 5);
+        let found: Vec<_> = spans.iter().map(|s| (s.point, s.slot, s.len)).collect();
+        assert_eq!(found, [(0, 4, 3), (3, 9, 2), (6, 12, 1)]);
+    }
+}

@@ -423,23 +423,34 @@ mod tests {
 
     #[test]
     fn foreign_points_and_their_images_complete_a_family_as_own_points_would() {
-        // the lower half of a body, whose upper half is another body, between mirrored sides
-        let whole = plate([0.0; 3], [0.8, 1.2, 0.1]);
-        let lower = plate([0.0; 3], [0.8, 0.6, 0.1]);
-        let upper = plate([0.0, 0.6, 0.0], [0.8, 1.2, 0.1]);
-        let sides = vec![Face::XMin, Face::XMax, Face::YMin];
-        let family = |body: &Body| Family::moving(body, &spec(sides.clone())).expect("valid");
-        let mut foreign = ForeignBonds::new(&lower, &spec(sides.clone()));
-        foreign.follow(places(&lower), places(&upper));
-        let expected = moments(&whole, &family(&whole), None);
-        let found = moments(&lower, &family(&lower), Some(&foreign));
-        for (x, found) in lower.points.position.iter().zip(&found) {
-            let same = whole.points.position.iter();
-            let at = same.clone().position(|y| (x - y).norm() < 1e-9);
-            let expected = expected[at.expect("the lower half")];
-            assert!((0..4).all(|o| (found[o] - expected[o]).abs() < 1e-12));
+        // the lower half of a body, whose upper half is another body, between mirrored or periodic sides
+        for is_periodic in [false, true] {
+            let plate = |min, max| {
+                let mut body = plate(min, max);
+                body.periodic[0] = is_periodic;
+                body
+            };
+            let whole = plate([0.0; 3], [0.8, 1.2, 0.1]);
+            let lower = plate([0.0; 3], [0.8, 0.6, 0.1]);
+            let upper = plate([0.0, 0.6, 0.0], [0.8, 1.2, 0.1]);
+            let sides = [Face::XMin, Face::XMax, Face::YMin];
+            let spec = spec(sides[if is_periodic { 2 } else { 0 }..].to_vec());
+            let family = |body: &Body| Family::moving(body, &spec).expect("valid");
+            let mut foreign = ForeignBonds::new(&lower, &spec);
+            foreign.follow(places(&lower), places(&upper));
+            let expected = moments(&whole, &family(&whole), None);
+            let found = moments(&lower, &family(&lower), Some(&foreign));
+            for (x, found) in lower.points.position.iter().zip(&found) {
+                let same = whole.points.position.iter();
+                let at = same.clone().position(|y| (x - y).norm() < 1e-9);
+                let expected = expected[at.expect("the lower half")];
+                assert!((0..4).all(|o| (found[o] - expected[o]).abs() < 1e-12));
+            }
+            check_that_both_ends_see_each_bond(&foreign);
         }
-        // both ends of a bond see it once
+    }
+
+    fn check_that_both_ends_see_each_bond(foreign: &ForeignBonds) {
         let (mut owners, mut others) = (Vec::new(), Vec::new());
         foreign.sum_by_owner(|n| [foreign.bond(n).0.weight], &mut owners);
         foreign.sum_by_foreign(|n| [foreign.bond(n).0.dual], &mut others);

@@ -208,6 +208,15 @@ mod tests {
     }
 
     #[test]
+    fn neighbours_at_the_very_horizon_belong_to_the_family() {
+        let spec = FamilySpec {
+            horizon: Horizon::Spacings(1.0),
+            ..FamilySpec::default()
+        };
+        assert_eq!(warnings(&slit(2.0), &spec), [""; 0]);
+    }
+
+    #[test]
     fn round_holes_and_corners_are_no_gaps() {
         let shape = without(Shape::Sphere(Sphere {
             centre: [10.0, 10.0, 0.5],

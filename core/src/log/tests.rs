@@ -168,6 +168,22 @@ fn assert_same_content(left: &Log, right: &Log) {
 }
 
 #[test]
+fn messages_of_a_channel_are_numbered_one_after_the_other() {
+    let (_folder, path) = logged(4, 40);
+    let bytes = std::fs::read(path).unwrap();
+    let mut next: std::collections::BTreeMap<String, u32> = Default::default();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        let due = next
+            .entry(message.channel.topic.clone())
+            .or_insert(message.sequence);
+        assert_eq!(message.sequence, *due, "{}", message.channel.topic);
+        *due += 1;
+    }
+    assert!(next.len() > 3, "{next:?}");
+}
+
+#[test]
 fn what_was_written_is_read_back() {
     let (_folder, path) = logged(3, 40);
     let log = Log::open(path).unwrap();

@@ -524,3 +524,22 @@ fn sums_of_derivatives_are_those_of_all_of_them() {
         }
     }
 }
+
+/// The Cholesky decomposition alone would succeed: the offsets from the line are far above rounding.
+#[test]
+fn points_almost_on_a_slanted_line_are_degenerate() {
+    let mut table = "x,y,spacing\n".to_string();
+    for i in 0..9 {
+        let x = 0.1 * f64::from(i);
+        let offset = if i % 3 == 0 { 1e-8 } else { 0.0 };
+        table += &format!("{x},{},0.1\n", x + offset);
+    }
+    let shape = Shape::Box(BoxShape {
+        min: [-1.0; 3],
+        max: [2.0; 3],
+    });
+    let body = Body::from_table("line", &shape, 2, 1.0, &table).expect("valid");
+    let family = Family::build(&body, &Pddo::spec(Horizon::Spacings(3.015))).expect("valid");
+    let refused = Pddo::build(&body, Arc::new(family), 1);
+    assert!(matches!(refused, Err(PddoError::Degenerate { .. })));
+}

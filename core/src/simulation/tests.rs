@@ -1,6 +1,6 @@
 //! The clock with plugins that do next to nothing.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 
 use serde::Serialize;
@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::*;
 use crate::body::Body;
 use crate::field::{Key, Read, Write};
-use crate::plugin::{Clock, Work};
+use crate::plugin::{Clock, Update, Work};
 use crate::shape::{BoxShape, Shape};
 
 /// A physics whose field has the values of a rule.
@@ -24,6 +24,10 @@ struct Ruled {
     #[serde(skip)]
     sink: Option<Read<f64>>,
     clock_step: StepSize,
+    update: Update,
+    /// whether a coupler reads the field
+    #[serde(skip)]
+    is_read: Rc<Cell<bool>>,
     stable: Option<f64>,
     /// stable step from a time on
     changed: Option<(f64, f64)>,
@@ -40,6 +44,8 @@ fn ruled(field: &'static str, rule: impl FnMut(usize, Step) -> f64 + 'static) ->
         own: None,
         sink: None,
         clock_step: StepSize::Auto,
+        update: Update::Step,
+        is_read: Rc::default(),
         stable: None,
         changed: None,
         limit: None,
@@ -69,13 +75,15 @@ impl Physics for Ruled {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.own = Some(setup.own(body_of(self.field), &key(self.field))?);
         self.sink = setup.take_if_added(body_of(self.field), &sink_of(self.field))?;
+        self.is_read
+            .set(setup.is_read(body_of(self.field), &key(self.field)));
         Ok(())
     }
 
     fn clock(&self) -> Clock {
         Clock {
             step: self.clock_step,
-            ..Clock::default()
+            update: self.update,
         }
     }
 
@@ -119,6 +127,9 @@ struct Seen {
     reads: Vec<&'static str>,
     adds: Vec<&'static str>,
     writes: Vec<&'static str>,
+    warnings: Vec<&'static str>,
+    stable: Option<f64>,
+    event: Option<f64>,
     #[serde(skip)]
     steps: Rc<RefCell<Vec<Step>>>,
 }
@@ -135,7 +146,18 @@ impl Coupler for Seen {
         for name in &self.writes {
             setup.write(body_of(name), &key(name))?;
         }
+        for warning in &self.warnings {
+            setup.warn(*warning);
+        }
         Ok(())
+    }
+
+    fn stable_step(&mut self, _world: &World) -> Option<f64> {
+        self.stable
+    }
+
+    fn next_event(&self, after: f64) -> Option<f64> {
+        self.event.filter(|event| *event > after)
     }
 
     fn apply(&mut self, _world: &World, step: Step) -> Result<(), RunError> {
@@ -182,14 +204,18 @@ fn prepared(
     )
 }
 
+fn valid(physics: Vec<Ruled>, couplers: Vec<Seen>, options: TimeOptions) -> Simulation {
+    let simulation = prepared(physics, couplers, options);
+    simulation.map_err(|(_, e)| e).expect("a valid composition")
+}
+
 /// Runs to the end.
 fn run(
     physics: Vec<Ruled>,
     couplers: Vec<Seen>,
     options: TimeOptions,
 ) -> Result<Progress, RunError> {
-    let simulation = prepared(physics, couplers, options);
-    let mut simulation = simulation.map_err(|(_, e)| e).expect("a valid composition");
+    let mut simulation = valid(physics, couplers, options);
     simulation.start()?;
     while !simulation.is_finished() {
         simulation.step()?;
@@ -341,4 +367,139 @@ fn a_circle_of_couplers_is_blamed_on_one_of_them() {
         matches!(culprit, Culprit::Coupler(1 | 2)),
         "{culprit:?}: {error}"
     );
+}
+
+#[test]
+fn a_physics_for_the_log_is_advanced_once_for_each_logged_state() {
+    let mut physics = ruled("x", |_, _| 1.0);
+    physics.update = Update::Log;
+    let options = TimeOptions {
+        log_interval: 0.5,
+        ..quarters()
+    };
+    let progress = run(vec![physics], vec![], options).expect("it runs");
+    assert_eq!((progress.macro_steps, progress.sub_steps), (4, vec![2]));
+}
+
+#[test]
+fn an_exchange_limits_the_steps_of_the_physics_that_it_connects() {
+    let physics = |field| {
+        let mut physics = ruled(field, |_, _| 1.0);
+        physics.clock_step = StepSize::Fixed(0.25);
+        physics
+    };
+    let exchange = Seen {
+        reads: vec!["x", "y"],
+        adds: vec!["x", "y"],
+        stable: Some(0.25),
+        ..Seen::default()
+    };
+    let steps = exchange.steps.clone();
+    run(vec![physics("x"), physics("y")], vec![exchange], quarters()).expect("it runs");
+    // half of its stable step, eight times; and the initial state
+    let sizes: Vec<f64> = steps.borrow().iter().map(|step| step.size).collect();
+    assert_eq!(sizes, [&[0.0][..], &[0.125; 8]].concat());
+}
+
+#[test]
+fn steps_end_at_events() {
+    let watcher = Seen {
+        reads: vec!["x"],
+        writes: vec!["seen"],
+        event: Some(0.3),
+        ..Seen::default()
+    };
+    let steps = watcher.steps.clone();
+    run(vec![ruled("x", |_, _| 1.0)], vec![watcher], quarters()).expect("it runs");
+    let ends: Vec<f64> = steps.borrow().iter().map(Step::end).collect();
+    // two steps to the event, three to the end
+    let expected = [0.0, 0.15, 0.3, 0.3 + 0.7 / 3.0, 0.3 + 1.4 / 3.0, 1.0];
+    assert_eq!(ends.len(), expected.len(), "{ends:?}");
+    let off = ends.iter().zip(expected).map(|(a, b)| (a - b).abs());
+    assert!(off.fold(0.0, f64::max) < 1e-12, "{ends:?}");
+}
+
+#[test]
+fn sub_steps_are_told() {
+    let mut physics = ruled("x", |_, _| 1.0);
+    physics.stable = Some(0.25);
+    let mut simulation = valid(vec![physics, ruled("y", |_, _| 1.0)], vec![], quarters());
+    simulation.start().expect("it starts");
+    assert_eq!(simulation.sub_steps(), [0.125, f64::INFINITY]);
+}
+
+#[test]
+fn warnings_are_kept_once_with_their_plugin() {
+    let doubtful = |warnings| Seen {
+        writes: vec!["seen"],
+        warnings,
+        ..Seen::default()
+    };
+    let watcher = doubtful(vec!["the weld is cold", "the weld is cold", "it is thin"]);
+    let simulation = valid(vec![ruled("x", |_, _| 1.0)], vec![watcher], quarters());
+    let warning = |message: &str| Warning {
+        plugin: "coupler 0".into(),
+        message: message.into(),
+    };
+    let expected = ["the weld is cold", "it is thin"].map(warning);
+    assert_eq!(simulation.warnings(), expected);
+}
+
+#[test]
+fn a_physics_knows_whether_a_coupler_reads_its_field() {
+    let (x, y) = (ruled("x", |_, _| 1.0), ruled("y", |_, _| 1.0));
+    let is_read = [&x, &y].map(|physics| physics.is_read.clone());
+    let watcher = Seen {
+        reads: vec!["x"],
+        writes: vec!["seen"],
+        ..Seen::default()
+    };
+    valid(vec![x, y], vec![watcher], quarters());
+    assert_eq!(is_read.map(|flag| flag.get()), [true, false]);
+}
+
+#[test]
+fn a_field_that_nobody_provides_is_refused_with_those_of_its_body() {
+    let watcher = Seen {
+        reads: vec!["z"],
+        writes: vec!["seen"],
+        ..Seen::default()
+    };
+    let physics = vec![ruled("x", |_, _| 1.0), ruled("y", |_, _| 1.0)];
+    let refused = prepared(physics, vec![watcher], quarters()).err();
+    let (Culprit::Coupler(0), error) = refused.expect("nobody has it") else {
+        panic!("the coupler is to blame");
+    };
+    let Problem::NobodyProvides {
+        field,
+        body,
+        plugin,
+        provided,
+    } = error.problem
+    else {
+        panic!("{error}");
+    };
+    assert_eq!([&*field, &*body, &*plugin], ["z", "row", "coupler 0"]);
+    assert_eq!(provided, ["seen", "x"]);
+}
+
+#[test]
+fn a_checkpoint_of_other_plugins_is_refused() {
+    let with = |physics: &[&'static str], couplers| {
+        let physics = physics.iter().map(|field| ruled(field, |_, _| 1.0));
+        let watcher = || Seen {
+            reads: vec!["x"],
+            ..Seen::default()
+        };
+        let couplers = (0..couplers).map(|_| watcher()).collect();
+        valid(physics.collect(), couplers, quarters())
+    };
+    let mut saved = with(&["x"], 1);
+    saved.start().expect("it starts");
+    let checkpoint = saved.save().expect("it is saved");
+    for mut other in [with(&["x"], 2), with(&["x", "y"], 1)] {
+        let refused = other.load(&checkpoint).expect_err("it has other plugins");
+        assert!(refused.to_string().contains("other plugins"), "{refused}");
+    }
+    with(&["x"], 1).load(&checkpoint).expect("the same plugins");
 }

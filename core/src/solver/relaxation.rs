@@ -228,6 +228,20 @@ mod tests {
         assert!(report.iterations < 30 * n, "{report:?}");
     }
 
+    /// One point on a spring: `C` is twice its frequency, but never more than 1.9.
+    #[test]
+    fn the_damping_is_critical_for_the_stiffness_along_the_way() {
+        let of = |stiffness: f64| {
+            let (u, v) = (2.0, 0.1);
+            let (before, now) = (-stiffness * (u - v), -stiffness * u);
+            damping(&[u], &[v], &[now], &[before])
+        };
+        assert!((of(0.09) - 0.6).abs() < 1e-12);
+        assert_eq!(of(4.0), 1.9);
+        assert_eq!(of(-0.09), 0.0);
+        assert_eq!(damping(&[0.0], &[0.1], &[1.0], &[2.0]), 0.0);
+    }
+
     #[test]
     fn an_equilibrium_is_recognised_and_a_limit_reported() {
         let mut u = vec![0.0; 10];
