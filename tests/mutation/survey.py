@@ -34,9 +34,9 @@ from pathlib import Path
 VARIABLE = "PERIMELT_MUTANT"
 TRACE = "PERIMELT_REACHED_MUTANTS"
 HERE = Path(__file__).resolve().parent
-# tests of whole runs; the other files of the crate `tests` look at texts and pictures
-RUNS = """bodies_that_meet clouds command_line coupled damaged_logs eulerian_walls kill_and_resume logs modes moving_window
-python_log random_bodies replayed""".split()
+# tests of whole runs and of what users are told about their mistakes
+RUNS = """bodies_that_meet clouds command_line coupled damaged_logs discovery eulerian_walls kill_and_resume logs mistakes
+modes moving_window python_log random_bodies replayed view""".split()
 # what must be covered, with the paths that belong to it
 AREAS = {
     "couplers": ["couplers/src/"],

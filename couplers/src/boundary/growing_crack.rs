@@ -188,6 +188,28 @@ mod tests {
     }
 
     #[test]
+    fn a_slanted_crack_breaks_what_it_crosses() {
+        // between the diagonal i + j = 2 and the next one; below i = j
+        for (keys, expected) in [
+            (
+                "from = [0, 3.5]\nto = [3.5, 0]",
+                [[2, 3], [2, 6], [5, 6], [5, 9], [8, 9], [8, 12]],
+            ),
+            (
+                "from = [0.5, 0]\nto = [4, 3.5]",
+                [[0, 1], [1, 5], [5, 6], [6, 10], [10, 11], [11, 15]],
+            ),
+        ] {
+            let crack: GrowingCrack = read(&format!("{keys}\nspeed = 1\nreach = 1"));
+            let found = crack.crossings(&block([4, 4, 1], 2, STEEL));
+            let mut pairs: Vec<[u32; 2]> = found.iter().map(|(_, pair)| *pair).collect();
+            pairs.iter_mut().for_each(|pair| pair.sort_unstable());
+            pairs.sort_unstable();
+            assert_eq!(pairs, expected, "{keys}");
+        }
+    }
+
+    #[test]
     fn a_crack_that_cannot_be_is_refused() {
         for (keys, key) in [
             ("from = [0, 2]\nto = [0, 2]\nspeed = 1", "to"),

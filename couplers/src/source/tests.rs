@@ -366,3 +366,27 @@ fn mistakes_name_the_key() {
     }
     assert!(toml::from_str::<Source>("gaussian = { sigma = 1, sgima = 2 }").is_err());
 }
+
+#[test]
+fn the_efficiency_is_that_given_or_that_of_the_process() {
+    let goldak = |keys: &str| {
+        let size = "front_length = 1, rear_length = 1, half_width = 1, depth = 1";
+        match source(&format!("goldak = {{ {size} {keys} }}")) {
+            Source::Goldak(goldak) => efficiency(goldak.efficiency, goldak.process),
+            other => panic!("{other:?}"),
+        }
+    };
+    // EN 1011-1
+    for (process, expected) in [
+        ("submerged_arc", 1.0),
+        ("manual_metal_arc", 0.8),
+        ("mig", 0.8),
+        ("mag", 0.8),
+        ("tig", 0.6),
+        ("plasma", 0.6),
+    ] {
+        assert_eq!(goldak(&format!(", process = '{process}'")), expected);
+    }
+    assert_eq!(goldak(", process = 'tig', efficiency = 0.7"), 0.7);
+    assert_eq!(goldak(""), 1.0);
+}

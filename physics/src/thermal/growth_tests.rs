@@ -22,6 +22,8 @@ const SOLVERS: [&str; 3] = [
 struct Births {
     temperature: f64,
     heat: f64,
+    /// all that was born is cut off at this time, s
+    cut: f64,
     #[serde(skip)]
     state: Option<BirthsState>,
 }
@@ -74,6 +76,10 @@ impl Coupler for Births {
                 at[point as usize] = self.temperature;
             }
         }
+        if step.start >= self.cut {
+            let mut active = world.write(*active);
+            order.iter().for_each(|p| active[*p as usize] = 0.0);
+        }
         Ok(())
     }
 }
@@ -82,14 +88,19 @@ fn births(temperature: f64, heat: f64) -> Box<dyn Coupler> {
     Box::new(Births {
         temperature,
         heat,
+        cut: f64::INFINITY,
         state: None,
     })
 }
 
 fn growing(keys: &str, temperature: f64, heat: f64) -> Simulation {
+    deposited(keys, births(temperature, heat))
+}
+
+fn deposited(keys: &str, births: Box<dyn Coupler>) -> Simulation {
     let body = block([11, 7, 6], 3, 1e-3, Store::Lattice, STEEL);
     let thermal: Thermal = read(keys);
-    let couplers = vec![births(temperature, heat)];
+    let couplers = vec![births];
     let mut s = simulation(body, vec![Box::new(thermal)], couplers, 0.5);
     set(&mut s, "temperature", |[x, ..]| [300.0 + 2e4 * x]);
     s
@@ -131,6 +142,51 @@ fn heat_and_mass_of_births_are_balanced_with_every_solver() {
         let most = of_birth + 1e7 * 0.5 * volume;
         assert!(balances[0].supplied < most && balances[0].supplied > of_birth);
     }
+}
+
+#[test]
+fn what_is_cut_off_takes_its_heat_and_mass_with_it() {
+    let births = Births {
+        temperature: 1200.0,
+        heat: 0.0,
+        cut: 0.45,
+        state: None,
+    };
+    let mut s = deposited(SOLVERS[0], Box::new(births));
+    s.start().expect("starts");
+    let mut most: f64 = 0.0;
+    while !s.is_finished() {
+        s.step().expect("steps");
+        let (_, balances) = s.balances().remove(0);
+        assert!(
+            balances.iter().all(|b| b.relative_error() < 1e-13),
+            "{balances:?}"
+        );
+        most = most.max(balances[1].stored);
+    }
+    let (_, balances) = s.balances().remove(0);
+    assert!((balances[1].stored / most - 0.5).abs() < 1e-12);
+    let active = values(&s, "active");
+    assert!(
+        active
+            .iter()
+            .enumerate()
+            .all(|(i, a)| *a == f64::from(u8::from(2 * i < active.len())))
+    );
+}
+
+#[test]
+fn a_body_that_has_grown_has_the_stable_step_of_one_that_is_whole() {
+    let mut grown = growing(SOLVERS[0], 400.0, 0.0);
+    grown.start().expect("starts");
+    finish(&mut grown);
+    let body = block([11, 7, 6], 3, 1e-3, Store::Lattice, STEEL);
+    let thermal: Thermal = read(SOLVERS[0]);
+    let mut whole = simulation(body, vec![Box::new(thermal)], Vec::new(), 0.5);
+    set(&mut whole, "temperature", |_| [400.0]);
+    whole.start().expect("starts");
+    let [grown, whole] = [&grown, &whole].map(|s| s.stable_steps()[0].expect("explicit"));
+    assert!((grown / whole - 1.0).abs() < 1e-9, "{grown} {whole}");
 }
 
 #[test]

@@ -70,3 +70,59 @@ impl BondKernel<9, 6> for Block {
         ]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix3, Vector3};
+
+    /// The owner moves by a unit vector: the strain of the other point changes by `w' u K^-1 xi`, and its stress pulls
+    /// back along the same bond.
+    #[test]
+    fn the_block_is_the_force_of_the_strain_at_the_other_end() {
+        let bond = Bond {
+            xi: [0.3, -0.5, 0.7],
+            length: 0.83_f64.sqrt(),
+            inverse_length: 1.0 / 0.83_f64.sqrt(),
+            weight: 0.4,
+            dual: 0.9,
+        };
+        let (lame, shear) = (3.0, 2.0);
+        let components = [0.55, 0.4, 0.7, 0.1, -0.15, 0.05];
+        let [xx, yy, zz, xy, yz, zx] = components;
+        let inverse = Matrix3::new(xx, xy, zx, xy, yy, yz, zx, yz, zz);
+        let q = inverse * Vector3::from(bond.xi);
+        let column = |moved: Vector3<f64>| {
+            let gradient = bond.dual * moved * q.transpose();
+            let strain = 0.5 * (gradient + gradient.transpose());
+            let stress = lame * strain.trace() * Matrix3::identity() + 2.0 * shear * strain;
+            bond.dual * stress * q
+        };
+        let mut other = [0.0; 9];
+        other[..6].copy_from_slice(&components);
+        (other[6], other[7]) = (lame, shear);
+        let [b_xx, b_yy, b_zz, b_xy, b_yz, b_zx] = Block.bond(&bond, [0.0; 9], other);
+        let block = Matrix3::new(b_xx, b_xy, b_zx, b_xy, b_yy, b_yz, b_zx, b_yz, b_zz);
+        for axis in 0..3 {
+            let unit = Vector3::ith(axis, 1.0);
+            let difference = column(unit) - block * unit;
+            assert!(difference.norm() < 1e-14, "{difference}");
+        }
+        // the springs of both ends act on what the strain leaves of the bond
+        let mut own = [0.0; 9];
+        (own[8], other[8]) = (5.0, 7.0);
+        let with_springs = Block.bond(&bond, own, other);
+        let left = 1.0 - bond.dual * q.dot(&Vector3::from(bond.xi));
+        let springs = left * (bond.weight * own[8] + bond.dual * other[8]);
+        let expected = [
+            b_xx + springs,
+            b_yy + springs,
+            b_zz + springs,
+            b_xy,
+            b_yz,
+            b_zx,
+        ];
+        let pairs = with_springs.iter().zip(expected);
+        assert!(left > 0.0 && pairs.map(|(a, b)| (a - b).abs()).sum::<f64>() < 1e-13);
+    }
+}
