@@ -14,6 +14,8 @@
 //! (spec 08, 1.8: the impingement zone makes the speed of the front independent of the spacing.) Each row of cells along
 //! the flow has a film of its own. A 2D plate is cooled through its plane. On a body that grows, as an ingot that is cast, the
 //! film runs over the surface that is there at the moment.
+//!
+//! Reports: the power into the body (W), and the areas `film.dry`, `film.wet` and `film.lifted_off` (m²).
 
 use std::collections::BTreeMap;
 
@@ -71,8 +73,39 @@ fn usual_film_coefficient() -> f64 {
     200.0
 }
 
-/// Points with their distances along the flow from the origin (m).
-type Row = Vec<(usize, f64)>;
+/// The film over a part of the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Film {
+    /// Upstream of the jet.
+    Dry,
+    Wet,
+    LiftedOff,
+}
+
+impl Film {
+    const ALL: [Film; 3] = [Film::Dry, Film::Wet, Film::LiftedOff];
+
+    fn report_name(self) -> &'static str {
+        match self {
+            Film::Dry => "film.dry",
+            Film::Wet => "film.wet",
+            Film::LiftedOff => "film.lifted_off",
+        }
+    }
+}
+
+/// A part of the surface in a row.
+#[derive(Debug)]
+struct Part {
+    point: usize,
+    /// Distance along the flow from the origin, m.
+    along: f64,
+    /// m².
+    area: f64,
+}
+
+/// In the order of the flow.
+type Row = Vec<Part>;
 
 #[derive(Debug)]
 struct State {
@@ -80,8 +113,9 @@ struct State {
     temperature: Read<f64>,
     /// By point: the cells of the row in which it lies, and its distance along the flow from the origin (m).
     place: Vec<([u32; 3], f64)>,
-    /// In the order of the flow.
     rows: Vec<Row>,
+    /// Of [`Film::ALL`], m².
+    areas: [f64; 3],
     /// Into the body, W/m², by point.
     flux: Vec<f64>,
     /// Smallest capacity of the materials, J/(m³ K); a steady solution needs none.
@@ -95,11 +129,15 @@ impl State {
         for cell in self.heat.cells() {
             let (row, along) = self.place[cell.point as usize];
             let row = rows.entry((cell.face, row)).or_default();
-            row.push((cell.point as usize, along));
+            row.push(Part {
+                point: cell.point as usize,
+                along,
+                area: cell.area,
+            });
         }
         self.rows = rows.into_values().collect();
         let rows = self.rows.iter_mut();
-        rows.for_each(|row| row.sort_by(|a, b| a.1.total_cmp(&b.1)));
+        rows.for_each(|row| row.sort_by(|a, b| a.along.total_cmp(&b.along)));
     }
 }
 
@@ -207,6 +245,7 @@ impl Coupler for WaterJet {
             heat,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             rows: Vec::new(),
+            areas: [0.0; 3],
             flux: vec![0.0; place.len()],
             place,
             capacity: smallest_capacity(setup, body),
@@ -224,15 +263,22 @@ impl Coupler for WaterJet {
         let temperature = world.read(p.temperature);
         let jet = self.start + self.speed * step.middle();
         let jet = if self.flow.is_upper() { jet } else { -jet };
+        p.areas = [0.0; 3];
         for row in &p.rows {
             let mut lifted = false;
-            for &(point, along) in row {
+            for &Part { point, along, area } in row {
                 let (behind, t) = (along - jet, temperature[point]);
                 lifted |= behind > self.impingement && t > self.leidenfrost;
-                p.flux[point] = match (behind >= 0.0, lifted) {
-                    (false, _) => 0.0,
-                    (true, false) => -self.flux.at(t, 0.0),
-                    (true, true) => self.film_coefficient * (self.water - t),
+                let film = match (behind >= 0.0, lifted) {
+                    (false, _) => Film::Dry,
+                    (true, false) => Film::Wet,
+                    (true, true) => Film::LiftedOff,
+                };
+                p.areas[film as usize] += area;
+                p.flux[point] = match film {
+                    Film::Dry => 0.0,
+                    Film::Wet => -self.flux.at(t, 0.0),
+                    Film::LiftedOff => self.film_coefficient * (self.water - t),
                 };
             }
         }
@@ -252,8 +298,16 @@ impl Coupler for WaterJet {
     }
 
     fn report(&self) -> Vec<Report> {
-        let prepared = self.prepared.as_ref();
-        prepared.map_or_else(Vec::new, |p| p.heat.report())
+        let Some(p) = &self.prepared else {
+            return Vec::new();
+        };
+        let area = |(film, value): (Film, f64)| Report {
+            name: film.report_name().into(),
+            unit: "m2".into(),
+            value,
+        };
+        let areas = Film::ALL.into_iter().zip(p.areas).map(area);
+        p.heat.report().into_iter().chain(areas).collect()
     }
 }
 
@@ -270,7 +324,8 @@ mod tests {
         "flow = 'x+'\nstart = 1\nspeed = 0\nimpingement = 1.6\nwater = 300\nleidenfrost = 700
         flux = { temperature = [300, 500, 700], value = [0, 8e4, 4e4] }\nfilm_coefficient = 100\n";
 
-    fn jet(faces: &str, dimension: usize) -> Vec<f64> {
+    /// Heat sources (W/m³), and dry, wet and lifted areas (m²).
+    fn jet(faces: &str, dimension: usize) -> (Vec<f64>, Vec<f64>) {
         let mut world = World::new(vec![block([6, 1, 1], dimension, STEEL)]);
         let mut coupler: WaterJet = read(&format!("{JET}{faces}"));
         prepare(&mut world, &mut coupler, |setup| {
@@ -282,13 +337,15 @@ mod tests {
             [900.0, 900.0, 400.0, 600.0, 800.0, 400.0][i]
         });
         apply(&world, &mut coupler, 0.0);
-        values(&world, &keys::HEAT_SOURCE)
+        let areas = coupler.report()[1..].iter().map(|r| r.value).collect();
+        (values(&world, &keys::HEAT_SOURCE), areas)
     }
 
     #[test]
     fn the_jet_boils_the_film_wets_until_it_lifts_off() {
         // dry; hit by the jet although hot; hit; wet; lifted off, although the last one is cold
-        let expected = [0.0, -4e4, -4e4, -6e4, -5e4, -1e4];
+        let expected = vec![0.0, -4e4, -4e4, -6e4, -5e4, -1e4];
+        let expected = (expected, vec![1.0, 3.0, 2.0]);
         assert_eq!(jet("faces = ['z+']", 3), expected);
         assert_eq!(jet("", 2), expected);
     }

@@ -94,10 +94,11 @@ impl Statics {
 }
 
 /// Finds equilibrium by `balance`, breaks the bonds that exceed their limit most, and repeats until none exceeds
-/// it; returns the sum of the work.
+/// it, or breaks all that exceed it `once`; returns the sum of the work.
 pub(super) fn balance_and_break(
     run: &mut Run,
     world: &World,
+    once: bool,
     mut balance: impl FnMut(&mut Run) -> Result<Work, SolverError>,
 ) -> Result<Work, SolverError> {
     /// Bonds loaded to this fraction of the largest load break together: they are neighbours at a crack tip,
@@ -114,7 +115,8 @@ pub(super) fn balance_and_break(
         run.load_displacement(world);
         run.solid.force(&mut run.work);
         work.evaluations += 1;
-        if !run.break_bonds(world, TOGETHER) {
+        let fraction = if once { 0.0 } else { TOGETHER };
+        if !run.break_bonds(world, fraction) || once {
             return Ok(work);
         }
     }

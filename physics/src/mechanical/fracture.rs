@@ -36,6 +36,10 @@ pub struct FractureSection {
     pub criterion: Criterion,
     /// Regions whose bonds never break, such as those under loads.
     pub no_fail: Vec<String>,
+    /// In each step break all bonds beyond their limit, and find no equilibrium without them: an indicator of where damage
+    /// starts. By default, the bonds under the largest loads break and equilibrium is found again, until none is beyond
+    /// its limit. Not for the explicit solver.
+    pub once: bool,
 }
 
 /// Criterion by which a bond breaks.

@@ -23,7 +23,7 @@ fn strength(dimension: usize, material: &str, spec: &FamilySpec, criterion: Crit
     let family = Family::build(setup.body(0), spec).expect("valid");
     let section = FractureSection {
         criterion,
-        no_fail: Vec::new(),
+        ..FractureSection::default()
     };
     let mut fracture = Fracture::of(&section, &setup, 0, &family).expect("strong");
     let material = &setup.body(0).materials[0];
@@ -228,6 +228,32 @@ proptest! {
             let stress = values(&s, "stress");
             prop_assert!(stress.iter().all(|s| s.abs() < 1e-6 * 2e8), "{:?}", stress);
         }
+    }
+}
+
+#[test]
+fn all_bonds_beyond_their_limit_break_once_without_another_equilibrium() {
+    let strain = 1.2e-3;
+    let pulled = |keys: &str| {
+        let body = block([30, 1, 1], 1, 1e-3, Store::Lattice, BRITTLE);
+        let mechanical: Mechanical = read(&format!("formulation = 'correspondence'\n{keys}"));
+        let pull = Pull {
+            strain,
+            ..Pull::default()
+        };
+        let mut s = simulation(body, vec![Box::new(mechanical)], vec![Box::new(pull)], 1.0);
+        run(&mut s);
+        // two neighbours on each side
+        assert_eq!(s.world().broken_pairs(0).pairs.len(), 29 + 28);
+        let displacement = values(&s, "displacement");
+        let gaps = displacement.windows(4).step_by(3).map(|u| u[3] - u[0]);
+        let off = gaps.map(|gap| (gap / (strain * 1e-3) - 1.0).abs());
+        off.fold(0.0, f64::max)
+    };
+    for solver in ["quasi_static", "relaxation"] {
+        let solver = format!("solver.{solver} = {{}}");
+        let off = pulled(&format!("fracture.once = true\n{solver}"));
+        assert!(off < 1e-4, "{solver}: {off}");
     }
 }
 

@@ -118,14 +118,17 @@ impl Physics for Mechanical {
         if !step.repeated {
             run.load(world, step);
         }
+        let once = self.fracture.as_ref().is_some_and(|f| f.once);
         let result = match self.solver {
             MechanicalSolver::QuasiStatic { .. } => {
-                equilibrium::balance_and_break(run, world, |run| {
+                equilibrium::balance_and_break(run, world, once, |run| {
                     equilibrium::newton(run, world, step)
                 })
             }
             MechanicalSolver::Relaxation(_) => {
-                equilibrium::balance_and_break(run, world, |run| equilibrium::relax(run, world))
+                equilibrium::balance_and_break(run, world, once, |run| {
+                    equilibrium::relax(run, world)
+                })
             }
             MechanicalSolver::Explicit { .. } => {
                 let done = run.move_points(world, step);

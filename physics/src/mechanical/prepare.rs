@@ -156,6 +156,12 @@ fn constitution(
         let expected = "\"stretch\", or `formulation` \"bond\" or \"ordinary\"";
         return Err(SetupError::value("fracture.criterion", message, expected));
     }
+    let once = keys.fracture.as_ref().is_some_and(|section| section.once);
+    if once && matches!(keys.solver, MechanicalSolver::Explicit { .. }) {
+        let message = "a solid in motion finds no equilibrium";
+        let expected = "false, or `solver` \"quasi_static\" or \"relaxation\"";
+        return Err(SetupError::value("fracture.once", message, expected));
+    }
     Ok(Constitution {
         elasticity: Elasticity::of(setup, body, keys.plane, bond_based)?,
         finite: keys.kinematics == Kinematics::Finite,
