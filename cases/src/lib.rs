@@ -22,6 +22,7 @@ pub mod commands;
 mod component;
 pub mod diff;
 pub mod export;
+mod growing_log;
 pub mod interpolation;
 pub mod library;
 pub mod melt_pool;

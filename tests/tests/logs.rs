@@ -4,8 +4,10 @@
 
 mod program;
 
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::Stdio;
+use std::time::Duration;
 
 use perimelt_core::log::Log;
 use program::command;
@@ -268,4 +270,52 @@ fn a_check_tells_the_size_of_the_log_and_the_version_its_commit_and_processor() 
         "{output}"
     );
     assert!(output.contains("threads"), "{output}");
+}
+
+#[test]
+fn a_replay_follows_a_run_until_it_ends() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let case = WELD.replace("end = 1.5", "end = 30");
+    std::fs::write(folder.join("weld.toml"), case).expect("writable");
+    let run = command(folder, &["run", "weld.toml", "--quiet"]).spawn();
+    let mut run = run.expect("it starts");
+    let log = || Log::open(folder.join("weld.mcap"));
+    while log().map_or(0, |log| log.times("plate").len()) < 2 {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let follow = ["replay", "weld.mcap", "--follow", "--field", "temperature"];
+    let mut replay = command(folder, &follow)
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("it starts");
+    let mut lines = BufReader::new(replay.stdout.take().expect("piped")).lines();
+    let first = lines.next().expect("a line").expect("readable");
+    assert_eq!(first, "t = 0 s");
+    assert!(run.try_wait().expect("a status").is_none(), "too fast");
+    let rest: Vec<String> = lines.map(|line| line.expect("readable")).collect();
+    assert!(replay.wait().expect("it ends").success());
+    assert!(run.wait().expect("it ends").success());
+    let log = log().expect("a log");
+    assert!(log.finished());
+    let states = rest.iter().filter(|line| line.starts_with("t = ")).count();
+    assert_eq!(1 + states, log.times("plate").len());
+    let values = rest.iter().filter(|line| line.starts_with("  plate "));
+    assert!(
+        values
+            .clone()
+            .all(|line| line.starts_with("  plate temperature "))
+    );
+    assert_eq!(values.count(), 1 + states);
+}
+
+#[test]
+fn a_replay_refuses_the_name_of_another_field() {
+    let folder = logged("0.1");
+    for at in [&[][..], &["--at", "0.1"]] {
+        let asked = ["replay", "weld.mcap", "--field", "heat"];
+        let (status, _, message) = told(folder.path(), &[&asked, at].concat());
+        assert_eq!(status, 1);
+        assert!(message.contains("no field `heat`; it has"), "{message}");
+    }
 }

@@ -4,11 +4,18 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use perimelt_core::log::{Log, Series};
+use perimelt_core::log::{Log, Series, check_unused};
 
-use super::Done;
-use crate::moment::state_at;
-use crate::plot::unit;
+use super::{Done, tell};
+use crate::growing_log::{GrowingLog, Growth};
+use crate::moment::{sound, state_at};
+use crate::plot::{
+    scalar::{check_scalars, scalar},
+    unit,
+};
+
+/// Between two looks at a log that is being written.
+const INTERVAL: Duration = Duration::from_millis(200);
 
 #[derive(clap::Args, Debug)]
 pub struct ReplayArgs {
@@ -17,9 +24,16 @@ pub struct ReplayArgs {
     /// Show only the state nearest to this time, s
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     at: Option<f64>,
+    /// Show only these fields, or numbers computed from them, such as `displacement.x`, `stress.von_mises`,
+    /// `stress.principal_1`
+    #[arg(long, value_delimiter = ',')]
+    field: Vec<String>,
     /// Wait between states: simulated seconds in a second of real time
     #[arg(long, value_name = "R")]
     rate: Option<f64>,
+    /// After the last state, wait for those that a run still writes, until it ends
+    #[arg(long, conflicts_with = "at")]
+    follow: bool,
 }
 
 /// Why a log cannot be replayed.
@@ -35,61 +49,95 @@ pub fn run(args: &ReplayArgs) -> Done {
     if let Some(rate) = args.rate.filter(|r| !(r.is_finite() && *r > 0.0)) {
         return Err(ReplayError::Rate(rate).into());
     }
-    let log = Log::open(&args.log)?;
-    let first_body = log.bodies().next().unwrap_or_default().to_string();
-    let times = log.times(&first_body).to_vec();
-    if times.is_empty() {
-        return Err(ReplayError::Empty(args.log.clone()).into());
-    }
-    let out = &mut std::io::stdout().lock();
+    // before the log, so that what is written before the run ends is not missed
+    let mut is_written = args.follow && check_unused(&args.log).is_err();
+    let mut growing = GrowingLog::open(&args.log)?;
     if let Some(at) = args.at {
-        let index = state_at(&times, at)?.unwrap_or(0);
-        return show(out, &log, index, times[index]);
+        let log = growing.log();
+        check_scalars(log, log.bodies(), &args.field)?;
+        let times = times(log);
+        return match state_at(times, at)? {
+            Some(index) => args.show(log, index, times[index]),
+            None => Err(ReplayError::Empty(args.log.clone()).into()),
+        };
     }
     let started = Instant::now();
-    for (index, &time) in times.iter().enumerate() {
-        if let Some(rate) = args.rate {
-            let due =
-                Duration::try_from_secs_f64((time - times[0]) / rate).unwrap_or(Duration::MAX);
-            std::thread::sleep(due.saturating_sub(started.elapsed()));
+    let mut shown = 0;
+    loop {
+        let log = growing.log();
+        if shown == 0 {
+            check_scalars(log, log.bodies(), &args.field)?;
         }
-        show(out, &log, index, time)?;
-        out.flush()?;
+        let times = times(log);
+        for (index, &time) in times.iter().enumerate().skip(shown) {
+            if let Some(rate) = args.rate {
+                let due =
+                    Duration::try_from_secs_f64((time - times[0]) / rate).unwrap_or(Duration::MAX);
+                std::thread::sleep(due.saturating_sub(started.elapsed()));
+            }
+            args.show(log, index, time)?;
+        }
+        shown = times.len();
+        if !is_written {
+            break;
+        }
+        std::thread::sleep(INTERVAL);
+        is_written = check_unused(&args.log).is_err();
+        if growing.refresh() == Growth::Replaced {
+            tell("note: another run has replaced the log");
+            shown = 0;
+        }
+    }
+    if shown == 0 {
+        return Err(ReplayError::Empty(args.log.clone()).into());
     }
     Ok(())
 }
 
-fn show(out: &mut impl Write, log: &Log, index: usize, time: f64) -> Done {
-    writeln!(out, "t = {}", unit::time_text(time))?;
-    for body in log.bodies() {
-        if index >= log.times(body).len() {
-            continue;
-        }
-        for field in &log.cloud(body, index)?.fields {
-            // the magnitude of vectors and tensors
-            let size = |v: &[f64]| {
-                if v.len() == 1 {
-                    v[0]
-                } else {
-                    v.iter().map(|x| x * x).sum::<f64>().sqrt()
-                }
+/// Of the states of the first body, s.
+fn times(log: &Log) -> &[f64] {
+    log.bodies().next().map_or(&[], |body| log.times(body))
+}
+
+impl ReplayArgs {
+    fn show(&self, log: &Log, index: usize, time: f64) -> Done {
+        let out = &mut std::io::stdout().lock();
+        writeln!(out, "t = {}", unit::time_text(time))?;
+        for body in log.bodies() {
+            if index >= log.times(body).len() {
+                continue;
+            }
+            let Some(cloud) = sound(log.cloud(body, index))? else {
+                continue;
             };
-            let values = field.values.chunks_exact(field.components).map(size);
-            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-                (l.min(v), h.max(v))
-            });
-            line(
-                out,
-                &format!("{body} {}", field.name),
-                &[low, high],
-                &field.unit,
-            )?;
+            let names = if self.field.is_empty() {
+                cloud.fields.iter().map(|field| &field.name).collect()
+            } else {
+                self.field.iter().collect::<Vec<_>>()
+            };
+            for name in names {
+                let Some(scalar) = scalar(&cloud, name) else {
+                    continue;
+                };
+                let all = (f64::INFINITY, f64::NEG_INFINITY);
+                let (low, high) = scalar
+                    .values
+                    .iter()
+                    .fold(all, |(low, high), v| (low.min(*v), high.max(*v)));
+                line(
+                    out,
+                    &format!("{body} {}", scalar.label),
+                    &[low, high],
+                    &scalar.unit,
+                )?;
+            }
         }
+        for (name, series) in log.probes() {
+            row(out, &format!("probe {name}"), series, time)?;
+        }
+        row(out, "balance", log.balance(), time)?;
+        Ok(out.flush()?)
     }
-    for (name, series) in log.probes() {
-        row(out, &format!("probe {name}"), series, time)?;
-    }
-    row(out, "balance", log.balance(), time)
 }
 
 /// The values of a series at a time.

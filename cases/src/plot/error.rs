@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use perimelt_core::log::LogError;
 
+use super::scalar::ScalarError;
 use crate::moment::MomentError;
 
 /// Why pictures could not be made.
@@ -24,17 +25,8 @@ pub enum PlotError {
         known: Vec<String>,
     },
     /// No such field in any of the bodies.
-    #[error(
-        "the log has no field `{field}`; it has: {} (of vectors and tensors also components, such \
-         as `displacement.x`)",
-        known.join(", ")
-    )]
-    UnknownField {
-        /// the requested name
-        field: String,
-        /// the known names
-        known: Vec<String>,
-    },
+    #[error(transparent)]
+    Scalar(#[from] ScalarError),
     /// The points are too scattered for a picture.
     #[error(
         "body `{body}` cannot be drawn at {time} s: its points are not finite, or scattered much \

@@ -54,7 +54,7 @@ pub use error::PlotError;
 use fields::Drawn;
 use isotherm::Isotherm;
 use picture::Picture;
-use scalar::scalar;
+use scalar::{check_scalars, scalar};
 use survey::{Survey, survey};
 
 /// Writes the pictures; their paths.
@@ -78,7 +78,7 @@ pub fn plot(args: &PlotArgs) -> Result<Vec<PathBuf>, PlotError> {
         out,
         written: Vec::new(),
     };
-    plotter.check_fields(&bodies)?;
+    check_scalars(&log, bodies.iter().map(|body| &*body.name), &args.field)?;
     if let Some(film) = &args.film {
         plotter.film(&bodies, film)?;
         return Ok(plotter.written);
@@ -136,34 +136,6 @@ struct Plotter<'a> {
 }
 
 impl Plotter<'_> {
-    /// Every field asked for must be in at least one of the bodies.
-    fn check_fields(&self, bodies: &[&BodyInfo]) -> Result<(), PlotError> {
-        let mut clouds = Vec::new();
-        for body in bodies
-            .iter()
-            .filter(|body| !self.log.times(&body.name).is_empty())
-        {
-            clouds.push(self.log.first_cloud(&body.name)?);
-        }
-        let missing = |name: &&String| clouds.iter().all(|cloud| scalar(cloud, name).is_none());
-        match self.args.field.iter().find(missing) {
-            Some(field) if !clouds.is_empty() => {
-                let names = clouds
-                    .iter()
-                    .flat_map(|cloud| &cloud.fields)
-                    .map(|f| f.name.clone());
-                let mut known: Vec<_> = names.collect();
-                known.sort();
-                known.dedup();
-                Err(PlotError::UnknownField {
-                    field: field.clone(),
-                    known,
-                })
-            }
-            _ => Ok(()),
-        }
-    }
-
     fn plot_body(&mut self, body: &BodyInfo) -> Result<(), PlotError> {
         let times = self.log.times(&body.name);
         if times.is_empty() {

@@ -1,6 +1,8 @@
 //! One number per point from a logged field.
 
-use perimelt_core::log::{CloudField, LoggedCloud};
+use std::collections::BTreeSet;
+
+use perimelt_core::log::{CloudField, Log, LogError, LoggedCloud};
 
 use crate::component::Number;
 
@@ -13,6 +15,52 @@ pub(crate) struct Scalar {
     pub unit: String,
     /// one value per point
     pub values: Vec<f64>,
+}
+
+/// Why a scalar cannot be made from the fields of a log.
+#[derive(Debug, thiserror::Error)]
+pub enum ScalarError {
+    /// The log cannot be read.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// No body has it.
+    #[error(
+        "the log has no field `{field}`; it has: {} (of vectors and tensors also components, such \
+         as `displacement.x`)",
+        known.join(", ")
+    )]
+    Unknown {
+        /// the requested name
+        field: String,
+        /// the known names
+        known: Vec<String>,
+    },
+}
+
+/// Refuses the name of a scalar that none of the bodies has.
+///
+/// # Errors
+/// [`ScalarError`].
+pub(crate) fn check_scalars<'a>(
+    log: &Log,
+    bodies: impl Iterator<Item = &'a str>,
+    names: &[String],
+) -> Result<(), ScalarError> {
+    let with_states = bodies.filter(|body| !log.times(body).is_empty());
+    let clouds = with_states.map(|body| log.first_cloud(body));
+    let clouds = clouds.collect::<Result<Vec<_>, _>>()?;
+    let missing = |name: &&String| clouds.iter().all(|cloud| scalar(cloud, name).is_none());
+    match names.iter().find(missing) {
+        Some(field) if !clouds.is_empty() => {
+            let fields = clouds.iter().flat_map(|cloud| &cloud.fields);
+            let known: BTreeSet<_> = fields.map(|field| field.name.clone()).collect();
+            Err(ScalarError::Unknown {
+                field: field.clone(),
+                known: known.into_iter().collect(),
+            })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The scalar called `name`: a scalar field, the magnitude of a vector field, the von Mises

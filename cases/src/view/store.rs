@@ -1,14 +1,15 @@
-//! The log that is shown, opened anew when it has grown, and what was computed from it.
+//! The log that is shown, and what was computed from it.
 
 use std::collections::hash_map::DefaultHasher;
 use std::collections::{BTreeMap, VecDeque};
 use std::hash::Hasher;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use perimelt_core::log::{BodyInfo, CloudField, Log, LogError, LoggedCloud};
 
+use crate::growing_log::{GrowingLog, Growth};
 use crate::melt_pool::{MeltPool, Travel};
 use crate::plot::isotherm::{Isotherm, isotherms};
 use crate::plot::scalar::scalar;
@@ -22,8 +23,7 @@ pub(super) type Pools = Arc<Vec<(f64, Option<MeltPool>)>>;
 
 /// A log and what was read from it.
 pub(super) struct Store {
-    path: PathBuf,
-    log: Mutex<Opened>,
+    log: Mutex<GrowingLog>,
     /// held while a cloud is read, so that several requests for one cloud read it once
     clouds: Mutex<VecDeque<(Key, Arc<LoggedCloud>)>>,
     /// smallest and largest value of a scalar in a state; `None` where it has no finite one
@@ -50,28 +50,6 @@ type Range = [f64; 2];
 /// A body and the number of a state.
 type Key = (String, usize);
 
-struct Opened {
-    log: Arc<Log>,
-    seen: Seen,
-}
-
-/// What tells that a file has changed.
-#[derive(Clone, Copy, PartialEq)]
-struct Seen {
-    length: u64,
-    modified: SystemTime,
-}
-
-impl Seen {
-    fn of(path: &Path) -> Option<Seen> {
-        let data = std::fs::metadata(path).ok()?;
-        Some(Seen {
-            length: data.len(),
-            modified: data.modified().ok()?,
-        })
-    }
-}
-
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -82,15 +60,8 @@ impl Store {
     /// # Errors
     /// It cannot be read.
     pub(super) fn open(path: &Path) -> Result<Store, LogError> {
-        // before the log, so that what is written meanwhile is not missed
-        let seen = Seen::of(path).unwrap_or(Seen {
-            length: 0,
-            modified: SystemTime::UNIX_EPOCH,
-        });
-        let log = Arc::new(Log::open(path)?);
         Ok(Store {
-            path: path.into(),
-            log: Mutex::new(Opened { log, seen }),
+            log: Mutex::new(GrowingLog::open(path)?),
             clouds: Mutex::default(),
             ranges: Mutex::default(),
             outlines: Mutex::default(),
@@ -102,30 +73,21 @@ impl Store {
 
     /// The log as it was last opened.
     pub(super) fn log(&self) -> Arc<Log> {
-        lock(&self.log).log.clone()
+        lock(&self.log).log().clone()
     }
 
     /// The log as it is now. A file that cannot be read at the moment leaves the log as it was.
     pub(super) fn refreshed(&self) -> Arc<Log> {
-        let mut opened = lock(&self.log);
-        if let Some(seen) = Seen::of(&self.path)
-            && seen != opened.seen
-            && let Ok(log) = Log::open(&self.path)
-        {
-            if !continues(&opened.log, &log) {
-                self.forget();
-            }
-            *opened = Opened {
-                log: Arc::new(log),
-                seen,
-            };
+        let mut growing = lock(&self.log);
+        if growing.refresh() == Growth::Replaced {
+            self.forget();
         }
-        opened.log.clone()
+        growing.log().clone()
     }
 
     /// Time since the file last changed.
     pub(super) fn age(&self) -> Option<Duration> {
-        lock(&self.log).seen.modified.elapsed().ok()
+        lock(&self.log).age()
     }
 
     fn forget(&self) {
@@ -287,15 +249,6 @@ impl Store {
 }
 
 /// Whether `now` is a log that has grown out of `before`.
-fn continues(before: &Log, now: &Log) -> bool {
-    let is_same =
-        before.run().started == now.run().started && before.run().bodies == now.run().bodies;
-    is_same
-        && before
-            .bodies()
-            .all(|body| now.times(body).starts_with(before.times(body)))
-}
-
 fn numbers(cloud: &LoggedCloud) -> usize {
     let values: usize = cloud.fields.iter().map(|field| field.values.len()).sum();
     values + 3 * cloud.positions.len()

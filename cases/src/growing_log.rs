@@ -1,0 +1,97 @@
+//! A log that may still be written, opened anew when its file has changed.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, SystemTime};
+
+use perimelt_core::log::{Log, LogError};
+
+/// A log as it was last opened.
+pub(crate) struct GrowingLog {
+    path: PathBuf,
+    log: Arc<Log>,
+    seen: Seen,
+}
+
+/// What a file has become since it was last opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Growth {
+    /// Nothing else, or it cannot be read at the moment.
+    Unchanged,
+    /// The same run has written more.
+    Grown,
+    /// The log of another run.
+    Replaced,
+}
+
+/// What tells that a file has changed.
+#[derive(Clone, Copy, PartialEq)]
+struct Seen {
+    length: u64,
+    modified: SystemTime,
+}
+
+impl Seen {
+    fn of(path: &Path) -> Option<Seen> {
+        let data = std::fs::metadata(path).ok()?;
+        Some(Seen {
+            length: data.len(),
+            modified: data.modified().ok()?,
+        })
+    }
+}
+
+impl GrowingLog {
+    /// Opens a log.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub(crate) fn open(path: &Path) -> Result<Self, LogError> {
+        // before the log, so that what is written meanwhile is not missed
+        let seen = Seen::of(path).unwrap_or(Seen {
+            length: 0,
+            modified: SystemTime::UNIX_EPOCH,
+        });
+        Ok(Self {
+            path: path.into(),
+            log: Arc::new(Log::open(path)?),
+            seen,
+        })
+    }
+
+    /// The log as it was last opened.
+    pub(crate) fn log(&self) -> &Arc<Log> {
+        &self.log
+    }
+
+    /// Opens the log anew if its file has changed.
+    pub(crate) fn refresh(&mut self) -> Growth {
+        let Some(seen) = Seen::of(&self.path).filter(|seen| *seen != self.seen) else {
+            return Growth::Unchanged;
+        };
+        let Ok(log) = Log::open(&self.path) else {
+            return Growth::Unchanged;
+        };
+        let growth = if continues(&self.log, &log) {
+            Growth::Grown
+        } else {
+            Growth::Replaced
+        };
+        (self.log, self.seen) = (Arc::new(log), seen);
+        growth
+    }
+
+    /// Time since the file last changed.
+    pub(crate) fn age(&self) -> Option<Duration> {
+        self.seen.modified.elapsed().ok()
+    }
+}
+
+fn continues(before: &Log, now: &Log) -> bool {
+    let is_same =
+        before.run().started == now.run().started && before.run().bodies == now.run().bodies;
+    is_same
+        && before
+            .bodies()
+            .all(|body| now.times(body).starts_with(before.times(body)))
+}
