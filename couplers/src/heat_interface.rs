@@ -331,7 +331,8 @@ mod tests {
         World::new(vec![block([3, 3, 2], 3, STEEL), upper])
     }
 
-    fn exchanged(along: f64, keys: &str) -> (Vec<f64>, f64) {
+    /// Powers into the bodies (W), common area (m²), and stable step (s).
+    fn exchanged(along: f64, keys: &str) -> (Vec<f64>, f64, f64) {
         let mut world = two(along);
         let table = format!("body = 'block'\nother = 'upper'\n{keys}");
         let mut interface: HeatInterface = read(&table);
@@ -352,7 +353,8 @@ mod tests {
             let field = world.fields().field(index).data();
             field.flat().iter().sum::<f64>()
         });
-        (sums.to_vec(), interface.report()[1].value)
+        let step = interface.stable_step(&world).expect("a limit");
+        (sums.to_vec(), interface.report()[1].value, step)
     }
 
     #[test]
@@ -360,12 +362,17 @@ mod tests {
         // half a metre of 40 W/(m K) on either side
         let series = 0.5 / 40.0 + 0.5 / 40.0;
         for (along, area) in [(0.0, 9.0), (0.25, 8.25), (1.5, 4.5), (3.5, 0.0)] {
-            let (power, found) = exchanged(along, "");
+            let (power, found, step) = exchanged(along, "");
             assert!((found - area).abs() < 1e-12, "{found} {area}");
             assert!((power[0] - area * 100.0 / series).abs() < 1e-8, "{power:?}");
             assert!((power[0] + power[1]).abs() < 1e-9);
+            // cells of 1 m, those in the corners with three faces
+            let capacity = 8000.0 * 500.0 / 3.0;
+            assert!((step / (STEP_FRACTION * capacity * series) - 1.0).abs() < 1e-12);
         }
-        let (power, _) = exchanged(0.0, "conductance = 50");
+        let (power, _, step) = exchanged(0.0, "conductance = 50");
+        let expected = STEP_FRACTION * 8000.0 * 500.0 / 3.0 * (series + 1.0 / 50.0);
+        assert!((step / expected - 1.0).abs() < 1e-12);
         assert!((power[0] - 9.0 * 100.0 / (series + 1.0 / 50.0)).abs() < 1e-8);
     }
 

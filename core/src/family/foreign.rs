@@ -460,19 +460,22 @@ mod tests {
 
     #[test]
     fn sums_do_not_depend_on_when_bonds_were_found() {
-        let lower = plate([0.0; 3], [0.8, 0.6, 0.1]);
+        let mut lower = plate([0.0; 3], [0.8, 0.6, 0.1]);
         let mut upper = plate([0.0, 0.6, 0.0], [0.8, 1.2, 0.1]);
         let mut old = ForeignBonds::new(&lower, &spec(Vec::new()));
         old.follow(places(&lower), places(&upper));
-        upper.points.position.iter_mut().for_each(|x| x.y -= 0.02);
-        old.follow(places(&lower), places(&upper));
-        let mut new = ForeignBonds::new(&lower, &spec(Vec::new()));
-        new.follow(places(&lower), places(&upper));
         let sums = |bonds: &ForeignBonds| {
             let mut sums = Vec::new();
             bonds.sum_by_foreign(|n| [bonds.bond(n).0.dual], &mut sums);
             sums
         };
-        assert_eq!(sums(&old), sums(&new));
+        for (along, down) in [(0.0, 0.02), (0.3, 0.1)] {
+            lower.points.position.iter_mut().for_each(|x| x.x += along);
+            upper.points.position.iter_mut().for_each(|x| x.y -= down);
+            old.follow(places(&lower), places(&upper));
+            let mut new = ForeignBonds::new(&lower, &spec(Vec::new()));
+            new.follow(places(&lower), places(&upper));
+            assert_eq!(sums(&old), sums(&new));
+        }
     }
 }

@@ -171,3 +171,37 @@ fn last_face(faces: &[Face], n: [i32; 3]) -> usize {
         .max()
         .expect("an image lies behind a mirrored face")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shape::{BoxShape, Shape};
+
+    #[test]
+    fn a_bar_shorter_than_the_reach_is_mirrored_again_and_again() {
+        let (low, high, reach) = (0.5, 3.5, 7.0);
+        let shape = Shape::Box(BoxShape {
+            min: [low, 0.0, 0.0],
+            max: [high, 1.0, 1.0],
+        });
+        let bar = Body::fill("bar", &shape, 1, 1.0, 0.5).expect("valid");
+        for x in bar.points.position.iter().map(|x| x.x) {
+            let copies = (-3..=3).flat_map(|k| {
+                let shift = 2.0 * f64::from(k) * (high - low);
+                [x + shift, 2.0 * low - x + shift]
+            });
+            let mut expected: Vec<f64> = copies
+                .filter(|at| (low - reach..=high + reach).contains(at))
+                .collect();
+            let images = along(&bar, &[Face::XMin, Face::XMax], 0, x, reach);
+            let mut found: Vec<f64> = images.iter().map(|image| image.at).collect();
+            expected.sort_by(f64::total_cmp);
+            found.sort_by(f64::total_cmp);
+            assert_eq!(found, expected);
+            for image in images {
+                let depth = (low - image.at).max(image.at - high).max(0.0);
+                assert_eq!(image.depth, depth);
+            }
+        }
+    }
+}

@@ -503,3 +503,16 @@ fn a_checkpoint_of_other_plugins_is_refused() {
     }
     with(&["x"], 1).load(&checkpoint).expect("the same plugins");
 }
+
+#[test]
+fn the_composition_has_the_keys_of_all_plugins() {
+    let seen = Seen {
+        reads: vec!["x"],
+        ..Seen::default()
+    };
+    let composition = valid(vec![ruled("x", |_, _| 0.0)], vec![seen], quarters()).composition();
+    assert_eq!(composition["physics"][0]["type"], "test_ruled");
+    assert_eq!(composition["physics"][0]["field"], "x");
+    assert_eq!(composition["couplers"][0]["type"], "test_seen");
+    assert_eq!(composition["couplers"][0]["reads"][0], "x");
+}

@@ -168,3 +168,35 @@ fn nearest(body: &Body, at: &Vector3<f64>, test: impl Fn(usize) -> bool) -> Opti
         .min_by(|a, b| distance(a.1).total_cmp(&distance(b.1)))
         .map(|(point, _)| point)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{STEEL, block, set};
+    use perimelt_core::keys;
+
+    #[test]
+    fn a_thermocouple_reads_the_nearest_point_that_is_there() {
+        let mut world = World::new(vec![block([5, 1, 1], 1, STEEL)]);
+        let wait: WaitUntil = toml::from_str("temperature = 400\nat = [3.6, 0, 0]").expect("keys");
+        let mut setup = Setup::new(&mut world, std::path::Path::new("."));
+        setup.next_plugin("the torch");
+        let temperature = setup.read(0, &keys::TEMPERATURE).expect("a field");
+        let gauge = wait.gauge(&setup, 0).expect("a place on the body");
+        setup.next_plugin("the physics");
+        setup.own(0, &keys::TEMPERATURE).expect("free");
+        setup.deposit(0, &[]).expect("free");
+        setup.finish().map_err(|(_, e)| e).expect("valid");
+        set(&mut world, &keys::TEMPERATURE, |point| 100.0 * point as f64);
+        for (there, expected) in [
+            ([1.0, 1.0, 1.0, 1.0, 1.0], Some(300.0)),
+            ([1.0, 1.0, 1.0, 0.0, 1.0], Some(400.0)),
+            ([1.0, 1.0, 1.0, 0.0, 0.0], Some(200.0)),
+            ([1.0, 0.0, 0.0, 0.0, 0.0], Some(0.0)),
+            ([0.0; 5], None),
+        ] {
+            set(&mut world, &keys::ACTIVE, |point| there[point]);
+            assert_eq!(gauge.measure(&world, 0, temperature), expected);
+        }
+    }
+}

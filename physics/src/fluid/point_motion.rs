@@ -258,6 +258,13 @@ impl PointMotion {
         self.map(family, &before, dt);
     }
 
+    /// Places and displacements (m) of the cells in walls.
+    #[cfg(test)]
+    pub(super) fn cells_in_walls(&self) -> impl Iterator<Item = [Vector3<f64>; 2]> {
+        let cells = self.in_walls.iter().map(|wall| wall.cell as usize);
+        cells.map(|cell| [self.lattice.points.position[cell], self.displacement[cell]])
+    }
+
     /// Displaces the points by this much at each place (m) in a step of `dt` (s).
     #[cfg(test)]
     pub(super) fn displace(

@@ -203,3 +203,23 @@ fn forces_are_those_of_the_displaced_points() {
     let order = (coarse / fine).log2();
     assert!(order > 1.7, "{order}");
 }
+
+#[test]
+fn all_cells_around_a_point_of_a_wall_move_with_it() {
+    let body = block([4, 4, 1], 2, 0.5, Store::Lattice, "density = 2");
+    let spec = FamilySpec {
+        influence: Influence::Wendland,
+        ..Pddo::spec(perimelt_core::Horizon::Spacings(2.015))
+    };
+    let family = Family::build(&body, &spec).expect("a family");
+    let wall = [Vector3::new(-0.4, 0.9, 0.25)];
+    let mut motion = PointMotion::prepare(&body, &family, &[&wall]).expect("a lattice");
+    let shift = Vector3::new(0.01, 0.02, 0.0);
+    motion.follow(&family, &[&[shift]], 1.0);
+    let mut cells = [[-0.75, 0.75], [-0.25, 0.75], [-0.75, 1.25], [-0.25, 1.25]].to_vec();
+    for [place, displacement] in motion.cells_in_walls() {
+        cells.retain(|cell| (place.x - cell[0]).hypot(place.y - cell[1]) > 1e-12);
+        assert!((displacement - shift).norm() < 1e-15, "{place}");
+    }
+    assert!(cells.is_empty(), "{cells:?} are in no wall");
+}

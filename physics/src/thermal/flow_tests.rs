@@ -139,6 +139,29 @@ fn a_moving_fluid_keeps_its_heat_to_rounding() {
 }
 
 #[test]
+fn the_conductivity_of_a_fluid_is_corrected_unless_it_is_asked_not_to() {
+    // decay of a wave in a fluid at rest
+    let rate = |keys: &str| {
+        let material = "density = 2\nviscosity = 1e-9\nspecific_heat = 1\nconductivity = 0.1";
+        let fluid = "form = 'conservative'\nstate.tait.sound_speed = 20";
+        let heat = format!("horizon = 2\n{keys}");
+        let end = 0.25;
+        let mut s = flow_with_heat(periodic(32, material), fluid, &heat, end);
+        set(&mut s, "velocity", |_| [0.0; 3]);
+        set(&mut s, "temperature", |[x, ..]| {
+            [300.0 + 50.0 * (TAU * x).cos()]
+        });
+        to_the_end(&mut s);
+        let hottest = values(&s, "temperature").into_iter().fold(0.0, f64::max);
+        let start = 50.0 * (TAU / 64.0).cos();
+        (start / (hottest - 300.0)).ln() / (0.05 * TAU * TAU * end)
+    };
+    let [corrected, plain] = ["", "correction = 'none'"].map(rate);
+    assert!((corrected - 1.0).abs() < 0.01, "{corrected}");
+    assert!(plain < 0.9, "{plain}: two spacings hold too few bonds");
+}
+
+#[test]
 fn heat_flows_between_current_neighbours() {
     // two streams that pass each other: points next to the interface meet others than at the start
     let material = "density = 2\nviscosity = 1e-9\nspecific_heat = 1\nconductivity = 1e-3";

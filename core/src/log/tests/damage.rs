@@ -128,3 +128,18 @@ fn a_record_of_impossible_length_ends_the_log() {
         assert!(!log.times(BODY).is_empty());
     }
 }
+
+#[test]
+fn the_first_cloud_is_the_first_that_can_be_read() {
+    let (_folder, path) = logged(3, 30);
+    let bytes = std::fs::read(&path).unwrap();
+    let mut damaged = bytes.clone();
+    for place in chunks(&bytes) {
+        damaged[place.start + place.len() * 3 / 4] ^= 0x55;
+        std::fs::write(&path, &damaged).unwrap();
+        let log = Log::open(&path).unwrap();
+        let sound = (0..log.times(BODY).len()).find_map(|i| log.cloud(BODY, i).ok());
+        let found = log.first_cloud(BODY).map(|cloud| cloud.time).ok();
+        assert_eq!(found, sound.map(|cloud| cloud.time));
+    }
+}

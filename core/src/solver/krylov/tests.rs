@@ -211,3 +211,24 @@ fn solutions_have_the_same_bits_for_any_number_of_threads() {
         assert!(solve(1) == solve(2), "{method:?}");
     }
 }
+
+#[test]
+fn a_residual_at_right_angles_to_its_shadow_starts_again() {
+    // what follows the first row stays without its part of the right-hand side
+    let apply = |x: &[f64], out: &mut [f64]| {
+        out[0] = 2.0 * x[0];
+        out[1] = x[0] + 3.0 * x[1] + x[2];
+        out[2] = 0.5 * x[0] - x[1] + 4.0 * x[2];
+        Ok(())
+    };
+    let mut x = [0.0; 3];
+    let report = solver(KrylovMethod::BiCgStab)
+        .solve(apply, &[1.0, 0.0, 0.0], &mut x, Hints::default())
+        .unwrap();
+    assert!(report.iterations > 1);
+    let mut image = [0.0; 3];
+    apply(&x, &mut image).unwrap();
+    for (found, wanted) in image.iter().zip([1.0, 0.0, 0.0]) {
+        assert!((found - wanted).abs() < 1e-9, "{x:?}");
+    }
+}
