@@ -36,21 +36,25 @@ impl std::str::FromStr for Change {
 }
 
 impl Case {
-    /// The same case with other values; keys that the file does not give cannot change.
+    /// The same case with other values, also of keys that the file does not give.
     ///
     /// # Errors
-    /// A key that is not in the file, or the first mistake of the new case.
+    /// A key whose place cannot be found, or the first mistake of the new case.
     pub fn changed(&self, changes: &[Change]) -> Result<Case> {
         let mut text = self.file.text.clone();
         for change in changes {
-            let place = place_of(&text, &change.key).map_err(|(message, hint)| {
+            let Edit {
+                place,
+                before,
+                after,
+            } = edit(&text, &change.key).map_err(|(message, hint)| {
                 let error = CaseError::of_file(&self.file, message);
                 match hint {
                     Some(hint) => error.help(hint),
                     None => error,
                 }
             })?;
-            text.replace_range(place, &change.value);
+            text.replace_range(place, &format!("{before}{}{after}", change.value));
         }
         Case::parse(&self.file.name, text, &self.folder)
     }
@@ -59,44 +63,103 @@ impl Case {
 /// A message, and a hint.
 type Missing = (String, Option<String>);
 
-/// Bytes of the value of a key.
-fn place_of(text: &str, key: &str) -> std::result::Result<Range<usize>, Missing> {
-    let parsed = DeTable::parse(text).map_err(|e| (e.message().to_string(), None))?;
-    let whole = parsed.get_ref();
-    let mut names = key.split('.');
-    let first = names.next().unwrap_or(key);
-    let mut value = in_table(whole, first, key)?;
-    for name in names {
-        value = match value.get_ref() {
-            DeValue::Table(table) => in_table(table, name, key)?,
-            DeValue::Array(list) => in_list(list, name, key)?,
-            _ => return Err((format!("`{key}` has nothing below `{name}`"), None)),
-        };
-    }
-    match value.get_ref() {
-        DeValue::Table(table) => Err((
-            format!("`{key}` is a table"),
-            Some(format!("its keys are {}", listed(keys(table)))),
-        )),
-        _ => Ok(value.span()),
+/// Where a value is written.
+#[derive(Debug, PartialEq)]
+struct Edit {
+    /// Bytes that are replaced.
+    place: Range<usize>,
+    /// Text before the value.
+    before: String,
+    /// Text after the value.
+    after: &'static str,
+}
+
+impl Edit {
+    fn insert(at: usize, before: String, after: &'static str) -> Edit {
+        let place = at..at;
+        Edit {
+            place,
+            before,
+            after,
+        }
     }
 }
 
-fn in_table<'t, 'i>(
-    table: &'t TomlTable<'i>,
-    name: &str,
-    key: &str,
-) -> std::result::Result<&'t TomlValue<'i>, Missing> {
-    table.get(name).ok_or_else(|| {
-        let hint = match nearest(name, keys(table)) {
-            Some(close) => format!("did you mean `{close}`?"),
-            None => format!("keys there are {}", listed(keys(table))),
+/// Where the value of a key is, or where the key may be inserted.
+fn edit(text: &str, key: &str) -> std::result::Result<Edit, Missing> {
+    let parsed = DeTable::parse(text).map_err(|e| (e.message().to_string(), None))?;
+    let mut table = parsed.get_ref();
+    let mut rest = key;
+    loop {
+        let (name, below) = rest.split_once('.').unwrap_or((rest, ""));
+        let Some(found) = table.get(name) else {
+            let inserted = insertion(text, table, rest);
+            let at_the_end = || new_table(text, key, std::ptr::eq(table, parsed.get_ref()));
+            return inserted
+                .or_else(at_the_end)
+                .ok_or_else(|| missing(table, name, key));
         };
-        (
-            format!("the case does not give `{key}`: no `{name}`"),
-            Some(hint),
-        )
-    })
+        let (mut value, mut below) = (found, below);
+        while let DeValue::Array(list) = value.get_ref()
+            && !below.is_empty()
+        {
+            let (name, next) = below.split_once('.').unwrap_or((below, ""));
+            (value, below) = (in_list(list, name, key)?, next);
+        }
+        match value.get_ref() {
+            DeValue::Table(inner) if below.is_empty() => {
+                let hint = format!("its keys are {}", listed(keys(inner)));
+                return Err((format!("`{key}` is a table"), Some(hint)));
+            }
+            DeValue::Table(inner) => (table, rest) = (inner, below),
+            _ if below.is_empty() => {
+                return Ok(Edit {
+                    place: value.span(),
+                    before: String::new(),
+                    after: "",
+                });
+            }
+            _ => return Err((format!("`{key}` has nothing below `{name}`"), None)),
+        }
+    }
+}
+
+/// A key beside the first one that a table gives, other than as the header of another table.
+fn insertion(text: &str, table: &TomlTable<'_>, name: &str) -> Option<Edit> {
+    // such as `toolpath.line.` of a key with dots
+    let is_of_key = |c: char| c.is_alphanumeric() || "_-.\"'".contains(c);
+    let beside = |key: usize| {
+        let start = text[..key].trim_end_matches(is_of_key).len();
+        let before = text[..start].trim_end_matches([' ', '\t']);
+        let after = match before.chars().next_back() {
+            Some('[') => return None,
+            Some('{' | ',') => ", ",
+            _ => "\n",
+        };
+        let prefix = &text[start..key];
+        Some(Edit::insert(start, format!("{prefix}{name} = "), after))
+    };
+    let mut starts: Vec<usize> = table.keys().map(|key| key.span().start).collect();
+    starts.sort_unstable();
+    starts.into_iter().find_map(beside)
+}
+
+/// A key in a table of the file that it does not give.
+fn new_table(text: &str, key: &str, is_of_file: bool) -> Option<Edit> {
+    let (table, name) = key.rsplit_once('.').filter(|_| is_of_file)?;
+    let before = format!("\n[{table}]\n{name} = ");
+    Some(Edit::insert(text.len(), before, "\n"))
+}
+
+fn missing(table: &TomlTable<'_>, name: &str, key: &str) -> Missing {
+    let hint = match nearest(name, keys(table)) {
+        Some(close) => format!("did you mean `{close}`?"),
+        None => format!("keys there are {}", listed(keys(table))),
+    };
+    (
+        format!("the case does not give `{key}`: no `{name}`"),
+        Some(hint),
+    )
 }
 
 /// The element of a list with a `name`, a `type` or a number.
@@ -157,7 +220,7 @@ mod tests {
     const TEXT: &str = "[time]\nend = 5 # s\n[[couplers]]\ntype = \"goldak\"\nname = \"torch\"\npower = 2000\ntoolpath.line = { start = [0, 0, 0], speed = 1e-3 }\n[[couplers]]\ntype = \"radiation\"\n[[couplers]]\ntype = \"convection\"\n[[couplers]]\ntype = \"convection\"\ncoefficient = 3\n";
 
     fn at(key: &str) -> &'static str {
-        &TEXT[place_of(TEXT, key).expect("it is there")]
+        &TEXT[edit(TEXT, key).expect("it is there").place]
     }
 
     #[test]
@@ -170,16 +233,53 @@ mod tests {
     }
 
     #[test]
-    fn keys_that_are_not_there_are_told_with_those_that_are() {
+    fn keys_that_are_not_given_are_inserted_in_their_table() {
+        let text = "[bodies.plate]\nspacing = 1\nshape.box = { min = [0, 0, 0], max = [1, 1, 1] }\n\
+                    [[physics]]\ntype = 'thermal'\nsolver.steady = {}\n[materials.steel]\nlatent = { data.x = 1 }\n";
+        for key in [
+            "bodies.plate.dimension",
+            "bodies.plate.shape.box.depth",
+            "bodies.plate.shape.turn",
+            "bodies.plate.initial.temperature",
+            "physics.thermal.horizon",
+            "physics.0.solver.tolerance",
+            "materials.steel.density",
+            "materials.steel.latent.data.y",
+            "materials.steel.latent.unit",
+            "time.stages.first",
+            "log.interval",
+        ] {
+            let Edit {
+                place,
+                before,
+                after,
+            } = edit(text, key).expect("a place");
+            assert!(place.is_empty(), "{key}");
+            let mut changed = text.to_string();
+            changed.replace_range(place, &format!("{before}7{after}"));
+            let parsed: toml::Table = toml::from_str(&changed).unwrap_or_else(|e| panic!("{e}"));
+            let mut value = &toml::Value::Table(parsed);
+            for name in key.split('.') {
+                value = match value {
+                    toml::Value::Array(list) => &list[0],
+                    value => value.get(name).unwrap_or_else(|| panic!("{changed}")),
+                };
+            }
+            assert_eq!(value.as_integer(), Some(7), "{key}: {changed}");
+        }
+    }
+
+    #[test]
+    fn keys_without_a_place_are_told_with_those_that_are_there() {
         let told = |key: &str| {
-            let (message, hint) = place_of(TEXT, key).expect_err("missing");
+            let (message, hint) = edit(TEXT, key).expect_err("missing");
             format!("{message} {}", hint.unwrap_or_default())
         };
-        assert!(told("couplers.torch.powr").contains("did you mean `power`?"));
         assert!(told("couplers.convection.coefficient").contains("several"));
         assert!(told("couplers.laser.power").contains("`torch`, `radiation`"));
         assert!(told("couplers.9.power").contains("4 elements"));
         assert!(told("couplers.torch.toolpath.line").contains("`speed`, `start`"));
         assert!(told("time.end.x").contains("nothing below"));
+        assert!(told("tim").contains("did you mean `time`?"));
     }
 }

@@ -66,7 +66,7 @@ fn set(given: &str) -> Result<Vec<Change>, SweepError> {
 /// Cases with all combinations of the values, the last key varying fastest; or with all keys varying together.
 ///
 /// # Errors
-/// What is not `key=[values]`, a key that the case does not give, a value that it does not take.
+/// What is not `key=[values]`, a key without a place in the case, a value that it does not take.
 pub fn variants(case: &Case, given: &[String], together: bool) -> Result<Vec<Variant>, SweepError> {
     let sets: Vec<Vec<Change>> = given.iter().map(|g| set(g)).collect::<Result<_, _>>()?;
     let mut combinations: Vec<Vec<Change>> = vec![Vec::new()];
