@@ -304,6 +304,7 @@ mod tests {
                 assert!((u - 2.0 * (i + 1) as f64).abs() < 1e-8, "{krylov:?}");
             }
             assert!(report.iterations < 20, "{report:?}");
+            assert!(report.krylov_iterations >= report.iterations, "{report:?}");
         }
     }
 

@@ -188,6 +188,19 @@ mod tests {
     }
 
     #[test]
+    fn a_crack_rests_until_its_start() {
+        let mut world = World::new(vec![block([4, 4, 1], 2, STEEL)]);
+        let mut crack: GrowingCrack =
+            read("from = [0, 2]\nto = [3, 2]\nspeed = 1\nreach = 1\nstart_time = 2");
+        prepare(&mut world, &mut crack, |_| ()).expect("valid");
+        for (start, length) in [(0.0, 0.0), (1.0, 0.0), (2.0, 1.0), (3.0, 2.0)] {
+            crack.apply(&world, Step::new(start, 1.0)).expect("applies");
+            assert_eq!(crack.report()[0].value, length);
+            assert_eq!(world.broken_pairs(0).pairs.len(), length as usize);
+        }
+    }
+
+    #[test]
     fn a_slanted_crack_breaks_what_it_crosses() {
         // between the diagonal i + j = 2 and the next one; below i = j
         for (keys, expected) in [

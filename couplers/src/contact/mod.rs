@@ -591,6 +591,20 @@ mod tests {
     }
 
     #[test]
+    fn the_stable_step_is_that_of_the_stiffest_contact() {
+        let mut body = block([3, 5, 5], 3, ELASTIC);
+        body.points.volume.fill(0.5);
+        let mut world = World::new(vec![body]);
+        let mut contact: Contact = read("body = 'block'");
+        prepare(&mut world, &mut contact, |setup| own(setup, 1)).expect("valid");
+        let step = contact.stable_step(&world).expect("a limit");
+        let stiffness = contact.state.as_ref().expect("prepared").points[0].stiffness;
+        // of a density of 1000 kg/m³
+        let square = 2.0 * 4.0 * stiffness * 0.5 * 0.5 / (1000.0 * 0.5);
+        assert!((step * f64::sqrt(square) - 2.0).abs() < 1e-12, "{step}");
+    }
+
+    #[test]
     fn a_contact_with_itself_or_without_stiffness_is_refused() {
         for (keys, message) in [
             ("body = 'block'\nother = 'block'", "meets itself"),
@@ -598,6 +612,8 @@ mod tests {
                 "body = 'block'\nstiffness = 0",
                 "stiffness of a contact is 0",
             ),
+            ("body = 'block'\nfriction = -1", "friction is -1"),
+            ("body = 'block'\nfriction = inf", "friction is inf"),
         ] {
             let mut contact: Contact = read(keys);
             assert!(refusal(&mut two([9.0; 3]), &mut contact).contains(message));

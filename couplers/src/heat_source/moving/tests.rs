@@ -272,3 +272,28 @@ fn a_path_may_pass_beside_the_body_by_twice_the_size_of_the_source() {
     };
     assert!(passes(5.9) && !passes(6.1));
 }
+
+#[test]
+fn a_path_without_an_end_may_start_far_from_the_body() {
+    let heats = |keys: &str| {
+        let mut source: EllipsoidSource = toml::from_str(&format!(
+            "power = 100\nhalf_length = 3\nhalf_width = 3\ndepth = 3\n{keys}"
+        ))
+        .expect("valid");
+        let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
+        let consumed = |setup: &mut Setup<'_>| {
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        };
+        prepare(&mut world, &mut source, consumed).is_ok()
+    };
+    for (speed, sign, expected) in [(0.01, 1, true), (50.0, 1, true), (0.01, -1, false)] {
+        let keys = format!(
+            "toolpath.line = {{ start = [-200, 10, 8], direction = [{sign}, 0, 0], speed = {speed} }}"
+        );
+        assert_eq!(heats(&keys), expected, "{keys}");
+    }
+    // the surface counts, at whatever height the path is
+    let above = "toolpath.line = { start = [0, 10, 90], end = [20, 10, 90], speed = 1 }";
+    assert!(!heats(above));
+    assert!(heats(&format!("{above}\nheated_surface.level = 8")));
+}
