@@ -182,3 +182,13 @@ fn outputs_that_cannot_be_written_are_errors_and_no_panics() {
         assert_eq!(status.expect("it starts").code(), Some(1), "{arguments:?}");
     }
 }
+
+#[test]
+fn a_misspelt_key_of_a_change_is_answered_with_the_right_one() {
+    let folder = folder(0.1);
+    for (change, right) in [("couplers.goldak.powr=1", "power"), ("time.sep=1", "step")] {
+        let (done, message) = told(folder.path(), &["run", "weld.toml", "--set", change]);
+        let hint = format!("did you mean `{right}`?");
+        assert!(!done && message.contains(&hint), "{message}");
+    }
+}

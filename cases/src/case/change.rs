@@ -43,18 +43,14 @@ impl Case {
     pub fn changed(&self, changes: &[Change]) -> Result<Case> {
         let mut text = self.file.text.clone();
         for change in changes {
-            let Edit {
-                place,
-                before,
-                after,
-            } = edit(&text, &change.key).map_err(|(message, hint)| {
+            let edit = edit(&text, &change.key).map_err(|(message, hint)| {
                 let error = CaseError::of_file(&self.file, message);
                 match hint {
                     Some(hint) => error.help(hint),
                     None => error,
                 }
             })?;
-            text.replace_range(place, &format!("{before}{}{after}", change.value));
+            edit.write(&mut text, &change.value);
         }
         Case::parse(&self.file.name, text, &self.folder)
     }
@@ -64,7 +60,7 @@ impl Case {
 type Missing = (String, Option<String>);
 
 /// Where a value is written.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 struct Edit {
     /// Bytes that are replaced.
     place: Range<usize>,
@@ -83,6 +79,10 @@ impl Edit {
             after,
         }
     }
+
+    fn write(self, text: &mut String, value: &str) {
+        text.replace_range(self.place, &format!("{}{value}{}", self.before, self.after));
+    }
 }
 
 /// Where the value of a key is, or where the key may be inserted.
@@ -93,10 +93,9 @@ fn edit(text: &str, key: &str) -> std::result::Result<Edit, Missing> {
     loop {
         let (name, below) = rest.split_once('.').unwrap_or((rest, ""));
         let Some(found) = table.get(name) else {
-            let inserted = insertion(text, table, rest);
-            let at_the_end = || new_table(text, key, std::ptr::eq(table, parsed.get_ref()));
-            return inserted
-                .or_else(at_the_end)
+            let is_of_file = rest == key;
+            return insertion(text, table, rest)
+                .or_else(|| new_table(text, key).filter(|_| is_of_file))
                 .ok_or_else(|| missing(table, name, key));
         };
         let (mut value, mut below) = (found, below);
@@ -145,8 +144,8 @@ fn insertion(text: &str, table: &TomlTable<'_>, name: &str) -> Option<Edit> {
 }
 
 /// A key in a table of the file that it does not give.
-fn new_table(text: &str, key: &str, is_of_file: bool) -> Option<Edit> {
-    let (table, name) = key.rsplit_once('.').filter(|_| is_of_file)?;
+fn new_table(text: &str, key: &str) -> Option<Edit> {
+    let (table, name) = key.rsplit_once('.')?;
     let before = format!("\n[{table}]\n{name} = ");
     Some(Edit::insert(text.len(), before, "\n"))
 }
@@ -249,14 +248,10 @@ mod tests {
             "time.stages.first",
             "log.interval",
         ] {
-            let Edit {
-                place,
-                before,
-                after,
-            } = edit(text, key).expect("a place");
-            assert!(place.is_empty(), "{key}");
+            let edit = edit(text, key).expect("a place");
+            assert!(edit.place.is_empty(), "{key}");
             let mut changed = text.to_string();
-            changed.replace_range(place, &format!("{before}7{after}"));
+            edit.write(&mut changed, "7");
             let parsed: toml::Table = toml::from_str(&changed).unwrap_or_else(|e| panic!("{e}"));
             let mut value = &toml::Value::Table(parsed);
             for name in key.split('.') {

@@ -54,7 +54,7 @@ pub fn run(args: &ReplayArgs) -> Done {
     let mut growing = GrowingLog::open(&args.log)?;
     if let Some(at) = args.at {
         let log = growing.log();
-        check_scalars(log, log.bodies(), &args.field)?;
+        args.check_fields(log)?;
         let times = times(log);
         return match state_at(times, at)? {
             Some(index) => args.show(log, index, times[index]),
@@ -66,7 +66,7 @@ pub fn run(args: &ReplayArgs) -> Done {
     loop {
         let log = growing.log();
         if shown == 0 {
-            check_scalars(log, log.bodies(), &args.field)?;
+            args.check_fields(log)?;
         }
         let times = times(log);
         for (index, &time) in times.iter().enumerate().skip(shown) {
@@ -100,6 +100,14 @@ fn times(log: &Log) -> &[f64] {
 }
 
 impl ReplayArgs {
+    /// Reads the first state only if fields were asked for: `--at` should read one state.
+    fn check_fields(&self, log: &Log) -> Done {
+        if !self.field.is_empty() {
+            check_scalars(log, log.bodies(), &self.field)?;
+        }
+        Ok(())
+    }
+
     fn show(&self, log: &Log, index: usize, time: f64) -> Done {
         let out = &mut std::io::stdout().lock();
         writeln!(out, "t = {}", unit::time_text(time))?;

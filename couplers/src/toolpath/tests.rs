@@ -125,8 +125,10 @@ fn position_is_continuous_and_its_rate_is_the_speed() {
             }
         }
         // a pass may start anywhere
-        let continuous = events.iter().filter(|_| !kind.starts_with("sequence"));
-        for &event in continuous {
+        if kind.starts_with("sequence") {
+            continue;
+        }
+        for &event in &events {
             let [before, after] = [-1e-9, 1e-9].map(|h| track.pose(event + h).position);
             // the fastest source moves 4 m/s
             assert!((after - before).norm() < 1e-8, "{kind} jumps at {event} s");

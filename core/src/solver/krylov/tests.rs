@@ -214,7 +214,7 @@ fn solutions_have_the_same_bits_for_any_number_of_threads() {
 
 #[test]
 fn a_residual_at_right_angles_to_its_shadow_starts_again() {
-    // what follows the first row stays without its part of the right-hand side
+    // after a half step the residual has no first component, and its shadow has no other
     let apply = |x: &[f64], out: &mut [f64]| {
         out[0] = 2.0 * x[0];
         out[1] = x[0] + 3.0 * x[1] + x[2];

@@ -255,37 +255,32 @@ fn the_absorptivity_is_that_of_the_material_unless_the_case_gives_one() {
     assert!(refused("wavelength = 10.6e-6", &dark).contains("hold near 1 um"));
 }
 
+/// Whether a source of 3 m with these keys heats a block of 20 x 20 x 8 m.
+fn heats(keys: &str) -> bool {
+    let mut source: EllipsoidSource = toml::from_str(&format!(
+        "power = 100\nhalf_length = 3\nhalf_width = 3\ndepth = 3\n{keys}"
+    ))
+    .expect("valid");
+    let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
+    let consumed = |setup: &mut Setup<'_>| {
+        setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+    };
+    prepare(&mut world, &mut source, consumed).is_ok()
+}
+
 #[test]
 fn a_path_may_pass_beside_the_body_by_twice_the_size_of_the_source() {
     let passes = |distance: f64| {
         let y = 20.0 + distance;
-        let mut source: EllipsoidSource = toml::from_str(&format!(
-            "power = 100\nhalf_length = 3\nhalf_width = 3\ndepth = 3
-            toolpath.line = {{ start = [0, {y}, 8], end = [20, {y}, 8], speed = 2 }}"
+        heats(&format!(
+            "toolpath.line = {{ start = [0, {y}, 8], end = [20, {y}, 8], speed = 2 }}"
         ))
-        .expect("valid");
-        let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
-        let consumed = |setup: &mut Setup<'_>| {
-            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        };
-        prepare(&mut world, &mut source, consumed).is_ok()
     };
     assert!(passes(5.9) && !passes(6.1));
 }
 
 #[test]
 fn a_path_without_an_end_may_start_far_from_the_body() {
-    let heats = |keys: &str| {
-        let mut source: EllipsoidSource = toml::from_str(&format!(
-            "power = 100\nhalf_length = 3\nhalf_width = 3\ndepth = 3\n{keys}"
-        ))
-        .expect("valid");
-        let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
-        let consumed = |setup: &mut Setup<'_>| {
-            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        };
-        prepare(&mut world, &mut source, consumed).is_ok()
-    };
     for (speed, sign, expected) in [(0.01, 1, true), (50.0, 1, true), (0.01, -1, false)] {
         let keys = format!(
             "toolpath.line = {{ start = [-200, 10, 8], direction = [{sign}, 0, 0], speed = {speed} }}"
