@@ -54,6 +54,8 @@ mod prepare;
 mod rates;
 mod report;
 mod run;
+#[cfg(test)]
+mod stability_tests;
 mod state;
 mod step;
 #[cfg(test)]

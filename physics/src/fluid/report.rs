@@ -72,3 +72,38 @@ impl Run {
         self.density_deviation = deviation.fold(0.0, f64::max);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::fluid::tests::{flow, periodic};
+    use crate::testing::set;
+
+    #[test]
+    fn energy_and_deviation_are_those_of_a_uniform_stream() {
+        for keys in [
+            "description = 'eulerian'",
+            "description = 'total_lagrangian'",
+            "description = 'updated_lagrangian'",
+            "form = 'conservative'",
+        ] {
+            let keys = format!("{keys}\nstate.tait = {{ sound_speed = 10, exponent = 1 }}");
+            let mut s = flow(periodic(12, "density = 2\nviscosity = 0.1"), &keys, 1.0);
+            set(&mut s, "velocity", |_| [0.3, -0.4, 0.0]);
+            // below the density at rest by 5 %
+            set(&mut s, "pressure", |_| [-0.05 * 2.0 * 100.0]);
+            s.start().expect("starts");
+            let volume: f64 = s.world().body(0).points.volume.iter().sum();
+            let reports = s.reports().remove(0).1;
+            for (name, expected) in [
+                ("energy.kinetic", 0.5 * 0.95 * 2.0 * volume * 0.25),
+                ("density.deviation", 0.05),
+            ] {
+                let report = reports.iter().find(|r| r.name == name).expect("reported");
+                assert!(
+                    (report.value / expected - 1.0).abs() < 1e-12,
+                    "{keys}: {report:?} {expected}"
+                );
+            }
+        }
+    }
+}

@@ -15,13 +15,13 @@ use crate::testing::{block, read, run, set, simulation, values};
 use crate::thermal::Thermal;
 
 /// A square of 1 m, periodic along both axes, with `n` points along each.
-fn periodic(n: usize, material: &str) -> Body {
+pub(super) fn periodic(n: usize, material: &str) -> Body {
     let mut body = block([n, n, 1], 2, 1.0 / n as f64, Store::Lattice, material);
     body.repeat(&[Axis::X, Axis::Y]).expect("it fills its box");
     body
 }
 
-fn flow(body: Body, keys: &str, end: f64) -> Simulation {
+pub(super) fn flow(body: Body, keys: &str, end: f64) -> Simulation {
     let fluid: Fluid = read(keys);
     simulation(body, vec![Box::new(fluid)], Vec::new(), end)
 }
@@ -68,7 +68,7 @@ fn vortices_decay_at_the_rate_of_the_discrete_operator() {
 }
 
 /// Energy of sound over its energy at the start, after 20 periods of a standing wave.
-fn ringing(keys: &str) -> f64 {
+pub(super) fn ringing(keys: &str) -> f64 {
     ringing_in_a_stream(&format!("{keys}\nstep = 0.01"), 0.0)
 }
 

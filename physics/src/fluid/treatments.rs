@@ -292,3 +292,55 @@ impl Treatments {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use perimelt_core::FamilySpec;
+    use perimelt_core::body::Store;
+    use perimelt_core::family::Mirrored;
+    use perimelt_core::{Horizon, Influence, PartialVolume, Pddo};
+
+    use crate::testing::block;
+
+    /// With an influence that is constant, the point and its neighbours count alike.
+    #[test]
+    fn a_point_counts_in_its_own_family_as_each_of_its_neighbours() {
+        for (cells, dimension, neighbours) in [([9, 9, 1], 2, 20.0), ([9, 9, 9], 3, 80.0)] {
+            let body = block(cells, dimension, 0.1, Store::Lattice, "density = 2");
+            let spec = FamilySpec {
+                influence: Influence::Constant,
+                partial_volume: PartialVolume::None,
+                ..Pddo::spec(Horizon::Spacings(2.5))
+            };
+            let family = Family::moving(&body, &spec).expect("valid");
+            let complete = CompleteFamily::of(&body, &family);
+            let mut treatments = Treatments::new(complete, dimension);
+            let points = body.points.len();
+            let centre = points / 2;
+            let (mut velocity, mut density) = (vec![Vector3::zeros(); points], vec![2.0; points]);
+            (velocity[centre], density[centre]) = (Vector3::x(), 3.0);
+
+            let slots: Vec<SlotField> = (0..dimension)
+                .map(|axis| {
+                    let mut slots = SlotField::default();
+                    slots.load(&family, |p: usize| velocity[p][axis], Mirrored::Scalar);
+                    slots
+                })
+                .collect();
+            let mut displacement = vec![Vector3::zeros(); points];
+            treatments.xsph(&family, 0.5, &slots, &mut displacement);
+            // half way from its own velocity to the mean of the family
+            let mean = 1.0 / (neighbours + 1.0);
+            assert!((displacement[centre].x - 0.5 * (mean - 1.0)).abs() < 1e-12);
+            assert!((displacement[centre + 1].x - 0.5 * mean).abs() < 1e-12);
+
+            let volume = &body.points.volume;
+            treatments.smooth((&family, volume), &mut velocity, &mut density, |_, _| ());
+            for point in [centre, centre + 1] {
+                assert!((velocity[point].x - mean).abs() < 1e-12, "{dimension}D");
+                assert!((density[point] - 2.0 - mean).abs() < 1e-12, "{dimension}D");
+            }
+        }
+    }
+}

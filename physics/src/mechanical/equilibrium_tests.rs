@@ -1,4 +1,4 @@
-//! Equilibrium under finite kinematics does not depend on the unit of length.
+//! Equilibrium: units of length, and the evaluations of forces that are counted.
 
 use nalgebra::Vector3;
 use perimelt_core::body::Store;
@@ -71,4 +71,31 @@ fn a_nanometre_film_converges_as_a_metre_film_does() {
             assert!((a - b).abs() < 1e-12 * size, "{formulation}: {a} {b}");
         }
     }
+}
+
+#[test]
+fn evaluations_of_the_unbalanced_force_and_of_the_loads_are_counted() {
+    let material = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3";
+    let body = block([16, 6, 1], 2, 1.0, Store::Lattice, material);
+    let mechanical: Mechanical = read("step = 0.5");
+    let coupler = Stretching::default();
+    let mut s = simulation(
+        body,
+        vec![Box::new(mechanical)],
+        vec![Box::new(coupler)],
+        1.0,
+    );
+    s.start().expect("starts");
+    let mut counts = Vec::new();
+    while !s.is_finished() {
+        s.step().expect("steps");
+        let progress = s.progress();
+        counts.push((progress.iterations[0], progress.evaluations[0]));
+    }
+    // a linear body: before the iterations, one in each, and after them
+    let (iterations, evaluations) = counts[0];
+    assert!(iterations > 0);
+    assert_eq!(evaluations, iterations + 2, "{counts:?}");
+    // in equilibrium already: the loads, and that there is nothing to do
+    assert_eq!(counts[1], (iterations, evaluations + 2), "{counts:?}");
 }

@@ -6,8 +6,9 @@ use super::Mechanical;
 use super::fracture::{Criterion, Fracture, FractureSection};
 use super::moduli::{Moduli, Plane};
 use crate::testing::{block, read, run, set, simulation, values};
+use crate::thermal::Thermal;
 use perimelt_core::simulation::Simulation;
-use perimelt_core::{Family, FamilySpec, Setup, World};
+use perimelt_core::{Family, FamilySpec, Physics, Setup, World};
 
 const BRITTLE: &str =
     "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.25\ncritical_stretch = 1e-3";
@@ -254,6 +255,40 @@ fn all_bonds_beyond_their_limit_break_once_without_another_equilibrium() {
         let solver = format!("solver.{solver} = {{}}");
         let off = pulled(&format!("fracture.once = true\n{solver}"));
         assert!(off < 1e-4, "{solver}: {off}");
+    }
+}
+
+#[test]
+fn a_strength_that_falls_with_temperature_counts_where_moduli_are_constant() {
+    let material = BRITTLE.replace(
+        "critical_stretch = 1e-3",
+        "critical_stretch = { temperature = [300, 1300], value = [1e-3, 0.5e-3] }\nspecific_heat = 500\nconductivity = 40",
+    );
+    for formulation in FORMULATIONS {
+        let breaks = |strain: f64, temperature: f64| {
+            let body = block([30, 1, 1], 1, 1e-3, Store::Lattice, &material);
+            let mechanical: Mechanical =
+                read(&format!("fracture = {{}}\nformulation = '{formulation}'"));
+            let thermal: Thermal = read("");
+            let pull = Pull {
+                strain,
+                ..Pull::default()
+            };
+            let physics: Vec<Box<dyn Physics>> = vec![Box::new(thermal), Box::new(mechanical)];
+            let mut s = simulation(body, physics, vec![Box::new(pull)], 1e-3);
+            set(&mut s, "temperature", |_| [temperature]);
+            run(&mut s);
+            !s.world().broken_pairs(0).pairs.is_empty()
+        };
+        for (temperature, strength) in [(300.0, 1e-3), (800.0, 0.75e-3), (1300.0, 0.5e-3)] {
+            for (fraction, expected) in [(0.98, false), (1.02, true)] {
+                assert_eq!(
+                    breaks(fraction * strength, temperature),
+                    expected,
+                    "{formulation} at {temperature} K, {fraction} of the strength"
+                );
+            }
+        }
     }
 }
 

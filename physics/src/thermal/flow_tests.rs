@@ -280,6 +280,40 @@ fn friction_counts_the_work_that_the_flow_loses() {
     }
 }
 
+#[test]
+fn friction_of_a_fluid_that_shrinks_refers_to_its_volume_at_the_start() {
+    let material = "density = 1\nviscosity = 0.02\nspecific_heat = 1\nconductivity = 1e-9";
+    let body = block([16, 16, 1], 2, 1.0 / 16.0, Store::Lattice, material);
+    let (sound, end) = (0.06_f64, 0.3);
+    let fluid: Fluid = read(&format!(
+        "form = 'conservative'\nstate.tait = {{ sound_speed = {sound}, exponent = 1 }}\nstep = 1e-4"
+    ));
+    let thermal: Thermal = read("step = 1e-4");
+    let physics: Vec<Box<dyn Physics>> = vec![Box::new(fluid), Box::new(thermal)];
+    let work = WorkToHeat::default();
+    let mut s = simulation(body, physics, vec![Box::new(work)], end);
+    set(&mut s, "velocity", |[x, y, _]| [0.5 - x, 0.5 - y, 0.0]);
+    set(&mut s, "temperature", |_| [300.0]);
+    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / 256.0;
+    let kinetic =
+        |s: &Simulation| mean(values(s, "velocity").iter().map(|v| 0.5 * v * v).collect());
+    let before = kinetic(&s);
+    run(&mut s);
+    let density = values(&s, "density");
+    assert!(mean(density.clone()) > 1.3, "it shrinks: {density:?}");
+    // of the pressure c^2 (rho - 1)
+    let compression = density
+        .iter()
+        .map(|rho| sound * sound * (rho.ln() + 1.0 / rho - 1.0));
+    let lost = before - kinetic(&s) - mean(compression.collect());
+    let friction = mean(values(&s, "viscous_work"));
+    // forward steps leave 2e-5
+    assert!(
+        friction > 0.1 * before && (friction / lost - 1.0).abs() < 1e-4,
+        "{friction} {lost} {before}"
+    );
+}
+
 /// As the coupler `viscous_heat`, which this crate does not know.
 #[derive(Debug, Default, serde::Serialize, serde::Deserialize)]
 struct WorkToHeat {
