@@ -155,4 +155,57 @@ mod tests {
             }
         }
     }
+
+    fn bond(xi: [f64; 3], weight: f64) -> Bond {
+        let length = xi.iter().map(|x| x * x).sum::<f64>().sqrt();
+        Bond {
+            xi,
+            length,
+            inverse_length: 1.0 / length,
+            weight,
+            dual: weight,
+        }
+    }
+
+    /// Sum of `weight |xi| n_m^2` over corrected bonds, for each axis m.
+    fn moments(bonds: &[Bond], factors: &[f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|m| {
+            let along = |b: &Bond| b.weight * (b.xi[m] / b.length).powi(2) * b.length;
+            bonds
+                .iter()
+                .map(|b| factor_along(b, factors) * along(b))
+                .sum()
+        })
+    }
+
+    #[test]
+    fn conduction_is_exact_along_every_axis_of_a_skewed_family() {
+        let bonds = [
+            bond([0.3, 0.1, 0.0], 0.7),
+            bond([0.0, 0.2, 0.0], 1.1),
+            bond([-0.2, 0.2, 0.0], 0.4),
+            bond([0.4, 0.0, 0.0], 0.5),
+        ];
+        let factors = calibration(2, Strain::Isotropic, bonds.iter());
+        assert!(factors[0] != factors[1], "{factors:?}");
+        let [x, y, _] = moments(&bonds, &factors);
+        assert!(
+            (x - 1.0).abs() < 1e-12 && (y - 1.0).abs() < 1e-12,
+            "{x} {y}"
+        );
+    }
+
+    /// One factor keeps the sum over the axes, which is the energy under the mean of all gradients.
+    #[test]
+    fn a_family_without_positive_factors_keeps_the_sum_over_the_axes() {
+        // bonds along one line; and bonds whose exact factor along x is zero
+        let line = [bond([0.2, 0.0, 0.0], 0.3), bond([-0.4, 0.0, 0.0], 1.7)];
+        let fan = [bond([0.2, 0.0, 0.0], 5.0), bond([0.3, 0.3, 0.0], 2.0)];
+        for bonds in [&line, &fan] {
+            let factors = calibration(2, Strain::Isotropic, bonds.iter());
+            assert_eq!(factors, [factors[0]; 3]);
+            let [x, y, _] = moments(bonds, &factors);
+            assert!((x + y - 2.0).abs() < 1e-12, "{x} + {y}");
+        }
+    }
 }

@@ -408,3 +408,23 @@ fn plane_cell(padded: &Padded, axis: usize, index: usize) -> [i64; 3] {
     cell[v] += (index / padded.cells[u]) as i64;
     cell
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_and_cells_of_a_padded_lattice_belong_together() {
+        let padded = Padded {
+            cells: [7, 5, 4],
+            pad: [2, 1, 0],
+        };
+        for slot in 0..padded.len() {
+            let cell = padded.cell(slot);
+            assert_eq!(padded.slot(cell), Some(slot), "{cell:?}");
+        }
+        assert_eq!(padded.cell(0), [-2, -1, 0]);
+        assert_eq!(padded.slot([-3, 0, 0]), None);
+        assert_eq!(padded.slot([5, 0, 0]), None);
+    }
+}

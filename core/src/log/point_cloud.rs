@@ -443,4 +443,22 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn data_that_end_within_a_point_are_refused() {
+        let element = |name: &&str, offset| PackedElementField {
+            name: (*name).into(),
+            offset,
+            r#type: NumericType::Float32 as i32,
+        };
+        let fields = VECTOR.iter().zip([0, 4, 8]).map(|(n, at)| element(n, at));
+        let message = PointCloud {
+            point_stride: 12,
+            fields: fields.collect(),
+            data: vec![0; 30],
+            ..Default::default()
+        };
+        let decoded = decode(&message.encode_to_vec(), 0.0);
+        assert!(matches!(decoded, Err(Undecodable::Layout(_))));
+    }
 }

@@ -399,6 +399,9 @@ fn an_exchange_limits_the_steps_of_the_physics_that_it_connects() {
     // half of its stable step, eight times; and the initial state
     let sizes: Vec<f64> = steps.borrow().iter().map(|step| step.size).collect();
     assert_eq!(sizes, [&[0.0][..], &[0.125; 8]].concat());
+    let starts: Vec<f64> = steps.borrow().iter().map(|step| step.start).collect();
+    let expected: Vec<f64> = (0..8).map(|s| 0.125 * s as f64).collect();
+    assert_eq!(starts, [&[0.0][..], &expected].concat());
 }
 
 #[test]

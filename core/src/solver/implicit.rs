@@ -286,4 +286,33 @@ mod tests {
             .unwrap();
         assert_eq!((report.iterations, y), (0, vec![1500.0; 100]));
     }
+
+    /// `y' = -y`, with its tangent.
+    #[derive(Default)]
+    struct CountedDecay {
+        calls: usize,
+    }
+
+    impl Rhs for CountedDecay {
+        fn rate(&mut self, _: f64, y: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+            self.calls += 1;
+            update(rate, [y], |_, [y]| -y);
+            Ok(())
+        }
+
+        fn tangent(&mut self, _: At, v: &[f64], out: &mut [f64]) -> Result<bool, SolverError> {
+            self.calls += 1;
+            update(out, [v], |_, [v]| -v);
+            Ok(true)
+        }
+    }
+
+    #[test]
+    fn evaluations_of_the_rate_and_products_with_its_tangent_are_counted() {
+        for mut method in [Implicit::euler(tight()), Implicit::crank_nicolson(tight())] {
+            let mut decay = CountedDecay::default();
+            let report = method.step(&mut decay, 0.0, 0.1, &mut [1.0, 2.0]).unwrap();
+            assert_eq!(report.evaluations, decay.calls);
+        }
+    }
 }

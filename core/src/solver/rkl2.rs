@@ -246,4 +246,14 @@ mod tests {
         );
         assert_eq!(y, [1.0]);
     }
+
+    #[test]
+    fn a_stable_step_of_next_to_nothing_is_refused() {
+        // more than a million stages; and some hundred thousand
+        assert!(matches!(
+            Rkl2::stages(1.0, 1e-13),
+            Err(SolverError::OutOfRange { .. })
+        ));
+        assert!(Rkl2::stages(1.0, 1e-10).is_ok());
+    }
 }
