@@ -376,7 +376,7 @@ benchmarks!(
         "wall_distortion",
         "wire_arc_wall",
     ],
-    "quenching": ["billet", "casting"],
+    "quenching": ["billet", "casting", "end_quench"],
 );
 
 /// The benchmark cases of the program, or those of a folder, with their names.

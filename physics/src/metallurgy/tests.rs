@@ -160,7 +160,7 @@ fn transformation_compliance_is_that_of_the_share() {
     assert!((heated.field("transformation_compliance") - expected).abs() < 1e-24);
 }
 
-/// Maynier, Dollet and Bastien (1978): hardness by each per cent of C, Si, Mn, Ni, Cr, Mo, V, and that times the logarithm of
+/// Maynier, Jungmann and Dollet (1978): hardness by each per cent of C, Si, Mn, Ni, Cr, Mo, V, and that times the logarithm of
 /// the rate in K/h.
 #[test]
 fn hardness_rises_with_each_element_as_published() {
