@@ -329,6 +329,7 @@ benchmarks!(
     "khoshrou-4.2-phi8-narrow",
     "khoshrou-4.2-phi8-unstable",
     "clamped-bar-residual-stress",
+    "clamped-bar-ordinary",
     "metallurgy-isothermal",
     "metallurgy-dilatometer",
     "satoh-austenite",

@@ -687,49 +687,51 @@ fn the_stable_step_is_stable_and_not_much_too_small() {
     }
 }
 
-/// A bar between rigid walls, free at its sides, is heated and cooled: it yields under compression,
-/// then under tension (closed form of the elastic, perfectly plastic bar).
+/// Mean axial stress (Pa) of a bar between rigid walls, free at its sides, at the end of a part of a heat cycle.
+fn clamped_bar(cells: [usize; 3], keys: &str, strain: f64, end: f64) -> f64 {
+    let material =
+        "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\nyield_stress = 2e8";
+    let body = block(cells, dimension(cells), 1e-3, Store::Lattice, material);
+    let cycle = HeatCycle {
+        strain,
+        ..HeatCycle::default()
+    };
+    let keys = format!(
+        "{keys}\nstep = 0.5\nplasticity = {{}}\nsolver.quasi_static = {{ tolerance = 1e-9 }}"
+    );
+    let mechanical = read::<Mechanical>(&keys);
+    let mut s = simulation(body, vec![Box::new(mechanical)], vec![Box::new(cycle)], end);
+    run(&mut s);
+    let stress = values(&s, "stress");
+    stress.chunks_exact(9).map(|t| t[0]).sum::<f64>() / (stress.len() / 9) as f64
+}
+
+/// A bar between rigid walls is heated and cooled: it yields under compression, then under tension (closed form of the
+/// elastic, perfectly plastic bar).
 #[test]
 fn a_clamped_bar_keeps_the_residual_stress_of_a_heat_cycle() {
     const YIELD: f64 = 200e6;
-    let material =
-        "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\nyield_stress = 2e8";
     for (cells, plane) in [
         ([12, 1, 1], ""),
         ([7, 5, 1], ""),
         ([7, 5, 1], PLANES[1]),
         ([6, 4, 4], ""),
     ] {
+        // plane strain holds it across, too: equal stresses along both
+        let held = if plane.is_empty() { 1.0 } else { 1.0 - 0.3 };
+        let yield_strain = YIELD * held / 2e11;
         for formulation in &FORMULATIONS[1..] {
-            let dimension = dimension(cells);
+            let keys = format!("{formulation}\n{plane}");
+            // ordinary solids of few rows have a stiffness of their own at surfaces and, in 3D, by the anisotropy of the
+            // lattice: plastic flow must not add to the error of the elastic bar
+            let elastic = clamped_bar(cells, &keys, 0.5 * yield_strain, 4.0) / (-0.5 * YIELD);
+            let limit = (1.15 * (elastic - 1.0).abs() + 1e-5).min(0.05);
             // held strain of 1.5 and 2.6 yield strains
             for strain in [1.5e-3, 2.6e-3] {
-                let body = block(cells, dimension, 1e-3, Store::Lattice, material);
-                let keys = format!(
-                    "{formulation}\n{plane}\nplasticity = {{}}\nstep = 0.5\n\
-                     solver.quasi_static = {{ tolerance = 1e-9 }}"
-                );
-                let cycle = HeatCycle {
-                    strain,
-                    ..HeatCycle::default()
-                };
-                let mechanical = read::<Mechanical>(&keys);
-                let mut s =
-                    simulation(body, vec![Box::new(mechanical)], vec![Box::new(cycle)], 8.0);
-                run(&mut s);
-                // plane strain holds it across, too: equal stresses along both
-                let held = if plane.is_empty() { 1.0 } else { 1.0 - 0.3 };
-                let yield_strain = YIELD * held / 2e11;
                 let residual = (strain / yield_strain - 1.0).clamp(0.0, 1.0);
-                let stress = values(&s, "stress");
                 let expected = residual * YIELD;
-                let found =
-                    stress.chunks_exact(9).map(|t| t[0]).sum::<f64>() / (stress.len() / 9) as f64;
+                let found = clamped_bar(cells, &keys, strain, 8.0);
                 let error = (found / expected - 1.0).abs();
-                // tolerance of equilibrium; the peridynamic stress of ordinary solids, averaged here, is
-                // not that of the section at surfaces
-                let ordinary = dimension > 1 && formulation.contains("ordinary");
-                let limit = if ordinary { 0.05 } else { 1e-5 };
                 assert!(
                     error < limit,
                     "{cells:?} {keys} {strain}: {found} {expected}"
