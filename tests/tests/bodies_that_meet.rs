@@ -66,7 +66,20 @@ fn fluid_and_solids_keep_their_momentum_and_angular_momentum_with_equal_and_uneq
             speeds.any(|r| r.value.abs() > 1e-2)
         });
         assert!(moved, "{reports:?}");
+        let force = |name: &str| {
+            let mut all = reports.iter().flat_map(|(_, reports)| reports);
+            let found = all.find(|r| r.name == format!("force.{name}.x"));
+            found.map(|report| report.value)
+        };
+        let [block, float, all] = ["block", "float", "all"].map(|n| force(n).expect("a wall"));
+        assert!((block + float - all).abs() <= 1e-12 * (block.abs() + float.abs()));
     }
+    // the force on all is that on the only one
+    let column = ringing_column("type = 'rigid_body'\nhold = ['x', 'rotation']", "", "");
+    let reports = column.reports();
+    let names = reports.iter().flat_map(|(_, reports)| reports);
+    let names: Vec<_> = names.map(|report| &report.name[..]).collect();
+    assert!(names.contains(&"force.lid.y") && !names.contains(&"force.all.y"));
 }
 
 /// Water under a lid that yields, with a sound wave and without dissipation.

@@ -161,38 +161,111 @@ mistakes! {
     logged_field_that_is_unknown: "interval = 0.02" => "interval = 0.02\nfields = [\"temprature\"]";
     infinite_number: "depth = 0.002" => "depth = inf";
     solver_that_is_unknown: "horizon = 2\n" => "horizon = 2\nsolver.rkl3 = {}\n";
+    key_of_a_choice_that_is_unknown: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"mechanical\"\nsolver.quasi_static = { toleranec = 1e-6 }\n[[couplers]]\ntype = \"phase_change\"";
     horizon_of_zero: "horizon = 2\n" => "horizon = 0\n";
     steel_without_composition: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"metallurgy\"\n[[couplers]]\ntype = \"phase_change\"";
     two_physics_of_one_field: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"thermal\"\n[[couplers]]\ntype = \"phase_change\"";
 }
 
-/// A key of a plugin that is misspelt is answered with the right one, whatever the plugin.
+/// A key with two letters exchanged, or one more or less; `None` where that is another key.
+fn misspelt(key: &str, keys: &serde_json::Map<String, serde_json::Value>) -> Option<String> {
+    let mut letters: Vec<char> = key.chars().collect();
+    let last = letters.len() - 1;
+    match letters.len() {
+        // `x`, `y` and `z` are as near to each other as to what is misspelt
+        0..=1 => return None,
+        2..=3 => letters.push('x'),
+        _ if letters[last] == letters[last - 1] => letters.truncate(last),
+        _ => letters.swap(last, last - 1),
+    }
+    let misspelt: String = letters.into_iter().collect();
+    (!keys.contains_key(&misspelt)).then_some(misspelt)
+}
+
+/// Key of a table that contains the next table in a list.
+const LIST: &str = "[]";
+
+/// The keys of a schema, each with the tables that contain it and its misspelling.
+struct Misspelt<'a> {
+    schema: &'a serde_json::Value,
+    place: Vec<String>,
+    /// Definitions that contain the present one: shapes contain shapes.
+    within: Vec<&'a str>,
+    found: Vec<(Vec<String>, String, String)>,
+}
+
+impl<'a> Misspelt<'a> {
+    fn of(schema: &'a serde_json::Value) -> Vec<(Vec<String>, String, String)> {
+        let mut keys = Misspelt {
+            schema,
+            place: Vec::new(),
+            within: Vec::new(),
+            found: Vec::new(),
+        };
+        keys.walk(schema);
+        keys.found
+    }
+
+    fn walk(&mut self, node: &'a serde_json::Value) {
+        if let Some(reference) = node["$ref"].as_str() {
+            if !self.within.contains(&reference) {
+                self.within.push(reference);
+                let definition = self.schema.pointer(&reference[1..]);
+                self.walk(definition.expect("a definition"));
+                self.within.pop();
+            }
+        }
+        for alternatives in ["allOf", "anyOf", "oneOf"] {
+            let nodes = node[alternatives].as_array().into_iter().flatten();
+            nodes.for_each(|node| self.walk(node));
+        }
+        for (key, value) in node["properties"].as_object().into_iter().flatten() {
+            let keys = node["properties"].as_object().expect("a table");
+            let found = misspelt(key, keys);
+            let place = &self.place;
+            self.found
+                .extend(found.map(|misspelt| (place.clone(), key.clone(), misspelt)));
+            self.step(key, value);
+        }
+        if node["items"].is_object() {
+            self.step(LIST, &node["items"]);
+        }
+    }
+
+    fn step(&mut self, key: &str, node: &'a serde_json::Value) {
+        self.place.push(key.into());
+        self.walk(node);
+        self.place.pop();
+    }
+}
+
+/// A key in its tables, as in a case file.
+fn written(place: &[String], key: &str) -> String {
+    match place {
+        [] => format!("{key} = 1"),
+        [table, list, rest @ ..] if list == LIST => {
+            format!("{table} = [{{ {} }}]", written(rest, key))
+        }
+        [table, rest @ ..] => format!("{table} = {{ {} }}", written(rest, key)),
+    }
+}
+
+/// A key of a plugin that is misspelt is answered with the right one, whatever the plugin, also in tables of the plugin.
 #[test]
 fn every_key_of_every_plugin_is_recognised_when_misspelt() {
     let mut wrong = Vec::new();
+    let mut number = 0;
     let mut walk = |section: &str, kind: &str, schema: serde_json::Value| {
-        let keys = schema["properties"].as_object().expect("a table");
-        // `x`, `y` and `z` are as near to each other as to what is misspelt
-        for key in keys.keys().filter(|key| key.len() > 1) {
-            // the letters before the last, the other way round
-            let mut letters: Vec<char> = key.chars().collect();
-            let last = letters.len() - 1;
-            match letters.len() {
-                0..=2 => letters.push('x'),
-                _ if letters[last] == letters[last - 1] => letters.truncate(last),
-                _ => letters.swap(last, last - 1),
-            }
-            let misspelt: String = letters.into_iter().collect();
-            if keys.contains_key(&misspelt) {
-                continue;
-            }
-            let table = format!("\n[[{section}]]\ntype = \"{kind}\"\n{misspelt} = 1\n");
+        for (place, key, misspelt) in Misspelt::of(&schema) {
+            number += 1;
+            let line = written(&place, &misspelt);
+            let table = format!("\n[[{section}]]\ntype = \"{kind}\"\n{line}\n");
             let told = match check(format!("{WELD}{table}")) {
                 Err(Failure::Case(mistake)) => mistake.render(false),
                 other => format!("{other:?}"),
             };
             if !told.contains(&format!("did you mean `{key}`?")) {
-                wrong.push(format!("{kind}: {misspelt}: {told}"));
+                wrong.push(format!("{kind}: {line}: {told}"));
             }
         }
     };
@@ -202,7 +275,13 @@ fn every_key_of_every_plugin_is_recognised_when_misspelt() {
     for plugin in registered::<dyn Coupler>() {
         walk("couplers", plugin.name, (plugin.schema)().to_value());
     }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
+    assert!(
+        wrong.is_empty(),
+        "{} of {number}:\n{}",
+        wrong.len(),
+        wrong.join("\n\n")
+    );
+    assert!(number > 1000, "{number} keys");
 }
 
 /// Numbers beyond the ranges of a schema, with the places of their keys in a table.

@@ -129,6 +129,12 @@ fn quoted<'m>(message: &'m str, before: &str) -> Option<&'m str> {
 
 /// The unknown name and the known ones.
 fn unknown(message: &str) -> Option<(&str, Vec<&str>)> {
+    // of a choice with keys, the first of the unknown ones
+    if let Some(keys) = message.strip_prefix("unexpected keys in table: ") {
+        let (unknown, known) = keys.split_once(", available keys: ")?;
+        let name = unknown.split(", ").next().unwrap_or(unknown);
+        return Some((name, known.split(", ").collect()));
+    }
     let name =
         quoted(message, "unknown field `").or_else(|| quoted(message, "unknown variant `"))?;
     let known = message

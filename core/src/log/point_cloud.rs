@@ -445,6 +445,31 @@ mod tests {
     }
 
     #[test]
+    fn numbers_of_unknown_type_are_refused() {
+        let element = |name: &str, offset, numeric_type| PackedElementField {
+            name: name.into(),
+            offset,
+            r#type: numeric_type as i32,
+        };
+        let decoded = |numeric_type| {
+            let coordinates = VECTOR.iter().zip([0, 4, 8]);
+            let fields = coordinates.map(|(name, at)| element(name, at, NumericType::Float32));
+            let message = PointCloud {
+                point_stride: 16,
+                fields: fields.chain([element("heat", 12, numeric_type)]).collect(),
+                data: vec![0; 32],
+                ..Default::default()
+            };
+            decode(&message.encode_to_vec(), 0.0)
+        };
+        assert!(decoded(NumericType::Float32).is_ok());
+        assert!(matches!(
+            decoded(NumericType::Unknown),
+            Err(Undecodable::Layout(_))
+        ));
+    }
+
+    #[test]
     fn data_that_end_within_a_point_are_refused() {
         let element = |name: &&str, offset| PackedElementField {
             name: (*name).into(),
