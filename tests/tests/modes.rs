@@ -172,7 +172,10 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path) {
     assert_eq!(stopped.end, End::Until, "{name}");
     let half = at("half.mcap");
     let half = told(&["info", &half.to_string_lossy()]);
-    assert!(half.contains("the run stopped before its end"), "{name}: {half}");
+    assert!(
+        half.contains("the run stopped before its end"),
+        "{name}: {half}"
+    );
     run::resume(&at("half.mcap"), None, &options(&at("half.mcap"), None)).expect("it resumes");
     assert!(
         last_checkpoint(&at("half.mcap")) == straight,

@@ -159,13 +159,14 @@ impl Planned {
 /// # Errors
 /// A mistake in a case, a file that cannot be read or written, or a check that fails.
 pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
-    let cases = benchmarks::load(args.cases.as_deref())?;
+    let benchmarks = benchmarks::load(args.cases.as_deref())?;
+    let cases = benchmarks.cases.as_slice();
     if let Some(results) = &args.report {
         let results = Results::read(results)?;
         if let Some(folder) = &args.html {
-            return Ok(html::write(folder, &results, &cases)?);
+            return Ok(html::write(folder, &results, cases)?);
         }
-        let tables = report::tables(&results, &cases)?;
+        let tables = report::tables(&results, cases)?;
         return match &args.into {
             Some(document) => Ok(report::renew(document, &tables)?),
             None => Ok(write!(std::io::stdout(), "{tables}")?),
@@ -185,7 +186,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
         _ => Results::default(),
     };
     let started = Instant::now();
-    let outcomes = verify_cases(args, &cases)?;
+    let outcomes = verify_cases(args, cases)?;
     let wall = duration(started.elapsed().as_secs_f64());
     let mut out = std::io::stdout().lock();
     write!(out, "{}", OutcomeTable(&outcomes))?;
@@ -194,7 +195,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
         results.write(path)?;
     }
     if let Some(folder) = &args.html {
-        html::write(folder, &results, &cases)?;
+        html::write(folder, &results, cases)?;
     }
     let failed = outcomes.iter().filter(|o| !o.passed).count();
     let all = outcomes.len();
@@ -210,7 +211,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
 /// # Errors
 /// A mistake that is found before the first run. A run that fails is no error: its checks have not passed.
 pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
-    verify_cases(args, &benchmarks::load(args.cases.as_deref())?)
+    verify_cases(args, &benchmarks::load(args.cases.as_deref())?.cases)
 }
 
 fn verify_cases(args: &VerifyArgs, cases: &[(String, Case)]) -> Result<Vec<Outcome>, VerifyError> {
