@@ -172,7 +172,10 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path) {
     assert_eq!(stopped.end, End::Until, "{name}");
     let half = at("half.mcap");
     let half = told(&["info", &half.to_string_lossy()]);
-    assert!(half.contains("the run was interrupted"), "{name}: {half}");
+    assert!(
+        half.contains("the run stopped before its end"),
+        "{name}: {half}"
+    );
     run::resume(&at("half.mcap"), None, &options(&at("half.mcap"), None)).expect("it resumes");
     assert!(
         last_checkpoint(&at("half.mcap")) == straight,
@@ -188,7 +191,7 @@ fn check(file: &Path, case_table: &mut Table, folder: &Path) {
         );
     }
     let straight = at("straight.mcap");
-    assert!(!told(&["info", &straight.to_string_lossy()]).contains("interrupted"));
+    assert!(!told(&["info", &straight.to_string_lossy()]).contains("stopped before"));
     told(&["replay", &straight.to_string_lossy()]);
 
     // equilibrium only as good as the default would hide behind its tolerance; that of a slender body cannot be found more

@@ -2,8 +2,6 @@
 //!
 //! The limits stand in the `[[verify]]` tables of `cases/verification/*.toml`, with their source.
 
-use std::path::Path;
-
 use perimelt::case::Case;
 use perimelt::verify::table::OutcomeTable;
 use perimelt::verify::{VerifyArgs, benchmarks, verify};
@@ -21,7 +19,12 @@ fn every_published_benchmark_is_met() {
 fn a_uniform_temperature_stays_uniform() {
     // a flow needs its walls; what it carries is uniform, too
     let everything_else = ["phase_change", "thermal_expansion", "wall"];
-    for benchmarks::BuiltIn { name, text, .. } in benchmarks::BENCHMARKS {
+    let folder = tempfile::tempdir().expect("a folder");
+    for built_in in benchmarks::BENCHMARKS {
+        let benchmarks::BuiltIn { name, text, .. } = built_in;
+        built_in
+            .write_files(folder.path())
+            .expect("an empty folder");
         let mut table: toml::Table = text.parse().expect("valid TOML");
         let physics = table["physics"].as_array().expect("a list");
         if physics
@@ -60,7 +63,7 @@ fn a_uniform_temperature_stays_uniform() {
         );
 
         let stripped = toml::to_string(&table).expect("it was TOML");
-        let case = Case::parse(name, stripped, Path::new("")).expect("still a valid case");
+        let case = Case::parse(name, stripped, folder.path()).expect("still a valid case");
         let mut simulation = case.compose().expect("still a valid case");
         case.start(&mut simulation).expect("a stable step");
         let body = simulation.world().body(0).points.len();

@@ -105,7 +105,7 @@ pub fn run(args: &InfoArgs) -> Done {
     Ok(())
 }
 
-/// What to say of a run that was interrupted or failed; empty for one that reached its end.
+/// What to say of a run that stopped before the end of its case; empty for one that reached its end.
 fn early_end(log: &Log) -> String {
     // a case that this program cannot read tells no end
     let (Ok(case), Some(last)) = (case_of(log), log.progress().last()) else {
@@ -115,7 +115,7 @@ fn early_end(log: &Log) -> String {
     match last.time >= end {
         true => String::new(),
         false => format!(
-            "; the run was interrupted or failed at t = {} of {}: `perimelt resume` continues it",
+            "; the run stopped before its end, at t = {} of {}: `perimelt resume` continues it",
             time_text(last.time),
             time_text(end)
         ),

@@ -51,23 +51,27 @@ pub fn run(args: &NewArgs) -> Done {
         Some(path) => path.clone(),
         None => Path::new(template.name).with_extension("toml"),
     };
-    let mut file = std::fs::File::create_new(&path).map_err(|source| match source.kind() {
-        std::io::ErrorKind::AlreadyExists => NewError::Exists(path.clone()),
-        _ => NewError::Write {
-            path: path.clone(),
-            source,
-        },
-    })?;
+    let file = std::fs::File::create_new(&path);
+    let mut file = file.map_err(|source| not_created(path.clone(), source))?;
     let written = file.write_all(template.text.as_bytes());
     written.map_err(|source| NewError::Write {
         path: path.clone(),
         source,
     })?;
+    let files = template.write_files(path.parent().unwrap_or(Path::new("")));
+    files.map_err(|(path, source)| not_created(path, source))?;
     let path = path.display();
     Ok(writeln!(
         out,
         "{path}: change it, then `perimelt check {path}` and `perimelt run {path}`"
     )?)
+}
+
+fn not_created(path: PathBuf, source: std::io::Error) -> NewError {
+    match source.kind() {
+        std::io::ErrorKind::AlreadyExists => NewError::Exists(path),
+        _ => NewError::Write { path, source },
+    }
 }
 
 /// The title of a case.

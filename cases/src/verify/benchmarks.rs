@@ -1,9 +1,13 @@
-//! The benchmark cases, built into the program: `cases/verification/*.toml`, and the cases of `cases/welding` and
-//! `cases/additive`, which show the use of the program.
+//! The benchmark cases, built into the program: `cases/verification/*.toml`, and the cases of the other folders, which
+//! show the use of the program.
 
-use std::path::Path;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
 
 use super::VerifyError;
+use super::results::file_error;
 use crate::case::Case;
 
 /// A case file in the program.
@@ -15,16 +19,38 @@ pub struct BuiltIn {
     pub name: &'static str,
     /// Text.
     pub text: &'static str,
+    /// Name and contents of the files that it reads from its folder.
+    pub files: &'static [(&'static str, &'static [u8])],
+}
+
+impl BuiltIn {
+    /// Writes the files that the case reads into a folder. A file with other contents is not replaced.
+    ///
+    /// # Errors
+    /// The path of a file that has other contents or cannot be written.
+    pub fn write_files(&self, folder: &Path) -> Result<(), (PathBuf, std::io::Error)> {
+        for (name, contents) in self.files {
+            let path = folder.join(name);
+            if std::fs::read(&path).is_ok_and(|present| present == *contents) {
+                continue;
+            }
+            let created = std::fs::File::create_new(&path);
+            let written = created.and_then(|mut file| file.write_all(contents));
+            written.map_err(|source| (path, source))?;
+        }
+        Ok(())
+    }
 }
 
 macro_rules! benchmarks {
-    ($($folder:literal: [$($name:literal),* $(,)?]),* $(,)?) => {
+    ($($folder:literal: [$($name:literal $(reads $file:literal)*),* $(,)?]),* $(,)?) => {
         /// The benchmark cases.
         pub const BENCHMARKS: &[BuiltIn] = &[$($(
             BuiltIn {
                 folder: $folder,
                 name: $name,
                 text: include_str!(concat!("../../", $folder, "/", $name, ".toml")),
+                files: &[$(($file, include_bytes!(concat!("../../", $folder, "/", $file)))),*],
             }
         ),*),*];
     };
@@ -378,22 +404,59 @@ benchmarks!(
         "wire_arc_wall",
     ],
     "quenching": ["billet", "casting", "end_quench"],
+    "geometry": ["elbow" reads "elbow.stl", "v_groove"],
+    "toolpaths": ["corner_weld" reads "corner_weld.gcode"],
+    "fracture": ["impact"],
+    "spacings": ["two-zone-plate"],
 );
 
-/// The benchmark cases of the program, or those of a folder, with their names.
+/// Cases with their names.
+#[derive(Debug)]
+pub struct Benchmarks {
+    /// The cases.
+    pub cases: Vec<(String, Case)>,
+    /// Files that built-in cases read, deleted when this is dropped.
+    _files: Option<TempDir>,
+}
+
+/// The benchmark cases of the program, or those of a folder. The files that built-in cases read are written into a
+/// temporary folder.
 ///
 /// # Errors
-/// The folder cannot be read, or the first mistake in a case.
-pub fn load(folder: Option<&Path>) -> Result<Vec<(String, Case)>, VerifyError> {
-    let Some(folder) = folder else {
-        let parse = |built_in: &BuiltIn| {
-            let BuiltIn { folder, name, text } = built_in;
-            let file = format!("cases/{folder}/{name}.toml");
-            let case = Case::parse(&file, text.to_string(), Path::new(""))?;
-            Ok((name.to_string(), case))
-        };
-        return BENCHMARKS.iter().map(parse).collect();
+/// The folder cannot be read, the temporary folder cannot be written, or the first mistake in a case.
+pub fn load(folder: Option<&Path>) -> Result<Benchmarks, VerifyError> {
+    match folder {
+        None => built_in(),
+        Some(folder) => Ok(Benchmarks {
+            cases: of_folder(folder)?,
+            _files: None,
+        }),
+    }
+}
+
+fn built_in() -> Result<Benchmarks, VerifyError> {
+    let unwritable =
+        |path: &Path, source: std::io::Error| file_error(path, "cannot be written", source.into());
+    let files = TempDir::with_prefix("perimelt-verify-")
+        .map_err(|source| unwritable(&std::env::temp_dir(), source))?;
+    let parse = |built_in: &BuiltIn| {
+        let BuiltIn {
+            folder, name, text, ..
+        } = built_in;
+        let file = format!("cases/{folder}/{name}.toml");
+        let written = built_in.write_files(files.path());
+        written.map_err(|(path, source)| unwritable(&path, source))?;
+        let case = Case::parse(&file, text.to_string(), files.path())?;
+        Ok((name.to_string(), case))
     };
+    let cases: Result<_, VerifyError> = BENCHMARKS.iter().map(parse).collect();
+    Ok(Benchmarks {
+        cases: cases?,
+        _files: Some(files),
+    })
+}
+
+fn of_folder(folder: &Path) -> Result<Vec<(String, Case)>, VerifyError> {
     let unreadable = |source| VerifyError::Folder {
         folder: folder.into(),
         source,
@@ -430,7 +493,16 @@ mod tests {
                 .filter_map(|path| Some(path.file_stem()?.to_str()?.to_string()))
                 .collect()
         };
-        for folder in ["verification", "welding", "additive", "quenching"] {
+        for folder in [
+            "verification",
+            "welding",
+            "additive",
+            "quenching",
+            "geometry",
+            "toolpaths",
+            "fracture",
+            "spacings",
+        ] {
             let built_in = BENCHMARKS.iter().filter(|b| b.folder == folder);
             assert_eq!(
                 names(folder),
@@ -441,12 +513,47 @@ mod tests {
     }
 
     #[test]
+    fn built_in_cases_find_their_files_in_any_working_directory() {
+        let benchmarks = load(None).expect("valid cases");
+        for built_in in BENCHMARKS.iter().filter(|b| !b.files.is_empty()) {
+            let mut cases = benchmarks.cases.iter();
+            let (_, case) = cases.find(|(n, _)| n == built_in.name).expect("there");
+            let composed = case.compose();
+            assert!(composed.is_ok(), "{}: {:?}", built_in.name, composed.err());
+        }
+    }
+
+    #[test]
+    fn files_of_a_case_do_not_replace_others() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let elbow = BENCHMARKS.iter().find(|b| b.name == "elbow");
+        let elbow = elbow.expect("there");
+        elbow.write_files(folder.path()).expect("an empty folder");
+        elbow.write_files(folder.path()).expect("the same contents");
+        std::fs::write(folder.path().join("elbow.stl"), "solid").expect("writable");
+        let (path, source) = elbow
+            .write_files(folder.path())
+            .expect_err("other contents");
+        assert_eq!(source.kind(), std::io::ErrorKind::AlreadyExists);
+        assert_eq!(path, folder.path().join("elbow.stl"));
+    }
+
+    // the schema of case files, `--level` and the files of results have this spelling
+    #[test]
+    fn the_level_of_long_checks_has_one_spelling() {
+        for BuiltIn { name, text, .. } in BENCHMARKS {
+            let other = text.contains("level = \"full\"");
+            assert!(!other, "{name}: write `level = \"nightly\"`");
+        }
+    }
+
+    #[test]
     fn the_plate_with_bonds_across_its_hole_is_the_one_that_warns_of_them() {
         for (name, is_told) in [
             ("khoshrou-4.2-phi8-unstable", true),
             ("khoshrou-4.2-phi8-narrow", false),
         ] {
-            let cases = load(None).expect("valid cases");
+            let cases = load(None).expect("valid cases").cases;
             let case = cases.into_iter().find(|(n, _)| n == name).expect("there").1;
             let simulation = case.compose().expect("a valid case");
             let warnings = case.warnings(&simulation).expect("valid sections");
@@ -457,7 +564,7 @@ mod tests {
 
     #[test]
     fn no_two_checks_of_a_case_have_one_name() {
-        for (name, case) in load(None).expect("valid cases") {
+        for (name, case) in load(None).expect("valid cases").cases {
             let checks: Vec<super::super::check::Check> = case.verify_entries().expect("valid");
             let names: BTreeSet<_> = checks.iter().map(|c| &c.quantity).collect();
             assert_eq!(

@@ -148,6 +148,12 @@ pub struct FieldMeasure {
     /// Reference position whose value is subtracted from all, m, such as the other lip of a crack.
     #[serde(default)]
     pub from: Option<[f64; 3]>,
+    /// Which of the values of all logged states from `since` to `time`, at each position; "mean" with `since`, "last" without.
+    #[serde(default)]
+    pub over_time: Option<OverTime>,
+    /// First logged state, s; the first one after the start when left out.
+    #[serde(default)]
+    pub since: Option<f64>,
     /// When, s: a multiple of the log interval; the end when left out.
     #[serde(default)]
     pub time: Option<f64>,
@@ -277,7 +283,7 @@ pub struct OnsetMeasure {
     pub above: f64,
 }
 
-/// The farthest point at which a field exceeds a value.
+/// The farthest point at which a field exceeds a value. Over time, states without such a point do not count.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TipMeasure {
@@ -290,6 +296,12 @@ pub struct TipMeasure {
     pub above: f64,
     /// Direction in which the farthest point is taken.
     pub along: [f64; 3],
+    /// Which of the values of all logged states from `since` to `time`, of each coordinate; "mean" with `since`, "last" without.
+    #[serde(default)]
+    pub over_time: Option<OverTime>,
+    /// First logged state, s; the first one after the start when left out.
+    #[serde(default)]
+    pub since: Option<f64>,
     /// When, s: a multiple of the log interval; the end when left out.
     #[serde(default)]
     pub time: Option<f64>,
@@ -345,6 +357,12 @@ pub struct PlaceMeasure {
     pub region: Option<String>,
     /// Which value.
     pub of: Extreme,
+    /// Which of the values of all logged states from `since` to `time`, of each coordinate; "mean" with `since`, "last" without.
+    #[serde(default)]
+    pub over_time: Option<OverTime>,
+    /// First logged state, s; the first one after the start when left out.
+    #[serde(default)]
+    pub since: Option<f64>,
     /// When, s: a multiple of the log interval; the end when left out.
     #[serde(default)]
     pub time: Option<f64>,
@@ -403,7 +421,7 @@ pub enum Norm {
     Largest,
 }
 
-/// Extent of the region above an isotherm.
+/// Extent of the region above an isotherm. Over time, states without such a region do not count.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeltPoolMeasure {
@@ -414,6 +432,12 @@ pub struct MeltPoolMeasure {
     pub isotherm: f64,
     /// Which of its extents, for a source that travels along x.
     pub extent: Extent,
+    /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
+    #[serde(default)]
+    pub over_time: Option<OverTime>,
+    /// First logged state, s; the first one after the start when left out.
+    #[serde(default)]
+    pub since: Option<f64>,
     /// When, s: a multiple of the log interval; the end when left out.
     #[serde(default)]
     pub time: Option<f64>,
@@ -429,7 +453,8 @@ pub enum Extent {
     Front,
     /// Largest less smallest x.
     Length,
-    /// Along y; half of the pool in a body cut at its plane of symmetry.
+    /// Along y; of both halves where the pool reaches a plane of symmetry (coupler `symmetry`), half of it where half of a
+    /// body is simulated without that coupler.
     Width,
     /// Down from the topmost surface.
     Depth,

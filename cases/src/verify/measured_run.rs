@@ -104,7 +104,7 @@ impl MeasuredRun {
                 return MeasuredRun { seconds, ..stopped };
             }
         }
-        let none = "the run has no state at the time of the measurement";
+        let none = "no logged state at the time of the measurement has what is measured";
         let values = |m: Measurement| m.values().map(<[f64]>::to_vec).ok_or(none.to_string());
         MeasuredRun {
             measured: measurements.into_iter().map(|m| values(m?)).collect(),

@@ -3,7 +3,7 @@
 //!
 //! [`check`] has the tables of case files, `measured_run` runs a case and takes the values by [`measurement`], `audit`
 //! watches what every run must keep, [`table`] compares and prints. [`results`] keeps the outcomes in a file, from which
-//! [`report`] makes the tables of `docs/benchmarks.md`.
+//! [`report`] makes the tables of `docs/benchmarks.md`, and [`marks`] figures in the text of documents.
 //!
 //! Mistakes that can be found before the first run end the command. What goes wrong with one case after that makes
 //! its checks fail, with the reason, and no others.
@@ -13,6 +13,7 @@ pub mod benchmarks;
 pub mod check;
 pub mod html;
 pub mod limit;
+pub mod marks;
 mod measured_run;
 pub mod measurement;
 pub mod report;
@@ -57,9 +58,10 @@ pub struct VerifyArgs {
     /// Runs nothing: prints the results of such a file as tables in Markdown
     #[arg(long, value_name = "FILE", conflicts_with_all = ["full", "level", "output", "threads"])]
     pub report: Option<PathBuf>,
-    /// With `--report`: renews the tables of this document, between the comments that mark them
+    /// With `--report`: renews the tables and figures of this document, between the comments that mark them; may be given
+    /// several times
     #[arg(long, value_name = "DOCUMENT", requires = "report")]
-    pub into: Option<PathBuf>,
+    pub into: Vec<PathBuf>,
     /// Writes the results as a page with plots into this folder
     #[arg(long, value_name = "FOLDER", conflicts_with = "into")]
     pub html: Option<PathBuf>,
@@ -114,11 +116,19 @@ pub enum VerifyError {
         /// Error of the operating system or of the format.
         cause: Box<dyn std::error::Error + Send + Sync>,
     },
-    /// A document without the comments that mark its tables.
-    #[error("{} has no lines `{}` and `{}` between which the tables stand", path.display(), report::BEGIN, report::END)]
+    /// A document without the comments that mark its tables, and without marks of figures.
+    #[error("{} has no figures of results and no lines `{}` and `{}` between which the tables stand", path.display(), report::BEGIN, report::END)]
     NoMarks {
         /// The document.
         path: PathBuf,
+    },
+    /// A figure of a document that cannot be renewed.
+    #[error("{}, {mark}", path.display())]
+    Mark {
+        /// The document.
+        path: PathBuf,
+        /// The mark and what is wrong with it.
+        mark: marks::MarkError,
     },
     /// A folder that cannot be read.
     #[error("the folder {} cannot be read: {source}", folder.display())]
@@ -159,17 +169,21 @@ impl Planned {
 /// # Errors
 /// A mistake in a case, a file that cannot be read or written, or a check that fails.
 pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
-    let cases = benchmarks::load(args.cases.as_deref())?;
+    let benchmarks = benchmarks::load(args.cases.as_deref())?;
+    let cases = benchmarks.cases.as_slice();
     if let Some(results) = &args.report {
         let results = Results::read(results)?;
         if let Some(folder) = &args.html {
-            return Ok(html::write(folder, &results, &cases)?);
+            return Ok(html::write(folder, &results, cases)?);
         }
-        let tables = report::tables(&results, &cases)?;
-        return match &args.into {
-            Some(document) => Ok(report::renew(document, &tables)?),
-            None => Ok(write!(std::io::stdout(), "{tables}")?),
-        };
+        let tables = report::tables(&results, cases)?;
+        if args.into.is_empty() {
+            return Ok(write!(std::io::stdout(), "{tables}")?);
+        }
+        for document in &args.into {
+            report::renew(document, &tables, &results)?;
+        }
+        return Ok(());
     }
     if let Some(threads) = args.threads {
         rayon::ThreadPoolBuilder::new()
@@ -185,7 +199,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
         _ => Results::default(),
     };
     let started = Instant::now();
-    let outcomes = verify_cases(args, &cases)?;
+    let outcomes = verify_cases(args, cases)?;
     let wall = duration(started.elapsed().as_secs_f64());
     let mut out = std::io::stdout().lock();
     write!(out, "{}", OutcomeTable(&outcomes))?;
@@ -194,7 +208,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
         results.write(path)?;
     }
     if let Some(folder) = &args.html {
-        html::write(folder, &results, &cases)?;
+        html::write(folder, &results, cases)?;
     }
     let failed = outcomes.iter().filter(|o| !o.passed).count();
     let all = outcomes.len();
@@ -210,7 +224,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
 /// # Errors
 /// A mistake that is found before the first run. A run that fails is no error: its checks have not passed.
 pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
-    verify_cases(args, &benchmarks::load(args.cases.as_deref())?)
+    verify_cases(args, &benchmarks::load(args.cases.as_deref())?.cases)
 }
 
 fn verify_cases(args: &VerifyArgs, cases: &[(String, Case)]) -> Result<Vec<Outcome>, VerifyError> {

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
-use super::VerifyError;
 use super::check::{Check, Level};
 use super::results::{Recorded, Results, Session, file_error};
 use super::table::{HEADINGS, number};
+use super::{VerifyError, marks};
 use crate::case::Case;
 
 /// Line of a document above its tables.
@@ -130,17 +130,21 @@ fn rounded(seconds: f64) -> f64 {
     (seconds / unit).round() * unit
 }
 
-/// Replaces the tables of a document.
+/// Replaces the tables of a document and the figures of its text that are results.
 ///
 /// # Errors
-/// It cannot be read or written, or has no marks.
-pub fn renew(document: &Path, tables: &str) -> Result<(), VerifyError> {
+/// It cannot be read or written, has neither, or a figure has no result.
+pub fn renew(document: &Path, tables: &str, results: &Results) -> Result<(), VerifyError> {
+    let path = || document.into();
     let text = std::fs::read_to_string(document)
         .map_err(|e| file_error(document, "cannot be read", e.into()))?;
-    let Some(text) = with_tables(&text, tables) else {
-        let path = document.into();
-        return Err(VerifyError::NoMarks { path });
-    };
+    let renewed = with_tables(&text, tables);
+    let has_tables = renewed.is_some();
+    let (text, figures) = marks::renew(renewed.as_ref().unwrap_or(&text), results)
+        .map_err(|mark| VerifyError::Mark { path: path(), mark })?;
+    if !has_tables && figures == 0 {
+        return Err(VerifyError::NoMarks { path: path() });
+    }
     std::fs::write(document, text).map_err(|e| file_error(document, "cannot be written", e.into()))
 }
 

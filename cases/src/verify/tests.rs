@@ -176,6 +176,92 @@ fn values_over_time_are_of_the_states_that_are_asked_for() {
     );
 }
 
+/// Two points whose temperature is 300 K and falls by 1 K in a second.
+fn cooling_bar(checks: &str) -> String {
+    heated_bar(-4000.0, checks)
+        .replace("spacing = 0.001", "spacing = 0.004")
+        .replace("faces = [\"x-\"]", "faces = [\"x-\", \"x+\"]")
+}
+
+#[test]
+fn fields_and_melt_pools_over_time_are_of_the_states_that_are_asked_for() {
+    let at = "field = { field = 'temperature', at = [[0.002, 0, 0], [0.006, 0, 0]]";
+    let pool = "melt_pool = { isotherm = 294.5, extent = 'length'";
+    let checks = [
+        (at, "", 290.0),
+        (at, ", time = 3", 297.0),
+        (at, ", over_time = 'max'", 299.0),
+        (at, ", over_time = 'min'", 290.0),
+        (at, ", over_time = 'min', time = 5", 295.0),
+        (at, ", over_time = 'mean'", 294.5),
+        (at, ", since = 8", 291.0),
+        (at, ", over_time = 'max', since = 8, time = 9", 292.0),
+        // the whole bar is above the isotherm until 5 s, then nothing of it
+        (pool, ", time = 5", 0.008),
+        (pool, ", over_time = 'max'", 0.008),
+        (pool, ", over_time = 'mean'", 0.008),
+    ];
+    let checks: String = checks
+        .map(|(measure, keys, reference)| {
+            let quantity = format!("{}{keys}", &measure[..5]);
+            check(&quantity, &format!("{measure}{keys} }}"), reference)
+        })
+        .concat();
+    let cold = check("cold", &format!("{pool} }}"), 0.0)
+        + &check(
+            "late",
+            &format!("{pool}, over_time = 'max', since = 6 }}"),
+            0.0,
+        );
+    let all = outcomes(&[("bar", cooling_bar(&(checks + &cold)))]);
+    let (all, audits): (Vec<_>, Vec<_>) = all.iter().partition(|o| !is_audit(o));
+    assert_eq!((all.len(), audits.len()), (13, 1));
+    for outcome in &all[..11] {
+        assert!(outcome.passed, "{outcome:?}");
+    }
+    for outcome in &all[11..] {
+        let reason = outcome.failure.as_deref().unwrap_or_default();
+        assert!(reason.contains("no logged state"), "{outcome:?}");
+    }
+}
+
+#[test]
+fn tips_and_places_over_time_are_of_the_states_that_are_asked_for() {
+    // heat enters at the left; what is hot at the right end cools
+    let tip = "tip = { field = 'temperature', above = 310, along = [1, 0, 0]";
+    let place = "place = { field = 'temperature', of = 'max'";
+    let checks = [
+        ("warm", tip, "", 0.0025),
+        // no point is above 310 K after 1 s
+        ("warm", tip, ", over_time = 'min'", 0.0005),
+        ("warm", tip, ", over_time = 'max'", 0.0025),
+        ("warm", tip, ", over_time = 'max', time = 3", 0.0005),
+        ("spot", place, "", 0.0005),
+        ("spot", place, ", over_time = 'max'", 0.0075),
+        ("spot", place, ", over_time = 'min'", 0.0005),
+        ("spot", place, ", over_time = 'max', since = 6", 0.0005),
+    ];
+    let of = |case: &str| -> String {
+        let own = checks.iter().filter(|(name, ..)| *name == case);
+        own.map(|(_, measure, keys, x)| {
+            let references = format!("reference = [{x}, 0.5, 0.5]");
+            check(keys, &format!("{measure}{keys} }}"), *x)
+                .replace(&format!("reference = {x}"), &references)
+        })
+        .collect()
+    };
+    let spot = heated_bar(8000.0, &of("spot")).replace(
+        "initial.temperature = 300",
+        "initial.temperature = '300 + 20 * (0.5 + 0.5 * tanh((x - 0.007) / 1e-5))'",
+    );
+    let all = outcomes(&[("warm", heated_bar(8000.0, &of("warm"))), ("spot", spot)]);
+    let checks: Vec<_> = all.iter().filter(|o| !is_audit(o)).collect();
+    assert_eq!(checks.len(), 8);
+    for outcome in checks {
+        assert!(outcome.passed, "{outcome:?}");
+    }
+}
+
 #[test]
 fn balances_are_audited_unless_the_case_checks_them() {
     let audits = |checks: &str| {

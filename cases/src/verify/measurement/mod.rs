@@ -45,13 +45,15 @@ impl Measurement {
         }
     }
 
-    /// Takes the values of a state if it counts.
+    /// Takes the values of a state if it counts and has them.
     fn take(&mut self, simulation: &Simulation) {
         let (now, end) = (simulation.time(), simulation.options().end);
         if !self.schedule.includes(now, end) {
             return;
         }
-        let taken = self.sampler.take(simulation);
+        let Some(taken) = self.sampler.take(simulation) else {
+            return;
+        };
         self.states += 1;
         let fraction = 1.0 / f64::from(self.states);
         let combine = |all: f64, value: f64| match self.schedule.over_time {
@@ -69,7 +71,7 @@ impl Measurement {
         }
     }
 
-    /// The measured values; `None` if the run ended before the time of the measurement.
+    /// The measured values; `None` if no logged state at the time of the measurement has them.
     pub fn values(&self) -> Option<&[f64]> {
         self.values.as_deref()
     }

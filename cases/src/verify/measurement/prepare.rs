@@ -50,11 +50,11 @@ impl Schedule {
         })
     }
 
-    /// The state at `time` alone, s; the end when left out.
-    fn at(time: Option<f64>) -> Self {
+    /// The state at the end alone.
+    fn at_end() -> Self {
         Schedule {
             since: None,
-            until: time,
+            until: None,
             over_time: OverTime::Last,
         }
     }
@@ -78,10 +78,13 @@ pub(super) fn sampler(
     measure: &Measure,
     simulation: &Simulation,
 ) -> Result<(Sampler, Schedule), SetupError> {
-    let each_step = Schedule::at(None);
+    let each_step = Schedule::at_end();
     let moving_body = |name: &Option<String>| find_moving_body(simulation, name.as_deref());
     Ok(match measure {
-        Measure::Field(m) => (field(m, simulation)?, Schedule::at(m.time)),
+        Measure::Field(m) => (
+            field(m, simulation)?,
+            Schedule::new(m.over_time, [m.since, m.time])?,
+        ),
         Measure::Passing(m) => (
             passing(m, simulation)?,
             Schedule::new(m.over_time, [m.since, m.time])?,
@@ -104,19 +107,28 @@ pub(super) fn sampler(
         Measure::History(m) => (history(m, simulation)?, each_step),
         Measure::Crossing(m) => (crossing(m, simulation)?, each_step),
         Measure::Onset(m) => (onset(m, simulation)?, each_step),
-        Measure::Tip(m) => (tip(m, simulation)?, Schedule::at(m.time)),
+        Measure::Tip(m) => (
+            tip(m, simulation)?,
+            Schedule::new(m.over_time, [m.since, m.time])?,
+        ),
         Measure::Statistic(m) => (
             statistic(m, simulation)?,
             Schedule::new(m.over_time, [m.since, m.time])?,
         ),
-        Measure::Place(m) => (place(m, simulation)?, Schedule::at(m.time)),
+        Measure::Place(m) => (
+            place(m, simulation)?,
+            Schedule::new(m.over_time, [m.since, m.time])?,
+        ),
         Measure::Deviation(m) => (
             deviation(m, simulation)?,
             Schedule::new(m.over_time, [m.since, m.time])?,
         ),
-        Measure::MeltPool(m) => (melt_pool(m, simulation)?, Schedule::at(m.time)),
+        Measure::MeltPool(m) => (
+            melt_pool(m, simulation)?,
+            Schedule::new(m.over_time, [m.since, m.time])?,
+        ),
         Measure::Balance(m) => (balance(m, simulation)?, each_step),
-        Measure::Passes => (Sampler::Passes, Schedule::at(None)),
+        Measure::Passes => (Sampler::Passes, Schedule::at_end()),
         Measure::Report(m) => (
             report(m, simulation)?,
             Schedule::new(m.over_time, [m.since, m.time])?,

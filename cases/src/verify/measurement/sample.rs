@@ -142,10 +142,11 @@ impl Sampler {
         }
     }
 
-    /// The values of the present state; none of what has to be followed.
-    pub(super) fn take(&self, simulation: &Simulation) -> Vec<f64> {
+    /// The values of the present state; `None` where it has none, such as of a melt pool while all is solid, and of what
+    /// has to be followed.
+    pub(super) fn take(&self, simulation: &Simulation) -> Option<Vec<f64>> {
         let world = simulation.world();
-        match self {
+        Some(match self {
             Sampler::Field {
                 component,
                 weights,
@@ -183,7 +184,7 @@ impl Sampler {
                 };
                 let there = is_there(*component, world);
                 let points = points.iter().map(|&p| p as usize).filter(there);
-                place_of_largest(world.body(*body), points, |p| sign * component.at(world, p))
+                place_of_largest(world.body(*body), points, |p| sign * component.at(world, p))?
             }
             Sampler::Deviation {
                 body,
@@ -211,14 +212,14 @@ impl Sampler {
                 let pool = gauge.measure_present(temperature.flat(), activity.as_deref());
                 // the gauge counts from where the case places the body
                 let along = world.window_shift(field.body).x;
-                let extent = pool.and_then(|pool| match extent {
-                    Extent::Rear => Some(pool.rear + along),
-                    Extent::Front => Some(pool.front + along),
-                    Extent::Length => Some(pool.length()),
-                    Extent::Width => pool.width,
-                    Extent::Depth => pool.depth,
-                });
-                vec![extent.unwrap_or(f64::NAN)]
+                let pool = pool?;
+                vec![match extent {
+                    Extent::Rear => pool.rear + along,
+                    Extent::Front => pool.front + along,
+                    Extent::Length => pool.length(),
+                    Extent::Width => pool.width?,
+                    Extent::Depth => pool.depth?,
+                }]
             }
             Sampler::Report { name, of } => {
                 let reports = simulation.reports();
@@ -242,13 +243,13 @@ impl Sampler {
                 let there = is_there(*component, world);
                 let points = (0..body.points.len()).filter(there);
                 let beyond = points.filter(|&p| component.at(world, p) > *above);
-                place_of_largest(body, beyond, |p| body.points.position[p].dot(along))
+                place_of_largest(body, beyond, |p| body.points.position[p].dot(along))?
             }
             Sampler::History { .. }
             | Sampler::Crossing { .. }
             | Sampler::Onset { .. }
-            | Sampler::Balance { .. } => Vec::new(),
-        }
+            | Sampler::Balance { .. } => return None,
+        })
     }
 }
 
@@ -312,25 +313,23 @@ fn worst_error(simulation: &Simulation, quantity: &str, before: f64) -> f64 {
     largest(std::iter::once(before).chain(errors))
 }
 
-/// Reference position (m) of the point at which something is largest; not a number where there is
-/// no point, or where a value is not a number.
+/// Reference position (m) of the point at which something is largest; `None` where there is no point, not a number where
+/// a value is not a number.
 fn place_of_largest(
     body: &Body,
     points: impl Iterator<Item = usize>,
     of: impl Fn(usize) -> f64,
-) -> Vec<f64> {
+) -> Option<Vec<f64>> {
     let mut best: Option<(f64, usize)> = None;
     for point in points {
         let value = of(point);
         if value.is_nan() {
-            return vec![f64::NAN; 3];
+            return Some(vec![f64::NAN; 3]);
         }
         // the last of equal values
         if best.is_none_or(|(largest, _)| value >= largest) {
             best = Some((value, point));
         }
     }
-    best.map_or(vec![f64::NAN; 3], |(_, point)| {
-        body.points.position[point].as_slice().to_vec()
-    })
+    best.map(|(_, point)| body.points.position[point].as_slice().to_vec())
 }
