@@ -341,6 +341,8 @@ benchmarks!(
     "quench-2.2-plate",
     "quench-2.3-crack",
     "quench-2.3-crack-steady",
+    "quench-2.3-crack-steady-n10",
+    "quench-2.3-crack-steady-n20",
     "quench-2.4-growing-crack",
     "quench-2.5-jet",
     "quench-2.5-jet-cracks",
