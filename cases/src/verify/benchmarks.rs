@@ -352,6 +352,7 @@ benchmarks!(
     "quench-3.3-damage",
     "quench-3.4-crack",
     "quench-3.4-damage",
+    "quench-3.4-growth",
     "plastic-heat-bar",
     "melt-pool-symmetry",
     "window-track",
