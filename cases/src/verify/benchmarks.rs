@@ -338,6 +338,7 @@ benchmarks!(
     "heated-disc",
     "quench-2.1-rod",
     "quench-2.1-rod-constant",
+    "quench-2.1-rod-constant-n50",
     "quench-2.2-plate",
     "quench-2.3-crack",
     "quench-2.3-crack-steady",
