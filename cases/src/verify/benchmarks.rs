@@ -374,6 +374,7 @@ benchmarks!(
         "gcode_part",
         "hatch",
         "part_inherent_strain",
+        "powder_bed_hatch",
         "powder_bed_tower",
         "single_track",
         "single_track_window",
