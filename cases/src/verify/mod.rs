@@ -38,7 +38,8 @@ use table::{Outcome, OutcomeTable};
 /// Arguments of `perimelt verify`.
 #[derive(clap::Args, Debug, Default)]
 pub struct VerifyArgs {
-    /// Only cases whose name contains this text
+    /// Only cases whose name contains this text; when there is none, those whose description does, such as another
+    /// name of the problem
     pub filter: Option<String>,
     /// Which checks: those that take seconds, or all of them at full size
     #[arg(long, value_enum)]
@@ -93,7 +94,7 @@ pub enum VerifyError {
         of: String,
     },
     /// No case to run.
-    #[error("no case has `{filter}` in its name{}", close.as_ref().map_or(String::new(), |c| format!("; did you mean `{c}`?")))]
+    #[error("no case has `{filter}` in its name or description{}", close.as_ref().map_or(String::new(), |c| format!("; did you mean `{c}`?")))]
     Nothing {
         /// What was asked for.
         filter: String,
@@ -227,6 +228,20 @@ pub fn verify(args: &VerifyArgs) -> Result<Vec<Outcome>, VerifyError> {
     verify_cases(args, &benchmarks::load(args.cases.as_deref())?.cases)
 }
 
+/// Names of the cases that have `filter` in their names, or without any of these, in their descriptions: these name the
+/// same problem in other sources.
+fn select<'a>(cases: &'a [(String, Case)], filter: &str) -> Vec<&'a str> {
+    let named = |is_meant: &dyn Fn(&str, &Case) -> bool| -> Vec<&'a str> {
+        let meant = cases.iter().filter(|(name, case)| is_meant(name, case));
+        meant.map(|(name, _)| name.as_str()).collect()
+    };
+    let by_name = named(&|name, _| name.contains(filter));
+    if !by_name.is_empty() {
+        return by_name;
+    }
+    named(&|_, case| case.case.description.contains(filter))
+}
+
 fn verify_cases(args: &VerifyArgs, cases: &[(String, Case)]) -> Result<Vec<Outcome>, VerifyError> {
     let (filter, level) = (args.filter.as_deref().unwrap_or(""), args.level());
     let mut declared: BTreeMap<&str, Vec<Check>> = BTreeMap::new();
@@ -235,25 +250,25 @@ fn verify_cases(args: &VerifyArgs, cases: &[(String, Case)]) -> Result<Vec<Outco
     }
     let mut planned = Vec::new();
     let mut without_checks = BTreeSet::new();
-    for (name, _) in cases.iter().filter(|(name, _)| name.contains(filter)) {
-        let checks = &declared[name.as_str()];
+    let selected = select(cases, filter);
+    for name in &selected {
+        let checks = &declared[name];
         if checks.is_empty() && level == Level::Nightly {
-            without_checks.insert(name.as_str());
+            without_checks.insert(*name);
         }
         let wanted = checks.iter().filter(|c| c.level <= level);
         planned.extend(wanted.map(|check| Planned {
-            case: name.clone(),
+            case: name.to_string(),
             check: check.clone(),
         }));
     }
     if planned.is_empty() && without_checks.is_empty() {
-        let names = || cases.iter().map(|(name, _)| name.as_str());
-        let named = names().filter(|name| name.contains(filter));
-        let cases: Vec<String> = named.map(String::from).collect();
-        if !cases.is_empty() {
+        if !selected.is_empty() {
+            let cases = selected.into_iter().map(String::from).collect();
             return Err(VerifyError::OfAnotherLevel { cases });
         }
-        let close = nearest(filter, names()).map(String::from);
+        let names = cases.iter().map(|(name, _)| name.as_str());
+        let close = nearest(filter, names).map(String::from);
         let filter = filter.into();
         return Err(VerifyError::Nothing { filter, close });
     }

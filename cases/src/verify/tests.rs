@@ -276,3 +276,19 @@ fn balances_are_audited_unless_the_case_checks_them() {
     let own = check("own", "balance = { quantity = \"heat\" }", 0.0);
     assert!(audits(&(mean + &own)).is_empty());
 }
+
+#[test]
+fn cases_are_found_by_name_and_otherwise_by_description() {
+    let cases = benchmarks::load(None).expect("valid cases");
+    // the name under which another document has the problem
+    let served = select(&cases, "dhpd-4.1.1");
+    assert!(served.contains(&"wang-6.4.1.1-n1"), "{served:?}");
+    assert!(
+        served.iter().all(|n| n.starts_with("wang-6.4.1.")),
+        "{served:?}"
+    );
+    // where names match, descriptions do not count
+    let named = select(&cases, "wang-6.4.1.1");
+    assert!(named.iter().all(|n| n.contains("wang-6.4.1.1")) && !named.is_empty());
+    assert!(select(&cases, "no such case").is_empty());
+}
