@@ -49,6 +49,7 @@ impl Case {
                 error.help("add a section `[[physics]]` with a `type`, see `perimelt list`")
             );
         }
+        self.check_plugin_names()?;
         let built_couplers = self.build::<dyn Coupler>(&couplers)?;
         let built_physics = self.build::<dyn Physics>(&physics)?;
         let options = TimeOptions {
@@ -70,6 +71,7 @@ impl Case {
             self.setup_error(table, &e)
         })?;
         self.set_initial(&mut simulation)?;
+        self.check_initial_temperatures(&simulation, &physics)?;
         self.check_temperatures(&simulation)?;
         self.check_logged(&simulation)?;
         self.build_probes(&simulation)?;
@@ -157,6 +159,19 @@ impl Case {
             });
         }
         Ok(tables)
+    }
+
+    /// Refuses plugins that this program does not have. Their absence has other consequences, such as unknown material
+    /// properties, which are no mistakes of the case.
+    pub(super) fn check_plugin_names(&self) -> Result<()> {
+        for section in ["physics", "couplers"] {
+            let known = names(section);
+            let mut tables = self.plugin_tables(section)?.into_iter();
+            if let Some(table) = tables.find(|t| !known.contains(&t.kind.as_str())) {
+                return Err(self.unknown_plugin(&table));
+            }
+        }
+        Ok(())
     }
 
     /// Builds the plugins of one kind, with labels that differ.
@@ -317,6 +332,36 @@ impl Case {
                         .set_initial(b, field, points, value.as_slice())
                         .map_err(|e| place(e, &path))?;
                 }
+            }
+        }
+        Ok(())
+    }
+
+    /// Bodies that heat up start at a temperature.
+    fn check_initial_temperatures(
+        &self,
+        simulation: &Simulation,
+        physics: &[PluginTable<'_>],
+    ) -> Result<()> {
+        let fields = simulation.world().fields();
+        for (index, (name, section)) in self.bodies.iter().enumerate() {
+            let is_of_body = |table: &PluginTable<'_>| {
+                let keys = table.value.get_ref().as_table();
+                let body = keys.and_then(|t| t.get("body")?.get_ref().as_str());
+                table.kind == "thermal" && body.is_none_or(|body| body == name)
+            };
+            let Some(field) = fields.find(index, "temperature") else {
+                continue;
+            };
+            // a coupler may have set it
+            let is_zero = fields.field(field).data().flat().iter().all(|t| *t == 0.0);
+            if is_zero
+                && !section.initial.contains_key("temperature")
+                && physics.iter().any(is_of_body)
+            {
+                let message = format!("body `{name}` has no initial temperature");
+                let error = self.body_error(&[name], message, "needs `initial.temperature`, K");
+                return Err(error.help("room temperature is `initial.temperature = 293.15`"));
             }
         }
         Ok(())
