@@ -16,7 +16,7 @@ use std::time::Instant;
 use perimelt_core::log::{Log, LogError, Writer, check_unused};
 use perimelt_core::{RunError, Simulation};
 
-use crate::case::{Case, CaseError, SECTIONS, StartError};
+use crate::case::{Case, CaseError, SECTIONS, StartError, plugin_names};
 use crate::commands::open_log;
 use display::Display;
 use outcome::Outcome;
@@ -234,7 +234,26 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
 /// A mistake in it, for example because a plugin is missing in this program.
 pub fn case_of(log: &Log) -> Result<Case, Box<CaseError>> {
     let folder = Path::new(&log.run().case_folder);
-    Case::parse(log.case_name(), log.case_text().to_string(), folder)
+    let case = Case::parse(log.case_name(), log.case_text().to_string(), folder);
+    case.map_err(|mistake| match missing_plugins(log) {
+        missing if missing.is_empty() => mistake,
+        missing => mistake.help(format!(
+            "the log was written by a program with other plugins; missing here: {}",
+            missing.join(", ")
+        )),
+    })
+}
+
+/// Types of plugins of a run that this program does not have.
+fn missing_plugins(log: &Log) -> Vec<String> {
+    let mut missing = Vec::new();
+    for section in ["physics", "couplers"] {
+        let known = plugin_names(section);
+        let plugins = log.run().plugins[section].as_array().into_iter().flatten();
+        let types = plugins.filter_map(|p| p["type"].as_str());
+        missing.extend(types.filter(|t| !known.contains(t)).map(String::from));
+    }
+    missing
 }
 
 /// Last time of the run of a log and end of its case (s) where the run did not get there: it was interrupted, stopped or
