@@ -5,6 +5,7 @@ mod program;
 use std::path::Path;
 use std::process::Stdio;
 
+use perimelt_core::log::Log;
 use program::command;
 
 /// Whether it succeeded, and what it printed, or said where errors go.
@@ -135,6 +136,29 @@ fn a_sweep_runs_all_combinations_and_goes_on_where_it_was() {
     assert_eq!(modified("1.mcap"), before);
     assert!(folder.join("weld-sweep/4.mcap").exists());
 
+    // one that ended early goes on, though its log was closed
+    let early = [
+        "run",
+        "weld-sweep/2.toml",
+        "--until",
+        "0.04",
+        "--force",
+        "--quiet",
+    ];
+    let (done, message) = told(
+        folder,
+        &[&early[..], &["--out", "weld-sweep/2.mcap"]].concat(),
+    );
+    assert!(done, "{message}");
+    let times = || {
+        let log = Log::open(folder.join("weld-sweep/2.mcap")).expect("a log");
+        log.times("plate").to_vec()
+    };
+    assert_eq!(times().last().map(|t| (t * 1e3).round()), Some(40.0));
+    let (done, text) = told(folder, &sweep);
+    assert!(done && !text.contains("reached its end"), "{text}");
+    assert_eq!(times().last().map(|t| (t * 1e3).round()), Some(100.0));
+
     for (set, expected) in [
         ("couplers.torch.powr=[1]", "did you mean `power`?"),
         ("couplers.torch.power=5", "no list"),
@@ -148,6 +172,6 @@ fn a_sweep_runs_all_combinations_and_goes_on_where_it_was() {
     let run = ["run", "weld.toml", "--set", "time.end=0.04", "--quiet"];
     let (done, message) = told(folder, &run);
     assert!(done, "{message}");
-    let log = perimelt_core::log::Log::open(folder.join("weld.mcap")).expect("a log");
+    let log = Log::open(folder.join("weld.mcap")).expect("a log");
     assert_eq!(log.times("plate").last(), Some(&0.04));
 }

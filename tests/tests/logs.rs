@@ -319,3 +319,164 @@ fn a_replay_refuses_the_name_of_another_field() {
         assert!(message.contains("no field `heat`; it has"), "{message}");
     }
 }
+
+#[test]
+fn a_log_is_written_to_a_regular_file_only() {
+    let folder = logged("0.04");
+    let folder = folder.path();
+    let at = |name: &str| folder.join(name);
+    let made = std::process::Command::new("mkfifo")
+        .arg(at("pipe"))
+        .status();
+    assert!(made.expect("it starts").success());
+    std::fs::create_dir(at("data")).expect("a folder");
+    let run = |out: &str| {
+        told(
+            folder,
+            &["run", "weld.toml", "--quiet", "--force", "--out", out],
+        )
+    };
+    for (out, what) in [("pipe", "a device or a pipe"), ("data", "a folder")] {
+        let (status, _, message) = run(out);
+        let expected =
+            format!("error: {out} is {what}, and a log is a regular file; give another `--out`\n");
+        assert_eq!((status, message), (1, expected));
+        let (status, _, message) = told(folder, &["resume", "weld.mcap", "--out", out]);
+        assert!(status == 1 && message.contains(what), "{message}");
+        assert!(!at(&format!("{out}.part")).exists());
+    }
+    let (status, _, message) = told(folder, &["info", "pipe"]);
+    assert_eq!(
+        (status, &*message),
+        (1, "error: pipe is no regular file, which a log must be\n")
+    );
+    // a link stays, and its file is replaced
+    std::os::unix::fs::symlink("data/real.mcap", at("link.mcap")).expect("a link");
+    let until = [
+        "run",
+        "weld.toml",
+        "--quiet",
+        "--until",
+        "0.02",
+        "--out",
+        "link.mcap",
+    ];
+    assert_eq!(told(folder, &until).0, 0);
+    let (status, _, message) = told(folder, &["resume", "link.mcap", "--quiet"]);
+    assert_eq!(status, 0, "{message}");
+    assert!(at("link.mcap").is_symlink());
+    let log = Log::open(at("data/real.mcap")).expect("a log");
+    assert_eq!(log.times("plate").len(), 3);
+}
+
+#[test]
+fn a_full_disk_is_told_with_the_log_and_how_to_go_on() {
+    let folder = logged("0.04");
+    let folder = folder.path();
+    let limited = "trap '' XFSZ; ulimit -f 100; exec \"$0\" run long.toml --quiet";
+    let case = WELD.replace("interval = 0.02", "interval = 0.002");
+    std::fs::write(folder.join("long.toml"), case).expect("writable");
+    let output = std::process::Command::new("sh")
+        .current_dir(folder)
+        .args(["-c", limited, env!("CARGO_BIN_EXE_perimelt-tests")])
+        .output()
+        .expect("it starts");
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(
+        message.starts_with("error: could not write the log long.mcap: ")
+            && message
+                .ends_with("; the log so far is sound: `perimelt resume long.mcap` continues it\n"),
+        "{message}"
+    );
+    let (status, _, message) = told(
+        folder,
+        &["resume", "long.mcap", "--until", "0.4", "--quiet"],
+    );
+    assert_eq!(status, 0, "{message}");
+    let back = ["resume", "long.mcap", "--until", "0.1", "--quiet"];
+    let (status, _, message) = told(folder, &back);
+    assert!(
+        status == 1 && message.contains("give a later time"),
+        "{message}"
+    );
+}
+
+#[test]
+fn numbers_that_make_no_sense_are_refused() {
+    let folder = logged("0.04");
+    for arguments in [
+        &["run", "weld.toml", "--until", "nan"][..],
+        &["run", "weld.toml", "--until", "-1"],
+        &["plot", "weld.mcap", "--deform", "nan"],
+        &["plot", "weld.mcap", "--isotherm", "nan"],
+        &["summary", "weld.mcap", "--isotherm", "-5"],
+    ] {
+        let (status, _, message) = told(folder.path(), arguments);
+        assert!(
+            status == 2 && message.contains("expected a finite number"),
+            "{arguments:?}: {message}"
+        );
+    }
+    let rate = ["replay", "weld.mcap", "--rate", "-1"];
+    let (status, _, message) = told(folder.path(), &rate);
+    assert_eq!(
+        (status, &*message),
+        (1, "error: `--rate` must be above 0, but is -1\n")
+    );
+}
+
+#[test]
+fn damaged_states_are_told_by_every_command() {
+    let folder = logged("0.2");
+    let path = folder.path().join("weld.mcap");
+    let mut bytes = std::fs::read(&path).expect("readable");
+    let whole = Log::open(&path).expect("a log").times("plate").len();
+    // a byte in the middle of every second chunk: opcode 6, its length, its content
+    let (mut at, mut chunk) = (8, 0);
+    while at + 9 <= bytes.len() {
+        let length = u64::from_le_bytes(bytes[at + 1..at + 9].try_into().expect("eight"));
+        if bytes[at] == 6 {
+            chunk += 1;
+            if chunk % 3 == 0 {
+                bytes[at + 9 + length as usize / 2] ^= 0x55;
+            }
+        }
+        at += 9 + length as usize;
+    }
+    std::fs::write(&path, bytes).expect("writable");
+    let sound = Log::open(&path).expect("a log").times("plate").len();
+    let lost = whole - sound;
+    assert!(lost > 0);
+    let expected = format!(
+        "warning: {lost} of {whole} states of weld.mcap are damaged and left out; `perimelt info weld.mcap` lists the \
+         damage\n"
+    );
+    for arguments in [
+        &["replay", "weld.mcap"][..],
+        &["summary", "weld.mcap"],
+        &["plot", "weld.mcap", "--width", "500"],
+        &["export", "weld.mcap"],
+        &["trim", "weld.mcap", "--out", "cut.mcap"],
+    ] {
+        let (_, _, message) = told(folder.path(), arguments);
+        assert_eq!(
+            message.matches(&expected).count(),
+            1,
+            "{arguments:?}: {message}"
+        );
+    }
+    let (_, _, message) = told(folder.path(), &["diff", "weld.mcap", "cut.mcap"]);
+    assert!(message.contains(&expected), "{message}");
+}
+
+#[test]
+fn a_check_tells_of_the_initial_state_and_of_lost_power() {
+    let folder = logged("0.04");
+    let case = WELD.replace("initial.temperature = 300", "initial.temperature = 20");
+    let case = case.replace("end = 1.5", "end = 0.04");
+    std::fs::write(folder.path().join("weld.toml"), case).expect("writable");
+    let (status, _, message) = told(folder.path(), &["check", "weld.toml"]);
+    assert_eq!(status, 0, "{message}");
+    assert!(message.contains("of body `plate` is 20 K;"), "{message}");
+}

@@ -108,6 +108,7 @@ mistakes! {
     missing_property: "specific_heat = 500\n" => "";
     probe_off_the_body: "kind.region = { name = \"base\", statistic = \"mean\" }" => "kind.point = [1, 2, 3]";
     name_of_a_series_that_there_is: "name = \"base\"\nfield" => "name = \"reports\"\nfield";
+    no_initial_temperature: "initial.temperature = 300\n" => "";
     initial_field_nobody_provides: "initial.temperature = 300" => "initial.temperatur = 300";
     not_toml: "end = 1.5" => "end = 1.5.2";
     zones_that_overlap: "spacing = 0.001\n" => "zones = [

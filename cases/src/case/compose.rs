@@ -1,5 +1,7 @@
 //! Composes a simulation from a case.
 
+use std::sync::Arc;
+
 use perimelt_core::material::MaterialError;
 use perimelt_core::plugin::{FromToml, Registration, registered};
 use perimelt_core::simulation::{Culprit, Named, TimeOptions};
@@ -8,7 +10,7 @@ use schemars::Schema;
 use toml::de::ValueDeserializer;
 
 use super::bodies::suggest;
-use super::error::CaseError;
+use super::error::{CaseError, CaseFile};
 use super::locate::{self, TomlValue};
 use super::reword::{Section, split_help};
 use super::sections::ProbeSection;
@@ -70,6 +72,7 @@ impl Case {
             self.setup_error(table, &e)
         })?;
         self.set_initial(&mut simulation)?;
+        self.check_initial_temperatures(&simulation, &physics)?;
         self.check_temperatures(&simulation)?;
         self.check_logged(&simulation)?;
         self.build_probes(&simulation)?;
@@ -119,44 +122,12 @@ impl Case {
     }
 
     pub(super) fn plugin_tables(&self, section: &'static str) -> Result<Vec<PluginTable<'_>>> {
-        let whole = self.table();
+        let table = self.table();
         let reader = Reader {
             file: &self.file,
-            table: &whole,
+            table: &table,
         };
-        let check = |value: &TomlValue<'_>| -> Result<()> {
-            let table = value.get_ref().as_table();
-            match table.and_then(|t| t.get("type")) {
-                None => Err(CaseError::new(
-                    &self.file,
-                    format!("key `type` is missing in [[{section}]]"),
-                    value.span(),
-                )
-                .expected("needs `type = \"...\"`")
-                .help(format!("known here: {}", names(section).join(", ")))),
-                Some(kind) if !kind.get_ref().is_str() => {
-                    Err(
-                        CaseError::new(&self.file, "`type` is not text", kind.span())
-                            .expected("expected a name in quotes"),
-                    )
-                }
-                Some(_) => Ok(()),
-            }
-        };
-        let mut tables = Vec::new();
-        for value in reader.list(section)? {
-            check(value)?;
-            let table = value.get_ref().as_table();
-            let kind = table
-                .and_then(|t| t.get("type")?.get_ref().as_str())
-                .unwrap_or("");
-            tables.push(PluginTable {
-                section,
-                kind: kind.to_string(),
-                value: value.clone(),
-            });
-        }
-        Ok(tables)
+        reader.plugin_tables(section)
     }
 
     /// Builds the plugins of one kind, with labels that differ.
@@ -168,7 +139,7 @@ impl Case {
         let mut plugins: Vec<Named<P>> = Vec::new();
         for table in tables {
             let Some(found) = known.iter().find(|r| r.name == table.kind) else {
-                return Err(self.unknown_plugin(table));
+                return Err(unknown_plugin(&self.file, table));
             };
             let plugin = self.construct(table, found.from_toml, found.schema)?;
             let label = self.label(table, |label| plugins.iter().any(|p| p.label == label))?;
@@ -225,23 +196,6 @@ impl Case {
             };
             section.reword(&e)
         })
-    }
-
-    fn unknown_plugin(&self, table: &PluginTable<'_>) -> Box<CaseError> {
-        let (kind, other) = match table.section {
-            "physics" => ("physics", "couplers"),
-            _ => ("coupler", "physics"),
-        };
-        let span = table.at("type");
-        let message = format!("no {kind} is called `{}`", table.kind);
-        let error = CaseError::new(&self.file, message, span).expected("no such type");
-        if names(other).contains(&table.kind.as_str()) {
-            return error.help(format!(
-                "`{}` belongs to a section headed `[[{other}]]`",
-                table.kind
-            ));
-        }
-        suggest(error, &table.kind, &names(table.section))
     }
 
     /// A mistake that a plugin found, at its key.
@@ -322,6 +276,36 @@ impl Case {
         Ok(())
     }
 
+    /// Bodies that heat up start at a temperature.
+    fn check_initial_temperatures(
+        &self,
+        simulation: &Simulation,
+        physics: &[PluginTable<'_>],
+    ) -> Result<()> {
+        let fields = simulation.world().fields();
+        for (index, (name, section)) in self.bodies.iter().enumerate() {
+            let is_of_body = |table: &PluginTable<'_>| {
+                let keys = table.value.get_ref().as_table();
+                let body = keys.and_then(|t| t.get("body")?.get_ref().as_str());
+                table.kind == "thermal" && body.is_none_or(|body| body == name)
+            };
+            let Some(field) = fields.find(index, "temperature") else {
+                continue;
+            };
+            // a coupler may have set it
+            let is_zero = fields.field(field).data().flat().iter().all(|t| *t == 0.0);
+            if is_zero
+                && !section.initial.contains_key("temperature")
+                && physics.iter().any(is_of_body)
+            {
+                let message = format!("body `{name}` has no initial temperature");
+                let error = self.body_error(&[name], message, "needs `initial.temperature`, K");
+                return Err(error.help("room temperature is `initial.temperature = 293.15`"));
+            }
+        }
+        Ok(())
+    }
+
     /// Fields to log exist.
     fn check_logged(&self, simulation: &Simulation) -> Result<()> {
         for (i, field) in self.log.fields.iter().flatten().enumerate() {
@@ -338,6 +322,73 @@ impl Case {
         }
         Ok(())
     }
+}
+
+impl<'i> Reader<'_, 'i> {
+    /// The tables of a section of plugins.
+    pub(super) fn plugin_tables(&self, section: &'static str) -> Result<Vec<PluginTable<'i>>> {
+        let check = |value: &TomlValue<'_>| -> Result<()> {
+            let table = value.get_ref().as_table();
+            match table.and_then(|t| t.get("type")) {
+                None => Err(CaseError::new(
+                    self.file,
+                    format!("key `type` is missing in [[{section}]]"),
+                    value.span(),
+                )
+                .expected("needs `type = \"...\"`")
+                .help(format!("known here: {}", plugin_names(section).join(", ")))),
+                Some(kind) if !kind.get_ref().is_str() => {
+                    Err(CaseError::new(self.file, "`type` is not text", kind.span())
+                        .expected("expected a name in quotes"))
+                }
+                Some(_) => Ok(()),
+            }
+        };
+        let mut tables = Vec::new();
+        for value in self.list(section)? {
+            check(value)?;
+            let table = value.get_ref().as_table();
+            let kind = table
+                .and_then(|t| t.get("type")?.get_ref().as_str())
+                .unwrap_or("");
+            tables.push(PluginTable {
+                section,
+                kind: kind.to_string(),
+                value: value.clone(),
+            });
+        }
+        Ok(tables)
+    }
+
+    /// Refuses plugins that this program does not have. Their absence has other consequences, such as unknown material
+    /// properties, which are no mistakes of the case.
+    pub(super) fn check_plugin_names(&self) -> Result<()> {
+        for section in ["physics", "couplers"] {
+            let known = plugin_names(section);
+            let mut tables = self.plugin_tables(section)?.into_iter();
+            if let Some(table) = tables.find(|t| !known.contains(&t.kind.as_str())) {
+                return Err(unknown_plugin(self.file, &table));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn unknown_plugin(file: &Arc<CaseFile>, table: &PluginTable<'_>) -> Box<CaseError> {
+    let (kind, other) = match table.section {
+        "physics" => ("physics", "couplers"),
+        _ => ("coupler", "physics"),
+    };
+    let span = table.at("type");
+    let message = format!("no {kind} is called `{}`", table.kind);
+    let error = CaseError::new(file, message, span).expected("no such type");
+    if plugin_names(other).contains(&table.kind.as_str()) {
+        return error.help(format!(
+            "`{}` belongs to a section headed `[[{other}]]`",
+            table.kind
+        ));
+    }
+    suggest(error, &table.kind, &plugin_names(table.section))
 }
 
 impl PluginTable<'_> {
@@ -369,7 +420,7 @@ fn missing_property(problem: &Problem) -> Option<(&str, &str)> {
 }
 
 /// Registered types of a section.
-fn names(section: &str) -> Vec<&'static str> {
+pub(crate) fn plugin_names(section: &str) -> Vec<&'static str> {
     if section == "physics" {
         registered::<dyn Physics>().iter().map(|r| r.name).collect()
     } else {

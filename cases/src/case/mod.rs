@@ -34,6 +34,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 pub use compose::StartError;
+pub(crate) use compose::plugin_names;
 pub use error::{CaseError, CaseFile};
 pub use whole_schema::{NAME as PLUGIN_NAME, whole_schema};
 
@@ -133,6 +134,7 @@ impl Case {
             file: &file,
             table: &table,
         };
+        reader.check_plugin_names()?;
         let mut named = Vec::new();
         for (key, value) in reader.named("bodies")? {
             let body: BodySection = reader.section(&format!("[bodies.{key}]"), value)?;

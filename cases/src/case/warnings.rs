@@ -25,8 +25,11 @@ const FILLED: f64 = 0.01;
 const HEAT_CAPACITY: Range<f64> = 1e5..2e7;
 
 /// Keys of couplers that are temperatures, by type or for all.
-const TEMPERATURES: [(Option<&str>, &str); 3] = [
+const TEMPERATURES: [(Option<&str>, &str); 6] = [
     (None, "ambient"),
+    (None, "reference_temperature"),
+    (None, "cutoff_temperature"),
+    (None, "annealing_temperature"),
     (Some("prescribed_temperature"), "value"),
     (Some("deposit"), "temperature"),
 ];
@@ -101,7 +104,12 @@ impl Case {
         let cold = given.filter_map(|given| {
             let lowest = given.numbers.into_iter().reduce(f64::min)?;
             let (key, kind) = (given.key, given.kind);
-            (lowest < COLD).then(|| format!("`{key}` of `{kind}` is {lowest} K; {CELSIUS}"))
+            (lowest < COLD).then(|| {
+                format!(
+                    "`{key}` of `{kind}` is {} K; {CELSIUS}",
+                    unit::number(lowest, 5)
+                )
+            })
         });
         Ok(cold.collect())
     }
@@ -194,7 +202,8 @@ fn cold_start(simulation: &Simulation, index: usize) -> Option<String> {
     let lowest = lowest_temperature(simulation, index).filter(|t| *t < COLD)?;
     let name = &simulation.world().body(index).name;
     Some(format!(
-        "the initial temperature of body `{name}` is {lowest} K; {CELSIUS}"
+        "the initial temperature of body `{name}` is {} K; {CELSIUS}",
+        unit::number(lowest, 5)
     ))
 }
 
@@ -205,8 +214,9 @@ fn too_large(body: &Body) -> Option<String> {
         .fold(0.0, f64::max);
     (extent > HUGE).then(|| {
         format!(
-            "body `{}` is {extent} m long; lengths are in metres",
-            body.name
+            "body `{}` is {} m long; lengths are in metres",
+            body.name,
+            unit::number(extent, 5)
         )
     })
 }

@@ -9,11 +9,12 @@ use perimelt_core::field::FieldIndex;
 use perimelt_core::log::Precision;
 use perimelt_core::{Body, Simulation};
 
-use super::Done;
+use super::{Done, threads};
 use crate::case::Case;
 use crate::plot::unit::{length_text, time_text};
 use crate::run::Failure;
 use crate::run::display::{duration, warn};
+use crate::run::outcome::Outcome;
 use crate::run::record::logged_fields;
 
 #[derive(clap::Args, Debug)]
@@ -33,8 +34,14 @@ pub fn run(args: &CheckArgs) -> Done {
     sizes(&simulation, &mut out)?;
     steps(&simulation, &mut out)?;
     log_size(&case, &simulation, &mut out)?;
-    duration_of(&mut simulation, &mut out)?;
-    warn(&case.warnings(&simulation)?);
+    // of the initial state
+    let warnings = case.warnings(&simulation)?;
+    let mut outcome = Outcome::new(&simulation);
+    let measured = duration_of(&mut simulation, &mut out);
+    warn(&warnings);
+    measured?;
+    outcome.observe(&simulation);
+    warn(&outcome.sentences(&simulation).1);
     Ok(())
 }
 
@@ -202,16 +209,16 @@ fn duration_of(simulation: &mut Simulation, out: &mut impl Write) -> Done {
     let end = simulation.options().end;
     let total = estimate(&steps, end);
     let simulated = time_text(simulation.time());
-    let threads = rayon::current_num_threads();
+    let threads = threads(rayon::current_num_threads());
     match total {
         Some(total) if simulation.is_finished() => writeln!(
             out,
-            "duration: {} on {threads} threads, without the log",
+            "duration: {} on {threads}, without the log",
             duration(total)
         )?,
         Some(total) => writeln!(
             out,
-            "estimated duration: {} on {threads} threads, without the log, from the steps up to t = {simulated}",
+            "estimated duration: {} on {threads}, without the log, from the steps up to t = {simulated}",
             duration(total)
         )?,
         None => {}

@@ -5,10 +5,9 @@ use std::path::PathBuf;
 
 use perimelt_core::log::{Ending, Log};
 
-use super::Done;
+use super::{Done, threads};
 use crate::plot::unit::{length_text, time_text};
-use crate::run::case_of;
-use crate::run::display::duration;
+use crate::run::{self, display::duration};
 
 #[derive(clap::Args, Debug)]
 pub struct InfoArgs {
@@ -18,14 +17,14 @@ pub struct InfoArgs {
 
 pub fn run(args: &InfoArgs) -> Done {
     let log = Log::open(&args.log)?;
-    let run = log.run();
+    let logged = log.run();
     let out = &mut std::io::stdout().lock();
     writeln!(
         out,
-        "case {}, perimelt {}, {} threads",
+        "case {}, perimelt {}, {}",
         log.case_name(),
-        run.version,
-        run.threads
+        logged.version,
+        threads(logged.threads)
     )?;
     match log.ending() {
         Ending::Finished => writeln!(out, "the log is complete{}", early_end(&log))?,
@@ -45,7 +44,7 @@ pub fn run(args: &InfoArgs) -> Done {
             last.step
         )?;
     }
-    for body in &run.bodies {
+    for body in &logged.bodies {
         let times = log.times(&body.name);
         let span = match (times.first(), times.last()) {
             (Some(first), Some(last)) => {
@@ -86,7 +85,7 @@ pub fn run(args: &InfoArgs) -> Done {
         )?;
     }
     let plugins = |kind: &str| -> Vec<String> {
-        let list = run.plugins[kind].as_array().into_iter().flatten();
+        let list = logged.plugins[kind].as_array().into_iter().flatten();
         list.filter_map(|p| p["type"].as_str().map(String::from))
             .collect()
     };
@@ -107,16 +106,11 @@ pub fn run(args: &InfoArgs) -> Done {
 
 /// What to say of a run that stopped before the end of its case; empty for one that reached its end.
 fn early_end(log: &Log) -> String {
-    // a case that this program cannot read tells no end
-    let (Ok(case), Some(last)) = (case_of(log), log.progress().last()) else {
-        return String::new();
-    };
-    let end = case.time.end;
-    match last.time >= end {
-        true => String::new(),
-        false => format!(
+    match run::early_end(log) {
+        None => String::new(),
+        Some((time, end)) => format!(
             "; the run stopped before its end, at t = {} of {}: `perimelt resume` continues it",
-            time_text(last.time),
+            time_text(time),
             time_text(end)
         ),
     }

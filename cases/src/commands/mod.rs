@@ -14,9 +14,12 @@ mod version;
 
 use std::error::Error;
 use std::io::{IsTerminal, Write};
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+
+use perimelt_core::log::{Ending, Log, LogError};
 
 use crate::case::{self, CaseError};
 use crate::run::Failure;
@@ -130,6 +133,59 @@ fn report(error: &(dyn Error + 'static)) {
     match in_case {
         Some(mistake) => tell(&mistake.render(std::io::stderr().is_terminal())),
         None => tell(&format!("error: {error}")),
+    }
+}
+
+/// Opens a log; the user is told of states that cannot be read.
+///
+/// # Errors
+/// See [`Log::open`].
+pub(crate) fn open_log(path: &Path) -> Result<Log, LogError> {
+    let log = Log::open(path)?;
+    tell_damage(&log);
+    Ok(log)
+}
+
+/// Tells of what is damaged in a log.
+pub(crate) fn tell_damage(log: &Log) {
+    let path = log.path().display();
+    let lost: usize = log.damage().iter().map(|d| d.states).sum();
+    let sound = log.bodies().map(|body| log.times(body).len()).max();
+    let all = sound.unwrap_or_default() + lost;
+    let list = format!("`perimelt info {path}` lists the damage");
+    match log.damage().len() {
+        0 => {}
+        _ if lost > 0 => tell(&format!(
+            "warning: {lost} of {all} states of {path} are damaged and left out; {list}"
+        )),
+        count => tell(&format!(
+            "warning: {count} chunks of {path} are damaged, and their rows of probes, balances or progress left out; {list}"
+        )),
+    }
+    if let Ending::Damaged { at, .. } = log.ending() {
+        tell(&format!(
+            "warning: {path} is damaged at byte {at}, and what comes after is left out; {list}"
+        ));
+    }
+}
+
+/// A finite number that is given as an argument.
+pub(crate) fn finite(text: &str) -> Result<f64, String> {
+    let number = text.trim().parse().ok().filter(|x: &f64| x.is_finite());
+    number.ok_or_else(|| "expected a finite number".into())
+}
+
+/// A positive number that is given as an argument.
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
+    let number = finite(text).ok().filter(|x| *x > 0.0);
+    number.ok_or_else(|| "expected a finite number above 0".into())
+}
+
+/// A number of threads in words.
+fn threads(count: usize) -> String {
+    match count {
+        1 => "1 thread".into(),
+        count => format!("{count} threads"),
     }
 }
 

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use perimelt_core::log::{Log, Series, check_unused};
 
-use super::{Done, tell};
+use super::{Done, tell, tell_damage};
 use crate::growing_log::{GrowingLog, Growth};
 use crate::moment::{sound, state_at};
 use crate::plot::{
@@ -29,7 +29,7 @@ pub struct ReplayArgs {
     #[arg(long, value_delimiter = ',')]
     field: Vec<String>,
     /// Wait between states: simulated seconds in a second of real time
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
     rate: Option<f64>,
     /// After the last state, wait for those that a run still writes, until it ends
     #[arg(long, conflicts_with = "at")]
@@ -52,6 +52,7 @@ pub fn run(args: &ReplayArgs) -> Done {
     // before the log, so that what is written before the run ends is not missed
     let mut is_written = args.follow && check_unused(&args.log).is_err();
     let mut growing = GrowingLog::open(&args.log)?;
+    tell_damage(growing.log());
     if let Some(at) = args.at {
         let log = growing.log();
         args.check_fields(log)?;

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
-use super::{Done, tell};
+use super::{Done, positive, tell};
 use crate::case::Case;
 use crate::case::change::Change;
 use crate::plot::unit::time_text;
@@ -52,7 +52,7 @@ struct Common {
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     /// Stop at the first logged state at or after this simulated time, s
-    #[arg(long, value_name = "T")]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = positive)]
     until: Option<f64>,
     /// Show no progress
     #[arg(long)]
@@ -98,7 +98,6 @@ pub fn run(args: &RunArgs) -> Done {
     {
         return Err(ArgumentError::OverwritesCase(out).into());
     }
-    // what is no file, such as /dev/null, holds nothing to lose
     if !args.force && out.is_file() {
         return Err(ArgumentError::Exists(out).into());
     }

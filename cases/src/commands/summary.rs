@@ -3,9 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use perimelt_core::log::Log;
-
-use super::Done;
+use super::{Done, open_log, positive};
 use crate::melt_pool::Travel;
 use crate::summary::{print, read_off};
 
@@ -14,7 +12,7 @@ pub struct SummaryArgs {
     /// The log
     log: PathBuf,
     /// Temperature that bounds the melt pool and the fusion zone, K [default: the solidus]
-    #[arg(long, value_name = "T")]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = positive)]
     isotherm: Option<f64>,
     /// Axis along which the heat source travels, for the length of the melt pool
     #[arg(long, value_enum, default_value_t)]
@@ -25,7 +23,7 @@ pub struct SummaryArgs {
 }
 
 pub fn run(args: &SummaryArgs) -> Done {
-    let log = Log::open(&args.log)?;
+    let log = open_log(&args.log)?;
     let found = read_off(&log, args.isotherm, args.travel)?;
     let out = &mut std::io::stdout().lock();
     if args.json {

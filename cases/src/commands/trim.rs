@@ -7,9 +7,10 @@ use perimelt_core::log::{
     CloudView, Column, FieldView, Log, LogError, LoggedCloud, Precision, Series, Writer,
 };
 
-use super::{Done, tell};
+use super::{Done, open_log, tell};
 use crate::export::fit_f32;
 use crate::moment::sound;
+use crate::run::place::Place;
 
 #[derive(clap::Args, Debug)]
 pub struct TrimArgs {
@@ -51,11 +52,6 @@ enum TrimError {
     SameFile(PathBuf),
     #[error("{} exists: `--force` replaces it, `--out` names another file", .0.display())]
     Exists(PathBuf),
-    #[error("could not create the log {}: {source}", path.display())]
-    Place {
-        path: PathBuf,
-        source: std::io::Error,
-    },
 }
 
 /// A logged item, in the order of the items of one time: a checkpoint comes last, as in a run.
@@ -77,27 +73,20 @@ struct Kept {
 }
 
 pub fn run(args: &TrimArgs) -> Done {
-    let log = Log::open(&args.log)?;
+    let log = open_log(&args.log)?;
     let window = window(&log, args)?;
     if let (Ok(new), Ok(old)) = (args.out.canonicalize(), args.log.canonicalize())
         && new == old
     {
         return Err(TrimError::SameFile(args.out.clone()).into());
     }
+    let place = Place::new(&args.out)?;
     if args.out.exists() && !args.force {
         return Err(TrimError::Exists(args.out.clone()).into());
     }
-    let mut part = args.out.as_os_str().to_owned();
-    part.push(".part");
-    let part = PathBuf::from(part);
-    let kept = copy(&log, window, &part).inspect_err(|_| {
-        // an incomplete log is of no use
-        let _ = std::fs::remove_file(&part);
-    })?;
-    std::fs::rename(&part, &args.out).map_err(|source| TrimError::Place {
-        path: args.out.clone(),
-        source,
-    })?;
+    let part = place.begin();
+    let kept = copy(&log, window, part.path())?;
+    part.put_in_place()?;
     let (from, to) = kept.span.unwrap_or(window);
     let checkpoints = match kept.checkpoints {
         0 => "no checkpoint, so that it cannot be resumed".to_string(),

@@ -15,6 +15,7 @@ use std::path::PathBuf;
 
 use perimelt_core::log::{Log, LogError, LoggedCloud};
 
+use crate::commands::open_log;
 use crate::moment::sound;
 use series::compare_series;
 pub use table::print;
@@ -174,7 +175,7 @@ pub fn diff(args: &DiffArgs) -> Result<Comparison, DiffError> {
     if !(args.tolerance >= 0.0 && args.tolerance.is_finite()) {
         return Err(DiffError::Tolerance(args.tolerance));
     }
-    let logs = [Log::open(&args.first)?, Log::open(&args.second)?];
+    let logs = [open_log(&args.first)?, open_log(&args.second)?];
     let mut comparison = Comparison::default();
     let bodies = common_bodies(&logs, args, &mut comparison)?;
     for body in &bodies {

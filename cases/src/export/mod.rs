@@ -26,6 +26,7 @@ use std::{
 
 use perimelt_core::log::{BodyInfo, Log, LogError};
 
+use crate::commands::open_log;
 use crate::moment::{MomentError, sound, state_at};
 use crate::plot::survey::Reference;
 use crate::plot::{beside, file_name};
@@ -120,7 +121,7 @@ pub struct Exported {
 /// # Errors
 /// The log cannot be read, has no such body, field or time, or a file cannot be written.
 pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
-    let log = Log::open(&args.log)?;
+    let log = open_log(&args.log)?;
     let bodies = chosen_bodies(&log, &args.body)?;
     check_fields(&log, &bodies, &args.field)?;
     let out = args

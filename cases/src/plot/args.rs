@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use crate::commands::finite;
 use crate::melt_pool::Travel;
 
 /// What to plot.
@@ -36,13 +37,13 @@ pub struct PlotArgs {
     pub range: Option<ValueRange>,
     /// temperatures of the lines in field pictures, K; they bound the melt pool where the case has no solidus [default: solidus
     /// and liquidus of the case file, or round numbers while nothing is that hot]
-    #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
+    #[arg(long, value_delimiter = ',', allow_negative_numbers = true, value_parser = finite)]
     pub isotherm: Vec<f64>,
     /// temperatures in degrees Celsius, also those of `--isotherm` and of the `--range` of a temperature
     #[arg(long)]
     pub celsius: bool,
     /// show the body deformed, its displacements this many times as large
-    #[arg(long, allow_negative_numbers = true)]
+    #[arg(long, allow_negative_numbers = true, value_parser = finite)]
     pub deform: Option<f64>,
     /// axis along which the heat source travels, for the length of the melt pool
     #[arg(long, value_enum, default_value_t)]

@@ -44,6 +44,7 @@ use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud, Series};
 
 use crate::case::sections::ProbeKind;
 use crate::cell_grid::CellGrid;
+use crate::commands::open_log;
 use crate::moment::state_at;
 use crate::probe::is_line;
 use crate::run::case_of;
@@ -62,7 +63,7 @@ use survey::{Survey, survey};
 /// # Errors
 /// The log cannot be read, has no such body or field, or a picture cannot be written.
 pub fn plot(args: &PlotArgs) -> Result<Vec<PathBuf>, PlotError> {
-    let log = Log::open(&args.log)?;
+    let log = open_log(&args.log)?;
     let bodies = chosen_bodies(&log, &args.body)?;
     let out = args
         .out

@@ -4,7 +4,8 @@
 //! can be replayed and resumed, even if the run was killed.
 
 pub mod display;
-mod outcome;
+pub mod outcome;
+pub mod place;
 pub mod record;
 
 use std::path::{Path, PathBuf};
@@ -15,9 +16,11 @@ use std::time::Instant;
 use perimelt_core::log::{Log, LogError, Writer, check_unused};
 use perimelt_core::{RunError, Simulation};
 
-use crate::case::{Case, CaseError, SECTIONS, StartError};
+use crate::case::{Case, CaseError, SECTIONS, StartError, plugin_names};
+use crate::commands::open_log;
 use display::Display;
 use outcome::Outcome;
+use place::{Place, PlaceError};
 use record::Recorder;
 
 /// How to run.
@@ -84,13 +87,21 @@ pub enum Failure {
     /// The log could not be written or read.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// The finished beginning of a log could not be put in its place.
-    #[error("could not create the log {path}: {source}", path = path.display())]
-    Place {
+    /// The log cannot be written there.
+    #[error(transparent)]
+    Place(#[from] PlaceError),
+    /// A resumed run would end before it starts.
+    #[error(
+        "`--until` is {until} s, and the run in {path} has reached t = {time} s already; give a later time",
+        path = path.display()
+    )]
+    UntilIsPast {
         /// The log.
         path: PathBuf,
-        /// Error of the operating system.
-        source: std::io::Error,
+        /// Asked for, s.
+        until: f64,
+        /// Of the checkpoint to go on from, s.
+        time: f64,
     },
     /// The run is finished already.
     #[error(
@@ -139,19 +150,21 @@ pub fn on_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// # Errors
 /// A mistake in the case (no file is written then), a step that fails, a log that cannot be written.
 pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
+    let place = Place::new(&options.out)?;
     check_unused(&options.out)?;
     let mut simulation = case.compose()?;
     case.start(&mut simulation)?;
     if !options.quiet {
         display::warn(&case.warnings(&simulation)?);
     }
-    let part = part_of(&options.out);
+    let part = place.begin();
     let info = record::run_info(case, &simulation);
-    let writer = Writer::create(&part, &info, &case.file_name(), &case.file.text)?;
+    let writer = Writer::create(part.path(), &info, &case.file_name(), &case.file.text)?;
     let mut recorder = Recorder::new(case, &simulation, writer, 0.0)?;
     recorder.record(&simulation)?;
     recorder.checkpoint(&simulation)?;
-    put_in_place(&part, &options.out)?;
+    part.put_in_place()?;
+    recorder.renamed(&options.out);
     go_on(simulation, recorder, options)
 }
 
@@ -161,8 +174,9 @@ pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
 /// # Errors
 /// As [`run`], or the log has no checkpoint or has reached its end, or the case describes another process.
 pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Summary, Failure> {
+    let place = Place::new(&options.out)?;
     check_unused(&options.out)?;
-    let log = Log::open(path)?;
+    let log = open_log(path)?;
     let logged = case_of(&log)?;
     let case = match case {
         Some(case) => continuing(case, &logged)?,
@@ -187,6 +201,13 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
             time,
         });
     }
+    if let Some(until) = options.until.filter(|until| *until <= time) {
+        return Err(Failure::UntilIsPast {
+            path: path.into(),
+            until,
+            time,
+        });
+    }
     let mut simulation = case.compose()?;
     simulation.load(&state)?;
     let wall = log
@@ -195,14 +216,15 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
         .rev()
         .find(|p| p.time <= time)
         .map_or(0.0, |p| p.wall_seconds);
-    let part = part_of(&options.out);
+    let part = place.begin();
     let mut info = log.run().clone();
     info.case_folder = record::run_info(case, &simulation).case_folder;
     let described = (&info, &*case.file_name(), case.file.text.as_str());
-    let writer = Writer::continue_from(&log, &part, last, described)?;
-    let recorder = Recorder::new(case, &simulation, writer, wall)?.continuing(log.balance());
+    let writer = Writer::continue_from(&log, part.path(), last, described)?;
+    let mut recorder = Recorder::new(case, &simulation, writer, wall)?.continuing(log.balance());
     drop(log);
-    put_in_place(&part, &options.out)?;
+    part.put_in_place()?;
+    recorder.renamed(&options.out);
     go_on(simulation, recorder, options)
 }
 
@@ -212,7 +234,37 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
 /// A mistake in it, for example because a plugin is missing in this program.
 pub fn case_of(log: &Log) -> Result<Case, Box<CaseError>> {
     let folder = Path::new(&log.run().case_folder);
-    Case::parse(log.case_name(), log.case_text().to_string(), folder)
+    let case = Case::parse(log.case_name(), log.case_text().to_string(), folder);
+    case.map_err(|mistake| match missing_plugins(log) {
+        missing if missing.is_empty() => mistake,
+        missing => mistake.help(format!(
+            "the log was written by a program with other plugins; missing here: {}",
+            missing.join(", ")
+        )),
+    })
+}
+
+/// Types of plugins of a run that this program does not have.
+fn missing_plugins(log: &Log) -> Vec<String> {
+    let mut missing = Vec::new();
+    for section in ["physics", "couplers"] {
+        let known = plugin_names(section);
+        let plugins = log.run().plugins[section].as_array().into_iter().flatten();
+        let types = plugins.filter_map(|p| p["type"].as_str());
+        missing.extend(types.filter(|t| !known.contains(t)).map(String::from));
+    }
+    missing
+}
+
+/// Last time of the run of a log and end of its case (s) where the run did not get there: it was interrupted, stopped or
+/// failed, or is still running. `None` of a case that this program cannot read.
+pub fn early_end(log: &Log) -> Option<(f64, f64)> {
+    let end = case_of(log).ok()?.time.end;
+    let last = log.progress().last().map(|p| p.time);
+    let saved = log.checkpoints().last().map(|c| c.time);
+    let time = last.into_iter().chain(saved).reduce(f64::max);
+    let time = time.unwrap_or_default();
+    (time < end).then_some((time, end))
 }
 
 /// The case, if it describes the same process as the logged one.
@@ -291,19 +343,5 @@ fn go_on(
         log: options.out.clone(),
         facts,
         warnings,
-    })
-}
-
-/// Name of a log while it has no checkpoint yet.
-fn part_of(out: &Path) -> PathBuf {
-    let mut name = out.as_os_str().to_owned();
-    name.push(".part");
-    name.into()
-}
-
-fn put_in_place(part: &Path, out: &Path) -> Result<(), Failure> {
-    std::fs::rename(part, out).map_err(|source| Failure::Place {
-        path: out.into(),
-        source,
     })
 }

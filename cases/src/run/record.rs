@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use perimelt_core::activity::is_active;
@@ -241,6 +242,11 @@ impl Recorder {
         self.next_checkpoint = (done + 1.0 - 1e-3) * self.checkpoint_interval;
     }
 
+    /// Tells the writer that its file was renamed to `path`.
+    pub fn renamed(&mut self, path: &Path) {
+        self.writer.renamed(path);
+    }
+
     /// Closes the log.
     pub fn finish(self) -> Result<(), Failure> {
         Ok(self.writer.finish()?)
@@ -313,7 +319,7 @@ pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
     };
     let folder = case.folder.as_path();
     let here = if folder.as_os_str().is_empty() {
-        std::path::Path::new(".")
+        Path::new(".")
     } else {
         folder
     };

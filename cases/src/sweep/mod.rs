@@ -15,8 +15,9 @@ use crate::case::{Case, CaseError};
 use crate::commands::tell;
 use crate::melt_pool::Travel;
 use crate::run::display::duration;
-use crate::summary::{ReadOff, read_off};
-use table::Table;
+use crate::run::early_end;
+use crate::summary::read_off;
+use table::{Outcome, Table};
 use variants::{Variant, variants};
 
 /// Arguments of `perimelt sweep`.
@@ -75,10 +76,12 @@ pub enum SweepError {
         source: io::Error,
     },
     /// Some of the runs.
-    #[error("{failed} of {all} runs failed; their messages are in the `.txt` files of {path}", path = path.display())]
+    #[error("{}; the messages of runs that failed are in the `.txt` files of {path}", count_text(*failed, *interrupted, *all), path = path.display())]
     Failed {
         /// How many failed.
         failed: usize,
+        /// How many were interrupted by a signal.
+        interrupted: usize,
         /// How many there are.
         all: usize,
         /// Folder of the sweep.
@@ -86,7 +89,19 @@ pub enum SweepError {
     },
 }
 
-/// Runs all variants that are not finished yet, prints the table and writes it beside the logs. A sweep that was
+/// `2 of 9 runs failed, 1 was interrupted`.
+fn count_text(failed: usize, interrupted: usize, all: usize) -> String {
+    let were = if interrupted == 1 { "was" } else { "were" };
+    match (failed, interrupted) {
+        (failed, 0) => format!("{failed} of {all} runs failed"),
+        (0, interrupted) => format!(
+            "{interrupted} of {all} runs {were} interrupted; the same command goes on with them"
+        ),
+        _ => format!("{failed} of {all} runs failed, {interrupted} {were} interrupted"),
+    }
+}
+
+/// Runs all variants that are not at their end yet, prints the table and writes it beside the logs. A sweep that was
 /// interrupted goes on where it was.
 ///
 /// # Errors
@@ -105,11 +120,16 @@ pub fn sweep(args: &SweepArgs, out: &mut dyn io::Write) -> Result<(), Box<dyn st
         return Err(SweepError::NoJobs.into());
     }
     write_cases(&folder, &variants)?;
-    let failed = run_all(&folder, &variants, (jobs, (cores / jobs).max(1)));
-    let results: Vec<Option<Vec<ReadOff>>> = variants
-        .iter()
-        .map(|v| read_off(&Log::open(v.log(&folder)).ok()?, None, args.travel).ok())
-        .collect();
+    let (failed, interrupted) = run_all(&folder, &variants, (jobs, (cores / jobs).max(1)));
+    let result = |v: &Variant| {
+        let log = Log::open(v.log(&folder)).ok();
+        let numbers = |log: &Log| read_off(log, None, args.travel).ok();
+        Outcome {
+            numbers: log.as_ref().and_then(numbers),
+            is_at_end: log.is_some_and(|log| early_end(&log).is_none()),
+        }
+    };
+    let results: Vec<Outcome> = variants.iter().map(result).collect();
     let table = Table::new(&variants, &results);
     write!(out, "{table}")?;
     let path = folder.join("sweep.csv");
@@ -119,10 +139,11 @@ pub fn sweep(args: &SweepArgs, out: &mut dyn io::Write) -> Result<(), Box<dyn st
         source,
     })?;
     writeln!(out, "{}", path.display())?;
-    if failed > 0 {
+    if failed + interrupted > 0 {
         let all = variants.len();
         return Err(SweepError::Failed {
             failed,
+            interrupted,
             all,
             path: folder,
         }
@@ -150,9 +171,10 @@ fn write_cases(folder: &Path, variants: &[Variant]) -> Result<(), SweepError> {
     Ok(())
 }
 
-/// Runs what is not finished, several at a time; how many failed.
-fn run_all(folder: &Path, variants: &[Variant], (jobs, threads): (usize, usize)) -> usize {
-    let (next, failed) = (AtomicUsize::new(0), AtomicUsize::new(0));
+/// Runs what is not at its end, several at a time; how many failed, and how many were interrupted.
+fn run_all(folder: &Path, variants: &[Variant], (jobs, threads): (usize, usize)) -> (usize, usize) {
+    let next = AtomicUsize::new(0);
+    let (failed, interrupted) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let work = || {
         while let Some(variant) = variants.get(next.fetch_add(1, Ordering::Relaxed)) {
             let started = Instant::now();
@@ -164,7 +186,11 @@ fn run_all(folder: &Path, variants: &[Variant], (jobs, threads): (usize, usize))
                     let time = duration(started.elapsed().as_secs_f64());
                     tell(&format!("{number} of {all} ({values}): {time}"));
                 }
-                Err(message) => {
+                Err(RunFailure::Interrupted) => {
+                    interrupted.fetch_add(1, Ordering::Relaxed);
+                    tell(&format!("{number} of {all} ({values}) was interrupted"));
+                }
+                Err(RunFailure::Failed(message)) => {
                     failed.fetch_add(1, Ordering::Relaxed);
                     tell(&format!("{number} of {all} ({values}) failed: {message}"));
                 }
@@ -176,17 +202,33 @@ fn run_all(folder: &Path, variants: &[Variant], (jobs, threads): (usize, usize))
             scope.spawn(work);
         }
     });
-    failed.into_inner()
+    (failed.into_inner(), interrupted.into_inner())
+}
+
+/// Why a run is not at its end.
+enum RunFailure {
+    /// A signal.
+    Interrupted,
+    /// Anything else, in words.
+    Failed(String),
+}
+
+impl From<io::Error> for RunFailure {
+    fn from(error: io::Error) -> Self {
+        RunFailure::Failed(error.to_string())
+    }
 }
 
 /// Runs a variant in a process of its own, so that one that fails does not end the others.
-fn run_one(folder: &Path, variant: &Variant, threads: usize) -> Result<(), String> {
+fn run_one(folder: &Path, variant: &Variant, threads: usize) -> Result<(), RunFailure> {
     let log = variant.log(folder);
     let present = Log::open(&log).ok();
-    if present.as_ref().is_some_and(Log::finished) {
+    if present.as_ref().is_some_and(|log| early_end(log).is_none()) {
         return Ok(());
     }
-    let program = std::env::current_exe().map_err(|e| e.to_string())?;
+    // without a checkpoint the run starts anew
+    let present = present.filter(|log| log.last_sound_checkpoint().is_ok());
+    let program = std::env::current_exe()?;
     let mut command = Command::new(program);
     match present {
         Some(_) => command.arg("resume").arg(&log),
@@ -198,13 +240,15 @@ fn run_one(folder: &Path, variant: &Variant, threads: usize) -> Result<(), Strin
     };
     command.args(["--quiet", "--threads", &threads.to_string()]);
     command.stdout(Stdio::null()).stderr(Stdio::piped());
-    let output = command.output().map_err(|e| e.to_string())?;
+    let output = command.output()?;
     let messages = log.with_extension("txt");
     if !output.stderr.is_empty() {
-        std::fs::write(&messages, &output.stderr).map_err(|e| e.to_string())?;
+        std::fs::write(&messages, &output.stderr)?;
     }
-    match output.status.success() {
-        true => Ok(()),
-        false => Err(format!("see {}", messages.display())),
+    match output.status.code() {
+        Some(0) => Ok(()),
+        // ended by a signal, or at the request of one: SIGINT or SIGTERM
+        None | Some(130 | 143) => Err(RunFailure::Interrupted),
+        Some(_) => Err(RunFailure::Failed(format!("see {}", messages.display()))),
     }
 }

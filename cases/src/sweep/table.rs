@@ -11,6 +11,15 @@ use crate::summary::ReadOff;
 /// Most runs whose numbers are printed side by side.
 const MOST_COLUMNS: usize = 8;
 
+/// What a run came to.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Read off its log; `None` where there is none.
+    pub numbers: Option<Vec<ReadOff>>,
+    /// Whether it reached the end of its case.
+    pub is_at_end: bool,
+}
+
 /// A row for each key that varies and for each number read off, a column for each run.
 #[derive(Clone, Debug)]
 pub struct Table {
@@ -18,6 +27,15 @@ pub struct Table {
     /// Keys with their values as TOML.
     keys: Vec<(String, Vec<String>)>,
     numbers: Vec<Row>,
+    /// By run: whether it reached the end of its case.
+    is_at_end: Vec<bool>,
+}
+
+/// Name of the row and column that tells which runs reached the end of their cases.
+const AT_END: &str = "reached its end";
+
+fn yes_or_no(yes: bool) -> &'static str {
+    if yes { "yes" } else { "no" }
 }
 
 /// A number read off the runs.
@@ -31,8 +49,8 @@ struct Row {
 }
 
 impl Table {
-    /// The values of the variants, and what was read off their logs; `None` where a run failed.
-    pub fn new(variants: &[Variant], results: &[Option<Vec<ReadOff>>]) -> Self {
+    /// The values of the variants, and what their runs came to.
+    pub fn new(variants: &[Variant], results: &[Outcome]) -> Self {
         let first = variants.first().map_or(&[][..], |v| &v.changes);
         let values = |index: usize| {
             let values = variants.iter().map(|v| v.changes[index].value.clone());
@@ -48,7 +66,7 @@ impl Table {
                 value,
                 unit,
                 ..
-            } in found.iter().flatten()
+            } in found.numbers.iter().flatten()
             {
                 let name = match of.as_str() {
                     "" => quantity.clone(),
@@ -72,6 +90,7 @@ impl Table {
             runs: results.len(),
             keys: keys.collect(),
             numbers,
+            is_at_end: results.iter().map(|r| r.is_at_end).collect(),
         }
     }
 
@@ -84,6 +103,7 @@ impl Table {
         let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
         let mut header = vec![quoted("run")];
         header.extend(self.keys.iter().map(|(key, _)| quoted(key)));
+        header.push(quoted(AT_END));
         let numbers = self.numbers.iter();
         header.extend(numbers.map(|row| quoted(&format!("{} ({})", row.name, row.unit))));
         writeln!(file, "{}", header.join(","))?;
@@ -96,6 +116,7 @@ impl Table {
                     Err(_) => quoted(value),
                 }
             }));
+            line.push(yes_or_no(self.is_at_end[run]).into());
             let numbers = self.numbers.iter().map(|row| row.values[run]);
             line.extend(numbers.map(|value| value.map_or_else(String::new, |v| v.to_string())));
             writeln!(file, "{}", line.join(","))?;
@@ -107,6 +128,10 @@ impl Table {
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut lines: Vec<(String, Vec<String>)> = self.keys.clone();
+        if self.is_at_end.contains(&false) {
+            let shown = self.is_at_end.iter().map(|yes| yes_or_no(*yes).into());
+            lines.push((AT_END.into(), shown.collect()));
+        }
         lines.push((String::new(), Vec::new()));
         for row in &self.numbers {
             let values = row.values.iter().flatten();

@@ -4,9 +4,28 @@ use std::{io, path::PathBuf};
 
 use mcap::McapError;
 
+use super::Ending;
+
 /// Why a log could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
+    /// Neither a file nor a link to one.
+    #[error("{path} is no regular file, which a log must be", path = path.display())]
+    NotAFile {
+        /// what was given
+        path: PathBuf,
+    },
+    /// An error of the operating system while a run goes on, with a log that it can be resumed from.
+    #[error(
+        "could not write the log {path}: {source}; the log so far is sound: `perimelt resume {path}` continues it",
+        path = path.display()
+    )]
+    Interrupted {
+        /// the log
+        path: PathBuf,
+        /// error of the operating system
+        source: io::Error,
+    },
     /// An error of the operating system.
     #[error("could not {action} the log {path}: {source}", path = path.display())]
     Io {
@@ -43,7 +62,7 @@ pub enum LogError {
     /// An MCAP file without the case and metadata of a run.
     #[error(
         "{path} is an MCAP file, but not the log of a Perimelt run: it has no {missing}{}",
-        if *.cut { " (the file was cut off before that; it cannot be read)" } else { "" },
+        early_end(ending),
         path = path.display()
     )]
     NotARun {
@@ -51,8 +70,8 @@ pub enum LogError {
         path: PathBuf,
         /// what was looked for
         missing: &'static str,
-        /// the file ends early
-        cut: bool,
+        /// how the file ends
+        ending: Ending,
     },
     /// The metadata `run` is there, but is not what this version writes.
     #[error(
@@ -191,6 +210,18 @@ pub enum LogError {
         /// the log
         path: PathBuf,
     },
+}
+
+fn early_end(ending: &Ending) -> String {
+    match ending {
+        Ending::Finished => String::new(),
+        Ending::Unfinished { at } => {
+            format!(" (the file was cut off at byte {at}, before that; it cannot be read)")
+        }
+        Ending::Damaged { at, what } => {
+            format!(" (the file is damaged at byte {at}, before that: {what}; it cannot be read)")
+        }
+    }
 }
 
 fn list(names: &[String]) -> String {

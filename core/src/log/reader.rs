@@ -46,7 +46,7 @@ impl Log {
         let missing = |missing| LogError::NotARun {
             path: path.into(),
             missing,
-            cut: ending != Ending::Finished,
+            ending: ending.clone(),
         };
         if contents.case_text.is_none() {
             return Err(missing("attachment `case.toml`"));
@@ -259,7 +259,7 @@ impl Log {
         }
     }
 
-    /// Chunks of small messages that cannot be read: rows of probes, balances, and progress are missing.
+    /// Chunks of small messages that cannot be read: small states, rows of probes, balances, and progress are missing.
     #[must_use]
     pub fn damage(&self) -> &[Damage] {
         &self.contents.damage

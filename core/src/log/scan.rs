@@ -41,6 +41,8 @@ pub struct Damage {
     pub at: u64,
     /// what is wrong with it
     pub what: String,
+    /// states of a body that it contains
+    pub states: usize,
 }
 
 /// A message: the `ordinal`-th of its channel in the chunk at `place`.
@@ -157,7 +159,13 @@ impl Contents {
         let mut pending: Option<(Place, Vec<MessageIndex>)> = None;
         let ending = loop {
             let Some((opcode, place)) = source.record(offset)? else {
-                break Ending::Unfinished { at: offset };
+                break match source.is_closed_after(offset)? {
+                    false => Ending::Unfinished { at: offset },
+                    true => Ending::Damaged {
+                        at: offset,
+                        what: "the length of the record is wrong".into(),
+                    },
+                };
             };
             if opcode != op::MESSAGE_INDEX
                 && let Some((chunk, indexes)) = pending.take()
@@ -225,11 +233,22 @@ impl Contents {
                 self.damage.push(Damage {
                     at: offset,
                     what: source.to_string(),
+                    states: self.states(indexes),
                 });
                 Ok(())
             }
             done => done,
         }
+    }
+
+    /// States in the chunk that these message indexes follow, of the body that has the most.
+    fn states(&self, indexes: &[MessageIndex]) -> usize {
+        let of_a_body = indexes.iter().filter(|index| {
+            let channel = self.channels.get(index.channel_id);
+            channel.is_some_and(|c| matches!(Topic::of(&c.topic), Topic::Points(_)))
+        });
+        let counts = of_a_body.map(|index| index.records.len());
+        counts.max().unwrap_or_default()
     }
 
     /// A chunk with the message indexes that follow it.

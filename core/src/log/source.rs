@@ -49,6 +49,10 @@ impl Source {
             path: path.into(),
             source,
         };
+        // to open a pipe would wait for its writer
+        if !std::fs::metadata(path).map_err(error)?.is_file() {
+            return Err(LogError::NotAFile { path: path.into() });
+        }
         let file = File::open(path).map_err(error)?;
         let length = file.metadata().map_err(error)?.len();
         let mut source = Self {
@@ -216,6 +220,11 @@ impl Source {
         let start = footer[RECORD_HEAD as usize..].first_chunk();
         let start = start.map_or(0, |bytes| u64::from_le_bytes(*bytes));
         Ok((footer[0] == op::FOOTER && start > 0 && start < at).then_some(start))
+    }
+
+    /// Whether the file goes on after `offset` and was closed by its writer.
+    pub(super) fn is_closed_after(&mut self, offset: u64) -> Result<bool, LogError> {
+        Ok(offset + (mcap::MAGIC.len() as u64) < self.length && self.ends_with_magic()?)
     }
 
     pub(super) fn ends_with_magic(&mut self) -> Result<bool, LogError> {

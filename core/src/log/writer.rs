@@ -33,6 +33,8 @@ const MAX_PART_BYTES: usize = (1 << 31) - (1 << 16);
 /// does, but ignores its error.
 pub struct Writer {
     path: PathBuf,
+    /// a run can be resumed from what was written
+    is_resumable: bool,
     mcap: mcap::Writer<BufWriter<File>>,
     channels: BTreeMap<String, Channel>,
     clock: Clock,
@@ -85,6 +87,10 @@ fn lock(file: &File, path: &Path) -> Result<(), LogError> {
 /// # Errors
 /// [`LogError::InUse`].
 pub fn check_unused(path: &Path) -> Result<(), LogError> {
+    // to open a pipe would wait for its reader
+    if !path.is_file() {
+        return Ok(());
+    }
     match File::options().write(true).open(path) {
         Ok(file) => lock(&file, path),
         Err(_) => Ok(()),
@@ -135,9 +141,10 @@ impl Writer {
             .compression_level(1)
             .compression_threads(0)
             .create(BufWriter::new(file))
-            .map_err(|source| write_error(path, source))?;
+            .map_err(|source| write_error(path, false, source))?;
         let mut writer = Self {
             path: path.into(),
+            is_resumable: false,
             mcap,
             channels: BTreeMap::new(),
             clock: Clock::default(),
@@ -270,9 +277,8 @@ impl Writer {
     /// # Errors
     /// The file cannot be written.
     pub fn flush(&mut self) -> Result<(), LogError> {
-        self.mcap
-            .flush()
-            .map_err(|source| write_error(&self.path, source))
+        let flushed = self.mcap.flush();
+        flushed.map_err(|source| self.failed(source))
     }
 
     /// Writes the summary and closes the file.
@@ -280,13 +286,22 @@ impl Writer {
     /// # Errors
     /// The file cannot be written; what was flushed before can still be read.
     pub fn finish(mut self) -> Result<(), LogError> {
-        self.mcap
-            .finish()
-            .map_err(|source| write_error(&self.path, source))?;
+        let finished = self.mcap.finish();
+        finished.map_err(|source| self.failed(source))?;
         let mut file = self.mcap.into_inner();
-        file.flush()
-            .and_then(|()| file.get_ref().sync_all())
-            .map_err(|source| write_error(&self.path, McapError::Io(source)))
+        let closed = file.flush().and_then(|()| file.get_ref().sync_all());
+        let (path, is_resumable) = (&self.path, self.is_resumable);
+        closed.map_err(|source| write_error(path, is_resumable, McapError::Io(source)))
+    }
+
+    /// Tells the writer that its file, which now has a checkpoint to resume from, was renamed to `path`.
+    pub fn renamed(&mut self, path: impl Into<PathBuf>) {
+        self.path = path.into();
+        self.is_resumable = true;
+    }
+
+    fn failed(&self, source: McapError) -> LogError {
+        write_error(&self.path, self.is_resumable, source)
     }
 
     /// Announces a point cloud or checkpoint with its exact time.
@@ -354,7 +369,7 @@ impl Writer {
             }
             Ok(())
         };
-        write().map_err(|source| write_error(&self.path, source))
+        write().map_err(|source| self.failed(source))
     }
 
     fn unknown_body(&self, body: &str) -> LogError {
@@ -407,9 +422,10 @@ fn check_fields(body: &str, cloud: &CloudView) -> Result<(), LogError> {
     Ok(())
 }
 
-fn write_error(path: &Path, source: McapError) -> LogError {
+fn write_error(path: &Path, is_resumable: bool, source: McapError) -> LogError {
     let path = path.into();
     match source {
+        McapError::Io(source) if is_resumable => LogError::Interrupted { path, source },
         McapError::Io(source) => LogError::Io {
             action: "write",
             path,

@@ -5,7 +5,7 @@ use std::{borrow::Cow, collections::BTreeMap};
 use mcap::{Attachment, records::Metadata};
 use serde_json::{Value, json};
 
-use super::{Channel, Writer, write_error};
+use super::{Channel, Writer};
 use crate::log::{LogError, Progress, RunInfo, foxglove_schema, series, topic};
 
 impl Writer {
@@ -26,7 +26,7 @@ impl Writer {
         };
         self.mcap
             .attach(&case)
-            .map_err(|source| write_error(&self.path, source))?;
+            .map_err(|source| self.failed(source))?;
 
         let wrong = |source| LogError::RunInfo {
             path: self.path.clone(),
@@ -43,7 +43,7 @@ impl Writer {
         };
         self.mcap
             .write_metadata(&metadata)
-            .map_err(|source| write_error(&self.path, source))?;
+            .map_err(|source| self.failed(source))?;
 
         let descriptor = foxglove_schema::file_descriptor_set();
         for body in &run.bodies {
@@ -99,7 +99,7 @@ impl Writer {
         let schema = self
             .mcap
             .add_schema(name, schema_encoding, data)
-            .map_err(|source| write_error(&self.path, source))?;
+            .map_err(|source| self.failed(source))?;
         self.add_channel(topic, schema, encoding, columns)
     }
 
@@ -113,7 +113,7 @@ impl Writer {
         let id = self
             .mcap
             .add_channel(schema, topic, encoding, &BTreeMap::new())
-            .map_err(|source| write_error(&self.path, source))?;
+            .map_err(|source| self.failed(source))?;
         let channel = Channel {
             id,
             next_sequence: 0,
