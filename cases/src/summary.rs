@@ -226,14 +226,20 @@ fn sources(log: &Log, found: &mut Vec<ReadOff>) {
         let Some(source) = name.strip_suffix(".energy.asked") else {
             continue;
         };
-        for part in ["asked", "deposited", "lost"] {
-            let energy = column(&format!("{source}.energy.{part}")).and_then(<[f64]>::last);
-            found.extend(energy.map(|e| ReadOff::new(source, format!("energy {part}"), *e, "J")));
-        }
         let last = |what: &str| column(&format!("{source}.{what}"))?.last().copied();
+        let mirrored = last("energy.mirrored").filter(|energy| *energy > 0.0);
+        for (part, energy) in [
+            ("asked", last("energy.asked")),
+            ("deposited", last("energy.deposited")),
+            ("deposited in the mirrored part of the body", mirrored),
+            ("lost", last("energy.lost")),
+        ] {
+            found.extend(energy.map(|e| ReadOff::new(source, format!("energy {part}"), e, "J")));
+        }
         if let (Some(energy), Some(path)) = (last("energy.deposited"), last("path"))
             && path > 0.0
         {
+            let energy = energy + mirrored.unwrap_or(0.0);
             found.push(ReadOff::new(
                 source,
                 "length of the path with power",
