@@ -412,7 +412,7 @@ pub struct MeltPoolMeasure {
     pub body: Option<String>,
     /// Isotherm, K.
     pub isotherm: f64,
-    /// Which of its extents, for a source that travels along x.
+    /// Which of its extents, with the directions of the nearest heat source; without one it travels along x.
     pub extent: Extent,
     /// When, s: a multiple of the log interval; the end when left out.
     #[serde(default)]
@@ -423,15 +423,15 @@ pub struct MeltPoolMeasure {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Extent {
-    /// Smallest x.
+    /// Smallest coordinate along the direction of travel.
     Rear,
-    /// Largest x.
+    /// Largest coordinate along the direction of travel.
     Front,
-    /// Largest less smallest x.
+    /// Front less rear.
     Length,
-    /// Along y; half of the pool in a body cut at its plane of symmetry.
+    /// Across travel and beam, with the mirror image behind a plane of symmetry.
     Width,
-    /// Down from the topmost surface.
+    /// Along the beam from the surface before the hottest point.
     Depth,
 }
 
