@@ -7,12 +7,12 @@ use perimelt_core::activity::is_active;
 use perimelt_core::error::Problem;
 use perimelt_core::field::FieldIndex;
 use perimelt_core::refinement::Level;
-use perimelt_core::{Body, SetupError, Simulation, World};
+use perimelt_core::{Axis, Body, SetupError, Simulation, World};
 
 use crate::case::sections::{LineProbe, MeltPoolProbe, ProbeKind, ProbeSection, Statistic};
 use crate::component::Number;
 use crate::interpolation::{Interpolation, Weights};
-use crate::melt_pool::{MeltPoolGauge, PoolAxes};
+use crate::melt_pool::{Aim, Directions, MeltPoolGauge, SourceState};
 
 /// Most positions of a line: each is a column of a time series.
 const MAX_LINE: usize = 100_000;
@@ -70,9 +70,11 @@ pub(crate) struct Component {
 
 #[derive(Debug)]
 struct PoolProbe {
-    /// K.
-    isotherm: f64,
     gauge: MeltPoolGauge,
+    /// Directions without a moving source.
+    otherwise: Directions,
+    /// Whether the case gives the axes, so that sources do not count.
+    is_fixed: bool,
 }
 
 impl Probe {
@@ -147,8 +149,9 @@ impl Probe {
         })
     }
 
-    /// The numbers of the present state, in the order of the columns.
-    pub fn measure(&self, world: &World) -> Vec<f64> {
+    /// The numbers of the present state, in the order of the columns. A melt pool lies along the path of the nearest of the
+    /// sources.
+    pub fn measure(&self, world: &World, sources: &[SourceState]) -> Vec<f64> {
         let body = world.body(self.body);
         match &self.quantity {
             Quantity::Positions(component, spots, finer) => {
@@ -175,7 +178,10 @@ impl Probe {
             Quantity::MeltPool(field, pool) => {
                 let data = world.fields().field(*field).data();
                 let activity = world.activity(self.body);
-                pool.measure(&body.points.volume, (data.flat(), activity.as_deref()))
+                // the gauge counts from where the case places the body
+                let shift: [f64; 3] = world.window_shift(self.body).into();
+                let sources: Vec<_> = sources.iter().map(|s| s.seen_from(shift)).collect();
+                pool.measure((data.flat(), activity.as_deref()), &sources)
             }
         }
     }
@@ -364,54 +370,45 @@ impl PoolProbe {
             })?,
         };
         let key = "kind.melt_pool";
-        let axes = PoolAxes {
-            along: section.along,
-            down: section.down,
-        };
-        if axes.along == axes.down {
+        let along = section.along.unwrap_or(Axis::X);
+        let down = section.down.unwrap_or(Axis::Z);
+        if along == down {
             let message = "length and depth lie along the same axis";
             let expected = "two different axes as `along` and `down`";
             return Err(SetupError::value(key, message, expected));
         }
-        if axes.along.index() >= body.dimension {
+        if along.index() >= body.dimension {
             let message = format!("the body has {} dimensions only", body.dimension);
             return Err(SetupError::value(key, message, "another axis as `along`"));
         }
-        let gauge = MeltPoolGauge::of_body(world, index, axes, isotherm)
+        let gauge = MeltPoolGauge::of_body(world, index, isotherm)
             .ok_or_else(|| MeltPoolGauge::scattered(body, key))?;
-        Ok(PoolProbe { isotherm, gauge })
+        Ok(PoolProbe {
+            gauge,
+            otherwise: Directions::along(along, down),
+            is_fixed: section.along.is_some() || section.down.is_some(),
+        })
     }
 
-    /// Length, width and depth (m), and volume (m³) of the points at or above the isotherm: zero
-    /// while there are none, and along axes that the body does not have.
+    /// Length, width and depth (m), and volume (m³) of the region above the isotherm: zero
+    /// while there is none, and along axes that the body does not have.
     /// Points without material do not count.
-    fn measure(
-        &self,
-        volume: &[f64],
-        (temperature, activity): (&[f64], Option<&[f64]>),
-    ) -> Vec<f64> {
-        let Some(pool) = self.gauge.measure_present(temperature, activity) else {
+    fn measure(&self, state: (&[f64], Option<&[f64]>), sources: &[SourceState]) -> Vec<f64> {
+        let aim = Aim {
+            sources: if self.is_fixed { &[] } else { sources },
+            otherwise: self.otherwise,
+        };
+        let Some(pool) = self.gauge.measure_present(state, aim) else {
             return vec![0.0; 4];
         };
-        let is_there = |point: usize| activity.is_none_or(|a| is_active(a[point]));
-        let molten = volume.iter().zip(temperature).enumerate();
-        let molten = molten.filter(|(p, (_, t))| **t >= self.isotherm && is_there(*p));
-        let volume = pool.copies * molten.map(|(_, (v, _))| v).sum::<f64>();
         let (width, depth) = (pool.width.unwrap_or(0.0), pool.depth.unwrap_or(0.0));
-        let is_known = !pool.length().is_nan();
-        vec![
-            pool.length(),
-            width,
-            depth,
-            if is_known { volume } else { f64::NAN },
-        ]
+        vec![pool.length(), width, depth, pool.volume]
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use perimelt_core::Axis;
     use perimelt_core::shape::{BoxShape, Shape};
 
     fn block() -> Body {
@@ -453,8 +450,8 @@ mod tests {
         let world = World::new(vec![body]);
         let section = |along, down| MeltPoolProbe {
             isotherm: Some(1000.0),
-            along,
-            down,
+            along: Some(along),
+            down: Some(down),
         };
         assert!(PoolProbe::new(&section(Axis::Y, Axis::Z), &world, 0).is_ok());
         assert!(PoolProbe::new(&section(Axis::Z, Axis::Y), &world, 0).is_err());
@@ -466,8 +463,8 @@ mod tests {
         let body = block();
         let section = MeltPoolProbe {
             isotherm: Some(1000.0),
-            along: Axis::X,
-            down: Axis::Z,
+            along: None,
+            down: None,
         };
         let pool = PoolProbe::new(&section, &World::new(vec![body.clone()]), 0).expect("a pool");
         // falls by 100 K per metre from x = 2, at any y and z: 1000 K at 2 - 1.3 and 2 + 1.3
@@ -477,13 +474,13 @@ mod tests {
             .iter()
             .map(|p| 1130.0 - 100.0 * (p.x - 2.0).abs())
             .collect();
-        let values = pool.measure(&body.points.volume, (&temperature, None));
+        let values = pool.measure((&temperature, None), &[]);
         for (value, exact) in values.iter().zip([2.6, 3.0, 2.0]) {
             // interpolation is exact away from the kink at x = 2
             assert!((value - exact).abs() < 1e-12, "{value} for {exact}");
         }
         let cold = vec![300.0; temperature.len()];
-        let cold = pool.measure(&body.points.volume, (&cold, None));
+        let cold = pool.measure((&cold, None), &[]);
         assert_eq!(cold, [0.0; 4]);
     }
 }

@@ -5,7 +5,7 @@ use std::io::Write;
 
 use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
 
-use crate::melt_pool::{MeltPool, Travel};
+use crate::melt_pool::{Aim, LoggedSources, MeltPool, SourceState, Travel, steady};
 use crate::plot::isotherm::isotherms;
 use crate::plot::scalar::scalar;
 use crate::plot::survey::{Reference, survey};
@@ -15,7 +15,10 @@ use crate::run::record::{RELATIVE_ERROR, REPORTS};
 /// Parts of the points with the smallest and the largest values that ranges leave out.
 const OUTSIDE: f64 = 0.1;
 
-/// Fewest logged states with a melt pool that have a steady part.
+/// Fewest logged states with a steady melt pool whose median is given.
+const FEWEST_STEADY: usize = 3;
+
+/// Fewest logged states with a melt pool whose middle half is given where there is no steady part.
 const FEWEST: usize = 8;
 
 /// A number read off a log.
@@ -137,27 +140,45 @@ fn temperatures(
     found.push(
         ReadOff::new(&body.name, "highest temperature at the end", at_end.0, "K").at(last.time),
     );
+    let sources = LoggedSources::of_log(log);
+    let states: Vec<_> = survey
+        .pools
+        .iter()
+        .map(|(time, pool, hottest)| {
+            let source = SourceState::nearest(sources.at(*time), *hottest)?;
+            Some((pool.as_ref()?, source))
+        })
+        .collect();
+    let is_steady = steady(&states);
     for (name, size) in SIZES {
-        let sizes = survey.pools.iter();
-        let sizes: Vec<(f64, f64)> = sizes
-            .filter_map(|(time, pool)| Some((*time, size(&(*pool)?)?)))
+        let sizes: Vec<(usize, f64, f64)> = (survey.pools.iter().enumerate())
+            .filter_map(|(index, (time, pool, _))| Some((index, *time, size(pool.as_ref()?)?)))
             .collect();
-        if let Some(&(time, value)) = sizes.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
+        if let Some(&(_, time, value)) = sizes.iter().max_by(|a, b| a.2.total_cmp(&b.2)) {
             let quantity = format!("largest {name} of the melt pool");
             found.push(ReadOff::new(&body.name, quantity, value, "m").at(time));
         }
-        if sizes.len() >= FEWEST {
+        let of_steady = sizes.iter().filter(|(index, ..)| is_steady.contains(index));
+        let of_steady: Vec<f64> = of_steady.map(|(.., value)| *value).collect();
+        if of_steady.len() >= FEWEST_STEADY {
+            let quantity = format!("{name} of the melt pool, steady part");
+            found.push(median(&body.name, quantity, of_steady, "m", 0.0));
+        } else if sizes.len() >= FEWEST {
             let middle = sizes.len() / 4..sizes.len() - sizes.len() / 4;
-            let steady: Vec<f64> = sizes[middle].iter().map(|(_, value)| *value).collect();
+            let middle: Vec<f64> = sizes[middle].iter().map(|(.., value)| *value).collect();
             let quantity = format!("{name} of the melt pool, middle half of its time");
-            found.push(median(&body.name, quantity, steady, "m", 0.0));
+            found.push(median(&body.name, quantity, middle, "m", 0.0));
         }
     }
     let (Some(isotherm), Some(peak)) = (isotherm, scalar(last, "peak_temperature")) else {
         return Ok(());
     };
     let reference = Reference::new(log, body)?;
-    let zone = reference.pool((body, last), (isotherm, travel), &peak.values);
+    let aim = Aim {
+        sources: sources.at(last.time),
+        ..Aim::fixed(travel)
+    };
+    let zone = reference.pool((body, last), (isotherm, aim), &peak.values);
     for (name, size) in SIZES {
         if let Some(value) = zone.as_ref().and_then(size) {
             let quantity = format!("{name} of the fusion zone");
@@ -226,14 +247,20 @@ fn sources(log: &Log, found: &mut Vec<ReadOff>) {
         let Some(source) = name.strip_suffix(".energy.asked") else {
             continue;
         };
-        for part in ["asked", "deposited", "lost"] {
-            let energy = column(&format!("{source}.energy.{part}")).and_then(<[f64]>::last);
-            found.extend(energy.map(|e| ReadOff::new(source, format!("energy {part}"), *e, "J")));
-        }
         let last = |what: &str| column(&format!("{source}.{what}"))?.last().copied();
+        let mirrored = last("energy.mirrored").filter(|energy| *energy > 0.0);
+        for (part, energy) in [
+            ("asked", last("energy.asked")),
+            ("deposited", last("energy.deposited")),
+            ("deposited in the mirrored part of the body", mirrored),
+            ("lost", last("energy.lost")),
+        ] {
+            found.extend(energy.map(|e| ReadOff::new(source, format!("energy {part}"), e, "J")));
+        }
         if let (Some(energy), Some(path)) = (last("energy.deposited"), last("path"))
             && path > 0.0
         {
+            let energy = energy + mirrored.unwrap_or(0.0);
             found.push(ReadOff::new(
                 source,
                 "length of the path with power",

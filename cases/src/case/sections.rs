@@ -275,18 +275,12 @@ pub struct MeltPoolProbe {
     /// Isotherm, K; the solidus of the body's material when left out.
     #[serde(default)]
     pub isotherm: Option<f64>,
-    /// Axis of the length.
-    #[serde(default = "axis_x")]
-    pub along: Axis,
-    /// Axis of the depth; the width lies along the third.
-    #[serde(default = "axis_z")]
-    pub down: Axis,
-}
-
-fn axis_x() -> Axis {
-    Axis::X
-}
-
-fn axis_z() -> Axis {
-    Axis::Z
+    /// Axis of the length; the direction of travel of the nearest heat source when `along` and `down` are left out (x
+    /// without a source that moves).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub along: Option<Axis>,
+    /// Axis of the depth; the direction of the beam when `along` and `down` are left out (z without a source that moves). The
+    /// width lies along the direction normal to both.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub down: Option<Axis>,
 }

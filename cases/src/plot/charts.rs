@@ -160,7 +160,7 @@ pub(super) fn melt_pool_chart(
     isotherm: Option<&Isotherm>,
     celsius: bool,
 ) -> Chart {
-    let pools = || survey.pools.iter().filter_map(|(_, pool)| *pool);
+    let pools = || survey.pools.iter().filter_map(|(_, pool, _)| *pool);
     let Some(isotherm) = isotherm.filter(|_| pools().next().is_some()) else {
         return Chart::default();
     };
@@ -170,12 +170,12 @@ pub(super) fn melt_pool_chart(
         survey
             .pools
             .iter()
-            .fold(0.0, |last, (time, _)| time.max(last)),
+            .fold(0.0, |last, (time, ..)| time.max(last)),
     );
     let mut lines = Vec::new();
     let mut add = |name: &str, size: fn(&MeltPool) -> Option<f64>| {
         if pools().any(|pool| size(&pool).is_some()) {
-            let value = |(_, pool): &(f64, Option<MeltPool>)| {
+            let value = |(_, pool, _): &(f64, Option<MeltPool>, [f64; 3])| {
                 pool.as_ref()
                     .and_then(size)
                     .map_or(f64::NAN, |size| size * lengths.factor)
@@ -198,7 +198,7 @@ pub(super) fn melt_pool_chart(
         horizontal: survey
             .pools
             .iter()
-            .map(|(time, _)| time * times.factor)
+            .map(|(time, ..)| time * times.factor)
             .collect(),
         panels: vec![Panel {
             label: unit::label("size", lengths.unit),

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use perimelt_core::log::{BodyInfo, CloudField, Log, LogError, LoggedCloud};
 
 use super::scalar::scalar;
-use crate::melt_pool::{MeltPool, MeltPoolGauge, Travel};
+use crate::melt_pool::{Aim, LoggedSources, MeltPool, MeltPoolGauge, Travel};
 use crate::moment::sound;
 
 /// Result of the pass.
@@ -13,8 +13,8 @@ use crate::moment::sound;
 pub(crate) struct Survey {
     /// number of the cloud in which the field reaches its largest value
     pub peak: BTreeMap<String, usize>,
-    /// times (s) and melt pools, `None` while nothing is molten
-    pub pools: Vec<(f64, Option<MeltPool>)>,
+    /// times (s), melt pools, `None` while nothing is molten, and the hottest places (m)
+    pub pools: Vec<(f64, Option<MeltPool>, [f64; 3])>,
     /// by cloud: the highest temperature (of a body without, the largest value of the first field), and where it is (m)
     hottest: Vec<Hottest>,
 }
@@ -56,6 +56,7 @@ pub(crate) fn survey(
     let mut survey = Survey::default();
     let mut largest: BTreeMap<&str, f64> = BTreeMap::new();
     let reference = Reference::new(log, body)?;
+    let sources = LoggedSources::of_log(log);
     for index in 0..log.times(&body.name).len() {
         let Some(cloud) = sound(log.cloud(&body.name, index))? else {
             continue;
@@ -86,8 +87,13 @@ pub(crate) fn survey(
             })
         }));
         if let (Some(isotherm), Some(temperature)) = (isotherm, scalar(&cloud, "temperature")) {
-            let pool = reference.pool((body, &cloud), (isotherm, travel), &temperature.values);
-            survey.pools.push((cloud.time, pool));
+            let aim = Aim {
+                sources: sources.at(cloud.time),
+                ..Aim::fixed(travel)
+            };
+            let pool = reference.pool((body, &cloud), (isotherm, aim), &temperature.values);
+            let hottest = survey.hottest.last().map_or([0.0; 3], |h| h.place);
+            survey.pools.push((cloud.time, pool, hottest));
         }
     }
     Ok(survey)
@@ -145,11 +151,12 @@ impl Reference {
     pub(crate) fn pool(
         &self,
         (body, cloud): (&BodyInfo, &LoggedCloud),
-        (isotherm, travel): (f64, Travel),
+        (isotherm, aim): (f64, Aim<'_>),
         temperatures: &[f64],
     ) -> Option<MeltPool> {
         let grid = super::grid_of(body, cloud, self.positions(cloud))?;
-        let gauge = MeltPoolGauge::on(grid, body.dimension, travel.into(), isotherm);
-        gauge.with_symmetry(&body.symmetry).measure(temperatures)
+        let gauge = MeltPoolGauge::on(grid, (body.dimension, body.thickness), isotherm);
+        let gauge = gauge.with_symmetry(&body.symmetry);
+        gauge.measure(temperatures, aim)
     }
 }

@@ -43,8 +43,6 @@ impl Outcome {
     /// Sentences about sources and temperatures, and warnings.
     pub fn sentences(&self, simulation: &Simulation) -> (Vec<String>, Vec<String>) {
         let (mut facts, mut warnings) = (Vec::new(), Vec::new());
-        let world = simulation.world();
-        let is_cut = (0..world.bodies().len()).any(|body| !world.symmetry(body).is_empty());
         for (label, reports) in simulation.reports() {
             let energy = |what: &str| {
                 let name = format!("energy.{what}");
@@ -55,12 +53,16 @@ impl Outcome {
             else {
                 continue;
             };
-            let [a, d, l] = [asked, deposited, lost].map(|e| unit::number(e, 4));
+            let mirrored = energy("mirrored").unwrap_or(0.0);
+            let [a, d, m, l] = [asked, deposited, mirrored, lost].map(|e| unit::number(e, 4));
+            let mirrored = match mirrored {
+                0.0 => String::new(),
+                _ => format!("{m} J in the mirrored part of the body, "),
+            };
             facts.push(format!(
-                "{label}: {a} J asked for, {d} J deposited, {l} J lost beside the body"
+                "{label}: {a} J asked for, {d} J deposited, {mirrored}{l} J lost beside the body"
             ));
-            // of a beam over a plane of symmetry half heats the other half
-            if !is_cut && lost > LOST * asked {
+            if lost > LOST * asked {
                 let share = unit::number(100.0 * lost / asked, 3);
                 warnings.push(format!("{label}: {share} % of the energy missed the body"));
             }

@@ -15,6 +15,7 @@ use perimelt_core::{Simulation, World};
 
 use super::Failure;
 use crate::case::Case;
+use crate::melt_pool::sources_of;
 use crate::probe::Probe;
 
 /// Name of the time series of the reports of couplers, such as the power of a source.
@@ -77,8 +78,9 @@ impl Recorder {
         for body in 0..self.fields.len() {
             self.record_points(simulation, body)?;
         }
+        let sources = sources_of(simulation);
         for probe in &self.probes {
-            let values = probe.measure(simulation.world());
+            let values = probe.measure(simulation.world(), &sources);
             let columns = probe.columns.iter().zip(values);
             let row: Vec<_> = columns
                 .map(|((name, unit), v)| (name.as_str(), unit.as_str(), v))

@@ -430,7 +430,7 @@ pub struct MeltPoolMeasure {
     pub body: Option<String>,
     /// Isotherm, K.
     pub isotherm: f64,
-    /// Which of its extents, for a source that travels along x.
+    /// Which of its extents, with the directions of the nearest heat source; without one it travels along x.
     pub extent: Extent,
     /// Which of the values of all logged states from `since` to `time`; "mean" with `since`, "last" without.
     #[serde(default)]
@@ -447,16 +447,16 @@ pub struct MeltPoolMeasure {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Extent {
-    /// Smallest x.
+    /// Smallest coordinate along the direction of travel.
     Rear,
-    /// Largest x.
+    /// Largest coordinate along the direction of travel.
     Front,
-    /// Largest less smallest x.
+    /// Front less rear.
     Length,
-    /// Along y; of both halves where the pool reaches a plane of symmetry (coupler `symmetry`), half of it where half of a
-    /// body is simulated without that coupler.
+    /// Across travel and beam; of both halves where the pool reaches a plane of symmetry (coupler `symmetry`), half of it where
+    /// half of a body is simulated without that coupler.
     Width,
-    /// Down from the topmost surface.
+    /// Along the beam from the surface before the hottest point.
     Depth,
 }
 

@@ -10,7 +10,7 @@ use std::time::Duration;
 use perimelt_core::log::{BodyInfo, CloudField, Log, LogError, LoggedCloud};
 
 use crate::growing_log::{GrowingLog, Growth};
-use crate::melt_pool::{MeltPool, Travel};
+use crate::melt_pool::{Aim, LoggedSources, MeltPool, Travel};
 use crate::plot::isotherm::{Isotherm, isotherms};
 use crate::plot::scalar::scalar;
 use crate::plot::survey::Reference;
@@ -232,13 +232,18 @@ impl Store {
             return Ok(pools);
         }
         let mut pools = Vec::clone(&pools);
+        let sources = LoggedSources::of_log(&log);
         for index in done..states {
             let cloud = match log.cloud(&body.name, index) {
                 Err(LogError::Damaged { .. }) => continue,
                 cloud => cloud?,
             };
             if let Some(temperature) = scalar(&cloud, "temperature") {
-                let pool = reference.pool((body, &cloud), (isotherm, travel), &temperature.values);
+                let aim = Aim {
+                    sources: sources.at(cloud.time),
+                    ..Aim::fixed(travel)
+                };
+                let pool = reference.pool((body, &cloud), (isotherm, aim), &temperature.values);
                 pools.push((cloud.time, pool));
             }
         }

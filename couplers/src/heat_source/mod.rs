@@ -33,6 +33,7 @@
 mod account;
 #[cfg(test)]
 mod cloud_tests;
+mod heading;
 mod keys;
 mod lattice;
 mod moving;

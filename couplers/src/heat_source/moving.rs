@@ -10,7 +10,8 @@ use perimelt_core::{Body, Coupler, Report, RunError, Setup, SetupError, Step, Wo
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::account::Account;
+use super::account::{Account, mirror_copies};
+use super::heading::Heading;
 use super::keys::{Keys, read, schema};
 use super::lattice::{LatticeBody, grid};
 use crate::source::{self, CellGrid, Cells, Depositor, HeatedSurface, Source};
@@ -136,6 +137,8 @@ struct MovingSourceState {
     step_limit: Option<f64>,
     /// At the end of the last step, m.
     position: Vector3<f64>,
+    /// In the middle of the last step.
+    heading: Heading,
 }
 
 impl<S: SourceShape> MovingSource<S> {
@@ -186,6 +189,8 @@ impl<S: SourceShape> MovingSource<S> {
         setup.follow_activity(index);
         setup.follow_window(index);
         path.prepare(setup, index)?;
+        let first = path.track().pose(path.track().start());
+        let heading = Heading::new(&depositor, self.shape.surface(), &first, speed > 0.0);
         self.prepared = Some(MovingSourceState {
             body: index,
             grid,
@@ -193,6 +198,7 @@ impl<S: SourceShape> MovingSource<S> {
             heat_source: setup.add(index, &keys::HEAT_SOURCE)?,
             step_limit: (speed > 0.0).then(|| STEP_FRACTION * length / speed),
             position: path.first_position(),
+            heading,
             path,
         });
         Ok(())
@@ -285,10 +291,13 @@ impl<S: SourceShape> MovingSource<S> {
                 p.depositor.add(&body, &pose, &mut heat_source)
             }
         };
-        self.account.book(&deposit, step.size, pose.speed);
+        let copies = mirror_copies(&p.grid, world.symmetry(p.body), &pose);
+        self.account.book(&deposit, copies, step.size, pose.speed);
         // the next step is limited if the next move has power
         self.account.is_on = p.path.is_on_after(step.end());
         p.position = p.path.pose(step.end()).position;
+        let moves = p.step_limit.is_some();
+        p.heading = Heading::new(&p.depositor, self.shape.surface(), &pose, moves);
     }
 
     /// Begins the passes that need no longer wait.
@@ -310,6 +319,7 @@ impl<S: SourceShape> MovingSource<S> {
         };
         let mut reports = self.account.report();
         reports.extend(["x", "y", "z"].into_iter().enumerate().map(component));
+        reports.extend(self.prepared.iter().flat_map(|p| p.heading.report()));
         reports.extend(self.path.iter().flat_map(|path| path.report()));
         reports
     }

@@ -71,6 +71,11 @@ impl Depositor {
         })
     }
 
+    /// Axis of the torch (unit vector, into the material) where it is not that of the heated face.
+    pub fn axis(&self) -> Option<Vector3<f64>> {
+        self.axis
+    }
+
     /// Refuses what needs a lattice.
     ///
     /// # Errors

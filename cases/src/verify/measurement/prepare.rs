@@ -6,7 +6,7 @@ use perimelt_core::{Body, Problem, SetupError, Simulation};
 use super::sample::Sampler;
 use crate::case::sections::{ProbeKind, ProbeSection, RegionProbe, Statistic};
 use crate::interpolation::{Interpolation, Weights};
-use crate::melt_pool::{MeltPoolGauge, Travel};
+use crate::melt_pool::MeltPoolGauge;
 use crate::probe::{Component, Probe, find_body, find_field, points_of};
 use crate::verify::check::{
     BalanceMeasure, CrossingMeasure, DeviationMeasure, FieldMeasure, HistoryMeasure, Measure,
@@ -251,7 +251,7 @@ fn melt_pool(m: &MeltPoolMeasure, simulation: &Simulation) -> Result<Sampler, Se
     let body = find_body(simulation.world(), m.body.as_deref())?;
     let world = simulation.world();
     let points = world.body(body);
-    let gauge = MeltPoolGauge::of_body(world, body, Travel::X.into(), m.isotherm);
+    let gauge = MeltPoolGauge::of_body(world, body, m.isotherm);
     Ok(Sampler::MeltPool {
         temperature: find_field(simulation, body, "temperature", key)?,
         gauge: gauge.ok_or_else(|| MeltPoolGauge::scattered(points, key))?,

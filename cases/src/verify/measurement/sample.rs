@@ -8,7 +8,7 @@ use perimelt_core::field::FieldIndex;
 use perimelt_core::{Body, Simulation, World};
 
 use crate::interpolation::Weights;
-use crate::melt_pool::MeltPoolGauge;
+use crate::melt_pool::{Aim, MeltPool, MeltPoolGauge, Travel, sources_of};
 use crate::probe::{Component, Probe, largest};
 use crate::verify::check::{DeviationMeasure, Extent, Extreme, Norm, PassingMeasure};
 
@@ -122,7 +122,7 @@ impl Sampler {
                 }
             }
             Sampler::Onset { largest, above }
-                if values.is_none() && largest.measure(world)[0] > *above =>
+                if values.is_none() && largest.measure(world, &[])[0] > *above =>
             {
                 *values = Some(vec![now]);
             }
@@ -169,9 +169,11 @@ impl Sampler {
                 )]
             }
             Sampler::Nearest { body } => vec![nearest(world, *body)],
-            Sampler::Statistic { probe, offset } => {
-                probe.measure(world).iter().map(|v| v + offset).collect()
-            }
+            Sampler::Statistic { probe, offset } => probe
+                .measure(world, &[])
+                .iter()
+                .map(|v| v + offset)
+                .collect(),
             Sampler::Place {
                 body,
                 component,
@@ -209,10 +211,17 @@ impl Sampler {
             } => {
                 let field = world.fields().field(*temperature);
                 let (temperature, activity) = (field.data(), world.activity(field.body));
-                let pool = gauge.measure_present(temperature.flat(), activity.as_deref());
                 // the gauge counts from where the case places the body
-                let along = world.window_shift(field.body).x;
-                let pool = pool?;
+                let shift = world.window_shift(field.body);
+                let sources = sources_of(simulation);
+                let sources: Vec<_> = sources.iter().map(|s| s.seen_from(shift.into())).collect();
+                let aim = Aim {
+                    sources: &sources,
+                    ..Aim::fixed(Travel::X)
+                };
+                let state = (temperature.flat(), activity.as_deref());
+                let pool = gauge.measure_present(state, aim)?;
+                let along = shift.dot(&Vector3::from(pool.travel));
                 vec![match extent {
                     Extent::Rear => pool.rear + along,
                     Extent::Front => pool.front + along,

@@ -1,6 +1,7 @@
 use super::*;
 use crate::heat_source::{EllipsoidSource, PointSource};
 use crate::testing::{STEEL, apply, block, prepare, refusal, total};
+use perimelt_core::Face;
 
 const SHAPE: &str = "power = 100\nhalf_length = 0.5\nhalf_width = 2\ndepth = 1";
 
@@ -54,6 +55,90 @@ fn power_beside_the_body_is_lost() {
     assert!(
         (value(&source, "energy.lost") + total(&world, &keys::HEAT_SOURCE) - 100.0).abs() < 1e-9
     );
+}
+
+/// A source on planes of symmetry heats the mirror images as well; what is lost is what misses the whole of them.
+#[test]
+fn the_part_beyond_a_plane_of_symmetry_heats_the_mirror_image() {
+    let booked = |path: &str, planes: &[Face]| {
+        let mut source = ellipsoid(path);
+        let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
+        prepare(&mut world, &mut source, |setup| {
+            for &plane in planes {
+                setup.set_symmetry(0, plane);
+            }
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        })
+        .expect("valid");
+        apply(&world, &mut source, 0.0);
+        ["asked", "deposited", "mirrored", "lost"]
+            .map(|what| value(&source, &format!("energy.{what}")))
+    };
+    let cases: [(&str, &[Face], [f64; 4]); 5] = [
+        // in the middle of the step at x = 10
+        (
+            "{ start = [9, 0, 8], direction = [1, 0, 0], speed = 2 }",
+            &[Face::YMin],
+            [100.0, 50.0, 50.0, 0.0],
+        ),
+        (
+            "{ start = [9, 20, 8], direction = [1, 0, 0], speed = 2 }",
+            &[Face::YMax],
+            [100.0, 50.0, 50.0, 0.0],
+        ),
+        // over the edge x = 0, which is no plane of symmetry
+        (
+            "{ start = [-1, 0, 8], direction = [1, 0, 0], speed = 2 }",
+            &[Face::YMin],
+            [100.0, 25.0, 25.0, 50.0],
+        ),
+        // a quarter
+        (
+            "{ start = [-1, 0, 8], direction = [1, 0, 0], speed = 2 }",
+            &[Face::YMin, Face::XMin],
+            [100.0, 25.0, 75.0, 0.0],
+        ),
+        // away from the plane
+        (
+            "{ start = [9, 10, 8], direction = [1, 0, 0], speed = 2 }",
+            &[Face::YMin],
+            [100.0, 100.0, 0.0, 0.0],
+        ),
+    ];
+    for (path, planes, expected) in cases {
+        let booked = booked(path, planes);
+        for (part, expected) in booked.into_iter().zip(expected) {
+            // sums over 1e3 cells
+            assert!((part - expected).abs() < 1e-9, "{path}: {booked:?}");
+        }
+    }
+}
+
+#[test]
+fn the_directions_of_travel_and_beam_are_reported() {
+    let directions = |source: &EllipsoidSource| {
+        ["travel", "beam"]
+            .map(|what| ["x", "y", "z"].map(|axis| value(source, &format!("{what}.{axis}"))))
+    };
+    let tilt = "heated_surface.direction = [0, 3, -4]";
+    let corner =
+        "start = [5, 10, 8], segments = [{ to = [7, 10, 8] }, { to = [7, 14, 8] }], speed = 2";
+    let mut source: EllipsoidSource = toml::from_str(&format!(
+        "{SHAPE}\n{tilt}\ntoolpath.polyline = {{ {corner} }}"
+    ))
+    .expect("valid");
+    let world = ready(&mut source);
+    let beam = [0.0, 0.6, -0.8];
+    for (start, travel) in [(0.0, [1.0, 0.0, 0.0]), (1.0, [0.0, 1.0, 0.0])] {
+        apply(&world, &mut source, start);
+        assert_eq!(directions(&source), [travel, beam], "at {start} s");
+    }
+    // the end of the path: that of the last move
+    apply(&world, &mut source, 9.0);
+    assert_eq!(directions(&source)[0], [0.0, 1.0, 0.0]);
+    let mut upright = ellipsoid("{ start = [5, 10, 8], direction = [0, -1, 0], speed = 2 }");
+    ready(&mut upright);
+    assert_eq!(directions(&upright), [[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]);
 }
 
 #[test]

@@ -1,4 +1,7 @@
-//! Size of the melt pool: extents of the region above an isotherm along each axis.
+//! Size of the melt pool: extents of the region above an isotherm, and its volume.
+//!
+//! The length lies along the direction of travel of the heat source that made the pool, the depth along its beam, counted from
+//! the surface of the material before the hottest point, and the width along the direction normal to both ([`Directions`]).
 //!
 //! The extent of the region `T >= isotherm` along an axis is that of the profile
 //! `P(s) = max over the other axes of T`, which needs no contour. The maximum between lattice
@@ -8,6 +11,10 @@
 //! `(9 T1 - T2) / 8` from the two outermost points (spec 02, `ref/goldak_pd.py`). The profile
 //! crosses the isotherm by linear interpolation, with an error of `dx^2 T'' / (8 T')`.
 //!
+//! Along a direction that is not that of an axis, the extent is that of the points where the region around the hottest point
+//! ends on the lines between the centres of cells, by linear interpolation ([`cells`]). Between these lines it may reach
+//! `dx^2 / (8 R)` farther, R its radius of curvature.
+//!
 //! A pool that reaches a plane of symmetry of the body (coupler `symmetry`) goes on behind it: its width is that of both
 //! halves, and its volume counts the mirror images. Where half of a body is simulated without that coupler, whose face is
 //! insulated, nothing says so and half of the width is measured.
@@ -16,11 +23,22 @@
 //! is included where the two overlap in a profile.
 
 use perimelt_core::activity::is_active;
-use perimelt_core::{Axis, Body, Face, SetupError, World};
+use perimelt_core::{Body, Face, SetupError, World};
 
 use crate::cell_grid::CellGrid;
+use cells::CellValues;
+pub(crate) use directions::LoggedSources;
+pub use directions::{Aim, Directions, SourceState, sources_of};
+pub(crate) use steady::steady;
 
-/// Direction in which the heat source travels.
+mod cells;
+mod directions;
+mod steady;
+
+/// Cosine of the angle between a direction and the axis along which it counts.
+const ALONG_AXIS: f64 = 1.0 - 1e-9;
+
+/// Direction in which the heat source travels, where there is no source that moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Travel {
     /// along x
@@ -30,45 +48,23 @@ pub enum Travel {
     Y,
 }
 
-/// Axes of the extents of a melt pool; the width lies along the third axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PoolAxes {
-    /// axis of the length
-    pub along: Axis,
-    /// axis of the depth, which counts from the surface of the material above the hottest point; not `along`
-    pub down: Axis,
-}
-
-impl PoolAxes {
-    /// Axis of the width, counted from 0.
-    fn across(self) -> usize {
-        3 - self.along.index() - self.down.index()
-    }
-}
-
-impl From<Travel> for PoolAxes {
-    fn from(travel: Travel) -> Self {
-        let along = match travel {
-            Travel::X => Axis::X,
-            Travel::Y => Axis::Y,
-        };
-        let down = Axis::Z;
-        Self { along, down }
-    }
-}
-
 /// The region above an isotherm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeltPool {
-    /// smallest coordinate along the axis of the length, m
+    /// direction of travel, a unit vector
+    pub travel: [f64; 3],
+    /// smallest coordinate along the direction of travel, m
     pub rear: f64,
-    /// largest coordinate along the axis of the length, m
+    /// largest coordinate along the direction of travel, m
     pub front: f64,
-    /// extent along the axis of the width, m, with its mirror image behind a plane of symmetry; `None` if the body does
-    /// not have that axis
+    /// extent across travel and beam, m, with its mirror image behind a plane of symmetry; `None` if the body does
+    /// not have that direction
     pub width: Option<f64>,
-    /// extent below the surface of the material above the hottest point, m; `None` if the body does not have that axis
+    /// extent along the beam from the surface of the material before the hottest point, m; `None` if the body does not have
+    /// that direction
     pub depth: Option<f64>,
+    /// volume, m³, with its mirror images: fractions of the cells above the isotherm, of all pools of the body
+    pub volume: f64,
     /// highest temperature, K
     pub peak: f64,
     /// number of equal parts of the pool, which planes of symmetry cut: 1 without
@@ -89,8 +85,9 @@ impl MeltPool {
 pub struct MeltPoolGauge {
     grid: CellGrid,
     dimension: usize,
-    axes: PoolAxes,
     isotherm: f64,
+    /// extent along the axes that the body does not have, m, or m² for two
+    thickness: f64,
     symmetry: Vec<Face>,
 }
 
@@ -98,7 +95,7 @@ impl MeltPoolGauge {
     /// A gauge for a body in its reference configuration and an isotherm (K); `None` if the points
     /// are scattered too widely for a grid.
     #[must_use]
-    pub fn of_body(world: &World, body: usize, axes: PoolAxes, isotherm: f64) -> Option<Self> {
+    pub fn of_body(world: &World, body: usize, isotherm: f64) -> Option<Self> {
         let symmetry = world.symmetry(body);
         let body = world.body(body);
         let positions: Vec<[f64; 3]> = body.points.position.iter().map(|&p| p.into()).collect();
@@ -106,7 +103,8 @@ impl MeltPoolGauge {
             Some(lattice) => CellGrid::new(&positions, lattice.spacing),
             None => CellGrid::of_spacings(&positions, &body.points.spacing),
         };
-        Some(Self::on(grid?, body.dimension, axes, isotherm).with_symmetry(symmetry))
+        let gauge = Self::on(grid?, (body.dimension, body.thickness), isotherm);
+        Some(gauge.with_symmetry(symmetry))
     }
 
     /// The mistake of a body that [`of_body`](Self::of_body) refuses, at `key`.
@@ -119,13 +117,13 @@ impl MeltPoolGauge {
         SetupError::value(key, message, expected)
     }
 
-    /// A gauge for points on a grid, of a body of this dimension.
-    pub(crate) fn on(grid: CellGrid, dimension: usize, axes: PoolAxes, isotherm: f64) -> Self {
+    /// A gauge for points on a grid, of a body of this dimension and thickness (m; m² in 1D).
+    pub(crate) fn on(grid: CellGrid, (dimension, thickness): (usize, f64), isotherm: f64) -> Self {
         Self {
             grid,
             dimension,
-            axes,
             isotherm,
+            thickness,
             symmetry: Vec::new(),
         }
     }
@@ -140,30 +138,33 @@ impl MeltPoolGauge {
     /// body ends there. `None` if no point reaches the isotherm; all extents are NaN if a temperature
     /// is NaN.
     #[must_use]
-    pub fn measure(&self, temperature: &[f64]) -> Option<MeltPool> {
-        self.measure_present(temperature, None)
+    pub fn measure(&self, temperature: &[f64], aim: Aim<'_>) -> Option<MeltPool> {
+        self.measure_present((temperature, None), aim)
     }
 
     /// As [`MeltPoolGauge::measure`], of a body whose points have material where `activity` says so.
     #[must_use]
     pub fn measure_present(
         &self,
-        temperature: &[f64],
-        activity: Option<&[f64]>,
+        (temperature, activity): (&[f64], Option<&[f64]>),
+        aim: Aim<'_>,
     ) -> Option<MeltPool> {
         let grid = &self.grid;
-        let has_axis = |axis: usize| axis < self.dimension;
         let is_there = |point: usize| activity.is_none_or(|a| is_active(a[point]));
         let there = || {
             let points = temperature.iter().enumerate();
             points.filter(|(p, _)| is_there(*p)).map(|(_, t)| *t)
         };
         if there().any(f64::is_nan) {
+            let Directions { beam, .. } = aim.otherwise;
+            let unknown = |direction| self.has(direction).then_some(f64::NAN);
             return Some(MeltPool {
+                travel: aim.otherwise.travel,
                 rear: f64::NAN,
                 front: f64::NAN,
-                width: has_axis(self.axes.across()).then_some(f64::NAN),
-                depth: has_axis(self.axes.down.index()).then_some(f64::NAN),
+                width: unknown(aim.otherwise.across()),
+                depth: unknown(beam),
+                volume: f64::NAN,
                 peak: f64::NAN,
                 copies: 1.0,
             });
@@ -176,18 +177,31 @@ impl MeltPoolGauge {
                 grid.by_cell(&points.map(absent).collect::<Vec<_>>())
             }
         };
+        let cells = CellValues {
+            grid,
+            values: &values,
+        };
+        let present = (0..values.len()).filter(|&cell| !values[cell].is_nan());
+        let hottest = present.max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
+        let directions = aim.at(cells.centre(cells.cell(hottest)));
         let in_cells = |axis: usize| {
             let profile = profile(&values, grid.cells, axis, self.dimension);
             extent(&profile, self.isotherm)
         };
-        let in_space = |axis: usize| {
+        let along = |direction: [f64; 3]| {
+            let Some(axis) = axis_of(direction) else {
+                return cells.extent(hottest, self.isotherm, direction);
+            };
             let (from, to) = in_cells(axis)?;
             let coordinate = |cells: f64| grid.origin[axis] + cells * grid.spacing;
-            Some((coordinate(from), coordinate(to)))
+            Some(match direction[axis] > 0.0 {
+                true => (coordinate(from), coordinate(to)),
+                false => (-coordinate(to), -coordinate(from)),
+            })
         };
         let is_cut = |face: Face| {
             let axis = face.axis();
-            let ends = has_axis(axis).then(|| in_cells(axis)).flatten();
+            let ends = (axis < self.dimension).then(|| in_cells(axis)).flatten();
             ends.is_some_and(|(from, to)| match face.is_upper() {
                 true => to == grid.cells[axis] as f64 - 0.5,
                 false => from == -0.5,
@@ -197,34 +211,46 @@ impl MeltPoolGauge {
         for &face in self.symmetry.iter().filter(|face| is_cut(**face)) {
             halves[face.axis()] = 2.0;
         }
-
-        let (rear, front) = in_space(self.axes.along.index())?;
-        let across = Some(self.axes.across()).filter(|&axis| has_axis(axis));
-        let width = across.and_then(|axis| {
-            let (from, to) = in_space(axis)?;
-            Some(halves[axis] * (to - from))
+        let (rear, front) = along(directions.travel)?;
+        let across = Some(directions.across()).filter(|d| self.has(*d));
+        let width = across.and_then(|direction| {
+            let (from, to) = along(direction)?;
+            Some(axis_of(direction).map_or(1.0, |axis| halves[axis]) * (to - from))
         });
-        let down = Some(self.axes.down.index()).filter(|&axis| has_axis(axis));
-        let depth = down.and_then(|axis| {
-            // in a fillet, the body goes on above the pool beside it
-            let present = (0..values.len()).filter(|&cell| !values[cell].is_nan());
-            let hottest = present.max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
-            let stride: usize = grid.cells[..axis].iter().product();
-            let from = hottest / stride % grid.cells[axis];
-            let is_material = |up: &usize| !values[hottest + up * stride].is_nan();
-            let above = (1..grid.cells[axis] - from).take_while(is_material);
-            let top = grid.centre(axis, from + above.count()) + 0.5 * grid.spacing;
-            in_space(axis).map(|(bottom, _)| top - bottom)
+        let down = Some(directions.beam).filter(|d| self.has(*d));
+        // in a fillet, the body goes on beside the pool, before it along the beam
+        let depth = down.and_then(|direction| {
+            let (_, deepest) = along(direction)?;
+            Some(deepest - cells.surface(hottest, direction))
         });
+        let cell = match self.dimension {
+            3 => grid.spacing.powi(3),
+            dimension => self.thickness * grid.spacing.powi(dimension as i32),
+        };
+        let copies: f64 = halves.iter().product();
         Some(MeltPool {
+            travel: directions.travel,
             rear,
             front,
             width,
             depth,
+            volume: copies * cell * cells.cells_above(self.isotherm),
             peak: there().fold(f64::NEG_INFINITY, f64::max),
-            copies: halves.iter().product(),
+            copies,
         })
     }
+
+    /// Whether the body has a direction.
+    fn has(&self, direction: [f64; 3]) -> bool {
+        let length = direction.iter().map(|x| x * x).sum::<f64>();
+        let missing = self.dimension.min(3)..3;
+        length > 0.5 && missing.into_iter().all(|axis| direction[axis].abs() < 1e-6)
+    }
+}
+
+/// The axis along which a unit vector lies.
+fn axis_of(direction: [f64; 3]) -> Option<usize> {
+    (0..3).find(|&axis| direction[axis].abs() > ALONG_AXIS)
 }
 
 /// `max over the other axes` of the cells' values at each cell of `axis`.
@@ -313,6 +339,7 @@ fn extent(profile: &[f64], level: f64) -> Option<(f64, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
 
     const SPACING: f64 = 1e-4;
 
@@ -337,9 +364,9 @@ mod tests {
         positions.iter().map(temperature).collect()
     }
 
-    fn gauge(positions: &[[f64; 3]], dimension: usize, travel: Travel) -> MeltPoolGauge {
+    fn gauge(positions: &[[f64; 3]], dimension: usize) -> MeltPoolGauge {
         let grid = CellGrid::new(positions, SPACING).expect("a lattice");
-        MeltPoolGauge::on(grid, dimension, travel.into(), 1500.0)
+        MeltPoolGauge::on(grid, (dimension, 1.0), 1500.0)
     }
 
     fn measured(
@@ -348,7 +375,7 @@ mod tests {
         travel: Travel,
         temperature: &[f64],
     ) -> Option<MeltPool> {
-        gauge(positions, dimension, travel).measure(temperature)
+        gauge(positions, dimension).measure(temperature, Aim::fixed(travel))
     }
 
     fn close(found: f64, expected: f64) {
@@ -376,12 +403,75 @@ mod tests {
         assert_eq!(pool.copies, 1.0);
 
         let symmetry = [Face::YMin, Face::XMin];
-        let gauge = gauge(&positions, 3, Travel::X).with_symmetry(&symmetry);
-        let whole = gauge.measure(&temperature).expect("a pool");
+        let gauge = gauge(&positions, 3).with_symmetry(&symmetry);
+        let whole = gauge
+            .measure(&temperature, Aim::fixed(Travel::X))
+            .expect("a pool");
         close(0.5 * whole.width.expect("3D"), half[1]);
         // the pool does not reach the other plane of symmetry
         assert_eq!(whole.copies, 2.0);
         assert_eq!((whole.rear, whole.depth), (pool.rear, pool.depth));
+        // a quarter of the ellipsoid; cells with linear values, five in the smallest half axis
+        let quarter = PI / 3.0 * half.iter().product::<f64>();
+        assert!(
+            (pool.volume / quarter - 1.0).abs() < 0.01,
+            "{}",
+            pool.volume / quarter
+        );
+        assert_eq!(whole.volume, 2.0 * pool.volume);
+    }
+
+    /// A whole block under a beam of any direction; the pool is turned with the source.
+    #[test]
+    fn extents_lie_along_travel_and_beam_and_not_along_the_axes() {
+        let positions = lattice([-30.0, -30.0, -30.0], [60, 60, 60]);
+        let half = [17.2e-4, 8.1e-4, 11.4e-4];
+        let (cos, sin) = (30_f64.to_radians().cos(), 30_f64.to_radians().sin());
+        for (travel, beam, across) in [
+            ([cos, sin, 0.0], [0.0, 0.0, -1.0], [-sin, cos, 0.0]),
+            ([0.0, 1.0, 0.0], [sin, 0.0, -cos], [cos, 0.0, sin]),
+            ([-1.0, 0.0, 0.0], [0.0, -sin, -cos], [0.0, cos, -sin]),
+        ] {
+            let temperature = |p: &[f64; 3]| {
+                let along = |d: [f64; 3]| (0..3).map(|a| p[a] * d[a]).sum::<f64>();
+                let parts = [
+                    along(travel) / half[0],
+                    along(across) / half[1],
+                    along(beam) / half[2],
+                ];
+                2000.0 - 500.0 * parts.iter().map(|x| x * x).sum::<f64>()
+            };
+            let temperature: Vec<f64> = positions.iter().map(temperature).collect();
+            let source = SourceState {
+                position: [0.0; 3],
+                travel: Some(travel),
+                beam,
+                power: 1.0,
+                path: 0.0,
+            };
+            let aim = Aim {
+                sources: &[source],
+                ..Aim::fixed(Travel::X)
+            };
+            let pool = gauge(&positions, 3)
+                .measure(&temperature, aim)
+                .expect("a pool");
+            // dx^2 / (8 R) on either side, R >= b^2 / a
+            let tolerance =
+                2.0 * SPACING.powi(2) * half[0] / (8.0 * half[1].powi(2)) + SPACING / 20.0;
+            assert!(
+                (pool.length() - 2.0 * half[0]).abs() < tolerance,
+                "{pool:?}"
+            );
+            assert!(
+                (pool.width.expect("3D") - 2.0 * half[1]).abs() < tolerance,
+                "{pool:?}"
+            );
+            // from the face z = 30 above the hottest point, along the beam
+            let surface = 30.0 * SPACING / -beam[2];
+            let depth = pool.depth.expect("3D") - surface;
+            assert!((depth - half[2]).abs() < tolerance + SPACING, "{pool:?}");
+        }
     }
 
     /// The centre line lies between the points, as it does in every block of even width.
