@@ -208,13 +208,13 @@ impl<'a> Misspelt<'a> {
     }
 
     fn walk(&mut self, node: &'a serde_json::Value) {
-        if let Some(reference) = node["$ref"].as_str() {
-            if !self.within.contains(&reference) {
-                self.within.push(reference);
-                let definition = self.schema.pointer(&reference[1..]);
-                self.walk(definition.expect("a definition"));
-                self.within.pop();
-            }
+        if let Some(reference) = node["$ref"].as_str()
+            && !self.within.contains(&reference)
+        {
+            self.within.push(reference);
+            let definition = self.schema.pointer(&reference[1..]);
+            self.walk(definition.expect("a definition"));
+            self.within.pop();
         }
         for alternatives in ["allOf", "anyOf", "oneOf"] {
             let nodes = node[alternatives].as_array().into_iter().flatten();

@@ -8,7 +8,7 @@ use perimelt_core::field::FieldIndex;
 use perimelt_core::{Body, Simulation, World};
 
 use crate::interpolation::Weights;
-use crate::melt_pool::{Aim, MeltPool, MeltPoolGauge, Travel, sources_of};
+use crate::melt_pool::{Aim, MeltPoolGauge, Travel, sources_of};
 use crate::probe::{Component, Probe, largest};
 use crate::verify::check::{DeviationMeasure, Extent, Extreme, Norm, PassingMeasure};
 
