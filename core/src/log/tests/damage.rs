@@ -123,9 +123,21 @@ fn a_record_of_impossible_length_ends_the_log() {
         damaged[last.start - 8..last.start].copy_from_slice(&wrong.to_le_bytes());
         std::fs::write(&path, &damaged).unwrap();
         let log = Log::open(&path).unwrap();
-        let at = last.start as u64 - 9;
-        assert_eq!(*log.ending(), Ending::Unfinished { at }, "{wrong}");
+        let expected = last.start as u64 - 9;
+        assert!(
+            matches!(log.ending(), Ending::Damaged { at, .. } if *at == expected),
+            "{wrong}: {:?}",
+            log.ending()
+        );
         assert!(!log.times(BODY).is_empty());
+        // in a file that was not closed it may be a record that was being written
+        std::fs::write(&path, &damaged[..damaged.len() - 8]).unwrap();
+        let log = Log::open(&path).unwrap();
+        assert_eq!(
+            *log.ending(),
+            Ending::Unfinished { at: expected },
+            "{wrong}"
+        );
     }
 }
 
