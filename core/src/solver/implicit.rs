@@ -88,17 +88,12 @@ impl Implicit {
         update(history, [state, old_rate], |_, [y, f]| y + old * f);
         candidate.copy_from_slice(state);
 
-        let asked = newton.options.absolute_tolerance;
-        // near a steady state the increment vanishes, and no residual gets below rounding
-        newton.options.absolute_tolerance = asked + 4.0 * f64::EPSILON * norm(state);
         let mut equation = StepEquation {
             rhs,
             history,
             weight: new,
         };
-        let report = newton.solve(&mut equation, time + dt, candidate, Hints::default());
-        newton.options.absolute_tolerance = asked;
-        let mut report = report?;
+        let mut report = newton.solve(&mut equation, time + dt, candidate, Hints::default())?;
 
         // history is no longer needed: its memory holds the new rate from here on
         rhs.rate(time + dt, candidate, history)?;
@@ -129,6 +124,11 @@ impl Rhs for StepEquation<'_> {
 
     fn scale(&self) -> f64 {
         self.rhs.scale()
+    }
+
+    /// That of the state, and that of the rate over the step: with steps far above the explicit limit the latter is larger.
+    fn rounding(&self, at: At) -> f64 {
+        4.0 * f64::EPSILON * norm(at.state) + self.weight * self.rhs.rounding(at)
     }
 
     fn tangent(&mut self, at: At, direction: &[f64], out: &mut [f64]) -> Result<bool, SolverError> {
@@ -285,6 +285,60 @@ mod tests {
             .step(&mut insulated_bar(), 0.0, 1e6, &mut y)
             .unwrap();
         assert_eq!((report.iterations, y), (0, vec![1500.0; 100]));
+    }
+
+    /// The insulated bar with a large coefficient, cooled at its first point: nearly one temperature, whose differences are
+    /// few roundings apart.
+    struct StiffBar;
+
+    const STIFFNESS: f64 = 1e6;
+    const COOLING: f64 = 2.0;
+
+    impl Rhs for StiffBar {
+        fn rate(&mut self, time: f64, y: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+            insulated_bar().rate(time, y, rate)?;
+            update(rate, [], |r, []| STIFFNESS * r);
+            rate[0] -= COOLING * (y[0] - 300.0);
+            Ok(())
+        }
+
+        fn tangent(&mut self, at: At, v: &[f64], out: &mut [f64]) -> Result<bool, SolverError> {
+            self.rate(at.time, v, out)?;
+            out[0] -= COOLING * 300.0;
+            Ok(true)
+        }
+
+        fn tangent_diagonal(&mut self, _: At, out: &mut [f64]) -> Result<bool, SolverError> {
+            out.fill(-2.0 * STIFFNESS);
+            Ok(true)
+        }
+
+        fn rounding(&self, at: At) -> f64 {
+            4.0 * f64::EPSILON * 4.0 * STIFFNESS * norm(at.state)
+        }
+    }
+
+    #[test]
+    fn steps_far_above_the_explicit_limit_converge_down_to_the_steady_state() {
+        // dt = 10 is 2e7 times the explicit limit, 1 / (2 STIFFNESS)
+        let (n, dt) = (20, 10.0);
+        for start in [1000.0, 300.0 + 1e-6, 300.0 + 1e-12, 300.0] {
+            let mut y = vec![start; n];
+            let mut lumped = start - 300.0;
+            let mut method = Implicit::euler(NewtonOptions::default());
+            for step in 0..60 {
+                method
+                    .step(&mut StiffBar, step as f64 * dt, dt, &mut y)
+                    .unwrap();
+                lumped /= 1.0 + COOLING * dt / n as f64;
+                // differences within the bar, in each step; rounding of 300 times 2e7
+                let differences = (step + 1) as f64 * n as f64 * COOLING / STIFFNESS;
+                let bound = differences * lumped + 2e7 * 300.0 * f64::EPSILON;
+                for y in &y {
+                    assert!((y - 300.0 - lumped).abs() < bound, "{step}: {y} {lumped}");
+                }
+            }
+        }
     }
 
     /// `y' = -y`, with its tangent.

@@ -16,7 +16,8 @@ use super::vector::update;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How a Newton iteration works, and when it stops: at `|f| <= relative |f at start| + absolute`.
+/// How a Newton iteration works, and when it stops: at `|f| <= relative |f at start| + absolute`, or where `f` is as small
+/// as its rounding ([`Rhs::rounding`]).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct NewtonOptions {
@@ -140,9 +141,10 @@ impl Newton {
             evaluations: 1,
             ..Default::default()
         };
-        let tolerance = options.relative_tolerance * report.residual + options.absolute_tolerance;
+        let asked = options.relative_tolerance * report.residual + options.absolute_tolerance;
         let mut forcing: f64 = 0.1;
         loop {
+            let tolerance = asked + rhs.rounding(At { time, state });
             if !report.residual.is_finite() {
                 let iteration = report.iterations;
                 return Err(SolverError::NotFinite {

@@ -44,6 +44,15 @@ pub trait Rhs {
         1.0
     }
 
+    /// Norm of the rounding error of `f(at)`, in the unit of the rate and with the [`Rhs::weights`]. [`Newton`] accepts a
+    /// residual of this size, since no state has a smaller one: a stiff model amplifies the rounding of its state, by
+    /// up to the sum of the coefficients of a row. Zero by default: then the tolerances of the solver must be above it.
+    ///
+    /// [`Newton`]: super::Newton
+    fn rounding(&self, _at: At) -> f64 {
+        0.0
+    }
+
     /// Positive weights `w` for which `diag(w) df/dy` is symmetric, as the volumes of points of
     /// several sizes are; `None` where `df/dy` is symmetric itself or symmetry is not needed. Norms of
     /// residuals include them.

@@ -9,7 +9,8 @@
 //! `k_ij (T_j - T_i) = Theta(T_j) - Theta(T_i)` with the [`HeatPotential`] Theta: where the conductivity jumps at a
 //! melting front, the front takes its place within the bond. The mean of the ends, `(k_i + k_j) / 2` (Wang (2025), eq.
 //! 6.5), counts the bond that holds the front with the conductivity of the wrong phase, so that fronts lag by half a
-//! spacing. Between materials it is the mean of the ends.
+//! spacing. Between materials the parts of a bond conduct in series ([`interfaces`](super::interfaces)); in the ordinary form
+//! its conductivity is the mean of the ends.
 
 use std::sync::Arc;
 
@@ -19,6 +20,7 @@ use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::{Bond, BondKernel, BrokenBonds, Derivatives, Family, Pddo, SlotField};
 use rayon::prelude::*;
 
+use super::interfaces::{Across, Interfaces, Mixed, Points, RowSumAcross};
 use super::powder::{Powder, Series};
 use super::states::{StateFlow, States};
 
@@ -51,6 +53,8 @@ pub(super) struct Conduction {
     loaded: Loaded,
     /// Where the body has powder.
     powder: Option<Powder>,
+    /// In the form of bonds, where the body has several materials and no powder.
+    interfaces: Option<Interfaces>,
     /// Slots of layer points with temperatures of their own, K.
     layers: Vec<(u32, f64)>,
     /// Bonds that conduct no more.
@@ -72,25 +76,25 @@ struct MirroredFields {
 enum Loaded {
     /// One conductivity.
     Uniform,
-    /// The conductivities of their ends.
+    /// The conductivities of their ends, whose halves conduct in series; second derivatives take their gradient.
     Ends,
-    /// The conductivities of their ends, in series.
-    Series,
+    /// The conductivities of their ends, whose parts on both sides of an interface conduct in series.
+    Across,
     /// The potential of the one material.
     Potential,
-    /// The potential within a material, the conductivities of the ends between materials.
+    /// The potential within a material, as across interfaces between materials.
     Mixed,
     /// The conductivities and gradients of their ends, in the ordinary form.
     States,
 }
 
 /// Fields by slot for the kernel that sums them: temperatures (K) or potentials (W/m); temperatures and conductivities
-/// (W/(m K)); and these with potentials and materials.
+/// (W/(m K)); these with distances from interfaces (m); and these with potentials and materials.
 enum Inputs<'a> {
     One(Uniform, [&'a [f64]; 1]),
-    Ends([&'a [f64]; 2]),
     Series([&'a [f64]; 2]),
-    Mixed([&'a [f64]; 4]),
+    Across([&'a [f64]; 3]),
+    Mixed([&'a [f64]; 5]),
     States(StateFlow, [&'a [f64]; 5]),
 }
 
@@ -134,31 +138,8 @@ pub(super) fn coefficient(bond: &Bond) -> f64 {
     heat
 }
 
-/// Conduction with a conductivity at each point; the bond takes the mean of its ends.
-struct Varying;
-
-impl BondKernel<2, 1> for Varying {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; 2], other: [f64; 2]) -> [f64; 1] {
-        let twice_mean = own[1] + other[1];
-        [twice_mean * bond.mean() * bond.inverse_length * (other[0] - own[0])]
-    }
-}
-
-/// Conduction by temperature, conductivity, potential and material of the ends.
-struct Mixed;
-
-impl BondKernel<4, 1> for Mixed {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; 4], other: [f64; 4]) -> [f64; 1] {
-        let between = (own[1] + other[1]) * (other[0] - own[0]);
-        let within = 2.0 * (other[2] - own[2]);
-        let twice = if own[3] == other[3] { within } else { between };
-        [twice * bond.mean() * bond.inverse_length]
-    }
-}
-
-/// Sum of the coefficients of a point's bonds, W/(m³ K).
+/// Sum of the coefficients of a point's bonds, W/(m³ K), with the mean conductivity of the ends, which is at least that of
+/// halves in series.
 struct RowSum;
 
 impl BondKernel<1, 1> for RowSum {
@@ -180,6 +161,7 @@ impl Conduction {
     ) -> Self {
         let uniform = Property::common(&conductivity);
         let varying = if uniform.is_some() { 0 } else { points };
+        let has_interfaces = uniform.is_none() && conductivity.len() > 1;
         Conduction {
             largest: conductivity.iter().map(|k| max_abs(&k.values())).collect(),
             conductivity,
@@ -196,6 +178,7 @@ impl Conduction {
             mirrored: MirroredFields::default(),
             loaded: Loaded::Uniform,
             powder: None,
+            interfaces: has_interfaces.then(|| Interfaces::new(points)),
             layers: Vec::new(),
             broken: None,
             rate: vec![[0.0]; points],
@@ -209,6 +192,7 @@ impl Conduction {
         points: usize,
     ) -> Self {
         let mut conduction = Conduction::by_bonds(pddo.family(), conductivity, points, 1.0);
+        conduction.interfaces = None;
         conduction.derivatives = Some(SecondDerivatives {
             pddo,
             work: Derivatives::default(),
@@ -220,12 +204,14 @@ impl Conduction {
 
     /// The ordinary form, with this stabilisation.
     pub(super) fn set_states(&mut self, dimension: usize, stabilisation: f64) {
+        self.interfaces = None;
         self.states = Some(States::new(dimension, self.rate.len(), stabilisation));
     }
 
     /// Lets points be powder, which has these conductivities by material.
     pub(super) fn set_powder(&mut self, conductivity: Vec<Property>) {
         self.uniform = None;
+        self.interfaces = None;
         let points = self.rate.len();
         self.conductivity_field = vec![0.0; points];
         for (largest, powder) in self.largest.iter_mut().zip(&conductivity) {
@@ -238,6 +224,21 @@ impl Conduction {
     pub(super) fn consolidate(&mut self, consolidated: &[f64]) {
         if let Some(powder) = &mut self.powder {
             powder.consolidate(consolidated);
+        }
+    }
+
+    /// Finds the distances of points from interfaces, where they matter: of all points, or of those that `changed` in a
+    /// family that grows.
+    pub(super) fn find_interfaces(
+        &mut self,
+        family: &Family,
+        points: Points<'_>,
+        changed: Option<&[u32]>,
+    ) {
+        match (&mut self.interfaces, changed) {
+            (Some(interfaces), Some(changed)) => interfaces.find_some(family, points, changed),
+            (Some(interfaces), None) => interfaces.find(family, points),
+            (None, _) => {}
         }
     }
 
@@ -264,6 +265,9 @@ impl Conduction {
         if [Loaded::Potential, Loaded::Mixed].contains(&self.loaded) {
             self.load_potential(matter, temperature);
         }
+        if let Some(interfaces) = &mut self.interfaces {
+            interfaces.load(matter.family);
+        }
         if let Some(states) = &mut self.states {
             let fields = (&self.temperature_slots[..], &self.conductivity_field[..]);
             states.load(matter, fields, self.broken.as_ref());
@@ -271,14 +275,14 @@ impl Conduction {
     }
 
     fn what_to_load(&self) -> Loaded {
-        let by_derivatives = self.derivatives.is_some();
+        let by_points = self.derivatives.is_some() || self.powder.is_some();
         if self.states.is_some() {
             return Loaded::States;
         }
         match self.uniform {
-            None if self.powder.is_some() => Loaded::Series,
             Some(_) => Loaded::Uniform,
-            None if by_derivatives || self.is_linear() => Loaded::Ends,
+            None if by_points => Loaded::Ends,
+            None if self.is_linear() => Loaded::Across,
             None if self.conductivity.len() == 1 => Loaded::Potential,
             None => Loaded::Mixed,
         }
@@ -384,8 +388,8 @@ impl Conduction {
             Inputs::One(kernel, inputs) => {
                 family.sum_unbroken(&kernel, inputs, broken, &mut rate);
             }
-            Inputs::Ends(inputs) => family.sum_unbroken(&Varying, inputs, broken, &mut rate),
             Inputs::Series(inputs) => family.sum_unbroken(&Series, inputs, broken, &mut rate),
+            Inputs::Across(inputs) => family.sum_unbroken(&Across, inputs, broken, &mut rate),
             Inputs::Mixed(inputs) => family.sum_unbroken(&Mixed, inputs, broken, &mut rate),
             Inputs::States(kernel, inputs) => {
                 family.sum_unbroken(&kernel, inputs, broken, &mut rate);
@@ -398,14 +402,15 @@ impl Conduction {
     fn inputs(&self) -> Inputs<'_> {
         let temperature = &self.temperature_slots[..];
         let (conductivity, potential) = (&self.conductivity_slots[..], &self.potential_slots[..]);
+        let distance = self.interfaces.as_ref().map_or(&[][..], Interfaces::slots);
         match self.loaded {
             Loaded::Uniform => {
                 let conductivity = self.calibration * self.uniform.unwrap_or_default();
                 Inputs::One(Uniform { conductivity }, [temperature])
             }
             Loaded::Potential => Inputs::One(Uniform { conductivity: 1.0 }, [potential]),
-            Loaded::Ends => Inputs::Ends([temperature, conductivity]),
-            Loaded::Series => Inputs::Series([temperature, conductivity]),
+            Loaded::Ends => Inputs::Series([temperature, conductivity]),
+            Loaded::Across => Inputs::Across([temperature, conductivity, distance]),
             Loaded::States => {
                 let states = self.states.as_ref().expect("loaded from them");
                 let (kernel, inputs) = states.flow(temperature, conductivity);
@@ -416,6 +421,7 @@ impl Conduction {
                 conductivity,
                 potential,
                 &self.mirrored.material,
+                distance,
             ]),
         }
     }
@@ -463,8 +469,8 @@ impl Conduction {
         let add = |point: usize, [rate]: [f64; 1]| total += volume[point] * rate;
         match self.inputs() {
             Inputs::One(kernel, inputs) => family.sum_from_layers(&kernel, inputs, add),
-            Inputs::Ends(inputs) => family.sum_from_layers(&Varying, inputs, add),
             Inputs::Series(inputs) => family.sum_from_layers(&Series, inputs, add),
+            Inputs::Across(inputs) => family.sum_from_layers(&Across, inputs, add),
             Inputs::Mixed(inputs) => family.sum_from_layers(&Mixed, inputs, add),
             Inputs::States(kernel, inputs) => family.sum_from_layers(&kernel, inputs, add),
         }
@@ -513,7 +519,13 @@ impl Conduction {
         let mut slots = SlotField::default();
         slots.load(family, conductivity, Mirrored::Scalar);
         let mut sums = vec![[0.0]; material.len()];
-        family.sum(&RowSum, [&slots], &mut sums);
+        match &mut self.interfaces {
+            Some(interfaces) => {
+                interfaces.load(family);
+                family.sum(&RowSumAcross, [&slots, interfaces.slots()], &mut sums);
+            }
+            None => family.sum(&RowSum, [&slots], &mut sums),
+        }
         sums
     }
 }
@@ -522,12 +534,19 @@ impl Conduction {
     /// The sum of the coefficients of one point's bonds, as [`Conduction::largest_row_sums`] in a family that grows,
     /// W/(m³ K).
     pub(super) fn row_sum(&self, family: &Family, material: &[u16], point: usize) -> f64 {
-        let conductivity = |p: usize| self.calibration * self.largest[material[p] as usize];
-        let own = conductivity(point);
+        let ends = |p: usize| {
+            let conductivity = self.calibration * self.largest[material[p] as usize];
+            let interfaces = self.interfaces.as_ref();
+            [conductivity, interfaces.map_or(1.0, |i| i.of(p))]
+        };
+        let own = ends(point);
         let mut sum = 0.0;
         family.for_each_bond(point, |_, bond, slot| {
-            let other = family.mirrored_point(slot).map_or(own, conductivity);
-            let [part] = RowSum.bond(bond, [own], [other]);
+            let other = family.mirrored_point(slot).map_or(own, ends);
+            let [part] = match self.interfaces {
+                Some(_) => RowSumAcross.bond(bond, own, other),
+                None => RowSum.bond(bond, [own[0]], [other[0]]),
+            };
             sum += part;
         });
         sum

@@ -6,7 +6,7 @@
 //! balance holds to rounding.
 
 use perimelt_core::refinement::Level;
-use perimelt_core::solver::reduce::{norm, sum_of};
+use perimelt_core::solver::reduce::{norm, sum_of, sum_points};
 use perimelt_core::solver::{
     At, Implicit, KrylovMethod, Newton, NewtonOptions, Rhs, Rkl2, SolverError, steady_state,
 };
@@ -150,6 +150,24 @@ impl Flow<'_> {
     }
 }
 
+/// Bound of the relative rounding error of a temperature that was computed from an enthalpy, and of what the two ends of a
+/// bond add to it.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// Norm of the rounding errors of rates, from the sums of the coefficients of points (W/(m³ K)) and their temperatures (K): a
+/// rate is a small difference of products of these.
+fn rounding(
+    row_sums: &[[f64; 1]],
+    weights: Option<&[f64]>,
+    temperature: impl Fn(usize) -> f64 + Sync,
+) -> f64 {
+    let [squares] = sum_points(row_sums.len(), |i| {
+        let weight = weights.map_or(1.0, |w| w[i]);
+        [(weight * row_sums[i][0] * temperature(i)).powi(2)]
+    });
+    ROUNDING * squares.sqrt()
+}
+
 /// Enthalpies of all points, then the heat supplied; nonlinear in the enthalpy.
 struct EnthalpyRate<'a>(Flow<'a>);
 
@@ -170,6 +188,14 @@ impl Rhs for EnthalpyRate<'_> {
         *flow.temperature = temperature;
         rate[..points].copy_from_slice(bytemuck::cast_slice(&flow.conduction.rate));
         Ok(())
+    }
+
+    fn rounding(&self, at: At<'_>) -> f64 {
+        let Flow {
+            matter, row_sums, ..
+        } = &self.0;
+        let curve = |i: usize| &matter.curves[matter.material[i] as usize];
+        rounding(row_sums, None, |i| curve(i).temperature(at.state[i]))
     }
 
     fn tangent_diagonal(&mut self, at: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
@@ -199,6 +225,10 @@ impl Rhs for TemperatureRate<'_> {
         self.flow.evaluate(state);
         rate.copy_from_slice(bytemuck::cast_slice(&self.flow.conduction.rate));
         Ok(())
+    }
+
+    fn rounding(&self, at: At<'_>) -> f64 {
+        rounding(self.flow.row_sums, self.weights, |i| at.state[i])
     }
 
     fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
@@ -316,6 +346,7 @@ impl Run {
     fn take_step(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
         self.take_births(world);
         self.hold_temperatures(world);
+        self.follow_interfaces(world);
         if let Some(consolidated) = self.consolidated {
             self.conduction.consolidate(&world.read(consolidated));
         }

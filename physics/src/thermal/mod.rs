@@ -43,8 +43,13 @@ mod flow_tests;
 mod growth;
 #[cfg(test)]
 mod growth_tests;
+#[cfg(test)]
+mod implicit_tests;
 mod integrate;
+mod interfaces;
 mod keys;
+#[cfg(test)]
+mod laminate_tests;
 mod powder;
 mod prepare;
 mod refined;

@@ -3,6 +3,8 @@
 use perimelt_core::material::Property;
 use perimelt_core::{Bond, BondKernel};
 
+use super::interfaces::in_series;
+
 /// Powder between dense metal.
 #[derive(Debug)]
 pub(super) struct Powder {
@@ -19,8 +21,8 @@ pub(super) struct Series;
 impl BondKernel<2, 1> for Series {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; 2], other: [f64; 2]) -> [f64; 1] {
-        let twice_mean = 4.0 * own[1] * other[1] / (own[1] + other[1]);
-        [twice_mean * bond.mean() * bond.inverse_length * (other[0] - own[0])]
+        let twice = 2.0 * in_series([own[1], other[1]], [1.0, 1.0]);
+        [twice * bond.mean() * bond.inverse_length * (other[0] - own[0])]
     }
 }
 

@@ -15,6 +15,7 @@ use super::conduction::{Conduction, Matter};
 use super::faces::HeatedFace;
 use super::growth::{Growth, HeatState};
 use super::integrate::Integrator;
+use super::interfaces::Points;
 use super::refined::Refined;
 
 /// A prepared heat physics.
@@ -181,15 +182,35 @@ impl Run {
         Some(points.map(|(now, reference)| now / reference).collect())
     }
 
+    /// Finds the distances of points from interfaces between materials, where points move.
+    pub(super) fn follow_interfaces(&mut self, world: &World) {
+        if let Neighbours::Moving(family) = self.neighbours {
+            let points = self.points(world);
+            let family = world.moving_family(family);
+            self.conduction.find_interfaces(&family, points, None);
+        }
+    }
+
+    fn points<'a>(&self, world: &'a World) -> Points<'a> {
+        let body = world.body(self.body);
+        Points {
+            material: &body.material_of_point,
+            spacing: &body.points.spacing,
+        }
+    }
+
     /// Finds the sums over the bonds of each point, which change only where points move or become active.
     fn find_row_sums(&mut self, world: &World) {
+        let points = self.points(world);
+        let material = points.material;
         if let Some(growth) = &mut self.growth {
             let family = self.neighbours.now(world);
-            let material = &world.body(self.body).material_of_point;
             let is_next = growth.row_sums_of.map(|v| v + 1) == Some(family.version());
             if growth.row_sums_of == Some(family.version()) {
                 return;
             }
+            let changed = is_next.then(|| family.recalibrated());
+            self.conduction.find_interfaces(&family, points, changed);
             let (conduction, sums) = (&self.conduction, self.integrator.row_sums_mut());
             let find = |&point: &u32| conduction.row_sum(&family, material, point as usize);
             if is_next {
@@ -209,8 +230,8 @@ impl Run {
         if is_at_rest && !self.integrator.row_sums().is_empty() {
             return;
         }
-        let material = &world.body(self.body).material_of_point;
         let family = self.neighbours.now(world);
+        self.conduction.find_interfaces(&family, points, None);
         let mut row_sums = self.conduction.largest_row_sums(&family, material);
         if let Some(ratios) = self.volume_ratios(world) {
             let sums = row_sums.iter_mut().zip(ratios);
