@@ -159,6 +159,14 @@ impl Configurations {
         current.mover.or(current.flow.map(|(plugin, _)| plugin))
     }
 
+    /// Whether a physics moves the points of a body through space, with matter or along walls.
+    pub(crate) fn moves_points(&self, body: BodyIndex) -> bool {
+        let current = &self.bodies[body];
+        let follows_walls =
+            |(_, description)| description == Description::ArbitraryLagrangianEulerian;
+        current.mover.is_some() || current.flow.is_some_and(follows_walls)
+    }
+
     pub(crate) fn set_mover(&mut self, body: BodyIndex, plugin: usize) -> PointMover {
         self.bodies[body].mover = Some(plugin);
         PointMover { body }
@@ -266,6 +274,15 @@ impl World {
         current.shift_seen.set(shift);
         *configuration = Some(now.clone());
         now
+    }
+
+    /// Where the points of a body are now, if a physics moves them: points of an updated Lagrangian fluid, and those that
+    /// follow the walls of one. `None` for points at rest and for solids, whose sources and boundaries act on the
+    /// reference configuration.
+    pub fn moving_points(&self, body: BodyIndex) -> Option<Arc<Configuration>> {
+        self.configurations
+            .moves_points(body)
+            .then(|| self.configuration(body))
     }
 
     /// How often the displacement of a body changed; `None` without displacement, and where a physics sets the

@@ -59,7 +59,7 @@ impl Formula {
             text: text.into(),
             cause: e.msg().into(),
         };
-        let parsed = Expression::parse(text).map_err(syntax)?;
+        let parsed = Expression::parse(&with_usual_signs(text)).map_err(syntax)?;
         let place = |name: &String| {
             let known = VARIABLES.iter().position(|v| v == name);
             known.ok_or_else(|| FormulaError::Variable {
@@ -87,11 +87,35 @@ impl Formula {
     /// The value at a position (m) and time (s).
     pub fn at(&self, [x, y, z]: [f64; 3], time: f64) -> f64 {
         let all = [x, y, z, time];
-        let used: Vec<f64> = self.used.iter().map(|v| all[*v]).collect();
+        let mut values = [0.0; VARIABLES.len()];
+        let used = values.iter_mut().zip(&self.used);
+        used.for_each(|(value, v)| *value = all[*v]);
         self.parsed
-            .eval(&used)
+            .eval(&values[..self.used.len()])
             .expect("there is a value for every variable")
     }
+}
+
+/// The formula for a parser that takes `-x^2` for `(-x)^2`: signs become differences and factors, so that powers bind more
+/// tightly, as is usual. A sign of an exponent stays.
+fn with_usual_signs(text: &str) -> Cow<'_, str> {
+    if !text.contains('^') {
+        return text.into();
+    }
+    let mut rewritten = String::with_capacity(text.len() + 8);
+    let mut before = None;
+    for c in text.chars() {
+        match (c, before) {
+            ('-', None | Some('(' | ',')) => rewritten.push_str("0-"),
+            ('-', Some('+' | '-' | '*')) => rewritten.push_str("(-1)*"),
+            ('-', Some('/')) => rewritten.push_str("(-1)/"),
+            _ => rewritten.push(c),
+        }
+        if !c.is_whitespace() {
+            before = Some(c);
+        }
+    }
+    rewritten.into()
 }
 
 impl PartialEq for Formula {
@@ -160,6 +184,26 @@ mod tests {
         let value = formula.at([0.5, 3.0, 7.0], 2.0);
         assert!((value - 9.0 * (-2.0f64).exp()).abs() < 1e-14);
         assert_eq!(Formula::new("4").expect("valid").at([0.0; 3], 0.0), 4.0);
+    }
+
+    #[test]
+    fn powers_bind_more_tightly_than_signs() {
+        for (text, expected) in [
+            ("-x^2", -9.0),
+            ("(-x)^2", 9.0),
+            ("exp(-(x - 1)^2)", (-4.0f64).exp()),
+            ("1 + -x^2", -8.0),
+            ("1 - -x^2", 10.0),
+            ("2 * -x^2", -18.0),
+            ("18 / -x^2", -2.0),
+            ("x^-2", 1.0 / 9.0),
+            ("-x^2 + x", -6.0),
+            ("1e-2 * x^2", 0.09),
+            ("atan2(0, -x^2)", std::f64::consts::PI),
+        ] {
+            let value = Formula::new(text).expect(text).at([3.0, 0.0, 0.0], 0.0);
+            assert!((value - expected).abs() < 1e-14, "{text}: {value}");
+        }
     }
 
     #[test]

@@ -118,6 +118,8 @@ pub struct Setup<'w> {
     pub(crate) followers: Vec<(usize, BodyIndex)>,
     /// Plugins that know that the points of a body may be a window that moves.
     pub(crate) window_followers: Vec<(usize, BodyIndex)>,
+    /// Plugins that need points which stay, with what to say where a physics moves them.
+    need_points_at_rest: Vec<(usize, BodyIndex, SetupError)>,
     families: Vec<ObtainedFamily>,
     /// Bodies that are walls for others.
     walls: Vec<DeclaredWall>,
@@ -146,6 +148,7 @@ impl<'w> Setup<'w> {
             declarations: Vec::new(),
             followers: Vec::new(),
             window_followers: Vec::new(),
+            need_points_at_rest: Vec::new(),
             families: Vec::new(),
             walls: Vec::new(),
             warnings: Vec::new(),
@@ -622,6 +625,7 @@ impl<'w> Setup<'w> {
     /// # Errors
     /// The first access without its counterpart.
     pub fn finish(mut self) -> Result<Vec<Declaration>, (usize, SetupError)> {
+        self.check_points_at_rest()?;
         self.check_growth()?;
         self.check_refinements()?;
         let fields = self.world.fields.iter().count();

@@ -52,10 +52,19 @@ pub struct BrokenPairs {
     pub pairs: Vec<[u32; 2]>,
     /// How often the list was replaced, because a state was restored: start again with it then.
     pub replaced: usize,
-    has_breaker: bool,
+    breaker: Option<Breaker>,
 }
 
-/// Permission of one physics to break the bonds of a body.
+/// A plugin that breaks bonds of a body.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Breaker {
+    /// Its position in the set-up.
+    pub plugin: usize,
+    /// Whether it only adds to the list, so that others may do so, too.
+    pub is_shared: bool,
+}
+
+/// Permission of a plugin to break the bonds of a body.
 #[derive(Debug)]
 pub struct BondBreaker {
     body: BodyIndex,
@@ -234,11 +243,23 @@ impl World {
         broken.replaced += 1;
     }
 
-    /// Declares that one physics breaks the bonds of a body; `None` if another one does.
-    pub(crate) fn set_breaker(&mut self, body: BodyIndex) -> Option<BondBreaker> {
-        let broken = self.broken[body].get_mut();
-        let is_first = !std::mem::replace(&mut broken.has_breaker, true);
-        is_first.then_some(BondBreaker { body })
+    /// Declares that a plugin breaks the bonds of a body.
+    ///
+    /// # Errors
+    /// The plugin that does already, unless both share the list.
+    pub(crate) fn set_breaker(
+        &mut self,
+        body: BodyIndex,
+        breaker: Breaker,
+    ) -> Result<BondBreaker, usize> {
+        let present = &mut self.broken[body].get_mut().breaker;
+        match present {
+            Some(other) if !(other.is_shared && breaker.is_shared) => Err(other.plugin),
+            _ => {
+                *present = Some(breaker);
+                Ok(BondBreaker { body })
+            }
+        }
     }
 
     /// All components of a field, for the program that owns the world. Plugins write through handles.

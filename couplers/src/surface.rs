@@ -97,6 +97,12 @@ impl SurfaceHeat {
         region: Option<&str>,
     ) -> Result<SurfaceHeat, SetupError> {
         setup.follow_activity(body);
+        let message = format!(
+            "the points of body `{}` move: heat through faces of cells needs points at rest",
+            setup.body(body).name
+        );
+        let expected = "`prescribed_temperature` at a wall, a heat source, or an Eulerian or total Lagrangian body";
+        setup.refuse_moving_points(body, SetupError::value("body", message, expected));
         let cells = select(setup, body, faces, region)?;
         let points = region.map(|name| setup.region(body, "region", name));
         Ok(SurfaceHeat {

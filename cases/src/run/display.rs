@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use perimelt_core::Simulation;
 
+use super::outcome::hottest;
+
 use crate::commands::tell;
 use crate::plot::unit;
 
@@ -57,8 +59,8 @@ impl Display {
         let elapsed = self.started.elapsed().as_secs_f64();
         let left = elapsed * ((self.end - time) / (time - self.start)).max(0.0);
         let step = simulation.progress().last_step;
-        let peak =
-            peak_temperature(simulation).map_or(String::new(), |t| format!("peak {t:.0} K, "));
+        let peak = hottest(simulation).map(|(_, t)| t).reduce(f64::max);
+        let peak = peak.map_or(String::new(), |t| format!("peak {t:.0} K, "));
         let message = format!(
             "t = {} of {}, step {}, {peak}{} left",
             unit::time_text(time),
@@ -81,16 +83,6 @@ impl Display {
             bar.finish_and_clear();
         }
     }
-}
-
-fn peak_temperature(simulation: &Simulation) -> Option<f64> {
-    let fields = simulation
-        .world()
-        .fields()
-        .iter()
-        .filter(|f| f.name == "temperature");
-    let peak = fields.flat_map(|f| f.data().flat().iter().copied().reduce(f64::max));
-    peak.reduce(f64::max)
 }
 
 /// Prints warnings where errors go.

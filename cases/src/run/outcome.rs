@@ -7,6 +7,15 @@ use crate::plot::unit;
 /// Share of the energy that may miss the body without a warning.
 const LOST: f64 = 0.05;
 
+/// Highest temperature (K) of each body whose temperature somebody provides. Elsewhere the field may exist, without values.
+pub(super) fn hottest(simulation: &Simulation) -> impl Iterator<Item = (usize, f64)> {
+    let fields = simulation.lasting().filter(|f| f.name == "temperature");
+    fields.filter_map(|f| {
+        let hottest = f.data().flat().iter().copied().reduce(f64::max)?;
+        Some((f.body, hottest))
+    })
+}
+
 /// Follows a run.
 #[derive(Clone, Debug)]
 pub struct Outcome {
@@ -29,14 +38,9 @@ impl Outcome {
 
     /// Takes note of the present state.
     pub fn observe(&mut self, simulation: &Simulation) {
-        let fields = simulation.world().fields();
-        for (body, peak) in self.peaks.iter_mut().enumerate() {
-            let Some(field) = fields.find(body, "temperature") else {
-                continue;
-            };
-            let data = fields.field(field).data();
-            let hottest = data.flat().iter().copied().reduce(f64::max);
-            *peak = [*peak, hottest].into_iter().flatten().reduce(f64::max);
+        for (body, hottest) in hottest(simulation) {
+            let peak = &mut self.peaks[body];
+            *peak = Some(peak.map_or(hottest, |peak| peak.max(hottest)));
         }
     }
 

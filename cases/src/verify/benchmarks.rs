@@ -375,6 +375,7 @@ benchmarks!(
     "quench-2.3-crack-steady-n10",
     "quench-2.3-crack-steady-n20",
     "quench-2.4-growing-crack",
+    "quench-2.4-centred-crack",
     "quench-2.5-jet",
     "quench-2.5-jet-cracks",
     "quench-2.5-edge",

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::configuration::{Description, MovingFamily, PointMover};
 use crate::error::SetupError;
 use crate::family::{Family, FamilySpec};
-use crate::world::{BodyIndex, BondBreaker, World};
+use crate::world::{BodyIndex, BondBreaker, Breaker, World};
 
 use super::{Access, Declaration, Setup};
 
@@ -66,6 +66,27 @@ impl Setup<'_> {
         Ok(self.world.configurations.set_mover(body, plugin))
     }
 
+    /// Refuses the calling plugin with `error`, should a physics that is prepared later move the points of a body, as an
+    /// updated Lagrangian fluid does.
+    pub fn refuse_moving_points(&mut self, body: BodyIndex, error: SetupError) {
+        let plugin = self.plugins.len() - 1;
+        self.need_points_at_rest.push((plugin, body, error));
+    }
+
+    /// Finds a plugin that needs points at rest on a body whose points move.
+    pub(crate) fn check_points_at_rest(&mut self) -> Result<(), (usize, SetupError)> {
+        let configurations = &self.world.configurations;
+        let moves =
+            |(_, body, _): &(usize, BodyIndex, SetupError)| configurations.moves_points(*body);
+        match self.need_points_at_rest.iter().position(moves) {
+            Some(found) => {
+                let (plugin, _, error) = self.need_points_at_rest.swap_remove(found);
+                Err((plugin, error))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Declares that matter flows through the points of a body, whose `velocity` the calling physics owns, and whether the points
     /// rest.
     ///
@@ -113,15 +134,32 @@ impl Setup<'_> {
     }
 
     /// Declares that the calling plugin breaks bonds of a body; it adds them to the list that others see with the
-    /// handle ([`World::break_pairs`]).
+    /// handle ([`World::break_pairs`]), and replaces the list when a state is restored.
     ///
     /// # Errors
     /// When another plugin breaks them.
     pub fn break_bonds(&mut self, body: BodyIndex) -> Result<BondBreaker, SetupError> {
-        self.world.set_breaker(body).ok_or_else(|| {
-            let name = &self.body(body).name;
-            let message = format!("another plugin already breaks bonds of body `{name}`");
-            SetupError::value("body", message, "one plugin that breaks bonds")
+        self.set_breaker(body, false)
+    }
+
+    /// As [`Setup::break_bonds`], for plugins that only add to the list and keep count of what they added: several of
+    /// them may act on one body.
+    ///
+    /// # Errors
+    /// When a plugin that replaces the list breaks bonds of the body.
+    pub fn break_bonds_with_others(&mut self, body: BodyIndex) -> Result<BondBreaker, SetupError> {
+        self.set_breaker(body, true)
+    }
+
+    fn set_breaker(&mut self, body: BodyIndex, is_shared: bool) -> Result<BondBreaker, SetupError> {
+        let plugin = self.plugins.len() - 1;
+        let breaker = Breaker { plugin, is_shared };
+        self.world.set_breaker(body, breaker).map_err(|other| {
+            let (other, name) = (&self.plugins[other], &self.body(body).name);
+            let message = format!("`{other}` already breaks bonds of body `{name}`");
+            let expected =
+                "cracks at given places (`growing_crack`) or `fracture` of one physics, not both";
+            SetupError::value("body", message, expected)
         })
     }
 

@@ -1,16 +1,24 @@
-//! Convection: `q = h(T) (T_ambient - T)` into the body, T of the surface point itself.
+//! Convection: `q = f(x, y, z, t) h(T) (T_ambient - T)` into the body, T of the surface point itself.
+//!
+//! The factor f lies between 0 and 1, so that h(T) is the largest coefficient at all places and times and limits the
+//! step: zones with and without spray, jets that move, water that is turned on.
 //!
 //! The point lies half a spacing below the surface, and the temperature drop across that half cell is
 //! neglected: accurate while `h dx / (2 k)` is far below 1. A step must resolve the exchange,
 //! `dt <= C dx / (2 h)` for each bare face of a cell with the volumetric capacity C; automatic steps do.
 
+use std::cell::Cell;
+
+use perimelt_core::formula::Formula;
 use perimelt_core::material::Property;
+use perimelt_core::world::BodyIndex;
 use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::smallest_capacity;
 use crate::InTime;
+
 use crate::surface::{SurfaceHeat, all_faces};
 
 /// Heat exchange with a fluid around the body.
@@ -29,6 +37,10 @@ pub struct Convection {
     /// Heat transfer coefficient (W/(m² K)): a number, or `{ temperature = [...], value = [...] }`
     /// with the temperature of the surface in K.
     pub coefficient: Property,
+    /// What the coefficient is multiplied by, from 0 to 1: a formula in the position x, y, z (m) of a surface point and the
+    /// time t (s), such as `"exp(-((x - 0.1 * t) / 0.02)^2)"`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub factor: Option<Formula>,
     /// Temperature of the fluid (K): a number, or `{ time = [...], value = [...] }`, times in s.
     pub ambient: InTime,
     #[serde(skip)]
@@ -36,8 +48,18 @@ pub struct Convection {
     prepared: Option<ConvectionState>,
 }
 
+/// What a factor may be.
+const FACTORS: &str =
+    "a value from 0 to 1 at all places and times; `coefficient` is the largest coefficient";
+
+fn is_fraction(value: f64) -> bool {
+    // rounding of sums and quotients
+    (-1e-12..=1.0 + 1e-12).contains(&value)
+}
+
 #[derive(Debug)]
 struct ConvectionState {
+    body: BodyIndex,
     heat: SurfaceHeat,
     temperature: Read<f64>,
     /// Largest coefficient, W/(m² K).
@@ -59,8 +81,20 @@ impl Coupler for Convection {
             ));
         }
         let heat = SurfaceHeat::prepare(setup, body, &self.faces, self.region.as_deref())?;
+        if let Some(factor) = &self.factor {
+            let positions = &setup.body(body).points.position;
+            for cell in heat.cells() {
+                let at = positions[cell.point as usize].into();
+                let value = factor.at(at, 0.0);
+                if !is_fraction(value) {
+                    let message = format!("`factor` is {value} at {at:?} m at the start");
+                    return Err(SetupError::value("factor", message, FACTORS));
+                }
+            }
+        }
         let largest = coefficients.iter().fold(0.0, |a: f64, h| a.max(*h));
         self.prepared = Some(ConvectionState {
+            body,
             heat,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             largest,
@@ -73,11 +107,33 @@ impl Coupler for Convection {
         let p = self.prepared.as_mut().expect("prepared before the run");
         let temperature = world.read(p.temperature);
         let ambient = self.ambient.at(step.middle());
-        p.heat.add(world, |point| {
+        let exchange = |point: usize| {
             let temperature = temperature[point];
             self.coefficient.at(temperature, 0.0) * (ambient - temperature)
+        };
+        let Some(factor) = &self.factor else {
+            p.heat.add(world, exchange);
+            return Ok(());
+        };
+        let positions = &world.body(p.body).points.position;
+        let shift = world.window_shift(p.body);
+        let wrong = Cell::new(None);
+        p.heat.add(world, |point| {
+            let at = (positions[point] + shift).into();
+            let value = factor.at(at, step.middle());
+            if !is_fraction(value) {
+                wrong.set(Some((value, at)));
+            }
+            value * exchange(point)
         });
-        Ok(())
+        match wrong.get() {
+            None => Ok(()),
+            Some((value, at)) => Err(RunError::Plugin {
+                plugin: "convection".into(),
+                time: step.middle(),
+                cause: format!("`factor` is {value} at {at:?} m; expected {FACTORS}").into(),
+            }),
+        }
     }
 
     fn next_event(&self, after: f64) -> Option<f64> {
@@ -130,6 +186,63 @@ mod tests {
         boundary.stable_step(&world);
         let limit = boundary.step_limit().expect("there is an exchange");
         assert!((limit - 0.5 * 4e6 / 90.0).abs() < 1e-6);
+    }
+
+    /// q = h f(x, y, z, t) (T_ambient - T) at the middle of the step, and the stable step of the largest coefficient.
+    #[test]
+    fn the_coefficient_depends_on_place_and_time() {
+        let mut world = World::new(vec![block([5, 3, 3], 3, STEEL)]);
+        let mut boundary: Convection = read(
+            "faces = ['z+']
+             coefficient = { temperature = [300, 500], value = [10, 30] }
+             factor = 'exp(-((x - 2 * t) / 1.5)^2) * (1 + y) / 4'
+             ambient = 300",
+        );
+        prepare(&mut world, &mut boundary, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        })
+        .expect("valid");
+        set(&mut world, &keys::TEMPERATURE, |_| 400.0);
+        let positions = world.body(0).points.position.clone();
+        for start in [0.0, 1.0, 7.0] {
+            set(&mut world, &keys::HEAT_SOURCE, |_| 0.0);
+            apply(&world, &mut boundary, start);
+            for (x, heat) in positions.iter().zip(values(&world, &keys::HEAT_SOURCE)) {
+                let at_top = if x.z > 2.0 { 1.0 } else { 0.0 };
+                let jet = (-((x.x - 2.0 * (start + 0.5)) / 1.5).powi(2)).exp();
+                let expected = at_top * jet * (1.0 + x.y) / 4.0 * 20.0 * (300.0 - 400.0);
+                assert!(
+                    (heat - expected).abs() < 1e-11,
+                    "{x} at {start} s: {heat} {expected}"
+                );
+            }
+        }
+        // capacity 4e6 over one face of 30 W/(m² K), wherever the jet is
+        boundary.stable_step(&world);
+        let limit = boundary.step_limit().expect("there is an exchange");
+        assert!((limit - 0.5 * 4e6 / 30.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_factor_outside_0_to_1_is_refused() {
+        let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
+        let mut boundary: Convection = read("coefficient = 1\nambient = 300\nfactor = '0.5 * x'");
+        let message = refusal(&mut world, &mut boundary);
+        assert!(
+            message.starts_with("factor: `factor` is 1.25 at"),
+            "{message}"
+        );
+        let mut later: Convection = read("coefficient = 1\nambient = 300\nfactor = '0.5 * t'");
+        let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
+        prepare(&mut world, &mut later, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        })
+        .expect("valid at first");
+        later.apply(&world, Step::new(0.0, 1.0)).expect("0.25");
+        let error = later.apply(&world, Step::new(2.0, 1.0)).expect_err("1.25");
+        assert!(error.to_string().contains("1.25"), "{error}");
     }
 
     #[test]

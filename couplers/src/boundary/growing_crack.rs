@@ -2,10 +2,12 @@
 //!
 //! Bonds that cross it end when its tip has passed them, for the `thermal` of the body (`broken_bonds = "insulate"`). It
 //! carries load: cracks that grow by load are those of `fracture` of a `mechanical`. Points must not lie on its line.
+//!
+//! A body may have several; a crack that grows both ways from a place is two of them.
 
 use nalgebra::Vector3;
 use perimelt_core::cell_list::CellList;
-use perimelt_core::world::{BodyIndex, BondBreaker};
+use perimelt_core::world::BondBreaker;
 use perimelt_core::{Body, Coupler, Horizon, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -42,10 +44,11 @@ fn usual_reach() -> f64 {
 
 #[derive(Debug)]
 struct State {
-    body: BodyIndex,
     breaker: BondBreaker,
     /// Pairs whose bond crosses the line, with the distance from its beginning (m), in the order of growth.
     crossings: Vec<(f64, [u32; 2])>,
+    /// How many of them are broken.
+    broken: usize,
     /// Length now, m.
     length: f64,
 }
@@ -130,9 +133,9 @@ impl Coupler for GrowingCrack {
             ));
         }
         self.prepared = Some(State {
-            body,
-            breaker: setup.break_bonds(body)?,
+            breaker: setup.break_bonds_with_others(body)?,
             crossings,
+            broken: 0,
             length: 0.0,
         });
         Ok(())
@@ -143,10 +146,10 @@ impl Coupler for GrowingCrack {
         p.length = self.speed * (step.end() - self.start_time).max(0.0);
         let crossed = p.crossings.partition_point(|(place, _)| *place <= p.length);
         // also all of them, after a restart
-        let known = world.broken_pairs(p.body).pairs.len();
-        if known < crossed {
-            let new = p.crossings[known..crossed].iter().map(|(_, pair)| *pair);
-            world.break_pairs(&p.breaker, new);
+        if p.broken < crossed {
+            let new = p.crossings[p.broken..crossed].iter();
+            world.break_pairs(&p.breaker, new.map(|(_, pair)| *pair));
+            p.broken = crossed;
         }
         Ok(())
     }
@@ -185,6 +188,40 @@ mod tests {
         assert_eq!(broken[1], [[4, 8], [5, 9]]);
         assert_eq!(broken[2], [[4, 8], [5, 9], [6, 10]]);
         assert_eq!(broken[4].len(), 3);
+    }
+
+    #[test]
+    fn several_cracks_grow_on_one_body() {
+        let mut world = World::new(vec![block([4, 4, 1], 2, STEEL)]);
+        let mut cracks: [GrowingCrack; 2] = [
+            read("from = [2, 2]\nto = [4, 2]\nspeed = 1\nreach = 1"),
+            read("from = [2, 2]\nto = [0, 2]\nspeed = 2\nreach = 1"),
+        ];
+        let mut setup = Setup::new(&mut world, std::path::Path::new("."));
+        for crack in &mut cracks {
+            setup.next_plugin("a crack");
+            crack.prepare(&mut setup).expect("cracks share a body");
+        }
+        setup.next_plugin("fracture");
+        let message = setup.break_bonds(0).expect_err("taken").to_string();
+        assert!(
+            message.contains("`a crack` already breaks bonds of body `block`"),
+            "{message}"
+        );
+        setup.finish().expect("complete");
+        let mut broken = Vec::new();
+        for second in 0..3 {
+            for crack in &mut cracks {
+                let step = Step::new(f64::from(second), 1.0);
+                crack.apply(&world, step).expect("applies");
+            }
+            let mut pairs = world.broken_pairs(0).pairs.clone();
+            pairs.iter_mut().for_each(|pair| pair.sort_unstable());
+            broken.push(pairs);
+        }
+        assert_eq!(broken[0], [[6, 10], [5, 9], [4, 8]]);
+        assert_eq!(broken[1], [[6, 10], [5, 9], [4, 8], [7, 11]]);
+        assert_eq!(broken[2].len(), 4);
     }
 
     #[test]

@@ -179,9 +179,12 @@ impl<S: SourceShape> MovingSource<S> {
         let grid = grid(body);
         let fault = |e: source::SourceError| SetupError::other(e.key(), e);
         let depositor = Depositor::new(&self.shape.source(), &grid).map_err(fault)?;
-        if body.lattice().is_none() {
-            depositor.check_cells().map_err(fault)?;
+        match depositor.check_cells() {
+            Err(e) if body.lattice().is_none() => return Err(fault(e)),
+            Err(e) => setup.refuse_moving_points(index, fault(e)),
+            Ok(()) => {}
         }
+        let body = setup.body(index);
         let length = self.shape.length().max(body.finest_spacing());
         self.check_path(body, path.track(), 2.0 * length)?;
         let speed = path.track().fastest();
@@ -280,7 +283,8 @@ impl<S: SourceShape> MovingSource<S> {
         // the points of a window are where they are at set-up, moved by its shift
         pose.position -= world.window_shift(p.body);
         let mut heat_source = world.write(p.heat_source);
-        let deposit = match Cells::of(body, p.grid) {
+        let now = world.moving_points(p.body);
+        let deposit = match Cells::of(world, p.body, now.as_deref(), p.grid) {
             Some(cells) => (p.depositor).add_to_cells(&cells, &pose, &mut heat_source),
             None => {
                 let body = LatticeBody {

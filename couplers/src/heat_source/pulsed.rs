@@ -73,7 +73,8 @@ impl Coupler for PulsedLaserSource {
             let body = world.body(p.body);
             let mut heat_source = world.write(p.heat_source);
             let span = (step.start, step.end());
-            let deposit = match Cells::of(body, p.grid) {
+            let now = world.moving_points(p.body);
+            let deposit = match Cells::of(world, p.body, now.as_deref(), p.grid) {
                 Some(cells) => (self.shape).add_to_cells(&cells, span, p.area, &mut heat_source),
                 None => {
                     let body = LatticeBody {

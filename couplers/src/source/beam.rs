@@ -50,6 +50,8 @@ pub(super) struct Scratch {
     pub(super) lateral: Vec<f64>,
     depth: Vec<f64>,
     along: [Vec<f64>; 2],
+    /// Cells of a body without a lattice, and their parts of the power.
+    pub(super) parts: Vec<(usize, f64)>,
 }
 
 /// The cells of one lateral axis that the source reaches.
@@ -252,6 +254,7 @@ impl Beam {
             low[axis] -= reach;
             high[axis] += reach;
         }
+        let mut parts = std::mem::take(&mut scratch.parts);
         let mut part = |[low, high]: [Vector3<f64>; 2]| {
             let spans = [0, 1].map(|i| {
                 let ends = (low[axes[i]], high[axes[i]]);
@@ -269,10 +272,13 @@ impl Beam {
             }
         };
         let of_cell = |point: usize| (point, part(cells.corners(point)));
-        let parts: Vec<(usize, f64)> = cells.near(low, high).map(of_cell).collect();
+        parts.clear();
+        parts.extend(cells.near(low, high).map(of_cell));
         let in_box = part(cells.bounds);
         let asked = self.asked(&cells.grid, power);
-        cells.deposit(&parts, (asked, in_box, self.normalise), values)
+        let deposit = cells.deposit(&parts, (asked, in_box, self.normalise), values);
+        scratch.parts = parts;
+        deposit
     }
 
     /// The power asked for, W, when the toolpath gives `power`.

@@ -3,16 +3,36 @@
 //! Each point has a cell, a cube around the centre of the cell from which it may be displaced. It receives the integral
 //! of the density over its cell. The cells of zones touch, so that the parts of all cells add up to that of the body;
 //! those of a table leave gaps and overlap, and are scaled so that together they receive the part of the box of the body.
+//!
+//! Points that move have cells around their current positions, of the size of their spacing. They leave gaps and overlap,
+//! too; where they cover less than [`LEAST_COVER`] of the source, the body has a free surface there, and power is lost
+//! in proportion.
 
 use nalgebra::Vector3;
-use perimelt_core::Body;
 use perimelt_core::body::Discretisation;
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Configuration, World};
 
 use super::{CellGrid, Deposit};
 
 /// A source of which a body receives all but this fraction lies inside: the rest is the error of numerical integration and
 /// the part beyond the cut-off of the density.
 const INSIDE: f64 = 1e-4;
+
+/// Least fraction of a source inside of a fluid that the cells of its points cover. Cells around random positions cover
+/// 1 - 1/e of the space; points of a fluid keep distances.
+const LEAST_COVER: f64 = 0.7;
+
+/// How the cells of a body cover the space between its points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Cover {
+    /// Without gaps.
+    Tiled,
+    /// With gaps and overlaps; the box of the body is full of material.
+    FullBox,
+    /// With gaps and overlaps; the box of the body has parts without material.
+    PartlyFull,
+}
 
 /// The cells of a body.
 #[derive(Debug, Clone, Copy)]
@@ -29,25 +49,42 @@ pub struct Cells<'a> {
     pub dimension: usize,
     /// Corners of the box of the body, m.
     pub bounds: [Vector3<f64>; 2],
-    /// Whether cells touch without gaps.
-    pub is_tiled: bool,
+    /// How they cover the space between the points.
+    pub cover: Cover,
 }
 
 impl<'a> Cells<'a> {
-    /// The cells of a body; `None` for one with a lattice.
-    pub fn of(body: &'a Body, grid: CellGrid) -> Option<Cells<'a>> {
-        let Discretisation::Cloud(cloud) = &body.discretisation else {
-            return None;
+    /// The cells of a body, around `now` where its points move; `None` for a lattice at rest.
+    pub fn of(
+        world: &'a World,
+        body: BodyIndex,
+        now: Option<&'a Configuration>,
+        grid: CellGrid,
+    ) -> Option<Cells<'a>> {
+        let body = world.body(body);
+        let (centre, cover, bounds) = match (now, &body.discretisation) {
+            (Some(now), _) => {
+                let centre = now.positions();
+                let bounds = bounds(centre, &body.points.spacing);
+                (centre, Cover::PartlyFull, bounds)
+            }
+            (None, Discretisation::Cloud(cloud)) => {
+                let cover = match cloud.is_tiled() {
+                    true => Cover::Tiled,
+                    false => Cover::FullBox,
+                };
+                (cloud.centres(), cover, body.bounds().into())
+            }
+            (None, Discretisation::Lattice(_)) => return None,
         };
-        let (low, high) = body.bounds();
         Some(Cells {
-            centre: cloud.centres(),
+            centre,
             size: &body.points.spacing,
             volume: &body.points.volume,
             grid,
             dimension: body.dimension,
-            bounds: [low, high],
-            is_tiled: cloud.is_tiled(),
+            bounds,
+            cover,
         })
     }
 
@@ -84,6 +121,21 @@ impl<'a> Cells<'a> {
         self.near(*at, *at).next()
     }
 
+    /// As [`Cells::point_at`]; where cells leave gaps and the body is not full, the nearest point within `reach` (m).
+    pub(super) fn point_for(&self, at: &Vector3<f64>, reach: f64) -> Option<usize> {
+        if self.cover != Cover::PartlyFull {
+            return self.point_at(at);
+        }
+        let to = |point: usize| {
+            let away = self.centre[point] - at;
+            let there = away.iter().take(self.dimension);
+            there.map(|d| d * d).sum::<f64>()
+        };
+        let reach = Vector3::repeat(0.5 * reach);
+        self.near(at - reach, at + reach)
+            .min_by(|&a, &b| to(a).total_cmp(&to(b)))
+    }
+
     /// Adds power densities (W/m³): the parts of the power that cells receive, of which `in_box` would fall into the box
     /// of the body.
     pub(super) fn deposit(
@@ -93,9 +145,10 @@ impl<'a> Cells<'a> {
         values: &mut [f64],
     ) -> Deposit {
         let hit: f64 = parts.iter().map(|(_, part)| part).sum();
-        let wanted = match self.is_tiled {
-            true => hit,
-            false => in_box,
+        let wanted = match self.cover {
+            Cover::Tiled => hit,
+            Cover::FullBox => in_box,
+            Cover::PartlyFull => in_box.min(hit / LEAST_COVER),
         };
         let is_inside = 1.0 - wanted < INSIDE;
         let fraction = match (normalise, is_inside) {
@@ -111,7 +164,7 @@ impl<'a> Cells<'a> {
             values[point] += scale * part / self.volume[point];
         }
         let deposited = scale * hit;
-        let lost = match is_inside {
+        let lost = match is_inside && hit > 0.0 {
             true => 0.0,
             false => asked - deposited,
         };
@@ -121,4 +174,16 @@ impl<'a> Cells<'a> {
             lost,
         }
     }
+}
+
+/// Corners of the box around cells of the given centres and sizes, m.
+fn bounds(centre: &[Vector3<f64>], size: &[f64]) -> [Vector3<f64>; 2] {
+    let start = Vector3::repeat(f64::INFINITY);
+    let cells = centre.iter().zip(size);
+    cells.fold([start, -start], |[low, high], (c, s)| {
+        [
+            low.inf(&c.add_scalar(-0.5 * s)),
+            high.sup(&c.add_scalar(0.5 * s)),
+        ]
+    })
 }

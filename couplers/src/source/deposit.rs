@@ -79,9 +79,10 @@ impl Depositor {
     /// Refuses what needs a lattice.
     ///
     /// # Errors
-    /// [`SourceError::PointSampling`].
+    /// [`SourceError::PointSampling`] and [`SourceError::Direction`].
     pub fn check_cells(&self) -> Result<(), SourceError> {
         match &self.source {
+            _ if self.axis.is_some() => Err(SourceError::Direction("a body without a lattice")),
             CheckedSource::Beam(beam) if beam.sampling == Sampling::Point => {
                 Err(SourceError::PointSampling)
             }
@@ -96,7 +97,9 @@ impl Depositor {
             return Deposit::default();
         }
         match &self.source {
-            CheckedSource::Point(point) => point.add_to_cells(cells, pose, power, values),
+            CheckedSource::Point(point) => {
+                point.add_to_cells(cells, (pose, power), values, &mut self.scratch.parts)
+            }
             CheckedSource::Beam(beam) => {
                 beam.add_to_cells(cells, pose, power, values, &mut self.scratch)
             }

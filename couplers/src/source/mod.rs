@@ -35,7 +35,7 @@ mod super_gaussian;
 mod tests;
 mod tilted;
 
-pub use cells::Cells;
+pub use cells::{Cells, Cover};
 pub use deposit::{Deposit, Depositor};
 pub use ellipsoid::{Goldak, SemiEllipsoid};
 pub use gaussian::Gaussian;

@@ -89,9 +89,9 @@ impl Point {
     pub(super) fn add_to_cells(
         &self,
         cells: &Cells<'_>,
-        pose: &Pose,
-        asked: f64,
+        (pose, asked): (&Pose, f64),
         values: &mut [f64],
+        parts: &mut Vec<(usize, f64)>,
     ) -> Deposit {
         let face = self.heated_surface.face;
         let mut source = pose.position;
@@ -114,23 +114,23 @@ impl Point {
         };
         let offsets =
             |axis: usize| match (axis < cells.dimension, axis == face.axis() && is_at_face) {
-                (false, _) => vec![0.0],
-                (true, true) => vec![0.5 * size * inward[axis].signum()],
-                (true, false) => vec![-0.5 * size, 0.5 * size],
+                (false, _) => ([0.0; 2], 1),
+                (true, true) => ([0.5 * size * inward[axis].signum(); 2], 1),
+                (true, false) => ([-0.5 * size, 0.5 * size], 2),
             };
         let [xs, ys, zs] = [0, 1, 2].map(offsets);
-        let fraction = 1.0 / (xs.len() * ys.len() * zs.len()) as f64;
-        let mut parts = Vec::new();
-        for z in &zs {
-            for y in &ys {
-                for x in &xs {
+        let fraction = 1.0 / (xs.1 * ys.1 * zs.1) as f64;
+        parts.clear();
+        for z in &zs.0[..zs.1] {
+            for y in &ys.0[..ys.1] {
+                for x in &xs.0[..xs.1] {
                     let at = source + Vector3::new(*x, *y, *z);
-                    parts.extend(cells.point_at(&at).map(|point| (point, fraction)));
+                    parts.extend(cells.point_for(&at, size).map(|point| (point, fraction)));
                 }
             }
         }
         let hit: f64 = parts.iter().map(|(_, part)| part).sum();
-        cells.deposit(&parts, (asked, hit, true), values)
+        cells.deposit(parts, (asked, hit, true), values)
     }
 
     /// First and last cell along an axis.

@@ -21,6 +21,7 @@ mod gcode;
 mod hatch;
 mod line;
 mod polyline;
+mod scan_path;
 mod sequence;
 mod table;
 #[cfg(test)]
@@ -40,7 +41,7 @@ pub use hatch::Hatch;
 pub use line::Line;
 pub use polyline::{Polyline, Segment};
 pub use sequence::{Sequence, SequencePass};
-pub use table::Table;
+pub use table::{Table, TableFormat};
 pub use track::{Pose, Track};
 pub use wait::{Side, WaitUntil};
 pub use weave::{Weave, WeaveShape};
@@ -195,6 +196,29 @@ pub enum ToolpathError {
         /// Why.
         source: Box<csv::Error>,
     },
+    /// A row of a scan path of another program cannot be read.
+    #[error(
+        "line {line} of the toolpath table {} cannot be read: {problem}; expected numbers {columns}",
+        path.display()
+    )]
+    TableLine {
+        /// The file.
+        path: PathBuf,
+        /// Line in the file, counted from 1.
+        line: u64,
+        /// What is wrong.
+        problem: String,
+        /// Columns of the format.
+        columns: String,
+    },
+    /// A key that the format of the table does not have.
+    #[error("`{key}` of the toolpath table belongs to `format = \"{format}\"`; leave it out")]
+    TableKey {
+        /// Key in the case file.
+        key: &'static str,
+        /// The format that has it.
+        format: &'static str,
+    },
     /// A value in the table is out of range.
     #[error(
         "line {line} of the toolpath table {}: `{column}` is {value}, expected {expected}",
@@ -297,8 +321,10 @@ impl ToolpathError {
             | Self::NoPower { key }
             | Self::NoEnd { key }
             | Self::TooManyMoves { key, .. } => key.as_str(),
+            Self::TableKey { key, .. } => key,
             Self::TableOpen { .. }
             | Self::TableRow { .. }
+            | Self::TableLine { .. }
             | Self::TableValue { .. }
             | Self::TableTime { .. }
             | Self::TableShort { .. }

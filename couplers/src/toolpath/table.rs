@@ -1,5 +1,5 @@
-//! Toolpath from a CSV file with the header `time,x,y,z,power`; motion and power are linear
-//! between rows.
+//! Toolpath from a file: by default a CSV file with the header `time,x,y,z,power`, motion and power linear between rows; or
+//! a scan path in another [`TableFormat`].
 
 use std::path::{Path, PathBuf};
 
@@ -8,11 +8,30 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::track::TrackBuilder;
-use super::{ToolpathError, Track, WaitUntil};
+use super::{ToolpathError, Track, WaitUntil, finite, positive, scan_path};
 
-/// Times, positions and powers from a CSV file.
+/// Interval of the commands of the scanners of AM-Bench, s.
+const SCANNER_STEP: f64 = 1e-5;
+
+/// How a file describes a path.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum TableFormat {
+    /// Columns `time` (s), `x`, `y`, `z` (m), `power` (W) and `wait` of a CSV file with a header.
+    #[default]
+    Csv,
+    /// Scan path of AdditiveFOAM: a header and rows `mode x y z power parameter`, in m and W. Mode 0 is a move to the position
+    /// with the parameter as speed (m/s), mode 1 a rest there with the parameter as duration (s).
+    #[serde(rename = "additivefoam")]
+    AdditiveFoam,
+    /// Commands of a scanner at intervals of `time_step`, as of AM-Bench: rows of X (mm), Y (mm), power (W) and a trigger that is not
+    /// used. The power of a row holds until the next one.
+    Xypt,
+}
+
+/// Times, positions and powers from a file.
 ///
-/// Columns `time` (s), `x`, `y`, `z` (m) and `power` (W), in any order, named in the first line;
+/// In the format `csv`: columns `time` (s), `x`, `y`, `z` (m) and `power` (W), in any order, named in the first line;
 /// lines that start with `#` are skipped. Without a `power` column, or with an empty entry, the
 /// power is that of the source. With a `wait` column the path waits at rows where it is 1, see `wait_until`. Two rows with the same time are a jump, with which the source is switched
 /// on and off at full power.
@@ -21,6 +40,16 @@ use super::{ToolpathError, Track, WaitUntil};
 pub struct Table {
     /// CSV file; relative to the folder of the case file.
     pub file: PathBuf,
+    /// Format of the file; default `csv`.
+    #[serde(default)]
+    pub format: TableFormat,
+    /// Time between two rows of the format `xypt` (s); default 1e-5.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub time_step: Option<f64>,
+    /// Height of a path of the format `xypt` (m); default 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub z: Option<f64>,
     /// What the path waits for at rows whose column `wait` is 1; their times and all later ones are then delayed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wait_until: Option<WaitUntil>,
@@ -44,11 +73,36 @@ impl Table {
         default_power: Option<f64>,
         base_dir: &Path,
     ) -> Result<Track, ToolpathError> {
+        self.check_keys()?;
         let path = base_dir.join(&self.file);
-        match std::fs::read_to_string(&path) {
-            Ok(content) => read(&content, &path, (default_power, self.wait_until.as_ref())),
-            Err(source) => Err(ToolpathError::TableOpen { path, source }),
+        let content = match std::fs::read_to_string(&path) {
+            Ok(content) => content,
+            Err(source) => return Err(ToolpathError::TableOpen { path, source }),
+        };
+        match self.format {
+            TableFormat::Csv => read(&content, &path, (default_power, self.wait_until.as_ref())),
+            TableFormat::AdditiveFoam => scan_path::additivefoam(&content, &path),
+            TableFormat::Xypt => {
+                let step = positive("time_step", self.time_step.unwrap_or(SCANNER_STEP))?;
+                let z = finite("z", self.z.unwrap_or(0.0))?;
+                scan_path::xypt(&content, &path, (step, z))
+            }
         }
+    }
+
+    /// Refuses keys of other formats.
+    fn check_keys(&self) -> Result<(), ToolpathError> {
+        let (csv, xypt) = (TableFormat::Csv, TableFormat::Xypt);
+        for (key, is_given, format, name) in [
+            ("wait_until", self.wait_until.is_some(), csv, "csv"),
+            ("time_step", self.time_step.is_some(), xypt, "xypt"),
+            ("z", self.z.is_some(), xypt, "xypt"),
+        ] {
+            if is_given && self.format != format {
+                return Err(ToolpathError::TableKey { key, format: name });
+            }
+        }
+        Ok(())
     }
 }
 
