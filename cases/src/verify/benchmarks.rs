@@ -282,6 +282,7 @@ benchmarks!(
     "cut-bar",
     "inherent-strain-transient",
     "inherent-strain-wall",
+    "laminate",
     "powder-bar",
     "elastic-flag",
     "held-cantilever-bond",

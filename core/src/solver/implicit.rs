@@ -331,9 +331,15 @@ mod tests {
                     .step(&mut StiffBar, step as f64 * dt, dt, &mut y)
                     .unwrap();
                 lumped /= 1.0 + COOLING * dt / n as f64;
-                // differences within the bar, in each step; rounding of 300 times 2e7
+                // differences within the bar, in each step; and the residual of each step, which may be as large as its
+                // rounding and halves in every later step
                 let differences = (step + 1) as f64 * n as f64 * COOLING / STIFFNESS;
-                let bound = differences * lumped + 2e7 * 300.0 * f64::EPSILON;
+                let at = At {
+                    time: 0.0,
+                    state: &y,
+                };
+                let residual = dt * StiffBar.rounding(at) / (n as f64).sqrt();
+                let bound = differences * lumped + 2.0 * residual;
                 for y in &y {
                     assert!((y - 300.0 - lumped).abs() < bound, "{step}: {y} {lumped}");
                 }

@@ -3,9 +3,7 @@
 use super::Thermal;
 use crate::testing::{block, read, set, simulation, values};
 use perimelt_core::body::{Body, Store};
-use perimelt_core::material::{LatentHeatForm, MushyCapacity};
 use perimelt_core::simulation::Simulation;
-use perimelt_core::world::PhaseChange;
 use perimelt_core::{Coupler, Read, RunError, Setup, SetupError, Step, World, Write, keys};
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +20,6 @@ const CAPACITY: f64 = 2700.0 * 900.0;
 #[derive(Debug, Serialize, Deserialize)]
 struct Cooling {
     coefficient: f64,
-    melts: bool,
     #[serde(skip)]
     fields: Option<(Read<f64>, Write<f64>)>,
 }
@@ -30,13 +27,6 @@ struct Cooling {
 #[typetag::serialize(name = "cooling_of_a_face")]
 impl Coupler for Cooling {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
-        if self.melts {
-            let change = PhaseChange {
-                mushy_capacity: MushyCapacity::default(),
-                form: LatentHeatForm::default(),
-            };
-            setup.set_phase_change(0, change);
-        }
         let temperature = setup.read(0, &keys::TEMPERATURE)?;
         self.fields = Some((temperature, setup.add(0, &keys::HEAT_SOURCE)?));
         Ok(())
@@ -77,7 +67,6 @@ fn a_plate_cools_as_a_lumped_body_down_to_the_ambient_temperature() {
                 let keys = format!("solver = '{solver}'\nstep = 1\ntolerance = {tolerance}");
                 let cooling = Cooling {
                     coefficient,
-                    melts: false,
                     fields: None,
                 };
                 let thermal: Thermal = read(&keys);
@@ -99,35 +88,6 @@ fn a_plate_cools_as_a_lumped_body_down_to_the_ambient_temperature() {
                     check_heat(&s, &what);
                 }
             }
-        }
-    }
-}
-
-#[test]
-fn a_plate_cools_through_its_freezing_interval_down_to_the_ambient_temperature() {
-    for solver in ["implicit", "crank_nicolson"] {
-        for start in [1000.0, 850.0, AMBIENT + 1e-9] {
-            let keys = format!("solver = '{solver}'\nstep = 1");
-            let cooling = Cooling {
-                coefficient: 500.0,
-                melts: true,
-                fields: None,
-            };
-            let thermal: Thermal = read(&keys);
-            let couplers: Vec<Box<dyn Coupler>> = vec![Box::new(cooling)];
-            let body = plate(MELTING);
-            let mut s = simulation(body, vec![Box::new(thermal)], couplers, 2000.0);
-            set(&mut s, "temperature", |_| [start]);
-            let what = format!("{solver} from {start} K");
-            s.start().expect("starts");
-            while !s.is_finished() {
-                s.step().unwrap_or_else(|e| panic!("{what}: {e}"));
-            }
-            check_heat(&s, &what);
-            let temperature = values(&s, "temperature");
-            // exp(-500 * 2000 / (2.43e6 * 0.02)) of the excess, and rounding
-            let far = temperature.iter().map(|t| (t - AMBIENT).abs());
-            assert!(far.fold(0.0, f64::max) < 1e-4, "{what}");
         }
     }
 }

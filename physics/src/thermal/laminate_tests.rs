@@ -83,7 +83,11 @@ fn rates(s: &mut Simulation) -> Vec<f64> {
     s.step().expect("steps");
     let dt = s.progress().last_step;
     let after = values(s, "enthalpy");
-    after.iter().zip(before).map(|(a, b)| (a - b) / dt).collect()
+    after
+        .iter()
+        .zip(before)
+        .map(|(a, b)| (a - b) / dt)
+        .collect()
 }
 
 /// Heat that crosses the interface (W/m²) from the rates of the points, which lie in layers over the face of `area` (m²).
@@ -149,7 +153,7 @@ fn the_flux_by_conductivities_that_depend_on_the_temperature_is_that_of_resistan
                 let area = body.points.volume.iter().sum::<f64>() / (2.0 * INTERFACE);
                 let mut s = laminate.simulation(body, &format!("horizon = {horizon}"));
                 let rates = rates(&mut s);
-        let error = flux(&s, &rates, area) / laminate.flux - 1.0;
+                let error = flux(&s, &rates, area) / laminate.flux - 1.0;
                 // conductivities are those of the ends, up to a horizon from the interface: 1e-3 / K over 15 K / spacing
                 eprintln!("table {} {} {horizon}: {error}", good.value, good.slope);
                 assert!(error.abs() < 0.01 * horizon, "{horizon}: {error}");
