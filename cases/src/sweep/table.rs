@@ -16,18 +16,18 @@ const MOST_COLUMNS: usize = 8;
 pub struct Table {
     runs: usize,
     /// Keys with their values as TOML.
-    keys: Vec<(String, Vec<String>)>,
-    numbers: Vec<Row>,
+    pub(super) keys: Vec<(String, Vec<String>)>,
+    pub(super) numbers: Vec<Row>,
 }
 
 /// A number read off the runs.
 #[derive(Clone, Debug)]
-struct Row {
-    name: String,
+pub(super) struct Row {
+    pub(super) name: String,
     /// SI unit.
-    unit: String,
+    pub(super) unit: String,
     /// By run.
-    values: Vec<Option<f64>>,
+    pub(super) values: Vec<Option<f64>>,
 }
 
 impl Table {
