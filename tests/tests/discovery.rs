@@ -107,13 +107,14 @@ fn a_sweep_of_one_number_is_drawn_with_formulas(folder: &Path) {
     assert!(done, "{text}");
     let compared = picture();
     assert!(compared.contains("0.1 * x") && !compared.contains("highest temperature"));
-    // the formula runs over the runs: both lines have the same points
-    let lines: Vec<&str> = compared
-        .split("<polyline")
-        .filter(|line| line.contains("stroke-width=\"2.6\"") || line.contains("stroke-width=\"3\""))
-        .filter_map(|line| line.split("points=\"").nth(1)?.split('"').next())
+    // both curves, of the runs and of the formula, have the same points
+    let curves: Vec<&str> = compared
+        .lines()
+        .filter(|line| line.contains("stroke-width=\"8\""))
+        .filter_map(|line| line.split("points=").nth(1))
+        .take(2)
         .collect();
-    assert!(lines.len() >= 2, "{compared}");
+    assert!(curves.len() == 2 && curves[0] == curves[1], "{curves:?}");
 
     for (compare, expected) in [
         ("energy asked", "there is no `=`"),
