@@ -90,6 +90,43 @@ fn every_shell_has_completions() {
     }
 }
 
+/// Runs `weld.toml` of the folder with two powers. 0.1 s of 1000 and 2000 W are 100 and 200 J.
+fn a_sweep_of_one_number_is_drawn_with_formulas(folder: &Path) {
+    let sweep = |compare: &[&str]| {
+        let power = "couplers.torch.power=[2000, 1000]";
+        let arguments = ["sweep", "weld.toml", "--out", "powers", "--set", power];
+        told(folder, &[&arguments[..], compare].concat())
+    };
+    let picture = || std::fs::read_to_string(folder.join("powers/sweep.svg")).expect("a picture");
+    let (done, text) = sweep(&[]);
+    assert!(done && text.contains("sweep.svg"), "{text}");
+    let all = picture();
+    assert!(all.contains("highest temperature at the end") && all.contains("energy asked"));
+
+    let formula = ["--compare", "energy asked=0.1 * x"];
+    let (done, text) = sweep(&formula);
+    assert!(done, "{text}");
+    let compared = picture();
+    assert!(compared.contains("0.1 * x") && !compared.contains("highest temperature"));
+    // both curves, of the runs and of the formula, have the same points
+    let curves: Vec<&str> = compared
+        .lines()
+        .filter(|line| line.contains("stroke-width=\"8\""))
+        .filter_map(|line| line.split("points=").nth(1))
+        .take(2)
+        .collect();
+    assert!(curves.len() == 2 && curves[0] == curves[1], "{curves:?}");
+
+    for (compare, expected) in [
+        ("energy asked", "there is no `=`"),
+        ("energy asked=0.1 * power", "`power`"),
+        ("enrgy=x", "no number with this name"),
+    ] {
+        let (done, message) = sweep(&["--compare", compare]);
+        assert!(!done && message.contains(expected), "{compare}: {message}");
+    }
+}
+
 #[test]
 fn a_sweep_runs_all_combinations_and_goes_on_where_it_was() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -169,6 +206,10 @@ fn a_sweep_runs_all_combinations_and_goes_on_where_it_was() {
         let (done, message) = told(folder, &["sweep", "weld.toml", "--set", set]);
         assert!(!done && message.contains(expected), "{set}: {message}");
     }
+    // two keys vary: there is no one axis
+    assert!(!folder.join("weld-sweep/sweep.svg").exists());
+    a_sweep_of_one_number_is_drawn_with_formulas(folder);
+
     let run = ["run", "weld.toml", "--set", "time.end=0.04", "--quiet"];
     let (done, message) = told(folder, &run);
     assert!(done, "{message}");

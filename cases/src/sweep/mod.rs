@@ -1,5 +1,6 @@
-//! Runs of one case with several values of some of its keys, and a table of what they came to.
+//! Runs of one case with several values of some of its keys, and a table and a picture of what they came to.
 
+mod picture;
 mod table;
 mod variants;
 
@@ -14,11 +15,16 @@ use perimelt_core::log::Log;
 use crate::case::{Case, CaseError};
 use crate::commands::tell;
 use crate::melt_pool::Travel;
+use crate::plot::{PictureFormat, PlotError};
 use crate::run::display::duration;
 use crate::run::early_end;
-use crate::summary::read_off;
+use crate::summary::{ReadOff, read_off};
+use picture::Comparison;
 use table::{Outcome, Table};
 use variants::{Variant, variants};
+
+/// Width of the picture, pixels.
+const WIDTH: u32 = 1000;
 
 /// Arguments of `perimelt sweep`.
 #[derive(clap::Args, Debug)]
@@ -31,7 +37,10 @@ pub struct SweepArgs {
     /// Vary all keys together, the first values in the first run, instead of in all combinations
     #[arg(long)]
     together: bool,
-    /// Folder of cases, logs and the table [default: name of the case with -sweep, in the working directory]
+    /// Draw a number read off with a formula in x, the value that varies, such as `cooling time=4e-4 * x`; SI units
+    #[arg(long, value_name = "NUMBER=FORMULA")]
+    compare: Vec<String>,
+    /// Folder of cases, logs, table and picture [default: name of the case with -sweep, in the working directory]
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
     /// Runs at a time [default: all cores]
@@ -58,6 +67,19 @@ pub enum SweepError {
         /// What is wrong with it.
         message: String,
     },
+    /// A `--compare` that cannot be drawn.
+    #[error(
+        "`--compare {given}`: {message}; expected a number and a formula in x, such as `cooling time=4e-4 * x`"
+    )]
+    Compare {
+        /// As given.
+        given: String,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// The picture.
+    #[error(transparent)]
+    Picture(#[from] PlotError),
     /// Lists of different lengths, with `--together`.
     #[error("with `--together` all lists need as many values, and they have {0} and {1}")]
     Lengths(usize, usize),
@@ -101,7 +123,8 @@ fn count_text(failed: usize, interrupted: usize, all: usize) -> String {
     }
 }
 
-/// Runs all variants that are not at their end yet, prints the table and writes it beside the logs. A sweep that was
+/// Runs all variants that are not at their end yet, prints the table and writes it beside the logs, with a picture where one
+/// number varies. A sweep that was
 /// interrupted goes on where it was.
 ///
 /// # Errors
@@ -109,6 +132,11 @@ fn count_text(failed: usize, interrupted: usize, all: usize) -> String {
 pub fn sweep(args: &SweepArgs, out: &mut dyn io::Write) -> Result<(), Box<dyn std::error::Error>> {
     let case = Case::read(&args.case)?;
     let variants = variants(&case, &args.set, args.together)?;
+    let compared: Vec<Comparison> = args
+        .compare
+        .iter()
+        .map(|given| Comparison::new(given))
+        .collect::<Result<_, _>>()?;
     let folder = args.out.clone().unwrap_or_else(|| {
         let mut name = args.case.file_stem().unwrap_or_default().to_os_string();
         name.push("-sweep");
@@ -139,6 +167,15 @@ pub fn sweep(args: &SweepArgs, out: &mut dyn io::Write) -> Result<(), Box<dyn st
         source,
     })?;
     writeln!(out, "{}", path.display())?;
+    let title = &case.case.title;
+    let chart = picture::chart(&table, "numbers read off the runs", &compared)?;
+    if let Some(drawn) = chart.and_then(|chart| chart.draw(title, WIDTH)) {
+        let path = folder.join("sweep.svg");
+        drawn
+            .write(&path, PictureFormat::Svg)
+            .map_err(SweepError::from)?;
+        writeln!(out, "{}", path.display())?;
+    }
     if failed + interrupted > 0 {
         let all = variants.len();
         return Err(SweepError::Failed {

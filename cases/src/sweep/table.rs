@@ -25,8 +25,8 @@ pub struct Outcome {
 pub struct Table {
     runs: usize,
     /// Keys with their values as TOML.
-    keys: Vec<(String, Vec<String>)>,
-    numbers: Vec<Row>,
+    pub(super) keys: Vec<(String, Vec<String>)>,
+    pub(super) numbers: Vec<Row>,
     /// By run: whether it reached the end of its case.
     is_at_end: Vec<bool>,
 }
@@ -40,12 +40,12 @@ fn yes_or_no(yes: bool) -> &'static str {
 
 /// A number read off the runs.
 #[derive(Clone, Debug)]
-struct Row {
-    name: String,
+pub(super) struct Row {
+    pub(super) name: String,
     /// SI unit.
-    unit: String,
+    pub(super) unit: String,
     /// By run.
-    values: Vec<Option<f64>>,
+    pub(super) values: Vec<Option<f64>>,
 }
 
 impl Table {
