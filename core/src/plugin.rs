@@ -311,6 +311,14 @@ pub trait Physics {
     /// [`RunError`] when a solver fails.
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError>;
 
+    /// Examines its state at `time` (s) before that is logged, and at the end of the run.
+    ///
+    /// # Errors
+    /// A state that cannot be right, such as an energy without source.
+    fn examine(&mut self, _world: &World, _time: f64) -> Result<(), RunError> {
+        Ok(())
+    }
+
     /// Fills owned fields that nobody computes with, before a state is logged.
     fn observe(&mut self, _world: &World) {}
 

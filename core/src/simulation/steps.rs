@@ -194,6 +194,9 @@ impl Simulation {
         self.clock.progress.macro_steps += 1;
         self.clock.progress.last_step = end - time;
         if logging {
+            for p in &mut self.physics {
+                p.plugin.examine(&self.world, end)?;
+            }
             self.observe();
             self.clock.logs += 1;
         }

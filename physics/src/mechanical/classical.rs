@@ -112,6 +112,17 @@ impl Point {
         .stress(&strain)
     }
 
+    /// Energy density of the elastic strain that has a stress, J/m³; zero without stiffness.
+    pub(super) fn energy_of(&self, stress: &Matrix3<f64>) -> f64 {
+        let d = self.dimension;
+        if self.moduli.shear <= 0.0 {
+            return 0.0;
+        }
+        let mean = stress.trace() / d as f64;
+        let square = stress.norm_squared() - d as f64 * mean * mean;
+        0.25 * square / self.moduli.shear + 0.5 * mean * mean / self.moduli.bulk
+    }
+
     /// Components xx, yy, zz, xy, yz, zx, with that across the plane of plane strain.
     pub(super) fn components(&self, stress: &Matrix3<f64>, plane_strain: bool) -> [f64; 6] {
         let mut tensor = COMPONENTS.map(|at| stress[at]);

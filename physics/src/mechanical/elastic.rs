@@ -23,6 +23,8 @@ pub(super) struct ElasticPoints {
     pub(super) eigenstrain: Vec<f64>,
     /// Stress-free strain with components of each point (xx, yy, zz, xy, yz, zx); empty if there is none.
     pub(super) stress_free: Vec<[f64; 6]>,
+    /// Largest factor by which moduli rose since it was taken, at least one.
+    stiffening: f64,
 }
 
 impl ElasticPoints {
@@ -41,6 +43,7 @@ impl ElasticPoints {
             elasticity,
             eigenstrain: vec![0.0; body.points.len()],
             stress_free: Vec::new(),
+            stiffening: 1.0,
         }
     }
 
@@ -73,10 +76,19 @@ impl ElasticPoints {
         }
         let elasticity = &self.elasticity;
         let points = self.moduli.par_iter_mut().zip(&body.material_of_point);
-        points.enumerate().for_each(|(i, (moduli, &m))| {
+        let set = |(i, (moduli, &m)): (usize, (&mut Moduli, &u16))| {
+            let before = *moduli;
             *moduli = elasticity.at(m as usize, temperature.map_or(0.0, |t| t[i]));
-        });
+            (moduli.bulk / before.bulk).max(moduli.shear / before.shear)
+        };
+        let rise = points.enumerate().map(set).reduce(|| 1.0, f64::max);
+        self.stiffening *= rise;
         true
+    }
+
+    /// The largest factor by which moduli rose since the last call; one if none did.
+    pub(super) fn take_stiffening(&mut self) -> f64 {
+        std::mem::replace(&mut self.stiffening, 1.0)
     }
 
     /// Takes the stiffest moduli of each material; whether they can have changed.

@@ -234,6 +234,7 @@ impl Run {
             (rule.scale, rule.offset) = (*scale, *offset);
         }
         let before = self.gradients(world, &rules);
+        self.keep_ratio(world);
         self.solid.set_present(&active);
         self.statics.forget_rigid_modes();
         let was_present = std::mem::replace(&mut self.state.present, active);
@@ -387,7 +388,7 @@ impl Run {
         let state = &mut self.state;
         state.verlet.forget_force();
         state.external_force = None;
-        state.watch.disturbed = true;
+        state.watch.renew();
     }
 
     /// Gives points without material no inverse density. Boundaries that hold points set theirs afterwards.
@@ -426,6 +427,7 @@ impl Run {
         let strains = (0..self.density.len()).into_par_iter().map(strain);
         let strains: Vec<[f64; 6]> = strains.collect();
         self.eigenstrain_size += max_abs(strains.as_flattened());
+        self.note_stress_free(world, &strains);
         self.solid.set_stress_free(strains);
     }
 }

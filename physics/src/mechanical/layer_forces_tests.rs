@@ -264,7 +264,7 @@ fn energy_that_grows_without_work_stops_the_run() {
         }
     };
     assert!(error.contains("mechanical failed at t = "), "{error}");
-    assert!(error.contains("though nothing did work on it"), "{error}");
+    assert!(error.contains("without work being done on it"), "{error}");
 }
 
 #[test]

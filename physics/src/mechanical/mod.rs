@@ -20,7 +20,7 @@
 //! | `equilibrium`, `motion` | the solvers: statics, explicit motion |
 //! | `growth` | material that is deposited or cut off |
 //! | `momentum`, `reports` | balances of momentum, and stresses for the log |
-//! | `energy` | energies of explicit motion, and a watch over them |
+//! | `energy`, `energy_watch` | energies of explicit motion, and a watch over them |
 //! | `layer_forces` | forces of bonds to layers that are no symmetric images |
 //! | [`solid`] | what the solvers need of a formulation |
 //! | [`ordinary`], [`stretch`] | bond-based and ordinary state-based solids, and their bond kernels |
@@ -35,6 +35,9 @@ pub mod correspondence;
 mod correspondence_tests;
 mod elastic;
 mod energy;
+mod energy_watch;
+#[cfg(test)]
+mod energy_watch_tests;
 mod equilibrium;
 #[cfg(test)]
 mod equilibrium_tests;
@@ -132,7 +135,7 @@ impl Physics for Mechanical {
             }
             MechanicalSolver::Explicit { .. } => {
                 let done = run.move_points(world, step);
-                run.state.watch.disturbed |= run.break_bonds(world, 0.0);
+                run.break_bonds(world, 0.0);
                 done
             }
         };
@@ -142,13 +145,21 @@ impl Physics for Mechanical {
             cause: cause.into(),
         })?;
         run.settle(world);
-        if matches!(self.solver, MechanicalSolver::Explicit { .. }) {
-            run.watch_energy(world, step.end())?;
-        }
         if run.fields.conjugate_stress_is_read {
             run.provide_conjugate_stress(world);
         }
+        if matches!(self.solver, MechanicalSolver::Explicit { .. }) {
+            run.watch_energy(world, (step.size, step.end()))?;
+        }
         Ok(work)
+    }
+
+    fn examine(&mut self, world: &World, time: f64) -> Result<(), RunError> {
+        let run = self.run.as_mut().expect("prepared before the first step");
+        match self.solver {
+            MechanicalSolver::Explicit { .. } => run.sample_energy(world, time),
+            _ => Ok(()),
+        }
     }
 
     fn observe(&mut self, world: &World) {
@@ -196,6 +207,7 @@ impl Physics for Mechanical {
         let run = self.run.as_mut().expect("prepared before a restart");
         let (state, broken): (State, Option<FractureState>) = erased_serde::deserialize(state)?;
         run.state = state;
+        run.scratch.note_load();
         run.restore_presence();
         if let Some(broken) = broken {
             run.solid.replace_fracture_state(broken);

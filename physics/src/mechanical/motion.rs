@@ -5,10 +5,12 @@ use std::borrow::Cow;
 use nalgebra::Vector3;
 use perimelt_core::body::Points;
 use perimelt_core::family::LayerRule;
+use perimelt_core::solver::reduce::sum_points;
 use perimelt_core::solver::{Dynamics, HalfKick, Motion, SolverError};
 use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
 
+use super::energy::work_of;
 use super::fields::Hold;
 use super::momentum::{Balanced, Momentum, by_axis, place};
 use super::solid::Solid;
@@ -23,6 +25,10 @@ impl Run {
         let mut displacement = world.write(self.fields.displacement);
         let velocity = self.fields.velocity.expect("owned by the explicit solver");
         let mut velocity = world.write(velocity);
+        let volume = &world.body(self.body).points.volume;
+        let loaded = &self.state.loaded_body_force;
+        let before = bytemuck::cast_slice(&displacement);
+        self.state.watch.work += half_work_of_change(volume, [loaded, &*body_force], before);
         let motion = Motion {
             displacement: bytemuck::cast_slice_mut::<Vector3<f64>, f64>(&mut displacement),
             velocity: bytemuck::cast_slice_mut(&mut velocity),
@@ -41,9 +47,13 @@ impl Run {
             loaded: &mut self.state.loaded_body_force,
             external_force: &mut self.state.external_force,
             given: &mut self.state.given,
+            work: &mut self.state.watch.work,
         };
         let verlet = &mut self.state.verlet;
         verlet.step(step.start, step.size, motion, dynamics)?;
+        if std::mem::take(&mut self.scratch.has_moved) {
+            self.add_half_work_of_held(world);
+        }
         Ok(Work::of_stages(1))
     }
 
@@ -80,6 +90,15 @@ impl Run {
             [x, by_axis(impulse_on)]
         });
         let mut velocity = world.write(velocity);
+        let before = &velocity[..];
+        self.state.watch.work += sum_points(points.len(), |i| {
+            let of_axis = |axis: usize| {
+                let (j, v) = (impulse[i][axis], before[i][axis]);
+                j * (v + 0.5 * j * inverse[3 * i + axis])
+            };
+            let is_free = |axis: &usize| inverse[3 * i + axis] != 0.0;
+            [points.volume[i] * (0..3).filter(is_free).map(of_axis).sum::<f64>()]
+        })[0];
         let velocity: &mut [f64] = bytemuck::cast_slice_mut(&mut velocity);
         let impulse: &[f64] = bytemuck::cast_slice(impulse);
         let components = velocity.par_iter_mut().zip(impulse).zip(inverse);
@@ -208,6 +227,17 @@ struct SolidDynamics<'a> {
     /// Its sum at the displacement and the force of the moment, if it is known.
     external_force: &'a mut Option<Momentum>,
     given: &'a mut Momentum,
+    /// Of loads, J.
+    work: &'a mut f64,
+}
+
+/// Half of the work of a body force that changes (N/m³, before and now), `-1/2 sum V (b_1 - b_0) . u`, J: that at one end
+/// of the step. Zero if there was none before.
+fn half_work_of_change(volume: &[f64], [before, now]: [&[f64]; 2], displacement: &[f64]) -> f64 {
+    if before.len() != now.len() || before == now {
+        return 0.0;
+    }
+    0.5 * (work_of(volume, before, displacement) - work_of(volume, now, displacement))
 }
 
 impl Dynamics for SolidDynamics<'_> {
@@ -217,6 +247,7 @@ impl Dynamics for SolidDynamics<'_> {
         let forces = force.par_iter_mut().zip(self.body_force);
         forces.with_min_len(4096).for_each(|(f, b)| *f += b);
         *self.external_force = None;
+        *self.work += half_work_of_change(&self.points.volume, [self.loaded, self.body_force], u);
         self.loaded.clear();
         self.loaded.extend_from_slice(self.body_force);
         Ok(())

@@ -82,6 +82,7 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, Setup
         relative_volume: relative_volumes(setup.body(body)),
         statics: Statics::new(&keys.solver, is_linear),
         eigenstrain_size: 0.0,
+        scratch: Default::default(),
         section_forces: vec![[0.0; 3]; keys.sections.len()],
         logged_energy: features.is_explicit.then(Energy::default),
         extrapolation,

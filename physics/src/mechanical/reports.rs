@@ -22,12 +22,9 @@ impl Run {
 
     pub(super) fn provide_conjugate_stress(&mut self, world: &World) {
         self.load_displacement(world);
-        let energy = self.solid.energy();
-        for (p, [_, conjugate_stress]) in world
-            .write(self.fields.conjugate_stress)
-            .iter_mut()
-            .zip(energy)
-        {
+        let field = self.fields.conjugate_stress;
+        let energies = self.energies_after_step(world);
+        for (p, [_, conjugate_stress]) in world.write(field).iter_mut().zip(energies) {
             *p = *conjugate_stress;
         }
     }

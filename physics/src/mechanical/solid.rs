@@ -142,6 +142,13 @@ pub trait Solid: Debug {
     /// (Pa), of each point.
     fn energy(&mut self) -> &[[f64; 2]];
 
+    /// Energy density of the elastic strain (J/m³) of each point, behind which is no meaning: the total strain without
+    /// eigenstrain and inelastic strain of the last trial state. Forces are its derivative.
+    fn elastic_energy(&mut self) -> &[[f64; 2]];
+
+    /// The largest factor by which moduli rose with the temperature since the last call; one if none did.
+    fn take_stiffening(&mut self) -> f64;
+
     /// Stress of each point, Pa, with the inelastic strain of the last trial state.
     fn stress(&mut self) -> &[[f64; 6]];
 

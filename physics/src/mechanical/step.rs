@@ -10,7 +10,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::classical;
-use super::energy::{Energy, EnergyWatch};
+use super::energy::Energy;
+use super::energy_watch::{EnergyWatch, Scratch};
 use super::equilibrium::Statics;
 use super::fields::{Damage, Fields, Hold};
 use super::fracture::FractureState;
@@ -44,6 +45,8 @@ pub(super) struct Run {
     /// Of the last logged state, with the explicit solver.
     pub(super) logged_energy: Option<Energy>,
     pub(super) balanced: Balanced,
+    /// Of the watch over the energy.
+    pub(super) scratch: Scratch,
     /// Of stresses near surfaces.
     pub(super) extrapolation: Option<Extrapolation>,
     pub(super) state: State,
@@ -91,6 +94,7 @@ impl Run {
     /// Takes the present loads and moduli, and writes held components into `displacement`.
     pub(super) fn load(&mut self, world: &World, step: Step) {
         self.follow_activity(world);
+        self.note_loads(world);
         let body = world.body(self.body);
         let temperature = world.read_if_provided(self.fields.temperature);
         self.solid.set_moduli(body, temperature.as_deref());
@@ -105,28 +109,32 @@ impl Run {
         if let Some(hold) = self.fields.hold
             && self.stop_held_points(world, hold, step.size)
         {
-            self.state.watch.disturbed |= self.hold_points(world, hold);
+            self.hold_points(world, hold);
         }
-        self.note_loads(world);
     }
 
-    /// Sets held components of the displacement to the mean of the values at which boundaries hold them. Whether any of them
-    /// changed.
-    fn hold_points(&mut self, world: &World, hold: Hold) -> bool {
+    /// Sets held components of the displacement to the mean of the values at which boundaries hold them. In explicit motion
+    /// `work` then has their movement.
+    fn hold_points(&mut self, world: &World, hold: Hold) {
         let (constraint, held) = (world.read(hold.constraint), world.read(hold.displacement));
         let mut displacement = world.write(self.fields.displacement);
         let points = displacement.par_iter_mut().zip(&*constraint).zip(&*held);
-        let hold = |((u, c), h): ((&mut Vector3<f64>, &Vector3<f64>), &Vector3<f64>)| {
-            let before = *u;
-            for axis in 0..3 {
-                if c[axis] > 0.0 {
-                    u[axis] = h[axis] / c[axis];
+        let points = points.zip(self.work.par_chunks_mut(3));
+        points
+            .with_min_len(4096)
+            .for_each(|(((u, c), h), movement)| {
+                for axis in 0..3 {
+                    let before = u[axis];
+                    if c[axis] > 0.0 {
+                        u[axis] = h[axis] / c[axis];
+                    }
+                    movement[axis] = u[axis] - before;
                 }
-            }
-            *u != before
-        };
-        let points = points.with_min_len(4096);
-        points.map(hold).reduce(|| false, |a, b| a | b)
+            });
+        if self.fields.velocity.is_some() {
+            self.scratch.has_moved = true;
+            self.add_half_work_of_held(world);
+        }
     }
 
     /// Number of boundaries that hold each component of the displacement; points without material count as held.

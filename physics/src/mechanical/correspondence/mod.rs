@@ -134,6 +134,28 @@ impl Correspondence {
         }
     }
 
+    /// `sum_j w |u_j - u_i|^2` of each point, m².
+    fn squared_extension(&self) -> Vec<[f64; 1]> {
+        let mut extension = vec![[0.0]; self.horizon.len()];
+        let inputs = std::array::from_fn(|axis| self.inputs.along(axis));
+        self.family
+            .sum_unbroken(&SquaredExtension, inputs, self.broken(), &mut extension);
+        extension
+    }
+
+    /// Energy density of the stabilisation, J/m³: `sum_j w |z|^2 = sum_j w |u_j - u_i|^2 - H : H K`, with K the inverse
+    /// of its inverse.
+    fn energy_of_modes(&self, i: usize, extension: &[[f64; 1]]) -> f64 {
+        let gradient = &self.gradient.values[i];
+        let mut shape = self.gradient.inverse_shape[i];
+        (self.dimension..3).for_each(|a| shape[(a, a)] = 1.0);
+        // a loose point has no shape tensor; it has no springs either
+        let affine = shape
+            .try_inverse()
+            .map_or(0.0, |shape| gradient.dot(&(gradient * shape)));
+        0.5 * self.spring(i) * (extension[i][0] - affine).max(0.0)
+    }
+
     /// The law of a point for the given kind of strain.
     fn point(&self, i: usize, strain: StrainKind) -> Point {
         let law = self.elastic.strained(&self.gradient).law(i);
@@ -283,13 +305,26 @@ impl Solid for Correspondence {
         }
     }
 
+    fn elastic_energy(&mut self) -> &[[f64; 2]] {
+        self.load_gradient();
+        let extension = self.squared_extension();
+        let mut energy = std::mem::take(&mut self.energy);
+        for (i, energy) in energy.iter_mut().enumerate() {
+            let point = self.point(i, StrainKind::Elastic);
+            let stress = point.material_stress(&self.gradient.values[i], self.elastic.finite);
+            *energy = [point.energy_of(&stress) + self.energy_of_modes(i, &extension), 0.0];
+        }
+        self.energy = energy;
+        &self.energy
+    }
+
+    fn take_stiffening(&mut self) -> f64 {
+        self.elastic.take_stiffening()
+    }
+
     fn energy(&mut self) -> &[[f64; 2]] {
         self.load_gradient();
-        let points = self.horizon.len();
-        let mut extension = vec![[0.0]; points];
-        let inputs = std::array::from_fn(|axis| self.inputs.along(axis));
-        self.family
-            .sum_unbroken(&SquaredExtension, inputs, self.broken(), &mut extension);
+        let extension = self.squared_extension();
         let mut energy = std::mem::take(&mut self.energy);
         for (i, energy) in energy.iter_mut().enumerate() {
             let (gradient, point) = (&self.gradient.values[i], self.point(i, StrainKind::Total));
@@ -298,14 +333,7 @@ impl Solid for Correspondence {
                 strain -= symmetric(stress_free);
             }
             let stress = point.stress(&strain);
-            // sum_j w |z|^2 = sum_j w |u_j - u_i|^2 - H : H K, with K the inverse of its inverse
-            let mut shape = self.gradient.inverse_shape[i];
-            (self.dimension..3).for_each(|a| shape[(a, a)] = 1.0);
-            // a loose point has no shape tensor; it has no springs either
-            let affine = shape
-                .try_inverse()
-                .map_or(0.0, |shape| gradient.dot(&(gradient * shape)));
-            let modes = 0.5 * self.spring(i) * (extension[i][0] - affine).max(0.0);
+            let modes = self.energy_of_modes(i, &extension);
             let conjugate = (0..self.dimension).map(|a| stress[(a, a)]).sum::<f64>();
             *energy = [
                 0.5 * stress.dot(&strain) + modes,

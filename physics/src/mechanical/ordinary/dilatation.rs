@@ -181,6 +181,28 @@ impl Dilatation {
         self.normaliser[point] * self.sums[point][0]
     }
 
+    /// Energy density of the elastic dilatation of a point (J/m³), from the stretches that were summed last. Its
+    /// derivative is the pressure of [`PressureLaw`].
+    pub(super) fn elastic_energy(
+        &self,
+        elastic: &ElasticPoints,
+        plasticity: Option<&Plasticity>,
+        point: usize,
+    ) -> f64 {
+        let (moduli, d) = (elastic.moduli(point), elastic.dimension);
+        let swelling = self.of_unit_strain[point] * elastic.eigenstrain[point];
+        let dilatation = self.of(point) - swelling;
+        let mut energy = moduli.dilatation_stiffness(d) * dilatation * dilatation;
+        if let Some(plasticity) = plasticity {
+            let strain = &plasticity.tried[point].strain;
+            let in_plane: f64 = strain[..d].iter().sum();
+            let trace = plasticity.stress_state.trace(strain);
+            let relieved = moduli.lame * trace - moduli.shear * in_plane;
+            energy -= relieved * (dilatation - 0.5 * in_plane);
+        }
+        energy
+    }
+
     /// Contribution of `sum_j w s` to the stress conjugate to the eigenstrain, Pa.
     pub(super) fn conjugate_stress(
         &self,

@@ -21,7 +21,7 @@ use super::plasticity::Plasticity;
 use super::solid::{Constitution, LayeredDisplacement, Solid, StrainKind, continue_displacement};
 use super::specialise::specialise;
 use super::stretch::{
-    Block, CRITICAL, EIGENSTRAIN, Energy, Force, INPUTS, Plastic, STIFFNESS, Stress,
+    Block, CRITICAL, EIGENSTRAIN, ElasticEnergy, Energy, Force, INPUTS, Plastic, STIFFNESS, Stress,
     WeightOverLength,
 };
 use dilatation::Dilatation;
@@ -332,6 +332,31 @@ impl Solid for Ordinary {
             *conjugate = (*conjugate + frozen) * elastic.moduli(i).swelling;
         }
         energy
+    }
+
+    fn elastic_energy(&mut self) -> &[[f64; 2]] {
+        self.load_inelastic(StrainKind::Elastic);
+        let broken = self.fracture.as_ref().map(Fracture::broken);
+        let (inputs, elastic, energy) = (&self.inputs, &self.elastic, &mut self.energy);
+        let (finite, pairs) = (elastic.finite, self.dilatation.is_none());
+        let plastic = self.plastic.as_ref().map(|p| &p.state);
+        match plastic {
+            Some(_) => specialise!(FINITE = finite =>
+                inputs.sum_plastic(ElasticEnergy::<FINITE> { pairs }, broken, energy)),
+            None => specialise!(FINITE = finite =>
+                inputs.sum::<INPUTS, 2>(&ElasticEnergy::<FINITE> { pairs }, broken, energy)),
+        }
+        if let Some(dilatation) = &mut self.dilatation {
+            dilatation.sum(finite, inputs, broken);
+            for (i, [density, _]) in energy.iter_mut().enumerate() {
+                *density += dilatation.elastic_energy(elastic, plastic, i);
+            }
+        }
+        energy
+    }
+
+    fn take_stiffening(&mut self) -> f64 {
+        self.elastic.take_stiffening()
     }
 
     fn stress(&mut self) -> &[[f64; 6]] {

@@ -33,6 +33,27 @@ impl<const FINITE: bool> BondKernel<INPUTS, 2> for Energy<FINITE> {
     }
 }
 
+/// Energy density `c/4 sum_j w |xi| (s - e)^2` (J/m³) of the bonds of a point at their elastic stretch, and zero; in a
+/// bond-based solid with the means of c, w and e of both ends.
+pub struct ElasticEnergy<const FINITE: bool> {
+    /// Bonds take the means of their ends: a bond-based solid.
+    pub pairs: bool,
+}
+
+impl<const FINITE: bool> BondKernel<INPUTS, 2> for ElasticEnergy<FINITE> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
+        let stretch = stretched::<FINITE, 3, _>(bond, (&own, &other)).stretch();
+        let mean = |i: usize| 0.5 * (own[i] + other[i]);
+        let (stiffness, eigenstrain) = match self.pairs {
+            true => (bond.mean() * mean(STIFFNESS), mean(EIGENSTRAIN)),
+            false => (bond.weight * own[STIFFNESS], own[EIGENSTRAIN]),
+        };
+        let elastic = stretch - eigenstrain;
+        [0.25 * stiffness * bond.length * elastic * elastic, 0.0]
+    }
+}
+
 impl BondKernel<INPUTS, 6> for Stress {
     const RARE: bool = true;
 

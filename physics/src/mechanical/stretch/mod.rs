@@ -26,7 +26,7 @@ use perimelt_core::Bond;
 
 pub use adapters::{PLASTIC_INPUTS, Plastic, Uniform};
 pub use breaking::{Breaking, EXCESS_INPUTS, Excess, Load};
-pub use energy::{Energy, Stress};
+pub use energy::{ElasticEnergy, Energy, Stress};
 pub use force::{Block, Force, Stiffness};
 pub use sums::{Dilation, Directions, Expansion, TotalWeight, WeightOverLength};
 
