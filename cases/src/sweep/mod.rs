@@ -18,7 +18,7 @@ use crate::melt_pool::Travel;
 use crate::plot::{PictureFormat, PlotError};
 use crate::run::display::duration;
 use crate::run::early_end;
-use crate::summary::{ReadOff, read_off};
+use crate::summary::read_off;
 use picture::Comparison;
 use table::{Outcome, Table};
 use variants::{Variant, variants};
