@@ -285,6 +285,12 @@ impl World {
             .then(|| self.configuration(body))
     }
 
+    /// The time level of the current positions of a body (s): that to which its `displacement` was advanced.
+    pub fn time_of_points(&self, body: BodyIndex) -> f64 {
+        let field = self.fields.find(body, &keys::DISPLACEMENT.name);
+        field.map_or(0.0, |field| self.time_of_field(field))
+    }
+
     /// How often the displacement of a body changed; `None` without displacement, and where a physics sets the
     /// configuration.
     fn displacement_changes(&self, body: BodyIndex, mover: Option<usize>) -> Option<u64> {

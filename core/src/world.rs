@@ -171,7 +171,11 @@ impl World {
 
     /// The time level of a field: that to which its owner has advanced it, s.
     pub fn time_of<T>(&self, handle: Read<T>) -> f64 {
-        self.times.get(handle.field).copied().unwrap_or(0.0)
+        self.time_of_field(handle.field)
+    }
+
+    pub(crate) fn time_of_field(&self, field: usize) -> f64 {
+        self.times.get(field).copied().unwrap_or(0.0)
     }
 
     pub(crate) fn set_times(&mut self, fields: &[usize], time: f64) {

@@ -102,3 +102,55 @@ impl Outcome {
         (facts, warnings)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::case::Case;
+
+    /// The mechanics read a temperature if there is one; without `thermal` the field has no values.
+    #[test]
+    fn temperatures_are_told_where_somebody_provides_them() {
+        let case = |thermal: &str| {
+            let text = format!(
+                r#"
+                [bodies.bar]
+                shape.box = {{ min = [0, 0, 0], max = [8, 1, 1] }}
+                dimension = 1
+                spacing = 1
+                material = "m"
+
+                [materials.m]
+                density = 1
+                youngs_modulus = 1
+                poissons_ratio = 0.25
+                conductivity = 1
+                specific_heat = 1
+
+                {thermal}
+
+                [[physics]]
+                type = "mechanical"
+                solver.explicit = {{}}
+
+                [time]
+                end = 1
+                "#
+            );
+            let case = Case::parse("bar.toml", text, Path::new("")).expect("valid");
+            let mut simulation = case.compose().expect("complete");
+            simulation.start().expect("starts");
+            let (facts, _) = Outcome::new(&simulation).sentences(&simulation);
+            (facts, hottest(&simulation).count())
+        };
+        assert_eq!(case(""), (vec![], 0));
+        let (facts, bodies) = case("[[physics]]\ntype = \"thermal\"");
+        assert!(
+            facts[0].starts_with("bar: highest logged temperature"),
+            "{facts:?}"
+        );
+        assert_eq!(bodies, 1);
+    }
+}

@@ -367,6 +367,7 @@ benchmarks!(
     "satoh-transformation-plasticity",
     "three-bar-residual-stress",
     "heated-disc",
+    "source-on-moving-points",
     "quench-2.1-rod",
     "quench-2.1-rod-constant",
     "quench-2.1-rod-constant-n50",

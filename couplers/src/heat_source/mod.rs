@@ -38,6 +38,7 @@ mod keys;
 mod lattice;
 mod moving;
 mod pulsed;
+mod step_positions;
 
 pub use moving::{MovingSource, SourceShape};
 pub use pulsed::PulsedLaserSource;

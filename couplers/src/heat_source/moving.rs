@@ -14,6 +14,7 @@ use super::account::{Account, mirror_copies};
 use super::heading::Heading;
 use super::keys::{Keys, read, schema};
 use super::lattice::{LatticeBody, grid};
+use super::step_positions::StepPositions;
 use crate::source::{self, CellGrid, Cells, Depositor, HeatedSurface, Source};
 use crate::toolpath::{Clock, TimedPath, Toolpath, Track};
 
@@ -117,6 +118,7 @@ pub struct MovingSource<S> {
     path: Option<Rc<TimedPath>>,
     prepared: Option<MovingSourceState>,
     account: Account,
+    positions: StepPositions,
 }
 
 /// What has to be known after a restart.
@@ -124,6 +126,8 @@ pub struct MovingSource<S> {
 struct Saved {
     account: Account,
     clock: Option<Clock>,
+    /// Of the fastest point of a fluid, m/s.
+    point_speed: f64,
 }
 
 /// Handles, the lattice and the toolpath in time.
@@ -133,8 +137,10 @@ struct MovingSourceState {
     path: Rc<TimedPath>,
     depositor: Depositor,
     heat_source: Write<f64>,
-    /// Longest step while the source is on, s.
-    step_limit: Option<f64>,
+    /// Longest way of the source over the points in a step while it is on, m.
+    longest_way: f64,
+    /// Largest speed on the path, m/s.
+    speed: f64,
     /// At the end of the last step, m.
     position: Vector3<f64>,
     /// In the middle of the last step.
@@ -199,7 +205,8 @@ impl<S: SourceShape> MovingSource<S> {
             grid,
             depositor,
             heat_source: setup.add(index, &keys::HEAT_SOURCE)?,
-            step_limit: (speed > 0.0).then(|| STEP_FRACTION * length / speed),
+            longest_way: STEP_FRACTION * length,
+            speed,
             position: path.first_position(),
             heading,
             path,
@@ -283,8 +290,8 @@ impl<S: SourceShape> MovingSource<S> {
         // the points of a window are where they are at set-up, moved by its shift
         pose.position -= world.window_shift(p.body);
         let mut heat_source = world.write(p.heat_source);
-        let now = world.moving_points(p.body);
-        let deposit = match Cells::of(world, p.body, now.as_deref(), p.grid) {
+        let now = self.positions.at(world, p.body, step.middle());
+        let deposit = match Cells::of(world, p.body, now, p.grid) {
             Some(cells) => (p.depositor).add_to_cells(&cells, &pose, &mut heat_source),
             None => {
                 let body = LatticeBody {
@@ -350,6 +357,7 @@ impl<'de, S: Deserialize<'de>> Deserialize<'de> for MovingSource<S> {
             path: None,
             prepared: None,
             account: Account::default(),
+            positions: StepPositions::default(),
         })
     }
 }
@@ -382,6 +390,9 @@ macro_rules! moving_source {
             }
 
             fn begin_step(&mut self, world: &World, time: f64) {
+                if let Some(p) = &self.prepared {
+                    self.positions.begin_step(world, p.body, time);
+                }
                 self.begin_passes(world, time);
             }
 
@@ -394,8 +405,9 @@ macro_rules! moving_source {
             }
 
             fn step_limit(&self) -> Option<f64> {
-                let limit = self.prepared.as_ref()?.step_limit;
-                limit.filter(|_| self.account.is_on)
+                let p = self.prepared.as_ref()?;
+                let speed = p.speed + self.positions.speed;
+                (speed > 0.0 && self.account.is_on).then(|| p.longest_way / speed)
             }
 
             fn report(&self) -> Vec<Report> {
@@ -406,6 +418,7 @@ macro_rules! moving_source {
                 Box::new(Saved {
                     account: self.account,
                     clock: self.path.as_ref().map(|path| path.save()),
+                    point_speed: self.positions.speed,
                 })
             }
 
@@ -415,6 +428,7 @@ macro_rules! moving_source {
             ) -> Result<(), erased_serde::Error> {
                 let saved = Saved::deserialize(state)?;
                 self.account = saved.account;
+                self.positions.speed = saved.point_speed;
                 if let (Some(path), Some(clock)) = (&self.path, saved.clock) {
                     path.load(clock);
                 }

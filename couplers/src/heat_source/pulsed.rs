@@ -12,6 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::account::Account;
 use super::keys::{Keys, read, schema};
 use super::lattice::{LatticeBody, grid};
+use super::step_positions::StepPositions;
 use crate::source::{self, CellGrid, Cells};
 
 /// Fraction of the pulse duration that a step may take.
@@ -28,6 +29,7 @@ pub struct PulsedLaserSource {
     pub shape: source::PulsedLaser,
     prepared: Option<PulsedLaserState>,
     account: Account,
+    positions: StepPositions,
 }
 
 /// Handles and the lattice of the body.
@@ -73,8 +75,8 @@ impl Coupler for PulsedLaserSource {
             let body = world.body(p.body);
             let mut heat_source = world.write(p.heat_source);
             let span = (step.start, step.end());
-            let now = world.moving_points(p.body);
-            let deposit = match Cells::of(world, p.body, now.as_deref(), p.grid) {
+            let now = self.positions.at(world, p.body, step.middle());
+            let deposit = match Cells::of(world, p.body, now, p.grid) {
                 Some(cells) => (self.shape).add_to_cells(&cells, span, p.area, &mut heat_source),
                 None => {
                     let body = LatticeBody {
@@ -89,6 +91,12 @@ impl Coupler for PulsedLaserSource {
         }
         self.account.is_on = step.end() < self.end();
         Ok(())
+    }
+
+    fn begin_step(&mut self, world: &World, time: f64) {
+        if let Some(p) = &self.prepared {
+            self.positions.begin_step(world, p.body, time);
+        }
     }
 
     fn next_event(&self, after: f64) -> Option<f64> {
@@ -138,6 +146,7 @@ impl<'de> Deserialize<'de> for PulsedLaserSource {
             shape: keys.shape,
             prepared: None,
             account: Account::default(),
+            positions: StepPositions::default(),
         })
     }
 }

@@ -9,9 +9,9 @@
 //! in proportion.
 
 use nalgebra::Vector3;
+use perimelt_core::World;
 use perimelt_core::body::Discretisation;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Configuration, World};
 
 use super::{CellGrid, Deposit};
 
@@ -54,17 +54,16 @@ pub struct Cells<'a> {
 }
 
 impl<'a> Cells<'a> {
-    /// The cells of a body, around `now` where its points move; `None` for a lattice at rest.
+    /// The cells of a body, around the positions `now` (m) where its points move; `None` for a lattice at rest.
     pub fn of(
         world: &'a World,
         body: BodyIndex,
-        now: Option<&'a Configuration>,
+        now: Option<&'a [Vector3<f64>]>,
         grid: CellGrid,
     ) -> Option<Cells<'a>> {
         let body = world.body(body);
         let (centre, cover, bounds) = match (now, &body.discretisation) {
-            (Some(now), _) => {
-                let centre = now.positions();
+            (Some(centre), _) => {
                 let bounds = bounds(centre, &body.points.spacing);
                 (centre, Cover::PartlyFull, bounds)
             }
