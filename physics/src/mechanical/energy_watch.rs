@@ -235,14 +235,19 @@ impl Run {
     fn note_layers(&mut self, world: &World) {
         let rules = world.layer_rules(self.layers);
         let known = &self.state.watch.layers[..];
-        if rules.iter().map(|r| [r.scale, r.offset]).eq(known.iter().copied()) {
+        if rules
+            .iter()
+            .map(|r| [r.scale, r.offset])
+            .eq(known.iter().copied())
+        {
             return;
         }
         let same_scale = rules.iter().map(|r| r.scale).eq(known.iter().map(|k| k[0]));
         if same_scale {
             for layer in 0..rules.len() {
                 for axis in 0..3 {
-                    let moved = (rules[layer].offset[axis] - self.state.watch.layers[layer][1][axis]).abs();
+                    let moved =
+                        (rules[layer].offset[axis] - self.state.watch.layers[layer][1][axis]).abs();
                     if moved > 0.0 {
                         let of_unit = self.energy_of_offset(world, layer, axis);
                         self.state.watch.amplitude += of_unit * moved;
@@ -437,7 +442,9 @@ impl Run {
                     "heat of `deformation_heat` that is one step late adds energy to a vibration; set `time.iteration`, \
                      `damping` of `solver.explicit`, or a smaller step"
                 }
-                false => "look at what holds the body, take a smaller step, and report the case if its step is `auto`",
+                false => {
+                    "look at what holds the body, take a smaller step, and report the case if its step is `auto`"
+                }
             },
         }
     }

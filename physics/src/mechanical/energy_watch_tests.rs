@@ -5,8 +5,8 @@ use perimelt_core::body::Store;
 use perimelt_core::solver::reduce::sum_points;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Body, Coupler, Face, Physics, Read, RunError, Setup, SetupError, Simulation, Step, World, Write,
-    keys,
+    Body, Coupler, Face, Physics, Read, RunError, Setup, SetupError, Simulation, Step, World,
+    Write, keys,
 };
 use serde::{Deserialize, Serialize};
 
@@ -113,7 +113,8 @@ impl Loaded {
             self.world.write(eigenstrain).fill(1e-4 * time);
         }
         if let Some(layer) = self.layer {
-            self.world.set_layer(layer, [-1.0; 3], [1e-6 * time, 0.0, 0.0]);
+            self.world
+                .set_layer(layer, [-1.0; 3], [1e-6 * time, 0.0, 0.0]);
         }
     }
 
@@ -126,7 +127,11 @@ impl Loaded {
         let (force, inverse) = (run.state.verlet.force(), &run.free_inverse_density);
         let square = |i: usize| force[i] * force[i] * inverse[i] * volume[i / 3];
         let [squares] = sum_points(force.len(), |i| [square(i)]);
-        let bound = run.state.watch.reference.map_or(0.0, |r: Reference| r.bound);
+        let bound = run
+            .state
+            .watch
+            .reference
+            .map_or(0.0, |r: Reference| r.bound);
         [total - 0.125 * STEP * STEP * squares, total, bound]
     }
 
@@ -140,15 +145,13 @@ impl Loaded {
 #[test]
 fn the_bound_of_the_energy_grows_by_the_work_of_loads() {
     let loads = [
-        // rounding of some hundred steps
-        (Load::BodyForce, 1e-11),
-        (Load::Held, 1e-11),
-        (Load::Impulse, 1e-11),
-        // bonds at surfaces have not quite the energy of isotropic strain
-        (Load::WorkOfEigenstrain, 0.02),
+        Load::BodyForce,
+        Load::Held,
+        Load::Impulse,
+        Load::WorkOfEigenstrain,
     ];
     for formulation in FORMULATIONS {
-        for (load, tolerance) in loads {
+        for load in loads {
             let mut body = Loaded::new(formulation, load);
             (0..2).for_each(|step| body.advance(step));
             let [kept, _, bound] = body.energies();
@@ -163,8 +166,8 @@ fn the_bound_of_the_energy_grows_by_the_work_of_loads() {
             }
             assert!(largest > 0.0, "{formulation} {load:?}");
             let error = worst / largest;
-            println!("{formulation} {load:?}: {error:.1e}");
-            assert!(error < tolerance, "{formulation} {load:?}: {error:e}");
+            // rounding of some hundred steps
+            assert!(error < 1e-12, "{formulation} {load:?}: {error:e}");
         }
     }
 }
@@ -179,7 +182,10 @@ fn the_energy_stays_below_the_upper_bounds_of_works() {
             for step in 2..300 {
                 body.advance(step);
                 let [kept, total, bound] = body.energies();
-                assert!(kept <= bound, "{formulation} {load:?} {step}: {kept:e} {bound:e}");
+                assert!(
+                    kept <= bound,
+                    "{formulation} {load:?} {step}: {kept:e} {bound:e}"
+                );
                 largest = largest.max(total);
             }
             assert!(largest > 0.0, "{formulation} {load:?}");
@@ -237,7 +243,12 @@ impl Coupler for Surroundings {
 fn bar(keys: &str, surroundings: Surroundings, end: f64) -> Simulation {
     let body: Body = block([40, 10, 1], 2, 5e-4, Store::Lattice, STEEL);
     let mechanical: Mechanical = read(&format!("{keys}\nsolver.explicit = {{}}"));
-    simulation(body, vec![Box::new(mechanical)], vec![Box::new(surroundings)], end)
+    simulation(
+        body,
+        vec![Box::new(mechanical)],
+        vec![Box::new(surroundings)],
+        end,
+    )
 }
 
 /// The error that stops a run.
@@ -263,7 +274,10 @@ const FINITE_BONDS: &str = "formulation = 'bond'\nkinematics = 'finite'";
 #[test]
 fn energy_that_grew_before_the_end_of_a_short_run_stops_it() {
     let error = error_of(bar(FINITE_BONDS, Surroundings::default(), 2.4e-4), chaos);
-    assert!(error.contains("mechanical failed at t = 0.00024"), "{error}");
+    assert!(
+        error.contains("mechanical failed at t = 0.00024"),
+        "{error}"
+    );
     assert!(error.contains("without work being done on it"), "{error}");
 }
 
@@ -280,13 +294,13 @@ fn energy_that_grows_under_a_small_load_that_changes_stops_the_run() {
 #[test]
 fn energy_from_heat_that_is_late_stops_the_run() {
     for formulation in FORMULATIONS {
-        // alpha² T / (rho c) of steel with ten times its expansion
+        // alpha² T / (rho c) of steel
         let surroundings = Surroundings {
-            compliance: 1.2e-4 * 1.2e-4 * 300.0 / (7850.0 * 500.0),
+            compliance: 1.2e-5 * 1.2e-5 * 300.0 / (7850.0 * 500.0),
             ..Surroundings::default()
         };
-        let keys = format!("formulation = '{formulation}'");
-        let s = bar(&keys, surroundings, 1e-3);
+        let keys = format!("formulation = '{formulation}'\nstep = 4e-8");
+        let s = bar(&keys, surroundings, 2e-3);
         let error = error_of(s, |[x, _, _]| [0.1 * x, 0.0, 0.0]);
         assert!(error.contains("time.iteration"), "{formulation}: {error}");
     }

@@ -312,7 +312,10 @@ impl Solid for Correspondence {
         for (i, energy) in energy.iter_mut().enumerate() {
             let point = self.point(i, StrainKind::Elastic);
             let stress = point.material_stress(&self.gradient.values[i], self.elastic.finite);
-            *energy = [point.energy_of(&stress) + self.energy_of_modes(i, &extension), 0.0];
+            *energy = [
+                point.energy_of(&stress) + self.energy_of_modes(i, &extension),
+                0.0,
+            ];
         }
         self.energy = energy;
         &self.energy
