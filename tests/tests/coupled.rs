@@ -1,6 +1,9 @@
 //! Heat and deformation together: what each gives the other, and that nothing is lost.
 
+mod program;
+
 use std::path::Path;
+use std::process::Stdio;
 
 use perimelt::case::Case;
 use perimelt::core::{
@@ -243,6 +246,85 @@ fn energy_is_kept_over_a_free_vibration() {
         weak > coarse && weak_fine < 0.6 * weak,
         "{weak:e}, {weak_fine:e}"
     );
+}
+
+/// A free bar of steel that the program runs until its energy has grown: what it says when it stops.
+fn stopped(initial: &str, rest: &str) -> String {
+    let case = format!(
+        "[bodies.bar]
+        shape.box = {{ min = [0, 0, 0], max = [0.02, 0.005, 0.0005] }}
+        dimension = 2
+        thickness = 0.0005
+        spacing = 0.0005
+        material = \"steel\"
+        {initial}
+        [materials.steel]
+        density = 7850
+        youngs_modulus = 2e11
+        poissons_ratio = 0.3
+        specific_heat = 500
+        conductivity = 40
+        thermal_expansion = 12e-6
+        {rest}"
+    );
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("bar.toml"), case).expect("writable");
+    let mut run = program::command(folder.path(), &["run", "bar.toml", "--quiet"]);
+    let output = run.stderr(Stdio::piped()).output().expect("it starts");
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success(), "it ends well: {told}");
+    told.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+const CHAOS: &str =
+    "initial.velocity = [\"1000*sin(20000*x+9000*y)\", \"1000*cos(6000000*x*y)\", 0]";
+const FINITE_BONDS: &str = "[[physics]]
+        type = \"mechanical\"
+        formulation = \"bond\"
+        kinematics = \"finite\"
+        solver.explicit = {}
+        [time]
+        end = 2.4e-4
+        [log]
+        interval = 2e-5";
+
+#[test]
+fn the_program_fails_when_energy_grows_without_work() {
+    let pressure = "[[couplers]]
+        type = \"traction\"
+        faces = [\"x+\"]
+        pressure = 1
+        factor = { time = [0, 1], value = [0, 1] }";
+    let heat = "[[physics]]
+        type = \"thermal\"
+        horizon = 1
+        [[physics]]
+        type = \"mechanical\"
+        formulation = \"ordinary\"
+        solver.explicit = {}
+        [[couplers]]
+        type = \"thermal_expansion\"
+        reference_temperature = 300
+        [[couplers]]
+        type = \"deformation_heat\"
+        [time]
+        end = 2e-3
+        step = 4e-8
+        [log]
+        interval = 1e-4";
+    let stretching = "initial.temperature = 300\ninitial.velocity = [\"0.1*x\", 0, 0]";
+    let loaded = format!("{pressure}\n{FINITE_BONDS}");
+    for (what, told) in [
+        ("short", stopped(CHAOS, FINITE_BONDS)),
+        ("loaded", stopped(CHAOS, &loaded)),
+        ("heated", stopped(stretching, heat)),
+    ] {
+        assert!(
+            told.contains("without work being done on it"),
+            "{what}: {told}"
+        );
+        assert!(told.contains("mechanical failed at t ="), "{what}: {told}");
+    }
 }
 
 /// A plate pulled along x whose heat makes it contract across: the state at the end of the pull.

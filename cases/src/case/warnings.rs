@@ -6,8 +6,10 @@ use std::ops::Range;
 use perimelt_core::material::{Material, Property};
 use perimelt_core::shape::Shape;
 use perimelt_core::{Body, Simulation};
+use perimelt_physics::mechanical::moduli::{Moduli, Plane};
 use toml::de::DeValue;
 
+use super::compose::PluginTable;
 use super::locate::TomlTable;
 use super::{Case, CaseError, Result};
 use crate::plot::unit;
@@ -23,6 +25,10 @@ const FILLED: f64 = 0.01;
 
 /// Density times specific heat of solids and liquids, J/(m³ K).
 const HEAT_CAPACITY: Range<f64> = 1e5..2e7;
+
+/// Exponent of the growth of vibrations by late heat that is told: smooth motion has some 1e-5 of its amplitude in the
+/// modes of the lattice, which grow fastest.
+const LATE_HEAT: f64 = 10.0;
 
 /// Keys of couplers that are temperatures, by type or for all.
 const TEMPERATURES: [(Option<&str>, &str); 6] = [
@@ -57,6 +63,7 @@ impl Case {
             found.extend(self.cold_surroundings()?);
         }
         found.extend(self.no_expansion(simulation)?);
+        found.extend(self.late_heat(simulation)?);
         Ok(found)
     }
 
@@ -147,6 +154,81 @@ impl Case {
             )
         }))
     }
+}
+
+impl Case {
+    /// Explicit bodies whose deformation makes heat that is one step late: `u'' = -w^2 u + c w^2 dt u'`, with the ratio c of
+    /// adiabatic and isothermal stiffness less one, so that amplitudes grow at the rate `c w^2 dt / 2`.
+    fn late_heat(&self, simulation: &Simulation) -> Result<Vec<String>> {
+        let (options, bodies) = (simulation.options(), simulation.world().bodies());
+        let mut found = Vec::new();
+        if options.iteration.is_some() {
+            return Ok(found);
+        }
+        let body_of = |plugin: &PluginTable<'_>| {
+            let table = plugin.value.get_ref().as_table()?;
+            let name = table.get("body").and_then(|b| b.get_ref().as_str());
+            name.map_or(Some(0), |name| bodies.iter().position(|b| b.name == name))
+        };
+        let couplers = self.plugin_tables("couplers")?;
+        let heats = |body: usize| {
+            let mut of_body = couplers.iter().filter(|c| body_of(c) == Some(body));
+            of_body.any(|c| c.kind == "deformation_heat")
+        };
+        let physics = self.plugin_tables("physics")?;
+        for (index, plugin) in physics.iter().enumerate() {
+            let (Some(damping), Some(body)) = (explicit_damping(plugin), body_of(plugin)) else {
+                continue;
+            };
+            let Some(stable) = simulation.stable_steps()[index].filter(|_| heats(body)) else {
+                continue;
+            };
+            let step = simulation.sub_steps()[index].min(simulation.macro_step());
+            let temperature = lowest_temperature(simulation, body).unwrap_or(0.0);
+            let body = &bodies[body];
+            let coupling = adiabatic_stiffening(body, temperature);
+            let rate = 2.0 * coupling * step / (stable * stable) - 0.5 * damping;
+            let exponent = rate * options.end;
+            if exponent > LATE_HEAT {
+                found.push(format!(
+                    "the heat of `deformation_heat` is one step late and adds energy to vibrations of body `{}`, whose amplitude \
+                     may grow by e^{exponent:.0} until the end: set `time.iteration`, `damping` of `solver.explicit`, or a \
+                     smaller step",
+                    body.name
+                ));
+            }
+        }
+        Ok(found)
+    }
+}
+
+/// Damping rate of a mechanical physics with the explicit solver, 1/s.
+fn explicit_damping(plugin: &PluginTable<'_>) -> Option<f64> {
+    let table = plugin.value.get_ref().as_table()?;
+    let explicit = table.get("solver")?.get_ref().as_table()?.get("explicit")?;
+    let damping = explicit.get_ref().as_table()?.get("damping");
+    let text = damping.map(|d| match d.get_ref() {
+        DeValue::Float(number) => number.as_str().to_string(),
+        DeValue::Integer(number) => number.as_str().to_string(),
+        _ => String::new(),
+    });
+    (plugin.kind == "mechanical").then(|| text.map_or(0.0, |t| t.parse().unwrap_or(0.0)))
+}
+
+/// The largest `alpha^2 T d^2 K / (rho c_p)` of the materials of a body at a temperature (K), with the bulk modulus K of d
+/// dimensions.
+fn adiabatic_stiffening(body: &Body, temperature: f64) -> f64 {
+    let of_material = |material: &Material| {
+        let at = |name: &str| material.get(name).map(|p| p.at(temperature, 0.0));
+        let d = body.dimension as f64;
+        let ratio = at("poissons_ratio").unwrap_or(0.25);
+        let moduli = Moduli::new(at("youngs_modulus")?, ratio, body.dimension, Plane::Stress);
+        let capacity = material.reference_density().ok()? * at("specific_heat")?;
+        let expansion = at("thermal_expansion")?;
+        Some(expansion * expansion * temperature * d * d * moduli.bulk / capacity)
+    };
+    let materials = body.materials.iter().filter_map(of_material);
+    materials.fold(0.0, f64::max)
 }
 
 /// A temperature that a coupler is given.

@@ -145,15 +145,13 @@ impl Loaded {
 #[test]
 fn the_bound_of_the_energy_grows_by_the_work_of_loads() {
     let loads = [
-        // rounding of some hundred steps
-        (Load::BodyForce, 1e-11),
-        (Load::Held, 1e-11),
-        (Load::Impulse, 1e-11),
-        // bonds at surfaces have not quite the energy of isotropic strain
-        (Load::WorkOfEigenstrain, 0.02),
+        Load::BodyForce,
+        Load::Held,
+        Load::Impulse,
+        Load::WorkOfEigenstrain,
     ];
     for formulation in FORMULATIONS {
-        for (load, tolerance) in loads {
+        for load in loads {
             let mut body = Loaded::new(formulation, load);
             (0..2).for_each(|step| body.advance(step));
             let [kept, _, bound] = body.energies();
@@ -168,8 +166,8 @@ fn the_bound_of_the_energy_grows_by_the_work_of_loads() {
             }
             assert!(largest > 0.0, "{formulation} {load:?}");
             let error = worst / largest;
-            println!("{formulation} {load:?}: {error:.1e}");
-            assert!(error < tolerance, "{formulation} {load:?}: {error:e}");
+            // rounding of some hundred steps
+            assert!(error < 1e-12, "{formulation} {load:?}: {error:e}");
         }
     }
 }
@@ -296,13 +294,13 @@ fn energy_that_grows_under_a_small_load_that_changes_stops_the_run() {
 #[test]
 fn energy_from_heat_that_is_late_stops_the_run() {
     for formulation in FORMULATIONS {
-        // alpha² T / (rho c) of steel with ten times its expansion
+        // alpha² T / (rho c) of steel
         let surroundings = Surroundings {
-            compliance: 1.2e-4 * 1.2e-4 * 300.0 / (7850.0 * 500.0),
+            compliance: 1.2e-5 * 1.2e-5 * 300.0 / (7850.0 * 500.0),
             ..Surroundings::default()
         };
-        let keys = format!("formulation = '{formulation}'");
-        let s = bar(&keys, surroundings, 1e-3);
+        let keys = format!("formulation = '{formulation}'\nstep = 4e-8");
+        let s = bar(&keys, surroundings, 2e-3);
         let error = error_of(s, |[x, _, _]| [0.1 * x, 0.0, 0.0]);
         // bonds reach the limit of displacements between two samples of the energy
         let is_told = error.contains("time.iteration");
