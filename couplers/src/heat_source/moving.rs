@@ -307,7 +307,7 @@ impl<S: SourceShape> MovingSource<S> {
         // the next step is limited if the next move has power
         self.account.is_on = p.path.is_on_after(step.end());
         p.position = p.path.pose(step.end()).position;
-        let moves = p.step_limit.is_some();
+        let moves = p.speed > 0.0;
         p.heading = Heading::new(&p.depositor, self.shape.surface(), &pose, moves);
     }
 

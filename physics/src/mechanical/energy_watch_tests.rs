@@ -103,7 +103,7 @@ impl Loaded {
             (Load::BodyForce, [force]) => fill(*force, &|i| in_plane(i, 1e8)),
             (Load::Impulse, [impulse]) => fill(*impulse, &|i| in_plane(i, 1e3)),
             (Load::Held, [constraint, held]) => {
-                let is_held = |i: usize| if i % 6 == 0 { 1.0 } else { 0.0 };
+                let is_held = |i: usize| if i.is_multiple_of(6) { 1.0 } else { 0.0 };
                 fill(*constraint, &|i| Vector3::new(is_held(i), is_held(i), 0.0));
                 fill(*held, &|i| is_held(i) * in_plane(i, 1e-6));
             }
