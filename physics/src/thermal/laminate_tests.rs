@@ -155,7 +155,6 @@ fn the_flux_by_conductivities_that_depend_on_the_temperature_is_that_of_resistan
                 let rates = rates(&mut s);
                 let error = flux(&s, &rates, area) / laminate.flux - 1.0;
                 // conductivities are those of the ends, up to a horizon from the interface: 1e-3 / K over 15 K / spacing
-                eprintln!("table {} {} {horizon}: {error}", good.value, good.slope);
                 assert!(error.abs() < 0.01 * horizon, "{horizon}: {error}");
             }
         }
@@ -186,7 +185,6 @@ fn a_laminate_of_two_spacings_has_the_flux_of_resistances_in_series() {
         let mut s = laminate.simulation(body, "horizon = 3\ncorrection = \"balanced\"");
         let rates = rates(&mut s);
         let error = flux(&s, &rates, area) / laminate.flux - 1.0;
-        eprintln!("ratio {ratio}: {error}");
         // distances from the interface are those of the nearest points, which lie beside the normal
         assert!(error.abs() < 0.1, "ratio {ratio}: {error}");
     }
