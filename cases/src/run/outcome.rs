@@ -113,7 +113,7 @@ mod tests {
     /// The mechanics read a temperature if there is one; without `thermal` the field has no values.
     #[test]
     fn temperatures_are_told_where_somebody_provides_them() {
-        let case = |thermal: &str| {
+        let case = |initial: &str, thermal: &str| {
             let text = format!(
                 r#"
                 [bodies.bar]
@@ -121,6 +121,7 @@ mod tests {
                 dimension = 1
                 spacing = 1
                 material = "m"
+                {initial}
 
                 [materials.m]
                 density = 1
@@ -145,8 +146,11 @@ mod tests {
             let (facts, _) = Outcome::new(&simulation).sentences(&simulation);
             (facts, hottest(&simulation).count())
         };
-        assert_eq!(case(""), (vec![], 0));
-        let (facts, bodies) = case("[[physics]]\ntype = \"thermal\"");
+        assert_eq!(case("", ""), (vec![], 0));
+        let (facts, bodies) = case(
+            "initial.temperature = 300",
+            "[[physics]]\ntype = \"thermal\"",
+        );
         assert!(
             facts[0].starts_with("bar: highest logged temperature"),
             "{facts:?}"
