@@ -12,7 +12,7 @@
 //! crosses the isotherm by linear interpolation, with an error of `dx^2 T'' / (8 T')`.
 //!
 //! Along a direction that is not that of an axis, the extent is that of the points where the region around the hottest point
-//! ends on the lines between the centres of cells, by linear interpolation ([`cells`]). Between these lines it may reach
+//! ends on the lines between the centres of cells, by linear interpolation (`cells`). Between these lines it may reach
 //! `dx^2 / (8 R)` farther, R its radius of curvature.
 //!
 //! A pool that reaches a plane of symmetry of the body (coupler `symmetry`) goes on behind it: its width is that of both
