@@ -46,7 +46,8 @@ impl<const FINITE: bool> BondKernel<INPUTS, 2> for ElasticEnergy<FINITE> {
         let stretch = stretched::<FINITE, 3, _>(bond, (&own, &other)).stretch();
         let mean = |i: usize| 0.5 * (own[i] + other[i]);
         let (stiffness, eigenstrain) = match self.pairs {
-            true => (bond.mean() * mean(STIFFNESS), mean(EIGENSTRAIN)),
+            // both ends have the mean weight together; at layers the own weight is that of the energy of the forces
+            true => (bond.weight * mean(STIFFNESS), mean(EIGENSTRAIN)),
             false => (bond.weight * own[STIFFNESS], own[EIGENSTRAIN]),
         };
         let elastic = stretch - eigenstrain;
