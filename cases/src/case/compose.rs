@@ -165,8 +165,7 @@ impl Case {
                 Some(name) => Ok(name.to_string()),
             };
         }
-        let body = keys.and_then(|t| t.get("body")?.get_ref().as_str());
-        let base = match body {
+        let base = match table.body() {
             Some(body) => format!("{} on {body}", table.kind),
             None => table.kind.clone(),
         };
@@ -285,9 +284,7 @@ impl Case {
         let fields = simulation.world().fields();
         for (index, (name, section)) in self.bodies.iter().enumerate() {
             let is_of_body = |table: &PluginTable<'_>| {
-                let keys = table.value.get_ref().as_table();
-                let body = keys.and_then(|t| t.get("body")?.get_ref().as_str());
-                table.kind == "thermal" && body.is_none_or(|body| body == name)
+                table.kind == "thermal" && table.body().is_none_or(|body| body == name)
             };
             let Some(field) = fields.find(index, "temperature") else {
                 continue;
@@ -394,6 +391,12 @@ fn unknown_plugin(file: &Arc<CaseFile>, table: &PluginTable<'_>) -> Box<CaseErro
 impl PluginTable<'_> {
     fn title(&self) -> String {
         format!("[[{}]] `{}`", self.section, self.kind)
+    }
+
+    /// Name of its body, where the table gives it.
+    pub(super) fn body(&self) -> Option<&str> {
+        let keys = self.value.get_ref().as_table()?;
+        keys.get("body")?.get_ref().as_str()
     }
 
     /// Place of a dotted key's value, or of the header when it is not written.

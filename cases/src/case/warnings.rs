@@ -31,11 +31,10 @@ const HEAT_CAPACITY: Range<f64> = 1e5..2e7;
 const LATE_HEAT: f64 = 10.0;
 
 /// Keys of couplers that are temperatures, by type or for all.
-const TEMPERATURES: [(Option<&str>, &str); 6] = [
+const TEMPERATURES: [(Option<&str>, &str); 5] = [
     (None, "ambient"),
     (None, "reference_temperature"),
     (None, "cutoff_temperature"),
-    (None, "annealing_temperature"),
     (Some("prescribed_temperature"), "value"),
     (Some("deposit"), "temperature"),
 ];
@@ -166,9 +165,8 @@ impl Case {
             return Ok(found);
         }
         let body_of = |plugin: &PluginTable<'_>| {
-            let table = plugin.value.get_ref().as_table()?;
-            let name = table.get("body").and_then(|b| b.get_ref().as_str());
-            name.map_or(Some(0), |name| bodies.iter().position(|b| b.name == name))
+            let place = |name| bodies.iter().position(|b| b.name == name);
+            plugin.body().map_or(Some(0), place)
         };
         let couplers = self.plugin_tables("couplers")?;
         let heats = |body: usize| {
