@@ -164,6 +164,17 @@ impl Work {
     }
 }
 
+impl std::ops::Add for Work {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Work {
+            iterations: self.iterations + other.iterations,
+            evaluations: self.evaluations + other.evaluations,
+        }
+    }
+}
+
 impl From<NewtonReport> for Work {
     fn from(report: NewtonReport) -> Self {
         Work {

@@ -37,7 +37,7 @@ pub struct LayerHandle {
 pub struct LayersHandle(pub(crate) usize);
 
 /// How a body melts and freezes, set by the phase-change coupler.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PhaseChange {
     /// What heats up between solidus and liquidus.
     pub mushy_capacity: MushyCapacity,

@@ -229,6 +229,51 @@ impl EnthalpyCurve {
         }
     }
 
+    /// Slope dh/dθ (J/(m³ K)) at an enthalpy (J/m³); infinite while a pure substance melts.
+    pub fn capacity_from_enthalpy(&self, enthalpy: f64) -> f64 {
+        let piece = &self.pieces[piece_index(&self.enthalpies, enthalpy)];
+        piece.capacity(piece.temperature(enthalpy))
+    }
+
+    /// The combined temperature θ + h/C (K) at an enthalpy (J/m³), with a capacity C far above that of the material: nearly a
+    /// temperature, and yet it rises while a pure substance melts at one.
+    pub fn combined(&self, enthalpy: f64) -> f64 {
+        self.temperature(enthalpy) + enthalpy / self.combined_capacity()
+    }
+
+    /// Enthalpy (J/m³) at a combined temperature (K), and its derivative by it, J/(m³ K).
+    pub fn from_combined(&self, combined: f64) -> (f64, f64) {
+        let total = self.combined_capacity();
+        let start = |i: usize| self.temperatures[i] + self.enthalpies[i] / total;
+        let mut index = 0;
+        while index < self.temperatures.len() && start(index) <= combined {
+            index += 1;
+        }
+        let piece = &self.pieces[index];
+        // piece 0 ends at the knot at which the others start
+        let start = start(index.saturating_sub(1));
+        if piece.capacity.is_infinite() {
+            return (piece.enthalpy + total * (combined - start), total);
+        }
+        let of_combined = Piece {
+            temperature: piece.temperature,
+            enthalpy: start,
+            capacity: 1.0 + piece.capacity / total,
+            slope: piece.slope / total,
+        };
+        let temperature = of_combined.temperature(combined);
+        let capacity = piece.capacity(temperature);
+        (
+            piece.enthalpy(temperature),
+            capacity / (1.0 + capacity / total),
+        )
+    }
+
+    /// C of [`Self::combined`], J/(m³ K).
+    fn combined_capacity(&self) -> f64 {
+        10.0 * self.maximum_capacity
+    }
+
     /// Liquid fraction, clamp((θ − θ_s)/(θ_l − θ_s), 0, 1); 0 in a material that does not melt.
     ///
     /// At an isothermal melting temperature it is 1, as [`Self::enthalpy`] is there; only

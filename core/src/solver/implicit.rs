@@ -10,16 +10,15 @@
 //! zero (or to the heat put in), the sum of the state changes by that and by rounding,
 //! however loose the tolerance. `y_new` differs from `z` by the residual, within the tolerance.
 //!
-//! Heat with phase change: with the enthalpy as the state, the Jacobian is a symmetric
-//! matrix times `dT/dh`, not symmetric, hence BiCGStab; it also covers melting at one
-//! temperature, where `dT/dh = 0`. A model without such a plateau may instead solve for the
-//! temperature by [`Newton`] with conjugate gradients, `h(T_new) - h_old = dt f(T_new)`, and
-//! advance the enthalpy by `dt f(T_new)` itself.
+//! `z` is sought by the unknowns of [`Rhs::unknowns`]. Heat with phase change shows why: far above the explicit limit
+//! the flow of heat dominates, which is nearly linear in the temperature; in the enthalpy, which is the state, it changes
+//! its slope wherever a point starts or ends to melt, and Newton's method does not get past so many kinks. The Jacobian is
+//! not symmetric in general, hence BiCGStab.
 
 use super::error::{SolverError, positive};
 use super::krylov::Hints;
 use super::newton::{Newton, NewtonOptions, NewtonReport};
-use super::reduce::norm;
+use super::reduce::{norm, sum_points};
 use super::rhs::{At, Rhs};
 use super::vector::update;
 
@@ -33,6 +32,15 @@ pub struct Implicit {
     old_rate: Vec<f64>,
     history: Vec<f64>,
     candidate: Vec<f64>,
+    work: Work,
+}
+
+/// The state that belongs to the unknowns, the derivative by them, and a direction, as [`Rhs::state`] has them.
+#[derive(Debug, Clone, Default)]
+struct Work {
+    state: Vec<f64>,
+    slope: Vec<f64>,
+    direction: Vec<f64>,
 }
 
 impl Implicit {
@@ -54,6 +62,7 @@ impl Implicit {
             old_rate: Vec::new(),
             history: Vec::new(),
             candidate: Vec::new(),
+            work: Work::default(),
         }
     }
 
@@ -75,8 +84,16 @@ impl Implicit {
             old_rate,
             history,
             candidate,
+            work,
         } = self;
-        for vector in [&mut *old_rate, &mut *history, &mut *candidate] {
+        for vector in [
+            &mut *old_rate,
+            &mut *history,
+            &mut *candidate,
+            &mut work.state,
+            &mut work.slope,
+            &mut work.direction,
+        ] {
             vector.resize(state.len(), 0.0);
         }
         let (old, new) = ((1.0 - *theta) * dt, *theta * dt);
@@ -86,17 +103,19 @@ impl Implicit {
             old_rate.fill(0.0);
         }
         update(history, [state, old_rate], |_, [y, f]| y + old * f);
-        candidate.copy_from_slice(state);
+        rhs.unknowns(state, candidate);
 
         let mut equation = StepEquation {
             rhs,
             history,
             weight: new,
+            work,
         };
         let mut report = newton.solve(&mut equation, time + dt, candidate, Hints::default())?;
 
         // history is no longer needed: its memory holds the new rate from here on
-        rhs.rate(time + dt, candidate, history)?;
+        rhs.state(candidate, &mut work.state, &mut work.slope);
+        rhs.rate(time + dt, &work.state, history)?;
         report.evaluations += if old > 0.0 { 2 } else { 1 };
         update(state, [old_rate, history], |y, [f_old, f_new]| {
             y + (old * f_old + new * f_new)
@@ -105,18 +124,27 @@ impl Implicit {
     }
 }
 
-/// `history + weight f(t, z) - z`, to be brought to zero.
+/// `history + weight f(t, z(s)) - z(s)`, to be brought to zero by the unknowns `s`.
 struct StepEquation<'a> {
     rhs: &'a mut dyn Rhs,
     history: &'a [f64],
     weight: f64,
+    work: &'a mut Work,
+}
+
+impl StepEquation<'_> {
+    fn find_state(&mut self, unknowns: &[f64]) {
+        let Work { state, slope, .. } = &mut *self.work;
+        self.rhs.state(unknowns, state, slope);
+    }
 }
 
 impl Rhs for StepEquation<'_> {
-    fn rate(&mut self, time: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+    fn rate(&mut self, time: f64, unknowns: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
         let weight = self.weight;
-        self.rhs.rate(time, state, rate)?;
-        update(rate, [self.history, state], |f, [history, z]| {
+        self.find_state(unknowns);
+        self.rhs.rate(time, &self.work.state, rate)?;
+        update(rate, [self.history, &self.work.state], |f, [history, z]| {
             history - z + weight * f
         });
         Ok(())
@@ -126,22 +154,40 @@ impl Rhs for StepEquation<'_> {
         self.rhs.scale()
     }
 
-    /// That of the state, and that of the rate over the step: with steps far above the explicit limit the latter is larger.
+    /// That of the state, which is found from the unknowns, and that of the rate over the step: with steps far above the
+    /// explicit limit the latter is larger. For the unknowns of the last evaluation, which are those at hand.
     fn rounding(&self, at: At) -> f64 {
-        4.0 * f64::EPSILON * norm(at.state) + self.weight * self.rhs.rounding(at)
+        let Work { state, slope, .. } = &*self.work;
+        let [squares] = sum_points(state.len(), |i| [(slope[i] * at.state[i]).powi(2)]);
+        let time = at.time;
+        4.0 * f64::EPSILON * (norm(state) + squares.sqrt())
+            + self.weight * self.rhs.rounding(At { time, state })
     }
 
     fn tangent(&mut self, at: At, direction: &[f64], out: &mut [f64]) -> Result<bool, SolverError> {
         let weight = self.weight;
-        let offered = self.rhs.tangent(at, direction, out)?;
-        update(out, [direction], |jv, [v]| weight * jv - v);
+        self.find_state(at.state);
+        let Work {
+            state,
+            slope,
+            direction: of_state,
+        } = &mut *self.work;
+        update(of_state, [direction, slope], |_, [v, slope]| slope * v);
+        let time = at.time;
+        let offered = self.rhs.tangent(At { time, state }, of_state, out)?;
+        update(out, [of_state], |jv, [v]| weight * jv - v);
         Ok(offered)
     }
 
     fn tangent_diagonal(&mut self, at: At, out: &mut [f64]) -> Result<bool, SolverError> {
         let weight = self.weight;
-        let offered = self.rhs.tangent_diagonal(at, out)?;
-        update(out, [], |diagonal, []| weight * diagonal - 1.0);
+        self.find_state(at.state);
+        let Work { state, slope, .. } = &*self.work;
+        let time = at.time;
+        let offered = self.rhs.tangent_diagonal(At { time, state }, out)?;
+        update(out, [slope], |diagonal, [slope]| {
+            slope * (weight * diagonal - 1.0)
+        });
         Ok(offered)
     }
 }
@@ -223,6 +269,11 @@ mod tests {
             rhs: &mut Decays([1.0, 20.0, 0.3]),
             history: &[0.0; 3],
             weight: 0.7,
+            work: &mut Work {
+                state: vec![0.0; 3],
+                slope: vec![0.0; 3],
+                direction: vec![0.0; 3],
+            },
         };
         let at = At {
             time: 0.0,

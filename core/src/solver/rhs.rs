@@ -53,6 +53,20 @@ pub trait Rhs {
         0.0
     }
 
+    /// The unknowns by which [`Implicit`] finds the new state, from a state: the state itself by default. A model whose
+    /// stiff part is nearly linear in other numbers gives these.
+    ///
+    /// [`Implicit`]: super::Implicit
+    fn unknowns(&self, state: &[f64], unknowns: &mut [f64]) {
+        unknowns.copy_from_slice(state);
+    }
+
+    /// The state that belongs to [`Rhs::unknowns`], and the derivative of each of its entries by its unknown, positive.
+    fn state(&self, unknowns: &[f64], state: &mut [f64], slope: &mut [f64]) {
+        state.copy_from_slice(unknowns);
+        slope.fill(1.0);
+    }
+
     /// Positive weights `w` for which `diag(w) df/dy` is symmetric, as the volumes of points of
     /// several sizes are; `None` where `df/dy` is symmetric itself or symmetry is not needed. Norms of
     /// residuals include them.

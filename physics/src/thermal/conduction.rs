@@ -12,6 +12,8 @@
 //! spacing. Between materials the parts of a bond conduct in series ([`interfaces`](super::interfaces)); in the ordinary form
 //! its conductivity is the mean of the ends.
 
+mod change;
+
 use std::sync::Arc;
 
 use perimelt_core::family::{ByRules, LayerRule, Mirrored};

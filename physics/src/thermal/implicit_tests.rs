@@ -4,6 +4,7 @@ use super::Thermal;
 use crate::testing::{block, read, set, simulation, values};
 use perimelt_core::body::{Body, Store};
 use perimelt_core::simulation::Simulation;
+use perimelt_core::world::PhaseChange;
 use perimelt_core::{Coupler, Read, RunError, Setup, SetupError, Step, World, Write, keys};
 use serde::{Deserialize, Serialize};
 
@@ -20,6 +21,7 @@ const CAPACITY: f64 = 2700.0 * 900.0;
 #[derive(Debug, Serialize, Deserialize)]
 struct Cooling {
     coefficient: f64,
+    melts: bool,
     #[serde(skip)]
     fields: Option<(Read<f64>, Write<f64>)>,
 }
@@ -27,6 +29,9 @@ struct Cooling {
 #[typetag::serialize(name = "cooling_of_a_face")]
 impl Coupler for Cooling {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        if self.melts {
+            setup.set_phase_change(0, PhaseChange::default());
+        }
         let temperature = setup.read(0, &keys::TEMPERATURE)?;
         self.fields = Some((temperature, setup.add(0, &keys::HEAT_SOURCE)?));
         Ok(())
@@ -67,6 +72,7 @@ fn a_plate_cools_as_a_lumped_body_down_to_the_ambient_temperature() {
                 let keys = format!("solver = '{solver}'\nstep = 1\ntolerance = {tolerance}");
                 let cooling = Cooling {
                     coefficient,
+                    melts: false,
                     fields: None,
                 };
                 let thermal: Thermal = read(&keys);
@@ -114,6 +120,55 @@ fn the_steady_state_of_an_insulated_plate_is_its_mean_however_near_the_start() {
                     assert!((t - level).abs() < 1e-8, "{what}: {t}");
                 }
             }
+        }
+    }
+}
+
+/// Freezing within an interval and at one temperature, with steps up to 12000 times the explicit limit: all points start
+/// and end to freeze within a few of them.
+#[test]
+fn a_plate_freezes_with_steps_far_above_the_explicit_limit() {
+    const PURE: &str = "density = 2700\nspecific_heat = 900\n\
+        conductivity = { solid = 200, liquid = 90 }\n\
+        solidus = 850\nliquidus = 850\nlatent_heat = 390e3";
+    const START: f64 = 1000.0;
+    let (coefficient, latent_heat) = (500.0, 390e3 * 2700.0);
+    for material in [MELTING, PURE] {
+        for (solver, step) in [
+            ("implicit", 0.5),
+            ("implicit", 1.0),
+            ("implicit", 4.0),
+            ("crank_nicolson", 1.0),
+        ] {
+            let cooling = Cooling {
+                coefficient,
+                melts: true,
+                fields: None,
+            };
+            let thermal: Thermal = read(&format!("solver = '{solver}'\nstep = {step}"));
+            let couplers: Vec<Box<dyn Coupler>> = vec![Box::new(cooling)];
+            let body = plate(material);
+            let mut s = simulation(body, vec![Box::new(thermal)], couplers, 200.0);
+            set(&mut s, "temperature", |_| [START]);
+            s.start().expect("starts");
+            let what = format!("{material}, {solver}, {step} s");
+            let mut lost = 0.0;
+            while !s.is_finished() {
+                let face = values(&s, "temperature")[0];
+                s.step().unwrap_or_else(|e| panic!("{what}: {e}"));
+                lost += coefficient * (face - AMBIENT) * s.progress().last_step / LENGTH;
+                check_heat(&s, &what);
+                let temperature = values(&s, "temperature");
+                let (coldest, hottest) = (temperature[0], temperature[39]);
+                // a steady flow would need the heat of the face times the length over twice the conductivity: 39 K
+                assert!(hottest - coldest < 60.0, "{what}: {coldest}, {hottest}");
+            }
+            let end = values(&s, "temperature");
+            let mean = end.iter().sum::<f64>() / end.len() as f64;
+            // all has frozen; the tolerance of the steps
+            let expected = START - (lost - latent_heat) / CAPACITY;
+            assert!((mean - expected).abs() < 1e-6, "{what}: {mean}, {expected}");
+            assert!(end[39] < 820.0, "{what}: {}", end[39]);
         }
     }
 }

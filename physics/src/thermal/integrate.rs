@@ -1,21 +1,17 @@
 //! Steps of the heat equation in time.
-//!
-//! All solvers but forward Euler and the steady one advance the enthalpies together with one
-//! more component: the heat supplied so far (J), whose rate is the power of sources and
-//! boundaries. The scheme that integrates the state thereby integrates its account, and the
-//! balance holds to rounding.
 
 use perimelt_core::refinement::Level;
-use perimelt_core::solver::reduce::{norm, sum_of, sum_points};
+use perimelt_core::solver::reduce::norm;
 use perimelt_core::solver::{
-    At, Implicit, KrylovMethod, Newton, NewtonOptions, Rhs, Rkl2, SolverError, steady_state,
+    Implicit, KrylovMethod, Newton, NewtonOptions, Rkl2, SolverError, steady_state,
 };
 use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
 
-use super::carried::{Carried, CarriedHeat};
-use super::conduction::{Conduction, Matter};
+use super::carried::Carried;
+use super::conduction::Matter;
 use super::keys::ThermalSolver;
+use super::rates::{CurrentVolumes, EnthalpyRate, Flow, TemperatureRate, Vectors};
 use super::refined::Refined;
 use super::run::{HeatAccount, Run};
 
@@ -26,7 +22,7 @@ pub(super) struct Integrator {
     stable_step: f64,
     row_sums: Vec<[f64; 1]>,
     state: Vec<f64>,
-    temperature: Vec<f64>,
+    vectors: Vectors,
 }
 
 #[derive(Debug)]
@@ -63,7 +59,7 @@ impl Integrator {
             stable_step: f64::INFINITY,
             row_sums: Vec::new(),
             state: Vec::new(),
-            temperature: Vec::new(),
+            vectors: Vectors::default(),
         }
     }
 
@@ -88,158 +84,25 @@ impl Integrator {
     }
 }
 
-/// What the flow of heat depends on during a step.
-struct Flow<'a> {
-    conduction: &'a mut Conduction,
-    matter: Matter<'a>,
-    /// Reference volumes, to which enthalpies and sources refer, m³.
-    volume: &'a [f64],
-    /// Whether the volumes make the conduction symmetric: where they differ, or points move.
-    is_weighted: bool,
-    /// Where points move.
-    current: Option<CurrentVolumes<'a>>,
-    source: Option<&'a [f64]>,
-    /// Heat that an Eulerian fluid carries, and the step, s.
-    carried: Option<(&'a mut CarriedHeat, f64)>,
-    /// Positive where the temperature is held.
-    constraint: Option<&'a [f64]>,
-    row_sums: &'a [[f64; 1]],
-    temperature: &'a mut Vec<f64>,
-}
+/// How often an implicit step that does not converge is halved.
+const HALVINGS: usize = 6;
 
-/// Volumes of points that move.
-struct CurrentVolumes<'a> {
-    /// m³.
-    volume: &'a [f64],
-    /// Over the reference volume.
-    ratio: &'a [f64],
-}
-
-impl Flow<'_> {
-    /// Leaves `flow + source` in `conduction.rate`, zero at held points; returns the power
-    /// that comes in through sources and boundaries, W.
-    fn evaluate(&mut self, temperature: &[f64]) -> f64 {
-        self.conduction.load(&self.matter, temperature);
-        self.conduction.flow(&self.matter);
-        let volume = self.current.as_ref().map_or(self.volume, |c| c.volume);
-        let mut power = self.conduction.inflow(self.matter.family, volume);
-        let rate = &mut self.conduction.rate;
-        if let Some(CurrentVolumes { ratio, .. }) = self.current {
-            let points = rate.par_iter_mut().zip(ratio).with_min_len(4096);
-            points.for_each(|([r], ratio)| *r *= ratio);
+/// Takes an implicit step from `start` over `size` (s), or halves of it where it does not converge: so it is with a pure
+/// substance, most of which melts or freezes within one step.
+fn step_or_halves(
+    implicit: &mut Implicit,
+    rate: &mut EnthalpyRate<'_>,
+    (start, size, halvings): (f64, f64, usize),
+    state: &mut [f64],
+) -> Result<Work, SolverError> {
+    match implicit.step(rate, start, size, state) {
+        Err(SolverError::NotConverged { .. }) if halvings > 0 => {
+            let half = 0.5 * size;
+            let first = step_or_halves(implicit, rate, (start, half, halvings - 1), state)?;
+            let at = (start + half, half, halvings - 1);
+            Ok(first + step_or_halves(implicit, rate, at, state)?)
         }
-        if let Some(source) = self.source {
-            power += sum_of([source, self.volume], |[q, v]| q * v);
-            rate.par_iter_mut()
-                .zip(source)
-                .with_min_len(4096)
-                .for_each(|([r], q)| *r += q);
-        }
-        if let Some((carried, dt)) = &mut self.carried {
-            carried.add(&self.matter, *dt, rate);
-        }
-        if let Some(constraint) = self.constraint {
-            for (([r], c), v) in rate.iter_mut().zip(constraint).zip(self.volume) {
-                if *c > 0.0 {
-                    power -= *r * v;
-                    *r = 0.0;
-                }
-            }
-        }
-        power
-    }
-}
-
-/// Bound of the relative rounding error of a temperature that was computed from an enthalpy, and of what the two ends of a
-/// bond add to it.
-const ROUNDING: f64 = 4.0 * f64::EPSILON;
-
-/// Norm of the rounding errors of rates, from the sums of the coefficients of points (W/(m³ K)) and their temperatures (K): a
-/// rate is a small difference of products of these.
-fn rounding(
-    row_sums: &[[f64; 1]],
-    weights: Option<&[f64]>,
-    temperature: impl Fn(usize) -> f64 + Sync,
-) -> f64 {
-    let [squares] = sum_points(row_sums.len(), |i| {
-        let weight = weights.map_or(1.0, |w| w[i]);
-        [(weight * row_sums[i][0] * temperature(i)).powi(2)]
-    });
-    ROUNDING * squares.sqrt()
-}
-
-/// Enthalpies of all points, then the heat supplied; nonlinear in the enthalpy.
-struct EnthalpyRate<'a>(Flow<'a>);
-
-impl Rhs for EnthalpyRate<'_> {
-    fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
-        let flow = &mut self.0;
-        let points = flow.volume.len();
-        let mut temperature = std::mem::take(flow.temperature);
-        temperature.resize(points, 0.0);
-        let curves = flow.matter.curves;
-        temperature
-            .par_iter_mut()
-            .zip(state)
-            .zip(flow.matter.material)
-            .with_min_len(4096)
-            .for_each(|((t, h), &m)| *t = curves[m as usize].temperature(*h));
-        rate[points] = flow.evaluate(&temperature);
-        *flow.temperature = temperature;
-        rate[..points].copy_from_slice(bytemuck::cast_slice(&flow.conduction.rate));
-        Ok(())
-    }
-
-    fn rounding(&self, at: At<'_>) -> f64 {
-        let Flow {
-            matter, row_sums, ..
-        } = &self.0;
-        let curve = |i: usize| &matter.curves[matter.material[i] as usize];
-        rounding(row_sums, None, |i| curve(i).temperature(at.state[i]))
-    }
-
-    fn tangent_diagonal(&mut self, at: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
-        let flow = &self.0;
-        for (i, (out, h)) in out.iter_mut().zip(at.state).enumerate() {
-            *out = match flow.row_sums.get(i) {
-                Some([sum]) => {
-                    let curve = &flow.matter.curves[flow.matter.material[i] as usize];
-                    -sum / curve.capacity(curve.temperature(*h))
-                }
-                None => 0.0,
-            };
-        }
-        Ok(true)
-    }
-}
-
-/// Temperatures of all points; the steady state is where their rate vanishes.
-struct TemperatureRate<'a> {
-    flow: Flow<'a>,
-    /// Where points have volumes of several sizes: those make the conduction symmetric.
-    weights: Option<&'a [f64]>,
-}
-
-impl Rhs for TemperatureRate<'_> {
-    fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
-        self.flow.evaluate(state);
-        rate.copy_from_slice(bytemuck::cast_slice(&self.flow.conduction.rate));
-        Ok(())
-    }
-
-    fn rounding(&self, at: At<'_>) -> f64 {
-        rounding(self.flow.row_sums, self.weights, |i| at.state[i])
-    }
-
-    fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
-        out.iter_mut()
-            .zip(self.flow.row_sums)
-            .for_each(|(out, [sum])| *out = -sum);
-        Ok(true)
-    }
-
-    fn weights(&self) -> Option<&[f64]> {
-        self.weights
+        result => Ok(result?.into()),
     }
 }
 
@@ -397,8 +260,9 @@ impl Run {
             stable_step,
             row_sums,
             state,
-            temperature: work,
+            vectors,
         } = &mut self.integrator;
+        vectors.start_step();
         // a plate takes up its heat where the window does not cover it
         let uncovered = self.refined.as_ref().and_then(Refined::uncovered);
         let flow = Flow {
@@ -411,7 +275,7 @@ impl Run {
             carried: self.carried.as_mut().map(|c| (c, step.size)),
             constraint: constraint_there.as_deref().or(constraint.as_deref()),
             row_sums,
-            temperature: work,
+            vectors,
         };
         let fields = Fields {
             temperature: &mut world.write(self.temperature),
@@ -441,7 +305,7 @@ impl Run {
                 })
             }
             Method::Implicit(implicit) => fields.advance_enthalpy(flow, state, |rate, state| {
-                Ok(implicit.step(rate, start, size, state)?.into())
+                step_or_halves(implicit, rate, (start, size, HALVINGS), state)
             }),
         }
     }

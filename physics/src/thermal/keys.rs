@@ -130,7 +130,7 @@ pub enum ThermalSolver {
     /// Stabilised explicit (Runge-Kutta-Legendre, second order): steps far above the explicit
     /// limit for the square root of the work; best for long coolings.
     Rkl2,
-    /// Implicit Euler, Newton-Krylov: any step, first order.
+    /// Implicit Euler, Newton-Krylov: any step, first order; a step that does not converge is taken in halves.
     Implicit,
     /// Crank-Nicolson, Newton-Krylov: any step, second order, for smooth data.
     CrankNicolson,

@@ -52,6 +52,7 @@ mod keys;
 mod laminate_tests;
 mod powder;
 mod prepare;
+mod rates;
 mod refined;
 mod run;
 mod states;

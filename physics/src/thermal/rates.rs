@@ -1,0 +1,282 @@
+//! The rates that the solvers of the heat equation integrate or bring to zero.
+//!
+//! All solvers but forward Euler and the steady one advance the enthalpies together with one
+//! more component: the heat supplied so far (J), whose rate is the power of sources and
+//! boundaries. The scheme that integrates the state thereby integrates its account, and the
+//! balance holds to rounding.
+
+use perimelt_core::solver::reduce::{norm, sum_of, sum_points};
+use perimelt_core::solver::{At, Rhs, SolverError};
+use rayon::prelude::*;
+
+use super::carried::CarriedHeat;
+use super::conduction::{Conduction, Matter};
+
+/// Work vectors of the enthalpy equation.
+#[derive(Debug, Default)]
+pub(super) struct Vectors {
+    temperature: Vec<f64>,
+    base: Base,
+}
+
+impl Vectors {
+    /// Forgets where the flow was linearised: sources and conductivities have changed.
+    pub(super) fn start_step(&mut self) {
+        self.base.state.clear();
+    }
+}
+
+/// Where the flow was linearised last.
+#[derive(Debug, Default)]
+struct Base {
+    state: Vec<f64>,
+    temperature: Vec<f64>,
+    rate: Vec<f64>,
+    /// Of the temperature; after it temperatures beside those of the base.
+    change: Vec<f64>,
+}
+
+/// What the flow of heat depends on during a step.
+pub(super) struct Flow<'a> {
+    pub(super) conduction: &'a mut Conduction,
+    pub(super) matter: Matter<'a>,
+    /// Reference volumes, to which enthalpies and sources refer, m³.
+    pub(super) volume: &'a [f64],
+    /// Whether the volumes make the conduction symmetric: where they differ, or points move.
+    pub(super) is_weighted: bool,
+    /// Where points move.
+    pub(super) current: Option<CurrentVolumes<'a>>,
+    pub(super) source: Option<&'a [f64]>,
+    /// Heat that an Eulerian fluid carries, and the step, s.
+    pub(super) carried: Option<(&'a mut CarriedHeat, f64)>,
+    /// Positive where the temperature is held.
+    pub(super) constraint: Option<&'a [f64]>,
+    pub(super) row_sums: &'a [[f64; 1]],
+    pub(super) vectors: &'a mut Vectors,
+}
+
+/// Volumes of points that move.
+pub(super) struct CurrentVolumes<'a> {
+    /// m³.
+    pub(super) volume: &'a [f64],
+    /// Over the reference volume.
+    pub(super) ratio: &'a [f64],
+}
+
+impl Flow<'_> {
+    /// Leaves `flow + source` in `conduction.rate`, zero at held points; returns the power
+    /// that comes in through sources and boundaries, W.
+    pub(super) fn evaluate(&mut self, temperature: &[f64]) -> f64 {
+        self.conduction.load(&self.matter, temperature);
+        self.sum(true)
+    }
+
+    /// Leaves the derivative of the flow along a change of the temperature (K) in `conduction.rate`, zero at held points;
+    /// returns that of the power. `None`, without an effect, where no derivative is known.
+    fn change(&mut self, temperature: &[f64], change: &[f64]) -> Option<f64> {
+        let is_known = self.carried.is_none()
+            && (self.conduction).load_change(&self.matter, (temperature, change));
+        is_known.then(|| self.sum(false))
+    }
+
+    /// The flow from what was loaded, with the sources or without.
+    fn sum(&mut self, with_sources: bool) -> f64 {
+        self.conduction.flow(&self.matter);
+        let volume = self.current.as_ref().map_or(self.volume, |c| c.volume);
+        let mut power = self.conduction.inflow(self.matter.family, volume);
+        let rate = &mut self.conduction.rate;
+        if let Some(CurrentVolumes { ratio, .. }) = self.current {
+            let points = rate.par_iter_mut().zip(ratio).with_min_len(4096);
+            points.for_each(|([r], ratio)| *r *= ratio);
+        }
+        if let Some(source) = self.source.filter(|_| with_sources) {
+            power += sum_of([source, self.volume], |[q, v]| q * v);
+            rate.par_iter_mut()
+                .zip(source)
+                .with_min_len(4096)
+                .for_each(|([r], q)| *r += q);
+        }
+        if let Some((carried, dt)) = &mut self.carried {
+            carried.add(&self.matter, *dt, rate);
+        }
+        if let Some(constraint) = self.constraint {
+            for (([r], c), v) in rate.iter_mut().zip(constraint).zip(self.volume) {
+                if *c > 0.0 {
+                    power -= *r * v;
+                    *r = 0.0;
+                }
+            }
+        }
+        power
+    }
+}
+
+/// Bound of the relative rounding error of a temperature that was computed from an enthalpy, and of what the two ends of a
+/// bond add to it.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// Norm of the rounding errors of rates, from the sums of the coefficients of points (W/(m³ K)) and their temperatures (K): a
+/// rate is a small difference of products of these.
+fn rounding(
+    row_sums: &[[f64; 1]],
+    weights: Option<&[f64]>,
+    temperature: impl Fn(usize) -> f64 + Sync,
+) -> f64 {
+    let [squares] = sum_points(row_sums.len(), |i| {
+        let weight = weights.map_or(1.0, |w| w[i]);
+        [(weight * row_sums[i][0] * temperature(i)).powi(2)]
+    });
+    ROUNDING * squares.sqrt()
+}
+
+/// Enthalpies of all points, then the heat supplied; nonlinear in the enthalpy.
+pub(super) struct EnthalpyRate<'a>(pub(super) Flow<'a>);
+
+impl Rhs for EnthalpyRate<'_> {
+    fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+        let flow = &mut self.0;
+        let points = flow.volume.len();
+        let mut temperature = std::mem::take(&mut flow.vectors.temperature);
+        temperature.resize(points, 0.0);
+        let curves = flow.matter.curves;
+        temperature
+            .par_iter_mut()
+            .zip(state)
+            .zip(flow.matter.material)
+            .with_min_len(4096)
+            .for_each(|((t, h), &m)| *t = curves[m as usize].temperature(*h));
+        rate[points] = flow.evaluate(&temperature);
+        flow.vectors.temperature = temperature;
+        rate[..points].copy_from_slice(bytemuck::cast_slice(&flow.conduction.rate));
+        Ok(())
+    }
+
+    /// Temperatures, which also tell how much has melted where that happens at one temperature.
+    fn unknowns(&self, state: &[f64], unknowns: &mut [f64]) {
+        let Matter {
+            curves, material, ..
+        } = self.0.matter;
+        unknowns.copy_from_slice(state);
+        let points = unknowns.par_iter_mut().zip(material).with_min_len(4096);
+        points.for_each(|(h, &m)| *h = curves[m as usize].combined(*h));
+    }
+
+    fn state(&self, unknowns: &[f64], state: &mut [f64], slope: &mut [f64]) {
+        let Matter {
+            curves, material, ..
+        } = self.0.matter;
+        state.copy_from_slice(unknowns);
+        slope.fill(1.0);
+        let points = state.par_iter_mut().zip(slope).zip(material);
+        points.with_min_len(4096).for_each(|((h, slope), &m)| {
+            (*h, *slope) = curves[m as usize].from_combined(*h);
+        });
+    }
+
+    fn rounding(&self, at: At<'_>) -> f64 {
+        let Flow {
+            matter, row_sums, ..
+        } = &self.0;
+        let curve = |i: usize| &matter.curves[matter.material[i] as usize];
+        rounding(row_sums, None, |i| curve(i).temperature(at.state[i]))
+    }
+
+    /// Exact where the flow has a derivative, a difference by the temperature elsewhere, in which the flow has no kinks but
+    /// those of tables of the conductivity.
+    fn tangent(
+        &mut self,
+        at: At<'_>,
+        direction: &[f64],
+        out: &mut [f64],
+    ) -> Result<bool, SolverError> {
+        let mut base = self.linearise(at)?;
+        let flow = &mut self.0;
+        let points = base.temperature.len();
+        let Matter {
+            curves, material, ..
+        } = flow.matter;
+        base.change.resize(points, 0.0);
+        let change = base.change.par_iter_mut().zip(direction).zip(at.state);
+        let change = change.zip(material).with_min_len(4096);
+        change.for_each(|(((change, v), h), &m)| {
+            *change = v / curves[m as usize].capacity_from_enthalpy(*h);
+        });
+        let length = norm(&base.change);
+        if let Some(power) = flow.change(&base.temperature, &base.change) {
+            out[points] = power;
+            out[..points].copy_from_slice(bytemuck::cast_slice(&flow.conduction.rate));
+        } else if length == 0.0 {
+            out.fill(0.0);
+        } else {
+            let e = f64::EPSILON.sqrt() * norm(&base.temperature) / length;
+            let moved = base.change.par_iter_mut().zip(&base.temperature);
+            let moved = moved.with_min_len(4096);
+            moved.for_each(|(change, t)| *change = t + e * *change);
+            out[points] = (flow.evaluate(&base.change) - base.rate[points]) / e;
+            let rates = flow.conduction.rate.par_iter().zip(&base.rate);
+            let rates = out.par_iter_mut().zip(rates).with_min_len(4096);
+            rates.for_each(|(out, ([rate], base))| *out = (rate - base) / e);
+        }
+        flow.vectors.base = base;
+        Ok(true)
+    }
+
+    fn tangent_diagonal(&mut self, at: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
+        let flow = &self.0;
+        for (i, (out, h)) in out.iter_mut().zip(at.state).enumerate() {
+            *out = match flow.row_sums.get(i) {
+                Some([sum]) => {
+                    let curve = &flow.matter.curves[flow.matter.material[i] as usize];
+                    -sum / curve.capacity_from_enthalpy(*h)
+                }
+                None => 0.0,
+            };
+        }
+        Ok(true)
+    }
+}
+
+impl EnthalpyRate<'_> {
+    /// Takes the base out of the work vectors, at this state.
+    fn linearise(&mut self, at: At<'_>) -> Result<Base, SolverError> {
+        let mut base = std::mem::take(&mut self.0.vectors.base);
+        if base.state != at.state {
+            base.state.clear();
+            base.state.extend_from_slice(at.state);
+            base.rate.resize(at.state.len(), 0.0);
+            self.rate(at.time, at.state, &mut base.rate)?;
+            base.temperature.clone_from(&self.0.vectors.temperature);
+        }
+        Ok(base)
+    }
+}
+
+/// Temperatures of all points; the steady state is where their rate vanishes.
+pub(super) struct TemperatureRate<'a> {
+    pub(super) flow: Flow<'a>,
+    /// Where points have volumes of several sizes: those make the conduction symmetric.
+    pub(super) weights: Option<&'a [f64]>,
+}
+
+impl Rhs for TemperatureRate<'_> {
+    fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+        self.flow.evaluate(state);
+        rate.copy_from_slice(bytemuck::cast_slice(&self.flow.conduction.rate));
+        Ok(())
+    }
+
+    fn rounding(&self, at: At<'_>) -> f64 {
+        rounding(self.flow.row_sums, self.weights, |i| at.state[i])
+    }
+
+    fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
+        out.iter_mut()
+            .zip(self.flow.row_sums)
+            .for_each(|(out, [sum])| *out = -sum);
+        Ok(true)
+    }
+
+    fn weights(&self) -> Option<&[f64]> {
+        self.weights
+    }
+}
