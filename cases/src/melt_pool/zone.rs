@@ -424,9 +424,22 @@ mod tests {
         // the first leg lies in the plane
         let positions = plate([-56, 0], [112, 56, 8]);
         let (highest, path) = corner(&positions, 90.0);
-        let zone = measured(&gauge(&positions, &[Face::YMin]), &highest, &path);
+        // of the second leg only the state at the corner, through which no section counts
+        let zone = measured(&gauge(&positions, &[Face::YMin]), &highest, &path[..13]);
         close(zone.width(), 2.0 * HALF[0]);
         close(zone.area(), 0.5 * PI * HALF[0] * HALF[1]);
+    }
+
+    #[test]
+    fn a_torch_that_is_inclined_anew_turns_the_path() {
+        let upright = state([0.0; 2], [1.0, 0.0]);
+        let inclined = |degrees: f64| {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let beam = [0.0, sin, -cos];
+            SourceState { beam, ..upright }
+        };
+        assert!(!turns(&[upright, inclined(8.0)]));
+        assert!(turns(&[upright, inclined(12.0)]));
     }
 
     #[test]

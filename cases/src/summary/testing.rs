@@ -38,6 +38,9 @@ interval = 0.2
 /// Name, unit, components and values of a field, by point.
 pub(super) type Field = (&'static str, &'static str, usize, Vec<f64>);
 
+/// Names, units and values of the columns of a time series at one time.
+pub(super) type Row<'a> = Vec<(String, &'a str, f64)>;
+
 /// A log of the plate.
 #[derive(Default)]
 pub(super) struct Plate<'a> {
@@ -47,8 +50,8 @@ pub(super) struct Plate<'a> {
     pub plugins: Value,
     /// Tables of probes in the case.
     pub probes: &'a str,
-    /// Name of a time series, with names, units and values of its columns in each state.
-    pub series: Option<(&'a str, Vec<Vec<(String, &'a str, f64)>>)>,
+    /// Name of a time series, with its row in each state.
+    pub series: Option<(&'a str, Vec<Row<'a>>)>,
 }
 
 /// Reference positions of the plate, m.
