@@ -6,8 +6,7 @@ use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
 use perimelt::core::log::Log;
-use perimelt::melt_pool::Travel;
-use perimelt::summary;
+use perimelt::summary::{self, SummaryOptions};
 
 /// The file that every input is written to, in memory where the system has such a folder.
 static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
@@ -39,7 +38,7 @@ fuzz_target!(|bytes: &[u8]| {
         }
         let _ = log.first_cloud(body);
     }
-    let _ = summary::read_off(&log, None, Travel::default());
+    let _ = summary::read_off(&log, &SummaryOptions::default());
     if let Ok((_, state)) = log.last_sound_checkpoint()
         && let Some(mut simulation) = perimelt_fuzz::compose(log.case_name(), log.case_text())
     {

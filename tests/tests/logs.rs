@@ -411,6 +411,7 @@ fn numbers_that_make_no_sense_are_refused() {
         &["plot", "weld.mcap", "--deform", "nan"],
         &["plot", "weld.mcap", "--isotherm", "nan"],
         &["summary", "weld.mcap", "--isotherm", "-5"],
+        &["summary", "weld.mcap", "--haz", "nan"],
     ] {
         let (status, _, message) = told(folder.path(), arguments);
         assert!(

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::{Done, open_log, positive};
 use crate::melt_pool::Travel;
-use crate::summary::{print, read_off};
+use crate::summary::{SummaryOptions, print, read_off};
 
 #[derive(clap::Args, Debug)]
 pub struct SummaryArgs {
@@ -14,6 +14,9 @@ pub struct SummaryArgs {
     /// Temperature that bounds the melt pool and the fusion zone, K [default: the solidus]
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = positive)]
     isotherm: Option<f64>,
+    /// Temperature that bounds the heat-affected zone, K [default: Ac1 of the steel]
+    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = positive)]
+    haz: Option<f64>,
     /// Axis along which the heat source travels, for the length of the melt pool
     #[arg(long, value_enum, default_value_t)]
     travel: Travel,
@@ -24,7 +27,12 @@ pub struct SummaryArgs {
 
 pub fn run(args: &SummaryArgs) -> Done {
     let log = open_log(&args.log)?;
-    let found = read_off(&log, args.isotherm, args.travel)?;
+    let options = SummaryOptions {
+        isotherm: args.isotherm,
+        haz: args.haz,
+        travel: args.travel,
+    };
+    let found = read_off(&log, &options)?;
     let out = &mut std::io::stdout().lock();
     if args.json {
         serde_json::to_writer_pretty(&mut *out, &found)?;

@@ -34,8 +34,15 @@ impl CellValues<'_> {
     }
 
     /// Smallest and largest coordinate (m) along a unit vector of the region at or above a level that is connected with a
-    /// cell: of the places where it ends on the lines between centres of cells, by linear interpolation, and at faces.
-    pub fn extent(&self, from: usize, level: f64, direction: [f64; 3]) -> Option<(f64, f64)> {
+    /// cell: of the places where it ends on the lines between centres of cells, by linear interpolation, and at faces. Of
+    /// the cells `within` only.
+    pub fn extent(
+        &self,
+        from: usize,
+        level: f64,
+        direction: [f64; 3],
+        within: impl Fn([i64; 3]) -> bool,
+    ) -> Option<(f64, f64)> {
         if self.values[from].is_nan() || self.values[from] < level {
             return None;
         }
@@ -52,7 +59,8 @@ impl CellValues<'_> {
                     beside[axis] += side;
                     let part = match self.value(beside) {
                         Some(next) if next >= level => {
-                            let next = self.index(beside).filter(|&next| !is_known[next]);
+                            let next = self.index(beside).filter(|_| within(beside));
+                            let next = next.filter(|&next| !is_known[next]);
                             if let Some(next) = next {
                                 is_known[next] = true;
                                 open.push(next);
@@ -95,10 +103,17 @@ impl CellValues<'_> {
         }
     }
 
-    /// Volume at or above a level, in cells: each counts by the fraction of it in which its value, linear with the
-    /// differences to its neighbours, is above the level. At faces the value is mirrored, as for the extents.
+    /// Volume at or above a level, in cells.
     pub fn cells_above(&self, level: f64) -> f64 {
-        let fraction = |index: usize| {
+        self.fractions_above(level)
+            .map(|(_, fraction)| fraction)
+            .sum()
+    }
+
+    /// Cells with the fraction in which their value, linear with the differences to their neighbours, is above a level. At
+    /// faces the value is mirrored, as for the extents.
+    pub fn fractions_above(&self, level: f64) -> impl Iterator<Item = (usize, f64)> {
+        let fraction = move |index: usize| {
             let (cell, value) = (self.cell(index), self.values[index]);
             let slope = [0, 1, 2].map(|axis| {
                 let beside = |side: i64| {
@@ -108,17 +123,31 @@ impl CellValues<'_> {
                 };
                 0.5 * (beside(1) - beside(-1))
             });
-            fraction_above(value - level, slope)
+            (index, fraction_above(value - level, slope))
         };
         let there = (0..self.values.len()).filter(|&index| !self.values[index].is_nan());
-        there.map(fraction).sum()
+        there.map(fraction)
     }
+}
+
+/// Part of the largest slope below which a slope is taken to be this part, for the quotients of polynomials.
+const LEAST: f64 = 1e-3;
+
+/// Area of the plane `normal . x = height` (unit normal) within the unit cube around the origin.
+pub(super) fn area_within_cell(height: f64, normal: [f64; 3]) -> f64 {
+    let steepest = normal.iter().fold(0.0, |m: f64, n| m.max(n.abs()));
+    let m = normal.map(|n| n.abs().max(LEAST * steepest));
+    let depth = 0.5 * m.iter().sum::<f64>() - height.abs();
+    // derivative of the volume of `fraction_above` by the height
+    let square = |x: f64| x.max(0.0).powi(2);
+    let beyond: f64 = m.iter().map(|m| square(depth - m)).sum();
+    let twice =
+        square(depth - m[0] - m[1]) + square(depth - m[1] - m[2]) + square(depth - m[2] - m[0]);
+    (square(depth) - beyond + twice) / (2.0 * m[0] * m[1] * m[2])
 }
 
 /// Fraction of the unit cube around the origin in which `height + slope . x >= 0`.
 fn fraction_above(height: f64, slope: [f64; 3]) -> f64 {
-    /// part of the largest slope below which a slope is taken to be this part, for the quotient
-    const LEAST: f64 = 1e-3;
     let steepest = slope.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
     if steepest == 0.0 {
         return if height >= 0.0 { 1.0 } else { 0.0 };
@@ -169,6 +198,27 @@ mod tests {
             let found = fraction_above(height, slope);
             // a layer of samples along the plane
             assert!((found - sampled).abs() < 0.01, "{found} for {sampled}");
+        }
+    }
+
+    #[test]
+    fn the_area_of_a_plane_in_a_cube_is_that_of_its_polygon() {
+        let half: f64 = 0.5_f64.sqrt();
+        let third = (1.0_f64 / 3.0).sqrt();
+        for (height, normal, area) in [
+            (0.0, [1.0, 0.0, 0.0], 1.0),
+            (-0.3, [0.0, -1.0, 0.0], 1.0),
+            (0.6, [0.0, 0.0, 1.0], 0.0),
+            // a rectangle through two edges, and one half way to the next edges
+            (0.0, [half, half, 0.0], 2.0_f64.sqrt()),
+            (0.5 * half, [half, -half, 0.0], half),
+            // a regular hexagon with edges of sqrt(1/2), and a triangle with edges of sqrt(1/2)
+            (0.0, [third; 3], 0.75 * 3.0_f64.sqrt()),
+            (third, [third; 3], 0.125 * 3.0_f64.sqrt()),
+        ] {
+            let found = area_within_cell(height, normal);
+            // the least slope takes a thousandth of an edge
+            assert!((found - area).abs() < 2e-3, "{found} for {area}");
         }
     }
 }

@@ -110,7 +110,7 @@ impl SourceState {
     }
 
     /// The directions of this source, `otherwise` for those that it does not have.
-    fn directions(&self, otherwise: Directions) -> Directions {
+    pub(super) fn directions(&self, otherwise: Directions) -> Directions {
         let own = Directions {
             travel: self.travel.unwrap_or(otherwise.travel),
             beam: self.beam,
@@ -161,6 +161,19 @@ impl LoggedSources {
             times: reports.times.clone(),
             states: (0..reports.times.len()).map(state).collect(),
         }
+    }
+
+    /// All states of sources that are on and move, source by source.
+    pub(crate) fn path(&self) -> Vec<SourceState> {
+        let most = self.states.iter().map(Vec::len).max().unwrap_or(0);
+        let of = |source: usize| {
+            self.states
+                .iter()
+                .filter_map(move |states| states.get(source))
+        };
+        let all = (0..most).flat_map(of).copied();
+        all.filter(|state| state.power > 0.0 && state.travel.is_some())
+            .collect()
     }
 
     /// At a time (s) of a logged state.

@@ -30,10 +30,12 @@ use cells::CellValues;
 pub(crate) use directions::LoggedSources;
 pub use directions::{Aim, Directions, SourceState, sources_of};
 pub(crate) use steady::steady;
+pub(crate) use zone::Zone;
 
 mod cells;
 mod directions;
 mod steady;
+mod zone;
 
 /// Cosine of the angle between a direction and the axis along which it counts.
 const ALONG_AXIS: f64 = 1.0 - 1e-9;
@@ -60,6 +62,8 @@ pub struct MeltPool {
     /// extent across travel and beam, m, with its mirror image behind a plane of symmetry; `None` if the body does
     /// not have that direction
     pub width: Option<f64>,
+    /// smallest and largest coordinate across travel and beam within the body, m; `None` as for the width
+    pub sides: Option<[f64; 2]>,
     /// extent along the beam from the surface of the material before the hottest point, m; `None` if the body does not have
     /// that direction
     pub depth: Option<f64>,
@@ -163,6 +167,7 @@ impl MeltPoolGauge {
                 rear: f64::NAN,
                 front: f64::NAN,
                 width: unknown(aim.otherwise.across()),
+                sides: unknown(aim.otherwise.across()).map(|x| [x; 2]),
                 depth: unknown(beam),
                 volume: f64::NAN,
                 peak: f64::NAN,
@@ -184,39 +189,22 @@ impl MeltPoolGauge {
         let present = (0..values.len()).filter(|&cell| !values[cell].is_nan());
         let hottest = present.max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
         let directions = aim.at(cells.centre(cells.cell(hottest)));
-        let in_cells = |axis: usize| {
-            let profile = profile(&values, grid.cells, axis, self.dimension);
-            extent(&profile, self.isotherm)
-        };
         let along = |direction: [f64; 3]| {
             let Some(axis) = axis_of(direction) else {
-                return cells.extent(hottest, self.isotherm, direction);
+                return cells.extent(hottest, self.isotherm, direction, |_| true);
             };
-            let (from, to) = in_cells(axis)?;
+            let (from, to) = self.in_cells(&values, axis)?;
             let coordinate = |cells: f64| grid.origin[axis] + cells * grid.spacing;
             Some(match direction[axis] > 0.0 {
                 true => (coordinate(from), coordinate(to)),
                 false => (-coordinate(to), -coordinate(from)),
             })
         };
-        let is_cut = |face: Face| {
-            let axis = face.axis();
-            let ends = (axis < self.dimension).then(|| in_cells(axis)).flatten();
-            ends.is_some_and(|(from, to)| match face.is_upper() {
-                true => to == grid.cells[axis] as f64 - 0.5,
-                false => from == -0.5,
-            })
-        };
-        let mut halves = [1.0; 3];
-        for &face in self.symmetry.iter().filter(|face| is_cut(**face)) {
-            halves[face.axis()] = 2.0;
-        }
+        let halves = self.halves(&values);
         let (rear, front) = along(directions.travel)?;
         let across = Some(directions.across()).filter(|d| self.has(*d));
-        let width = across.and_then(|direction| {
-            let (from, to) = along(direction)?;
-            Some(axis_of(direction).map_or(1.0, |axis| halves[axis]) * (to - from))
-        });
+        let sides = across.and_then(along).map(|(from, to)| [from, to]);
+        let mirrored = across.and_then(axis_of).map_or(1.0, |axis| halves[axis]);
         let down = Some(directions.beam).filter(|d| self.has(*d));
         // in a fillet, the body goes on beside the pool, before it along the beam
         let depth = down.and_then(|direction| {
@@ -232,12 +220,37 @@ impl MeltPoolGauge {
             travel: directions.travel,
             rear,
             front,
-            width,
+            width: sides.map(|[from, to]| mirrored * (to - from)),
+            sides,
             depth,
             volume: copies * cell * cells.cells_above(self.isotherm),
             peak: there().fold(f64::NEG_INFINITY, f64::max),
             copies,
         })
+    }
+
+    /// Where the region above the isotherm lies along an axis, in cells from the first centre.
+    fn in_cells(&self, values: &[f64], axis: usize) -> Option<(f64, f64)> {
+        let profile = profile(values, self.grid.cells, axis, self.dimension);
+        extent(&profile, self.isotherm)
+    }
+
+    /// By axis: 2 where a plane of symmetry normal to it cuts the region above the isotherm, 1 otherwise.
+    fn halves(&self, values: &[f64]) -> [f64; 3] {
+        let is_cut = |face: Face| {
+            let axis = face.axis();
+            let ends = (axis < self.dimension).then(|| self.in_cells(values, axis));
+            ends.flatten()
+                .is_some_and(|(from, to)| match face.is_upper() {
+                    true => to == self.grid.cells[axis] as f64 - 0.5,
+                    false => from == -0.5,
+                })
+        };
+        let mut halves = [1.0; 3];
+        for &face in self.symmetry.iter().filter(|face| is_cut(**face)) {
+            halves[face.axis()] = 2.0;
+        }
+        halves
     }
 
     /// Whether the body has a direction.

@@ -5,7 +5,7 @@ use super::directions::{SourceState, dot};
 
 /// Cosine of the largest angle between the directions of travel of two states of one part of a path, 20 degrees: an arc
 /// with states close to each other is one part, a corner begins a new one.
-const STRAIGHT: f64 = 0.94;
+pub(super) const STRAIGHT: f64 = 0.94;
 
 /// A state with the source that made its pool.
 pub(crate) type State<'a> = (&'a MeltPool, &'a SourceState);
@@ -65,6 +65,7 @@ mod tests {
                 rear: 0.0,
                 front: 2.5e-3,
                 width: None,
+                sides: None,
                 depth: None,
                 volume: 0.0,
                 peak: 2000.0,

@@ -154,9 +154,18 @@ impl Reference {
         (isotherm, aim): (f64, Aim<'_>),
         temperatures: &[f64],
     ) -> Option<MeltPool> {
+        let gauge = self.gauge((body, cloud), isotherm)?;
+        gauge.measure(temperatures, aim)
+    }
+
+    /// Measures regions above an isotherm (K); `None` if the points are scattered too widely for a grid.
+    pub(crate) fn gauge(
+        &self,
+        (body, cloud): (&BodyInfo, &LoggedCloud),
+        isotherm: f64,
+    ) -> Option<MeltPoolGauge> {
         let grid = super::grid_of(body, cloud, self.positions(cloud))?;
         let gauge = MeltPoolGauge::on(grid, (body.dimension, body.thickness), isotherm);
-        let gauge = gauge.with_symmetry(&body.symmetry);
-        gauge.measure(temperatures, aim)
+        Some(gauge.with_symmetry(&body.symmetry))
     }
 }

@@ -35,7 +35,7 @@ const fn rule(si: &'static str, from: f64, factor: f64, unit: &'static str) -> R
 
 /// The first rule of an SI unit that holds applies. A size of zero counts as one; units without a rule are shown as
 /// they are. Lengths are in millimetres for the sizes of workpieces.
-pub(crate) const RULES: [Rule; 20] = [
+pub(crate) const RULES: [Rule; 22] = [
     rule("m", 2.0, 1.0, "m"),
     rule("m", 5e-5, 1e3, "mm"),
     rule("m", 5e-7, 1e6, "µm"),
@@ -48,6 +48,8 @@ pub(crate) const RULES: [Rule; 20] = [
     rule("s", 0.0, 1e15, "fs"),
     rule("m/s", 0.5, 1.0, "m/s"),
     rule("m/s", 0.0, 1e3, "mm/s"),
+    rule("m2", 1e-2, 1.0, "m²"),
+    rule("m2", 0.0, 1e6, "mm²"),
     rule("m3", 1e-3, 1.0, "m³"),
     rule("m3", 0.0, 1e9, "mm³"),
     rule("J", 1e4, 1e-3, "kJ"),

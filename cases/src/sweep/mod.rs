@@ -18,7 +18,7 @@ use crate::melt_pool::Travel;
 use crate::plot::{PictureFormat, PlotError};
 use crate::run::display::duration;
 use crate::run::early_end;
-use crate::summary::read_off;
+use crate::summary::{SummaryOptions, read_off};
 use picture::Comparison;
 use table::{Outcome, Table};
 use variants::{Variant, variants};
@@ -151,7 +151,11 @@ pub fn sweep(args: &SweepArgs, out: &mut dyn io::Write) -> Result<(), Box<dyn st
     let (failed, interrupted) = run_all(&folder, &variants, (jobs, (cores / jobs).max(1)));
     let result = |v: &Variant| {
         let log = Log::open(v.log(&folder)).ok();
-        let numbers = |log: &Log| read_off(log, None, args.travel).ok();
+        let options = SummaryOptions {
+            travel: args.travel,
+            ..SummaryOptions::default()
+        };
+        let numbers = |log: &Log| read_off(log, &options).ok();
         Outcome {
             numbers: log.as_ref().and_then(numbers),
             is_at_end: log.is_some_and(|log| early_end(&log).is_none()),

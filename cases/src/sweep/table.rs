@@ -60,13 +60,14 @@ impl Table {
         let keys = keys.map(|(i, change)| (change.key.clone(), values(i)));
         let mut numbers: Vec<Row> = Vec::new();
         for (run, found) in results.iter().enumerate() {
+            let all = found.numbers.iter().flatten();
             for ReadOff {
                 of,
                 quantity,
                 value,
                 unit,
                 ..
-            } in found.numbers.iter().flatten()
+            } in all.filter(|number| number.left_out.is_none())
             {
                 let name = match of.as_str() {
                     "" => quantity.clone(),

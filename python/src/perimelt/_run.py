@@ -126,18 +126,21 @@ def summary(
     log: PathLike | Log,
     *,
     isotherm: float | None = None,
+    haz: float | None = None,
     travel: Literal["x", "y"] | None = None,
     program: PathLike | None = None,
 ) -> pd.DataFrame:
     """What goes into a report, as measured by `perimelt summary`: a row for each quantity.
 
-    Melt pool, fusion zone, cooling times, distortion, stress, energies of the sources, errors of
-    balances. Columns are `of` (body or plugin), `quantity`, `value`, `unit`, and for some `time`
-    (s) and `place` (m).
+    Melt pool, fusion zone, heat-affected zone, cooling times, distortion, stress, energies of the
+    sources, errors of balances. Columns are `of` (body, plugin or probe), `quantity`, `value`,
+    `unit`, and for some `time` (s), `place` (m), `distance` from the start of a line (m) and
+    `left_out`, the reason why there is no value.
 
     Args:
         log: the log
-        isotherm: temperature that bounds the melt pool, K; the solidus if left out
+        isotherm: temperature that bounds melt pool and fusion zone, K; the solidus if left out
+        haz: temperature that bounds the heat-affected zone, K; Ac1 of the steel if left out
         travel: axis along which the source travels, for the length of the melt pool; x if left out
         program: the program, see `find_program`
 
@@ -148,6 +151,8 @@ def summary(
     command: list[PathLike] = [find_program(program), "summary", "--json", path]
     if isotherm is not None:
         command += ["--isotherm", repr(float(isotherm))]
+    if haz is not None:
+        command += ["--haz", repr(float(haz))]
     if travel is not None:
         command += ["--travel", travel]
     done = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace")
@@ -155,7 +160,8 @@ def summary(
         lines = done.stderr.splitlines(keepends=True)
         raise RunError(_message(lines, done.returncode), done.returncode)
     rows: list[dict[str, Any]] = json.loads(done.stdout)
-    return pd.DataFrame(rows, columns=["of", "quantity", "value", "unit", "time", "place"])
+    columns = ["of", "quantity", "value", "unit", "time", "place", "distance", "left_out"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def _options(

@@ -1,16 +1,22 @@
-//! The numbers that a process engineer reads off a log: temperatures, melt pool, fusion zone, cooling, distortion,
-//! stress, energies.
+//! The numbers that a process engineer reads off a log: temperatures, melt pool, fusion zone, heat-affected zone, cooling,
+//! distortion, stress, energies.
 
 use std::io::Write;
 
 use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
 
-use crate::melt_pool::{Aim, LoggedSources, MeltPool, SourceState, Travel, steady};
+use crate::melt_pool::{LoggedSources, MeltPool, SourceState, Travel, steady};
 use crate::plot::isotherm::isotherms;
 use crate::plot::scalar::scalar;
-use crate::plot::survey::{Reference, survey};
+use crate::plot::survey::survey;
 use crate::plot::unit;
 use crate::run::record::{RELATIVE_ERROR, REPORTS};
+
+mod history;
+mod mechanics;
+#[cfg(test)]
+mod testing;
+mod zones;
 
 /// Parts of the points with the smallest and the largest values that ranges leave out.
 const OUTSIDE: f64 = 0.1;
@@ -28,7 +34,7 @@ pub struct ReadOff {
     pub of: String,
     /// What it is.
     pub quantity: String,
-    /// In the SI unit.
+    /// In the SI unit; not a number where it is left out.
     pub value: f64,
     /// SI unit.
     pub unit: String,
@@ -41,6 +47,23 @@ pub struct ReadOff {
     /// Where, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub place: Option<[f64; 3]>,
+    /// Where on the line of a probe, by the distance from its start, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distance: Option<f64>,
+    /// Why it is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<String>,
+}
+
+/// What the numbers are read off with.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SummaryOptions {
+    /// Isotherm (K) that bounds melt pool and fusion zone; the solidus of the body's material when left out.
+    pub isotherm: Option<f64>,
+    /// Isotherm (K) that bounds the heat-affected zone; `Ac1` of the body's steel when left out.
+    pub haz: Option<f64>,
+    /// Direction of travel where there is no source that moves.
+    pub travel: Travel,
 }
 
 impl ReadOff {
@@ -53,6 +76,16 @@ impl ReadOff {
             range: None,
             time: None,
             place: None,
+            distance: None,
+            left_out: None,
+        }
+    }
+
+    /// A quantity that has no value, for a reason.
+    fn left_out(of: &str, quantity: impl Into<String>, unit: &str, reason: &str) -> Self {
+        ReadOff {
+            left_out: Some(reason.into()),
+            ..ReadOff::new(of, quantity, f64::NAN, unit)
         }
     }
 
@@ -69,25 +102,33 @@ impl ReadOff {
             ..self
         }
     }
+
+    fn along(self, distance: f64) -> Self {
+        ReadOff {
+            distance: Some(distance),
+            ..self
+        }
+    }
 }
 
-/// Reads the numbers off a log. The isotherm (K) bounds the melt pool and the fusion zone; the solidus of the body's
-/// material when left out.
+/// Reads the numbers off a log.
 ///
 /// # Errors
 /// A log that cannot be read.
-pub fn read_off(log: &Log, asked: Option<f64>, travel: Travel) -> Result<Vec<ReadOff>, LogError> {
+pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, LogError> {
     let mut found = Vec::new();
     for body in &log.run().bodies {
         let times = log.times(&body.name);
         let (Some(&end), Some(last)) = (times.last(), times.len().checked_sub(1)) else {
             continue;
         };
-        let isotherm = isotherms(log, &body.name, asked.as_slice());
+        let isotherm = isotherms(log, &body.name, options.isotherm.as_slice());
         let isotherm = isotherm.first().map(|i| i.temperature);
         let last = log.cloud(&body.name, last)?;
-        temperatures(log, (body, &last), isotherm, travel, &mut found)?;
-        solidification(body, &last, &mut found);
+        temperatures(log, (body, &last), isotherm, options.travel, &mut found)?;
+        zones::zones(log, (body, &last), isotherm, options, &mut found)?;
+        history::history(log, (body, &last), &mut found);
+        mechanics::before_release(log, body, &mut found)?;
         let mut extreme = |field: &str, quantity: &str, unit: &str| {
             found.extend(largest(body, &last, field).map(|(value, place)| {
                 ReadOff::new(&body.name, quantity, value, unit)
@@ -101,12 +142,28 @@ pub fn read_off(log: &Log, asked: Option<f64>, travel: Travel) -> Result<Vec<Rea
         extreme("hardness", "largest hardness at the end", "HV");
         extreme("martensite", "largest share of martensite at the end", "1");
     }
+    mechanics::stress_along_lines(log, &mut found);
     sources(log, &mut found);
     found.extend(errors(log));
     Ok(found)
 }
 
-/// Largest finite value of a field at the end, and where (m, in the present configuration).
+/// The plugins of a type as the run had them, of those that act on a body.
+fn plugins_of<'a>(
+    log: &'a Log,
+    section: &str,
+    kind: &'a str,
+    body: &'a str,
+) -> impl Iterator<Item = &'a serde_json::Value> {
+    let plugins = log.run().plugins[section].as_array().into_iter().flatten();
+    plugins.filter(move |plugin| {
+        // without a name, it acts on the only body
+        let is_of_body = plugin["body"].as_str().is_none_or(|name| name == body);
+        plugin["type"] == kind && is_of_body
+    })
+}
+
+/// Largest finite value of a field in a state, and where (m, in the present configuration).
 fn largest(body: &BodyInfo, cloud: &LoggedCloud, field: &str) -> Option<(f64, [f64; 3])> {
     // a rigid motion of a fluid or of a free body is no distortion
     let is_solid = field != "displacement" || body.fields.iter().any(|f| f.name == "stress");
@@ -170,21 +227,6 @@ fn temperatures(
             found.push(median(&body.name, quantity, middle, "m", 0.0));
         }
     }
-    let (Some(isotherm), Some(peak)) = (isotherm, scalar(last, "peak_temperature")) else {
-        return Ok(());
-    };
-    let reference = Reference::new(log, body)?;
-    let aim = Aim {
-        sources: sources.at(last.time),
-        ..Aim::fixed(travel)
-    };
-    let zone = reference.pool((body, last), (isotherm, aim), &peak.values);
-    for (name, size) in SIZES {
-        if let Some(value) = zone.as_ref().and_then(size) {
-            let quantity = format!("{name} of the fusion zone");
-            found.push(ReadOff::new(&body.name, quantity, value, "m"));
-        }
-    }
     Ok(())
 }
 
@@ -196,33 +238,6 @@ const SIZES: [(&str, Size); 3] = [
     ("width", |pool| pool.width),
     ("depth", |pool| pool.depth),
 ];
-
-/// What the physics `thermal_history` recorded, of the points where it happened.
-fn solidification(body: &BodyInfo, last: &LoggedCloud, found: &mut Vec<ReadOff>) {
-    for (field, quantity) in [
-        (
-            "cooling_time",
-            "cooling time (t8/5 unless the case says otherwise)",
-        ),
-        ("cooling_rate", "cooling rate at solidification"),
-        ("thermal_gradient", "gradient G at solidification"),
-        ("solidification_speed", "front speed R at solidification"),
-    ] {
-        let Some(scalar) = scalar(last, field) else {
-            continue;
-        };
-        let happened: Vec<f64> = scalar.values.into_iter().filter(|v| *v > 0.0).collect();
-        if !happened.is_empty() {
-            found.push(median(
-                &body.name,
-                quantity.into(),
-                happened,
-                &scalar.unit,
-                OUTSIDE,
-            ));
-        }
-    }
-}
 
 /// The median of some values and their range without the outermost parts.
 fn median(of: &str, quantity: String, mut values: Vec<f64>, unit: &str, outside: f64) -> ReadOff {
@@ -326,31 +341,40 @@ pub fn print(found: &[ReadOff], out: &mut impl Write) -> std::io::Result<()> {
             };
             writeln!(out, "{gap}{of}")?;
         }
-        let (factor, unit) = unit::value(&read_off.unit, read_off.value);
-        let number = |value: f64| unit::number(value * factor, 4);
-        let unit = if unit.is_empty() {
-            unit
-        } else {
-            format!(" {unit}")
-        };
-        write!(
-            out,
-            "  {:widest$}  {}{unit}",
-            read_off.quantity,
-            number(read_off.value)
-        )?;
-        if let Some([low, high]) = read_off.range {
-            write!(out, " ({} to {})", number(low), number(high))?;
-        }
-        if let Some(time) = read_off.time {
-            write!(out, " at {}", unit::time_text(time))?;
-        }
-        if let Some(place) = read_off.place {
-            let length = unit::length(place.iter().fold(0.0, |size: f64, x| size.max(x.abs())));
-            let [x, y, z] = place.map(|x| unit::number(x * length.factor, 4));
-            write!(out, ", ({x}, {y}, {z}) {}", length.unit)?;
+        write!(out, "  {:widest$}  ", read_off.quantity)?;
+        match &read_off.left_out {
+            Some(reason) => write!(out, "left out: {reason}")?,
+            None => print_value(read_off, out)?,
         }
         writeln!(out)?;
+    }
+    Ok(())
+}
+
+/// A value, its range, and when and where it occurs.
+fn print_value(read_off: &ReadOff, out: &mut impl Write) -> std::io::Result<()> {
+    let (factor, unit) = unit::value(&read_off.unit, read_off.value);
+    let number = |value: f64| unit::number(value * factor, 4);
+    let unit = if unit.is_empty() {
+        unit
+    } else {
+        format!(" {unit}")
+    };
+    write!(out, "{}{unit}", number(read_off.value))?;
+    if let Some([low, high]) = read_off.range {
+        write!(out, " ({} to {})", number(low), number(high))?;
+    }
+    if let Some(time) = read_off.time {
+        write!(out, " at {}", unit::time_text(time))?;
+    }
+    if let Some(place) = read_off.place {
+        let length = unit::length(place.iter().fold(0.0, |size: f64, x| size.max(x.abs())));
+        let [x, y, z] = place.map(|x| unit::number(x * length.factor, 4));
+        write!(out, ", ({x}, {y}, {z}) {}", length.unit)?;
+    }
+    if let Some(distance) = read_off.distance {
+        let distance = unit::length_text(distance);
+        write!(out, ", {distance} from the start of the line")?;
     }
     Ok(())
 }
@@ -366,7 +390,14 @@ mod tests {
         let path = folder.path().join("spot.mcap");
         fixture::write_log(&path, [12, 6, 4]);
         let log = Log::open(&path).expect("a log");
-        let found = read_off(&log, Some(1000.0), Travel::X).expect("readable");
+        let found = read_off(
+            &log,
+            &SummaryOptions {
+                isotherm: Some(1000.0),
+                ..SummaryOptions::default()
+            },
+        )
+        .expect("readable");
         let value = |quantity: &str| {
             let mut of_plate = found.iter().filter(|r| r.of == "plate");
             let found = of_plate.find(|r| r.quantity == quantity);
