@@ -178,11 +178,8 @@ mod tests {
             let second = aitken.relax(&state(pass(old)), &first)[0][1];
             let expected = old + factor * (pass(old) - old);
             // rounding of numbers up to 1e4
-            assert!(
-                (second - expected).abs() < 1e-9,
-                "{a}: {second} {expected}"
-            );
-            if (0.05..1.5).contains(&factor) && factor != 0.05 {
+            assert!((second - expected).abs() < 1e-9, "{a}: {second} {expected}");
+            if a.abs() < 0.6 {
                 assert!((pass(second) - second).abs() < 1e-8, "{a}: {second}");
             }
         }
