@@ -347,4 +347,60 @@ mod tests {
         let found = Plan::derive((2, 3), &declare(&both), &body_of_field, &labels(5));
         assert!(matches!(found, Err(Problem::Cycle(_))));
     }
+
+    /// What a coupler adds to two bodies makes it an exchange, which ties their physics; what it reads does not.
+    #[test]
+    fn a_coupler_is_an_exchange_by_what_it_adds() {
+        // p0 owns 0 and takes up 1 on body 0, p1 owns 2 and takes up 3 on body 1
+        let own = [
+            (1, Access::Own, 0),
+            (1, Access::Consume, 1),
+            (2, Access::Own, 2),
+            (2, Access::Consume, 3),
+        ];
+        let plan = |coupler: &[(usize, Access, usize)]| {
+            let d = declare(&[&own[..], coupler].concat());
+            Plan::derive((1, 2), &d, &[0, 0, 1, 1], &labels(3)).expect("no cycle")
+        };
+        let adds_to_both = plan(&[(0, Access::Add, 1), (0, Access::Add, 3)]);
+        let members = |plan: &Plan| -> Vec<Vec<usize>> {
+            plan.groups.iter().map(|g| g.members.clone()).collect()
+        };
+        assert_eq!(members(&adds_to_both), [[0, 1]]);
+        assert_eq!(adds_to_both.groups[0].couplers, [0]);
+        assert_eq!(adds_to_both.groups[0].rates, [1, 3]);
+        assert_eq!(adds_to_both.before, [[], []] as [[usize; 0]; 2]);
+
+        let reads_both = plan(&[
+            (0, Access::Read, 0),
+            (0, Access::Read, 2),
+            (0, Access::Add, 3),
+        ]);
+        assert_eq!(members(&reads_both), [[0], [1]]);
+        assert_eq!(reads_both.before, [vec![], vec![0]]);
+        assert!(reads_both.groups.iter().all(|g| g.couplers.is_empty()));
+        // p1 feeds back to itself through the coupler, p0 does not
+        assert_eq!(reads_both.one_way, [true, false]);
+    }
+
+    /// A coupler that derives what an exchange reads is applied with it, and one that nobody needs at the end.
+    #[test]
+    fn feeders_of_an_exchange_are_applied_with_it() {
+        let d = declare(&[
+            (0, Access::Add, 1),
+            (0, Access::Add, 3),
+            (0, Access::Read, 5),
+            (1, Access::Write, 4),
+            (2, Access::Write, 5),
+            (3, Access::Own, 0),
+            (3, Access::Take, 1),
+            (4, Access::Own, 2),
+            (4, Access::Take, 3),
+        ]);
+        let plan = Plan::derive((3, 2), &d, &[0, 0, 1, 1, 0, 0], &labels(5)).expect("no cycle");
+        assert_eq!(plan.groups[0].couplers, [2, 0]);
+        assert_eq!(plan.after, [1]);
+        assert_eq!(plan.amounts, [[1], [3]]);
+        assert!(plan.groups[0].rates.is_empty(), "amounts are no rates");
+    }
 }

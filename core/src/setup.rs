@@ -6,6 +6,8 @@
 
 mod families;
 mod layers;
+#[cfg(test)]
+mod tests;
 
 use std::any::Any;
 use std::path::{Path, PathBuf};

@@ -97,6 +97,8 @@ mod tests {
             (cut.next_event(0.0), cut.next_event(2.0)),
             (Some(2.0), None)
         );
+        // the initial state of a run that begins at the cut is that before it
+        cut.apply(&world, Step::new(2.0, 0.0)).expect("applies");
         for (start, left) in [(0.0, 1.0), (1.0, 1.0), (2.0, 0.0), (3.0, 0.0)] {
             apply(&world, &mut cut, start);
             assert_eq!(values(&world, &keys::ACTIVE), [left, 1.0, 1.0], "{start}");
@@ -131,5 +133,10 @@ mod tests {
         let mut world = World::new(vec![block([1, 2, 1], 2, STEEL)]);
         let mut cut: Cut = read("region = 'left'\ntime = 1");
         assert!(refusal(&mut world, &mut cut).contains("whole body"));
+        for time in ["-1", "inf", "nan"] {
+            let mut world = World::new(vec![block([3, 1, 1], 3, STEEL)]);
+            let mut cut: Cut = read(&format!("region = 'left'\ntime = {time}"));
+            assert!(refusal(&mut world, &mut cut).starts_with("time: "));
+        }
     }
 }

@@ -177,16 +177,59 @@ mod tests {
         assert_eq!(strain[1], strain[2]);
     }
 
+    /// Material is free of stress at the temperature at which it was deposited, or at the cut-off where it was hotter. The
+    /// coefficient is 1e-5 in the solid and 3e-5 in the liquid.
+    #[test]
+    fn deposited_material_is_free_of_stress_at_its_birth() {
+        let metal = "thermal_expansion = { solid = 1e-5, liquid = 3e-5 }";
+        for (cutoff, expected) in [
+            ("", [5e-3, 5e-3 - 7e-3, 0.0, 0.5 * 4e-5 * 1000.0 - 7e-3]),
+            // above the cut-off as the solid at it
+            ("\ncutoff_temperature = 900", [5e-3, 5e-3 - 6e-3, 0.0, 0.0]),
+        ] {
+            let mut world = World::new(vec![block([4, 1, 1], 1, metal)]);
+            let mut expansion: ThermalExpansion =
+                read(&format!("reference_temperature = 300{cutoff}"));
+            prepare(&mut world, &mut expansion, |setup| {
+                setup.own(0, &keys::TEMPERATURE).expect("free");
+                setup.own(0, &keys::LIQUID_FRACTION).expect("free");
+                setup.own(0, &keys::BIRTH_TEMPERATURE).expect("free");
+                setup.consume(0, &keys::EIGENSTRAIN).expect("free");
+            })
+            .expect("valid");
+            set(&mut world, &keys::TEMPERATURE, |i| {
+                [800.0, 800.0, 1000.0, 1300.0][i]
+            });
+            set(&mut world, &keys::LIQUID_FRACTION, |i| {
+                [0.0, 0.0, 0.0, 0.5][i]
+            });
+            // there from the start, or deposited at 1000 K
+            set(&mut world, &keys::BIRTH_TEMPERATURE, |i| {
+                [0.0, 1000.0, 1000.0, 1000.0][i]
+            });
+            apply(&world, &mut expansion, 0.0);
+            let found = values(&world, &keys::EIGENSTRAIN);
+            for (found, expected) in found.iter().zip(expected) {
+                assert!(
+                    (found - expected).abs() < 1e-15,
+                    "{cutoff}: {found} {expected}"
+                );
+            }
+        }
+    }
+
     #[test]
     fn a_cutoff_below_the_reference_is_refused() {
         let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
-        let mut expansion: ThermalExpansion =
-            read("reference_temperature = 300\ncutoff_temperature = 293");
-        let message = refusal(&mut world, &mut expansion);
-        assert!(
-            message.contains("expected a temperature above 300 K"),
-            "{message}"
-        );
+        for cutoff in ["293", "300", "nan"] {
+            let table = format!("reference_temperature = 300\ncutoff_temperature = {cutoff}");
+            let mut expansion: ThermalExpansion = read(&table);
+            let message = refusal(&mut world, &mut expansion);
+            assert!(
+                message.contains("expected a temperature above 300 K"),
+                "{message}"
+            );
+        }
     }
 
     #[test]

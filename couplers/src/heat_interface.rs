@@ -321,6 +321,7 @@ perimelt_core::register_coupler!("heat_interface", HeatInterface);
 mod tests {
     use super::*;
     use crate::testing::{STEEL, block, prepare, read, refusal};
+    use perimelt_core::shape::{BoxShape, Shape};
 
     /// Two blocks of unit cells, the second one above the first and moved by `along` in x.
     fn two(along: f64) -> World {
@@ -385,10 +386,69 @@ mod tests {
                 "body = 'block'\nother = 'upper'\nconductance = 0",
                 "the conductance is 0",
             ),
+            (
+                "body = 'block'\nother = 'upper'\ngap = inf",
+                "the gap is inf",
+            ),
         ] {
             let mut interface: HeatInterface = read(keys);
             let found = refusal(&mut two(0.0), &mut interface);
             assert!(found.contains(message), "{found}");
+        }
+    }
+
+    /// Cells of 1 m below cells of 0.5 m, of another conductivity and capacity, within a gap: areas and resistances are
+    /// those of the overlaps, and the step is that of the cell with the least capacity over its surface.
+    #[test]
+    fn cells_of_two_sizes_exchange_over_their_overlaps() {
+        let copper = "density = 9000\nspecific_heat = 400\nconductivity = 400";
+        for (height, gap, area) in [
+            (2.0, "", 1.0),
+            (2.2, "", 1.0),
+            // farther than half of the smaller spacing
+            (2.3, "", 0.0),
+            (2.3, "gap = 0.35", 1.0),
+            (2.3, "gap = 0.25", 0.0),
+        ] {
+            let shape = Shape::Box(BoxShape {
+                min: [0.0; 3],
+                max: [1.0; 3],
+            });
+            let mut upper = Body::fill("upper", &shape, 3, 0.5, 1.0).expect("valid");
+            upper.materials = block([1, 1, 1], 3, copper).materials;
+            let offset = Vector3::new(0.0, 0.0, height);
+            upper.points.position.iter_mut().for_each(|x| *x += offset);
+            let mut world = World::new(vec![block([3, 3, 2], 3, STEEL), upper]);
+            let table = format!("body = 'upper'\nother = 'block'\n{gap}");
+            let mut interface: HeatInterface = read(&table);
+            let handles = prepare(&mut world, &mut interface, |setup| {
+                [0, 1].map(|body| {
+                    setup.consume(body, &keys::HEAT_SOURCE).expect("free");
+                    setup.own(body, &keys::TEMPERATURE).expect("free")
+                })
+            });
+            let temperatures = handles.expect("valid");
+            world.write(temperatures[0]).fill(400.0);
+            world.write(temperatures[1]).fill(300.0);
+            let step = Step::new(0.0, 1.0);
+            interface.apply(&world, step).expect("applies");
+            let reports: Vec<f64> = interface.report().iter().map(|r| r.value).collect();
+            // half cells of either side
+            let series = 0.5 / 40.0 + 0.25 / 400.0;
+            let expected = [area * 100.0 / series, area];
+            for (found, expected) in reports.iter().zip(expected) {
+                assert!(
+                    (found - expected).abs() < 1e-8,
+                    "{height} {gap}: {reports:?}"
+                );
+            }
+            // three bare faces of a cell of 0.5 m
+            let capacity = 9000.0 * 400.0 * 0.125 / (3.0 * 0.25);
+            let step = interface.stable_step(&world).expect("a limit");
+            assert!(
+                (step / (0.5 * capacity * series) - 1.0).abs() < 1e-12,
+                "{step}"
+            );
         }
     }
 }

@@ -208,6 +208,39 @@ mod tests {
     }
 
     #[test]
+    fn heights_count_along_the_direction_of_build() {
+        let by_height = "by_height = { height = [1, 3], strain = [[0, 0, 0], [-4, 2, 0]] }";
+        for (cells, dimension, up, expected) in [
+            ([1, 4, 1], 2, "", [0.0, -1.0, -3.0, -4.0]),
+            ([1, 4, 1], 2, "up = 'y-'", [-4.0, -3.0, -1.0, 0.0]),
+            ([1, 1, 4], 3, "", [0.0, -1.0, -3.0, -4.0]),
+            // all cells at one height of half a metre
+            ([1, 1, 4], 3, "up = 'x-'", [0.0; 4]),
+        ] {
+            let mut world = World::new(vec![block(cells, dimension, STEEL)]);
+            let table = format!("region = 'left'\n{up}\n{by_height}");
+            let mut coupler: InherentStrain = read(&table);
+            prepare(&mut world, &mut coupler, |setup| {
+                setup.consume(0, &keys::INHERENT_STRAIN).expect("free");
+            })
+            .expect("valid");
+            apply(&world, &mut coupler, 0.0);
+            let strain = values(&world, &keys::INHERENT_STRAIN);
+            let xx: Vec<f64> = strain.iter().step_by(9).copied().collect();
+            assert_eq!(xx, expected, "{up}");
+        }
+    }
+
+    /// Components `[xx, yy, zz, xy, yz, zx]` of a symmetric tensor.
+    #[test]
+    fn six_components_are_those_of_the_tensor() {
+        let strain = tensor(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]).expect("six components");
+        let expected = Matrix3::new(1.0, 4.0, 6.0, 4.0, 2.0, 5.0, 6.0, 5.0, 3.0);
+        assert_eq!(strain, expected);
+        assert_eq!(tensor(&[1.0, f64::NAN, 3.0]), None);
+    }
+
+    #[test]
     fn mistakes_are_told_with_their_key() {
         for (table, key) in [
             ("region = 'left'", "strain"),

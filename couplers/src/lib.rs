@@ -49,6 +49,8 @@
 
 pub mod boundary;
 pub mod buoyancy;
+#[cfg(test)]
+mod clock_tests;
 pub mod contact;
 pub mod cut;
 pub mod deformation_heat;

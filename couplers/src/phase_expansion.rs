@@ -147,10 +147,36 @@ mod tests {
         }
     }
 
+    /// A body is free of stress at its reference temperature with its share of austenite there.
+    #[test]
+    fn a_body_may_be_free_of_stress_with_some_austenite() {
+        let coupler: PhaseExpansion = read(
+            "reference_temperature = 300\nreference_austenite = 0.4\nexpansion = 15e-6\naustenite_expansion = 20e-6\ncontraction = 0.01",
+        );
+        for (temperature, austenite, expected) in [
+            (300.0, 0.4, 0.0),
+            (300.0, 0.0, 0.4 * 0.01),
+            (300.0, 1.0, -0.6 * 0.01),
+            (400.0, 0.4, 0.4 * 2e-3 + 0.6 * 1.5e-3),
+            (200.0, 1.0, -2e-3 - 0.6 * 0.01),
+        ] {
+            let found = coupler.strain(temperature, austenite);
+            assert!(
+                (found - expected).abs() < 1e-15,
+                "{temperature} {austenite}: {found}"
+            );
+        }
+    }
+
     #[test]
     fn mistakes_are_refused() {
         let mut world = World::new(vec![block([2, 1, 1], 1, STEEL)]);
-        for keys in ["reference_austenite = 2", "cutoff_temperature = 200"] {
+        for keys in [
+            "reference_austenite = 2",
+            "cutoff_temperature = 200",
+            "cutoff_temperature = 300",
+            "cutoff_temperature = nan",
+        ] {
             let mut coupler: PhaseExpansion = read(&format!("reference_temperature = 300\n{keys}"));
             let key = keys.split(' ').next().expect("a key");
             assert!(refusal(&mut world, &mut coupler).starts_with(key));

@@ -153,3 +153,49 @@ impl Flux {
         value * mass.divergence[point] - self.divergence[point]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::block;
+    use perimelt_core::body::{Jitter, Store};
+
+    /// What is missing for a decay at 0.15 times speed over spacing.
+    #[test]
+    fn short_waves_lack_what_makes_them_decay() {
+        // 0.15 * 2 m/s over 0.5 m, by a sum of 30 / m²
+        for (convection, diffusivity, expected) in [
+            (Convection::Hybrid, 0.0, 0.02),
+            (Convection::Hybrid, 0.015, 0.005),
+            (Convection::Hybrid, 0.02, 0.0),
+            (Convection::Hybrid, 1.0, 0.0),
+            (Convection::Central, 0.0, 0.0),
+        ] {
+            let found = convection.missing_diffusivity((2.0, 0.5), 30.0, diffusivity);
+            assert!(
+                (found - expected).abs() < 1e-15,
+                "{convection:?} {diffusivity}: {found}"
+            );
+        }
+    }
+
+    #[test]
+    fn only_flows_through_a_lattice_have_a_short_horizon() {
+        let lattice = block([4, 4, 1], 2, 0.5, Store::Lattice, "density = 1");
+        let jitter = Jitter {
+            amplitude: 0.1,
+            seed: 1,
+        };
+        let cloud = lattice.clone().jittered(jitter).expect("valid");
+        for (description, body, spacings) in [
+            (Description::Eulerian, &lattice, 2.015),
+            (Description::ArbitraryLagrangianEulerian, &lattice, 2.015),
+            (Description::UpdatedLagrangian, &lattice, 3.015),
+            (Description::TotalLagrangian, &lattice, 3.015),
+            (Description::Eulerian, &cloud, 3.015),
+        ] {
+            let horizon = usual_horizon(description, body);
+            assert_eq!(horizon, Horizon::Spacings(spacings), "{description:?}");
+        }
+    }
+}

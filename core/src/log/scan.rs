@@ -396,3 +396,31 @@ fn damage(error: LogError) -> Result<Ending, LogError> {
         error => Err(error),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Messages have their exact time in the index; of one whose index line is lost the time is that of the record, ns.
+    #[test]
+    fn a_message_without_an_index_line_has_the_time_of_its_record() {
+        let mut contents = Contents::default();
+        let exact = CheckpointInfo {
+            time: 2.5 + 1e-12,
+            step: 7,
+        };
+        let key = ("/checkpoint".to_owned(), 2_500_000_000);
+        contents.exact.insert(key, exact);
+        let found = contents.exact("/checkpoint", 2_500_000_000);
+        assert_eq!((found.time, found.step), (2.5 + 1e-12, 7));
+        for (topic, log_time, time) in [
+            ("/checkpoint", 3_000_000_000, 3.0),
+            ("/points", 2_500_000_000, 2.5),
+        ] {
+            let found = contents.exact(topic, log_time);
+            // rounding of one product
+            assert!((found.time - time).abs() < 1e-15 * time, "{}", found.time);
+            assert_eq!(found.step, 0);
+        }
+    }
+}

@@ -155,3 +155,55 @@ impl Simulation {
             .collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A state with a component that stays, whose scale does not change between passes.
+    fn state(x: f64) -> State {
+        vec![vec![1e4, x]]
+    }
+
+    /// For passes `x -> a x + b`, Aitken's factor is `1 / (1 - a)`, which leads to the fixed point `b / (1 - a)`; it is
+    /// kept between 0.05 and 1.5.
+    #[test]
+    fn aitken_finds_the_fixed_point_of_a_linear_pass() {
+        for (a, factor) in [(-0.5, 1.0 / 1.5), (0.2, 1.25), (0.9, 1.5), (-30.0, 0.05)] {
+            let pass = |x: f64| a * x + 3.0;
+            let mut aitken = Aitken::default();
+            let first = aitken.relax(&state(pass(1.0)), &state(1.0));
+            assert_eq!(first, state(pass(1.0)), "nothing is known yet");
+            let old = first[0][1];
+            let second = aitken.relax(&state(pass(old)), &first)[0][1];
+            let expected = old + factor * (pass(old) - old);
+            // rounding of numbers up to 1e4
+            assert!((second - expected).abs() < 1e-9, "{a}: {second} {expected}");
+            if a.abs() < 0.6 {
+                assert!((pass(second) - second).abs() < 1e-8, "{a}: {second}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_factor_is_kept_where_the_residual_does_not_change() {
+        let mut aitken = Aitken::default();
+        aitken.relax(&state(2.0), &state(1.0));
+        let relaxed = aitken.relax(&state(3.0), &state(2.0));
+        assert_eq!(relaxed, state(3.0));
+    }
+
+    #[test]
+    fn the_largest_change_is_relative_to_the_largest_value_of_its_field() {
+        let old = vec![vec![1.0, -4.0], vec![1e-6, 0.0], vec![0.0]];
+        for (new, expected) in [
+            (vec![vec![1.0, -4.0], vec![1e-6, 0.0], vec![0.0]], 0.0),
+            (vec![vec![1.5, -4.0], vec![1e-6, 0.0], vec![0.0]], 0.125),
+            (vec![vec![1.0, -5.0], vec![1e-6, 0.0], vec![0.0]], 0.2),
+            (vec![vec![1.5, -4.0], vec![2e-6, 0.0], vec![0.0]], 0.5),
+        ] {
+            let found = largest_change(&new, &old);
+            assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+        }
+    }
+}

@@ -11,6 +11,8 @@ use crate::field::{Key, Read, Write};
 use crate::plugin::{Clock, Update, Work};
 use crate::shape::{BoxShape, Shape};
 
+mod clock;
+
 /// A physics whose field has the values of a rule.
 #[derive(Serialize)]
 struct Ruled {
@@ -23,6 +25,8 @@ struct Ruled {
     /// what others add
     #[serde(skip)]
     sink: Option<Read<f64>>,
+    /// whether the field is the sum of what others add, and of what kind that is
+    sums: Option<Added>,
     clock_step: StepSize,
     update: Update,
     /// whether a coupler reads the field
@@ -34,7 +38,15 @@ struct Ruled {
     /// largest macro step from a time on
     limit: Option<(f64, f64)>,
     plausible: Option<f64>,
+    event: Option<f64>,
     time: f64,
+}
+
+/// What is added into a sink.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+enum Added {
+    Amount,
+    Rate,
 }
 
 fn ruled(field: &'static str, rule: impl FnMut(usize, Step) -> f64 + 'static) -> Ruled {
@@ -43,6 +55,7 @@ fn ruled(field: &'static str, rule: impl FnMut(usize, Step) -> f64 + 'static) ->
         rule: Box::new(rule),
         own: None,
         sink: None,
+        sums: None,
         clock_step: StepSize::Auto,
         update: Update::Step,
         is_read: Rc::default(),
@@ -50,6 +63,7 @@ fn ruled(field: &'static str, rule: impl FnMut(usize, Step) -> f64 + 'static) ->
         changed: None,
         limit: None,
         plausible: None,
+        event: None,
         time: 0.0,
     }
 }
@@ -74,7 +88,11 @@ fn sink_of(field: &str) -> Key<f64> {
 impl Physics for Ruled {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.own = Some(setup.own(body_of(self.field), &key(self.field))?);
-        self.sink = setup.take_if_added(body_of(self.field), &sink_of(self.field))?;
+        let (body, sink) = (body_of(self.field), sink_of(self.field));
+        self.sink = match self.sums {
+            Some(Added::Rate) => Some(setup.consume(body, &sink)?),
+            _ => setup.take_if_added(body, &sink)?,
+        };
         self.is_read
             .set(setup.is_read(body_of(self.field), &key(self.field)));
         Ok(())
@@ -101,6 +119,10 @@ impl Physics for Ruled {
         (self.time >= from).then_some(step)
     }
 
+    fn next_event(&self, after: f64) -> Option<f64> {
+        self.event.filter(|event| *event > after)
+    }
+
     fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {
         self.plausible
             .map(|limit| (self.field, limit))
@@ -110,8 +132,13 @@ impl Physics for Ruled {
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
         let mut own = world.write(self.own.expect("prepared"));
+        let added = self.sink.map(|sink| world.read(sink));
         for (i, x) in own.iter_mut().enumerate() {
-            *x = (self.rule)(i, step);
+            *x = match (self.sums, &added) {
+                (Some(Added::Amount), Some(added)) => *x + added[i],
+                (Some(Added::Rate), Some(added)) => *x + added[i] * step.size,
+                _ => (self.rule)(i, step),
+            };
         }
         self.time = step.end();
         Ok(Work {
@@ -130,6 +157,13 @@ struct Seen {
     warnings: Vec<&'static str>,
     stable: Option<f64>,
     event: Option<f64>,
+    /// largest macro step
+    limit: Option<f64>,
+    /// what it adds to each sink
+    amount: f64,
+    is_steady: bool,
+    #[serde(skip)]
+    sinks: Vec<Write<f64>>,
     #[serde(skip)]
     steps: Rc<RefCell<Vec<Step>>>,
 }
@@ -141,7 +175,7 @@ impl Coupler for Seen {
             setup.read(body_of(name), &key(name))?;
         }
         for name in &self.adds {
-            setup.add(body_of(name), &sink_of(name))?;
+            self.sinks.push(setup.add(body_of(name), &sink_of(name))?);
         }
         for name in &self.writes {
             setup.write(body_of(name), &key(name))?;
@@ -160,7 +194,21 @@ impl Coupler for Seen {
         self.event.filter(|event| *event > after)
     }
 
-    fn apply(&mut self, _world: &World, step: Step) -> Result<(), RunError> {
+    fn step_limit(&self) -> Option<f64> {
+        self.limit
+    }
+
+    fn is_steady(&self) -> bool {
+        self.is_steady
+    }
+
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
+        for sink in &self.sinks {
+            world
+                .write(*sink)
+                .iter_mut()
+                .for_each(|v| *v += self.amount);
+        }
         self.steps.borrow_mut().push(step);
         Ok(())
     }
@@ -286,23 +334,6 @@ fn a_blow_up_is_told_with_its_place() {
 }
 
 #[test]
-fn steps_too_small_to_add_to_the_time_are_refused() {
-    let mut physics = ruled("x", |_, _| 1.0);
-    physics.limit = Some((0.5, 1e-20));
-    let options = TimeOptions {
-        step: StepSize::Auto,
-        log_interval: 0.5,
-        ..quarters()
-    };
-    let failed = run(vec![physics], vec![], options).expect_err("it never ends");
-    let RunError::StepTooSmall { time, count, .. } = failed else {
-        panic!("{failed}");
-    };
-    assert_eq!(time, 0.5);
-    assert!((count - 0.5e20).abs() < 1e6, "{count}");
-}
-
-#[test]
 fn passes_that_do_not_converge_are_counted() {
     let mut calls = 0.0;
     // restarting it does not bring back what it was
@@ -329,30 +360,6 @@ fn options_of(iteration: Iteration) -> TimeOptions {
     }
 }
 
-/// Bodies that exchange something advance together, by the longest step of both.
-#[test]
-fn a_stable_step_that_changes_changes_the_step_of_its_group() {
-    let physics = |field| {
-        let mut physics = ruled(field, |_, _| 1.0);
-        physics.stable = Some(0.5);
-        physics.changed = Some((0.5, 0.1));
-        physics
-    };
-    let exchange = Seen {
-        reads: vec!["x", "y"],
-        adds: vec!["x", "y"],
-        ..Seen::default()
-    };
-    let steps = exchange.steps.clone();
-    run(vec![physics("x"), physics("y")], vec![exchange], quarters()).expect("it runs");
-    let sizes: Vec<f64> = steps.borrow().iter().map(|step| step.size).collect();
-    // half of the stable step: one in a quarter, then five
-    let expected = [&[0.0, 0.25, 0.25][..], &[0.05; 10]].concat();
-    assert_eq!(sizes.len(), expected.len(), "{sizes:?}");
-    let off = sizes.iter().zip(&expected).map(|(a, b)| (a - b).abs());
-    assert!(off.fold(0.0, f64::max) < 1e-12, "{sizes:?}");
-}
-
 #[test]
 fn a_circle_of_couplers_is_blamed_on_one_of_them() {
     let coupler = |reads, writes| Seen {
@@ -367,68 +374,6 @@ fn a_circle_of_couplers_is_blamed_on_one_of_them() {
         matches!(culprit, Culprit::Coupler(1 | 2)),
         "{culprit:?}: {error}"
     );
-}
-
-#[test]
-fn a_physics_for_the_log_is_advanced_once_for_each_logged_state() {
-    let mut physics = ruled("x", |_, _| 1.0);
-    physics.update = Update::Log;
-    let options = TimeOptions {
-        log_interval: 0.5,
-        ..quarters()
-    };
-    let progress = run(vec![physics], vec![], options).expect("it runs");
-    assert_eq!((progress.macro_steps, progress.sub_steps), (4, vec![2]));
-}
-
-#[test]
-fn an_exchange_limits_the_steps_of_the_physics_that_it_connects() {
-    let physics = |field| {
-        let mut physics = ruled(field, |_, _| 1.0);
-        physics.clock_step = StepSize::Fixed(0.25);
-        physics
-    };
-    let exchange = Seen {
-        reads: vec!["x", "y"],
-        adds: vec!["x", "y"],
-        stable: Some(0.25),
-        ..Seen::default()
-    };
-    let steps = exchange.steps.clone();
-    run(vec![physics("x"), physics("y")], vec![exchange], quarters()).expect("it runs");
-    // half of its stable step, eight times; and the initial state
-    let sizes: Vec<f64> = steps.borrow().iter().map(|step| step.size).collect();
-    assert_eq!(sizes, [&[0.0][..], &[0.125; 8]].concat());
-    let starts: Vec<f64> = steps.borrow().iter().map(|step| step.start).collect();
-    let expected: Vec<f64> = (0..8).map(|s| 0.125 * s as f64).collect();
-    assert_eq!(starts, [&[0.0][..], &expected].concat());
-}
-
-#[test]
-fn steps_end_at_events() {
-    let watcher = Seen {
-        reads: vec!["x"],
-        writes: vec!["seen"],
-        event: Some(0.3),
-        ..Seen::default()
-    };
-    let steps = watcher.steps.clone();
-    run(vec![ruled("x", |_, _| 1.0)], vec![watcher], quarters()).expect("it runs");
-    let ends: Vec<f64> = steps.borrow().iter().map(Step::end).collect();
-    // two steps to the event, three to the end
-    let expected = [0.0, 0.15, 0.3, 0.3 + 0.7 / 3.0, 0.3 + 1.4 / 3.0, 1.0];
-    assert_eq!(ends.len(), expected.len(), "{ends:?}");
-    let off = ends.iter().zip(expected).map(|(a, b)| (a - b).abs());
-    assert!(off.fold(0.0, f64::max) < 1e-12, "{ends:?}");
-}
-
-#[test]
-fn sub_steps_are_told() {
-    let mut physics = ruled("x", |_, _| 1.0);
-    physics.stable = Some(0.25);
-    let mut simulation = valid(vec![physics, ruled("y", |_, _| 1.0)], vec![], quarters());
-    simulation.start().expect("it starts");
-    assert_eq!(simulation.sub_steps(), [0.125, f64::INFINITY]);
 }
 
 #[test]

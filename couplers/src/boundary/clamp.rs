@@ -115,9 +115,24 @@ mod tests {
     }
 
     #[test]
+    fn a_clamp_may_hold_some_components_for_ever() {
+        let mut world = World::new(vec![block([2, 1, 1], 3, STEEL)]);
+        let mut clamp: Clamp = read("region = 'left'\ncomponents = ['z', 'x']");
+        prepare(&mut world, &mut clamp, |setup| {
+            setup.consume(0, &keys::CONSTRAINT).expect("free");
+        })
+        .expect("valid");
+        apply(&world, &mut clamp, 1e9);
+        let held = [1.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+        assert_eq!(values(&world, &keys::CONSTRAINT), held);
+    }
+
+    #[test]
     fn a_plate_is_not_held_along_z() {
-        let mut world = World::new(vec![block([2, 1, 1], 2, STEEL)]);
-        let mut clamp: Clamp = read("region = 'left'\ncomponents = ['z']");
-        assert!(refusal(&mut world, &mut clamp).contains("one that a 2D body does not have"));
+        for components in ["['z']", "['x', 'z']", "[]"] {
+            let mut world = World::new(vec![block([2, 1, 1], 2, STEEL)]);
+            let mut clamp: Clamp = read(&format!("region = 'left'\ncomponents = {components}"));
+            assert!(refusal(&mut world, &mut clamp).contains("one that a 2D body does not have"));
+        }
     }
 }

@@ -265,10 +265,35 @@ mod tests {
             ("from = [0, 2]\nto = [0, 2]\nspeed = 1", "to"),
             ("from = [0, 2]\nto = [3, 2]\nspeed = -1", "speed"),
             ("from = [0, 9]\nto = [3, 9]\nspeed = 1", "from"),
+            ("from = [0, inf]\nto = [3, 2]\nspeed = 1", "to"),
+            ("from = [0, 2]\nto = [3, 2]\nspeed = inf", "speed"),
+            (
+                "from = [0, 2]\nto = [3, 2]\nspeed = 1\nstart_time = -1",
+                "start_time",
+            ),
+            (
+                "from = [0, 2]\nto = [3, 2]\nspeed = 1\nreach = 0.9",
+                "reach",
+            ),
         ] {
             let mut world = World::new(vec![block([4, 4, 1], 2, STEEL)]);
             let mut crack: GrowingCrack = read(keys);
             assert!(refusal(&mut world, &mut crack).starts_with(key), "{keys}");
+        }
+    }
+
+    /// Bonds as long as the reach of the longer of two cross the crack; with a reach of 2 those of the next rows, too.
+    #[test]
+    fn bonds_up_to_the_reach_are_broken() {
+        for (reach, expected) in [(1.0, 4), (1.4, 4), (1.5, 4 + 6), (2.0, 4 + 6 + 2 * 4)] {
+            let keys = format!("from = [0, 2]\nto = [4, 2]\nspeed = 1\nreach = {reach}");
+            let crack: GrowingCrack = read(&keys);
+            let found = crack.crossings(&block([4, 4, 1], 2, STEEL));
+            assert_eq!(found.len(), expected, "{reach}");
+            let crack: GrowingCrack = read(&keys);
+            let mut solid = World::new(vec![block([4, 4, 4], 3, STEEL)]);
+            let mut crack = crack;
+            assert!(refusal(&mut solid, &mut crack).starts_with("body: "));
         }
     }
 }

@@ -262,6 +262,15 @@ mod tests {
         let (body_force, force) = loaded("faces = ['x-']\npressure = '10 * (3 - y) * t'");
         assert_eq!(force, [2.0 * 2.0 * 45.0, 0.0, 0.0]);
         assert_eq!([body_force[0], body_force[12]], [50.0, 30.0]);
+        // on the face, not at the points behind it
+        for (face, axis, force) in [
+            ("x+", "x", [-4.0 * 6.0, 0.0, 0.0]),
+            ("x-", "x + 1", [6.0, 0.0, 0.0]),
+            ("y+", "y", [0.0, -3.0 * 8.0, 0.0]),
+        ] {
+            let table = format!("faces = ['{face}']\npressure = '{axis}'");
+            assert_eq!(loaded(&table).1, force, "{face}");
+        }
         let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
         let table = "faces = ['x+']\npressure = 'y'\nby = 'layer'";
         let mut boundary: Traction = read(table);
@@ -281,6 +290,34 @@ mod tests {
         let traction = world.layer_rules(layers)[0].traction.expect("it was set");
         assert_eq!(traction.stress, [2.0, 0.0, 0.0]);
         assert_eq!(boundary.report()[0].value, 12.0);
+    }
+
+    /// A region limits the loaded surface, and only points with material carry a load.
+    #[test]
+    fn only_material_in_the_region_is_loaded() {
+        let (body_force, force) = loaded("faces = ['z+']\nregion = 'left'\npressure = 2");
+        assert_eq!(force, [0.0, 0.0, -2.0 * 3.0]);
+        assert_eq!(body_force[3 * 12 + 2], -2.0);
+        assert_eq!(body_force[3 * 13 + 2], 0.0);
+
+        let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
+        let mut boundary: Traction = read("faces = ['z+']\npressure = 2");
+        let mut setup = Setup::new(&mut world, std::path::Path::new("."));
+        setup.next_plugin("deposit");
+        setup.deposit(0, &[12, 13]).expect("a lattice");
+        setup.next_plugin("traction");
+        boundary.prepare(&mut setup).expect("valid");
+        setup.next_plugin("mechanical");
+        setup.consume(0, &keys::BODY_FORCE).expect("free");
+        setup.follow_activity(0);
+        setup.finish().map_err(|(_, e)| e).expect("complete");
+        apply(&world, &mut boundary, 0.0);
+        assert_eq!(boundary.report()[2].value, -2.0 * 10.0);
+        let body_force = values(&world, &keys::BODY_FORCE);
+        assert_eq!(
+            [12, 13, 14].map(|p| body_force[3 * p + 2]),
+            [0.0, 0.0, -2.0]
+        );
     }
 
     #[test]

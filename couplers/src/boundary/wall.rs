@@ -131,10 +131,19 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_that_leaves_its_face_is_refused() {
-        let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
-        let mut wall: Wall = read("faces = ['y+']\nvelocity = [0, 1, 0]");
-        let error = prepare(&mut world, &mut wall, |_| ()).expect_err("it would leave");
-        assert_eq!(error.key, "velocity");
+    fn walls_that_cannot_be_are_refused() {
+        for (keys, key) in [
+            ("faces = ['y+']\nvelocity = [0, 1, 0]", "velocity"),
+            (
+                "faces = ['x-', 'y+']\nvelocity = [0, 0, 1]\nkind = 'slip'\nlayer = 'constant'",
+                "layer",
+            ),
+            ("faces = []", "faces"),
+        ] {
+            let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
+            let mut wall: Wall = read(keys);
+            let error = prepare(&mut world, &mut wall, |_| ()).expect_err(keys);
+            assert_eq!(error.key, key, "{error}");
+        }
     }
 }

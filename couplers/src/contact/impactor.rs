@@ -230,6 +230,36 @@ mod tests {
         assert!((of("velocity.z") - (-10.0 + gained)).abs() < 1e-12 * gained);
     }
 
+    /// `f = k V depth n` on each point inside of the ball, and the opposite on the ball.
+    #[test]
+    fn points_inside_the_ball_are_pushed_out_by_their_depth() {
+        let mut world = World::new(vec![block([3, 1, 1], 2, ELASTIC)]);
+        // in a plane the centre has the height of the points
+        let keys_given = "centre = [1.5, 2.3, 9]\nradius = 1.25\nvelocity = [0, -10, 0]";
+        let mut impactor: Impactor = read(keys_given);
+        prepare(&mut world, &mut impactor, own).expect("valid");
+        impactor
+            .apply(&world, Step::new(0.0, 0.1))
+            .expect("applies");
+        // 0.8 m above the middle point, sqrt(1.64) m from its neighbours
+        let k = impactor.prepared.as_ref().expect("prepared").stiffness[1];
+        let force = values(&world, &keys::BODY_FORCE);
+        let expected = [0.0, 0.0, 0.0, 0.0, -0.45 * k, 0.0, 0.0, 0.0, 0.0];
+        for (found, expected) in force.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-12 * k, "{force:?}");
+        }
+        let reported: Vec<f64> = impactor.report().iter().map(|r| r.value).collect();
+        assert_eq!(reported[2..6], [0.5, 0.0, -10.0, 0.0]);
+        assert!((reported[1] - 1.3).abs() < 1e-12 && reported[0] == 1.5);
+        assert!((reported[7] - 0.45 * k).abs() < 1e-12 * k, "{reported:?}");
+        assert_eq!([reported[6], reported[8]], [0.0; 2]);
+        // nothing stops a ball without a mass
+        impactor
+            .apply(&world, Step::new(0.1, 0.05))
+            .expect("applies");
+        assert!((impactor.report()[1].value - 0.8).abs() < 1e-12);
+    }
+
     fn total_of(field: &[f64], axis: usize) -> f64 {
         field.iter().skip(axis).step_by(3).sum()
     }

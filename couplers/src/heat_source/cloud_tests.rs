@@ -149,6 +149,56 @@ fn what_falls_beside_a_cloud_is_lost() {
     }
 }
 
+/// A point source heats the cells at half a spacing on either side of it: four on the face, eight inside, with equal parts;
+/// those beside the body are lost.
+#[test]
+fn a_point_source_heats_four_cells_of_a_face_and_eight_inside() {
+    // the body is 20 by 20 by 8 m, with cells of 1 m in the middle and of 2 m at its ends
+    for (x, y, z, level, cells, deposited) in [
+        (10.0, 10.0, 8.0, "", 4, 100.0),
+        (10.0, 10.0, 8.0, "heated_surface.level = 8", 4, 100.0),
+        (10.0, 10.0, 4.0, "heated_surface.level = 8", 8, 100.0),
+        (4.0, 10.0, 8.0, "", 4, 100.0),
+        // above the level it heats the face
+        (10.0, 10.0, 9.0, "heated_surface.level = 8", 4, 100.0),
+        (0.0, 10.0, 8.0, "", 2, 50.0),
+        (0.0, 10.0, 4.0, "heated_surface.level = 8", 4, 50.0),
+        (0.0, 0.0, 4.0, "heated_surface.level = 8", 2, 25.0),
+    ] {
+        let path = format!(
+            "{{ start = [{}, {y}, {z}], direction = [1, 0, 0], speed = 2 }}",
+            x - 1.0
+        );
+        let mut source: PointSource =
+            read(&format!("power = 100\n{level}\ntoolpath.line = {path}"));
+        let world = ready(zones(3), &mut source);
+        apply(&world, &mut source, 0.0);
+        let heat = values(&world, &keys::HEAT_SOURCE);
+        let points = &world.body(0).points;
+        let place = format!("{x} {y} {z} {level}");
+        let hot: Vec<usize> = (0..heat.len()).filter(|p| heat[*p] > 0.0).collect();
+        assert_eq!(hot.len(), cells, "{place}");
+        for p in hot {
+            let power = heat[p] * points.volume[p];
+            assert!(
+                (power - deposited / cells as f64).abs() < 1e-9,
+                "{place}: {power}"
+            );
+            let away = points.position[p] - nalgebra::Vector3::new(x, y, f64::min(z, 8.0));
+            let half = 0.5 * points.spacing[p];
+            assert!(
+                away.iter().all(|c| (c.abs() - half).abs() < 1e-9),
+                "{place}: {away}"
+            );
+        }
+        assert!(
+            (report(&source, "power.deposited") - deposited).abs() < 1e-9,
+            "{place}"
+        );
+        assert!((report(&source, "power.lost") - (100.0 - deposited)).abs() < 1e-9);
+    }
+}
+
 #[test]
 fn the_power_is_exact_on_points_of_a_table() {
     let mut table = "x,y,z,volume\n".to_string();

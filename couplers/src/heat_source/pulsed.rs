@@ -196,6 +196,38 @@ mod tests {
         }
     }
 
+    /// The pulse is over 40 / 1.992 durations after its peak at 2 s. What was booked survives a restart.
+    #[test]
+    fn steps_are_short_and_energies_kept_until_the_pulse_is_over() {
+        let mut world = World::new(vec![block([30, 1, 1], 1, STEEL)]);
+        let mut laser: PulsedLaserSource = from_toml(PULSE);
+        prepare(&mut world, &mut laser, |setup| {
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        })
+        .expect("valid");
+        assert_eq!(
+            (laser.next_event(1.0), laser.next_event(2.0)),
+            (Some(2.0), None)
+        );
+        let end = 2.0 + 40.0 / 1.992;
+        for (until, limit) in [
+            (3.0, Some(0.25)),
+            (end - 0.01, Some(0.25)),
+            (end + 0.01, None),
+        ] {
+            let step = Step::new(until - 0.5, 0.5);
+            laser.apply(&world, step).expect("applies");
+            assert_eq!(laser.step_limit(), limit, "{until}");
+            let saved = serde_json::to_string(&laser.save()).expect("serialises");
+            let mut json = serde_json::Deserializer::from_str(&saved);
+            let mut resumed: PulsedLaserSource = from_toml(PULSE);
+            let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut json);
+            resumed.load(&mut erased).expect("what was saved");
+            assert_eq!(resumed.account, laser.account);
+            assert_eq!(resumed.step_limit(), limit);
+        }
+    }
+
     #[test]
     fn a_pulse_has_no_toolpath() {
         let text = format!("{PULSE}\ntoolpath.line.speed = 1");

@@ -186,3 +186,102 @@ fn bounds(centre: &[Vector3<f64>], size: &[f64]) -> [Vector3<f64>; 2] {
         ]
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CENTRES: [Vector3<f64>; 3] = [
+        Vector3::new(1.0, 1.0, 0.5),
+        Vector3::new(3.0, 1.0, 0.5),
+        Vector3::new(4.5, 0.5, 0.5),
+    ];
+
+    /// Cells of 2, 2 and 1 m in a plane of 1 m.
+    fn cells(cover: Cover) -> Cells<'static> {
+        Cells {
+            centre: &CENTRES,
+            size: &[2.0, 2.0, 1.0],
+            volume: &[4.0, 4.0, 1.0],
+            grid: CellGrid {
+                origin: Vector3::zeros(),
+                spacing: Vector3::repeat(1.0),
+                dims: [5, 2, 1],
+                plate: true,
+            },
+            dimension: 2,
+            bounds: [Vector3::zeros(), Vector3::new(5.0, 2.0, 1.0)],
+            cover,
+        }
+    }
+
+    /// Powers deposited and lost of 100 W, by how much of the source the cells (`hit`) and the box of the body receive.
+    #[test]
+    fn what_cells_do_not_cover_is_lost_or_spread_over_them() {
+        for (cover, hit, in_box, normalise, deposited, lost) in [
+            // without gaps: what they receive
+            (Cover::Tiled, 0.8, 0.9, true, 80.0, 20.0),
+            (Cover::Tiled, 1.0 - 0.5e-4, 1.0, true, 100.0, 0.0),
+            (Cover::Tiled, 1.0 - 2e-4, 1.0, true, 99.98, 0.02),
+            (Cover::Tiled, 0.8, 0.9, false, 80.0, 20.0),
+            // with gaps: what the full box receives
+            (Cover::FullBox, 0.8, 0.9, true, 90.0, 10.0),
+            (Cover::FullBox, 0.8, 1.0, true, 100.0, 0.0),
+            (Cover::FullBox, 0.8, 1.0, false, 80.0, 0.0),
+            // of a body with holes: as if they covered 0.7 of it
+            (Cover::PartlyFull, 0.35, 0.9, true, 50.0, 50.0),
+            (Cover::PartlyFull, 0.8, 0.9, true, 90.0, 10.0),
+            (Cover::PartlyFull, 0.75, 1.0, true, 100.0, 0.0),
+            // beside the body
+            (Cover::FullBox, 0.0, 1.0, true, 0.0, 100.0),
+        ] {
+            let mut values = [0.0; 3];
+            let parts = [(0, 0.75 * hit), (2, 0.25 * hit)];
+            let given = (100.0, in_box, normalise);
+            let deposit = cells(cover).deposit(&parts, given, &mut values);
+            let close = |found: f64, expected: f64| (found - expected).abs() < 1e-10;
+            assert_eq!(deposit.asked, 100.0);
+            assert!(
+                close(deposit.deposited, deposited) && close(deposit.lost, lost),
+                "{cover:?} {hit} {in_box} {normalise}: {deposit:?}"
+            );
+            // three quarters in 4 m³, the rest in 1 m³
+            assert!(close(values[0], 0.75 * deposited / 4.0) && values[1] == 0.0);
+            assert!(close(values[2], 0.25 * deposited));
+        }
+    }
+
+    #[test]
+    fn a_position_lies_in_its_cell_or_near_a_point_of_a_fluid() {
+        let full = cells(Cover::FullBox);
+        let at = |x: f64, y: f64| Vector3::new(x, y, 7.0);
+        for (place, point) in [
+            (at(0.5, 1.9), Some(0)),
+            (at(2.0, 1.0), Some(0)),
+            (at(2.1, 1.0), Some(1)),
+            (at(4.9, 0.9), Some(2)),
+            (at(4.5, 1.5), None),
+            (at(-0.1, 1.0), None),
+        ] {
+            assert_eq!(full.point_at(&place), point, "{place}");
+            assert_eq!(full.point_for(&place, 1.0), point, "{place}");
+        }
+        let fluid = cells(Cover::PartlyFull);
+        // the cell of the last point ends 0.5 m below, within half of the reach; the nearest of two
+        assert_eq!(fluid.point_for(&at(4.5, 1.4), 1.0), Some(2));
+        assert_eq!(fluid.point_for(&at(4.5, 1.6), 1.0), Some(1));
+        assert_eq!(fluid.point_for(&at(4.5, 2.6), 1.0), None);
+    }
+
+    #[test]
+    fn a_cell_is_a_cube_along_the_axes_of_the_body() {
+        let cells = cells(Cover::Tiled);
+        assert_eq!(cells.extent(1), Vector3::new(2.0, 2.0, 1.0));
+        let corners = [Vector3::new(2.0, 0.0, 0.0), Vector3::new(4.0, 2.0, 1.0)];
+        assert_eq!(cells.corners(1), corners);
+        let low = Vector3::new(-1.0, 0.5, 0.5);
+        let box_of = bounds(&[low, CENTRES[2]], &[0.5, 1.0]);
+        let expected = [Vector3::new(-1.25, 0.0, 0.0), Vector3::new(5.0, 1.0, 1.0)];
+        assert_eq!(box_of, expected);
+    }
+}

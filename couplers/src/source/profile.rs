@@ -302,4 +302,143 @@ mod tests {
             );
         }
     }
+
+    /// The density of an ellipse is the product of its factors, whose integrals are those from the centre on; the front
+    /// half has its fraction of the power.
+    #[test]
+    fn factors_of_an_ellipse_integrate_to_its_parts() {
+        let (front, rear, half_width, power_in_front) = (2e-3, 3e-3, 1e-3, 0.3);
+        let ellipse = Footprint::Ellipse {
+            front,
+            rear,
+            half_width,
+            power_in_front,
+        };
+        for (xi, eta) in [
+            (1e-3, 0.4e-3),
+            (-1e-3, 0.4e-3),
+            (0.5e-3, -1.2e-3),
+            (-4e-3, 0.0),
+        ] {
+            let (length, fraction) = if xi > 0.0 {
+                (front, power_in_front)
+            } else {
+                (rear, 1.0 - power_in_front)
+            };
+            // q = 6 f / (pi c a) exp(-3 xi²/c² - 3 eta²/a²), of which f is the fraction of the half
+            let exponent = -3.0 * (xi * xi / (length * length) + eta * eta / 1e-6);
+            let expected = 6.0 * fraction / (PI * length * half_width) * f64::exp(exponent);
+            for found in [
+                ellipse.density(xi, eta),
+                ellipse.along(xi) * ellipse.across(eta),
+            ] {
+                assert!(
+                    (found / expected - 1.0).abs() < 1e-12,
+                    "{xi} {eta}: {found}"
+                );
+            }
+        }
+        // midpoint rule of 1000 cells over one length
+        let sum = |to: f64, of: &dyn Fn(f64) -> f64| -> f64 {
+            let width = to / 1000.0;
+            (0..1000)
+                .map(|i| of((f64::from(i) + 0.5) * width) * width)
+                .sum()
+        };
+        for to in [2e-3, -3e-3, 1e-2] {
+            for (found, expected) in [
+                (
+                    ellipse.along_from_centre(to),
+                    sum(to, &|x| ellipse.along(x)),
+                ),
+                (
+                    ellipse.across_from_centre(to),
+                    sum(to, &|x| ellipse.across(x)),
+                ),
+            ] {
+                assert!((found - expected).abs() < 1e-5, "{to}: {found} {expected}");
+            }
+        }
+        assert!((ellipse.along_from_centre(1.0) - power_in_front).abs() < 1e-12);
+        assert!((ellipse.along_from_centre(-1.0) + 1.0 - power_in_front).abs() < 1e-12);
+        assert!((ellipse.across_from_centre(1.0) - 0.5).abs() < 1e-12);
+        assert_eq!(ellipse.finest(), 1e-3);
+        let reach = (CUT / 3.0).sqrt();
+        assert_eq!(ellipse.reach(), [3e-3 * reach, 1e-3 * reach]);
+    }
+
+    /// `2 pi` times the integral of the density times the radius is 1.
+    #[test]
+    fn a_super_gaussian_has_the_power_1() {
+        let radius = 0.8e-3;
+        for (order, finest) in [
+            (1.0, 1.0),
+            (2.0, 1.5_f64.sqrt()),
+            (4.0, 1.0),
+            (8.0, 0.5),
+            (200.0, 1.0 / 16.0),
+        ] {
+            let beam = Footprint::super_gaussian(radius, order);
+            let [reach, across] = beam.reach();
+            assert_eq!(reach, across);
+            let (cells, width) = (40_000, reach / 40_000.0);
+            let ring = |i: i32| {
+                let r = (f64::from(i) + 0.5) * width;
+                // in any direction
+                2.0 * PI * r * beam.density(0.6 * r, -0.8 * r) * width
+            };
+            let power: f64 = (0..cells).map(ring).sum();
+            // the midpoint rule near the rim of order 200
+            assert!((power - 1.0).abs() < 1e-5, "{order}: {power}");
+            // 1/e² of the peak at the radius
+            let at_radius = beam.density(radius, 0.0) / beam.density(0.0, 0.0);
+            assert!((at_radius - f64::exp(-2.0)).abs() < 1e-12, "{order}");
+            assert!((beam.finest() - finest * radius).abs() < 1e-15, "{order}");
+            assert!(beam.is_round() && beam.is_separable() == (order == 2.0));
+        }
+    }
+
+    #[test]
+    fn only_an_ellipse_with_one_length_is_round() {
+        for ([front, rear, half_width, power_in_front], is_round) in [
+            ([1.0, 1.0, 1.0, 0.5], true),
+            ([2.0, 1.0, 1.0, 0.5], false),
+            ([1.0, 2.0, 1.0, 0.5], false),
+            ([1.0, 1.0, 2.0, 0.5], false),
+            ([1.0, 1.0, 1.0, 0.6], false),
+        ] {
+            let ellipse = Footprint::Ellipse {
+                front,
+                rear,
+                half_width,
+                power_in_front,
+            };
+            assert_eq!(ellipse.is_round(), is_round, "{ellipse:?}");
+        }
+    }
+
+    #[test]
+    fn the_power_down_to_a_depth_is_the_integral_of_the_density() {
+        for profile in [
+            DepthProfile::Bell { depth: 2.0 },
+            DepthProfile::Exponential { length: 0.7 },
+            DepthProfile::Uniform { depth: 1.5 },
+            DepthProfile::Linear { depth: 3.0 },
+        ] {
+            assert_eq!([-0.1, 0.0].map(|z| profile.down_to(z)), [0.0; 2]);
+            assert_eq!(profile.density(-1e-9), 0.0);
+            for to in [0.5, 1.4, 4.0] {
+                let width = to / 4000.0;
+                let middle = |i: i32| (f64::from(i) + 0.5) * width;
+                let sum: f64 = (0..4000).map(|i| profile.density(middle(i)) * width).sum();
+                // a cell across the end of the uniform one
+                assert!(
+                    (profile.down_to(to) - sum).abs() < 1e-3,
+                    "{profile:?} {to}: {sum}"
+                );
+            }
+        }
+        assert_eq!(DepthProfile::Exponential { length: 0.7 }.finest(), 0.7);
+        assert_eq!(DepthProfile::Linear { depth: 3.0 }.finest(), 3.0);
+    }
 }

@@ -390,3 +390,43 @@ fn the_efficiency_is_that_given_or_that_of_the_process() {
     assert_eq!(goldak(", process = 'tig', efficiency = 0.7"), 0.7);
     assert_eq!(goldak(""), 1.0);
 }
+
+/// On a direction that lies along an axis within rounding the exact integrals are used, as on the axis; a round source has
+/// no direction, and one that never moved faces along the first axis.
+#[test]
+fn directions_within_rounding_of_an_axis_are_along_it() {
+    let lattice = block([4e-4; 3]);
+    let heat = |toml: &str, direction: [f64; 3]| {
+        let at = Pose {
+            position: Vector3::new(1e-4, 2e-4, 0.0),
+            direction: direction.into(),
+            power: 1000.0,
+            speed: 0.005,
+            torch: None,
+        };
+        let mut values = lattice.zeros();
+        depositor(toml, &lattice).add(&lattice, &at, &mut values);
+        values
+    };
+    let goldak =
+        "goldak = { front_length = 5e-4, rear_length = 1e-3, half_width = 8e-4, depth = 6e-4,
+        front_fraction = 0.9 }";
+    let axes = [
+        [1.0, 0.0, 0.0],
+        [-1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0.0, -1.0, 0.0],
+    ];
+    for (i, axis) in axes.into_iter().enumerate() {
+        let exact = heat(goldak, axis);
+        assert_eq!(heat(goldak, axis.map(|c| 3.0 * c)), exact, "{axis:?}");
+        assert_eq!(heat(goldak, axis.map(|c| c + 1e-14)), exact, "{axis:?}");
+        assert!(heat(goldak, axis.map(|c| c + 1e-9)) != exact, "{axis:?}");
+        for other in &axes[..i] {
+            assert!(heat(goldak, *other) != exact, "{axis:?}");
+        }
+    }
+    assert_eq!(heat(goldak, [0.0; 3]), heat(goldak, axes[0]));
+    let round = "gaussian = { sigma = 4e-4, effective_depth = 1e-3 }";
+    assert_eq!(heat(round, [0.6, 0.8, 0.0]), heat(round, axes[0]));
+}

@@ -76,3 +76,72 @@ pub(super) fn keep_inside(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use perimelt_core::Axis;
+    use perimelt_core::shape::{BoxShape, Shape};
+
+    /// A box of 4 by 2 m, periodic along x, with a wall at y = 0.
+    #[test]
+    fn points_come_back_through_periodic_faces_and_are_reflected_by_walls() {
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [4.0, 2.0, 1.0],
+        });
+        let mut body = Body::fill("water", &shape, 2, 1.0, 1.0).expect("valid");
+        body.repeat(&[Axis::X]).expect("it fills its box");
+        // a point at (0.5, 0.5)
+        let start = body.points.position[0];
+        body.points.position.truncate(1);
+        let rules = [LayerRule::even(Face::YMin)];
+        for (place, velocity, expected, after) in [
+            ([3.9, 1.5], [1.0, 1.0], [3.9, 1.5], [1.0, 1.0]),
+            // through the periodic faces, with the velocity that it has
+            ([4.25, 1.0], [1.0, 1.0], [0.25, 1.0], [1.0, 1.0]),
+            ([-0.25, 1.0], [-1.0, 1.0], [3.75, 1.0], [-1.0, 1.0]),
+            // reflected by the wall, unless it already comes back
+            ([1.0, -0.25], [1.0, -3.0], [1.0, 0.25], [1.0, 3.0]),
+            ([1.0, -0.25], [1.0, 3.0], [1.0, 0.25], [1.0, 3.0]),
+            // free at the other face
+            ([1.0, 2.5], [1.0, 3.0], [1.0, 2.5], [1.0, 3.0]),
+            ([4.5, -0.5], [1.0, -3.0], [0.5, 0.5], [1.0, 3.0]),
+        ] {
+            let at = |[x, y]: [f64; 2], z: f64| Vector3::new(x, y, z);
+            let mut displacement = [at(place, 9.0) - at([start.x, start.y], 0.0)];
+            let mut speed = [at(velocity, -9.0)];
+            keep_inside(&body, &rules, &mut displacement, &mut speed);
+            let found = start + displacement[0];
+            assert!(
+                (found.xy() - at(expected, 0.0).xy()).norm() < 1e-12,
+                "{place:?}: {found}"
+            );
+            assert_eq!(speed[0], at(after, -9.0), "{place:?}");
+        }
+    }
+
+    #[test]
+    fn all_faces_are_walls_or_periodic() {
+        let shape = Shape::Box(BoxShape {
+            min: [0.0; 3],
+            max: [4.0, 2.0, 1.0],
+        });
+        let mut body = Body::fill("water", &shape, 2, 1.0, 1.0).expect("valid");
+        body.repeat(&[Axis::X]).expect("it fills its box");
+        let mut world = perimelt_core::World::new(vec![body]);
+        let setup = Setup::new(&mut world, std::path::Path::new("."));
+        for (walls, open) in [
+            (&[Face::YMin, Face::YMax][..], None),
+            (&[Face::YMin], Some("face `y+`")),
+            (&[Face::YMax, Face::ZMin], Some("face `y-`")),
+        ] {
+            let found = check_closed(&setup, 0, walls).err().map(|e| e.to_string());
+            match (&found, open) {
+                (None, None) => {}
+                (Some(message), Some(open)) => assert!(message.contains(open), "{message}"),
+                _ => panic!("{found:?} {open:?}"),
+            }
+        }
+    }
+}

@@ -406,4 +406,21 @@ mod tests {
             assert_eq!(met.exchanged, [Vector3::zeros(); 2]);
         }
     }
+
+    /// `-(1 + e) v m M / (m + M)`, of a wall without a mass `-(1 + e) v m`.
+    #[test]
+    fn an_impulse_is_that_of_the_reduced_mass() {
+        for (mobility, restitution, expected) in [
+            (0.0, 1.0, -2.0 * 3.0 * 2.0),
+            (0.0, 0.0, -3.0 * 2.0),
+            (0.5, 0.0, -3.0 * 1.0),
+            (0.25, 0.5, -1.5 * 3.0 * 2.0 * 4.0 / 6.0),
+        ] {
+            let found = impulse(3.0, (2.0, mobility), restitution);
+            assert!(
+                (found - expected).abs() < 1e-12,
+                "{mobility} {restitution}: {found}"
+            );
+        }
+    }
 }

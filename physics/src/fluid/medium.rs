@@ -109,3 +109,73 @@ impl Medium {
             .pressure(densities, pressure, self.reference_density[point])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fluid::state::Tait;
+    use crate::testing::material;
+
+    fn viscosities(materials: &[&str]) -> Vec<Property> {
+        let materials = materials
+            .iter()
+            .map(|m| material(&format!("viscosity = {m}")));
+        materials
+            .map(|m| m.get("viscosity").cloned().expect("given"))
+            .collect()
+    }
+
+    const FALLING: &str = "{ temperature = [300, 400], value = [8, 2] }";
+
+    #[test]
+    fn a_coefficient_is_that_of_the_material_and_the_temperature_of_a_point() {
+        let curve = || {
+            let specific_heat = Property::Constant(1.0);
+            EnthalpyCurve::new(1.0, &specific_heat, None).expect("a curve")
+        };
+        for (materials, varies, by_temperature, at_first, hot) in [
+            (&["3"][..], false, false, [3.0; 3], [3.0; 3]),
+            (&["3", "3"], false, false, [3.0; 3], [3.0; 3]),
+            (&["3", "5"], true, false, [3.0, 5.0, 3.0], [3.0, 5.0, 3.0]),
+            (
+                &["3", FALLING],
+                true,
+                true,
+                [3.0, 0.0, 3.0],
+                [3.0, 5.0, 3.0],
+            ),
+        ] {
+            let mut coefficient = Coefficient::new(viscosities(materials), &[0, 1, 0]);
+            assert_eq!(coefficient.varies, varies, "{materials:?}");
+            assert_eq!(coefficient.depends_on_temperature(), by_temperature);
+            assert_eq!(coefficient.value, at_first, "{materials:?}");
+            let curves = [curve(), curve()];
+            coefficient.evaluate(&[350.0; 3], &[0, 1, 0], &curves);
+            assert_eq!(coefficient.value, hot, "{materials:?}");
+        }
+        let coefficient = Coefficient::new(viscosities(&["3", FALLING]), &[0, 1]);
+        assert_eq!([0, 1, 2].map(|m| coefficient.largest(m)), [3.0, 8.0, 0.0]);
+        assert!(
+            !Coefficient::new(Vec::new(), &[0, 0]).varies,
+            "without viscosity"
+        );
+    }
+
+    #[test]
+    fn lengths_and_diffusivities_are_those_of_spacing_and_sound() {
+        let medium = Medium {
+            state: super::super::state::State::Tait(Tait {
+                sound_speed: 20.0,
+                exponent: 1.0,
+                background: 0.0,
+            }),
+            reference_density: vec![2.0],
+            spacing: vec![0.5],
+            viscosity: Coefficient::new(viscosities(&["3"]), &[0]),
+        };
+        assert_eq!(medium.sound_diffusivity(0), 10.0);
+        assert_eq!(medium.smoothing_length(0), 0.6);
+        // 2 * 400 (rho / 2 - 1)
+        assert_eq!(medium.pressure(0, (2.0, 3.0), 9.0), 400.0);
+    }
+}

@@ -45,6 +45,8 @@ mod fluxes;
 mod immersed;
 mod interface;
 mod keys;
+#[cfg(test)]
+mod keys_tests;
 mod least_distance;
 mod medium;
 mod point_motion;

@@ -216,3 +216,32 @@ pub(super) trait Rates: std::fmt::Debug {
     /// Finds the heat of viscous friction per current volume, W/m³.
     fn friction(&self, medium: &Medium, friction: &mut Vec<f64>);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Limits follow sums that grow, and do not become longer where they fall; squared distances shorten wave numbers by
+    /// their root.
+    #[test]
+    fn stability_follows_the_sums_of_the_weights() {
+        let stability = Stability {
+            wave_number: 10.0,
+            laplacian: 50.0,
+        };
+        let sums = |first, second| LargestSums { first, second };
+        for (now, expected) in [
+            (sums(2.0, 4.0), [10.0, 50.0]),
+            (sums(3.0, 4.0), [15.0, 50.0]),
+            (sums(1.0, 12.0), [10.0, 150.0]),
+        ] {
+            let scaled = stability.scaled(sums(2.0, 4.0), now);
+            assert_eq!([scaled.wave_number, scaled.laplacian], expected);
+        }
+        let compressed = stability.compressed(4.0);
+        assert_eq!(
+            [compressed.wave_number, compressed.laplacian],
+            [20.0, 200.0]
+        );
+    }
+}

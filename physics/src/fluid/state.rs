@@ -95,3 +95,67 @@ fn power(base: f64, exponent: f64) -> f64 {
         _ => base.powf(exponent),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tait(exponent: f64) -> State {
+        State::Tait(Tait {
+            sound_speed: 20.0,
+            exponent,
+            background: 30.0,
+        })
+    }
+
+    /// `p = rho0 c²/gamma ((rho/rho0)^gamma - 1) + p0` of 5 kg/m³ and 20 m/s, whatever the pressure before; and
+    /// `p + K (rho/rho_before - 1)`. The density belongs to the pressure of a medium that was at rest.
+    #[test]
+    fn pressure_and_density_belong_to_each_other() {
+        for (exponent, density, pressure) in [
+            (1.0, 5.5, 2000.0 * 0.1 + 30.0),
+            (2.0, 4.0, 1000.0 * (0.64 - 1.0) + 30.0),
+            (7.0, 5.5, 2000.0 / 7.0 * (1.1_f64.powi(7) - 1.0) + 30.0),
+            (7.0, 5.0, 30.0),
+        ] {
+            let state = tait(exponent);
+            let found = state.pressure((77.0, density), -9.0, 5.0);
+            assert!((found - pressure).abs() < 1e-10, "{exponent}: {found}");
+            let found = state.density(pressure, 5.0);
+            assert!((found - density).abs() < 1e-12, "{exponent}: {found}");
+            assert_eq!(state.sound_speed(density), 20.0);
+        }
+        let rate = State::Rate {
+            bulk_modulus: 2000.0,
+        };
+        assert!((rate.pressure((4.0, 5.0), 7.0, 77.0) - 507.0).abs() < 1e-10);
+        assert!((rate.density(500.0, 4.0) - 5.0).abs() < 1e-12);
+        assert_eq!(rate.sound_speed(5.0), 20.0);
+    }
+
+    #[test]
+    fn numbers_of_a_state_are_positive() {
+        let rate = |bulk_modulus| State::Rate { bulk_modulus };
+        let sound = |sound_speed| {
+            State::Tait(Tait {
+                sound_speed,
+                exponent: 7.0,
+                background: -5.0,
+            })
+        };
+        for (state, at_fault) in [
+            (tait(7.0), None),
+            (sound(1e-9), None),
+            (rate(1.0), None),
+            (tait(0.0), Some("state.tait.exponent")),
+            (tait(f64::NAN), Some("state.tait.exponent")),
+            (sound(0.0), Some("state.tait.sound_speed")),
+            (sound(f64::INFINITY), Some("state.tait.sound_speed")),
+            (rate(0.0), Some("state.rate.bulk_modulus")),
+            (rate(-1.0), Some("state.rate.bulk_modulus")),
+        ] {
+            let found = state.check().err().map(|e| e.key);
+            assert_eq!(found.as_deref(), at_fault, "{state:?}");
+        }
+    }
+}

@@ -387,3 +387,29 @@ fn startup(duration: f64, time: f64) -> f64 {
     }
     0.5 * (((time / duration - 0.5) * std::f64::consts::PI).sin() + 1.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::startup;
+
+    /// `(sin(pi (t / T - 1/2)) + 1) / 2` up to the duration T, and 1 from then on.
+    #[test]
+    fn accelerations_grow_smoothly_from_zero() {
+        let third = 0.25;
+        for (duration, time, expected) in [
+            (0.0, 0.0, 1.0),
+            (3.0, 0.0, 0.0),
+            (3.0, 1.0, third),
+            (3.0, 1.5, 0.5),
+            (3.0, 2.0, 1.0 - third),
+            (3.0, 3.0, 1.0),
+            (3.0, 9.0, 1.0),
+        ] {
+            let found = startup(duration, time);
+            assert!(
+                (found - expected).abs() < 1e-12,
+                "{duration} {time}: {found}"
+            );
+        }
+    }
+}

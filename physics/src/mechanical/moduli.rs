@@ -205,3 +205,177 @@ impl Elasticity {
         Moduli::new(youngs_modulus, poissons_ratio, self.dimension, self.plane)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::material;
+
+    const E: f64 = 200e9;
+    const NU: f64 = 0.3;
+
+    fn close(found: f64, expected: f64) {
+        let error = (found - expected).abs();
+        assert!(error <= 1e-12 * expected.abs().max(E), "{found} {expected}");
+    }
+
+    /// Shear modulus, and Lamé constant of the dimension: `E nu / ((1 + nu) (1 - 2 nu))`, in plane stress
+    /// `E nu / (1 - nu²)`; the bulk modulus of d dimensions is `lame + 2 shear / d`.
+    #[test]
+    fn moduli_are_those_of_hookes_law() {
+        let full = E * NU / ((1.0 + NU) * (1.0 - 2.0 * NU));
+        for (dimension, plane, lame, swelling) in [
+            (2, Plane::Stress, E * NU / (1.0 - NU * NU), 1.0),
+            (2, Plane::Strain, full, 1.0 + NU),
+            (3, Plane::Stress, full, 1.0),
+            (3, Plane::Strain, full, 1.0),
+        ] {
+            let moduli = Moduli::new(E, NU, dimension, plane);
+            close(moduli.shear, E / 2.6);
+            close(moduli.lame, lame);
+            close(moduli.bulk, lame + 2.0 * moduli.shear / dimension as f64);
+            close(moduli.swelling, swelling);
+        }
+        let bar = Moduli::new(E, NU, 1, Plane::Stress);
+        let found = [bar.bulk, bar.shear, bar.lame, bar.swelling];
+        let expected = [E, E / 3.0, E / 3.0, 1.0];
+        found
+            .into_iter()
+            .zip(expected)
+            .for_each(|(a, b)| close(a, b));
+    }
+
+    /// With Poisson's ratio of the bonds their stiffness is `2 d bulk`, and nothing is left for the dilatation; else it is
+    /// `(bulk - (d + 2) / d shear) / 2`.
+    #[test]
+    fn bonds_carry_all_of_a_bond_based_solid() {
+        for (dimension, plane) in [
+            (1, Plane::Stress),
+            (2, Plane::Stress),
+            (2, Plane::Strain),
+            (3, Plane::Stress),
+        ] {
+            let ratio = bond_based_poissons_ratio(dimension, plane);
+            let d = dimension as f64;
+            let bonds = Moduli::new(E, ratio, dimension, plane);
+            close(bonds.bond_stiffness(dimension), 2.0 * d * bonds.bulk);
+            close(bonds.dilatation_stiffness(dimension), 0.0);
+        }
+        let moduli = Moduli::new(E, NU, 3, Plane::Stress);
+        close(moduli.bond_stiffness(3), 10.0 * moduli.shear);
+        let rest = 0.5 * (moduli.bulk - 5.0 / 3.0 * moduli.shear);
+        close(moduli.dilatation_stiffness(3), rest);
+    }
+
+    /// The derivative of the displacement along the normal, for the traction that Hooke's law gives for it,
+    /// `sigma = lame tr(e) 1 + 2 shear e - d bulk eigenstrain 1`; a difference of tractions has no eigenstrain.
+    #[test]
+    fn the_slope_at_a_face_belongs_to_its_traction() {
+        let gradient = Matrix3::new(1e-3, 2e-4, -5e-4, 7e-4, -3e-4, 4e-4, 1e-4, -6e-4, 8e-4);
+        for (dimension, plane) in [(2, Plane::Stress), (2, Plane::Strain), (3, Plane::Stress)] {
+            let moduli = Moduli::new(E, NU, dimension, plane);
+            let mut gradient = gradient;
+            if dimension == 2 {
+                gradient.fill_row(2, 0.0);
+                gradient.fill_column(2, 0.0);
+            }
+            let strain: Matrix3<f64> = (gradient + gradient.transpose()) * 0.5;
+            for (difference, eigenstrain) in [(false, 2e-4), (true, 0.0)] {
+                let hydrostatic =
+                    moduli.lame * strain.trace() - dimension as f64 * moduli.bulk * eigenstrain;
+                let stress = Matrix3::identity() * hydrostatic + strain * (2.0 * moduli.shear);
+                for face in Face::ALL.into_iter().filter(|f| f.axis() < dimension) {
+                    let normal = face.axis();
+                    let traction = Traction {
+                        stress: (stress * face.normal()).into(),
+                        difference,
+                    };
+                    let mut lateral = gradient;
+                    lateral.fill_column(normal, 0.0);
+                    // a difference does not see the eigenstrain of the body
+                    let seen = if difference { 5e-4 } else { eigenstrain };
+                    let slope =
+                        moduli.slope_under_traction((face, &traction), &lateral, seen, dimension);
+                    for axis in 0..dimension {
+                        let expected = gradient[(axis, normal)];
+                        let error = (slope[axis] - expected).abs();
+                        assert!(error < 1e-15, "{dimension}D {}: {slope}", face.name());
+                    }
+                }
+            }
+        }
+    }
+
+    /// `nu (xx + yy) - E alpha dT` across the plane, of which the in-plane eigenstrain is `(1 + nu) alpha dT`.
+    #[test]
+    fn plane_strain_has_a_stress_across_the_plane() {
+        let moduli = Moduli::new(E, NU, 2, Plane::Strain);
+        let stress = [90e6, -20e6, 0.0, 5e6, 0.0, 0.0];
+        let (thermal, inelastic) = (1e-3, 4e-4);
+        let expected = NU * 70e6 - E * thermal - E * inelastic;
+        let found = moduli.stress_across(&stress, (1.0 + NU) * thermal, inelastic);
+        assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
+    }
+
+    #[test]
+    fn elasticity_is_uniform_where_all_materials_are_alike_and_constant() {
+        let steel = "youngs_modulus = 200e9\npoissons_ratio = 0.3";
+        let table = "youngs_modulus = { temperature = [300, 1300], value = [200e9, 50e9] }\npoissons_ratio = { temperature = [300, 1300], value = [0.3, 0.4] }";
+        let soft = "youngs_modulus = 70e9\npoissons_ratio = 0.3";
+        let incompressible = "youngs_modulus = 200e9\npoissons_ratio = 0.45";
+        let of = |materials: &[&str], is_free: bool| {
+            let all = |name: &str| -> Vec<Property> {
+                let materials = materials.iter().map(|m| material(m));
+                materials
+                    .map(|m| m.get(name).cloned().expect("given"))
+                    .collect()
+            };
+            Elasticity {
+                dimension: 2,
+                plane: Plane::Stress,
+                youngs_modulus: all("youngs_modulus"),
+                poissons_ratio: is_free.then(|| all("poissons_ratio")),
+            }
+        };
+        let third = Moduli::new(E, 1.0 / 3.0, 2, Plane::Stress);
+        for (materials, is_free, expected) in [
+            (
+                &[steel][..],
+                true,
+                Some(Moduli::new(E, NU, 2, Plane::Stress)),
+            ),
+            (
+                &[steel, steel],
+                true,
+                Some(Moduli::new(E, NU, 2, Plane::Stress)),
+            ),
+            (&[steel, soft], true, None),
+            (&[steel, incompressible], true, None),
+            // Poisson's ratio is that of the bonds
+            (&[steel, incompressible], false, Some(third)),
+            (&[steel, table], true, None),
+            (&[table], false, None),
+        ] {
+            let elasticity = of(materials, is_free);
+            assert_eq!(elasticity.uniform(), expected, "{materials:?}");
+            assert_eq!(elasticity.has_free_poissons_ratio(), is_free);
+        }
+        let hot = of(&[steel, table], true);
+        assert_eq!(hot.at(1, 800.0), Moduli::new(125e9, 0.35, 2, Plane::Stress));
+        assert_eq!(hot.stiffest(1), Moduli::new(E, 0.4, 2, Plane::Stress));
+        let bonds = Elasticity::bond_based(of(&[table], true).youngs_modulus, 2);
+        assert_eq!(bonds.stiffest(0), third);
+        for (dimension, plane, expected) in [
+            (2, Plane::Strain, true),
+            (2, Plane::Stress, false),
+            (3, Plane::Strain, false),
+        ] {
+            let elasticity = Elasticity {
+                dimension,
+                plane,
+                ..of(&[steel], true)
+            };
+            assert_eq!(elasticity.is_plane_strain(), expected);
+        }
+    }
+}

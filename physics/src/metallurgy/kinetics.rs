@@ -228,4 +228,38 @@ mod tests {
         assert!((many - law.after(0.0, 800.0, 5.0)).abs() < 1e-12);
         assert_eq!(law.after(0.5, 950.0, 10.0), 0.5);
     }
+
+    /// `dX/dt = X^(0.4 (1-X)) (1-X)^(0.4 X) (T_start - T)^n exp(-Q / (R T)) / factor` with Q = 27 500 cal/mol, from the start of
+    /// its range, which belongs to it, to the end, which does not.
+    #[test]
+    fn kirkaldys_rate_has_its_published_form() {
+        let law = Kirkaldy {
+            factor: 4.0,
+            exponent: 3,
+            range: 700.0..1000.0,
+        };
+        for (temperature, undercooling) in [
+            (699.9, 0.0),
+            (700.0, 300.0),
+            (900.0, 100.0),
+            (1000.0, 0.0),
+            (1000.1, 0.0),
+        ] {
+            let arrhenius = f64::exp(-27_500.0 * 4.184 / (8.314_462_618 * temperature));
+            let expected = f64::powi(undercooling, 3) * arrhenius / 4.0;
+            let found = law.rate(temperature);
+            assert!(
+                (found - expected).abs() <= 1e-12 * expected,
+                "{temperature}: {found}"
+            );
+        }
+        // in steps so short that the share stays, around 0.3
+        let (x, time) = (0.3_f64, 1e-3);
+        let form = x.powf(0.4 * (1.0 - x)) * (1.0 - x).powf(0.4 * x);
+        let rate = law.rate(900.0);
+        let law = Kinetics::Kirkaldy(law);
+        let change = (law.after(x, 900.0, time) - x) / time;
+        assert!((change / (form * rate) - 1.0).abs() < 1e-4, "{change}");
+        assert_eq!(law.after(0.3, 1100.0, 1e9), 0.3);
+    }
 }

@@ -175,18 +175,7 @@ fn hardness_rises_with_each_element_as_published() {
         ),
         ([949.0, 27.0, 11.0, 8.0, 16.0, 0.0, 0.0], [0.0; 7]),
     ];
-    let with = |content: [f64; 7]| {
-        let [c, si, mn, ni, cr, mo, v] = content;
-        Composition {
-            carbon: c,
-            silicon: si,
-            manganese: mn,
-            nickel: ni,
-            chromium: cr,
-            molybdenum: mo,
-            vanadium: v,
-        }
-    };
+    let with = |[c, si, mn, ni, cr, mo, v]: [f64; 7]| composition([c, mn, si, ni, cr, mo, v]);
     // K/s, and the logarithm of the rate in K/h
     for (rate, logarithm) in [(1.0 / 3600.0, 0.0), (100.0 / 3600.0, 2.0)] {
         for element in 0..7 {
@@ -221,6 +210,253 @@ fn temperatures_of_the_composition() {
     assert!((steel.equilibrium_austenite(steel.ac3() - 1e-9) - 1.0).abs() < 1e-9);
 }
 
+/// Mass % of C, Mn, Si, Ni, Cr, Mo, V.
+fn composition(
+    [
+        carbon,
+        manganese,
+        silicon,
+        nickel,
+        chromium,
+        molybdenum,
+        vanadium,
+    ]: [f64; 7],
+) -> Composition {
+    Composition {
+        carbon,
+        manganese,
+        silicon,
+        nickel,
+        chromium,
+        molybdenum,
+        vanadium,
+    }
+}
+
+/// Li et al. (1998), eqs. 10 to 12: logarithms of the factors of ferrite, pearlite and bainite without alloy, and their
+/// change by each per cent of C, Mn, Si, Ni, Cr, Mo, V (for pearlite by the root of Mo), and the exponents of 2 by the grain
+/// size number.
+#[test]
+fn factors_of_the_kinetics_rise_with_each_element_as_published() {
+    let published = [
+        (1.00, [6.31, 1.78, 0.31, 1.12, 2.70, 4.06, 0.0], 0.41, 3),
+        (-4.25, [4.12, 4.36, 0.44, 1.71, 3.33, 5.19, 0.0], 0.32, 3),
+        (-10.23, [10.18, 0.85, 0.0, 0.55, 0.90, 0.36, 0.0], 0.29, 2),
+    ];
+    let laws = |content: [f64; 7], grain_size: f64| {
+        composition(content)
+            .kinetics(grain_size)
+            .map(|law| match law {
+                kinetics::Kinetics::Kirkaldy(law) => law,
+                other => panic!("{other:?}"),
+            })
+    };
+    let close = |found: f64, expected: f64| {
+        assert!((found - expected).abs() < 1e-12, "{found} {expected}");
+    };
+    let iron = laws([0.0; 7], 0.0);
+    for (law, (constant, slopes, grain, exponent)) in iron.iter().zip(published) {
+        close(law.factor.ln(), constant);
+        assert_eq!(law.exponent, exponent);
+        let fine =
+            &laws([0.0; 7], 8.0)[published.iter().position(|p| p.2 == grain).expect("listed")];
+        close((fine.factor / law.factor).log2(), -8.0 * grain);
+        for (element, slope) in slopes.into_iter().enumerate() {
+            // of the square of one half: half of it is also the root
+            for (content, amount) in [(0.25, 0.25), (1.0, 1.0)] {
+                let mut alloy = [0.0; 7];
+                alloy[element] = content;
+                let index = published
+                    .iter()
+                    .position(|p| p.0 == constant)
+                    .expect("listed");
+                let root = constant == -4.25 && element == 5;
+                let amount: f64 = if root { f64::sqrt(content) } else { amount };
+                close(
+                    laws(alloy, 0.0)[index].factor.ln(),
+                    constant + slope * amount,
+                );
+            }
+        }
+    }
+    let content = [0.4, 0.8, 0.3, 1.2, 0.7, 0.2, 0.1];
+    let steel = composition(content);
+    let [ferrite, pearlite, bainite] = laws(content, 8.0);
+    assert_eq!(ferrite.range, steel.bainite_start()..steel.ac3());
+    assert_eq!(pearlite.range, steel.bainite_start()..steel.ac1());
+    assert_eq!(
+        bainite.range,
+        steel.martensite_start()..steel.bainite_start()
+    );
+}
+
+/// Andrews (1965), and Li et al. (1998) for bainite: temperatures (°C) of pure iron, and their change by each per cent of
+/// C, Mn, Si, Ni, Cr, Mo, V; that of `Ac3` by carbon goes with its root.
+#[test]
+fn temperatures_change_with_each_element_as_published() {
+    type Of = fn(&Composition) -> f64;
+    let published: [(Of, f64, [f64; 7]); 4] = [
+        (
+            Composition::ac1,
+            723.0,
+            [0.0, -10.7, 29.1, -16.9, 16.9, 0.0, 0.0],
+        ),
+        (
+            Composition::ac3,
+            910.0,
+            [-203.0, -30.0, 44.7, -15.2, -11.0, 31.5, 104.0],
+        ),
+        (
+            Composition::bainite_start,
+            637.0,
+            [-58.0, -35.0, 0.0, -15.0, -34.0, -41.0, 0.0],
+        ),
+        (
+            Composition::martensite_start,
+            539.0,
+            [-423.0, -30.4, 0.0, -17.7, -12.1, -7.5, 0.0],
+        ),
+    ];
+    for (of, constant, slopes) in published {
+        for (element, slope) in slopes.into_iter().enumerate() {
+            let mut content = [0.0; 7];
+            assert!((of(&composition(content)) - 273.15 - constant).abs() < 1e-9);
+            content[element] = 0.25;
+            let is_root = constant == 910.0 && element == 0;
+            let amount = if is_root { 0.5 } else { 0.25 };
+            let found = of(&composition(content)) - 273.15;
+            assert!(
+                (found - constant - slope * amount).abs() < 1e-9,
+                "{constant} {element}: {found}"
+            );
+        }
+    }
+}
+
+/// The lever rule between ferrite of 0.02 % carbon and the austenite whose `Ac3 = 910 °C - 203 K sqrt(C)` is the temperature.
+#[test]
+fn austenite_in_equilibrium_follows_the_lever_rule() {
+    let of = |carbon: f64, temperature: f64| {
+        let steel = composition([carbon, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        steel.equilibrium_austenite(temperature + 273.15)
+    };
+    for (carbon, temperature, expected) in [
+        // austenite of 0.25 % at 808.5 °C, of 0.64 % at 747.6 °C
+        (0.17, 808.5, 0.15 / 0.23),
+        (0.17, 747.6, 0.15 / 0.62),
+        (0.16, 910.0 - 203.0 * 0.4, 1.0),
+        (0.16, 840.0, 1.0),
+        (0.17, 950.0, 1.0),
+        // less carbon than ferrite dissolves
+        (0.01, 808.5, 0.0),
+    ] {
+        let found = of(carbon, temperature);
+        assert!(
+            (found - expected).abs() < 1e-9,
+            "{carbon} {temperature}: {found}"
+        );
+    }
+}
+
+/// A mixture has the hardness of its constituents by their shares; austenite that is left counts as martensite.
+#[test]
+fn hardness_is_that_of_the_mixture() {
+    let keys = "initial = { austenite = 0.1, ferrite = 0.2, pearlite = 0.3, bainite = 0.15, martensite = 0.25 }\ninitial_cooling_rate = 2.777777777777778e-4";
+    let mut heated = Heated::new("density = 7850\ncarbon = 0.3", keys, 300.0);
+    heated.metallurgy.observe(&heated.world);
+    // 1 K/h, whose logarithm is 0
+    let [ferrite_pearlite, bainite, martensite] = [
+        42.0 + 223.0 * 0.3,
+        -323.0 + 185.0 * 0.3,
+        127.0 + 949.0 * 0.3,
+    ];
+    let expected = 0.5 * ferrite_pearlite + 0.15 * bainite + 0.35 * martensite;
+    let found = heated.field("hardness");
+    assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+    assert_eq!(heated.metallurgy.report()[0].value, 0.1);
+}
+
+/// Only cooling through 700 °C sets the rate that counts for hardness.
+#[test]
+fn the_rate_of_cooling_is_that_through_700_degrees() {
+    let mut heated = Heated::new(STEEL, "initial_cooling_rate = 7", 1000.0);
+    for (size, temperature, rate) in [
+        (1.0, 980.0, 7.0),
+        (0.5, 973.15, 2.0 * 6.85),
+        (1.0, 900.0, 2.0 * 6.85),
+        (1.0, 1000.0, 2.0 * 6.85),
+        (2.0, 900.0, 50.0),
+        (2.0, 1000.0, 50.0),
+        // a jump without time has no rate
+        (0.0, 900.0, 50.0),
+    ] {
+        heated.step(size, temperature);
+        let found = heated.point().cooling_rate;
+        assert!((found - rate).abs() < 1e-9, "{temperature}: {found}");
+    }
+}
+
+/// Martensite forms below the lowest temperature so far, and anew after the steel was austenite again.
+#[test]
+fn martensite_forms_again_after_austenite() {
+    let keys = "martensite = { start = 673 }\naustenite = { start = 1000, end = 1100, time = 0.01 }\ninitial = { austenite = 1 }";
+    let mut heated = Heated::new(BARE, keys, 900.0);
+    let left = |temperature: f64| (-0.011 * (673.0 - temperature)).exp();
+    let martensite = |heated: &Heated| heated.share(Constituent::Martensite);
+    heated.step(1.0, 573.0);
+    assert!((martensite(&heated) - 1.0 + left(573.0)).abs() < 1e-12);
+    // back and forth above the lowest temperature
+    heated.step(1.0, 640.0);
+    heated.step(1.0, 573.0);
+    assert!((martensite(&heated) - 1.0 + left(573.0)).abs() < 1e-12);
+    heated.step(1.0, 1150.0);
+    heated.step(10.0, 1150.0);
+    assert!(martensite(&heated) < 1e-12);
+    heated.step(1.0, 623.0);
+    assert!((martensite(&heated) - 1.0 + left(623.0)).abs() < 1e-12);
+}
+
+/// Without a composition the share of austenite in equilibrium rises linearly from its start to its end.
+#[test]
+fn austenite_of_given_temperatures_is_linear_between_them() {
+    let keys = "austenite = { start = 1000, end = 1200, time = 1e-3 }\ninitial = { ferrite = 1 }";
+    for (temperature, expected) in [
+        (1000.0, 0.0),
+        (1050.0, 0.25),
+        (1199.0, 0.995),
+        (1300.0, 1.0),
+    ] {
+        let mut heated = Heated::new(BARE, keys, temperature);
+        heated.step(1.0, temperature);
+        let found = heated.share(Constituent::Austenite);
+        assert!((found - expected).abs() < 1e-12, "{temperature}: {found}");
+    }
+}
+
+#[test]
+fn a_restart_goes_on_with_the_same_shares() {
+    let ready = || {
+        let mut heated = Heated::new(STEEL, "", 293.15);
+        heated.step(1.0, 1200.0);
+        heated.step(1.0, 900.0);
+        heated
+    };
+    let mut first = ready();
+    first.step(2.0, 850.0);
+    let saved = serde_json::to_string(&first.metallurgy.save()).expect("serialises");
+    let mut second = ready();
+    let mut json = serde_json::Deserializer::from_str(&saved);
+    let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut json);
+    second.metallurgy.load(&mut erased).expect("what was saved");
+    let shares = |heated: &mut Heated| {
+        heated.step(2.0, 800.0);
+        (heated.point().fractions, heated.point().cooling_rate)
+    };
+    let (first, second) = (shares(&mut first), shares(&mut second));
+    assert_eq!(first, second);
+    assert!(first.0[1] > 0.01, "ferrite forms: {first:?}");
+}
+
 #[test]
 fn laws_that_cannot_be_are_refused() {
     let refusal = |material: &str, keys: &str| {
@@ -234,6 +470,34 @@ fn laws_that_cannot_be_are_refused() {
     assert!(refusal(STEEL, "austenite = { start = 1000, end = 900 }").contains("900"));
     assert!(refusal(STEEL, "transformation_plasticity = 1e-4").contains("0.0001"));
     for (keys, key) in [
+        ("grain_size = -6", "grain_size"),
+        ("grain_size = 21", "grain_size"),
+        (
+            "transformation_plasticity = -1e-12",
+            "transformation_plasticity",
+        ),
+        ("initial_cooling_rate = 0", "initial_cooling_rate"),
+        ("initial = { ferrite = 1.5, bainite = -0.5 }", "initial"),
+        ("austenite = { start = 1000, end = 1000 }", "austenite.end"),
+        ("austenite = { start = 0, end = 1000 }", "austenite.end"),
+        (
+            "austenite = { start = 1000, end = 1100, time = 0 }",
+            "austenite.time",
+        ),
+        ("martensite = { start = 0 }", "martensite.start"),
+        ("martensite = { start = 600, rate = 0 }", "martensite.rate"),
+        (
+            "bainite = { temperature = [600, 800], start = [0, 1], end = [20, 4] }",
+            "bainite",
+        ),
+        (
+            "bainite = { temperature = [600, 800], start = [1, 1], end = [20] }",
+            "bainite",
+        ),
+        (
+            "bainite = { temperature = [600, 800], start = [1, 1], end = [1, 4] }",
+            "bainite",
+        ),
         ("initial_cooling_rate = -1", "initial_cooling_rate"),
         (
             "austenite = { start = 1000, end = 1100, time = -1 }",

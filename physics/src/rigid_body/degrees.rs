@@ -348,3 +348,126 @@ fn needs_one_axis(key: &str) -> SetupError {
     let expected = "two rotations held, such as `hold = [\"rotation_x\", \"rotation_y\"]`";
     SetupError::value(key, message, expected)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::read;
+
+    fn driven(keys: &str) -> ByDegree<Prescribed> {
+        read(keys)
+    }
+
+    fn freedoms(dimension: usize, hold: &[Degree], keys: &str) -> Freedoms {
+        Freedoms::new(dimension, hold, &driven(keys)).expect(keys)
+    }
+
+    /// Displacement and velocity at the start, from a displacement of 7 m, and at the end of a step of half a second from 1 s.
+    #[test]
+    fn prescribed_motions_have_their_displacements_and_velocities() {
+        let rows = "{ time = [0, 1, 3], value = [2, 5, 1] }";
+        let sine = "sine = { amplitude = 2, frequency = 0.25, phase = 0.3 }";
+        let angle = |t: f64| 0.5 * std::f64::consts::PI * t + 0.3;
+        let rate = 0.5 * std::f64::consts::PI;
+        for (keys, start, end) in [
+            ("displacement = 3".into(), [3.0, 0.0], [3.0, 0.0]),
+            // slopes of the rows
+            (format!("displacement = {rows}"), [2.0, 3.0], [4.0, -2.0]),
+            ("velocity = 4".into(), [7.0, 4.0], [9.0, 4.0]),
+            // from 5 m/s to 4 m/s in the step
+            (
+                format!("velocity = {rows}"),
+                [7.0, 2.0],
+                [7.0 + 0.5 * 4.5, 4.0],
+            ),
+            (
+                sine.to_owned(),
+                [2.0 * angle(0.0).sin(), 2.0 * rate * angle(0.0).cos()],
+                [2.0 * angle(1.5).sin(), 2.0 * rate * angle(1.5).cos()],
+            ),
+        ] {
+            let prescribed: Prescribed = read(&keys);
+            let step = Step::new(1.0, 0.5);
+            let places = [prescribed.start(7.0), prescribed.end(7.0, step)];
+            for (place, expected) in places.into_iter().zip([start, end]) {
+                let found = [place.displacement, place.velocity];
+                let off = found.iter().zip(expected).map(|(a, b)| (a - b).abs());
+                assert!(off.fold(0.0, f64::max) < 1e-12, "{keys}: {found:?}");
+            }
+        }
+    }
+
+    /// Rows of what drives the body are events, whichever degree of freedom it is.
+    #[test]
+    fn rows_of_all_degrees_of_freedom_are_events() {
+        let rows = |from: u32| format!("{{ time = [{from}, {}], value = [0, 1] }}", from + 2);
+        let keys = format!(
+            "x.displacement = {}\nrotation.velocity = {}",
+            rows(1),
+            rows(2)
+        );
+        let all = freedoms(2, &[], &keys);
+        for (after, event) in [
+            (0.0, Some(1.0)),
+            (1.0, Some(2.0)),
+            (2.0, Some(3.0)),
+            (3.0, Some(4.0)),
+            (4.0, None),
+        ] {
+            assert_eq!(all.next_event(after), event, "{after}");
+        }
+        let sine = "y.sine = { amplitude = 1, frequency = 1 }";
+        assert_eq!(freedoms(2, &[], sine).next_event(0.0), None);
+    }
+
+    #[test]
+    fn a_body_is_free_where_nothing_is_held_or_driven() {
+        use Degree::{Rotation, RotationX, RotationY, RotationZ, X, Z};
+        for (dimension, hold, keys, is_free) in [
+            (2, &[][..], "", true),
+            (3, &[], "", true),
+            (2, &[X], "", false),
+            (3, &[Z], "", false),
+            (2, &[Rotation], "", false),
+            (3, &[Rotation], "", false),
+            (3, &[RotationX, RotationY], "", false),
+            (3, &[RotationX, RotationY, RotationZ], "", false),
+            (2, &[], "y.velocity = 1", false),
+            (2, &[], "rotation.velocity = 1", false),
+        ] {
+            let found = freedoms(dimension, hold, keys).is_free();
+            assert_eq!(found, is_free, "{dimension}D {hold:?} {keys}");
+        }
+        let about = |hold: &[Degree]| freedoms(3, hold, "").turning;
+        assert_eq!(
+            about(&[RotationX, RotationZ]),
+            Turning::About(1, Freedom::Free)
+        );
+        assert_eq!(about(&[RotationX, RotationY, RotationZ]), Turning::Held);
+        assert_eq!(about(&[]), Turning::Any);
+        // a plane body does not move across its plane
+        assert_eq!(freedoms(2, &[], "").translation[2], Freedom::Held);
+    }
+
+    #[test]
+    fn springs_act_on_free_degrees_of_freedom() {
+        use Degree::{Rotation, RotationX, RotationY, X};
+        for (dimension, hold, keys, at_fault) in [
+            (2, &[][..], "x = 0\ny = 3\nrotation = 1", None),
+            (3, &[RotationX, RotationY], "z = 1\nrotation = 1", None),
+            (2, &[X], "y = 1", None),
+            (2, &[X], "x = 1", Some("spring.x")),
+            (2, &[], "z = 1", Some("spring.z")),
+            (2, &[], "y = -1", Some("spring.y")),
+            (2, &[], "y = inf", Some("spring.y")),
+            (2, &[], "rotation = -1", Some("spring.rotation")),
+            (2, &[Rotation], "rotation = 1", Some("spring.rotation")),
+            (3, &[], "rotation = 1", Some("spring.rotation")),
+        ] {
+            let spring: ByDegree<f64> = read(keys);
+            let checked = freedoms(dimension, hold, "").check_resistance("spring", &spring);
+            let found = checked.err().map(|e| e.key);
+            assert_eq!(found.as_deref(), at_fault, "{dimension}D {hold:?} {keys}");
+        }
+    }
+}

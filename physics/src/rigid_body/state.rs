@@ -336,3 +336,107 @@ fn damped_impulse(momentum: f64, force: f64, rate: f64, time: f64) -> f64 {
     let lost = -(-decay).exp_m1();
     force * time * (lost / decay) - momentum * lost
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `P' = F - r P` from P: `P(t) - P = (F / r - P) (1 - exp(-r t))`, and `F t` without a dashpot.
+    #[test]
+    fn a_damped_impulse_is_the_exact_solution() {
+        for (momentum, force, rate, time) in [
+            (3.0, 0.0, 0.5, 2.0_f64),
+            (3.0, 4.0, 0.5, 2.0),
+            (-1.0, 4.0, 20.0, 0.3),
+            (3.0, -4.0, 1e-9, 2.0),
+        ] {
+            let rate: f64 = rate;
+            let expected = (force / rate - momentum) * -(-rate * time).exp_m1();
+            let found = damped_impulse(momentum, force, rate, time);
+            assert!(
+                (found - expected).abs() < 1e-12 * (1.0 + expected.abs()),
+                "{found} {expected}"
+            );
+        }
+        assert_eq!(damped_impulse(3.0, 4.0, 0.0, 2.0), 8.0);
+    }
+
+    /// A body of 2 kg and 3 kg m² that turns about one axis.
+    fn on_an_axis(spring: ByDegree<f64>) -> RigidDynamics {
+        let inertia = Matrix3::from_diagonal(&Vector3::new(5.0, 3.0, 4.0));
+        let mut freedoms = Freedoms::new(3, &[], &ByDegree::default()).expect("free");
+        freedoms.turning = Turning::About(1, Freedom::Free);
+        RigidDynamics {
+            mass: 2.0,
+            centre: Vector3::new(1.0, 0.0, 0.0),
+            inertia,
+            inverse_inertia: inertia.try_inverse().expect("positive"),
+            principal: PrincipalInertia::new(&inertia),
+            freedoms,
+            spring,
+            damping: ByDegree::default(),
+        }
+    }
+
+    /// `2 / omega` with `omega² = k / m`, or `k / I` of the rotation.
+    #[test]
+    fn the_stable_step_is_that_of_the_highest_frequency() {
+        let springs = |x, rotation| ByDegree {
+            x,
+            rotation,
+            ..ByDegree::default()
+        };
+        for (spring, square) in [
+            (springs(None, None), None),
+            (springs(Some(8.0), None), Some(4.0)),
+            (springs(None, Some(48.0)), Some(16.0)),
+            (springs(Some(8.0), Some(48.0)), Some(16.0)),
+            (springs(Some(80.0), Some(48.0)), Some(40.0)),
+        ] {
+            let expected = square.map(|s: f64| 2.0 / s.sqrt());
+            assert_eq!(on_an_axis(spring).stable_step(), expected);
+        }
+    }
+
+    #[test]
+    fn momentum_and_energy_are_those_of_translation_and_rotation() {
+        let dynamics = on_an_axis(ByDegree::default());
+        let state = RigidState {
+            displacement: Vector3::new(0.0, 0.5, 0.0),
+            momentum: Vector3::new(0.0, 6.0, 8.0),
+            spin: Vector3::new(0.0, 12.0, 0.0),
+            ..RigidState::default()
+        };
+        assert_eq!(dynamics.velocity(&state), Vector3::new(0.0, 3.0, 4.0));
+        assert_eq!(
+            dynamics.angular_velocity(&state),
+            Vector3::new(0.0, 4.0, 0.0)
+        );
+        // 0.5 (2 * 25 + 3 * 16)
+        assert!((dynamics.kinetic_energy(&state) - 49.0).abs() < 1e-12);
+        // (1, 0.5, 0) x (0, 6, 8) + (0, 12, 0)
+        let angular = dynamics.momenta(&state).angular;
+        assert!(
+            (angular - Vector3::new(4.0, 4.0, 6.0)).norm() < 1e-12,
+            "{angular}"
+        );
+    }
+
+    #[test]
+    fn means_are_those_since_the_last_logged_state() {
+        let force = Vector3::new(3.0, 0.0, -1.0);
+        let mut state = RigidState::default();
+        state.received.force = force;
+        state.received.moment = 2.0 * force;
+        state.elapsed = 0.5;
+        state.observe();
+        assert_eq!(
+            (state.mean.force, state.mean.moment),
+            (2.0 * force, 4.0 * force)
+        );
+        assert_eq!((state.received, state.elapsed), (Wrench::default(), 0.0));
+        // a second state at the same time has the same mean
+        state.observe();
+        assert_eq!(state.mean.force, 2.0 * force);
+    }
+}

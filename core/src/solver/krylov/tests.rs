@@ -233,3 +233,50 @@ fn a_residual_at_right_angles_to_its_shadow_starts_again() {
         assert!((found - wanted).abs() < 1e-9, "{x:?}");
     }
 }
+
+/// For a skew matrix the image of the residual is at right angles to it: the recurrence breaks down before its first step,
+/// and again after each start with the same residual.
+#[test]
+fn a_breakdown_right_after_a_start_is_told_at_once() {
+    let skew = |x: &[f64], out: &mut [f64]| {
+        out.copy_from_slice(&[x[1], -x[0]]);
+        Ok(())
+    };
+    // of norm 5, whose square is not its double
+    let failed =
+        solver(KrylovMethod::BiCgStab).solve(skew, &[3.0, 4.0], &mut [0.0; 2], Hints::default());
+    let Err(SolverError::NotConverged {
+        iterations,
+        residual,
+        advice,
+        ..
+    }) = failed
+    else {
+        panic!("{failed:?}");
+    };
+    assert_eq!((iterations, residual), (0, 5.0));
+    assert!(advice.contains("broke down"), "{advice}");
+}
+
+/// After the first step of this system the image of the direction is at right angles to the shadow residual. The method
+/// starts again from the residual, and needs three more steps for three unknowns.
+#[test]
+fn a_breakdown_on_the_way_starts_again() {
+    let apply = |x: &[f64], out: &mut [f64]| {
+        out[0] = x[0];
+        out[1] = -x[0] - x[1] - x[2];
+        out[2] = -x[0] - 2.0 * x[1] + x[2];
+        Ok(())
+    };
+    let rhs = [-2.0, 2.0, -2.0];
+    let mut x = [0.0; 3];
+    let report = solver(KrylovMethod::BiCgStab)
+        .solve(apply, &rhs, &mut x, Hints::default())
+        .unwrap();
+    // one step, the breakdown, three steps
+    assert_eq!(report.iterations, 5);
+    // by hand: x = -2, so y + z = 0 and z - 2 y = -4
+    for (found, exact) in x.iter().zip([-2.0, 4.0 / 3.0, -4.0 / 3.0]) {
+        assert!((found - exact).abs() < 1e-9, "{x:?}");
+    }
+}

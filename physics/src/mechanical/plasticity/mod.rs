@@ -309,3 +309,149 @@ fn flow_stress<'a>(
         table,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{material, read};
+
+    /// Two points of two materials, and the hardening factor 1 + 10 p up to p = 0.1.
+    fn plasticity(keys: &str) -> Plasticity {
+        let soft = material(
+            "yield_stress = { temperature = [300, 400], value = [200e6, 100e6] }\nhardening_modulus = 1e9",
+        );
+        let hard = material("yield_stress = 500e6");
+        let section: PlasticitySection = read(keys);
+        let property = |m: &perimelt_core::material::Material, name: &str| m.get(name).cloned();
+        Plasticity {
+            stress_state: StressState::Full,
+            yield_stress: vec![
+                property(&soft, "yield_stress").expect("given"),
+                property(&hard, "yield_stress").expect("given"),
+            ],
+            hardening_modulus: vec![
+                property(&soft, "hardening_modulus"),
+                property(&hard, "hardening_modulus"),
+            ],
+            table: section.hardening.map(|h| h.table().expect("it rises")),
+            annealing_temperature: section.annealing_temperature,
+            flow: vec![[0.0; 2]; 2],
+            transformation: Vec::new(),
+            settled: vec![Inelastic::default(); 2],
+            tried: vec![Inelastic::default(); 2],
+            tangents: Vec::new(),
+            change: vec![[0.0; 6]; 2],
+        }
+    }
+
+    #[test]
+    fn yield_stresses_are_those_of_material_and_temperature_or_given() {
+        let mut plasticity = plasticity("");
+        for (temperature, given, expected) in [
+            (None, None, [[200e6, 1e9], [500e6, 0.0]]),
+            (Some([350.0, 350.0]), None, [[150e6, 1e9], [500e6, 0.0]]),
+            (Some([400.0, 300.0]), None, [[100e6, 1e9], [500e6, 0.0]]),
+            (
+                Some([400.0, 300.0]),
+                Some([7e6, 8e6]),
+                [[7e6, 1e9], [8e6, 0.0]],
+            ),
+        ] {
+            let temperature = temperature.as_ref().map(|t| &t[..]);
+            let given = given.as_ref().map(|g| &g[..]);
+            plasticity.set_temperature(&[0, 1], temperature, given);
+            assert_eq!(plasticity.flow, expected);
+        }
+    }
+
+    /// The work of the flow is the flow stress at its end times the increment of the equivalent strain.
+    #[test]
+    fn an_accepted_flow_has_done_its_work() {
+        let table = "hardening = { plastic_strain = [0, 0.1], factor = [1, 2] }";
+        for (keys, flow) in [
+            // 200 MPa and 1 GPa times 0.05
+            ("", [250e6, 500e6]),
+            // and a factor of 1.5 at 0.05
+            (table, [350e6, 750e6]),
+        ] {
+            let mut plasticity = plasticity(keys);
+            plasticity.set_temperature(&[0, 1], None, None);
+            for tried in &mut plasticity.tried {
+                tried.equivalent = 0.05;
+                tried.strain[3] = 0.01;
+            }
+            plasticity
+                .settled
+                .iter_mut()
+                .for_each(|s| s.equivalent = 0.03);
+            let mut work = [1.0; 2];
+            plasticity.settle(&mut work);
+            for (work, flow) in work.iter().zip(flow) {
+                assert!((work - 1.0 - flow * 0.02).abs() < 1e-6, "{keys}: {work}");
+            }
+            let settled = plasticity.settled[1];
+            assert_eq!((settled.equivalent, settled.strain[3]), (0.05, 0.01));
+        }
+    }
+
+    /// From the annealing temperature on points forget their hardening, and their deviatoric elastic strain becomes inelastic.
+    #[test]
+    fn annealing_begins_at_its_temperature() {
+        let moduli = Moduli::new(2e11, 0.3, 3, Plane::Stress);
+        let stress = [[30e6, 0.0, 0.0, 5e6, 0.0, 0.0]; 2];
+        let shear = 2.0 * moduli.shear;
+        let relieved = [
+            20e6 / shear,
+            -10e6 / shear,
+            -10e6 / shear,
+            5e6 / shear,
+            0.0,
+            0.0,
+        ];
+        for (keys, anneals) in [
+            ("", [false; 2]),
+            ("annealing_temperature = 1300", [false, true]),
+        ] {
+            let mut plasticity = plasticity(keys);
+            plasticity.settled.iter_mut().for_each(|s| {
+                s.equivalent = 0.1;
+                s.strain = [0.01; 6];
+            });
+            plasticity.anneal(&[1299.9, 1300.0], &stress, |_| moduli);
+            for (settled, anneals) in plasticity.settled.iter().zip(anneals) {
+                assert_eq!(settled.equivalent, if anneals { 0.0 } else { 0.1 });
+                for (found, relieved) in settled.strain.iter().zip(relieved) {
+                    let expected = if anneals { 0.01 + relieved } else { 0.01 };
+                    assert!((found - expected).abs() < 1e-15, "{keys}: {found}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_hardening_curve_starts_at_zero_and_never_falls() {
+        for (keys, is_valid) in [
+            ("plastic_strain = [0, 0.1], factor = [1, 2]", true),
+            ("plastic_strain = [0, 0.1], factor = [1, 1]", true),
+            ("plastic_strain = [0, 0.1], factor = [2, 1]", false),
+            ("plastic_strain = [0.01, 0.1], factor = [1, 2]", false),
+            ("plastic_strain = [], factor = []", false),
+            ("plastic_strain = [0, 0], factor = [1, 2]", false),
+        ] {
+            let section: PlasticitySection = read(&format!("hardening = {{ {keys} }}"));
+            let table = section.hardening.expect("given").table();
+            assert_eq!(table.is_ok(), is_valid, "{keys}");
+            if let Err(error) = table {
+                assert_eq!(error.key, "plasticity.hardening");
+            }
+        }
+    }
+
+    /// Three halves of the growth of the compliance.
+    #[test]
+    fn transformation_flows_by_three_halves_of_its_compliance() {
+        let mut plasticity = plasticity("");
+        plasticity.set_transformation([2e-10, 0.0].into_iter());
+        assert_eq!(plasticity.transformation, [3e-10, 0.0]);
+    }
+}

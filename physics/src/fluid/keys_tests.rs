@@ -1,0 +1,164 @@
+//! Keys of a fluid that fit neither the body nor each other.
+
+use perimelt_core::Axis;
+use perimelt_core::body::{Body, Jitter, Store};
+
+use super::Fluid;
+use crate::testing::{block, read};
+
+fn water(dimension: usize) -> Body {
+    let cells = [
+        8,
+        if dimension > 1 { 8 } else { 1 },
+        if dimension > 2 { 8 } else { 1 },
+    ];
+    block(
+        cells,
+        dimension,
+        1.0,
+        Store::Lattice,
+        "density = 1\nviscosity = 1",
+    )
+}
+
+/// The key at fault, if any.
+fn fault(body: &Body, keys: &str) -> Option<String> {
+    let fluid: Fluid = read(&format!("state.tait.sound_speed = 1\n{keys}"));
+    fluid.check(body).err().map(|e| e.key)
+}
+
+const EULER: &str = "description = 'eulerian'\nform = 'conservative'";
+const FOLLOWING: &str = "description = 'arbitrary_lagrangian_eulerian'\nform = 'conservative'";
+
+#[test]
+fn numbers_have_their_ranges() {
+    let body = water(2);
+    for key in [
+        "density_diffusion",
+        "startup",
+        "shifting",
+        "volume_relaxation",
+        "xsph",
+        "artificial_viscosity",
+        "least_distance",
+    ] {
+        assert_eq!(fault(&body, &format!("{key} = 0")), None, "{key}");
+        for value in ["-0.1", "inf", "nan"] {
+            let found = fault(&body, &format!("{key} = {value}"));
+            assert_eq!(found.as_deref(), Some(key), "{value}");
+        }
+    }
+    assert_eq!(fault(&body, "least_distance = 0.99"), None);
+    assert!(fault(&body, "least_distance = 1").is_some());
+    for (keys, at_fault) in [
+        ("", None),
+        ("restitution = 0, distance = 1", None),
+        ("restitution = 1.1", Some("collisions.restitution")),
+        ("distance = -0.1", Some("collisions.distance")),
+    ] {
+        let found = fault(&body, &format!("collisions = {{ {keys} }}"));
+        assert_eq!(found.as_deref(), at_fault, "{keys}");
+    }
+}
+
+#[test]
+fn keys_fit_each_other() {
+    for (keys, at_fault) in [
+        ("", None),
+        ("xsph = 0.5\nshifting = 0.1\nleast_distance = 0.5", None),
+        ("description = 'total_lagrangian'", None),
+        ("description = 'total_lagrangian'\nxsph = 0.5", Some("xsph")),
+        (
+            "description = 'total_lagrangian'\nshifting = 0.5",
+            Some("shifting"),
+        ),
+        (
+            "description = 'eulerian'\nleast_distance = 0.5",
+            Some("least_distance"),
+        ),
+        ("description = 'eulerian'\nconvection = 'central'", None),
+        ("convection = 'central'", Some("convection")),
+        ("form = 'conservative'", None),
+        (
+            "form = 'conservative'\ndescription = 'total_lagrangian'",
+            Some("description"),
+        ),
+        (
+            "form = 'conservative'\nstress = 'compressible'",
+            Some("stress"),
+        ),
+        ("stress = 'compressible'", None),
+        ("form = 'conservative'\nstress = 'central'", None),
+        ("stress = 'central'", Some("stress")),
+        ("form = 'conservative'\nsurface = 'closed'", None),
+        ("surface = 'closed'", Some("surface")),
+        ("surface = 'zero_pressure'", None),
+        (EULER, None),
+        (&format!("{EULER}\nstress = 'central'"), Some("stress")),
+        (&format!("{EULER}\nsurface = 'closed'"), Some("surface")),
+        (&format!("{EULER}\ncollisions = {{}}"), Some("collisions")),
+        (&format!("{EULER}\nsmoothing = 5"), None),
+        (FOLLOWING, None),
+        (&format!("{FOLLOWING}\nsmoothing = 5"), Some("smoothing")),
+        (
+            "description = 'arbitrary_lagrangian_eulerian'",
+            Some("description"),
+        ),
+    ] {
+        assert_eq!(fault(&water(2), keys).as_deref(), at_fault, "{keys}");
+    }
+}
+
+#[test]
+fn the_body_fits_the_form() {
+    let jitter = Jitter {
+        amplitude: 0.1,
+        seed: 1,
+    };
+    let cloud = water(2).jittered(jitter).expect("valid");
+    for (body, keys, at_fault) in [
+        (water(1), "", Some("body")),
+        (water(3), "", None),
+        (cloud.clone(), "form = 'conservative'", None),
+        (cloud, EULER, Some("description")),
+        (water(3), EULER, None),
+    ] {
+        assert_eq!(fault(&body, keys).as_deref(), at_fault, "{keys}");
+    }
+    let mut two_spacings = water(2);
+    two_spacings.points.spacing[0] = 2.0;
+    let found = fault(&two_spacings, "form = 'conservative'");
+    assert_eq!(found.as_deref(), Some("form"));
+    assert_eq!(fault(&two_spacings, ""), None);
+    let mut ring = water(2);
+    ring.repeat(&[Axis::X]).expect("it fills its box");
+    assert_eq!(fault(&ring, EULER), None);
+}
+
+/// Forces along bonds keep angular momentum, as long as nothing else moves points or smooths fields.
+#[test]
+fn angular_momentum_is_kept_by_central_forces_alone() {
+    let central = "form = 'conservative'\nstress = 'central'";
+    for (keys, is_kept) in [
+        (central.to_owned(), true),
+        ("form = 'conservative'".into(), false),
+        ("stress = 'central'".into(), false),
+        (format!("{central}\nsurface = 'zero_pressure'"), false),
+        (format!("{central}\nsurface = 'closed'"), true),
+        (format!("{central}\nsmoothing = 20"), false),
+        (format!("{central}\nxsph = 0.1"), false),
+        (format!("{central}\nshifting = 0.1"), false),
+        (format!("{central}\ndensity_diffusion = 0.1"), true),
+    ] {
+        let fluid: Fluid = read(&format!("state.tait.sound_speed = 1\n{keys}"));
+        assert_eq!(fluid.keeps_angular_momentum(), is_kept, "{keys}");
+    }
+    for (keys, may) in [
+        ("", false),
+        ("form = 'conservative'", true),
+        ("surface = 'zero_pressure'", true),
+    ] {
+        let fluid: Fluid = read(&format!("state.tait.sound_speed = 1\n{keys}"));
+        assert_eq!(fluid.may_have_free_surface(), may, "{keys}");
+    }
+}

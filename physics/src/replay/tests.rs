@@ -1,0 +1,217 @@
+//! Fields of a log that another run reads: scalars, vectors and tensors, at any time.
+
+use std::path::Path;
+
+use tempfile::TempDir;
+
+use super::*;
+use crate::testing::{block, simulation, values};
+use perimelt_core::Body;
+use perimelt_core::body::Store;
+use perimelt_core::log::{BodyInfo, CloudView, FieldInfo, FieldView, Precision, RunInfo, Writer};
+
+fn body() -> Body {
+    block([3, 2, 1], 2, 1.0, Store::Lattice, "density = 1")
+}
+
+/// Fields of the log and their components.
+const FIELDS: [(&str, usize); 3] = [("temperature", 1), ("velocity", 3), ("stress", 9)];
+
+/// Value of a component at a point of a state.
+fn logged(base: f64, point: usize, component: usize) -> f64 {
+    base + point as f64 + 100.0 * component as f64
+}
+
+/// A log of body `old`, of the points of [`body`] moved by `offset`, with states at these times and of these values.
+fn log(states: &[(f64, f64)], offset: f64) -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("first.mcap");
+    let positions = body().points.position;
+    let positions = positions.iter().map(|x| [x.x + offset, x.y, x.z]);
+    let positions: Vec<[f64; 3]> = positions.collect();
+    let field = |(name, components): (&str, usize)| FieldInfo {
+        name: name.into(),
+        unit: "K".into(),
+        components,
+    };
+    let info = BodyInfo {
+        name: "old".into(),
+        dimension: 2,
+        spacing: 1.0,
+        thickness: 0.1,
+        points: 6,
+        symmetry: Vec::new(),
+        fields: FIELDS.map(field).into(),
+    };
+    let run = RunInfo {
+        version: "test".into(),
+        threads: 1,
+        started: 0,
+        case_folder: String::new(),
+        bodies: vec![info],
+        plugins: serde_json::Value::Null,
+    };
+    let mut writer = Writer::create(&path, &run, "case.toml", "").expect("writes");
+    for &(time, base) in states {
+        let values = FIELDS.map(|(_, components)| {
+            let all = (0..6).flat_map(|p| (0..components).map(move |c| logged(base, p, c)));
+            all.collect::<Vec<f64>>()
+        });
+        let fields: Vec<FieldView<'_>> = FIELDS
+            .iter()
+            .zip(&values)
+            .map(|((name, components), values)| FieldView {
+                name,
+                components: *components,
+                values,
+            })
+            .collect();
+        let cloud = CloudView {
+            time,
+            positions: &positions,
+            fields: &fields,
+        };
+        writer
+            .points("old", Precision::F64, &cloud)
+            .expect("writes");
+    }
+    writer.finish().expect("writes");
+    (folder, path)
+}
+
+fn replay(path: &Path, fields: &[&str]) -> Replay {
+    Replay {
+        log: path.into(),
+        body: None,
+        logged_body: Some("old".into()),
+        fields: fields.iter().map(|f| (*f).into()).collect(),
+        run: None,
+    }
+}
+
+#[test]
+fn a_logged_field_is_interpolated_in_time_and_kept_after_the_end() {
+    let (_folder, path) = log(&[(0.0, 300.0), (0.5, 400.0), (1.0, 900.0)], 0.0);
+    let replay = replay(&path, &["temperature"]);
+    let mut s = simulation(body(), vec![Box::new(replay)], vec![], 1.6);
+    s.start().expect("starts");
+    for (time, base) in [(0.0, 300.0), (0.5, 400.0), (1.0, 900.0), (1.6, 900.0)] {
+        assert_eq!(s.time(), time, "steps end on logged times");
+        assert_eq!(values(&s, "temperature")[5], base + 5.0);
+        if !s.is_finished() {
+            s.step().expect("steps");
+        }
+    }
+}
+
+/// Values at any time, in any order, of logs of one state and of three.
+#[test]
+fn all_kinds_of_fields_are_linear_between_two_states() {
+    for (states, at) in [
+        (
+            &[(0.2, 300.0), (0.5, 400.0), (1.0, 900.0)][..],
+            &[
+                (0.0, 300.0),
+                (0.2, 300.0),
+                (0.35, 350.0),
+                (0.5, 400.0),
+                (0.75, 650.0),
+                (1.0, 900.0),
+                (7.0, 900.0),
+                // back to a state that is no longer held
+                (0.35, 350.0),
+                (0.0, 300.0),
+                (7.0, 900.0),
+            ][..],
+        ),
+        (&[(0.5, 400.0)], &[(0.0, 400.0), (0.5, 400.0), (1.0, 400.0)]),
+    ] {
+        let (_folder, path) = log(states, 0.0);
+        let mut world = World::new(vec![body()]);
+        let mut replay = replay(&path, &["stress", "temperature", "velocity"]);
+        let mut setup = Setup::new(&mut world, Path::new("."));
+        setup.next_physics("replay");
+        replay.prepare(&mut setup).expect("the same points");
+        setup.finish().map_err(|(_, e)| e).expect("complete");
+        assert_eq!(replay.next_event(0.0), Some(states[0].0));
+        assert_eq!(replay.next_event(states[0].0), states.get(1).map(|s| s.0));
+        assert_eq!(replay.next_event(1.0), None);
+        for &(time, base) in at {
+            let step = Step::new(time - 0.1, 0.1);
+            replay.advance(&world, step).expect("reads");
+            for (name, components) in FIELDS {
+                let fields = world.fields();
+                let field = fields.field(fields.find(0, name).expect("owned"));
+                assert_eq!(field.unit, "K");
+                let data = field.data();
+                assert_eq!(data.components(), components);
+                for (i, found) in data.flat().iter().enumerate() {
+                    let expected = logged(base, i / components, i % components);
+                    assert!((found - expected).abs() < 1e-9, "{name} at {time}: {found}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_log_of_another_body_is_refused() {
+    let (_folder, path) = log(&[(0.0, 300.0)], 0.0);
+    let (_far, moved) = log(&[(0.0, 300.0)], 0.3);
+    let (_near, displaced) = log(&[(0.0, 300.0)], 0.2);
+    let (_none, empty) = log(&[], 0.0);
+    let other = block([3, 3, 1], 2, 1.0, Store::Lattice, "density = 1");
+    let of = |body: Option<&str>, path: &Path| Replay {
+        logged_body: body.map(Into::into),
+        ..replay(path, &["temperature"])
+    };
+    for (here, replay, expected) in [
+        (body(), of(Some("old"), &path), None),
+        (body(), of(Some("old"), &displaced), None),
+        (
+            body(),
+            of(Some("old"), &moved),
+            Some(("log", "point 0 lies at [0.8, 0.5")),
+        ),
+        (
+            other,
+            of(Some("old"), &path),
+            Some(("log", "6 points, this one 9")),
+        ),
+        (
+            body(),
+            of(Some("new"), &path),
+            Some(("logged_body", "no logged body is called `new`")),
+        ),
+        // the name of the body here
+        (
+            body(),
+            of(None, &path),
+            Some(("log", "no logged body is called `block`")),
+        ),
+        (
+            body(),
+            of(Some("old"), &empty),
+            Some(("log", "holds no state")),
+        ),
+        (
+            body(),
+            replay(&path, &["temprature"]),
+            Some(("fields", "did you mean `temperature`?")),
+        ),
+    ] {
+        let mut world = World::new(vec![here]);
+        let mut setup = Setup::new(&mut world, Path::new("."));
+        setup.next_physics("replay");
+        let mut replay = replay;
+        let refused = replay.prepare(&mut setup).err();
+        let refused = refused.map(|e| (e.key.clone(), e.to_string()));
+        match (&refused, expected) {
+            (None, None) => {}
+            (Some((key, message)), Some((wanted, part))) => {
+                assert!(key == wanted && message.contains(part), "{key}: {message}");
+            }
+            _ => panic!("{refused:?} {expected:?}"),
+        }
+    }
+}
