@@ -28,7 +28,7 @@ pub struct PlotArgs {
     #[arg(long, value_delimiter = ',', allow_negative_numbers = true)]
     pub at: Vec<f64>,
     /// cross-sections of three-dimensional bodies, such as `x=0.05` (m) across a weld along x [default: along and across the
-    /// weld, through the hottest point half way]
+    /// weld, through the hottest point; where nothing is hot, and in films, through that of half way]
     #[arg(long, value_name = "AXIS=POSITION")]
     pub section: Vec<Cut>,
     /// values at the ends of the colours, such as `300,1500`, in SI units [default: smallest and largest value shown at each

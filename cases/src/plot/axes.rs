@@ -104,22 +104,28 @@ impl ChartAxis {
         }
         let rough = span / count.max(1.0);
         let size = 10_f64.powf(rough.log10().floor());
-        let step = [1.0, 2.0, 5.0, 10.0].map(|step| step * size);
-        let step = step
-            .into_iter()
-            .find(|&step| step >= rough * 0.999)
-            .unwrap_or(10.0 * size);
+        let ends = |step: f64| {
+            let first = (self.from / step - 1e-6).ceil() as i64;
+            (first, (self.to / step + 1e-6).floor() as i64)
+        };
+        let steps = [0.2, 0.5, 1.0, 2.0, 5.0, 10.0].map(|step| step * size);
+        let wanted = steps
+            .iter()
+            .position(|&step| step >= rough * 0.999)
+            .unwrap_or(steps.len() - 1);
+        // one number alone shows no scale
+        let is_scale = |step: &f64| ends(*step).0 < ends(*step).1;
+        let smaller = steps[..=wanted].iter().rev().copied();
+        let step = smaller.into_iter().find(is_scale).unwrap_or(steps[wanted]);
+        let (first, last) = ends(step);
         let decimals = (-step.log10().floor()).clamp(0.0, 12.0) as usize;
-        let first = (self.from / step - 1e-6).ceil() as i64;
-        let last = (self.to / step + 1e-6).floor() as i64;
         let large = self.from.abs().max(self.to.abs());
         let text = |number: f64| {
             if large >= 1e6 || decimals > 5 {
-                super::unit::number(number, 4)
+                super::unit::signed_number(number, 4)
             } else {
-                format!("{number:.decimals$}")
+                format!("{number:.decimals$}").replace('-', "−")
             }
-            .replace('-', "−")
         };
         (first..=last)
             .map(|index| (index as f64 * step + 0.0, text(index as f64 * step + 0.0)))
@@ -246,6 +252,12 @@ mod tests {
             texts(ChartAxis::linear(300.0, 2100.0, ""), 4.0),
             ["500", "1000", "1500", "2000"]
         );
+        // 5 would be the only multiple of 5
+        assert_eq!(
+            texts(ChartAxis::linear(1.0, 9.0, ""), 2.0),
+            ["2", "4", "6", "8"]
+        );
+        assert_eq!(texts(ChartAxis::linear(-1.3, 0.3, ""), 1.0), ["−1", "0"]);
         let powers = ChartAxis::around([3e-13, 2e-10].into_iter(), "", true).expect("positive");
         assert_eq!(
             texts(powers, 5.0),

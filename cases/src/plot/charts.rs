@@ -191,7 +191,7 @@ pub(super) fn melt_pool_chart(
             "Melt pool of {} ({} {} {})",
             unit::pretty_name(&body.name),
             isotherm.name_or_isotherm(),
-            unit::number(shown.of(isotherm.temperature), 5),
+            unit::signed_number(shown.of(isotherm.temperature), 5),
             shown.unit
         ),
         horizontal_label: unit::label("time", times.unit),

@@ -1,81 +1,125 @@
-//! Isotherms: lines of constant value on a raster of cell centres, by marching squares.
+//! Isotherms: lines of constant value on a raster, by marching squares.
+//!
+//! Each cell is divided into four squares, whose corners are its centre, the middles of two faces and a corner of the cell.
+//! At a face between two cells the value is their mean. At a face of the surface it goes to `(9 v1 - v2) / 8`, the surface
+//! value of a face without gradient, so that lines reach the outer faces and those of cut corners alike.
 
 use super::section::Raster;
 
 /// End points of a piece of a line, m.
 pub(crate) type Segment = [[f64; 2]; 2];
 
-/// Pieces of the line `value = level`, linear between the centres of neighbouring cells. Between
-/// the outermost centres and the faces of the raster, the value goes to the surface value
-/// `(9 v1 - v2) / 8` of a face without gradient. Squares with an empty cell have none.
+/// The squares of a cell: on which side of its centre they lie, counter-clockwise.
+const SQUARES: [[i64; 2]; 4] = [[-1, -1], [1, -1], [1, 1], [-1, 1]];
+
+/// Pieces of the line `value = level`; cells without a finite value have none.
 pub(crate) fn contour(raster: &Raster, level: f64) -> Vec<Segment> {
     let mut segments = Vec::new();
-    for j in 1..raster.cells[1] + 2 {
-        for i in 1..raster.cells[0] + 2 {
-            // counter-clockwise
-            let corners = [(i - 1, j - 1), (i, j - 1), (i, j), (i - 1, j)];
-            let values = corners.map(|node| node_value(raster, node));
-            if values.iter().any(|value| value.is_nan()) {
+    for j in 0..raster.cells[1] {
+        for i in 0..raster.cells[0] {
+            let cell = [i as i64, j as i64];
+            if finite(raster, cell).is_none() {
                 continue;
             }
-            let crossing = |edge: usize| {
-                let (a, b) = (edge, (edge + 1) % 4);
-                let fraction = (level - values[a]) / (values[b] - values[a]);
-                let (from, to) = (
-                    node_place(raster, corners[a]),
-                    node_place(raster, corners[b]),
-                );
-                [0, 1].map(|axis| from[axis] + fraction * (to[axis] - from[axis]))
-            };
-            let is_above = values.map(|value| value >= level);
-            let edges: Vec<usize> = (0..4)
-                .filter(|&edge| is_above[edge] != is_above[(edge + 1) % 4])
-                .collect();
-            match edges[..] {
-                [a, b] => segments.push([crossing(a), crossing(b)]),
-                [_, _, _, _] => {
-                    // a saddle: the mean value determines which corners are joined
-                    let mean_above = values.iter().sum::<f64>() / 4.0 >= level;
-                    let pairs = if mean_above == is_above[0] {
-                        [(0, 1), (2, 3)]
-                    } else {
-                        [(3, 0), (1, 2)]
-                    };
-                    segments.extend(pairs.map(|(a, b)| [crossing(a), crossing(b)]));
+            for [x, y] in SQUARES {
+                let mut corners = [[0, 0], [x, 0], [x, y], [0, y]];
+                if x != y {
+                    corners.swap(1, 3);
                 }
-                _ => {}
+                let values = corners.map(|corner| corner_value(raster, cell, corner));
+                let centre = raster.centre((i, j));
+                let place = |corner: [i64; 2]| {
+                    let half = 0.5 * raster.spacing;
+                    [0, 1].map(|axis| centre[axis] + half * corner[axis] as f64)
+                };
+                march(corners.map(place), values, level, &mut segments);
             }
         }
     }
     segments
 }
 
-/// Place (m) of a node: 0 is the face, 1 the first centre, `cells + 1` the other face.
-fn node_place(raster: &Raster, (i, j): (usize, usize)) -> [f64; 2] {
-    let place = |axis: usize, node: usize| {
-        let last = raster.cells[axis] as f64 - 0.5;
-        raster.origin[axis] + (node as f64 - 1.0).clamp(-0.5, last) * raster.spacing
+/// Adds the pieces of the line in a square, given by its corners (m, counter-clockwise) and their values.
+fn march(corners: [[f64; 2]; 4], values: [f64; 4], level: f64, segments: &mut Vec<Segment>) {
+    let crossing = |edge: usize| {
+        let (a, b) = (edge, (edge + 1) % 4);
+        let fraction = (level - values[a]) / (values[b] - values[a]);
+        let (from, to) = (corners[a], corners[b]);
+        [0, 1].map(|axis| from[axis] + fraction * (to[axis] - from[axis]))
     };
-    [place(0, i), place(1, j)]
+    let is_above = values.map(|value| value >= level);
+    let edges: Vec<usize> = (0..4)
+        .filter(|&edge| is_above[edge] != is_above[(edge + 1) % 4])
+        .collect();
+    match edges[..] {
+        [a, b] => segments.push([crossing(a), crossing(b)]),
+        [_, _, _, _] => {
+            // a saddle: the mean value determines which corners are joined
+            let mean_above = values.iter().sum::<f64>() / 4.0 >= level;
+            let pairs = if mean_above == is_above[0] {
+                [(0, 1), (2, 3)]
+            } else {
+                [(3, 0), (1, 2)]
+            };
+            segments.extend(pairs.map(|(a, b)| [crossing(a), crossing(b)]));
+        }
+        _ => {}
+    }
 }
 
-/// Value at a node.
-fn node_value(raster: &Raster, (i, j): (usize, usize)) -> f64 {
-    let [nx, ny] = raster.cells;
-    let along_row = |j: usize| at_node(i, nx, |i| raster.value(i, j));
-    at_node(j, ny, along_row)
+/// The value of a cell; `None` outside of the material.
+fn finite(raster: &Raster, [i, j]: [i64; 2]) -> Option<f64> {
+    let [nx, ny] = raster.cells.map(|count| count as i64);
+    let is_inside = (0..nx).contains(&i) && (0..ny).contains(&j);
+    let value = is_inside.then(|| raster.value(i as usize, j as usize))?;
+    value.is_finite().then_some(value)
 }
 
-fn at_node(node: usize, count: usize, value: impl Fn(usize) -> f64) -> f64 {
-    let (first, second) = match node {
-        0 => (0, 1),
-        node if node == count + 1 => (count - 1, count.wrapping_sub(2)),
-        node => return value(node - 1),
+/// The value of a cell, if it belongs to the same surface as another one beside it: a view from above shows parts of
+/// different height.
+fn beside(raster: &Raster, from: [i64; 2], to: [i64; 2]) -> Option<f64> {
+    let value = finite(raster, to)?;
+    let height = |[i, j]: [i64; 2]| raster.heights[j as usize * raster.cells[0] + i as usize];
+    (height(from).abs_diff(height(to)) <= 1).then_some(value)
+}
+
+/// Value in the middle of the face of a cell on a side of an axis.
+fn face_value(raster: &Raster, cell: [i64; 2], axis: usize, side: i64) -> Option<f64> {
+    let value = finite(raster, cell)?;
+    let neighbour = |side: i64| {
+        let mut other = cell;
+        other[axis] += side;
+        beside(raster, cell, other)
     };
-    if second < count {
-        (9.0 * value(first) - value(second)) / 8.0
-    } else {
-        value(first)
+    Some(match (neighbour(side), neighbour(-side)) {
+        (Some(next), _) => 0.5 * (value + next),
+        (None, Some(opposite)) => value + (value - opposite) / 8.0,
+        (None, None) => value,
+    })
+}
+
+/// Value in a corner of a square: the centre of the cell (0, 0), the middle of a face, or a corner of the cell. There it is the
+/// mean of what the cells around it extrapolate.
+fn corner_value(raster: &Raster, cell: [i64; 2], corner: [i64; 2]) -> f64 {
+    let of_face = |cell, axis, side| face_value(raster, cell, axis, side).unwrap_or(f64::NAN);
+    match corner {
+        [0, 0] => finite(raster, cell).unwrap_or(f64::NAN),
+        [x, 0] => of_face(cell, 0, x),
+        [0, y] => of_face(cell, 1, y),
+        [x, y] => {
+            // in the order of the raster, so that all of these cells find the same sum
+            let sides = |side: i64| if side < 0 { [-1, 0] } else { [0, 1] };
+            let around = sides(y).into_iter().flat_map(|j| sides(x).map(|i| [i, j]));
+            let extrapolated = around.filter_map(|[i, j]| {
+                let other = [cell[0] + i, cell[1] + j];
+                let value = beside(raster, cell, other)?;
+                // the side of that cell on which the corner lies
+                let [x, y] = [x - 2 * i, y - 2 * j];
+                Some(of_face(other, 0, x) + of_face(other, 1, y) - value)
+            });
+            let (sum, count) = extrapolated.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+            sum / count
+        }
     }
 }
 
@@ -135,22 +179,34 @@ pub(crate) fn joined(segments: &[Segment]) -> Vec<Vec<[f64; 2]>> {
 mod tests {
     use super::*;
 
-    #[test]
-    fn contour_of_a_cone_is_one_closed_circle() {
-        let n = 41;
+    /// Squares of 0.1 m around the origin, with these values and heights.
+    fn raster(
+        n: usize,
+        value: impl Fn([f64; 2]) -> f64,
+        height: impl Fn([f64; 2]) -> usize,
+    ) -> Raster {
+        let start = -0.05 * (n as f64 - 1.0);
         let mut raster = Raster {
-            origin: [-2.0, -2.0],
+            origin: [start; 2],
             spacing: 0.1,
             cells: [n, n],
             values: Vec::new(),
             points: Vec::new(),
+            heights: Vec::new(),
         };
         for j in 0..n {
             for i in 0..n {
-                let [x, y] = raster.centre((i, j));
-                raster.values.push(2.0 - x.hypot(y));
+                let place = raster.centre((i, j));
+                raster.values.push(value(place));
+                raster.heights.push(height(place));
             }
         }
+        raster
+    }
+
+    #[test]
+    fn contour_of_a_cone_is_one_closed_circle() {
+        let raster = raster(41, |[x, y]| 2.0 - x.hypot(y), |_| 0);
         let lines = joined(&contour(&raster, 0.55));
         assert_eq!(lines.len(), 1);
         assert!((lines[0][0][0] - lines[0][lines[0].len() - 1][0]).abs() < 1e-6);
@@ -159,5 +215,42 @@ mod tests {
             // linear interpolation across a circle of radius r: dx^2 / (8 r)
             assert!((x.hypot(*y) - 1.45).abs() < 0.1 * 0.1 / (8.0 * 1.45) * 1.5);
         }
+    }
+
+    /// Ends of the only line, sorted.
+    fn ends(raster: &Raster, level: f64) -> [[f64; 2]; 2] {
+        let lines = joined(&contour(raster, level));
+        assert_eq!(lines.len(), 1, "{lines:?}");
+        let line = &lines[0];
+        let mut ends = [line[0], line[line.len() - 1]];
+        ends.sort_by(|a, b| a[1].total_cmp(&b[1]));
+        ends
+    }
+
+    #[test]
+    fn lines_reach_the_faces_of_cut_corners() {
+        // material below y = 0 at x < 0, and below y = 0.5 at x > 0
+        let is_there = |[x, y]: [f64; 2]| y < if x < 0.0 { 0.0 } else { 0.5 };
+        let value = |place: [f64; 2]| if is_there(place) { place[0] } else { f64::NAN };
+        let raster = raster(20, value, |_| 0);
+        for (level, top) in [(-0.33, 0.0), (0.42, 0.5)] {
+            let [low, high] = ends(&raster, level);
+            let close =
+                |[x, y]: [f64; 2], end: f64| (x - level).abs() < 1e-9 && (y - end).abs() < 1e-9;
+            assert!(close(low, -1.0) && close(high, top), "{low:?} {high:?}");
+        }
+    }
+
+    #[test]
+    fn lines_end_where_the_surface_seen_from_above_jumps() {
+        // a hot ledge beside a cold web that is 5 cells higher
+        let value = |[x, y]: [f64; 2]| if x > 0.0 { 0.0 } else { 1.0 - y.abs() };
+        let jump = raster(20, value, |[x, _]| if x > 0.0 { 6 } else { 1 });
+        let lines = joined(&contour(&jump, 0.52));
+        let at_web = |line: &Vec<[f64; 2]>| line.iter().any(|[x, _]| x.abs() < 1e-9);
+        assert!(lines.len() == 2 && lines.iter().all(at_web), "{lines:?}");
+        // over a step of one cell the line goes on: around the end of the ledge
+        let step = raster(20, value, |[x, _]| usize::from(x > 0.0));
+        assert_eq!(joined(&contour(&step, 0.52)).len(), 1);
     }
 }

@@ -15,7 +15,7 @@ use super::{
     scale::ColourScale,
     section,
     snapshot::Snapshot,
-    survey::{Reference, Survey},
+    survey::{Hottest, Reference, Survey},
     unit::{self, Shown},
 };
 
@@ -50,16 +50,6 @@ impl Plotter<'_> {
         survey: &Survey,
     ) -> Result<FieldPlot<'a>, LogError> {
         let reference = Reference::new(self.log, body)?;
-        let middle = survey.middle();
-        let default = middle.map(|middle| {
-            let [x, y, _] = middle.place;
-            vec![Cut { axis: 1, at: y }, Cut { axis: 0, at: x }]
-        });
-        let cuts = if self.args.section.is_empty() {
-            default.unwrap_or_default()
-        } else {
-            self.args.section.clone()
-        };
         Ok(FieldPlot {
             body,
             field,
@@ -69,11 +59,23 @@ impl Plotter<'_> {
                 &[]
             },
             reference,
-            cuts,
+            cuts: self.cuts(survey.middle()),
             range: None,
             extent: None,
             is_film: false,
         })
+    }
+
+    /// The sections asked for, or those along and across through a point.
+    pub(super) fn cuts(&self, hottest: Option<Hottest>) -> Vec<Cut> {
+        if !self.args.section.is_empty() {
+            return self.args.section.clone();
+        }
+        let through = |hottest: Hottest| {
+            let [x, y, _] = hottest.place;
+            vec![Cut { axis: 1, at: y }, Cut { axis: 0, at: x }]
+        };
+        hottest.map_or_else(Vec::new, through)
     }
 
     /// A field at one time; `None` of a body without points, or without the field.
@@ -113,7 +115,7 @@ impl Plotter<'_> {
         let factor = self.args.deform;
         let displacement = factor.and_then(|factor| super::deformation(cloud, factor));
         let deformed = match (&displacement, factor) {
-            (Some(_), Some(factor)) => format!(", deformed {} ×", unit::number(factor, 4)),
+            (Some(_), Some(factor)) => format!(", deformed {} ×", unit::signed_number(factor, 4)),
             _ => String::new(),
         };
         let mut snapshot = Snapshot {

@@ -4,7 +4,7 @@
 //!
 //! - `<body>-<field>-<time>`: the points of a body coloured by a field, a plane body as it is, a
 //!   three-dimensional one as its surface from above and in sections, by default along and across the path of its
-//!   hottest point; in pictures of the temperature with isotherms
+//!   hottest point, through it; in pictures of the temperature with isotherms
 //! - `<body>-melt-pool`: length, width and depth of the melt pool over time
 //! - `probe-<name>`: the probes over time, those along a line over the distance at some times
 //! - `balance-error`: relative errors of the balances over time, logarithmic
@@ -207,8 +207,9 @@ impl Plotter<'_> {
         isotherms: &[Isotherm],
         survey: &Survey,
     ) -> Result<(), PlotError> {
-        let plot = self.field_plot(body, field, isotherms, survey)?;
+        let mut plot = self.field_plot(body, field, isotherms, survey)?;
         for &index in wanted {
+            plot.cuts = self.cuts(survey.hottest_of(index));
             let cloud = match self.log.cloud(&body.name, index) {
                 // the survey told of it
                 Err(LogError::Damaged { .. }) => continue,

@@ -16,6 +16,8 @@ pub(crate) struct Raster {
     pub values: Vec<f64>,
     /// point of each cell
     pub points: Vec<Option<usize>>,
+    /// number of the cell's layer along the axis that is not shown
+    pub heights: Vec<usize>,
 }
 
 impl Raster {
@@ -101,7 +103,7 @@ fn section(grid: &CellGrid, values: &[f64], cut: Cut, letter: char) -> Result<Vi
         caption: format!(
             "section {letter}, {} = {} {}",
             AXES[axis],
-            super::unit::number(centre * unit.factor, 4),
+            super::unit::signed_number(centre * unit.factor, 4),
             unit.unit
         ),
         cut: Some((Cut { axis, at: centre }, letter)),
@@ -119,12 +121,12 @@ fn view(
     let hidden = 3 - axes[0] - axes[1];
     let cells = axes.map(|axis| grid.cells[axis]);
     let mut points: Vec<Option<usize>> = vec![None; cells[0] * cells[1]];
-    let mut height = vec![0; points.len()];
+    let mut heights = vec![0; points.len()];
     for (point, cell) in grid.covered().filter(|(_, cell)| chosen(*cell)) {
         let column = cell[axes[1]] * cells[0] + cell[axes[0]];
-        if points[column].is_none() || height[column] < cell[hidden] {
+        if points[column].is_none() || heights[column] < cell[hidden] {
             points[column] = Some(point);
-            height[column] = cell[hidden];
+            heights[column] = cell[hidden];
         }
     }
     let value = |point: &Option<usize>| point.map_or(f64::NAN, |point| values[point]);
@@ -134,6 +136,7 @@ fn view(
         cells,
         values: points.iter().map(value).collect(),
         points,
+        heights,
     }
 }
 

@@ -19,6 +19,8 @@ pub(super) const RIGHT: f64 = 165.0;
 const BOTTOM: f64 = 72.0;
 pub(super) const GAP: f64 = 112.0;
 const CAPTION: f64 = 20.0;
+/// Distance of the letter of a section from the frame.
+const LETTER: f64 = 14.0;
 
 /// Contents of a picture.
 #[derive(Clone, Debug)]
@@ -52,7 +54,10 @@ impl Snapshot<'_> {
         let axes: Vec<[usize; 2]> = self.views.iter().map(|view| view.axes).collect();
         let mut panels = panels(&bounds, &axes, f64::from(width));
         let has_captions = panels.len() > 1 || panels.iter().any(|panel| panel.stretch > 1.0);
-        let caption = if has_captions { CAPTION } else { 0.0 };
+        let above = match has_captions {
+            true => CAPTION + self.caption_lift(&panels[0]),
+            false => 0.0,
+        };
 
         let isotherms: Vec<(usize, IsothermLines)> = (0..self.isotherms.len())
             .map(|index| (index, self.isotherm_lines(index)))
@@ -76,7 +81,7 @@ impl Snapshot<'_> {
         } else {
             ROW * legend.len() as f64
         };
-        let top = heading_height(self.case) + legend_height + caption;
+        let top = heading_height(self.case) + legend_height + above;
 
         let heights = panels.iter().map(|panel| panel.size[1]).sum::<f64>()
             + (panels.len() as f64 - 1.0) * GAP;
@@ -106,12 +111,31 @@ impl Snapshot<'_> {
             if has_captions {
                 let [left, top] = panel.corner;
                 let text = panel.caption(&view.caption);
-                picture.text(text, [left, top - 16.0], look(TICK, Anchor::Left));
+                let lift = if number == 0 { above - CAPTION } else { 0.0 };
+                let at = [left, top - 16.0 - lift];
+                picture.text(text, at, look(TICK, Anchor::Left));
             }
         }
         let widest = panels.iter().map(|panel| panel.size[0]).fold(0.0, f64::max);
         self.draw_colour_bar(&mut picture, LEFT + widest + 28.0, [top, top + inner]);
         picture
+    }
+
+    /// How much higher than usual the caption of the first view is, so that no letter of a section covers it, pixels.
+    fn caption_lift(&self, panel: &Panel) -> f64 {
+        let view = &self.views[0];
+        let text = panel.caption(&view.caption);
+        let end = super::picture::text_width(&text, TICK) + LETTER;
+        let [[from, _], [to, _]] = panel.bounds;
+        let is_within = |cut: Cut| {
+            cut.axis == view.axes[0] && (cut.at - from) / (to - from) * panel.size[0] < end
+        };
+        let mut cuts = self.views.iter().filter_map(|view| view.cut);
+        if cuts.any(|(cut, _)| is_within(cut)) {
+            CAPTION
+        } else {
+            0.0
+        }
     }
 
     /// A view with its axes, isotherms by number, and the planes of the sections.
@@ -160,7 +184,7 @@ impl Snapshot<'_> {
     }
 
     fn name(&self, isotherm: &Isotherm) -> String {
-        let value = unit::number(self.shown.of(isotherm.temperature), 5);
+        let value = unit::signed_number(self.shown.of(isotherm.temperature), 5);
         format!("{} {value} {}", isotherm.name, self.shown.unit)
             .trim()
             .to_owned()
@@ -358,11 +382,11 @@ fn draw_cut(picture: &mut Picture, frame: &Frame, (cut, letter): (Cut, char), fa
     let (start, end, text) = match cut.axis {
         0 => {
             let [x, _] = frame.place(at, frame.vertical.from);
-            ([x, top], [x, bottom], [x, top - 14.0])
+            ([x, top], [x, bottom], [x, top - LETTER])
         }
         1 => {
             let [_, y] = frame.place(frame.horizontal.from, at);
-            ([left, y], [right, y], [right + 14.0, y])
+            ([left, y], [right, y], [right + LETTER, y])
         }
         _ => return,
     };

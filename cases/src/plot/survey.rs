@@ -28,21 +28,60 @@ pub(crate) struct Hottest {
     pub place: [f64; 3],
     /// number of the cloud
     pub index: usize,
+    /// whether it is above the isotherm that bounds the melt pool
+    is_molten: bool,
 }
 
 impl Survey {
     /// The hottest point half way through the times at which it is hot: a section there is not beside the weld, nor at one of
     /// its ends.
     pub(crate) fn middle(&self) -> Option<Hottest> {
-        /// part of the range of the highest temperatures that counts as hot
+        let from = self.hot_from();
+        let hot: Vec<_> = self.hottest.iter().filter(|h| h.value >= from).collect();
+        hot.get(hot.len() / 2).map(|hottest| **hottest)
+    }
+
+    /// The hottest point of a cloud that is hot, or else that of half way.
+    pub(crate) fn hottest_of(&self, index: usize) -> Option<Hottest> {
+        let of_cloud = self.hottest.iter().find(|hottest| hottest.index == index);
+        let hot = of_cloud.filter(|h| h.is_molten || h.value >= self.hot_from());
+        hot.copied().or_else(|| self.middle())
+    }
+
+    /// The value from which on the hottest point of a cloud counts as hot.
+    fn hot_from(&self) -> f64 {
+        /// part of the range of the highest temperatures
         const HOT: f64 = 0.7;
         let values = || self.hottest.iter().map(|hottest| hottest.value);
         let low = values().fold(f64::INFINITY, f64::min);
         let high = values().fold(f64::NEG_INFINITY, f64::max);
-        let is_hot = |hottest: &&Hottest| hottest.value >= low + HOT * (high - low);
-        let hot: Vec<_> = self.hottest.iter().filter(is_hot).copied().collect();
-        hot.get(hot.len() / 2).copied()
+        low + HOT * (high - low)
     }
+}
+
+/// The highest of the finite values and its place (m): where several points have it, such as those of a body of one
+/// temperature, the one in their middle.
+fn highest(values: &[f64], positions: &[[f64; 3]]) -> Option<(f64, [f64; 3])> {
+    /// part of the highest value that is rounding
+    const ROUNDING: f64 = 1e-9;
+    let finite = || values.iter().zip(positions).filter(|(v, _)| v.is_finite());
+    let highest = finite().map(|(v, _)| *v).max_by(f64::total_cmp)?;
+    let least = highest - ROUNDING * highest.abs();
+    let alike: Vec<[f64; 3]> = finite()
+        .filter(|(v, _)| **v >= least)
+        .map(|(_, p)| *p)
+        .collect();
+    let mean =
+        [0, 1, 2].map(|axis| alike.iter().map(|p| p[axis]).sum::<f64>() / alike.len() as f64);
+    let distance = |p: &[f64; 3]| {
+        (0..3)
+            .map(|axis| (p[axis] - mean[axis]).powi(2))
+            .sum::<f64>()
+    };
+    let place = alike
+        .into_iter()
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+    Some((highest, place))
 }
 
 /// Surveys `fields`; melt pools if there is an isotherm (K) to bound them.
@@ -77,13 +116,12 @@ pub(crate) fn survey(
         }
         let heat = scalar(&cloud, "temperature").or_else(|| scalar(&cloud, fields.first()?));
         survey.hottest.extend(heat.and_then(|heat| {
-            let values = heat.values.iter().zip(reference.positions(&cloud));
-            let finite = values.filter(|(value, _)| value.is_finite());
-            let (value, place) = finite.max_by(|a, b| a.0.total_cmp(b.0))?;
+            let (value, place) = highest(&heat.values, reference.positions(&cloud))?;
             Some(Hottest {
-                value: *value,
-                place: *place,
+                value,
+                place,
                 index,
+                is_molten: isotherm.is_some_and(|isotherm| value >= isotherm),
             })
         }));
         if let (Some(isotherm), Some(temperature)) = (isotherm, scalar(&cloud, "temperature")) {
@@ -167,5 +205,23 @@ impl Reference {
         let grid = super::grid_of(body, cloud, self.positions(cloud))?;
         let gauge = MeltPoolGauge::on(grid, (body.dimension, body.thickness), isotherm);
         Some(gauge.with_symmetry(&body.symmetry))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_highest_of_equal_values_is_in_their_middle() {
+        let positions: Vec<[f64; 3]> = (0..9).map(|i| [f64::from(i), 0.0, 0.0]).collect();
+        assert_eq!(
+            highest(&[300.0; 9], &positions),
+            Some((300.0, positions[4]))
+        );
+        let mut values = [300.0; 9];
+        (values[2], values[7]) = (400.0, f64::NAN);
+        assert_eq!(highest(&values, &positions), Some((400.0, positions[2])));
+        assert_eq!(highest(&[f64::NAN], &positions), None);
     }
 }

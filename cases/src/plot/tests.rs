@@ -83,6 +83,67 @@ fn deformed_pictures_come_as_svg_for_the_nearest_times() {
     assert!(text.contains("t = 400 ms") || text.contains("t = 0.4 s"));
 }
 
+/// The picture of the plate's temperature at a time (s), as SVG.
+fn temperature_svg(mut args: PlotArgs, at: f64) -> String {
+    args.format = PictureFormat::Svg;
+    args.body = vec!["plate".into()];
+    args.field = vec!["temperature".into()];
+    args.at = vec![at];
+    let paths = plot(&args).expect("pictures");
+    let is_asked = |path: &&PathBuf| path.to_string_lossy().contains("plate-temperature");
+    fs::read_to_string(paths.iter().find(is_asked).expect("a picture")).expect("text")
+}
+
+#[test]
+fn sections_pass_through_the_hottest_point_of_the_time_shown() {
+    let (folder, log) = logged();
+    // the spot is at 1.8 mm + 2.4 mm/s t; nothing is hot at 0 s, and half of the states that are hot are over at 0.6 s
+    for (at, x) in [(0.4, "2.625"), (1.0, "4.125"), (0.0, "3.125")] {
+        let svg = temperature_svg(args(log.clone(), &folder.path().join("out")), at);
+        let caption = format!("section B, x = {x} mm");
+        assert!(svg.contains(&caption), "no `{caption}` at {at} s");
+    }
+}
+
+/// Place of a text that begins so, in whatever pixels the file has.
+fn place_of(svg: &str, text: &str) -> [f64; 2] {
+    let (before, _) = svg.split_once(&format!(">\n{text}")).expect(text);
+    let (_, tag) = before.rsplit_once("<text").expect("a tag");
+    ["x", "y"].map(|name| {
+        let (_, value) = tag.split_once(&format!(" {name}=\"")).expect(name);
+        let (value, _) = value.split_once('"').expect("a value");
+        value.parse().expect("a number")
+    })
+}
+
+#[test]
+fn the_letter_of_a_section_does_not_cover_the_caption() {
+    let (folder, log) = logged();
+    let height = |section: &str| {
+        let mut args = args(log.clone(), &folder.path().join("out"));
+        args.section = vec![section.parse().expect("a section")];
+        let svg = temperature_svg(args, 1.0);
+        let [caption, letter] = ["surface from above", "A\n"].map(|text| place_of(&svg, text));
+        letter[1] - caption[1]
+    };
+    // drawn three times as large
+    assert!(height("x=5e-4") > 3.0 * 16.0);
+    assert!(height("x=5e-3").abs() < 3.0 * 4.0);
+}
+
+#[test]
+fn numbers_below_zero_have_a_minus_sign() {
+    let (folder, log) = logged();
+    let mut args = args(log, &folder.path().join("out"));
+    args.section = vec!["z=-1.1e-3".parse().expect("a section")];
+    args.celsius = true;
+    args.isotherm = vec![-5.0, 800.0];
+    let svg = temperature_svg(args, 1.0);
+    assert!(svg.contains("z = −1.125 mm"), "caption");
+    let is_wrong = |line: &&str| line.starts_with("-") || line.contains(" -");
+    assert_eq!(svg.lines().find(is_wrong), None);
+}
+
 #[test]
 fn mistakes_are_answered_with_what_there_is() {
     let (folder, log) = logged();

@@ -136,6 +136,11 @@ impl Shown {
     }
 }
 
+/// A number on a picture: like [`number`], with a minus sign (U+2212) instead of a hyphen.
+pub(crate) fn signed_number(value: f64, digits: usize) -> String {
+    number(value, digits).replace('-', "−")
+}
+
 /// `W/m3` as `W/m³`, the unit `1` as nothing.
 pub(crate) fn pretty_unit(unit: &str) -> String {
     if unit == "1" {
@@ -188,6 +193,7 @@ mod tests {
         assert_eq!(time_text(2.5e-3), "2.5 ms");
         assert_eq!(time_text(1.2e-14), "12 fs");
         assert_eq!(length_text(1.5e-3), "1.5 mm");
+        assert_eq!(signed_number(-1.5e-7, 3), "−1.5e−7");
         assert_eq!(pretty_unit("W/m3"), "W/m³");
         assert_eq!(
             label("fraction of liquid", &pretty_unit("1")),
