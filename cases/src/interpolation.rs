@@ -7,7 +7,7 @@
 use nalgebra::Vector3;
 use perimelt_core::activity::is_active;
 use perimelt_core::body::{Discretisation, Lattice};
-use perimelt_core::{Body, SetupError, World};
+use perimelt_core::{Body, SetupError, World, text};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -169,13 +169,17 @@ fn is_within(body: &Body, position: [f64; 3]) -> bool {
     (0..body.dimension).all(|a| position[a] >= min[a] - near && position[a] <= max[a] + near)
 }
 
-fn off_body(body: &Body, [x, y, z]: [f64; 3], key: &str) -> SetupError {
+fn off_body(body: &Body, position: [f64; 3], key: &str) -> SetupError {
     let (min, max) = body.bounds();
-    let message = format!("no point of body `{}` is near [{x}, {y}, {z}]", body.name);
+    let message = format!(
+        "no point of body `{}` is near {}",
+        body.name,
+        text::position(position)
+    );
     let expected = format!(
-        "a position on the body, within {:?} and {:?} m",
-        min.as_slice(),
-        max.as_slice()
+        "a position on the body, within {} and {} m",
+        text::position(min),
+        text::position(max)
     );
     SetupError::value(key, message, expected)
 }

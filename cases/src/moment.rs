@@ -3,6 +3,7 @@
 use perimelt_core::log::{LogError, LoggedCloud};
 
 use crate::commands::tell;
+use crate::plot::unit::number;
 
 /// Why no logged state belongs to a time.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -22,7 +23,11 @@ pub enum MomentError {
     },
 }
 
-/// Number of the logged time nearest to `at` (s); the user is told of another time than that. `None` if there are none.
+/// Part of the logged times within which a time is that of a state: logged times are printed with fewer digits than they
+/// have.
+const ROUNDED: f64 = 1e-4;
+
+/// Number of the logged time nearest to `at` (s); `None` if there are none.
 ///
 /// # Errors
 /// No time, or one outside of the log.
@@ -33,22 +38,49 @@ pub(crate) fn state_at(times: &[f64], at: f64) -> Result<Option<usize>, MomentEr
     if !at.is_finite() {
         return Err(MomentError::NotATime(at));
     }
-    // logged times are printed with fewer digits than they have
-    let slack = 1e-4 * (last - first);
+    let slack = ROUNDED * (last - first);
     if at < first - slack || at > last + slack {
         return Err(MomentError::Outside { at, first, last });
     }
     let distance = |index: &usize| (times[*index] - at).abs();
-    let nearest = (0..times.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
-    if let Some(&time) = nearest
-        .map(|n| &times[n])
-        .filter(|t| (**t - at).abs() > slack)
-    {
-        tell(&format!(
-            "note: the logged state nearest to {at} s is that at {time} s"
-        ));
+    Ok((0..times.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))))
+}
+
+/// Numbers of the logged times nearest to these (s), in order and each once.
+///
+/// # Errors
+/// No time, or one outside of the log.
+pub(crate) fn states_at(times: &[f64], at: &[f64]) -> Result<Vec<usize>, MomentError> {
+    let states = at.iter().map(|&at| state_at(times, at));
+    let mut states: Vec<usize> = states
+        .filter_map(Result::transpose)
+        .collect::<Result<_, _>>()?;
+    states.sort_unstable();
+    states.dedup();
+    Ok(states)
+}
+
+/// Tells the user of the logged times that are taken for others.
+pub(crate) fn tell_other_times(times: &[f64], at: &[f64]) {
+    for note in other_times(times, at) {
+        tell(&note);
     }
-    Ok(nearest)
+}
+
+fn other_times(times: &[f64], at: &[f64]) -> Vec<String> {
+    let extent = times
+        .last()
+        .zip(times.first())
+        .map(|(last, first)| last - first);
+    let note = |&at: &f64| {
+        let time = times[state_at(times, at).ok()??];
+        let is_other = (time - at).abs() > ROUNDED * extent?;
+        is_other.then(|| {
+            let (at, time) = (number(at, 6), number(time, 6));
+            format!("note: the logged state nearest to {at} s is that at {time} s")
+        })
+    };
+    at.iter().filter_map(note).collect()
 }
 
 /// A logged state; `None` for a damaged one, of which the user is told.
@@ -75,6 +107,12 @@ mod tests {
         assert_eq!(state_at(&times, 1.6), Ok(Some(1)));
         assert_eq!(state_at(&times, 2.5001), Ok(Some(2)));
         assert_eq!(state_at(&[], 2.5), Ok(None));
+        assert_eq!(states_at(&times, &[2.4, 0.1, 2.5]), Ok(vec![0, 2]));
+        let notes = other_times(&times, &[1.6, 2.5001, 9.0]);
+        assert_eq!(
+            notes,
+            ["note: the logged state nearest to 1.6 s is that at 1 s"]
+        );
         let late = state_at(&times, 3.0).expect_err("late").to_string();
         assert_eq!(
             late,

@@ -345,15 +345,30 @@ fn along(body: &Body, line: &LineProbe) -> Result<(Vec<String>, Vec<Spot>), Setu
         return Err(SetupError::value("kind.line.number", message, expected));
     }
     let (from, to) = (Vector3::from(line.from), Vector3::from(line.to));
-    let mut names = Vec::new();
+    let names = distances((to - from).norm(), line.number);
     let mut spots = Vec::new();
     for i in 0..line.number {
         let fraction = i as f64 / (line.number - 1) as f64;
         let position = from + (to - from) * fraction;
-        names.push(format!("{:.6e}", (to - from).norm() * fraction));
         spots.push(Spot::new(body, position.into(), "kind.line")?);
     }
     Ok((names, spots))
+}
+
+/// Distances of equally spaced positions from the start of a line of `length` (m), with 6 significant digits or as many
+/// as tell them apart, and without an exponent.
+fn distances(length: f64, number: usize) -> Vec<String> {
+    let distance = |i: usize| length * (i as f64 / (number - 1) as f64);
+    let rounded = |decimals: usize, distance: f64| -> f64 {
+        let text = format!("{distance:.decimals$e}");
+        text.parse().unwrap_or(distance)
+    };
+    let names = |decimals| -> Vec<String> {
+        let distances = (0..number).map(|i| rounded(decimals, distance(i)));
+        distances.map(|d| d.to_string()).collect()
+    };
+    let differ = |names: &Vec<String>| names.windows(2).all(|pair| pair[0] != pair[1]);
+    (5..17).map(names).find(differ).unwrap_or_else(|| names(17))
 }
 
 impl PoolProbe {
@@ -482,5 +497,19 @@ mod tests {
         let cold = vec![300.0; temperature.len()];
         let cold = pool.measure((&cold, None), &[]);
         assert_eq!(cold, [0.0; 4]);
+    }
+
+    #[test]
+    fn positions_of_a_line_have_short_and_different_names() {
+        let names = distances(0.023, 30);
+        assert_eq!(names[..3], ["0", "0.000793103", "0.00158621"]);
+        assert_eq!(names[29], "0.023");
+        assert_eq!(distances(8e-5, 3), ["0", "0.00004", "0.00008"]);
+        let names = distances(20.0, 100_000);
+        assert_eq!(names[99_998], "19.9998");
+        let names = distances(200.0, 100_000);
+        assert_eq!(names[99_997..], ["199.996", "199.998", "200"]);
+        let many: std::collections::BTreeSet<_> = names.iter().collect();
+        assert_eq!(many.len(), 100_000);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::body::BodyError;
 use crate::family::FamilyError;
-use crate::text::number;
+use crate::text::{number, position};
 
 /// Boxed cause of an error, for plugins with errors of their own.
 pub type Cause = Box<dyn std::error::Error + Send + Sync>;
@@ -36,7 +36,8 @@ pub enum Problem {
     WhichBody(Vec<String>),
     /// A region that selects no point.
     #[error(
-        "region `{region}` holds no point of body `{body}`: the body spans {from:?} to {to:?} m with points every {spacing} m"
+        "region `{region}` holds no point of body `{body}`: the body spans {} to {} m with points every {} m",
+        position(*from), position(*to), number(*spacing, 5)
     )]
     EmptyRegion {
         /// The region.
@@ -267,10 +268,11 @@ pub enum RunError {
 
 /// The known name closest to `name`, when it is close enough to be a slip of the finger.
 pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let limit = |length: usize| (length / 3).max(1).min(length - 1);
     known
         .into_iter()
         .map(|k| (strsim::damerau_levenshtein(name, k), k))
-        .filter(|(distance, k)| *distance <= 1 + k.len().max(name.len()) / 3)
+        .filter(|(distance, k)| *distance <= limit(k.len().max(name.len()).max(1)))
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, k)| k)
 }

@@ -20,6 +20,7 @@ use crate::body::{Body, Lattice};
 use crate::error::SetupError;
 use crate::field::{Read, Write, keys};
 use crate::setup::{Access, Setup};
+use crate::text::position;
 use crate::world::{BodyIndex, World};
 
 /// Part of the volume of a body whose coordinates may differ from cells by rounding, in cells.
@@ -423,10 +424,10 @@ fn fit(
             || end > coarse.cells[axis] as f64
         {
             let message = format!(
-                "body `{}` spans {:?} to {:?} m, which are not whole cells of body `{}`",
+                "body `{}` spans {} to {} m, which are not whole cells of body `{}`",
                 window.name,
-                window.bounds().0.as_slice(),
-                window.bounds().1.as_slice(),
+                position(window.bounds().0),
+                position(window.bounds().1),
                 plate.name
             );
             let expected = "a box inside of the coarser body whose faces lie on faces of its cells";

@@ -19,6 +19,11 @@ pub fn number(value: f64, digits: usize) -> String {
     trimmed(&format!("{value:.decimals$}")).to_owned()
 }
 
+/// A position with at most 6 significant digits for each component: `[0.102, 0, 0.01]`.
+pub fn position(position: impl Into<[f64; 3]>) -> String {
+    format!("[{}]", position.into().map(|x| number(x, 6)).join(", "))
+}
+
 fn trimmed(number: &str) -> &str {
     if number.contains('.') {
         number.trim_end_matches('0').trim_end_matches('.')
@@ -38,5 +43,6 @@ mod tests {
         assert_eq!(number(-0.25, 5), "-0.25");
         assert_eq!(number(0.0, 3), "0");
         assert_eq!(number(f64::INFINITY, 3), "inf");
+        assert_eq!(position([0.1 + 0.002, 0.0, -2.5e-5]), "[0.102, 0, -2.5e-5]");
     }
 }

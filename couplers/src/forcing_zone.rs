@@ -13,6 +13,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::shape::{Shape, StlError};
+use perimelt_core::text::position;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
     Coupler, Formula, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys,
@@ -86,10 +87,10 @@ impl ForcingZone {
         });
         if is_beside {
             let message = format!(
-                "the zone lies outside of the box of body `{}`, which reaches from {:?} m to {:?} m",
+                "the zone lies outside of the box of body `{}`, which reaches from {} m to {} m",
                 body.name,
-                low.as_slice(),
-                high.as_slice()
+                position(low),
+                position(high)
             );
             return Err(SetupError::value("shape", message, "a zone in the body"));
         }
@@ -97,7 +98,8 @@ impl ForcingZone {
         for x in inside.filter(|x| self.shape.contains(x, 0.0)) {
             let target = self.target(x, 0.0);
             if target.iter().any(|v| !v.is_finite()) {
-                let message = format!("the target velocity at {:?} m is {target:?}", x.as_slice());
+                let at = position(*x);
+                let message = format!("the target velocity at {at} m is {target:?}");
                 let expected = "finite components at every point of the zone";
                 return Err(SetupError::value("velocity", message, expected));
             }

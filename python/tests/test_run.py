@@ -59,6 +59,19 @@ def test_a_run_is_resumed_with_the_same_results(tmp_path: Path, weld: perimelt.L
     np.testing.assert_array_equal(resumed.probes, weld.probes)
 
 
+def test_a_run_is_resumed_with_another_case(tmp_path: Path) -> None:
+    first = perimelt.run(WELD, {"time.end": 0.2}, out=tmp_path / "a.mcap", quiet=True)
+    later = perimelt.change_case(first.case, {"time.end": 0.3})
+    resumed = perimelt.resume(first, case=later, folder=tmp_path, quiet=True)
+    assert resumed.times[-1] == pytest.approx(0.3)
+    # nothing is left beside the log
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
+    file = tmp_path / "later.toml"
+    file.write_text(case_text(perimelt.change_case(later, {"time.end": 0.4})), encoding="utf-8")
+    resumed = perimelt.resume(resumed, case=file, quiet=True)
+    assert resumed.times[-1] == pytest.approx(0.4)
+
+
 def test_the_program_tells_what_is_wrong(tmp_path: Path) -> None:
     out = tmp_path / "wrong.mcap"
     with pytest.raises(perimelt.RunError, match="did you mean `power`") as caught:

@@ -138,9 +138,57 @@ fn times_outside_of_a_log_are_refused_and_others_are_named() {
             done && message.contains("nearest to 0.047 s is that at 0.04"),
             "{command}: {message}"
         );
+        assert_eq!(message.matches("note: ").count(), 1, "{message}");
     }
     let (done, message) = told(folder, &["run", "weld.toml", "--threads", "100000"]);
     assert!(!done && message.contains("at most 1024"), "{message}");
+}
+
+#[test]
+fn fields_that_are_not_in_the_log_are_told_apart() {
+    let folder = folder(0.1);
+    let folder = folder.path();
+    let case = folder.join("weld.toml");
+    let text = std::fs::read_to_string(&case).expect("readable");
+    let text = text.replace("[log]\n", "[log]\nfields = [\"temperature\"]\n");
+    std::fs::write(&case, text).expect("writable");
+    assert!(told(folder, &["run", "weld.toml", "--quiet"]).0);
+    let info = command(folder, &["info", "weld.mcap"])
+        .stdout(Stdio::piped())
+        .output();
+    let info = String::from_utf8(info.expect("it starts").stdout).expect("text");
+    assert!(
+        info.contains("\n    temperature [K]\n    not logged: "),
+        "{info}"
+    );
+    assert!(!info.contains("enthalpy ["), "{info}");
+}
+
+#[test]
+fn keys_of_no_section_are_told_with_their_paths() {
+    let folder = folder(0.1);
+    let (done, message) = told(folder.path(), &["run", "weld.toml", "--set", "power=3"]);
+    assert!(
+        !done && message.contains("`couplers.goldak.power`"),
+        "{message}"
+    );
+}
+
+/// A page that other viewers are told of is not shown by a program that cannot serve them.
+#[test]
+#[cfg(not(feature = "live"))]
+fn no_address_is_printed_without_the_feature() {
+    let folder = folder(0.1);
+    let folder = folder.path();
+    assert!(told(folder, &["run", "weld.toml", "--quiet"]).0);
+    let view = command(folder, &["view", "weld.mcap", "--no-open", "--live"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .output()
+        .expect("it starts");
+    assert!(!view.status.success());
+    assert_eq!(String::from_utf8_lossy(&view.stdout), "");
+    assert!(String::from_utf8_lossy(&view.stderr).contains("--features live"));
 }
 
 /// `/dev/full` takes no byte.

@@ -65,6 +65,15 @@ fn everything_that_a_case_can_name_is_explained() {
         ("solidus", "[K]"),
         ("hardness", "Vickers"),
         ("time.step", "auto"),
+        ("verify", "quantity"),
+        ("physics", "thermal_history"),
+        ("couplers", "goldak"),
+        ("type", "perimelt list"),
+        ("rkl2", "thermal.solver = \"rkl2\"\n    Stabilised explicit"),
+        ("thermal.solver.rkl2", "Runge-Kutta-Legendre"),
+        ("correspondence", "mechanical.formulation"),
+        ("balanced", "also: "),
+        ("couplers.goldak.power", "W"),
     ] {
         let (done, text) = told(folder, &["explain", name]);
         assert!(done && text.contains(expected), "{name}: {text}");
@@ -74,10 +83,15 @@ fn everything_that_a_case_can_name_is_explained() {
         ("goldak.toolpath.polylin", "polyline"),
         ("hardnes", "hardness"),
         ("S35", "S355"),
+        ("coupler", "couplers"),
     ] {
         let (done, message) = told(folder, &["explain", name]);
         let hint = format!("did you mean `{nearest}`?");
         assert!(!done && message.contains(&hint), "{message}");
+    }
+    for name in ["tip", "bed", "mode"] {
+        let (done, message) = told(folder, &["explain", name]);
+        assert!(!done && !message.contains("did you mean"), "{message}");
     }
 }
 

@@ -54,6 +54,10 @@ fn doubtful_numbers_are_told() {
         ("max = [0.02, 0.01, 0.004]", "max = [20, 0.01, 0.004]"),
         (steel, "[materials.steel]\ndensity = 7.8"),
         ("power = 2000", "power = 2e6"),
+        (
+            "type = \"thermal\"",
+            "type = \"mechanical\"\nplasticity = { annealing_temperature = 100 }\n[[physics]]\ntype = \"thermal\"",
+        ),
         ("half_width = 0.002", "half_width = 0.0002"),
         (
             "type = \"thermal\"",
@@ -71,7 +75,9 @@ fn doubtful_numbers_are_told() {
         if wrong.contains("mechanical") {
             text = text.replace(
                 steel,
-                &format!("{steel}\nyoungs_modulus = 2e11\npoissons_ratio = 0.3"),
+                &format!(
+                    "{steel}\nyoungs_modulus = 2e11\npoissons_ratio = 0.3\nyield_stress = 3e8"
+                ),
             );
         }
         let warnings = warnings(text).unwrap_or_else(|e| panic!("{wrong}: {e}"));
@@ -166,6 +172,53 @@ mistakes! {
     horizon_of_zero: "horizon = 2\n" => "horizon = 0\n";
     steel_without_composition: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"metallurgy\"\n[[couplers]]\ntype = \"phase_change\"";
     two_physics_of_one_field: "[[couplers]]\ntype = \"phase_change\"" => "[[physics]]\ntype = \"thermal\"\n[[couplers]]\ntype = \"phase_change\"";
+}
+
+/// What is said about the case after several changes.
+fn messages(changes: &[(&str, &str)]) -> String {
+    let text = changes
+        .iter()
+        .fold(WELD.to_string(), |text, (right, wrong)| {
+            assert_eq!(text.matches(right).count(), 1, "`{right}` is there once");
+            text.replace(right, wrong)
+        });
+    match check(text) {
+        Err(Failure::Case(mistakes)) => mistakes.render(false),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// All mistakes that do not depend on each other are told at once.
+#[test]
+fn mistakes_of_several_sections_are_told_together() {
+    insta::assert_snapshot!(messages(&[
+        ("spacing = 0.001\n", "spacng = 0.001\n"),
+        ("half_width = 0.002", "half_with = 0.002"),
+        ("interval = 0.02", "interval = 0"),
+    ]));
+}
+
+/// A misspelt key is not missing, too.
+#[test]
+fn mistakes_of_one_section_are_told_together() {
+    insta::assert_snapshot!(messages(&[
+        ("half_width = 0.002", "half_with = 0.002"),
+        ("depth = 0.002", "depth = \"deep\""),
+        ("speed = 0.01", "sped = 0.01"),
+    ]));
+}
+
+/// Mistakes that only the composed case shows.
+#[test]
+fn mistakes_of_the_composed_case_are_told_together() {
+    insta::assert_snapshot!(messages(&[
+        ("initial.temperature = 300", "initial.temperature = -5"),
+        (
+            "interval = 0.02",
+            "interval = 0.02\nfields = [\"temprature\"]"
+        ),
+        ("field = \"temperature\"", "field = \"temprature\""),
+    ]));
 }
 
 /// A key with two letters exchanged, or one more or less; `None` where that is another key.

@@ -6,7 +6,7 @@ use perimelt_core::material::Material;
 use perimelt_core::shape::Shape;
 use perimelt_core::{Body, Problem};
 
-use super::error::CaseError;
+use super::error::{CaseError, Mistake, Mistakes};
 use super::locate;
 use super::reword::split_help;
 use super::sections::BodySection;
@@ -15,11 +15,14 @@ use crate::library;
 
 impl Case {
     /// Fills all bodies with points, their regions and materials.
-    pub(super) fn fill_bodies(&self) -> Result<Vec<Body>> {
-        self.bodies
+    pub(super) fn fill_bodies(&self) -> Result<Vec<Body>, CaseError> {
+        let mut mistakes = Mistakes::default();
+        let filled = self
+            .bodies
             .iter()
-            .map(|(name, section)| self.fill(name, section))
-            .collect()
+            .map(|(name, section)| self.fill(name, section));
+        let filled = filled.filter_map(|body| mistakes.collect(body)).collect();
+        mistakes.finish(filled)
     }
 
     fn fill(&self, name: &str, section: &BodySection) -> Result<Body> {
@@ -157,13 +160,13 @@ impl Case {
     ///
     /// # Errors
     /// A material that is neither in the case nor in the library.
-    pub fn materials_of(&self, body: &str) -> Result<Vec<Material>> {
+    pub fn materials_of(&self, body: &str) -> Result<Vec<Material>, CaseError> {
         let Some((_, section)) = self.bodies.iter().find(|(name, _)| name == body) else {
             return Ok(Vec::new());
         };
         std::iter::once(&section.material)
             .chain(section.materials.values())
-            .map(|name| self.material(&[body, "material"], name))
+            .map(|name| Ok(self.material(&[body, "material"], name)?))
             .collect()
     }
 
@@ -221,7 +224,7 @@ impl Case {
                     .place(&["materials", material, "library"])
                     .unwrap_or(0..0);
                 let message = format!("the library has no material `{entry}`");
-                let error = CaseError::new(&self.file, message, span)
+                let error = Mistake::new(&self.file, message, span)
                     .expected("no such entry")
                     .within(header.clone(), format!("in [materials.{material}]"));
                 suggest(error, entry, &library::names().collect::<Vec<_>>())
@@ -229,7 +232,7 @@ impl Case {
         };
         Material::new(material, section.clone(), base.as_ref()).map_err(|e| {
             split_help(
-                CaseError::new(&self.file, e.to_string(), header),
+                Mistake::new(&self.file, e.to_string(), header),
                 &e.to_string(),
             )
         })
@@ -241,12 +244,12 @@ impl Case {
         path: &[&str],
         message: impl Into<String>,
         expected: &str,
-    ) -> Box<CaseError> {
+    ) -> Box<Mistake> {
         let mut whole = vec!["bodies"];
         whole.extend(path);
         let header = self.place(&whole[..2]).unwrap_or(0..0);
         let span = self.place(&whole).unwrap_or(header.clone());
-        let error = CaseError::new(&self.file, message, span).expected(expected);
+        let error = Mistake::new(&self.file, message, span).expected(expected);
         error.within(header, format!("in [bodies.{}]", path[0]))
     }
 
@@ -256,7 +259,7 @@ impl Case {
         path: &[&str],
         message: impl Into<String>,
         expected: &str,
-    ) -> Box<CaseError> {
+    ) -> Box<Mistake> {
         let mut error = self.body_error(path, message, expected);
         let whole = [&["bodies"], path].concat();
         if let Some(place) = locate::find(&self.table(), &whole) {
@@ -270,7 +273,7 @@ impl Case {
         path: &[&str],
         region: &str,
         section: &BodySection,
-    ) -> Box<CaseError> {
+    ) -> Box<Mistake> {
         let known: Vec<&str> = section.regions.keys().map(String::as_str).collect();
         let error = self.body_key_error(
             path,
@@ -282,7 +285,7 @@ impl Case {
 }
 
 /// Adds the nearest of the known names, and all of them.
-pub(super) fn suggest(error: Box<CaseError>, name: &str, known: &[&str]) -> Box<CaseError> {
+pub(super) fn suggest(error: Box<Mistake>, name: &str, known: &[&str]) -> Box<Mistake> {
     let error = match nearest(name, known.iter().copied()) {
         Some(close) => error.expected(format!("did you mean `{close}`?")),
         None => error,

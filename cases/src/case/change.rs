@@ -6,7 +6,7 @@ use perimelt_core::error::nearest;
 use toml::de::{DeTable, DeValue};
 
 use super::locate::{TomlTable, TomlValue};
-use super::{Case, CaseError, Result};
+use super::{Case, CaseError, Mistake, Result, SECTIONS};
 
 /// Another value of a key.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,11 +40,11 @@ impl Case {
     ///
     /// # Errors
     /// A key whose place cannot be found, or the first mistake of the new case.
-    pub fn changed(&self, changes: &[Change]) -> Result<Case> {
+    pub fn changed(&self, changes: &[Change]) -> Result<Case, CaseError> {
         let mut text = self.file.text.clone();
         for change in changes {
             let edit = edit(&text, &change.key).map_err(|(message, hint)| {
-                let error = CaseError::of_file(&self.file, message);
+                let error = Mistake::of_file(&self.file, message);
                 match hint {
                     Some(hint) => error.help(hint),
                     None => error,
@@ -94,9 +94,14 @@ fn edit(text: &str, key: &str) -> std::result::Result<Edit, Missing> {
         let (name, below) = rest.split_once('.').unwrap_or((rest, ""));
         let Some(found) = table.get(name) else {
             let is_of_file = rest == key;
+            let is_section = SECTIONS.contains(&name);
             return insertion(text, table, rest)
-                .or_else(|| new_table(text, key).filter(|_| is_of_file))
-                .ok_or_else(|| missing(table, name, key));
+                .filter(|_| is_section || !is_of_file)
+                .or_else(|| new_table(text, key).filter(|_| is_section && is_of_file))
+                .ok_or_else(|| match is_of_file {
+                    true => no_section(table, name, key),
+                    false => missing(table, name, key),
+                });
         };
         let (mut value, mut below) = (found, below);
         while let DeValue::Array(list) = value.get_ref()
@@ -159,6 +164,48 @@ fn missing(table: &TomlTable<'_>, name: &str, key: &str) -> Missing {
         format!("the case does not give `{key}`: no `{name}`"),
         Some(hint),
     )
+}
+
+/// A key whose path does not start with a section, with the paths that end with it.
+fn no_section(table: &TomlTable<'_>, name: &str, key: &str) -> Missing {
+    let mut paths = Vec::new();
+    collect_paths(table, "", &mut paths);
+    paths.retain(|path| path.ends_with(&format!(".{key}")));
+    let hint = match (paths.is_empty(), nearest(name, SECTIONS)) {
+        (false, _) => format!("did you mean {}?", listed(paths.iter().map(String::as_str))),
+        (true, Some(close)) => format!("did you mean `{close}`?"),
+        (true, None) => format!("sections are {}", listed(SECTIONS.into_iter())),
+    };
+    let message = format!("`{key}` does not start with a section of the case, such as `couplers`");
+    (message, Some(hint))
+}
+
+/// The paths of all keys below `table`, each with `prefix`; elements of lists by their names or types, else by numbers.
+fn collect_paths(table: &TomlTable<'_>, prefix: &str, paths: &mut Vec<String>) {
+    for (key, value) in table {
+        let path = format!("{prefix}{}", key.get_ref());
+        match value.get_ref() {
+            DeValue::Table(inner) => collect_paths(inner, &format!("{path}."), paths),
+            DeValue::Array(list) => {
+                for (number, element) in list.iter().enumerate() {
+                    let Some(inner) = element.get_ref().as_table() else {
+                        continue;
+                    };
+                    let text = |of: &str| inner.get(of)?.get_ref().as_str();
+                    let name = text("name").or(text("type"));
+                    let is_clear = |name: &&str| {
+                        in_list(list, name, "").is_ok_and(|found| std::ptr::eq(found, element))
+                    };
+                    let label = name
+                        .filter(is_clear)
+                        .map_or(number.to_string(), String::from);
+                    collect_paths(inner, &format!("{path}.{label}."), paths);
+                }
+            }
+            _ => {}
+        }
+        paths.push(path);
+    }
 }
 
 /// The element of a list with a `name`, a `type` or a number.
@@ -276,5 +323,9 @@ mod tests {
         assert!(told("couplers.torch.toolpath.line").contains("`speed`, `start`"));
         assert!(told("time.end.x").contains("nothing below"));
         assert!(told("tim").contains("did you mean `time`?"));
+        assert!(told("power").contains("did you mean `couplers.torch.power`?"));
+        assert!(told("line.speed").contains("`couplers.torch.toolpath.line.speed`"));
+        assert!(told("coefficient").contains("`couplers.3.coefficient`"));
+        assert!(told("torch.efficiency").contains("sections are `case`"));
     }
 }

@@ -1,20 +1,16 @@
 //! Composes a simulation from a case.
 
-use std::sync::Arc;
-
 use perimelt_core::material::MaterialError;
-use perimelt_core::plugin::{FromToml, Registration, registered};
-use perimelt_core::simulation::{Culprit, Named, TimeOptions};
-use perimelt_core::{Coupler, Physics, Problem, RunError, SetupError, Simulation, World};
-use schemars::Schema;
-use toml::de::ValueDeserializer;
+use perimelt_core::simulation::{Culprit, TimeOptions};
+use perimelt_core::{Problem, RunError, SetupError, Simulation, World};
 
 use super::bodies::suggest;
-use super::error::{CaseError, CaseFile};
-use super::locate::{self, TomlValue};
-use super::reword::{Section, split_help};
+use super::error::{CaseError, Mistake, Mistakes};
+use super::plugins::{PluginTable, Plugins};
+use super::reader::Reader;
+use super::reword::split_help;
 use super::sections::ProbeSection;
-use super::{Case, Reader, Result, own_keys};
+use super::{Case, Result};
 use crate::probe::Probe;
 use crate::run::record::REPORTS;
 
@@ -23,17 +19,10 @@ use crate::run::record::REPORTS;
 pub enum StartError {
     /// A mistake in the case file.
     #[error(transparent)]
-    Case(Box<CaseError>),
+    Case(#[from] CaseError),
     /// A physics cannot start.
     #[error(transparent)]
     Run(#[from] RunError),
-}
-
-/// A `[[physics]]` or `[[couplers]]` table.
-pub(super) struct PluginTable<'a> {
-    section: &'static str,
-    pub(super) kind: String,
-    pub(super) value: TomlValue<'a>,
 }
 
 impl Case {
@@ -41,18 +30,15 @@ impl Case {
     /// start of the run. No file is written.
     ///
     /// # Errors
-    /// The first mistake.
-    pub fn compose(&self) -> Result<Simulation> {
-        let couplers = self.plugin_tables("couplers")?;
-        let physics = self.plugin_tables("physics")?;
-        if physics.is_empty() {
-            let error = CaseError::of_file(&self.file, "the case has no physics");
-            return Err(
-                error.help("add a section `[[physics]]` with a `type`, see `perimelt list`")
-            );
-        }
-        let built_couplers = self.build::<dyn Coupler>(&couplers)?;
-        let built_physics = self.build::<dyn Physics>(&physics)?;
+    /// The mistakes of all plugins, else those of all bodies, else the first one that a plugin finds, else those of
+    /// initial fields, of the log and of probes.
+    pub fn compose(&self) -> Result<Simulation, CaseError> {
+        let table = self.table();
+        let mut reader = Reader::new(&self.file, &table);
+        let plugins = reader.plugins();
+        let Plugins { couplers, physics } = reader.finish(plugins)?;
+        let (couplers, coupler_tables): (_, Vec<_>) = couplers.into_iter().unzip();
+        let (physics, physics_tables): (_, Vec<_>) = physics.into_iter().unzip();
         let options = TimeOptions {
             end: self.time.end,
             step: self.time.step,
@@ -62,21 +48,25 @@ impl Case {
             iteration: self.time.iteration,
         };
         let world = World::new(self.fill_bodies()?);
-        let prepared =
-            Simulation::prepare(world, built_couplers, built_physics, options, &self.folder);
+        let prepared = Simulation::prepare(world, couplers, physics, options, &self.folder);
         let mut simulation = prepared.map_err(|(culprit, e)| {
             let table = match culprit {
-                Culprit::Physics(i) => &physics[i],
-                Culprit::Coupler(i) => &couplers[i],
+                Culprit::Physics(i) => &physics_tables[i],
+                Culprit::Coupler(i) => &coupler_tables[i],
             };
             self.setup_error(table, &e)
         })?;
-        self.set_initial(&mut simulation)?;
-        self.check_initial_temperatures(&simulation, &physics)?;
-        self.check_temperatures(&simulation)?;
-        self.check_logged(&simulation)?;
-        self.build_probes(&simulation)?;
-        Ok(simulation)
+        let mut mistakes = Mistakes::default();
+        if mistakes
+            .collect(self.set_initial(&mut simulation))
+            .is_some()
+        {
+            mistakes.collect(self.check_initial_temperatures(&simulation, &physics_tables));
+            mistakes.collect(self.check_temperatures(&simulation));
+        }
+        mistakes.collect(self.check_logged(&simulation));
+        mistakes.collect(self.build_probes(&simulation));
+        mistakes.finish(simulation)
     }
 
     /// Completes the initial state and refuses fixed steps above the stable ones.
@@ -88,7 +78,7 @@ impl Case {
         simulation.check_steps().map_err(|(culprit, e)| {
             let (Culprit::Physics(i) | Culprit::Coupler(i)) = culprit;
             match self.plugin_tables("physics") {
-                Ok(tables) => StartError::Case(self.setup_error(&tables[i], &e)),
+                Ok(tables) => StartError::Case(self.setup_error(&tables[i], &e).into()),
                 Err(e) => StartError::Case(e),
             }
         })
@@ -97,8 +87,8 @@ impl Case {
     /// The probes of the case.
     ///
     /// # Errors
-    /// The first mistake in a `[[probes]]` table.
-    pub fn build_probes(&self, simulation: &Simulation) -> Result<Vec<Probe>> {
+    /// The mistakes in `[[probes]]` tables.
+    pub fn build_probes(&self, simulation: &Simulation) -> Result<Vec<Probe>, CaseError> {
         let build = |(i, section): (usize, &ProbeSection)| {
             let taken = self.probes[..i].iter().any(|p| p.name == section.name);
             let probe = if taken || section.name == REPORTS {
@@ -114,96 +104,23 @@ impl Case {
                 let header = self.place(&path[..2]).unwrap_or(0..0);
                 let span = self.place(&path).unwrap_or(header.clone());
                 let message = e.to_string();
-                split_help(CaseError::new(&self.file, message.as_str(), span), &message)
+                split_help(Mistake::new(&self.file, message.as_str(), span), &message)
                     .within(header, format!("in [[probes]] `{}`", section.name))
             })
         };
-        self.probes.iter().enumerate().map(build).collect()
-    }
-
-    pub(super) fn plugin_tables(&self, section: &'static str) -> Result<Vec<PluginTable<'_>>> {
-        let table = self.table();
-        let reader = Reader {
-            file: &self.file,
-            table: &table,
-        };
-        reader.plugin_tables(section)
-    }
-
-    /// Builds the plugins of one kind, with labels that differ.
-    fn build<P: ?Sized + 'static>(&self, tables: &[PluginTable<'_>]) -> Result<Vec<Named<P>>>
-    where
-        Registration<P>: inventory::Collect,
-    {
-        let known = registered::<P>();
-        let mut plugins: Vec<Named<P>> = Vec::new();
-        for table in tables {
-            let Some(found) = known.iter().find(|r| r.name == table.kind) else {
-                return Err(unknown_plugin(&self.file, table));
-            };
-            let plugin = self.construct(table, found.from_toml, found.schema)?;
-            let label = self.label(table, |label| plugins.iter().any(|p| p.label == label))?;
-            plugins.push(Named { label, plugin });
-        }
-        Ok(plugins)
-    }
-
-    /// The `name` of a plugin, or its type and body with a number where several are alike.
-    fn label(&self, table: &PluginTable<'_>, is_taken: impl Fn(&str) -> bool) -> Result<String> {
-        let keys = table.value.get_ref().as_table();
-        if let Some(name) = keys.and_then(|t| t.get("name")) {
-            let error = |message: String, expected: &str| {
-                Err(CaseError::new(&self.file, message, name.span()).expected(expected))
-            };
-            return match name.get_ref().as_str() {
-                Some("") | None => error("`name` is not text".into(), "expected a name in quotes"),
-                Some(taken) if is_taken(taken) => {
-                    let section = table.section;
-                    let message = format!("another of the {section} is called `{taken}`");
-                    error(message, "expected a name of its own")
-                }
-                Some(name) => Ok(name.to_string()),
-            };
-        }
-        let base = match table.body() {
-            Some(body) => format!("{} on {body}", table.kind),
-            None => table.kind.clone(),
-        };
-        let mut label = base.clone();
-        let mut number = 2;
-        while is_taken(&label) {
-            label = format!("{base} ({number})");
-            number += 1;
-        }
-        Ok(label)
-    }
-
-    fn construct<P: ?Sized>(
-        &self,
-        table: &PluginTable<'_>,
-        from_toml: FromToml<P>,
-        schema: fn() -> Schema,
-    ) -> Result<Box<P>> {
-        from_toml(ValueDeserializer::from(own_keys(&table.value))).map_err(|e| {
-            let empty = locate::TomlTable::new();
-            let section = Section {
-                file: &self.file,
-                name: table.title(),
-                header: table.value.span(),
-                table: table.value.get_ref().as_table().unwrap_or(&empty),
-                schema: schema().to_value(),
-            };
-            section.reword(&e)
-        })
+        let mut mistakes = Mistakes::default();
+        let probes = self.probes.iter().enumerate().map(build);
+        let probes = probes.filter_map(|probe| mistakes.collect(probe)).collect();
+        mistakes.finish(probes)
     }
 
     /// A mistake that a plugin found, at its key.
-    fn setup_error(&self, table: &PluginTable<'_>, e: &SetupError) -> Box<CaseError> {
+    fn setup_error(&self, table: &PluginTable<'_>, e: &SetupError) -> Box<Mistake> {
         let message = e.to_string();
         if let Some((material, property)) = missing_property(&e.problem)
             && let Some(section) = self.place(&["materials", material])
         {
-            let error = CaseError::new(&self.file, message.as_str(), section);
+            let error = Mistake::new(&self.file, message.as_str(), section);
             let error = split_help(error, &message).expected(format!("needs `{property}`"));
             return error.within(table.value.span(), format!("because of {}", table.title()));
         }
@@ -212,7 +129,7 @@ impl Case {
         } else {
             table.at(&e.key)
         };
-        split_help(CaseError::new(&self.file, message.as_str(), span), &message)
+        split_help(Mistake::new(&self.file, message.as_str(), span), &message)
             .within(table.value.span(), format!("in {}", table.title()))
     }
 
@@ -304,7 +221,8 @@ impl Case {
     }
 
     /// Fields to log exist.
-    fn check_logged(&self, simulation: &Simulation) -> Result<()> {
+    fn check_logged(&self, simulation: &Simulation) -> Result<(), CaseError> {
+        let mut mistakes = Mistakes::default();
         for (i, field) in self.log.fields.iter().flatten().enumerate() {
             let mut known: Vec<&str> = simulation.lasting().map(|f| f.name.as_str()).collect();
             known.dedup();
@@ -314,97 +232,10 @@ impl Case {
                     format!("no body has a field `{field}` that can be logged"),
                     "no physics or coupler provides it",
                 );
-                return Err(suggest(error, field, &known));
+                mistakes.add(suggest(error, field, &known));
             }
         }
-        Ok(())
-    }
-}
-
-impl<'i> Reader<'_, 'i> {
-    /// The tables of a section of plugins.
-    pub(super) fn plugin_tables(&self, section: &'static str) -> Result<Vec<PluginTable<'i>>> {
-        let check = |value: &TomlValue<'_>| -> Result<()> {
-            let table = value.get_ref().as_table();
-            match table.and_then(|t| t.get("type")) {
-                None => Err(CaseError::new(
-                    self.file,
-                    format!("key `type` is missing in [[{section}]]"),
-                    value.span(),
-                )
-                .expected("needs `type = \"...\"`")
-                .help(format!("known here: {}", plugin_names(section).join(", ")))),
-                Some(kind) if !kind.get_ref().is_str() => {
-                    Err(CaseError::new(self.file, "`type` is not text", kind.span())
-                        .expected("expected a name in quotes"))
-                }
-                Some(_) => Ok(()),
-            }
-        };
-        let mut tables = Vec::new();
-        for value in self.list(section)? {
-            check(value)?;
-            let table = value.get_ref().as_table();
-            let kind = table
-                .and_then(|t| t.get("type")?.get_ref().as_str())
-                .unwrap_or("");
-            tables.push(PluginTable {
-                section,
-                kind: kind.to_string(),
-                value: value.clone(),
-            });
-        }
-        Ok(tables)
-    }
-
-    /// Refuses plugins that this program does not have. Their absence has other consequences, such as unknown material
-    /// properties, which are no mistakes of the case.
-    pub(super) fn check_plugin_names(&self) -> Result<()> {
-        for section in ["physics", "couplers"] {
-            let known = plugin_names(section);
-            let mut tables = self.plugin_tables(section)?.into_iter();
-            if let Some(table) = tables.find(|t| !known.contains(&t.kind.as_str())) {
-                return Err(unknown_plugin(self.file, &table));
-            }
-        }
-        Ok(())
-    }
-}
-
-fn unknown_plugin(file: &Arc<CaseFile>, table: &PluginTable<'_>) -> Box<CaseError> {
-    let (kind, other) = match table.section {
-        "physics" => ("physics", "couplers"),
-        _ => ("coupler", "physics"),
-    };
-    let span = table.at("type");
-    let message = format!("no {kind} is called `{}`", table.kind);
-    let error = CaseError::new(file, message, span).expected("no such type");
-    if plugin_names(other).contains(&table.kind.as_str()) {
-        return error.help(format!(
-            "`{}` belongs to a section headed `[[{other}]]`",
-            table.kind
-        ));
-    }
-    suggest(error, &table.kind, &plugin_names(table.section))
-}
-
-impl PluginTable<'_> {
-    fn title(&self) -> String {
-        format!("[[{}]] `{}`", self.section, self.kind)
-    }
-
-    /// Name of its body, where the table gives it.
-    pub(super) fn body(&self) -> Option<&str> {
-        let keys = self.value.get_ref().as_table()?;
-        keys.get("body")?.get_ref().as_str()
-    }
-
-    /// Place of a dotted key's value, or of the header when it is not written.
-    fn at(&self, key: &str) -> std::ops::Range<usize> {
-        let path: Vec<&str> = key.split('.').collect();
-        let table = self.value.get_ref().as_table();
-        let place = table.and_then(|t| locate::find(t, &path));
-        place.map_or(self.value.span(), |p| p.value)
+        mistakes.finish(())
     }
 }
 
@@ -422,22 +253,13 @@ fn missing_property(problem: &Problem) -> Option<(&str, &str)> {
     }
 }
 
-/// Registered types of a section.
-pub(crate) fn plugin_names(section: &str) -> Vec<&'static str> {
-    if section == "physics" {
-        registered::<dyn Physics>().iter().map(|r| r.name).collect()
-    } else {
-        registered::<dyn Coupler>().iter().map(|r| r.name).collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::Path;
 
     use super::*;
 
-    fn parse(stages: &str) -> Result<Case> {
+    fn parse(stages: &str) -> Result<Case, CaseError> {
         let text = format!(
             "[bodies.bar]
             shape.box = {{ min = [0, 0, 0], max = [0.1, 0.01, 0.01] }}

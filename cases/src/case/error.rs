@@ -7,7 +7,7 @@ use std::sync::Arc;
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
 /// Text of a case file and the name that messages use for it.
-#[derive(Debug)]
+#[derive(Debug, PartialEq, Eq)]
 pub struct CaseFile {
     /// Path as the user gave it.
     pub name: String,
@@ -16,10 +16,8 @@ pub struct CaseFile {
 }
 
 /// A mistake in a case file: what is wrong, where, what was expected, what to do.
-///
-/// `Display` gives the plain text with the source line; [`CaseError::render`] adds colour.
-#[derive(Debug, Clone)]
-pub struct CaseError {
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Mistake {
     /// The case file.
     pub file: Arc<CaseFile>,
     /// What is wrong.
@@ -34,10 +32,10 @@ pub struct CaseError {
     pub help: Vec<String>,
 }
 
-impl CaseError {
+impl Mistake {
     /// A mistake at `span`.
     pub fn new(file: &Arc<CaseFile>, message: impl Into<String>, span: Range<usize>) -> Box<Self> {
-        Box::new(CaseError {
+        Box::new(Mistake {
             file: file.clone(),
             message: message.into(),
             span: Some(span),
@@ -127,6 +125,48 @@ impl CaseError {
     }
 }
 
+/// Mistakes shown at once; more of them have mostly one cause.
+const MOST_SHOWN: usize = 20;
+
+/// All mistakes that were found in a case file, in the order of their lines.
+///
+/// `Display` gives the plain text with the source lines; [`CaseError::render`] adds colour.
+#[derive(Debug, Clone)]
+pub struct CaseError {
+    /// At least one.
+    mistakes: Vec<Mistake>,
+}
+
+impl CaseError {
+    /// The mistakes, at least one.
+    pub fn mistakes(&self) -> &[Mistake] {
+        &self.mistakes
+    }
+
+    /// Adds a line of help to the last mistake.
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        if let Some(last) = self.mistakes.last_mut() {
+            last.help.push(help.into());
+        }
+        self
+    }
+
+    /// The first mistakes as [`Mistake::render`] shows them, and the number of all of them where there are several.
+    pub fn render(&self, colour: bool) -> String {
+        let shown = self.mistakes.iter().take(MOST_SHOWN);
+        let mut parts: Vec<String> = shown.map(|mistake| mistake.render(colour)).collect();
+        let count = self.mistakes.len();
+        if let [first, _, ..] = self.mistakes.as_slice() {
+            let file = &first.file.name;
+            parts.push(match count > MOST_SHOWN {
+                true => format!("{file}: {count} mistakes, the first {MOST_SHOWN} are shown"),
+                false => format!("{file}: {count} mistakes"),
+            });
+        }
+        parts.join("\n\n")
+    }
+}
+
 impl fmt::Display for CaseError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.render(false))
@@ -134,6 +174,51 @@ impl fmt::Display for CaseError {
 }
 
 impl std::error::Error for CaseError {}
+
+impl From<Box<Mistake>> for CaseError {
+    fn from(mistake: Box<Mistake>) -> Self {
+        CaseError {
+            mistakes: vec![*mistake],
+        }
+    }
+}
+
+/// Collects the mistakes of parts of a case file that do not depend on each other.
+#[derive(Debug, Default)]
+pub(super) struct Mistakes(Vec<Mistake>);
+
+impl Mistakes {
+    /// Adds the mistakes of a part.
+    pub fn add(&mut self, error: impl Into<CaseError>) {
+        for mistake in error.into().mistakes {
+            // two bodies may be made of the same wrong material
+            if !self.0.contains(&mistake) {
+                self.0.push(mistake);
+            }
+        }
+    }
+
+    /// The value of a part, or `None` after its mistakes were added.
+    pub fn collect<T>(&mut self, part: Result<T, impl Into<CaseError>>) -> Option<T> {
+        part.map_err(|e| self.add(e)).ok()
+    }
+
+    /// Whether no mistake was found so far.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The value of all parts, if none has a mistake.
+    pub fn finish<T>(mut self, value: T) -> Result<T, CaseError> {
+        // those of the file as a whole at the end
+        let place = |m: &Mistake| m.span.as_ref().map_or(usize::MAX, |span| span.start);
+        self.0.sort_by_key(place);
+        match self.0.is_empty() {
+            true => Ok(value),
+            false => Err(CaseError { mistakes: self.0 }),
+        }
+    }
+}
 
 #[cfg(test)]
 mod tests {
@@ -147,9 +232,40 @@ mod tests {
         });
         for start in 0..15 {
             for end in start..15 {
-                let shown = CaseError::new(&file, "wrong", start..end).render(false);
+                let shown = Mistake::new(&file, "wrong", start..end).render(false);
                 assert!(shown.contains("wrong"), "{start}..{end}");
             }
         }
+    }
+
+    #[test]
+    fn mistakes_are_shown_by_line_once_and_up_to_a_limit() {
+        let file = Arc::new(CaseFile {
+            name: "case.toml".into(),
+            text: "x\n".repeat(30),
+        });
+        let found = |lines: &[usize]| {
+            let mut mistakes = Mistakes::default();
+            for line in lines {
+                let at = 2 * line - 2;
+                let wrong = Mistake::new(&file, format!("wrong in line {line}"), at..at + 1);
+                mistakes.add(wrong);
+            }
+            mistakes.finish(()).expect_err("mistakes").to_string()
+        };
+        assert!(!found(&[4]).contains("mistakes"));
+        let shown = found(&[7, 3, 7, 5]);
+        assert!(shown.ends_with("\n\ncase.toml: 3 mistakes"), "{shown}");
+        let place = |line| shown.find(&format!("wrong in line {line}"));
+        assert!(place(3) < place(5) && place(5) < place(7), "{shown}");
+        let shown = found(&(1..=25).collect::<Vec<_>>());
+        assert!(
+            shown.contains("line 20\n") && !shown.contains("line 21\n"),
+            "{shown}"
+        );
+        assert!(
+            shown.ends_with("25 mistakes, the first 20 are shown"),
+            "{shown}"
+        );
     }
 }

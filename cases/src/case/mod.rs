@@ -6,8 +6,8 @@
 //!    lets them prepare, and sets initial fields.
 //! 3. [`Case::start`] completes the initial state and checks the step sizes.
 //!
-//! Each step returns a [`CaseError`] that shows file, line, key, what was expected and the
-//! nearest valid name.
+//! Each step returns a [`CaseError`] with the mistakes of all parts that it can read on their own: each with file, line,
+//! key, what was expected and the nearest valid name. Parts that depend on others are read once these are right.
 
 mod bodies;
 pub mod change;
@@ -15,6 +15,8 @@ mod compose;
 mod error;
 mod initial;
 mod locate;
+mod plugins;
+mod reader;
 mod reword;
 pub mod schema;
 pub mod sections;
@@ -26,20 +28,18 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use perimelt_core::error::nearest;
 use perimelt_core::material::MaterialSection;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
-use toml::Spanned;
-use toml::de::{DeTable, DeValue, ValueDeserializer};
+use toml::de::DeTable;
 
 pub use compose::StartError;
-pub(crate) use compose::plugin_names;
-pub use error::{CaseError, CaseFile};
+pub use error::{CaseError, CaseFile, Mistake};
+pub(crate) use plugins::plugin_names;
 pub use whole_schema::{NAME as PLUGIN_NAME, whole_schema};
 
-use locate::{TomlTable, TomlValue};
-use reword::Section;
+use locate::TomlTable;
+use reader::Reader;
 use sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
 
 /// A case file that could be read.
@@ -76,14 +76,14 @@ pub const SECTIONS: [&str; 9] = [
     "verify",
 ];
 
-type Result<T> = std::result::Result<T, Box<CaseError>>;
+type Result<T, E = Box<Mistake>> = std::result::Result<T, E>;
 
 impl Case {
     /// Reads the case file at `path`.
     ///
     /// # Errors
-    /// The file cannot be read, or the first mistake in it.
-    pub fn read(path: &Path) -> Result<Case> {
+    /// The file cannot be read, or the mistakes in it.
+    pub fn read(path: &Path) -> Result<Case, CaseError> {
         let name = path.display().to_string();
         let text = match std::fs::read_to_string(path) {
             Ok(text) => text,
@@ -93,7 +93,7 @@ impl Case {
                     text: String::new(),
                 });
                 let message = format!("the case file cannot be read: {source}");
-                return Err(CaseError::of_file(&file, message));
+                return Err(Mistake::of_file(&file, message).into());
             }
         };
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
@@ -109,68 +109,40 @@ impl Case {
     /// Reads the `text` of a case called `name`, whose relative paths start from `folder`.
     ///
     /// # Errors
-    /// The first mistake.
-    pub fn parse(name: &str, text: String, folder: &Path) -> Result<Case> {
+    /// The mistakes of all sections.
+    pub fn parse(name: &str, text: String, folder: &Path) -> Result<Case, CaseError> {
         let name = name.to_string();
         let file = Arc::new(CaseFile { name, text });
         let table = parse(&file)?;
-
-        if let Some(key) = table.keys().find(|k| !SECTIONS.contains(&&**k.get_ref())) {
-            let error = CaseError::new(
-                &file,
-                format!("unknown section `{}`", key.get_ref()),
-                key.span(),
-            );
-            let error = match nearest(key.get_ref(), SECTIONS) {
-                Some(close) => error.expected(format!("did you mean `{close}`?")),
-                None => error.expected("no such section"),
-            };
-            return Err(error.help(format!(
-                "sections are, in this order: {}",
-                SECTIONS.join(", ")
-            )));
-        }
-        let reader = Reader {
-            file: &file,
-            table: &table,
+        let mut reader = Reader::new(&file, &table);
+        reader.check_sections();
+        // without its plugins a case has other mistakes that are none, such as unknown material properties
+        reader.check_plugin_names();
+        let materials = match reader.is_right() {
+            true => reader.named("materials"),
+            false => Vec::new(),
         };
-        reader.check_plugin_names()?;
-        let mut named = Vec::new();
-        for (key, value) in reader.named("bodies")? {
-            let body: BodySection = reader.section(&format!("[bodies.{key}]"), value)?;
-            named.push((key, body));
+        let bodies = reader.named("bodies");
+        let probes = reader.list("probes");
+        reader.tables("verify");
+        let case = reader.optional("case");
+        let time = reader.optional("time");
+        let log = reader.optional("log");
+        reader.check_times(time.as_ref(), log.as_ref());
+        if !reader.is_right() {
+            reader.plugins();
         }
-        if named.is_empty() {
-            let error = CaseError::of_file(&file, "the case has no body");
-            return Err(error
-                .help("add a section `[bodies.<name>]` with `shape`, `spacing` and `material`"));
-        }
-        let mut materials = BTreeMap::new();
-        for (key, value) in reader.named("materials")? {
-            let material: MaterialSection = reader.section(&format!("[materials.{key}]"), value)?;
-            materials.insert(key, material);
-        }
-        let mut probes = Vec::new();
-        for value in reader.list("probes")? {
-            probes.push(reader.section("[[probes]]", value)?);
-        }
-        reader.list("verify")?;
-        let missing = || {
-            let error = CaseError::of_file(&file, "section `[time]` is missing");
-            error.help("add `[time]` with `end`, the end of the simulated time in s")
-        };
-        let case = Case {
-            case: reader.optional("case")?.unwrap_or_default(),
-            time: reader.optional("time")?.ok_or_else(missing)?,
-            log: reader.optional("log")?.unwrap_or_default(),
+        let time = reader.finish(time)?;
+        Ok(Case {
+            case: case.unwrap_or_default(),
+            time: time.expect("a case without `[time]` is refused"),
+            log: log.unwrap_or_default(),
             folder: folder.to_path_buf(),
             file: file.clone(),
-            bodies: named,
-            materials,
+            bodies,
+            materials: materials.into_iter().collect(),
             probes,
-        };
-        case.check_times()?;
-        Ok(case)
+        })
     }
 
     /// Simulated time between logged states, s.
@@ -186,62 +158,17 @@ impl Case {
     /// The `[[verify]]` tables, read as `T`.
     ///
     /// # Errors
-    /// The first mistake in them.
-    pub fn verify_entries<T: DeserializeOwned + JsonSchema>(&self) -> Result<Vec<T>> {
+    /// The mistakes in them.
+    pub fn verify_entries<T: DeserializeOwned + JsonSchema>(&self) -> Result<Vec<T>, CaseError> {
         let table = self.table();
-        let reader = Reader {
-            file: &self.file,
-            table: &table,
-        };
-        let entries = reader.list("verify")?;
-        entries
-            .into_iter()
-            .map(|v| reader.section("[[verify]]", v))
-            .collect()
-    }
-
-    fn check_times(&self) -> Result<()> {
-        let positive = [
-            ("time.end", Some(self.time.end)),
-            ("log.interval", self.log.interval),
-            ("log.checkpoint", self.log.checkpoint),
-        ];
-        for (key, value) in positive {
-            if let Some(value) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
-                return Err(self.error_at(
-                    key,
-                    format!("`{key}` cannot be {value}"),
-                    "expected a time above 0 s",
-                ));
-            }
-        }
-        let mut last = 0.0;
-        for stage in &self.time.stages {
-            // a NaN is refused, too
-            if !(stage.from > last && stage.from < self.time.end) {
-                let message = format!("a stage of `time.stages` cannot start at {} s", stage.from);
-                let expected = "expected starts above 0 s and below the end, in the order of time";
-                return Err(self.error_at("time.stages", message, expected));
-            }
-            last = stage.from;
-        }
-        let safety = self.time.safety;
-        if !(safety > 0.0 && safety <= 1.0) {
-            let message = format!("`time.safety` cannot be {safety}");
-            return Err(self.error_at(
-                "time.safety",
-                message,
-                "expected a number above 0 and up to 1",
-            ));
-        }
-        Ok(())
+        let mut reader = Reader::new(&self.file, &table);
+        let entries = reader.list("verify");
+        reader.finish(entries)
     }
 
     /// A mistake at a dotted key of the whole file.
-    fn error_at(&self, key: &str, message: impl Into<String>, expected: &str) -> Box<CaseError> {
-        let path: Vec<&str> = key.split('.').collect();
-        let span = self.place(&path).unwrap_or(0..0);
-        CaseError::new(&self.file, message, span).expected(expected)
+    fn error_at(&self, key: &str, message: impl Into<String>, expected: &str) -> Box<Mistake> {
+        Reader::new(&self.file, &self.table()).mistake_at(key, message, expected)
     }
 
     /// Place of the value at `path`, or of the deepest part that is there.
@@ -258,94 +185,7 @@ impl Case {
 fn parse(file: &Arc<CaseFile>) -> Result<TomlTable<'_>> {
     let parsed = DeTable::parse(&file.text).map_err(|e| {
         let message = format!("this is not valid TOML: {}", e.message());
-        CaseError::new(file, message, e.span().unwrap_or(0..0))
+        Mistake::new(file, message, e.span().unwrap_or(0..0))
     })?;
     Ok(parsed.into_inner())
-}
-
-/// Reads sections out of a parsed file.
-struct Reader<'a, 'i> {
-    file: &'a Arc<CaseFile>,
-    table: &'a TomlTable<'i>,
-}
-
-impl<'a, 'i> Reader<'a, 'i> {
-    /// Reads one section as `T`.
-    fn section<T: DeserializeOwned + JsonSchema>(
-        &self,
-        name: &str,
-        value: &TomlValue<'i>,
-    ) -> Result<T> {
-        let Some(table) = value.get_ref().as_table() else {
-            let message = format!("`{name}` is not a table");
-            return Err(CaseError::new(self.file, message, value.span())
-                .expected(format!("expected a section headed `{name}`")));
-        };
-        T::deserialize(ValueDeserializer::from(value.clone())).map_err(|e| {
-            let section = Section {
-                file: self.file,
-                name: name.to_string(),
-                header: value.span(),
-                table,
-                schema: schemars::schema_for!(T).to_value(),
-            };
-            section.reword(&e)
-        })
-    }
-
-    fn optional<T: DeserializeOwned + JsonSchema>(&self, key: &str) -> Result<Option<T>> {
-        let value = self.table.get(key);
-        value
-            .map(|v| self.section(&format!("[{key}]"), v))
-            .transpose()
-    }
-
-    /// The tables `[key.<name>]`, in file order.
-    fn named(&self, key: &str) -> Result<Vec<(String, &'a TomlValue<'i>)>> {
-        let Some(value) = self.table.get(key) else {
-            return Ok(Vec::new());
-        };
-        let Some(table) = value.get_ref().as_table() else {
-            return Err(
-                CaseError::new(self.file, format!("`{key}` is not a table"), value.span())
-                    .expected(format!("expected sections headed `[{key}.<name>]`")),
-            );
-        };
-        let mut all: Vec<_> = table.iter().collect();
-        all.sort_by_key(|(name, _)| name.span().start);
-        Ok(all
-            .into_iter()
-            .map(|(name, v)| (name.get_ref().to_string(), v))
-            .collect())
-    }
-
-    /// The tables `[[key]]`.
-    fn list(&self, key: &str) -> Result<Vec<&'a TomlValue<'i>>> {
-        let Some(value) = self.table.get(key) else {
-            return Ok(Vec::new());
-        };
-        let tables = value
-            .get_ref()
-            .as_array()
-            .map(|a| a.iter().collect::<Vec<_>>());
-        match tables {
-            Some(tables) if tables.iter().all(|v| v.get_ref().is_table()) => Ok(tables),
-            _ => Err(CaseError::new(
-                self.file,
-                format!("`{key}` is not a list of tables"),
-                value.span(),
-            )
-            .expected(format!(
-                "expected sections headed `[[{key}]]`, in double brackets"
-            ))),
-        }
-    }
-}
-
-/// The table of a plugin without its `type` and `name`, for its constructor.
-fn own_keys<'i>(value: &TomlValue<'i>) -> TomlValue<'i> {
-    let mut table = value.get_ref().as_table().cloned().unwrap_or_default();
-    table.remove("type");
-    table.remove("name");
-    Spanned::new(value.span(), DeValue::Table(table))
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use perimelt_core::error::nearest;
 use serde_json::Value as Json;
 
-use super::error::{CaseError, CaseFile};
+use super::error::{CaseFile, Mistake};
 use super::locate::{self, TomlTable};
 use super::schema;
 
@@ -24,17 +24,18 @@ pub struct Section<'a> {
 }
 
 impl Section<'_> {
+    /// The keys that lead to the place of `error`; none for the section as a whole.
+    pub fn path(&self, error: &toml::de::Error) -> Vec<String> {
+        let at_key = error.span().filter(|span| *span != self.header);
+        at_key.map_or_else(Vec::new, |span| locate::path_to(self.table, &span))
+    }
+
     /// The mistake that `error` reports in this section.
-    pub fn reword(&self, error: &toml::de::Error) -> Box<CaseError> {
+    pub fn reword(&self, error: &toml::de::Error) -> Box<Mistake> {
         let span = error.span().unwrap_or_else(|| self.header.clone());
-        let is_header = span == self.header;
-        let path = if is_header {
-            Vec::new()
-        } else {
-            locate::path_to(self.table, &span)
-        };
+        let path = self.path(error);
         let message = error.message();
-        let at = |message: String| CaseError::new(self.file, message, span.clone());
+        let at = |message: String| Mistake::new(self.file, message, span.clone());
         let reworded = if let Some((name, known)) = unknown(message) {
             let what = if message.starts_with("unknown variant") {
                 "choice"
@@ -105,7 +106,7 @@ impl Section<'_> {
 }
 
 /// Moves what follows the first `; ` or `, did you mean` of a message into its help.
-pub fn split_help(mut error: Box<CaseError>, message: &str) -> Box<CaseError> {
+pub fn split_help(mut error: Box<Mistake>, message: &str) -> Box<Mistake> {
     let split = message.split_once("; ").or_else(|| {
         message
             .split_once(", did you")

@@ -41,7 +41,9 @@ fn child<'s>(root: &'s Value, schema: &'s Value, name: &str) -> Option<&'s Value
         }
         let any = || a.get("additionalProperties").filter(|v| v.is_object());
         let in_list = || child(root, a.get("items")?, name);
-        a["properties"].get(name).or_else(any).or_else(in_list)
+        let choice = || (a["const"] == name).then_some(a);
+        let key = a["properties"].get(name);
+        key.or_else(any).or_else(in_list).or_else(choice)
     })
 }
 
@@ -59,7 +61,8 @@ pub fn keys<'s>(root: &'s Value, schema: &'s Value) -> Vec<&'s str> {
         .collect()
 }
 
-/// Passes each key below a schema with its path to `receive`, once where keys nest in themselves as shapes do.
+/// Passes each key and each choice below a schema with its path to `receive`, once where keys nest in themselves as shapes
+/// do.
 pub fn visit<'s>(root: &'s Value, path: &str, receive: &mut impl FnMut(&str, &'s Value)) {
     descend(root, root, path, &mut Vec::new(), receive);
 }
@@ -80,6 +83,9 @@ fn descend<'s>(
             let path = format!("{path}.{name}");
             receive(&path, key);
             descend(root, key, &path, inside, receive);
+        }
+        if let Some(choice) = a["const"].as_str() {
+            receive(&format!("{path}.{choice}"), a);
         }
         if let Some(any) = a.get("additionalProperties").filter(|v| v.is_object()) {
             descend(root, any, &format!("{path}.<name>"), inside, receive);

@@ -9,9 +9,10 @@ use perimelt_core::{Body, Simulation};
 use perimelt_physics::mechanical::moduli::{Moduli, Plane};
 use toml::de::DeValue;
 
-use super::compose::PluginTable;
-use super::locate::TomlTable;
-use super::{Case, CaseError, Result};
+use super::error::Mistakes;
+use super::locate::{TomlTable, TomlValue};
+use super::plugins::PluginTable;
+use super::{Case, CaseError, Mistake, Result};
 use crate::plot::unit;
 
 /// Temperatures below this (K) are suspected to be meant in degrees Celsius.
@@ -30,13 +31,20 @@ const HEAT_CAPACITY: Range<f64> = 1e5..2e7;
 /// modes of the lattice, which grow fastest.
 const LATE_HEAT: f64 = 10.0;
 
-/// Keys of couplers that are temperatures, by type or for all.
-const TEMPERATURES: [(Option<&str>, &str); 5] = [
+/// The value of a dotted key below a table.
+fn value_at<'t, 'i>(table: &'t TomlValue<'i>, key: &str) -> Option<&'t TomlValue<'i>> {
+    let below = |value: &'t TomlValue<'i>, name: &str| value.get_ref().get(name);
+    key.split('.').try_fold(table, below)
+}
+
+/// Keys of plugins that are temperatures, by type or for all.
+const TEMPERATURES: [(Option<&str>, &str); 6] = [
     (None, "ambient"),
     (None, "reference_temperature"),
     (None, "cutoff_temperature"),
     (Some("prescribed_temperature"), "value"),
     (Some("deposit"), "temperature"),
+    (Some("mechanical"), "plasticity.annealing_temperature"),
 ];
 
 impl Case {
@@ -44,7 +52,7 @@ impl Case {
     ///
     /// # Errors
     /// A section that cannot be read.
-    pub fn warnings(&self, simulation: &Simulation) -> Result<Vec<String>> {
+    pub fn warnings(&self, simulation: &Simulation) -> Result<Vec<String>, CaseError> {
         let of_plugins = simulation.warnings().into_iter();
         let mut found: Vec<String> = of_plugins
             .map(|w| format!("{}: {}", w.plugin, w.message))
@@ -67,32 +75,34 @@ impl Case {
     }
 
     /// Refuses temperatures below absolute zero.
-    pub(super) fn check_temperatures(&self, simulation: &Simulation) -> Result<()> {
+    pub(super) fn check_temperatures(&self, simulation: &Simulation) -> Result<(), CaseError> {
+        let expected = "kelvins, zero or above";
+        let mut mistakes = Mistakes::default();
         for (index, (name, _)) in self.bodies.iter().enumerate() {
             if let Some(lowest) = lowest_temperature(simulation, index).filter(|t| *t < 0.0) {
                 let message = format!("the initial temperature is {lowest} K");
                 let key = [name.as_str(), "initial", "temperature"];
-                return Err(self.body_error(&key, message, "kelvins, zero or above"));
+                mistakes.add(self.body_error(&key, message, expected));
             }
         }
         for given in self.given_temperatures()? {
             if let Some(lowest) = given.numbers.iter().find(|t| **t < 0.0) {
                 let message = format!("`{}` of `{}` is {lowest} K", given.key, given.kind);
-                let error = CaseError::new(&self.file, message, given.span);
-                return Err(error.expected("kelvins, zero or above"));
+                let mistake = Mistake::new(&self.file, message, given.span);
+                mistakes.add(mistake.expected(expected));
             }
         }
-        Ok(())
+        mistakes.finish(())
     }
 
-    /// Temperatures that couplers are given.
-    fn given_temperatures(&self) -> Result<Vec<GivenTemperature>> {
+    /// Temperatures that plugins are given.
+    fn given_temperatures(&self) -> Result<Vec<GivenTemperature>, CaseError> {
         let mut given = Vec::new();
-        for table in self.plugin_tables("couplers")? {
-            let keys = table.value.get_ref().as_table();
+        let physics = self.plugin_tables("physics")?.into_iter();
+        for table in physics.chain(self.plugin_tables("couplers")?) {
             let of_kind = |(kind, _): &(Option<&str>, _)| kind.is_none_or(|k| k == table.kind);
             for (_, key) in TEMPERATURES.into_iter().filter(of_kind) {
-                if let Some(value) = keys.and_then(|keys| keys.get(key)) {
+                if let Some(value) = value_at(&table.value, key) {
                     given.push(GivenTemperature {
                         kind: table.kind.clone(),
                         key,
@@ -105,7 +115,7 @@ impl Case {
         Ok(given)
     }
 
-    fn cold_surroundings(&self) -> Result<Vec<String>> {
+    fn cold_surroundings(&self) -> Result<Vec<String>, CaseError> {
         let given = self.given_temperatures()?.into_iter();
         let cold = given.filter_map(|given| {
             let lowest = given.numbers.into_iter().reduce(f64::min)?;
@@ -121,7 +131,7 @@ impl Case {
     }
 
     /// Bodies that heat up and deform, of a material that expands, without the coupler that says so.
-    fn no_expansion(&self, simulation: &Simulation) -> Result<Option<String>> {
+    fn no_expansion(&self, simulation: &Simulation) -> Result<Option<String>, CaseError> {
         let couplers = self.plugin_tables("couplers")?;
         let expansions = ["thermal_expansion", "phase_expansion"];
         if couplers
@@ -158,7 +168,7 @@ impl Case {
 impl Case {
     /// Explicit bodies whose deformation makes heat that is one step late: `u'' = -w^2 u + c w^2 dt u'`, with the ratio c of
     /// adiabatic and isothermal stiffness less one, so that amplitudes grow at the rate `c w^2 dt / 2`.
-    fn late_heat(&self, simulation: &Simulation) -> Result<Vec<String>> {
+    fn late_heat(&self, simulation: &Simulation) -> Result<Vec<String>, CaseError> {
         let (options, bodies) = (simulation.options(), simulation.world().bodies());
         let mut found = Vec::new();
         if options.iteration.is_some() {

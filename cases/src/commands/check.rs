@@ -5,17 +5,15 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use perimelt_core::body::Lattice;
-use perimelt_core::field::FieldIndex;
-use perimelt_core::log::Precision;
 use perimelt_core::{Body, Simulation};
 
 use super::{Done, threads};
 use crate::case::Case;
 use crate::plot::unit::{length_text, time_text};
-use crate::run::Failure;
 use crate::run::display::{duration, warn};
+use crate::run::log_size::{LogSize, bytes};
 use crate::run::outcome::Outcome;
-use crate::run::record::logged_fields;
+use crate::run::{Failure, log_of};
 
 #[derive(clap::Args, Debug)]
 pub struct CheckArgs {
@@ -33,9 +31,11 @@ pub fn run(args: &CheckArgs) -> Done {
     }
     sizes(&simulation, &mut out)?;
     steps(&simulation, &mut out)?;
-    log_size(&case, &simulation, &mut out)?;
+    let size = LogSize::new(&case, &simulation)?;
+    log_size(&size, &mut out)?;
     // of the initial state
-    let warnings = case.warnings(&simulation)?;
+    let mut warnings = case.warnings(&simulation)?;
+    warnings.extend(size.warning(&log_of(&args.case)));
     let mut outcome = Outcome::new(&simulation);
     let measured = duration_of(&mut simulation, &mut out);
     warn(&warnings);
@@ -85,7 +85,7 @@ fn sizes(simulation: &Simulation, out: &mut impl Write) -> Done {
                 out,
                 "    family of horizon {length} ({ratio} spacings): {} bonds, {}",
                 family.bonds,
-                bytes(family.memory)
+                bytes(family.memory as f64)
             )?;
             total += family.memory;
         }
@@ -100,7 +100,7 @@ fn sizes(simulation: &Simulation, out: &mut impl Write) -> Done {
     writeln!(
         out,
         "memory of points, fields and families: {}\n",
-        bytes(total)
+        bytes(total as f64)
     )?;
     Ok(())
 }
@@ -150,43 +150,15 @@ fn steps(simulation: &Simulation, out: &mut impl Write) -> Done {
 }
 
 /// Size of the log before compression.
-fn log_size(case: &Case, simulation: &Simulation, out: &mut impl Write) -> Done {
-    let world = simulation.world();
-    let width = match case.log.precision {
-        Precision::F32 => 4,
-        Precision::F64 => 8,
-    };
-    let fields = logged_fields(case, simulation);
-    let state: usize = world
-        .bodies()
-        .iter()
-        .zip(&fields)
-        .map(|(body, fields)| {
-            let components = |f: &FieldIndex| world.fields().field(*f).data().components();
-            // positions, and the spacings of points that are not on a lattice
-            let others = 3 + usize::from(body.lattice().is_none());
-            let numbers = others + fields.iter().map(components).sum::<usize>();
-            width * numbers * body.points.len()
-        })
-        .sum();
-    let columns: usize = case
-        .build_probes(simulation)?
-        .iter()
-        .map(|p| p.columns.len())
-        .sum();
-    // digits of a number as text, and its name
-    let state = state + 40 * columns;
-    let checkpoint = simulation.save()?.len();
-    let end = simulation.options().end;
-    let states = (end / simulation.options().log_interval - 1e-9).ceil() + 1.0;
-    let checkpoints = (end / case.checkpoint_interval() - 1e-9).ceil() + 1.0;
-    let total = states * state as f64 + checkpoints * checkpoint as f64;
+fn log_size(size: &LogSize, out: &mut impl Write) -> Done {
     writeln!(
         out,
-        "log: at most {} before compression: {states:.0} states of {}, {checkpoints:.0} checkpoints of {}",
-        bytes(total as usize),
-        bytes(state),
-        bytes(checkpoint)
+        "log: at most {} before compression: {:.0} states of {}, {:.0} checkpoints of {}",
+        bytes(size.total()),
+        size.states,
+        bytes(size.state as f64),
+        size.checkpoints,
+        bytes(size.checkpoint as f64)
     )?;
     Ok(())
 }
@@ -235,14 +207,6 @@ fn estimate(steps: &[(f64, f64)], end: f64) -> Option<f64> {
     let (early_time, early_wall) = steps[index.min(steps.len().checked_sub(2)?)];
     let rate = (wall - early_wall) / (time - early_time);
     Some(wall + rate * (end - time)).filter(|total| total.is_finite())
-}
-
-fn bytes(count: usize) -> String {
-    match count as f64 {
-        b if b < 1e6 => format!("{:.1} kB", b / 1e3),
-        b if b < 1e9 => format!("{:.1} MB", b / 1e6),
-        b => format!("{:.2} GB", b / 1e9),
-    }
 }
 
 #[cfg(test)]

@@ -5,20 +5,21 @@ use std::io::Write;
 use perimelt_core::error::nearest;
 use perimelt_core::field;
 use perimelt_core::material::{MaterialSection, ValueRange, known_properties};
-use perimelt_core::plugin::registered;
+use perimelt_core::plugin::{Registration, registered};
 use perimelt_core::{Coupler, Physics};
 use schemars::schema_for;
 use serde_json::Value;
 
-use super::Done;
+use super::{Done, list};
 use crate::case::sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
 use crate::case::{PLUGIN_NAME, schema};
 use crate::library;
+use crate::verify::check::Check;
 
 #[derive(clap::Args, Debug)]
 pub struct ExplainArgs {
-    /// Type of a physics or coupler; a section: case, bodies, materials, time, probes, log; a key of one of these, such as
-    /// `goldak.toolpath.polyline` or `polyline`; a field, a material property, or a material of the library
+    /// A section of the case file; the type of a physics or coupler; a key or a choice of one of these, such as
+    /// `goldak.toolpath.polyline`, `polyline` or `rkl2`; a field, a material property, or a material of the library
     name: String,
 }
 
@@ -34,6 +35,20 @@ pub fn run(args: &ExplainArgs) -> Done {
     let out = &mut std::io::stdout().lock();
     let known = known();
     let name = args.name.as_str();
+    match name {
+        "physics" => return plugins::<dyn Physics>(out, name),
+        "couplers" => return plugins::<dyn Coupler>(out, name),
+        "type" => return Ok(writeln!(out, "type = <text>\n    {TYPE}")?),
+        "name" => writeln!(
+            out,
+            "name = <text>\n    Of a physics or a coupler: {PLUGIN_NAME}\n"
+        )?,
+        _ => {}
+    }
+    let of_plugin = |section| name.strip_prefix(section);
+    let name = of_plugin("physics.")
+        .or(of_plugin("couplers."))
+        .unwrap_or(name);
     let first = name.split('.').next().unwrap_or(name);
     if let Some((first, header, schema)) = known.iter().find(|(known, ..)| known == first) {
         let path: Vec<String> = name.split('.').skip(1).map(String::from).collect();
@@ -66,7 +81,9 @@ pub fn run(args: &ExplainArgs) -> Done {
         let fields = field::keys::ALL.iter().map(|(name, ..)| (*name).into());
         let properties = known_properties().map(|p| p.name.into());
         let materials = library::names().map(String::from);
+        let others = ["physics", "couplers", "type"].map(String::from);
         let names: Vec<String> = plugins
+            .chain(others)
             .chain(fields)
             .chain(properties)
             .chain(materials)
@@ -79,6 +96,25 @@ pub fn run(args: &ExplainArgs) -> Done {
         writeln!(out, "also: {path}")?;
     }
     Ok(())
+}
+
+/// What the `type` of a plugin is for.
+const TYPE: &str = "Type of a physics or a coupler, such as `type = \"thermal\"`; `perimelt list` names all of them.";
+
+/// A section of plugins.
+fn plugins<P: ?Sized + 'static>(out: &mut impl Write, section: &str) -> Done
+where
+    Registration<P>: inventory::Collect,
+{
+    writeln!(
+        out,
+        "[[{section}]]\nA table for each of them, with its `type`:\n"
+    )?;
+    list::plugins::<P>(out)?;
+    Ok(writeln!(
+        out,
+        "\n`perimelt explain <type>` explains its keys."
+    )?)
 }
 
 fn unknown(name: &str, close: Option<&str>) -> Box<dyn std::error::Error> {
@@ -102,8 +138,10 @@ fn table(out: &mut impl Write, name: &str, header: &str, schema: &Value) -> Done
 
 /// One key, and the keys of its value.
 fn explain_key(out: &mut impl Write, path: &str, root: &Value, key: &Value) -> Done {
-    let kind = schema::type_name(root, key);
-    writeln!(out, "{path} = <{kind}>")?;
+    match (key["const"].as_str(), path.rsplit_once('.')) {
+        (Some(choice), Some((path, _))) => writeln!(out, "{path} = \"{choice}\"")?,
+        _ => writeln!(out, "{path} = <{}>", schema::type_name(root, key))?,
+    }
     let text = schema::one_line(root, key);
     if !text.is_empty() {
         writeln!(out, "    {text}")?;
@@ -163,6 +201,7 @@ fn known() -> Vec<(String, String, Value)> {
     all.push(section("time", "[time]", schema_for!(TimeSection)));
     all.push(section("probes", "[[probes]]", schema_for!(ProbeSection)));
     all.push(section("log", "[log]", schema_for!(LogSection)));
+    all.push(section("verify", "[[verify]]", schema_for!(Check)));
     all
 }
 

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use perimelt_core::log::{Ending, Log};
+use perimelt_core::log::{Ending, FieldInfo, Log};
 
 use super::{Done, threads};
 use crate::plot::unit::{length_text, time_text};
@@ -61,8 +61,19 @@ pub fn run(args: &InfoArgs) -> Done {
             body.dimension,
             length_text(body.spacing)
         )?;
-        for field in &body.fields {
+        // of a log without a state all that a state may have
+        let cloud = log.first_cloud(&body.name).ok();
+        let is_logged = |field: &&FieldInfo| {
+            let names = cloud.as_ref().map(|cloud| &cloud.fields);
+            names.is_none_or(|fields| fields.iter().any(|f| f.name == field.name))
+        };
+        let (logged, others): (Vec<_>, Vec<_>) = body.fields.iter().partition(is_logged);
+        for field in logged {
             writeln!(out, "    {} [{}]", field.name, field.unit)?;
+        }
+        if !others.is_empty() {
+            let names: Vec<&str> = others.iter().map(|field| field.name.as_str()).collect();
+            writeln!(out, "    not logged: {}", names.join(", "))?;
         }
     }
     for (name, series) in log.probes() {

@@ -45,7 +45,8 @@ pub fn run() -> Done {
     Ok(())
 }
 
-fn plugins<P: ?Sized + 'static>(out: &mut impl Write) -> Done
+/// A line for each plugin of one kind.
+pub(super) fn plugins<P: ?Sized + 'static>(out: &mut impl Write) -> Done
 where
     Registration<P>: inventory::Collect,
 {

@@ -125,13 +125,11 @@ pub fn main() -> ExitCode {
 fn report(error: &(dyn Error + 'static)) {
     let failure = error.downcast_ref::<Failure>();
     let in_case = match failure {
-        Some(Failure::Case(e)) => Some(&**e),
-        _ => error
-            .downcast_ref::<CaseError>()
-            .or_else(|| error.downcast_ref::<Box<CaseError>>().map(|e| &**e)),
+        Some(Failure::Case(e)) => Some(e),
+        _ => error.downcast_ref::<CaseError>(),
     };
     match in_case {
-        Some(mistake) => tell(&mistake.render(std::io::stderr().is_terminal())),
+        Some(mistakes) => tell(&mistakes.render(std::io::stderr().is_terminal())),
         None => tell(&format!("error: {error}")),
     }
 }

@@ -8,7 +8,7 @@ use perimelt_core::log::{Log, Series, check_unused};
 
 use super::{Done, tell, tell_damage};
 use crate::growing_log::{GrowingLog, Growth};
-use crate::moment::{sound, state_at};
+use crate::moment::{sound, state_at, tell_other_times};
 use crate::plot::{
     scalar::{check_scalars, scalar},
     unit,
@@ -57,6 +57,7 @@ pub fn run(args: &ReplayArgs) -> Done {
         let log = growing.log();
         args.check_fields(log)?;
         let times = times(log);
+        tell_other_times(times, &[at]);
         return match state_at(times, at)? {
             Some(index) => args.show(log, index, times[index]),
             None => Err(ReplayError::Empty(args.log.clone()).into()),

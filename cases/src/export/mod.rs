@@ -27,7 +27,7 @@ use std::{
 use perimelt_core::log::{BodyInfo, Log, LogError};
 
 use crate::commands::open_log;
-use crate::moment::{MomentError, sound, state_at};
+use crate::moment::{MomentError, sound, states_at, tell_other_times};
 use crate::plot::survey::Reference;
 use crate::plot::{beside, file_name};
 use mesh::Mesh;
@@ -150,6 +150,9 @@ pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
     }
     let mut collection = Vec::new();
     let mut is_displaced = false;
+    if let Some(body) = bodies.first() {
+        tell_other_times(log.times(&body.name), &args.at);
+    }
     for (part, body) in bodies.into_iter().enumerate() {
         let times = log.times(&body.name);
         let reference = Reference::new(&log, body)?;
@@ -255,11 +258,7 @@ fn chosen_times(times: &[f64], args: &ExportArgs) -> Result<Vec<usize>, MomentEr
         let every = args.every.max(1) as usize;
         return Ok((0..times.len()).step_by(every).collect());
     }
-    let at = args.at.iter().map(|&at| state_at(times, at));
-    let mut chosen: Vec<_> = at.filter_map(Result::transpose).collect::<Result<_, _>>()?;
-    chosen.sort_unstable();
-    chosen.dedup();
-    Ok(chosen)
+    states_at(times, &args.at)
 }
 
 /// Where the files go.

@@ -45,7 +45,7 @@ use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud, Series};
 use crate::case::sections::ProbeKind;
 use crate::cell_grid::CellGrid;
 use crate::commands::open_log;
-use crate::moment::state_at;
+use crate::moment::{states_at, tell_other_times};
 use crate::probe::is_line;
 use crate::run::case_of;
 pub use args::{Cut, PictureFormat, PlotArgs, ValueRange};
@@ -89,6 +89,9 @@ pub fn plot(args: &PlotArgs) -> Result<Vec<PathBuf>, PlotError> {
         path: plotter.out.clone(),
         source,
     })?;
+    if let Some(body) = bodies.first() {
+        tell_other_times(log.times(&body.name), &args.at);
+    }
     for body in bodies {
         plotter.plot_body(body)?;
     }
@@ -162,8 +165,7 @@ impl Plotter<'_> {
                     .chain([times.len() - 1])
                     .collect()
             } else {
-                let at = self.args.at.iter().map(|&at| state_at(times, at));
-                at.filter_map(Result::transpose).collect::<Result<_, _>>()?
+                states_at(times, &self.args.at)?
             };
             wanted.sort_unstable();
             wanted.dedup();
@@ -238,8 +240,7 @@ impl Plotter<'_> {
             let last = series.times.len() - 1;
             (1..=TIMES).map(|part| part * last / TIMES).collect()
         } else {
-            let at = self.args.at.iter().map(|&at| state_at(&series.times, at));
-            at.filter_map(Result::transpose).collect::<Result<_, _>>()?
+            states_at(&series.times, &self.args.at)?
         };
         rows.sort_unstable();
         rows.dedup();

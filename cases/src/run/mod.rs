@@ -4,6 +4,7 @@
 //! can be replayed and resumed, even if the run was killed.
 
 pub mod display;
+pub mod log_size;
 pub mod outcome;
 pub mod place;
 pub mod record;
@@ -19,6 +20,7 @@ use perimelt_core::{RunError, Simulation};
 use crate::case::{Case, CaseError, SECTIONS, StartError, plugin_names};
 use crate::commands::open_log;
 use display::Display;
+use log_size::LogSize;
 use outcome::Outcome;
 use place::{Place, PlaceError};
 use record::Recorder;
@@ -80,7 +82,7 @@ pub struct Summary {
 pub enum Failure {
     /// A mistake in the case file.
     #[error(transparent)]
-    Case(#[from] Box<CaseError>),
+    Case(#[from] CaseError),
     /// A step failed; the log contains all states before it.
     #[error(transparent)]
     Run(#[from] RunError),
@@ -155,7 +157,9 @@ pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
     let mut simulation = case.compose()?;
     case.start(&mut simulation)?;
     if !options.quiet {
-        display::warn(&case.warnings(&simulation)?);
+        let mut warnings = case.warnings(&simulation)?;
+        warnings.extend(LogSize::new(case, &simulation)?.warning(&options.out));
+        display::warn(&warnings);
     }
     let part = place.begin();
     let info = record::run_info(case, &simulation);
@@ -232,7 +236,7 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
 ///
 /// # Errors
 /// A mistake in it, for example because a plugin is missing in this program.
-pub fn case_of(log: &Log) -> Result<Case, Box<CaseError>> {
+pub fn case_of(log: &Log) -> Result<Case, CaseError> {
     let folder = Path::new(&log.run().case_folder);
     let case = Case::parse(log.case_name(), log.case_text().to_string(), folder);
     case.map_err(|mistake| match missing_plugins(log) {

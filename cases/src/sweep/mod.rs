@@ -56,7 +56,7 @@ pub struct SweepArgs {
 pub enum SweepError {
     /// A mistake in the case file, or in one with other values.
     #[error(transparent)]
-    Case(#[from] Box<CaseError>),
+    Case(#[from] CaseError),
     /// A `--set` that is no list.
     #[error(
         "`--set {given}`: {message}; expected a key and a list of values, such as `couplers.goldak.power=[1500, 2000]`"

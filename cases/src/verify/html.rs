@@ -223,6 +223,8 @@ mod tests {
         dimension = 1
         spacing = 0.1
         material = "steel"
+        [[physics]]
+        type = "thermal"
         [time]
         end = 1
         [log]

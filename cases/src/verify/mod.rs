@@ -82,7 +82,7 @@ impl VerifyArgs {
 pub enum VerifyError {
     /// A mistake in a case file.
     #[error("{}", .0.render(false))]
-    Case(#[from] Box<CaseError>),
+    Case(#[from] CaseError),
     /// `of`, `minus` or `error_of` names no case.
     #[error("`{quantity}` of case `{case}` is compared with case `{of}`, which does not exist")]
     NoSuchCase {

@@ -39,8 +39,6 @@ use perimelt_core::log::LogError;
 use crate::commands::tell;
 use crate::melt_pool::Travel;
 use answer::Answer;
-#[cfg(feature = "live")]
-use live::serve as serve_live;
 use store::Store;
 
 /// What to show, and where.
@@ -103,6 +101,10 @@ pub enum ViewError {
 /// # Errors
 /// The log cannot be read, the run of the case does not begin, or a port cannot be used.
 pub fn view(args: &ViewArgs, out: &mut impl Write) -> Result<(), ViewError> {
+    #[cfg(not(feature = "live"))]
+    if args.live.is_some() {
+        return Err(ViewError::NotLive);
+    }
     let path = match is_case(&args.log) {
         true => start::start(&args.log)?,
         false => args.log.clone(),
@@ -115,11 +117,12 @@ pub fn view(args: &ViewArgs, out: &mut impl Write) -> Result<(), ViewError> {
     let port = listener.local_addr().map_err(unusable)?.port();
     let address = format!("http://127.0.0.1:{port}/");
     writeln!(out, "{address} shows {}; Ctrl-C ends it", path.display())?;
+    #[cfg(feature = "live")]
     if let Some(port) = args.live {
         writeln!(
             out,
             "{} serves it to other viewers",
-            serve_live(&path, port)?
+            live::serve(&path, port)?
         )?;
     }
     out.flush()?;
@@ -133,11 +136,6 @@ pub fn view(args: &ViewArgs, out: &mut impl Write) -> Result<(), ViewError> {
     };
     http::serve(&listener, |request| answer.to(request));
     Ok(())
-}
-
-#[cfg(not(feature = "live"))]
-fn serve_live(_: &Path, _: u16) -> Result<String, ViewError> {
-    Err(ViewError::NotLive)
 }
 
 fn is_case(path: &Path) -> bool {

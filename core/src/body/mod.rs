@@ -27,6 +27,7 @@ use crate::axis::Axis;
 use crate::family::{Cut, Horizon};
 use crate::material::Material;
 use crate::shape::{Bounds, Shape};
+use crate::text::{number, position};
 
 /// The points of a body.
 #[derive(Clone, Debug)]
@@ -152,7 +153,7 @@ pub enum BodyError {
     #[error("`dimension` = {0} must be 1, 2 or 3")]
     Dimension(usize),
     /// No cell centre lies inside the shape.
-    #[error("no point: the shape is {extent:?} m, smaller than one cell of {spacing} m")]
+    #[error("no point: the shape is {} m, smaller than one cell of {} m", position(*extent), number(*spacing, 5))]
     NoPoints {
         /// Size of the bounding box, m.
         extent: [f64; 3],
@@ -168,7 +169,7 @@ pub enum BodyError {
         mistake: ZoneError,
     },
     /// Zones that leave out a part of the shape.
-    #[error("no zone covers the part of the shape around {at:?} m")]
+    #[error("no zone covers the part of the shape around {} m", position(*at))]
     NotCovered {
         /// A position there, m.
         at: [f64; 3],
@@ -185,7 +186,7 @@ pub enum BodyError {
         dimension: usize,
     },
     /// A tank that does not contain the body.
-    #[error("the tank does not contain the body, which reaches from {low:?} m to {high:?} m")]
+    #[error("the tank does not contain the body, which reaches from {} m to {} m", position(*low), position(*high))]
     Tank {
         /// Lower corner of the body, m.
         low: [f64; 3],

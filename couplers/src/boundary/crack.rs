@@ -5,6 +5,7 @@
 //! members for a physical reason, not because the lattice ends. The crack grows when the mechanics has
 //! `fracture`. Without `contact` its faces pass through each other when it closes.
 
+use perimelt_core::text::position;
 use perimelt_core::{Body, Coupler, Cut, Face, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -116,10 +117,10 @@ impl Coupler for InsulatedCrack {
         if !cuts.iter().any(meets) {
             let (min, max) = setup.body(body).bounds();
             let message = format!(
-                "the crack separates no points of body `{}`, which spans {:?} to {:?} m",
+                "the crack separates no points of body `{}`, which spans {} to {} m",
                 setup.body(body).name,
-                <[f64; 3]>::from(min),
-                <[f64; 3]>::from(max),
+                position(min),
+                position(max),
             );
             return Err(SetupError::value(key, message, "a crack inside the body"));
         }

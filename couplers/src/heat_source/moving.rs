@@ -6,6 +6,7 @@ use std::path::Path;
 use std::rc::Rc;
 
 use nalgebra::Vector3;
+use perimelt_core::text::{number, position};
 use perimelt_core::{Body, Coupler, Report, RunError, Setup, SetupError, Step, World, Write, keys};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -218,15 +219,17 @@ impl<S: SourceShape> MovingSource<S> {
     fn warn_of_size(&self, setup: &mut Setup<'_>, body: usize) {
         let (length, spacing) = (self.shape.length(), setup.body(body).finest_spacing());
         if length > 0.0 && length < spacing {
+            let [length, spacing] = [length, spacing].map(|x| number(x, 4));
             setup.warn(format!(
-                "the shortest length of the source is {length:.2e} m, finer than the spacing {spacing:.2e} m: it heats \
+                "the shortest length of the source is {length} m, finer than the spacing {spacing} m: it heats \
                  single cells"
             ));
         }
         let power = self.shape.source().power();
         if let Some(power) = power.filter(|power| *power > STRONGEST) {
             setup.warn(format!(
-                "a power of {power:.3e} W is unusual; powers are in watts"
+                "a power of {} W is unusual; powers are in watts",
+                number(power, 5)
             ));
         }
     }
@@ -269,12 +272,12 @@ impl<S: SourceShape> MovingSource<S> {
             return Err(SetupError::value("toolpath", message, "a power above 0"));
         };
         let message = format!(
-            "the source never heats the body: it is switched on at {:?} m, \
-             but body `{}` spans {:?} to {:?} m",
-            <[f64; 3]>::from(first),
+            "the source never heats the body: it is switched on at {} m, \
+             but body `{}` spans {} to {} m",
+            position(first),
             body.name,
-            <[f64; 3]>::from(min),
-            <[f64; 3]>::from(max),
+            position(min),
+            position(max),
         );
         Err(SetupError::value(
             "toolpath",

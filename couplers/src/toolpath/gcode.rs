@@ -21,6 +21,7 @@ use std::path::{Path, PathBuf};
 use gcode::core::{Number, Span};
 use gcode::{Block, Code};
 use nalgebra::Vector3;
+use perimelt_core::text::number;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -488,8 +489,8 @@ impl Machine<'_> {
         let [first, last] = [from.norm(), end.norm()];
         let difference = (first - last).abs();
         if first == 0.0 || difference > (ROUNDING[0] * first).max(ROUNDING[1]) {
-            let message =
-                format!("the arc starts {first:.4e} m and ends {last:.4e} m from its centre");
+            let [first, last] = [first, last].map(|x| number(x, 5));
+            let message = format!("the arc starts {first} m and ends {last} m from its centre");
             return Err((line, message));
         }
         let turned = end.y.atan2(end.x) - from.y.atan2(from.x);

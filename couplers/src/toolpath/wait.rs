@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::activity::is_active;
+use perimelt_core::text::position;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Body, Read, Setup, SetupError, World};
 use schemars::JsonSchema;
@@ -72,11 +73,11 @@ impl WaitUntil {
                 };
                 if (0..body.dimension).any(outside) {
                     let message = format!(
-                        "`wait_until.at` is {:?} m, but body `{}` spans {:?} to {:?} m",
-                        <[f64; 3]>::from(at),
+                        "`wait_until.at` is {} m, but body `{}` spans {} to {} m",
+                        position(at),
                         body.name,
-                        <[f64; 3]>::from(min),
-                        <[f64; 3]>::from(max),
+                        position(min),
+                        position(max),
                     );
                     return refuse(message, "a place on the body");
                 }

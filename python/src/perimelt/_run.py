@@ -96,20 +96,29 @@ def run(
 def resume(
     log: PathLike | Log,
     *,
+    case: PathLike | Case | None = None,
     out: PathLike | None = None,
     until: float | None = None,
     threads: int | None = None,
     quiet: bool = False,
+    folder: PathLike | None = None,
     program: PathLike | None = None,
 ) -> Log:
     """Continues a run from the last checkpoint of its log, and opens the log again.
 
+        later = perimelt.change_case(log.case, {"time.end": 120})
+        log = perimelt.resume(log, case=later, folder=log.case_folder)
+
     Args:
         log: the log; it is replaced unless `out` names another one
+        case: case file, or the case as a dictionary, which may have another end, other steps and
+            times of logging; the case of the log if left out
         out: a new log to write
         until: stop at the first logged state at or after this simulated time, s
         threads: number of threads; all cores if left out
         quiet: print nothing
+        folder: where relative paths in a case that is a dictionary start: by default the working
+            directory
         program: the program, see `find_program`
 
     Raises:
@@ -118,7 +127,13 @@ def resume(
     path = log.path if isinstance(log, Log) else Path(log)
     if isinstance(log, Log) and out is None:
         log.close()
-    _call([find_program(program), "resume", path, *_options(out, until, threads, quiet)], quiet)
+    command: list[PathLike] = [find_program(program), "resume", path]
+    command += _options(out, until, threads, quiet)
+    if isinstance(case, Mapping):
+        with _written(case, "case", Path(folder or ".")) as file:
+            _call([*command, "--case", file], quiet)
+    else:
+        _call(command if case is None else [*command, "--case", case], quiet)
     return Log(out or path)
 
 
