@@ -54,7 +54,7 @@ enum Command {
     },
     /// Show the contents of a log
     Info(info::InfoArgs),
-    /// Print what a process engineer reads off a log: melt pool, cooling times, distortion, energies
+    /// Print what a process engineer reads off a log: melt pool, fusion and heat-affected zone, cooling times, distortion, stress, energies
     Summary(summary::SummaryArgs),
     /// Step through a log: time, probes, balance
     Replay(replay::ReplayArgs),
