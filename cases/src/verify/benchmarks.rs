@@ -215,6 +215,7 @@ benchmarks!(
     "wang-7.5.2-neumann-plate",
     "freezing-water",
     "freezing-water-horizon-3",
+    "freezing-water-implicit",
     "wang-7.5.3-point",
     "wang-7.5.4.1-goldak",
     "wang-7.5.4.1-goldak-window",
