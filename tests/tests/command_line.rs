@@ -138,20 +138,22 @@ fn times_outside_of_a_log_are_refused_and_others_are_named() {
             done && message.contains("nearest to 0.047 s is that at 0.04"),
             "{command}: {message}"
         );
-        assert_eq!(message.matches("note: ").count(), 1, "{message}");
     }
     let (done, message) = told(folder, &["run", "weld.toml", "--threads", "100000"]);
     assert!(!done && message.contains("at most 1024"), "{message}");
 }
 
 #[test]
-fn fields_that_are_not_in_the_log_are_told_apart() {
+fn logs_of_some_fields_and_of_a_line_are_shown() {
     let folder = folder(0.1);
     let folder = folder.path();
     let case = folder.join("weld.toml");
     let text = std::fs::read_to_string(&case).expect("readable");
     let text = text.replace("[log]\n", "[log]\nfields = [\"temperature\"]\n");
-    std::fs::write(&case, text).expect("writable");
+    let line = "from = [0.001, 0.005, 0.003], to = [0.015, 0.005, 0.003], number = 7";
+    let probe =
+        format!("[[probes]]\nname = \"line\"\nfield = \"temperature\"\nkind.line = {{ {line} }}\n");
+    std::fs::write(&case, format!("{text}\n{probe}")).expect("writable");
     assert!(told(folder, &["run", "weld.toml", "--quiet"]).0);
     let info = command(folder, &["info", "weld.mcap"])
         .stdout(Stdio::piped())
@@ -162,6 +164,13 @@ fn fields_that_are_not_in_the_log_are_told_apart() {
         "{info}"
     );
     assert!(!info.contains("enthalpy ["), "{info}");
+    assert!(
+        info.contains("probe line: 0 [K], 0.00233333 [K], 0.00466667 [K]"),
+        "{info}"
+    );
+    // one picture of a field and one of the line
+    let (done, message) = told(folder, &["plot", "weld.mcap", "--at", "0.047"]);
+    assert!(done && message.matches("note: ").count() == 1, "{message}");
 }
 
 #[test]

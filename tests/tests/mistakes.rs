@@ -56,7 +56,7 @@ fn doubtful_numbers_are_told() {
         ("power = 2000", "power = 2e6"),
         (
             "type = \"thermal\"",
-            "type = \"mechanical\"\nplasticity = { annealing_temperature = 100 }\n[[physics]]\ntype = \"thermal\"",
+            "type = \"mechanical\"\nformulation = \"ordinary\"\nplasticity = { annealing_temperature = 100 }\n[[physics]]\ntype = \"thermal\"",
         ),
         ("half_width = 0.002", "half_width = 0.0002"),
         (

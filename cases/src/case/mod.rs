@@ -117,8 +117,7 @@ impl Case {
         let mut reader = Reader::new(&file, &table);
         reader.check_sections();
         // without its plugins a case has other mistakes that are none, such as unknown material properties
-        reader.check_plugin_names();
-        let materials = match reader.is_right() {
+        let materials = match reader.has_known_plugins() {
             true => reader.named("materials"),
             false => Vec::new(),
         };

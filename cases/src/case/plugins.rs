@@ -74,17 +74,20 @@ impl<'i> Reader<'_, 'i> {
         })
     }
 
-    /// Refuses plugins that this program does not have.
-    pub(super) fn check_plugin_names(&mut self) {
+    /// Whether this program has all plugins of the case. It refuses others.
+    pub(super) fn has_known_plugins(&mut self) -> bool {
+        let mut are_known = true;
         for section in ["physics", "couplers"] {
             let known = plugin_names(section);
             for table in self.plugin_tables(section) {
                 if !known.contains(&table.kind.as_str()) {
+                    are_known = false;
                     let unknown = unknown_plugin(self.file, &table);
                     self.mistakes.add(unknown);
                 }
             }
         }
+        are_known
     }
 
     /// Builds all plugins.

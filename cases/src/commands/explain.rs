@@ -138,16 +138,20 @@ fn table(out: &mut impl Write, name: &str, header: &str, schema: &Value) -> Done
 
 /// One key, and the keys of its value.
 fn explain_key(out: &mut impl Write, path: &str, root: &Value, key: &Value) -> Done {
-    match (key["const"].as_str(), path.rsplit_once('.')) {
-        (Some(choice), Some((path, _))) => writeln!(out, "{path} = \"{choice}\"")?,
-        _ => writeln!(out, "{path} = <{}>", schema::type_name(root, key))?,
+    let choice = key["const"].as_str().zip(path.rsplit_once('.'));
+    match choice {
+        Some((choice, (path, _))) => writeln!(out, "{path} = \"{choice}\"")?,
+        None => writeln!(out, "{path} = <{}>", schema::type_name(root, key))?,
     }
     let text = schema::one_line(root, key);
     if !text.is_empty() {
         writeln!(out, "    {text}")?;
     }
     writeln!(out)?;
-    keys(out, root, key, "")
+    match choice {
+        Some(_) => Ok(()),
+        None => keys(out, root, key, ""),
+    }
 }
 
 /// A field, a material property or a material of the library.
