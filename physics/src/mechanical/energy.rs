@@ -90,3 +90,27 @@ pub(super) fn work_of(volume: &[f64], force: &[f64], displacement: &[f64]) -> f6
     };
     sum_points(volume.len(), of_point)[0]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_is_that_of_all_components_over_the_volumes() {
+        let force = [1.0, 2.0, 3.0, -4.0, 5.0, 6.0];
+        let displacement = [0.5, 0.25, 2.0, 1.0, 3.0, -1.0];
+        // 7 J/m³ over 2 m³, and 5 J/m³ over 3 m³
+        assert_eq!(work_of(&[2.0, 3.0], &force, &displacement), 29.0);
+    }
+
+    #[test]
+    fn the_total_energy_has_three_parts() {
+        let energy = Energy {
+            kinetic: 1.0,
+            elastic: 2.0,
+            potential: -5.0,
+        };
+        assert_eq!([energy.stored(), energy.total()], [3.0, -2.0]);
+        assert_eq!(energy.reports().map(|r| r.value), [1.0, 2.0, -2.0]);
+    }
+}

@@ -59,3 +59,45 @@ pub(super) fn free_rigid_modes(
     }
     Ok(NullSpace::new(free))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Corners of a rectangle of 6 by 8 m, at 5 m from its centre: rotations are scaled by that distance.
+    #[test]
+    fn rigid_modes_are_translations_and_rotations_about_the_centre() {
+        let corner = |x: f64, y: f64| Vector3::new(1.0 + x, 2.0 + y, 7.0);
+        let positions = [
+            corner(-3.0, -4.0),
+            corner(3.0, -4.0),
+            corner(3.0, 4.0),
+            corner(-3.0, 4.0),
+        ];
+        let along = |axis: usize| -> Vec<f64> {
+            let mut mode = vec![0.0; 12];
+            mode.iter_mut().skip(axis).step_by(3).for_each(|m| *m = 1.0);
+            mode
+        };
+        let about_z = vec![
+            0.8, -0.6, 0.0, 0.8, 0.6, 0.0, -0.8, 0.6, 0.0, -0.8, -0.6, 0.0,
+        ];
+        // about x: (0, -z, y), about y: (z, 0, -x)
+        let about_x = vec![0.0, 0.0, -0.8, 0.0, 0.0, -0.8, 0.0, 0.0, 0.8, 0.0, 0.0, 0.8];
+        let about_y = vec![0.0, 0.0, 0.6, 0.0, 0.0, -0.6, 0.0, 0.0, -0.6, 0.0, 0.0, 0.6];
+        for (dimension, expected) in [
+            (1, vec![along(0)]),
+            (2, vec![along(0), along(1), about_z.clone()]),
+            (
+                3,
+                vec![along(0), along(1), along(2), about_x, about_y, about_z],
+            ),
+        ] {
+            let found = rigid_modes(&positions, dimension);
+            assert_eq!(found.len(), expected.len());
+            for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
+                assert!((found - expected).abs() < 1e-15, "{dimension}D");
+            }
+        }
+    }
+}

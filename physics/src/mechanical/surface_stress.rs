@@ -118,3 +118,52 @@ impl Extrapolation {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::block;
+    use perimelt_core::body::Store;
+    use perimelt_core::{Correction, FamilySpec};
+
+    /// Linear fields are continued to a surface from points that lie more than 1.5 horizons from all points with truncated
+    /// families, whatever the values near the surface are; the others stay.
+    #[test]
+    fn linear_fields_are_continued_to_the_surface() {
+        let body = block([20, 20, 1], 2, 0.1, Store::Lattice, "density = 1");
+        let spec = FamilySpec {
+            correction: Correction::None,
+            ..FamilySpec::new(0.2)
+        };
+        let family = Family::build(&body, &spec).expect("valid");
+        let extrapolation = Extrapolation::new(&body, &family).expect("a lattice");
+        let linear = |x: &nalgebra::Vector3<f64>| 3.0 + 2.0 * x.x - 5.0 * x.y;
+        // families within 2 spacings of a side are truncated, and what is within 3 spacings of these is replaced
+        let is_near = |x: &nalgebra::Vector3<f64>| [x.x, x.y].iter().any(|c| c.min(2.0 - c) < 0.5);
+        let positions = &body.points.position;
+        let value = |x: &nalgebra::Vector3<f64>| if is_near(x) { 1e3 } else { linear(x) };
+        let mut field: Vec<f64> = positions.iter().map(value).collect();
+        extrapolation.apply(&mut field);
+        for (x, found) in positions.iter().zip(&field) {
+            assert!((found - linear(x)).abs() < 1e-9, "{x}: {found}");
+        }
+        let replaced = positions.iter().filter(|x| is_near(x)).count();
+        assert_eq!(extrapolation.points.len(), replaced);
+    }
+
+    /// A wall too thin for points in the interior keeps the stress of its own bonds.
+    #[test]
+    fn thin_walls_keep_their_stress() {
+        let body = block([20, 6, 1], 2, 0.1, Store::Lattice, "density = 1");
+        let spec = FamilySpec {
+            correction: Correction::None,
+            ..FamilySpec::new(0.2)
+        };
+        let family = Family::build(&body, &spec).expect("valid");
+        let extrapolation = Extrapolation::new(&body, &family).expect("a lattice");
+        let mut field: Vec<f64> = (0..body.points.len()).map(|i| i as f64).collect();
+        let before = field.clone();
+        extrapolation.apply(&mut field);
+        assert_eq!(field, before);
+    }
+}

@@ -192,3 +192,6 @@ impl Composition {
         [ferrite_pearlite, bainite, martensite]
     }
 }
+
+#[cfg(test)]
+mod tests;

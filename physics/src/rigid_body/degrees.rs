@@ -365,20 +365,20 @@ mod tests {
     /// Displacement and velocity at the start, from a displacement of 7 m, and at the end of a step of half a second from 1 s.
     #[test]
     fn prescribed_motions_have_their_displacements_and_velocities() {
-        let rows = "{ time = [0, 1, 3], value = [2, 5, 1] }";
+        let rows = "{ time = [0, 2, 3], value = [2, 6, 1] }";
         let sine = "sine = { amplitude = 2, frequency = 0.25, phase = 0.3 }";
         let angle = |t: f64| 0.5 * std::f64::consts::PI * t + 0.3;
         let rate = 0.5 * std::f64::consts::PI;
         for (keys, start, end) in [
             ("displacement = 3".into(), [3.0, 0.0], [3.0, 0.0]),
             // slopes of the rows
-            (format!("displacement = {rows}"), [2.0, 3.0], [4.0, -2.0]),
+            (format!("displacement = {rows}"), [2.0, 2.0], [5.0, 2.0]),
             ("velocity = 4".into(), [7.0, 4.0], [9.0, 4.0]),
-            // from 5 m/s to 4 m/s in the step
+            // from 4 m/s to 5 m/s in the step
             (
                 format!("velocity = {rows}"),
                 [7.0, 2.0],
-                [7.0 + 0.5 * 4.5, 4.0],
+                [7.0 + 0.5 * 4.5, 5.0],
             ),
             (
                 sine.to_owned(),
