@@ -120,12 +120,12 @@ fn the_body_fits_the_form() {
         (water(1), "", Some("body")),
         (water(3), "", None),
         (cloud.clone(), "form = 'conservative'", None),
-        (cloud, EULER, Some("description")),
+        (cloud.clone(), EULER, Some("description")),
         (water(3), EULER, None),
     ] {
         assert_eq!(fault(&body, keys).as_deref(), at_fault, "{keys}");
     }
-    let mut two_spacings = water(2);
+    let mut two_spacings = cloud;
     two_spacings.points.spacing[0] = 2.0;
     let found = fault(&two_spacings, "form = 'conservative'");
     assert_eq!(found.as_deref(), Some("form"));

@@ -279,7 +279,10 @@ fn laws_that_cannot_be_are_refused() {
             "transformation_plasticity",
         ),
         ("initial_cooling_rate = 0", "initial_cooling_rate"),
-        ("initial = { ferrite = 1.5, bainite = -0.5 }", "initial"),
+        (
+            "initial = { ferrite = 1.5, bainite = -0.5 }",
+            "shares from 0 to 1",
+        ),
         ("austenite = { start = 1000, end = 1000 }", "austenite.end"),
         ("austenite = { start = 0, end = 1000 }", "austenite.end"),
         (
