@@ -114,8 +114,7 @@ fn ends(physics: Vec<Ruled>, watcher: Seen, options: TimeOptions) -> Vec<f64> {
     };
     let steps = watcher.steps.clone();
     run(physics, vec![watcher], options).expect("it runs");
-    let ends = steps.borrow().iter().skip(1).map(Step::end).collect();
-    ends
+    steps.borrow().iter().skip(1).map(Step::end).collect()
 }
 
 fn assert_close(found: &[f64], expected: &[f64], what: &str) {
