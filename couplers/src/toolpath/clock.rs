@@ -389,7 +389,7 @@ mod tests {
             ),
             (
                 "temperature = 400, at = [9, 0, 0]",
-                "`wait_until.at` is [9.0, 0.0, 0.0] m",
+                "`wait_until.at` is [9, 0, 0] m",
             ),
             (
                 "temperature = 400, at = [0, 0, 0], region = 'left'",

@@ -605,7 +605,7 @@ mod tests {
             ("G2 X1 F100", "an arc needs either its centre"),
             (
                 "G1 F100 X10\nG2 X0 Y10 I-10 J3",
-                "line 2 of the program part.gcode: the arc starts 1.0440e-2 m",
+                "line 2 of the program part.gcode: the arc starts 0.01044 m",
             ),
             ("G2 X10 R1 F100", "does not reach over 0.01 m"),
             ("G2 X10 Z1 I5 F100", "changes its height"),

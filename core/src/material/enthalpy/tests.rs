@@ -65,17 +65,18 @@ fn curves() -> Vec<EnthalpyCurve> {
 }
 
 proptest! {
-    /// Up to 3e9 J/m3 about the melting interval, and C is at least 380 MJ/(m3 K).
+    /// Up to 3e9 J/m³ about the melting interval.
     #[test]
     fn enthalpy_to_combined_temperature_and_back(enthalpy in -3e9..3e9, rise in 1e-3..100.0) {
         for (i, curve) in curves().iter().enumerate() {
             let combined = curve.combined(enthalpy);
             let (back, slope) = curve.from_combined(combined);
-            let scale = curve.maximum_capacity() * 16.0 * f64::EPSILON * 100.0 * combined.abs().max(1000.0);
+            let scale = curve.maximum_capacity() * 16.0 * f64::EPSILON * 10.0 * combined.abs().max(1000.0);
             prop_assert!((back - enthalpy).abs() <= scale, "curve {i}: {enthalpy} -> {back}");
             prop_assert!(slope > 0.0 && slope.is_finite(), "curve {i}: {slope}");
             let (above, other) = curve.from_combined(combined + rise);
-            let least = curve.minimum_capacity() / 1.01;
+            // the slope is c / (1 + c / C), and C ten times the largest c
+            let least = curve.minimum_capacity() / 1.1;
             prop_assert!(above - back >= least * rise - scale, "curve {i}");
             // the derivative, where no knot lies between and the capacity changes linearly
             let pieces = [enthalpy, above].map(|h| piece_index(&curve.enthalpies, h));

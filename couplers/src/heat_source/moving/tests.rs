@@ -176,7 +176,7 @@ fn a_source_off_the_body_or_never_on_is_refused() {
     for (toolpath, message) in [
         (
             "{ start = [-9, 10, 8], direction = [-1, 0, 0], speed = 2 }",
-            "it is switched on at [-9.0, 10.0, 8.0] m, but body `block` spans [0.0, 0.0, 0.0]",
+            "it is switched on at [-9, 10, 8] m, but body `block` spans [0, 0, 0]",
         ),
         (
             "{ start = [5, 10, 80], end = [15, 10, 80], speed = 2 }",
