@@ -332,23 +332,28 @@ mod tests {
         World::new(vec![block([3, 3, 2], 3, STEEL), upper])
     }
 
-    /// Powers into the bodies (W), common area (m²), and stable step (s).
-    fn exchanged(along: f64, keys: &str) -> (Vec<f64>, f64, f64) {
-        let mut world = two(along);
-        let table = format!("body = 'block'\nother = 'upper'\n{keys}");
-        let mut interface: HeatInterface = read(&table);
-        let handles = prepare(&mut world, &mut interface, |setup| {
+    /// The interface of two bodies with these temperatures (K) after a step.
+    fn applied(world: &mut World, table: &str, temperatures: [f64; 2]) -> HeatInterface {
+        let mut interface: HeatInterface = read(table);
+        let handles = prepare(world, &mut interface, |setup| {
             [0, 1].map(|body| {
                 setup.consume(body, &keys::HEAT_SOURCE).expect("free");
                 setup.own(body, &keys::TEMPERATURE).expect("free")
             })
         });
-        let temperatures = handles.expect("valid");
-        world.write(temperatures[0]).fill(300.0);
-        world.write(temperatures[1]).fill(400.0);
+        for (handle, temperature) in handles.expect("valid").into_iter().zip(temperatures) {
+            world.write(handle).fill(temperature);
+        }
+        let step = Step::new(0.0, 1.0);
+        interface.apply(world, step).expect("applies");
         interface
-            .apply(&world, Step::new(0.0, 1.0))
-            .expect("applies");
+    }
+
+    /// Powers into the bodies (W), common area (m²), and stable step (s).
+    fn exchanged(along: f64, keys: &str) -> (Vec<f64>, f64, f64) {
+        let mut world = two(along);
+        let table = format!("body = 'block'\nother = 'upper'\n{keys}");
+        let mut interface = applied(&mut world, &table, [300.0, 400.0]);
         let sums = [0, 1].map(|body| {
             let index = world.fields().find(body, "heat_source").expect("a sink");
             let field = world.fields().field(index).data();
@@ -420,18 +425,7 @@ mod tests {
             upper.points.position.iter_mut().for_each(|x| *x += offset);
             let mut world = World::new(vec![block([3, 3, 2], 3, STEEL), upper]);
             let table = format!("body = 'upper'\nother = 'block'\n{gap}");
-            let mut interface: HeatInterface = read(&table);
-            let handles = prepare(&mut world, &mut interface, |setup| {
-                [0, 1].map(|body| {
-                    setup.consume(body, &keys::HEAT_SOURCE).expect("free");
-                    setup.own(body, &keys::TEMPERATURE).expect("free")
-                })
-            });
-            let temperatures = handles.expect("valid");
-            world.write(temperatures[0]).fill(400.0);
-            world.write(temperatures[1]).fill(300.0);
-            let step = Step::new(0.0, 1.0);
-            interface.apply(&world, step).expect("applies");
+            let mut interface = applied(&mut world, &table, [400.0, 300.0]);
             let reports: Vec<f64> = interface.report().iter().map(|r| r.value).collect();
             // half cells of either side
             let series = 0.5 / 40.0 + 0.25 / 400.0;

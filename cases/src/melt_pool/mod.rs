@@ -235,16 +235,23 @@ impl MeltPoolGauge {
         extent(&profile, self.isotherm)
     }
 
+    /// Where a face of the body lies along its axis, in cells from the first centre.
+    fn face_in_cells(&self, face: Face) -> f64 {
+        match face.is_upper() {
+            true => self.grid.cells[face.axis()] as f64 - 0.5,
+            false => -0.5,
+        }
+    }
+
     /// By axis: 2 where a plane of symmetry normal to it cuts the region above the isotherm, 1 otherwise.
     fn halves(&self, values: &[f64]) -> [f64; 3] {
         let is_cut = |face: Face| {
             let axis = face.axis();
             let ends = (axis < self.dimension).then(|| self.in_cells(values, axis));
-            ends.flatten()
-                .is_some_and(|(from, to)| match face.is_upper() {
-                    true => to == self.grid.cells[axis] as f64 - 0.5,
-                    false => from == -0.5,
-                })
+            ends.flatten().is_some_and(|(from, to)| {
+                let end = if face.is_upper() { to } else { from };
+                end == self.face_in_cells(face)
+            })
         };
         let mut halves = [1.0; 3];
         for &face in self.symmetry.iter().filter(|face| is_cut(**face)) {

@@ -95,12 +95,14 @@ impl MeltPoolGauge {
             halves: self.halves(&values),
         };
         if !turns(aim.sources) || pool.peak.is_nan() {
-            let is_known = !pool.peak.is_nan();
-            let area = || is_known.then(|| cut.largest_area(pool.travel));
+            let area = || match pool.peak.is_nan() {
+                true => f64::NAN,
+                false => cut.largest_area(pool.travel),
+            };
             let section = Section {
                 sides: pool.sides,
                 width: pool.width,
-                area: (self.dimension == 3).then(|| area().unwrap_or(f64::NAN)),
+                area: (self.dimension == 3).then(area),
             };
             return Some(Zone {
                 length: Some(pool.length()),
@@ -220,11 +222,8 @@ impl Cut<'_> {
         let grid = self.cells.grid;
         self.gauge.symmetry.iter().any(|face| {
             let axis = face.axis();
-            let ends = match face.is_upper() {
-                true => grid.cells[axis] as f64 - 0.5,
-                false => -0.5,
-            };
-            let plane = (grid.origin[axis] + ends * grid.spacing) * across[axis];
+            let plane =
+                (grid.origin[axis] + self.gauge.face_in_cells(*face) * grid.spacing) * across[axis];
             let is_there = |side: f64| (side - plane).abs() < 1e-6 * grid.spacing;
             axis_of(across) == Some(axis) && sides.into_iter().any(is_there)
         })

@@ -117,6 +117,7 @@ impl ReadOff {
 /// A log that cannot be read.
 pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, LogError> {
     let mut found = Vec::new();
+    let logged_sources = LoggedSources::of_log(log);
     for body in &log.run().bodies {
         let times = log.times(&body.name);
         let (Some(&end), Some(last)) = (times.last(), times.len().checked_sub(1)) else {
@@ -125,8 +126,9 @@ pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, Log
         let isotherm = isotherms(log, &body.name, options.isotherm.as_slice());
         let isotherm = isotherm.first().map(|i| i.temperature);
         let last = log.cloud(&body.name, last)?;
-        temperatures(log, (body, &last), isotherm, options.travel, &mut found)?;
-        zones::zones(log, (body, &last), isotherm, options, &mut found)?;
+        let sources = &logged_sources;
+        temperatures((log, sources), (body, &last), isotherm, options, &mut found)?;
+        zones::zones((log, sources), (body, &last), isotherm, options, &mut found)?;
         history::history(log, (body, &last), &mut found);
         mechanics::before_release(log, body, &mut found)?;
         let mut extreme = |field: &str, quantity: &str, unit: &str| {
@@ -176,16 +178,17 @@ fn largest(body: &BodyInfo, cloud: &LoggedCloud, field: &str) -> Option<(f64, [f
 }
 
 fn temperatures(
-    log: &Log,
+    (log, sources): (&Log, &LoggedSources),
     (body, last): (&BodyInfo, &LoggedCloud),
     isotherm: Option<f64>,
-    travel: Travel,
+    options: &SummaryOptions,
     found: &mut Vec<ReadOff>,
 ) -> Result<(), LogError> {
     let Some(at_end) = largest(body, last, "temperature") else {
         return Ok(());
     };
-    let survey = survey(log, body, &["temperature".into()], isotherm, travel)?;
+    let fields = ["temperature".into()];
+    let survey = survey(log, body, &fields, isotherm, options.travel)?;
     if let Some(&index) = survey.peak.get("temperature") {
         let cloud = log.cloud(&body.name, index)?;
         found.extend(largest(body, &cloud, "temperature").map(|(peak, place)| {
@@ -197,7 +200,6 @@ fn temperatures(
     found.push(
         ReadOff::new(&body.name, "highest temperature at the end", at_end.0, "K").at(last.time),
     );
-    let sources = LoggedSources::of_log(log);
     let states: Vec<_> = survey
         .pools
         .iter()

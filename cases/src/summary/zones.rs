@@ -11,7 +11,7 @@ use crate::run::case_of;
 
 /// Reads off both zones. The isotherm (K) is that of the fusion zone.
 pub(super) fn zones(
-    log: &Log,
+    (log, sources): (&Log, &LoggedSources),
     (body, last): (&BodyInfo, &LoggedCloud),
     isotherm: Option<f64>,
     options: &SummaryOptions,
@@ -21,7 +21,6 @@ pub(super) fn zones(
         return Ok(());
     };
     let reference = Reference::new(log, body)?;
-    let sources = LoggedSources::of_log(log);
     let path = sources.path();
     let aim = Aim {
         sources: if path.is_empty() {

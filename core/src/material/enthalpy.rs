@@ -121,6 +121,8 @@ pub struct EnthalpyCurve {
     /// Where piece 1, 2, ... starts, as temperature and as enthalpy; piece 0 lies below.
     temperatures: Vec<f64>,
     enthalpies: Vec<f64>,
+    /// The same as combined temperatures, K.
+    combined: Vec<f64>,
     pieces: Vec<Piece>,
     density: f64,
     melting: Option<Melting>,
@@ -196,7 +198,11 @@ impl EnthalpyCurve {
                 capacity_at_liquidus: pieces[mushy].capacity(latent.liquidus),
             }
         });
+        let total = COMBINED_CAPACITY * maximum_capacity;
+        let starts = knots.iter().zip(&enthalpies);
+        let combined = starts.map(|(t, h)| t + h / total).collect();
         Ok(Self {
+            combined,
             temperatures: knots,
             enthalpies,
             pieces,
@@ -244,14 +250,10 @@ impl EnthalpyCurve {
     /// Enthalpy (J/m³) at a combined temperature (K), and its derivative by it, J/(m³ K).
     pub fn from_combined(&self, combined: f64) -> (f64, f64) {
         let total = self.combined_capacity();
-        let start = |i: usize| self.temperatures[i] + self.enthalpies[i] / total;
-        let mut index = 0;
-        while index < self.temperatures.len() && start(index) <= combined {
-            index += 1;
-        }
+        let index = piece_index(&self.combined, combined);
         let piece = &self.pieces[index];
         // piece 0 ends at the knot at which the others start
-        let start = start(index.saturating_sub(1));
+        let start = self.combined[index.saturating_sub(1)];
         if piece.capacity.is_infinite() {
             return (piece.enthalpy + total * (combined - start), total);
         }
@@ -271,7 +273,7 @@ impl EnthalpyCurve {
 
     /// C of [`Self::combined`], J/(m³ K).
     fn combined_capacity(&self) -> f64 {
-        10.0 * self.maximum_capacity
+        COMBINED_CAPACITY * self.maximum_capacity
     }
 
     /// Liquid fraction, clamp((θ − θ_s)/(θ_l − θ_s), 0, 1); 0 in a material that does not melt.
@@ -344,6 +346,9 @@ impl EnthalpyCurve {
         self.maximum_capacity
     }
 }
+
+/// C of [`EnthalpyCurve::combined`] over the largest capacity of the material.
+const COMBINED_CAPACITY: f64 = 10.0;
 
 /// Number of starts at or below `value`; 0 for a NaN, which then runs through the arithmetic.
 #[inline]

@@ -35,9 +35,10 @@ pub struct Implicit {
     work: Work,
 }
 
-/// The state that belongs to the unknowns, the derivative by them, and a direction, as [`Rhs::state`] has them.
+/// Unknowns, the state that belongs to them, the derivative by them, and a direction, as [`Rhs::state`] has them.
 #[derive(Debug, Clone, Default)]
 struct Work {
+    unknowns: Vec<f64>,
     state: Vec<f64>,
     slope: Vec<f64>,
     direction: Vec<f64>,
@@ -104,6 +105,7 @@ impl Implicit {
         }
         update(history, [state, old_rate], |_, [y, f]| y + old * f);
         rhs.unknowns(state, candidate);
+        work.unknowns.clear();
 
         let mut equation = StepEquation {
             rhs,
@@ -133,9 +135,14 @@ struct StepEquation<'a> {
 }
 
 impl StepEquation<'_> {
+    /// Finds the state, unless the unknowns are those of the last time, as in all products with one tangent.
     fn find_state(&mut self, unknowns: &[f64]) {
-        let Work { state, slope, .. } = &mut *self.work;
-        self.rhs.state(unknowns, state, slope);
+        let work = &mut *self.work;
+        if work.unknowns != unknowns {
+            work.unknowns.clear();
+            work.unknowns.extend_from_slice(unknowns);
+            self.rhs.state(unknowns, &mut work.state, &mut work.slope);
+        }
     }
 }
 
@@ -171,6 +178,7 @@ impl Rhs for StepEquation<'_> {
             state,
             slope,
             direction: of_state,
+            ..
         } = &mut *self.work;
         update(of_state, [direction, slope], |_, [v, slope]| slope * v);
         let time = at.time;
@@ -270,6 +278,7 @@ mod tests {
             history: &[0.0; 3],
             weight: 0.7,
             work: &mut Work {
+                unknowns: Vec::new(),
                 state: vec![0.0; 3],
                 slope: vec![0.0; 3],
                 direction: vec![0.0; 3],

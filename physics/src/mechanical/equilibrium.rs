@@ -106,9 +106,7 @@ pub(super) fn balance_and_break(
     const TOGETHER: f64 = 0.95;
     let mut work = Work::default();
     loop {
-        let balanced = balance(run)?;
-        work.iterations += balanced.iterations;
-        work.evaluations += balanced.evaluations;
+        work = work + balance(run)?;
         if run.fields.damage.is_none() {
             return Ok(work);
         }

@@ -126,17 +126,23 @@ mod tests {
     use perimelt_core::body::Store;
     use perimelt_core::{Correction, FamilySpec};
 
-    /// Linear fields are continued to a surface from points that lie more than 1.5 horizons from all points with truncated
-    /// families, whatever the values near the surface are.
-    #[test]
-    fn linear_fields_are_continued_to_the_surface() {
-        let body = block([20, 20, 1], 2, 0.1, Store::Lattice, "density = 1");
+    /// A wall of squares of 0.1 m with horizons of two.
+    fn wall(cells: [usize; 3]) -> (Body, Extrapolation) {
+        let body = block(cells, 2, 0.1, Store::Lattice, "density = 1");
         let spec = FamilySpec {
             correction: Correction::None,
             ..FamilySpec::new(0.2)
         };
         let family = Family::build(&body, &spec).expect("valid");
         let extrapolation = Extrapolation::new(&body, &family).expect("a lattice");
+        (body, extrapolation)
+    }
+
+    /// Linear fields are continued to a surface from points that lie more than 1.5 horizons from all points with truncated
+    /// families, whatever the values near the surface are.
+    #[test]
+    fn linear_fields_are_continued_to_the_surface() {
+        let (body, extrapolation) = wall([20, 20, 1]);
         let linear = |x: &nalgebra::Vector3<f64>| 3.0 + 2.0 * x.x - 5.0 * x.y;
         // families within 2 spacings of a side are truncated, and what is within 3 spacings of these is replaced
         let is_near = |x: &nalgebra::Vector3<f64>| [x.x, x.y].iter().any(|c| c.min(2.0 - c) < 0.5);
@@ -155,13 +161,7 @@ mod tests {
     /// A wall too thin for points in the interior keeps the stress of its own bonds.
     #[test]
     fn thin_walls_keep_their_stress() {
-        let body = block([20, 6, 1], 2, 0.1, Store::Lattice, "density = 1");
-        let spec = FamilySpec {
-            correction: Correction::None,
-            ..FamilySpec::new(0.2)
-        };
-        let family = Family::build(&body, &spec).expect("valid");
-        let extrapolation = Extrapolation::new(&body, &family).expect("a lattice");
+        let (body, extrapolation) = wall([20, 6, 1]);
         let mut field: Vec<f64> = (0..body.points.len()).map(|i| i as f64).collect();
         let before = field.clone();
         extrapolation.apply(&mut field);

@@ -5,6 +5,7 @@
 //! boundaries. The scheme that integrates the state thereby integrates its account, and the
 //! balance holds to rounding.
 
+use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::solver::reduce::{norm, sum_of, sum_points};
 use perimelt_core::solver::{At, Rhs, SolverError};
 use rayon::prelude::*;
@@ -31,6 +32,9 @@ impl Vectors {
 struct Base {
     state: Vec<f64>,
     temperature: Vec<f64>,
+    /// J/(m³ K), infinite while a pure substance melts.
+    capacity: Vec<f64>,
+    /// Flow and power, where these have no derivative; else empty.
     rate: Vec<f64>,
     /// Of the temperature; after it temperatures beside those of the base.
     change: Vec<f64>,
@@ -64,6 +68,22 @@ pub(super) struct CurrentVolumes<'a> {
 }
 
 impl Flow<'_> {
+    /// What the curve of each point gives at its enthalpy (J/m³).
+    fn by_point(
+        &self,
+        enthalpy: &[f64],
+        out: &mut Vec<f64>,
+        of: impl Fn(&EnthalpyCurve, f64) -> f64 + Sync,
+    ) {
+        let Matter {
+            curves, material, ..
+        } = self.matter;
+        out.resize(self.volume.len(), 0.0);
+        let points = out.par_iter_mut().zip(enthalpy).zip(material);
+        let points = points.with_min_len(4096);
+        points.for_each(|((out, h), &m)| *out = of(&curves[m as usize], *h));
+    }
+
     /// Leaves `flow + source` in `conduction.rate`, zero at held points; returns the power
     /// that comes in through sources and boundaries, W.
     pub(super) fn evaluate(&mut self, temperature: &[f64]) -> f64 {
@@ -137,14 +157,7 @@ impl Rhs for EnthalpyRate<'_> {
         let flow = &mut self.0;
         let points = flow.volume.len();
         let mut temperature = std::mem::take(&mut flow.vectors.temperature);
-        temperature.resize(points, 0.0);
-        let curves = flow.matter.curves;
-        temperature
-            .par_iter_mut()
-            .zip(state)
-            .zip(flow.matter.material)
-            .with_min_len(4096)
-            .for_each(|((t, h), &m)| *t = curves[m as usize].temperature(*h));
+        flow.by_point(state, &mut temperature, EnthalpyCurve::temperature);
         rate[points] = flow.evaluate(&temperature);
         flow.vectors.temperature = temperature;
         rate[..points].copy_from_slice(bytemuck::cast_slice(&flow.conduction.rate));
@@ -189,26 +202,24 @@ impl Rhs for EnthalpyRate<'_> {
         direction: &[f64],
         out: &mut [f64],
     ) -> Result<bool, SolverError> {
-        let mut base = self.linearise(at)?;
-        let flow = &mut self.0;
+        let mut base = self.linearise(at);
         let points = base.temperature.len();
-        let Matter {
-            curves, material, ..
-        } = flow.matter;
         base.change.resize(points, 0.0);
-        let change = base.change.par_iter_mut().zip(direction).zip(at.state);
-        let change = change.zip(material).with_min_len(4096);
-        change.for_each(|(((change, v), h), &m)| {
-            *change = v / curves[m as usize].capacity_from_enthalpy(*h);
-        });
-        let length = norm(&base.change);
-        if let Some(power) = flow.change(&base.temperature, &base.change) {
+        let change = base.change.par_iter_mut().zip(direction);
+        let change = change.zip(&base.capacity).with_min_len(4096);
+        change.for_each(|((change, v), capacity)| *change = v / capacity);
+        if let Some(power) = self.0.change(&base.temperature, &base.change) {
             out[points] = power;
-            out[..points].copy_from_slice(bytemuck::cast_slice(&flow.conduction.rate));
-        } else if length == 0.0 {
+            out[..points].copy_from_slice(bytemuck::cast_slice(&self.0.conduction.rate));
+        } else if base.change.iter().all(|change| *change == 0.0) {
             out.fill(0.0);
         } else {
-            let e = f64::EPSILON.sqrt() * norm(&base.temperature) / length;
+            if base.rate.is_empty() {
+                base.rate.resize(at.state.len(), 0.0);
+                self.rate(at.time, at.state, &mut base.rate)?;
+            }
+            let flow = &mut self.0;
+            let e = f64::EPSILON.sqrt() * norm(&base.temperature) / norm(&base.change);
             let moved = base.change.par_iter_mut().zip(&base.temperature);
             let moved = moved.with_min_len(4096);
             moved.for_each(|(change, t)| *change = t + e * *change);
@@ -217,7 +228,7 @@ impl Rhs for EnthalpyRate<'_> {
             let rates = out.par_iter_mut().zip(rates).with_min_len(4096);
             rates.for_each(|(out, ([rate], base))| *out = (rate - base) / e);
         }
-        flow.vectors.base = base;
+        self.0.vectors.base = base;
         Ok(true)
     }
 
@@ -238,16 +249,18 @@ impl Rhs for EnthalpyRate<'_> {
 
 impl EnthalpyRate<'_> {
     /// Takes the base out of the work vectors, at this state.
-    fn linearise(&mut self, at: At<'_>) -> Result<Base, SolverError> {
-        let mut base = std::mem::take(&mut self.0.vectors.base);
+    fn linearise(&mut self, at: At<'_>) -> Base {
+        let flow = &mut self.0;
+        let mut base = std::mem::take(&mut flow.vectors.base);
         if base.state != at.state {
             base.state.clear();
             base.state.extend_from_slice(at.state);
-            base.rate.resize(at.state.len(), 0.0);
-            self.rate(at.time, at.state, &mut base.rate)?;
-            base.temperature.clone_from(&self.0.vectors.temperature);
+            base.rate.clear();
+            flow.by_point(at.state, &mut base.temperature, EnthalpyCurve::temperature);
+            let capacity = EnthalpyCurve::capacity_from_enthalpy;
+            flow.by_point(at.state, &mut base.capacity, capacity);
         }
-        Ok(base)
+        base
     }
 }
 
