@@ -18,6 +18,7 @@
 
 pub mod case;
 mod cell_grid;
+mod chosen;
 pub mod commands;
 mod component;
 pub mod diff;

@@ -622,14 +622,16 @@ impl<'w> Setup<'w> {
     }
 
     /// Checks that what is read is provided and what is added is consumed, and hands over
-    /// the declarations. The error comes with the plugin at fault.
+    /// the declarations. Each error comes with the plugin at fault.
     ///
     /// # Errors
-    /// The first access without its counterpart.
-    pub fn finish(mut self) -> Result<Vec<Declaration>, (usize, SetupError)> {
-        self.check_points_at_rest()?;
-        self.check_growth()?;
-        self.check_refinements()?;
+    /// A body whose points cannot do what plugins ask for, else every access without its counterpart.
+    pub fn finish(mut self) -> Result<Vec<Declaration>, Vec<(usize, SetupError)>> {
+        let points = self.check_points_at_rest();
+        let points = points.and_then(|()| self.check_growth());
+        let points = points.and_then(|()| self.check_refinements());
+        points.map_err(|mistake| vec![mistake])?;
+        let mut mistakes = Vec::new();
         let fields = self.world.fields.iter().count();
         let with = |test: fn(Access) -> bool| {
             let mut found = vec![false; fields];
@@ -676,13 +678,16 @@ impl<'w> Setup<'w> {
                 }
                 _ => continue,
             };
-            return Err((d.plugin, SetupError::new("", problem)));
+            mistakes.push((d.plugin, SetupError::new("", problem)));
         }
-        if let Some(wall) = self.walls.iter().find(|w| !w.taken) {
+        for wall in self.walls.iter().filter(|w| !w.taken) {
             let name = &self.world.bodies[wall.body].name;
             let message = format!("no physics of body `{name}` has walls");
             let expected = "a `fluid` of that body with `form = \"conservative\"`";
-            return Err((wall.plugin, SetupError::value("fluid", message, expected)));
+            mistakes.push((wall.plugin, SetupError::value("fluid", message, expected)));
+        }
+        if !mistakes.is_empty() {
+            return Err(mistakes);
         }
         self.world.provided = provided;
         Ok(self.declarations)

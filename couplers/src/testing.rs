@@ -51,7 +51,8 @@ pub fn prepare<R>(
     coupler.prepare(&mut setup)?;
     setup.next_plugin("the physics");
     let handles = physics(&mut setup);
-    setup.finish().map_err(|(_, e)| e)?;
+    let finished = setup.finish();
+    finished.map_err(|mut mistakes| mistakes.swap_remove(0).1)?;
     Ok(handles)
 }
 

@@ -71,7 +71,6 @@ pub fn simulation(
         options,
         Path::new("."),
     )
-    .map_err(|(_, e)| e)
     .expect("a valid composition")
 }
 

@@ -208,6 +208,37 @@ fn mistakes_of_one_section_are_told_together() {
     ]));
 }
 
+/// A section that lacks two keys is told so of both.
+#[test]
+fn several_missing_keys_of_one_section_are_told_together() {
+    insta::assert_snapshot!(messages(&[
+        ("rear_length = 0.004\n", ""),
+        ("half_width = 0.002\n", ""),
+        ("material = \"steel\"\n", ""),
+        ("spacing = 0.001\n", ""),
+    ]));
+}
+
+/// Mistakes that plugins find once bodies are there.
+#[test]
+fn mistakes_of_several_plugins_are_told_together() {
+    insta::assert_snapshot!(messages(&[
+        ("type = \"goldak\"", "type = \"goldak\"\nbody = \"plat\""),
+        ("coefficient = 200", "coefficient = -200"),
+        ("horizon = 2\n", "horizon = 0\n"),
+    ]));
+}
+
+/// Each coupler that feeds nobody is named.
+#[test]
+fn what_nobody_provides_is_told_for_each_plugin() {
+    let plugins = "[[couplers]]\ntype = \"deformation_heat\"\n[[couplers]]\ntype = \"thermal_expansion\"\nreference_temperature = 300";
+    insta::assert_snapshot!(messages(&[(
+        "[[couplers]]\ntype = \"phase_change\"",
+        plugins
+    )]));
+}
+
 /// Mistakes that only the composed case shows.
 #[test]
 fn mistakes_of_the_composed_case_are_told_together() {

@@ -18,20 +18,34 @@ pub struct Change {
     pub value: String,
 }
 
-/// No `=` between key and value.
+/// Why a text gives no change.
 #[derive(Debug, thiserror::Error)]
-#[error("expected a key and its value, such as `couplers.goldak.power=2000`")]
-pub struct NoChange;
+pub enum NoChange {
+    /// No `=` between key and value.
+    #[error("expected a key and its value, such as `couplers.goldak.power=2000`")]
+    NoValue,
+    /// The value is not TOML.
+    #[error(
+        "`{value}` is not a number, text in quotes (`{key}=\"...\"`), a list or a table of TOML"
+    )]
+    NotToml {
+        /// The key.
+        key: String,
+        /// The value.
+        value: String,
+    },
+}
 
 impl std::str::FromStr for Change {
     type Err = NoChange;
 
     fn from_str(text: &str) -> std::result::Result<Self, NoChange> {
-        let (key, value) = text.split_once('=').ok_or(NoChange)?;
-        Ok(Change {
-            key: key.trim().into(),
-            value: value.trim().into(),
-        })
+        let (key, value) = text.split_once('=').ok_or(NoChange::NoValue)?;
+        let (key, value) = (key.trim().to_string(), value.trim().to_string());
+        match DeValue::parse(&value) {
+            Ok(_) => Ok(Change { key, value }),
+            Err(_) => Err(NoChange::NotToml { key, value }),
+        }
     }
 }
 

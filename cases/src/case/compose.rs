@@ -30,13 +30,15 @@ impl Case {
     /// start of the run. No file is written.
     ///
     /// # Errors
-    /// The mistakes of all plugins, else those of all bodies, else the first one that a plugin finds, else those of
-    /// initial fields, of the log and of probes.
+    /// The mistakes in the tables of plugins and bodies, else those that plugins find, else those of initial fields, of
+    /// the log and of probes.
     pub fn compose(&self) -> Result<Simulation, CaseError> {
         let table = self.table();
         let mut reader = Reader::new(&self.file, &table);
         let plugins = reader.plugins();
-        let Plugins { couplers, physics } = reader.finish(plugins)?;
+        let bodies = reader.mistakes.collect(self.fill_bodies());
+        let bodies = bodies.unwrap_or_default();
+        let (Plugins { couplers, physics }, bodies) = reader.finish((plugins, bodies))?;
         let (couplers, coupler_tables): (_, Vec<_>) = couplers.into_iter().unzip();
         let (physics, physics_tables): (_, Vec<_>) = physics.into_iter().unzip();
         let options = TimeOptions {
@@ -47,16 +49,22 @@ impl Case {
             log_interval: self.log_interval(),
             iteration: self.time.iteration,
         };
-        let world = World::new(self.fill_bodies()?);
+        let world = World::new(bodies);
         let prepared = Simulation::prepare(world, couplers, physics, options, &self.folder);
-        let mut simulation = prepared.map_err(|(culprit, e)| {
-            let table = match culprit {
-                Culprit::Physics(i) => &physics_tables[i],
-                Culprit::Coupler(i) => &coupler_tables[i],
-            };
-            self.setup_error(table, &e)
-        })?;
         let mut mistakes = Mistakes::default();
+        let mut simulation = match prepared {
+            Ok(simulation) => simulation,
+            Err(faults) => {
+                for (culprit, e) in faults {
+                    let table = match culprit {
+                        Culprit::Physics(i) => &physics_tables[i],
+                        Culprit::Coupler(i) => &coupler_tables[i],
+                    };
+                    mistakes.add(self.setup_error(table, &e));
+                }
+                return Err(mistakes.into());
+            }
+        };
         if mistakes
             .collect(self.set_initial(&mut simulation))
             .is_some()

@@ -191,8 +191,9 @@ impl Mistakes {
     /// Adds the mistakes of a part.
     pub fn add(&mut self, error: impl Into<CaseError>) {
         for mistake in error.into().mistakes {
-            // two bodies may be made of the same wrong material
-            if !self.0.contains(&mistake) {
+            // two bodies may be made of one wrong material, and two plugins need what it lacks
+            let is_same = |m: &Mistake| m.message == mistake.message && m.span == mistake.span;
+            if !self.0.iter().any(is_same) {
                 self.0.push(mistake);
             }
         }
@@ -209,14 +210,20 @@ impl Mistakes {
     }
 
     /// The value of all parts, if none has a mistake.
-    pub fn finish<T>(mut self, value: T) -> Result<T, CaseError> {
-        // those of the file as a whole at the end
-        let place = |m: &Mistake| m.span.as_ref().map_or(usize::MAX, |span| span.start);
-        self.0.sort_by_key(place);
+    pub fn finish<T>(self, value: T) -> Result<T, CaseError> {
         match self.0.is_empty() {
             true => Ok(value),
-            false => Err(CaseError { mistakes: self.0 }),
+            false => Err(self.into()),
         }
+    }
+}
+
+impl From<Mistakes> for CaseError {
+    fn from(Mistakes(mut mistakes): Mistakes) -> Self {
+        // those of the file as a whole at the end
+        let place = |m: &Mistake| m.span.as_ref().map_or(usize::MAX, |span| span.start);
+        mistakes.sort_by_key(place);
+        CaseError { mistakes }
     }
 }
 

@@ -236,6 +236,10 @@ impl<'a, 'i> Reader<'a, 'i> {
             if is_first || at_fault.is_some() {
                 self.add(section.reword(&error));
             }
+            if is_first {
+                let others = section.others_missing(&error);
+                others.into_iter().for_each(|mistake| self.add(mistake));
+            }
             is_first = false;
             let mut without = rest.get_ref().as_table()?.clone();
             without.remove(at_fault?.as_str())?;

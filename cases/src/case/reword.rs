@@ -1,5 +1,6 @@
 //! Converts messages of the TOML reader and of serde into sentences for users.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use perimelt_core::error::nearest;
@@ -16,7 +17,7 @@ pub struct Section<'a> {
     /// Such as `[time]` or `[[couplers]]`, with the plugin's type where it has one.
     pub name: String,
     /// The header.
-    pub header: std::ops::Range<usize>,
+    pub header: Range<usize>,
     /// Its keys.
     pub table: &'a TomlTable<'a>,
     /// Schema of its keys.
@@ -68,22 +69,7 @@ impl Section<'_> {
             }
             .help(format!("known here: {}", known.join(", ")))
         } else if let Some(name) = quoted(message, "missing field `") {
-            let mut keys = path.clone();
-            keys.push(name.into());
-            let whole = keys.join(".");
-            let reworded = at(format!("key `{whole}` is missing in {}", self.name));
-            let doc = schema::documentation(&self.schema, &keys);
-            let kind = schema::at(&self.schema, &keys)
-                .map_or_else(String::new, |k| schema::type_name(&self.schema, k));
-            let reworded = reworded.expected(match kind.as_str() {
-                "" => format!("needs `{name}`"),
-                kind => format!("needs `{name} = <{kind}>`"),
-            });
-            if doc.is_empty() {
-                reworded
-            } else {
-                reworded.help(format!("`{name}`: {doc}"))
-            }
+            return self.missing(path, name, span);
         } else if let Some((found, expected)) = wrong_type(message) {
             let key = path.join(".");
             let reworded = at(format!("`{key}` in {} cannot be {found}", self.name))
@@ -102,6 +88,38 @@ impl Section<'_> {
             split_help(at(message.to_string()), message)
         };
         reworded.within(self.header.clone(), format!("in {}", self.name))
+    }
+
+    /// The mistake that the table at `path` lacks the key `name`.
+    fn missing(&self, path: Vec<String>, name: &str, span: Range<usize>) -> Box<Mistake> {
+        let mut keys = path;
+        keys.push(name.into());
+        let message = format!("key `{}` is missing in {}", keys.join("."), self.name);
+        let doc = schema::documentation(&self.schema, &keys);
+        let kind = schema::at(&self.schema, &keys)
+            .map_or_else(String::new, |k| schema::type_name(&self.schema, k));
+        let mistake = Mistake::new(self.file, message, span).expected(match kind.as_str() {
+            "" => format!("needs `{name}`"),
+            kind => format!("needs `{name} = <{kind}>`"),
+        });
+        let mistake = match doc.is_empty() {
+            true => mistake,
+            false => mistake.help(format!("`{name}`: {doc}")),
+        };
+        mistake.within(self.header.clone(), format!("in {}", self.name))
+    }
+
+    /// The mistakes that the section lacks other keys than the one that `error` reports, if it reports one.
+    pub fn others_missing(&self, error: &toml::de::Error) -> Vec<Box<Mistake>> {
+        let reported = quoted(error.message(), "missing field `");
+        let Some(reported) = reported.filter(|_| self.path(error).is_empty()) else {
+            return Vec::new();
+        };
+        let required = self.schema["required"].as_array().into_iter().flatten();
+        let required = required.filter_map(Json::as_str);
+        let others = required.filter(|key| *key != reported && !self.table.contains_key(*key));
+        let missing = |key| self.missing(Vec::new(), key, self.header.clone());
+        others.map(missing).collect()
     }
 }
 

@@ -23,6 +23,7 @@ use perimelt_core::log::{Ending, Log, LogError};
 
 use crate::case::{self, CaseError};
 use crate::run::Failure;
+use crate::sweep::SweepError;
 use crate::{export, plot, sweep, verify, view};
 
 /// Simulates welding and additive manufacturing with peridynamics.
@@ -126,7 +127,10 @@ fn report(error: &(dyn Error + 'static)) {
     let failure = error.downcast_ref::<Failure>();
     let in_case = match failure {
         Some(Failure::Case(e)) => Some(e),
-        _ => error.downcast_ref::<CaseError>(),
+        _ => match error.downcast_ref::<SweepError>() {
+            Some(SweepError::Case(e)) => Some(e),
+            _ => error.downcast_ref::<CaseError>(),
+        },
     };
     match in_case {
         Some(mistakes) => tell(&mistakes.render(std::io::stderr().is_terminal())),

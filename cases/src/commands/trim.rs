@@ -38,7 +38,14 @@ enum TrimError {
     #[error("`--from {from}` is after `--to {to}`")]
     Reversed { from: f64, to: f64 },
     #[error(
-        "no logged state lies between {from} and {to} s; the log has states from {first} to {last} s"
+        "no logged state lies {}; the log has states from {first} to {last} s",
+        if from > last {
+            format!("at {from} s or later")
+        } else if to < first {
+            format!("at {to} s or earlier")
+        } else {
+            format!("between {from} and {to} s")
+        }
     )]
     NothingInside {
         from: f64,

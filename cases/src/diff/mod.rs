@@ -15,6 +15,7 @@ use std::path::PathBuf;
 
 use perimelt_core::log::{Log, LogError, LoggedCloud};
 
+use crate::chosen::suggestion;
 use crate::commands::open_log;
 use crate::moment::sound;
 use series::compare_series;
@@ -56,7 +57,7 @@ pub enum DiffError {
     #[error("`--tolerance` is {0}, expected a number of 0 or more, such as 1e-6")]
     Tolerance(f64),
     /// An asked body or field that neither log has.
-    #[error("neither log has a {what} `{name}`; they have: {}", known.join(", "))]
+    #[error("neither log has a {what} `{name}`; they have: {}{}", known.join(", "), suggestion(name, known))]
     Unknown {
         /// body or field
         what: &'static str,

@@ -19,17 +19,18 @@ mod tests;
 mod vtu;
 
 use std::{
-    fs::{self, File},
+    fs::File,
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
 };
 
 use perimelt_core::log::{BodyInfo, Log, LogError};
 
+use crate::chosen::{self, UnknownBody, suggestion};
 use crate::commands::open_log;
 use crate::moment::{MomentError, sound, states_at, tell_other_times};
 use crate::plot::survey::Reference;
-use crate::plot::{beside, file_name};
+use crate::plot::{beside, create_folder, file_name};
 use mesh::Mesh;
 
 /// What to export.
@@ -82,15 +83,10 @@ pub enum ExportError {
     #[error(transparent)]
     Moment(#[from] MomentError),
     /// No such body.
-    #[error("the run has no body `{body}`; its bodies are: {}", known.join(", "))]
-    UnknownBody {
-        /// the requested name
-        body: String,
-        /// the known names
-        known: Vec<String>,
-    },
+    #[error(transparent)]
+    UnknownBody(#[from] UnknownBody),
     /// No such field in any of the bodies.
-    #[error("the log has no field `{field}`; it has: {}", known.join(", "))]
+    #[error("the log has no field `{field}`; it has: {}{}", known.join(", "), suggestion(field, known))]
     UnknownField {
         /// the requested name
         field: String,
@@ -122,13 +118,13 @@ pub struct Exported {
 /// The log cannot be read, has no such body, field or time, or a file cannot be written.
 pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
     let log = open_log(&args.log)?;
-    let bodies = chosen_bodies(&log, &args.body)?;
+    let bodies = chosen::bodies(&log, &args.body)?;
     check_fields(&log, &bodies, &args.field)?;
     let out = args
         .out
         .clone()
         .unwrap_or_else(|| beside(&args.log, "-export"));
-    fs::create_dir_all(&out).map_err(|source| ExportError::Io {
+    create_folder(&out).map_err(|source| ExportError::Io {
         path: out.clone(),
         source,
     })?;
@@ -204,27 +200,6 @@ pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
         files: folder.written,
         is_displaced,
     })
-}
-
-/// The bodies asked for, or all.
-fn chosen_bodies<'a>(log: &'a Log, asked: &[String]) -> Result<Vec<&'a BodyInfo>, ExportError> {
-    if asked.is_empty() {
-        return Ok(log.run().bodies.iter().collect());
-    }
-    let find = |name: &String| {
-        log.run()
-            .bodies
-            .iter()
-            .find(|body| body.name == *name)
-            .ok_or_else(|| {
-                let known = log.bodies().map(String::from).collect();
-                ExportError::UnknownBody {
-                    body: name.clone(),
-                    known,
-                }
-            })
-    };
-    asked.iter().map(find).collect()
 }
 
 /// Every field asked for must be logged for at least one of the bodies.

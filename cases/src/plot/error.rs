@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use perimelt_core::log::LogError;
 
 use super::scalar::ScalarError;
+use crate::chosen::UnknownBody;
 use crate::moment::MomentError;
 
 /// Why pictures could not be made.
@@ -17,13 +18,8 @@ pub enum PlotError {
     #[error(transparent)]
     Moment(#[from] MomentError),
     /// No such body.
-    #[error("the run has no body `{body}`; its bodies are: {}", known.join(", "))]
-    UnknownBody {
-        /// the requested name
-        body: String,
-        /// the known names
-        known: Vec<String>,
-    },
+    #[error(transparent)]
+    UnknownBody(#[from] UnknownBody),
     /// No such field in any of the bodies.
     #[error(transparent)]
     Scalar(#[from] ScalarError),

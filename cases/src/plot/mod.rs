@@ -44,6 +44,7 @@ use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud, Series};
 
 use crate::case::sections::ProbeKind;
 use crate::cell_grid::CellGrid;
+use crate::chosen;
 use crate::commands::open_log;
 use crate::moment::{states_at, tell_other_times};
 use crate::probe::is_line;
@@ -64,7 +65,7 @@ use survey::{Survey, survey};
 /// The log cannot be read, has no such body or field, or a picture cannot be written.
 pub fn plot(args: &PlotArgs) -> Result<Vec<PathBuf>, PlotError> {
     let log = open_log(&args.log)?;
-    let bodies = chosen_bodies(&log, &args.body)?;
+    let bodies = chosen::bodies(&log, &args.body)?;
     let out = args
         .out
         .clone()
@@ -84,7 +85,7 @@ pub fn plot(args: &PlotArgs) -> Result<Vec<PathBuf>, PlotError> {
         plotter.film(&bodies, film)?;
         return Ok(plotter.written);
     }
-    fs::create_dir_all(&plotter.out).map_err(|source| PlotError::Io {
+    create_folder(&plotter.out).map_err(|source| PlotError::Io {
         action: "create",
         path: plotter.out.clone(),
         source,
@@ -103,25 +104,15 @@ pub fn plot(args: &PlotArgs) -> Result<Vec<PathBuf>, PlotError> {
     Ok(plotter.written)
 }
 
-/// The bodies asked for, or all.
-fn chosen_bodies<'a>(log: &'a Log, asked: &[String]) -> Result<Vec<&'a BodyInfo>, PlotError> {
-    if asked.is_empty() {
-        return Ok(log.run().bodies.iter().collect());
+/// Creates a folder for files, unless it exists.
+///
+/// # Errors
+/// A file of that name, or what the operating system says.
+pub(crate) fn create_folder(path: &Path) -> std::io::Result<()> {
+    match path.is_file() {
+        true => Err(std::io::Error::other("this is a file, expected a folder")),
+        false => fs::create_dir_all(path),
     }
-    let find = |name: &String| {
-        log.run()
-            .bodies
-            .iter()
-            .find(|body| body.name == *name)
-            .ok_or_else(|| {
-                let known = log.bodies().map(String::from).collect();
-                PlotError::UnknownBody {
-                    body: name.clone(),
-                    known,
-                }
-            })
-    };
-    asked.iter().map(find).collect()
 }
 
 /// `run.mcap` with `-plots`: `run-plots`, in the same folder.

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use perimelt_core::log::{CloudField, Log, LogError, LoggedCloud};
 
+use crate::chosen::suggestion;
 use crate::component::Number;
 
 /// A scalar made from a field.
@@ -26,8 +27,8 @@ pub enum ScalarError {
     /// No body has it.
     #[error(
         "the log has no field `{field}`; it has: {} (of vectors and tensors also components, such \
-         as `displacement.x`)",
-        known.join(", ")
+         as `displacement.x`){}",
+        known.join(", "), suggestion(field, known)
     )]
     Unknown {
         /// the requested name

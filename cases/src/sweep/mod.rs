@@ -15,7 +15,7 @@ use perimelt_core::log::Log;
 use crate::case::{Case, CaseError};
 use crate::commands::tell;
 use crate::melt_pool::Travel;
-use crate::plot::{PictureFormat, PlotError};
+use crate::plot::{PictureFormat, PlotError, create_folder};
 use crate::run::display::duration;
 use crate::run::early_end;
 use crate::summary::{SummaryOptions, read_off};
@@ -199,7 +199,7 @@ fn write_cases(folder: &Path, variants: &[Variant]) -> Result<(), SweepError> {
         let path = path.to_path_buf();
         |source| SweepError::Write { path, source }
     };
-    std::fs::create_dir_all(folder).map_err(failed(folder))?;
+    create_folder(folder).map_err(failed(folder))?;
     for variant in variants {
         let path = variant.case(folder);
         let text = &variant.text;

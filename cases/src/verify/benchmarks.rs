@@ -363,6 +363,8 @@ benchmarks!(
     "clamped-bar-ordinary",
     "metallurgy-isothermal",
     "metallurgy-dilatometer",
+    "dilatometer-sa540-10",
+    "dilatometer-sa540-1",
     "satoh-austenite",
     "satoh-martensite",
     "satoh-transformation-plasticity",

@@ -39,10 +39,15 @@ fn spec() -> FamilySpec {
     }
 }
 
-/// Plugin at fault, and key and message of the refusal, if there is one.
+/// Plugin at fault, and key and message of the only mistake, if there is one.
 fn finished(setup: Setup<'_>) -> Result<(), (usize, String, String)> {
     let refused = setup.finish().map(|_| ());
-    refused.map_err(|(plugin, e)| (plugin, e.key.clone(), e.to_string()))
+    refused.map_err(|mistakes| {
+        let [(plugin, e)] = &mistakes[..] else {
+            panic!("{mistakes:?}");
+        };
+        (*plugin, e.key.clone(), e.to_string())
+    })
 }
 
 #[test]

@@ -135,6 +135,9 @@ pub struct FamilySize {
     pub memory: usize,
 }
 
+/// Mistakes of a composition, each with the plugin at fault.
+pub type Faults = Vec<(Culprit, SetupError)>;
+
 /// A plugin at fault, by its kind and position in the case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Culprit {
@@ -148,35 +151,42 @@ impl Simulation {
     /// Prepares every plugin and derives the order. `folder` is where relative paths start.
     ///
     /// # Errors
-    /// The plugin at fault and its mistake.
+    /// The mistakes of what couplers share, else those of all plugins, else those of how the plugins fit together.
     pub fn prepare(
         mut world: World,
         mut couplers: Vec<Named<dyn Coupler>>,
         mut physics: Vec<Named<dyn Physics>>,
         options: TimeOptions,
         folder: &Path,
-    ) -> Result<Simulation, (Culprit, SetupError)> {
+    ) -> Result<Simulation, Faults> {
         let culprit = |plugin: usize, couplers: usize| match plugin.checked_sub(couplers) {
             Some(physics) => Culprit::Physics(physics),
             None => Culprit::Coupler(plugin),
         };
         let mut setup = Setup::new(&mut world, folder);
+        let mut faults = Faults::new();
         for (i, c) in couplers.iter_mut().enumerate() {
-            let value = c.plugin.share(folder);
-            let value = value.map_err(|e| (Culprit::Coupler(i), e))?;
-            value.into_iter().for_each(|v| setup.share(&c.label, v));
+            match c.plugin.share(folder) {
+                Ok(value) => value.into_iter().for_each(|v| setup.share(&c.label, v)),
+                Err(e) => faults.push((Culprit::Coupler(i), e)),
+            }
+        }
+        // a plugin may need what another shares
+        if !faults.is_empty() {
+            return Err(faults);
         }
         for (i, c) in couplers.iter_mut().enumerate() {
             setup.next_plugin(&c.label);
-            c.plugin
-                .prepare(&mut setup)
-                .map_err(|e| (Culprit::Coupler(i), e))?;
+            let prepared = c.plugin.prepare(&mut setup);
+            faults.extend(prepared.err().map(|e| (Culprit::Coupler(i), e)));
         }
         for (i, p) in physics.iter_mut().enumerate() {
             setup.next_physics(&p.label);
-            p.plugin
-                .prepare(&mut setup)
-                .map_err(|e| (Culprit::Physics(i), e))?;
+            let prepared = p.plugin.prepare(&mut setup);
+            faults.extend(prepared.err().map(|e| (Culprit::Physics(i), e)));
+        }
+        if !faults.is_empty() {
+            return Err(faults);
         }
         let size = |(body, f): (usize, std::sync::Arc<crate::family::Family>)| FamilySize {
             body,
@@ -187,9 +197,11 @@ impl Simulation {
         let family_sizes = setup.families().map(size).collect();
         let requests = setup.requests();
         let warnings = setup.take_warnings();
-        let declarations = setup
-            .finish()
-            .map_err(|(plugin, e)| (culprit(plugin, couplers.len()), e))?;
+        let declarations = setup.finish().map_err(|mistakes| {
+            let mistakes = mistakes.into_iter();
+            let at = |(plugin, e)| (culprit(plugin, couplers.len()), e);
+            mistakes.map(at).collect::<Faults>()
+        })?;
         let labels: Vec<String> = couplers
             .iter()
             .map(|c| &c.label)
@@ -205,9 +217,9 @@ impl Simulation {
                 _ => None,
             };
             let culprit = culprit(first.unwrap_or(0), couplers.len());
-            (culprit, SetupError::new("", problem))
+            vec![(culprit, SetupError::new("", problem))]
         })?;
-        check_updates(&plan, &physics)?;
+        check_updates(&plan, &physics).map_err(|fault| vec![fault])?;
         world.set_times(&(0..body_of_field.len()).collect::<Vec<_>>(), 0.0);
         let progress = Progress {
             sub_steps: vec![0; physics.len()],

@@ -230,7 +230,7 @@ fn prepared(
     physics: Vec<Ruled>,
     couplers: Vec<Seen>,
     options: TimeOptions,
-) -> Result<Simulation, (Culprit, SetupError)> {
+) -> Result<Simulation, Faults> {
     let (min, max) = ([0.0; 3], [8.0, 1.0, 0.0]);
     let shape = Shape::Box(BoxShape { min, max });
     let body = |name| Body::fill(name, &shape, 2, 1.0, 1.0).expect("a valid body");
@@ -254,7 +254,7 @@ fn prepared(
 
 fn valid(physics: Vec<Ruled>, couplers: Vec<Seen>, options: TimeOptions) -> Simulation {
     let simulation = prepared(physics, couplers, options);
-    simulation.map_err(|(_, e)| e).expect("a valid composition")
+    simulation.expect("a valid composition")
 }
 
 /// Runs to the end.
@@ -369,7 +369,10 @@ fn a_circle_of_couplers_is_blamed_on_one_of_them() {
     };
     let couplers = vec![coupler("x", "seen"), coupler("a", "b"), coupler("b", "a")];
     let refused = prepared(vec![ruled("x", |_, _| 1.0)], couplers, quarters());
-    let (culprit, error) = refused.err().expect("they wait for each other");
+    let refused = refused.err().expect("they wait for each other");
+    let [(culprit, error)] = &refused[..] else {
+        panic!("{refused:?}");
+    };
     assert!(
         matches!(culprit, Culprit::Coupler(1 | 2)),
         "{culprit:?}: {error}"
@@ -415,8 +418,9 @@ fn a_field_that_nobody_provides_is_refused_with_those_of_its_body() {
     };
     let physics = vec![ruled("x", |_, _| 1.0), ruled("y", |_, _| 1.0)];
     let refused = prepared(physics, vec![watcher], quarters()).err();
-    let (Culprit::Coupler(0), error) = refused.expect("nobody has it") else {
-        panic!("the coupler is to blame");
+    let mut refused = refused.expect("nobody has it").into_iter();
+    let (Some((Culprit::Coupler(0), error)), None) = (refused.next(), refused.next()) else {
+        panic!("the coupler alone is to blame");
     };
     let Problem::NobodyProvides {
         field,

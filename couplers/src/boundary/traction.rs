@@ -310,7 +310,7 @@ mod tests {
         setup.next_plugin("mechanical");
         setup.consume(0, &keys::BODY_FORCE).expect("free");
         setup.follow_activity(0);
-        setup.finish().map_err(|(_, e)| e).expect("complete");
+        setup.finish().expect("complete");
         apply(&world, &mut boundary, 0.0);
         assert_eq!(boundary.report()[2].value, -2.0 * 10.0);
         let body_force = values(&world, &keys::BODY_FORCE);

@@ -187,7 +187,7 @@ mod tests {
         setup.next_plugin("the physics");
         setup.own(0, &keys::TEMPERATURE).expect("free");
         setup.deposit(0, &[]).expect("free");
-        setup.finish().map_err(|(_, e)| e).expect("valid");
+        setup.finish().expect("valid");
         set(&mut world, &keys::TEMPERATURE, |point| 100.0 * point as f64);
         for (there, expected) in [
             ([1.0, 1.0, 1.0, 1.0, 1.0], Some(300.0)),

@@ -29,7 +29,8 @@ impl Heated {
         let temperature = setup.own(0, &keys::TEMPERATURE)?;
         setup.next_physics("metallurgy");
         metallurgy.prepare(&mut setup)?;
-        setup.finish().map_err(|(_, e)| e)?;
+        let finished = setup.finish();
+        finished.map_err(|mut mistakes| mistakes.swap_remove(0).1)?;
         world.write(temperature).fill(initial);
         metallurgy.start(&world).expect("it starts");
         Ok(Heated {

@@ -132,7 +132,7 @@ fn all_kinds_of_fields_are_linear_between_two_states() {
         let mut setup = Setup::new(&mut world, Path::new("."));
         setup.next_physics("replay");
         replay.prepare(&mut setup).expect("the same points");
-        setup.finish().map_err(|(_, e)| e).expect("complete");
+        setup.finish().expect("complete");
         assert_eq!(replay.next_event(0.0), Some(states[0].0));
         assert_eq!(replay.next_event(states[0].0), states.get(1).map(|s| s.0));
         assert_eq!(replay.next_event(1.0), None);

@@ -269,7 +269,10 @@ fn what_takes_all_points_for_material_is_refused() {
         let physics = physics(keys, other).into_iter().map(named).collect();
         let world = World::new(vec![body]);
         let refused = Simulation::prepare(world, couplers, physics, options, Path::new("."));
-        let (_, mistake) = refused.err().expect("it is refused");
+        let mistakes = refused.err().expect("it is refused");
+        let [(_, mistake)] = &mistakes[..] else {
+            panic!("{mistakes:?}");
+        };
         assert_eq!(mistake.key, key);
         assert!(mistake.to_string().contains(words), "{mistake}");
     }

@@ -363,8 +363,9 @@ fn physics_of_a_group_are_not_advanced_for_the_log_only() {
         ..Seen::default()
     };
     let physics = vec![ruled("x", |_, _| 1.0), y];
-    let (culprit, error) = prepared(physics, vec![exchange], quarters())
+    let mut refused = prepared(physics, vec![exchange], quarters())
         .err()
         .expect("both advance together");
+    let (culprit, error) = refused.remove(0);
     assert_eq!((culprit, &*error.key), (Culprit::Physics(1), "update"));
 }

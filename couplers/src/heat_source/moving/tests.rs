@@ -203,6 +203,19 @@ fn a_source_off_the_body_or_never_on_is_refused() {
     ready(&mut approach);
 }
 
+/// A move without an end is followed as far as the body, wherever the body is.
+#[test]
+fn an_approach_from_far_beyond_the_origin_is_accepted() {
+    let mut body = block([4, 4, 4], 3, STEEL);
+    body.points.position.iter_mut().for_each(|x| x.x += 100.0);
+    let mut world = World::new(vec![body]);
+    let mut approach = ellipsoid("{ start = [-100, 2, 4], direction = [1, 0, 0], speed = 2 }");
+    let consume = |setup: &mut Setup<'_>| {
+        setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+    };
+    prepare(&mut world, &mut approach, consume).expect("it arrives after 100 s");
+}
+
 #[test]
 fn keys_stand_side_by_side_and_mistakes_point_at_their_place() {
     let line = "toolpath.line = { start = [0, 0, 0], end = [1, 0, 0], speed = 1 }";

@@ -1,0 +1,61 @@
+//! Bodies and fields of a log that a command names.
+
+use perimelt_core::error::nearest;
+use perimelt_core::log::{BodyInfo, Log};
+
+/// No such body.
+#[derive(Debug, thiserror::Error)]
+#[error("the run has no body `{body}`; its bodies are: {}{}", known.join(", "), suggestion(body, known))]
+pub struct UnknownBody {
+    /// the requested name
+    pub body: String,
+    /// the known names
+    pub known: Vec<String>,
+}
+
+/// The bodies asked for, or all.
+///
+/// # Errors
+/// A name that no body has.
+pub(crate) fn bodies<'a>(log: &'a Log, asked: &[String]) -> Result<Vec<&'a BodyInfo>, UnknownBody> {
+    let all = || log.run().bodies.iter();
+    if asked.is_empty() {
+        return Ok(all().collect());
+    }
+    let find = |name: &String| {
+        let found = all().find(|body| body.name == *name);
+        found.ok_or_else(|| UnknownBody {
+            body: name.clone(),
+            known: log.bodies().map(String::from).collect(),
+        })
+    };
+    asked.iter().map(find).collect()
+}
+
+/// The end of a message about an unknown name, also one with a component such as `displacment.x`: the known name that is
+/// nearest to it, if one is near.
+pub(crate) fn suggestion(name: &str, known: &[String]) -> String {
+    let (field, component) = name.split_at(name.find('.').unwrap_or(name.len()));
+    match nearest(field, known.iter().map(String::as_str)) {
+        Some(close) if close != field => format!("; did you mean `{close}{component}`?"),
+        _ => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_name_is_suggested_with_its_component() {
+        let known = ["displacement", "temperature"].map(String::from);
+        let suggested = |name| suggestion(name, &known);
+        assert_eq!(
+            suggested("displacment.x"),
+            "; did you mean `displacement.x`?"
+        );
+        assert_eq!(suggested("temprature"), "; did you mean `temperature`?");
+        assert_eq!(suggested("temperature.x"), "");
+        assert_eq!(suggested("hardness"), "");
+    }
+}
