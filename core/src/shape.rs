@@ -64,6 +64,7 @@ pub struct Cylinder {
     /// Centre of the other end face, m.
     pub end: [f64; 3],
     /// Radius, m.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
 }
 
@@ -78,6 +79,7 @@ pub struct EllipticalCylinder {
     /// One semi-axis of the ellipse as a vector at right angles to the cylinder, m.
     pub semi_axis: [f64; 3],
     /// Length of the other semi-axis, m.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub other: f64,
 }
 

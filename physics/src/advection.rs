@@ -158,6 +158,7 @@ impl Flux {
 mod tests {
     use super::*;
     use crate::testing::block;
+    use perimelt_core::Family;
     use perimelt_core::body::{Jitter, Store};
 
     /// What is missing for a decay at 0.15 times speed over spacing.
@@ -177,6 +178,21 @@ mod tests {
                 "{convection:?} {diffusivity}: {found}"
             );
         }
+    }
+
+    #[test]
+    fn a_difference_that_vanishes_has_no_rate() {
+        let body = block([8, 8, 1], 2, 0.5, Store::Lattice, "density = 1");
+        let spec = Pddo::spec(Horizon::Spacings(2.015));
+        let family = Family::moving(&body, &spec).expect("valid");
+        let pddo = Pddo::build(&body, family.into(), 2).expect("valid");
+        let mut short_waves = ShortWaves::default();
+        let place = &body.points.position;
+        let wave = |i: usize| (2.0 * place[i].x).sin();
+        short_waves.find((&pddo, &mut Derivatives::default()), (&[], 0), wave);
+        assert!(short_waves.rate(20).abs() > 0.1);
+        short_waves.vanish();
+        assert_eq!(short_waves.rate(20), 0.0);
     }
 
     #[test]

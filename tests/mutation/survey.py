@@ -35,8 +35,8 @@ VARIABLE = "PERIMELT_MUTANT"
 TRACE = "PERIMELT_REACHED_MUTANTS"
 HERE = Path(__file__).resolve().parent
 # tests of whole runs and of what users are told about their mistakes
-RUNS = """bodies_that_meet clouds command_line coupled damaged_logs discovery eulerian_walls kill_and_resume logs mistakes
-modes moving_window python_log random_bodies replayed view""".split()
+RUNS = """bodies_that_meet clouds command_line coupled damaged_logs discovery eulerian_walls kill_and_resume logs messages
+mistakes modes moving_window python_log random_bodies replayed view""".split()
 # what must be covered, with the paths that belong to it
 AREAS = {
     "couplers": ["couplers/src/"],
@@ -49,6 +49,8 @@ AREAS = {
 # what is built and run: unit tests and tests of runs
 TESTED = ["--workspace", "--lib", *[flag for test in RUNS for flag in ("--test", test)]]
 PACKAGES = [flag for crate in ("core", "couplers", "physics") for flag in ("-p", f"perimelt-{crate}")]
+# the tests of `.ci/run` notice numbers that overflow
+CHECKS = {"CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS": "true", "CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS": "true"}
 # text for people and sizes in memory are no results
 LEFT_OUT = re.compile(r"impl (std::fmt::|fmt::)?(Debug|Display) for|<impl .*(Debug|Display)|memory|::describe|::schema")
 SWITCH = f'''//! The mutant that is active, and the mutants that a run reaches.
@@ -414,6 +416,7 @@ def report(args):
 
 
 def main():
+    os.environ |= CHECKS
     tasks = {"write": write, "build": build, "trace": trace, "run": run, "report": report}
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("task", choices=tasks)

@@ -273,6 +273,7 @@ pub struct LineProbe {
 #[serde(deny_unknown_fields)]
 pub struct MeltPoolProbe {
     /// Isotherm, K; the solidus of the body's material when left out.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     #[serde(default)]
     pub isotherm: Option<f64>,
     /// Axis of the length; the direction of travel of the nearest heat source when `along` and `down` are left out (x

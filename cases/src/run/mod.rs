@@ -214,6 +214,13 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
     }
     let mut simulation = case.compose()?;
     simulation.load(&state)?;
+    if !options.quiet {
+        display::warn(
+            LogSize::new(case, &simulation)?
+                .warning(&options.out)
+                .as_slice(),
+        );
+    }
     let wall = log
         .progress()
         .iter()

@@ -16,9 +16,11 @@ pub struct Zone {
     /// Corner with the largest coordinates, m: a whole number of spacings from `min`.
     pub max: [f64; 3],
     /// Distance between neighbouring points, m.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub spacing: f64,
     /// Factor of the horizons of its points, 1 by default: with `horizon_factor = 2` and `horizon = 3` they are 6
     /// spacings.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     #[serde(default = "one", skip_serializing_if = "is_one")]
     pub horizon_factor: f64,
 }

@@ -392,11 +392,44 @@ mod tests {
             }
             assert_eq!(behind(&[XMax, ZMax]).0, 2.5);
             assert_eq!(behind(&[XMax, YMin, ZMax]).0, 4.0);
+            // also where all faces prescribe a value
+            let mut filled = SlotField::default();
+            filled.load(&family, &values[..], ByRules(&rules[..3], 0));
+            for ghost in &family.ghosts {
+                let is_behind = |f: &Face| ghost.passes[*f as usize] > 0;
+                if Face::ALL.into_iter().filter(is_behind).eq([XMax, YMin]) {
+                    assert_eq!(filled[ghost.slot as usize], 8.0 - f64::from(ghost.point));
+                }
+            }
             // where they agree, or one has nothing to say, it is the image
             let (value, point) = behind(&[XMax, YMax]);
             assert_eq!(value, point);
             let (value, point) = behind(&[XMax, ZMin]);
             assert_eq!(value, 2.0 - point);
+        }
+    }
+
+    /// Cells count from that of the first point, in front of it below zero.
+    #[test]
+    fn the_cells_of_layers_are_where_their_points_are() {
+        for dimension in [2, 3] {
+            let (min, max) = ([0.0; 3], [0.6, 0.5, 0.4]);
+            let shape = Shape::Box(BoxShape { min, max });
+            let body = Body::fill("block", &shape, dimension, 0.1, 0.5).expect("valid");
+            let spec = FamilySpec::mirrored(&body, 2.0);
+            let family = Family::build(&body, &spec).expect("valid");
+            let cells = family.layer_cells();
+            assert_eq!(cells.len(), family.layer_points());
+            for (slot, cell) in cells {
+                for (axis, cell) in cell.into_iter().enumerate().take(dimension) {
+                    let expected = 0.1 * (cell as f64 + 0.5);
+                    let found = family.place(slot as usize, axis);
+                    assert!(
+                        (found - expected).abs() < 1e-12,
+                        "{slot}: {found} {expected}"
+                    );
+                }
+            }
         }
     }
 

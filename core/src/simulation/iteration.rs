@@ -11,6 +11,7 @@ use crate::solver::reduce::{dot, max_abs};
 #[serde(deny_unknown_fields)]
 pub struct Iteration {
     /// Largest relative change of any state field between passes.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub tolerance: f64,
     /// Largest number of passes.
     pub passes: usize,
@@ -183,6 +184,29 @@ mod tests {
                 assert!((pass(second) - second).abs() < 1e-8, "{a}: {second}");
             }
         }
+    }
+
+    /// Of two fields that change by the same part of their size, both count alike, whatever their units.
+    #[test]
+    fn fields_of_all_units_count_alike() {
+        // passes towards 1 with factors of 0.5 and -0.5, in units that differ by 1e12
+        let pass = |state: &State| -> State {
+            let towards = |size: f64, value: f64, factor: f64| size + factor * (value - size);
+            vec![
+                vec![towards(1e6, state[0][0], 0.5)],
+                vec![towards(1e-6, state[1][0], -0.5)],
+            ]
+        };
+        let start = vec![vec![1e6 * (1.0 - 1e-4)], vec![1e-6 * (1.0 - 1e-4)]];
+        let mut aitken = Aitken::default();
+        let first = aitken.relax(&pass(&start), &start);
+        aitken.relax(&pass(&first), &first);
+        // residuals of 0.5 and 1.5, then of 0.25 and -0.75; from the first field alone 2, from the second 2/3
+        let (last, difference) = ([0.5, 1.5], [-0.25, -2.25]);
+        let product = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
+        let expected = -product(last, difference) / product(difference, difference);
+        let factor = aitken.factor.expect("two passes");
+        assert!((factor - expected).abs() < 1e-3, "{factor} {expected}");
     }
 
     #[test]

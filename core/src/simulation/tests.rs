@@ -301,6 +301,7 @@ fn the_work_of_all_sub_steps_is_counted() {
     assert_eq!(progress.sub_steps, [12]);
     assert_eq!(progress.iterations, [36]);
     assert_eq!(progress.evaluations, [24]);
+    assert_eq!((progress.passes, progress.last_step), (4, 0.25));
 }
 
 #[test]

@@ -51,7 +51,12 @@ fn report(source: &dyn Coupler, name: &str) -> f64 {
 }
 
 fn moving(kind: usize, path: &str) -> Box<dyn Coupler> {
-    let line = format!("\ntoolpath.line = {path}");
+    moving_on("z+", kind, path)
+}
+
+/// One of five sources that heats a face.
+fn moving_on(face: &str, kind: usize, path: &str) -> Box<dyn Coupler> {
+    let line = format!("\ntoolpath.line = {path}\nheated_surface.face = '{face}'");
     match kind {
         0 => Box::new(read::<EllipsoidSource>(&format!(
             "power = 100\nhalf_length = 1.5\nhalf_width = 2\ndepth = 1{line}"
@@ -65,21 +70,33 @@ fn moving(kind: usize, path: &str) -> Box<dyn Coupler> {
         3 => Box::new(read::<SuperGaussianSource>(&format!(
             "power = 100\nabsorptivity = 1\nradius = 2\npenetration_depth = 2\npenetration = 'gaussian'{line}"
         ))),
-        _ => Box::new(read::<PointSource>(&format!("power = 100{line}"))),
+        _ => Box::new(read::<PointSource>(&format!(
+            "power = 100\ntoolpath.line = {path}"
+        ))),
     }
 }
 
 #[test]
 fn a_uniform_cloud_is_heated_as_its_lattice() {
+    let paths = [
+        ("z+", "[9.3, 10.2, 8]", "[1, 0, 0]"),
+        ("z+", "[9.3, 10.2, 8]", "[1, 0.4, 0]"),
+        ("y-", "[9.3, 0, 4.2]", "[1, 0, 0]"),
+        ("x+", "[20, 10.2, 4.2]", "[0, 1, 0]"),
+    ];
     for kind in 0..5 {
-        for direction in ["[1, 0, 0]", "[1, 0.4, 0]"] {
-            let path = format!("{{ start = [9.3, 10.2, 8], direction = {direction}, speed = 2 }}");
+        for (face, start, direction) in paths {
+            // point sources know no face
+            if kind == 4 && face != "z+" {
+                continue;
+            }
+            let path = format!("{{ start = {start}, direction = {direction}, speed = 2 }}");
             let heat = [false, true].map(|is_cloud| {
                 let mut body = block([20, 20, 8], 3, STEEL);
                 if is_cloud {
                     body = cloud(body, 0.0);
                 }
-                let mut source = moving(kind, &path);
+                let mut source = moving_on(face, kind, &path);
                 let world = ready(body, &mut *source);
                 apply(&world, &mut *source, 0.0);
                 let heat = values(&world, &keys::HEAT_SOURCE);
@@ -97,7 +114,7 @@ fn a_uniform_cloud_is_heated_as_its_lattice() {
                 // the part beyond the cut-off, and numerical integration
                 assert!(
                     (lattice - cloud).abs() < 1e-4 * peak,
-                    "{kind} {direction} {x}: {lattice} {cloud}"
+                    "{kind} {face} {direction} {x}: {lattice} {cloud}"
                 );
             }
         }

@@ -78,9 +78,11 @@ pub struct Goldak {
     pub depth: f64,
     /// f_f, 0 to 2: twice the part of the power in front. Default 2 - f_r, or what makes the
     /// density continuous.
+    #[schemars(extend("minimum" = 0, "maximum" = 2))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub front_fraction: Option<f64>,
     /// f_r, 0 to 2: twice the part of the power behind. Default 2 - f_f.
+    #[schemars(extend("minimum" = 0, "maximum" = 2))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rear_fraction: Option<f64>,
     /// Cell average or value at the cell centre; default `cell_average`.

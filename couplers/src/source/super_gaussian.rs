@@ -30,6 +30,7 @@ pub struct SuperGaussian {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub radius: f64,
     /// k, 1 to 50: 2 is a Gaussian, large values approach a top hat; default 2.
+    #[schemars(extend("minimum" = 1, "maximum" = 50))]
     #[serde(default = "gaussian_order")]
     pub order: f64,
     /// l, depth (m) with the meaning that `penetration` gives it. A 2D plate absorbs all power through its thickness.

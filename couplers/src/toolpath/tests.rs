@@ -185,10 +185,16 @@ fn circle_closes_and_turns_the_way_it_is_told() {
 
 #[test]
 fn weaves_swing_by_their_amplitude_and_face_along_the_seam() {
-    for shape in ["sine", "zigzag"] {
+    for (shape, wavelength) in [
+        ("sine", 1.0),
+        ("zigzag", 1.0),
+        ("sine", 2.0),
+        ("zigzag", 2.0),
+    ] {
         let track = track(&format!(
-            "weave = {{ start = [0, 0, 0], end = [2, 0, 0], speed = 2, amplitude = 0.3,
-             wavelength = 1, shape = '{shape}' }}"
+            "weave = {{ start = [0, 0, 0], end = [4, 0, 0], speed = {}, amplitude = 0.3,
+             wavelength = {wavelength}, shape = '{shape}' }}",
+            2.0 * wavelength
         ));
         for (time, y) in [
             (0.0, 0.0),
@@ -199,12 +205,13 @@ fn weaves_swing_by_their_amplitude_and_face_along_the_seam() {
         ] {
             // two wavelengths a second
             let pose = track.pose(0.5 * time);
+            let expected = Vector3::new(wavelength * time, y, 0.0);
             assert!(
-                (pose.position - Vector3::new(time, y, 0.0)).norm() < 1e-14,
-                "{shape} {time}"
+                (pose.position - expected).norm() < 1e-14,
+                "{shape} {wavelength} {time}"
             );
             assert_eq!(pose.direction, Vector3::x());
-            assert!(pose.speed > 1.98);
+            assert!(pose.speed > 1.98 * wavelength);
         }
     }
 }

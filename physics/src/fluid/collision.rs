@@ -45,10 +45,12 @@ const LEAST_DETERMINANT: f64 = 1e-4;
 #[serde(default, deny_unknown_fields)]
 pub struct Collisions {
     /// Coefficient of restitution, from 0 to 1: 1 reflects the velocity relative to the solid, 0 takes the approach only.
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub restitution: f64,
     /// Distance from the first points of the solid within which points collide, in spacings of the solid, from 0 to 1:
     /// its face lies at 0.5. Fluid under pressure against a curved solid touches the face, and its collisions there
     /// are noise in the pressure; 0.25 lets only those collide that the pressure has not kept out.
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub distance: f64,
 }
 

@@ -13,6 +13,7 @@ pub enum State {
     /// From the rate of compression, `Dp/Dt = -K div v` (Gao (2020), eqs. 5.40, 5.82).
     Rate {
         /// Bulk modulus K, Pa.
+        #[schemars(extend("exclusiveMinimum" = 0))]
         bulk_modulus: f64,
     },
 }
@@ -22,8 +23,10 @@ pub enum State {
 #[serde(deny_unknown_fields)]
 pub struct Tait {
     /// Speed of sound c, m/s: ten times the largest speed, and more where walls or weight make pressure.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub sound_speed: f64,
     /// Exponent gamma: 7 for liquids, 1 for gases.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     #[serde(default = "seven")]
     pub exponent: f64,
     /// Pressure at the reference density, Pa.

@@ -445,6 +445,25 @@ fn smoothing_leaves_linear_fields_as_they_are() {
     assert!((density[100] - rho0[100]).abs() < 0.5, "a peak is smoothed");
 }
 
+/// Where all bonds have one length, its square is their mean square, whatever their weight.
+#[test]
+fn the_mean_square_of_nearest_neighbours_is_that_of_the_spacing() {
+    for spacing in [0.1, 3.0] {
+        let body = block(
+            [9, 7, 1],
+            2,
+            spacing,
+            Store::Lattice,
+            "density = 2\nviscosity = 1",
+        );
+        let spec = Pddo::spec(Horizon::Spacings(1.015));
+        let family = Family::moving(&body, &spec).expect("valid");
+        let complete = CompleteFamily::of(&body, &family);
+        let expected = spacing * spacing;
+        assert!((complete.mean_square / expected - 1.0).abs() < 1e-12);
+    }
+}
+
 #[test]
 fn a_free_surface_needs_the_conservative_form() {
     let body = block(

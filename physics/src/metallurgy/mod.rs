@@ -141,6 +141,7 @@ pub struct AustenitisationSection {
     /// `Ac3`: temperature at which the last of the others is gone, K.
     pub end: f64,
     /// Time constant, s.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     #[serde(default = "usual_time")]
     pub time: f64,
 }
@@ -156,6 +157,7 @@ pub struct MartensiteSection {
     /// `Ms`: temperature at which it begins, K.
     pub start: f64,
     /// Rate of Koistinen and Marburger, 1/K.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     #[serde(default = "usual_rate")]
     pub rate: f64,
 }

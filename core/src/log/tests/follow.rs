@@ -86,12 +86,15 @@ fn a_message_that_is_half_written_is_waited_for() {
 
 #[test]
 fn another_file_of_the_same_name_is_noticed() {
-    let (folder, path) = logged(3, 40);
-    let follow = Log::open(&path).unwrap().follow();
-    let other = folder.path().join("other.mcap");
-    let mut writer = create(&other);
-    log_step(&mut writer, 0, 40);
-    writer.finish().unwrap();
-    std::fs::rename(&other, &path).unwrap();
-    assert!(follow.is_replaced());
+    // shorter and longer than the first
+    for steps in [1, 6] {
+        let (folder, path) = logged(3, 40);
+        let follow = Log::open(&path).unwrap().follow();
+        let other = folder.path().join("other.mcap");
+        let mut writer = create(&other);
+        (0..steps).for_each(|step| log_step(&mut writer, step, 40));
+        writer.finish().unwrap();
+        std::fs::rename(&other, &path).unwrap();
+        assert!(follow.is_replaced(), "{steps} steps");
+    }
 }

@@ -37,6 +37,7 @@ use return_mapping::{flow_along_deviator, relieved_strain};
 #[serde(deny_unknown_fields)]
 pub struct PlasticitySection {
     /// Temperature (K) at and above which a point loses its stress and its hardening; default never.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub annealing_temperature: Option<f64>,
     /// Flow stress over yield stress by equivalent plastic strain.
