@@ -88,7 +88,7 @@ fn a_window_of_a_log_is_read_drawn_and_resumed_like_the_whole() {
     for (arguments, expected) in [
         (
             &["--from", "0.9"][..],
-            "error: no logged state lies between 0.9 and 0.9 s; the log has states from 0 to 0.6 s\n",
+            "error: no logged state lies at 0.9 s or later; the log has states from 0 to 0.6 s\n",
         ),
         (
             &["--from", "0.4", "--to", "0.2"],

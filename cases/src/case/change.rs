@@ -53,7 +53,7 @@ impl Case {
     /// The same case with other values, also of keys that the file does not give.
     ///
     /// # Errors
-    /// A key whose place cannot be found, or the first mistake of the new case.
+    /// A key whose place cannot be found, or the mistakes of the new case.
     pub fn changed(&self, changes: &[Change]) -> Result<Case, CaseError> {
         let mut text = self.file.text.clone();
         for change in changes {

@@ -9,6 +9,7 @@ use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Map, Value, json};
 
 use super::sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
+use crate::verify::check::Check;
 
 /// The schema that `perimelt schema` prints: every section, with every registered plugin.
 pub fn whole_schema() -> Value {
@@ -21,6 +22,7 @@ pub fn whole_schema() -> Value {
     let time = of(subschema::<TimeSection>);
     let probes = of(subschema::<Vec<ProbeSection>>);
     let log = of(subschema::<LogSection>);
+    let verify = of(subschema::<Vec<Check>>);
     let mut definitions: Map<String, Value> = generator.take_definitions(true);
     let physics = plugins::<dyn Physics>(&mut definitions);
     let couplers = plugins::<dyn Coupler>(&mut definitions);
@@ -37,7 +39,7 @@ pub fn whole_schema() -> Value {
             "time": time,
             "probes": probes,
             "log": log,
-            "verify": { "type": "array", "items": { "type": "object" } },
+            "verify": verify,
         },
         "required": ["bodies", "physics", "time"],
         "additionalProperties": false,

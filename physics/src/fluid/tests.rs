@@ -150,10 +150,12 @@ fn an_eulerian_fluid_keeps_mass_and_momentum_in_a_periodic_box_to_rounding() {
 fn viscosity_that_falls_with_temperature_makes_an_uneven_shear() {
     // mu v' is constant where v does not change: with mu = 1 + sin, force-free
     let material = "density = 1\nviscosity = { temperature = [1, 3], value = [0.5, 1.5] }\nspecific_heat = 1e6\nconductivity = 1e-6";
-    for form in ["differences", "conservative"] {
-        let keys = format!(
-            "description = 'eulerian'\nform = '{form}'\nstate.tait.sound_speed = 10\nstep = 1e-5"
-        );
+    for form in [
+        "description = 'eulerian'",
+        "description = 'eulerian'\nform = 'conservative'",
+        "description = 'updated_lagrangian'\nform = 'conservative'",
+    ] {
+        let keys = format!("{form}\nstate.tait.sound_speed = 10\nstep = 1e-5");
         let fluid: Fluid = read(&keys);
         let thermal: Thermal = read("step = 1e-5");
         let physics: Vec<Box<dyn Physics>> = vec![Box::new(fluid), Box::new(thermal)];

@@ -77,7 +77,6 @@ pub struct Sine {
     /// Amplitude, m (rotation: rad).
     pub amplitude: f64,
     /// Frequency, Hz.
-    #[schemars(extend("exclusiveMinimum" = 0))]
     pub frequency: f64,
     /// Phase at t = 0, rad.
     #[serde(default)]

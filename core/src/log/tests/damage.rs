@@ -1,5 +1,6 @@
 //! Logs with damaged chunks.
 
+use super::super::source::{Place, Source};
 use super::*;
 
 /// Places of the chunks of a file: each record has an opcode and its length before it.
@@ -81,6 +82,53 @@ fn a_chunk_whose_records_end_before_it_is_damaged() {
             let lost = log.damage().len() + 6 - sound(&log, 3).iter().sum::<usize>();
             assert!(lost > 0, "{wrong} for {size}");
         }
+    }
+}
+
+/// Other programs may write chunks without compression. The library would count below zero in them.
+#[test]
+fn records_that_exceed_a_chunk_without_compression_are_damage() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("plain.mcap");
+    let options = mcap::WriteOptions::new().compression(None);
+    let file = std::io::BufWriter::new(std::fs::File::create(&path).unwrap());
+    let mut writer = options.create(file).unwrap();
+    let channel = writer
+        .add_channel(0, "numbers", "", &Default::default())
+        .unwrap();
+    let header = mcap::records::MessageHeader {
+        channel_id: channel,
+        sequence: 0,
+        log_time: 0,
+        publish_time: 0,
+    };
+    writer.write_to_known_channel(&header, &[7; 100]).unwrap();
+    writer.finish().unwrap();
+    drop(writer);
+
+    let bytes = std::fs::read(&path).unwrap();
+    let [chunk] = &chunks(&bytes)[..] else {
+        panic!("one chunk");
+    };
+    let place = Place {
+        offset: chunk.start as u64 - 9,
+        length: chunk.len() as u64 + 9,
+    };
+    let visited = || Source::open(&path).unwrap().visit(place, |_| Ok(()));
+    visited().expect("a sound chunk");
+    // times, size when unpacked, checksum, and the length of no name; then the size of the records
+    let size_at = chunk.start + 8 + 8 + 8 + 4 + 4;
+    let size = u64::from_le_bytes(bytes[size_at..size_at + 8].try_into().unwrap());
+    let mut damaged = bytes.clone();
+    // the checksum is left out, as a writer may
+    damaged[size_at - 8..size_at - 4].fill(0);
+    for wrong in [0, 20, size - 1, size + 1, u64::MAX] {
+        damaged[size_at..size_at + 8].copy_from_slice(&wrong.to_le_bytes());
+        std::fs::write(&path, &damaged).unwrap();
+        assert!(
+            matches!(visited(), Err(LogError::Damaged { .. })),
+            "{wrong} for {size}"
+        );
     }
 }
 

@@ -1,7 +1,8 @@
 use super::*;
 use crate::heat_source::{EllipsoidSource, PointSource};
 use crate::testing::{STEEL, apply, block, prepare, refusal, total};
-use perimelt_core::Face;
+use perimelt_core::shape::{BoxShape, Shape};
+use perimelt_core::{Body, Face};
 
 const SHAPE: &str = "power = 100\nhalf_length = 0.5\nhalf_width = 2\ndepth = 1";
 
@@ -206,8 +207,10 @@ fn a_source_off_the_body_or_never_on_is_refused() {
 /// A move without an end is followed as far as the body, wherever the body is.
 #[test]
 fn an_approach_from_far_beyond_the_origin_is_accepted() {
-    let mut body = block([4, 4, 4], 3, STEEL);
-    body.points.position.iter_mut().for_each(|x| x.x += 100.0);
+    let (min, max) = ([100.0, 0.0, 0.0], [104.0, 4.0, 4.0]);
+    let shape = Shape::Box(BoxShape { min, max });
+    let mut body = Body::fill("far", &shape, 3, 1.0, 1.0).expect("valid");
+    body.materials = block([1, 1, 1], 3, STEEL).materials;
     let mut world = World::new(vec![body]);
     let mut approach = ellipsoid("{ start = [-100, 2, 4], direction = [1, 0, 0], speed = 2 }");
     let consume = |setup: &mut Setup<'_>| {

@@ -111,13 +111,19 @@ impl Plasticity {
     /// Takes the properties of the materials of a body.
     ///
     /// # Errors
-    /// A material without yield stress, a hardening table that falls or does not start at 0.
+    /// A material without yield stress, a hardening table that falls or does not start at 0, an annealing temperature that is
+    /// not above 0 K.
     pub fn of(
         section: &PlasticitySection,
         setup: &Setup<'_>,
         body: usize,
         plane: Plane,
     ) -> Result<Self, SetupError> {
+        if let Some(limit) = section.annealing_temperature.filter(|limit| *limit <= 0.0) {
+            let message = format!("the annealing temperature is {limit} K");
+            let key = "plasticity.annealing_temperature";
+            return Err(SetupError::value(key, message, "a temperature above 0 K"));
+        }
         let this = setup.body(body);
         let table = match &section.hardening {
             None => None,
