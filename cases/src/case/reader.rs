@@ -238,7 +238,9 @@ impl<'a, 'i> Reader<'a, 'i> {
             }
             if is_first {
                 let others = section.others_missing(&error);
-                others.into_iter().for_each(|mistake| self.add(mistake));
+                others
+                    .into_iter()
+                    .for_each(|mistake| self.add(Box::new(mistake)));
             }
             is_first = false;
             let mut without = rest.get_ref().as_table()?.clone();

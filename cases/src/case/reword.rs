@@ -110,7 +110,7 @@ impl Section<'_> {
     }
 
     /// The mistakes that the section lacks other keys than the one that `error` reports, if it reports one.
-    pub fn others_missing(&self, error: &toml::de::Error) -> Vec<Box<Mistake>> {
+    pub fn others_missing(&self, error: &toml::de::Error) -> Vec<Mistake> {
         let reported = quoted(error.message(), "missing field `");
         let Some(reported) = reported.filter(|_| self.path(error).is_empty()) else {
             return Vec::new();
@@ -118,7 +118,7 @@ impl Section<'_> {
         let required = self.schema["required"].as_array().into_iter().flatten();
         let required = required.filter_map(Json::as_str);
         let others = required.filter(|key| *key != reported && !self.table.contains_key(*key));
-        let missing = |key| self.missing(Vec::new(), key, self.header.clone());
+        let missing = |key| *self.missing(Vec::new(), key, self.header.clone());
         others.map(missing).collect()
     }
 }
