@@ -57,13 +57,8 @@ impl Section<'_> {
                     if let Some(last) = keys.last_mut() {
                         *last = close.into();
                     }
-                    let doc = schema::documentation(&self.schema, &keys);
                     let reworded = reworded.expected(format!("did you mean `{close}`?"));
-                    if doc.is_empty() {
-                        reworded
-                    } else {
-                        reworded.help(format!("`{close}`: {doc}"))
-                    }
+                    self.documented(reworded, close, &keys)
                 }
                 None => reworded.expected("no such name"),
             }
@@ -75,12 +70,7 @@ impl Section<'_> {
             let reworded = at(format!("`{key}` in {} cannot be {found}", self.name))
                 .expected(format!("expected {expected}"));
             let name = path.last().map_or("", String::as_str);
-            let doc = schema::documentation(&self.schema, &path);
-            if doc.is_empty() {
-                reworded
-            } else {
-                reworded.help(format!("`{name}`: {doc}"))
-            }
+            self.documented(reworded, name, &path)
         } else if message.starts_with("wanted exactly 1 element, more than") {
             let key = path.join(".");
             at(format!("`{key}` in {} has more than one kind", self.name)).expected("one of them")
@@ -90,22 +80,27 @@ impl Section<'_> {
         reworded.within(self.header.clone(), format!("in {}", self.name))
     }
 
+    /// The mistake with what the schema says of the key `name` at `keys`, if it says something.
+    fn documented(&self, mistake: Box<Mistake>, name: &str, keys: &[String]) -> Box<Mistake> {
+        let doc = schema::documentation(&self.schema, keys);
+        match doc.is_empty() {
+            true => mistake,
+            false => mistake.help(format!("`{name}`: {doc}")),
+        }
+    }
+
     /// The mistake that the table at `path` lacks the key `name`.
     fn missing(&self, path: Vec<String>, name: &str, span: Range<usize>) -> Box<Mistake> {
         let mut keys = path;
         keys.push(name.into());
         let message = format!("key `{}` is missing in {}", keys.join("."), self.name);
-        let doc = schema::documentation(&self.schema, &keys);
         let kind = schema::at(&self.schema, &keys)
             .map_or_else(String::new, |k| schema::type_name(&self.schema, k));
         let mistake = Mistake::new(self.file, message, span).expected(match kind.as_str() {
             "" => format!("needs `{name}`"),
             kind => format!("needs `{name} = <{kind}>`"),
         });
-        let mistake = match doc.is_empty() {
-            true => mistake,
-            false => mistake.help(format!("`{name}`: {doc}")),
-        };
+        let mistake = self.documented(mistake, name, &keys);
         mistake.within(self.header.clone(), format!("in {}", self.name))
     }
 
