@@ -89,6 +89,13 @@ fn everything_that_a_case_can_name_is_explained() {
         let hint = format!("did you mean `{nearest}`?");
         assert!(!done && message.contains(&hint), "{message}");
     }
+    for (text, found) in [
+        ("t8/5", "mentioned by `cooling_time`"),
+        ("melt pool", "`probes.melt_pool`"),
+    ] {
+        let (done, message) = told(folder, &["explain", text]);
+        assert!(!done && message.contains(found), "{message}");
+    }
     for name in ["bed", "mode"] {
         let (done, message) = told(folder, &["explain", name]);
         assert!(!done && !message.contains("did you mean"), "{message}");

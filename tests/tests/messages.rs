@@ -101,6 +101,7 @@ fn mistakes_in_calls_are_explained() {
         "summary weld.mcap --isotherm hot",
         "explain goldack",
         "explain goldak.powr",
+        "explain t8/5",
         "new wled",
         "new weld --out weld.toml",
         "completions tcsh",

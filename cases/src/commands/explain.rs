@@ -25,10 +25,20 @@ pub struct ExplainArgs {
 
 /// An unknown name.
 #[derive(Debug, thiserror::Error)]
-#[error("nothing is called `{name}`{}; see `perimelt list`", .close.as_ref().map_or(String::new(), |c| format!("; did you mean `{c}`?")))]
+#[error("nothing is called `{name}`{}; see `perimelt list`", hint(.close.as_deref(), .mentions))]
 struct Unknown {
     name: String,
     close: Option<String>,
+    /// What has a description that mentions the name, when no name is close.
+    mentions: Vec<String>,
+}
+
+fn hint(close: Option<&str>, mentions: &[String]) -> String {
+    match (close, mentions) {
+        (Some(close), _) => format!("; did you mean `{close}`?"),
+        (None, []) => String::new(),
+        (None, found) => format!("; it is mentioned by `{}`", found.join("`, `")),
+    }
 }
 
 pub fn run(args: &ExplainArgs) -> Done {
@@ -89,7 +99,14 @@ pub fn run(args: &ExplainArgs) -> Done {
             .chain(materials)
             .collect();
         let close = nearest(name, names.iter().map(String::as_str));
-        return Err(unknown(name, close));
+        if close.is_some() {
+            return Err(unknown(name, close));
+        }
+        return Err(Box::new(Unknown {
+            name: name.into(),
+            close: None,
+            mentions: mentioning(name, &known),
+        }));
     };
     explain_key(out, path, root, key)?;
     for (path, ..) in others {
@@ -121,8 +138,42 @@ fn unknown(name: &str, close: Option<&str>) -> Box<dyn std::error::Error> {
     Unknown {
         name: name.into(),
         close: close.map(String::from),
+        mentions: Vec::new(),
     }
     .into()
+}
+
+/// Fields, properties, plugins and sections, then keys, in whose name or description all words of a text stand.
+fn mentioning(text: &str, known: &[(String, String, Value)]) -> Vec<String> {
+    const MOST: usize = 8;
+    let plain = |text: &str| text.to_lowercase().replace('_', " ");
+    let text = plain(text);
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let mut found = Vec::new();
+    let mut look = |name: &str, description: &str| {
+        let said = plain(&format!("{name} {description}"));
+        if !words.is_empty() && words.iter().all(|word| said.contains(word)) {
+            found.push(name.to_string());
+        }
+    };
+    for (name, _, meaning) in field::keys::ALL {
+        look(name, meaning);
+    }
+    for property in known_properties() {
+        look(property.name, property.meaning);
+    }
+    for (name, _, schema) in known {
+        look(name, &schema::one_line(schema, schema));
+    }
+    for (name, _, schema) in known {
+        schema::visit(schema, name, &mut |path, key| {
+            if path != name {
+                look(path, &schema::one_line(schema, key));
+            }
+        });
+    }
+    found.truncate(MOST);
+    found
 }
 
 /// A plugin or a section with its keys.

@@ -10,6 +10,8 @@
 
 pub(crate) mod audit;
 pub mod benchmarks;
+#[cfg(test)]
+mod benchmarks_tests;
 pub mod check;
 pub mod html;
 pub mod limit;

@@ -385,3 +385,23 @@ fn the_gaussian_is_exact_to_rounding() {
         assert!(error < 32.0 * f64::EPSILON, "{share}: {error}");
     }
 }
+
+/// Counts bonds.
+struct Count;
+
+impl BondKernel<0, 1> for Count {
+    fn bond(&self, _: &Bond, _: [f64; 0], _: [f64; 0]) -> [f64; 1] {
+        [1.0]
+    }
+}
+
+#[test]
+fn points_on_a_plane_count_as_below_it() {
+    // points at 0.5, 1.5, ... m
+    let body = block([8.0, 1.0, 1.0], 1, 1.0);
+    let family = Family::build(&body, &FamilySpec::new(2.0)).expect("valid");
+    let mut across = Vec::new();
+    let receive = |point: usize, [bonds]: [f64; 1]| across.push((point, bonds));
+    family.sum_across(&Count, ([], None), (0, 3.5), receive);
+    assert_eq!(across, [(0, 0.0), (1, 0.0), (2, 1.0), (3, 2.0)]);
+}

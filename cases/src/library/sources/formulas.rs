@@ -1,5 +1,7 @@
 //! Formulas that several entries share.
 
+use nalgebra::Complex;
+
 /// Absorbed fraction of light at normal incidence on a smooth surface (Fresnel) at 1.07 µm, from two rows (wavelength in µm,
 /// n, k) of measured optical constants, of which the wavelength lies between.
 pub(super) fn absorptivity_1070nm(below: (f64, f64, f64), above: (f64, f64, f64)) -> f64 {
@@ -7,6 +9,44 @@ pub(super) fn absorptivity_1070nm(below: (f64, f64, f64), above: (f64, f64, f64)
     let n = below.1 + part * (above.1 - below.1);
     let k = below.2 + part * (above.2 - below.2);
     4.0 * n / ((n + 1.0).powi(2) + k * k)
+}
+
+/// Emissivity of a smooth surface at a temperature (K), over all directions and wavelengths: Fresnel's equations by Lambert's
+/// and Planck's laws. `optical`: rows (wavelength in µm, n, k), beyond which the body emits nothing that counts.
+pub(super) fn hemispherical_emissivity(optical: &[(f64, f64, f64)], temperature: f64) -> f64 {
+    let reflected = |n: f64, k: f64, cosine: f64| {
+        let index = Complex::new(n, k);
+        let inside = (Complex::from(1.0) - (1.0 - cosine * cosine) / (index * index)).sqrt();
+        let outside = Complex::from(cosine);
+        let across = (outside - index * inside) / (outside + index * inside);
+        let along = (index * outside - inside) / (index * outside + inside);
+        0.5 * (across.norm_sqr() + along.norm_sqr())
+    };
+    let angles = 200;
+    let emitted = |&(wavelength, n, k): &(f64, f64, f64)| {
+        let lost: f64 = (0..angles)
+            .map(|i| (f64::from(i) + 0.5) / f64::from(angles))
+            .map(|cosine| 2.0 * cosine * reflected(n, k, cosine) / f64::from(angles))
+            .sum();
+        (wavelength, 1.0 - lost)
+    };
+    let rows: Vec<_> = optical.iter().map(emitted).collect();
+    let planck = |wavelength: f64| {
+        let radiation_constant = 14_387.77;
+        (wavelength.powi(5) * (radiation_constant / (wavelength * temperature)).exp_m1()).recip()
+    };
+    let parts = 50;
+    let (mut sum, mut weight) = (0.0, 0.0);
+    for pair in rows.windows(2) {
+        let ((from, low), (to, high)) = (pair[0], pair[1]);
+        for i in 0..parts {
+            let part = (f64::from(i) + 0.5) / f64::from(parts);
+            let intensity = planck(from + part * (to - from)) * (to - from) / f64::from(parts);
+            sum += intensity * (low + part * (high - low));
+            weight += intensity;
+        }
+    }
+    sum / weight
 }
 
 /// Molar mass (g/mol), boiling point (K, CRC Handbook) and heat of vaporisation there (J/mol, JANAF: enthalpies of formation of
@@ -66,6 +106,15 @@ pub(super) fn mixture(parts: &[(f64, f64, f64)]) -> f64 {
 /// Viscosity (Pa s): log10(viscosity / mPa s) = a + b/T.
 pub(super) fn viscosity(a: f64, b: f64) -> impl Fn(f64) -> f64 + 'static {
     move |temperature| 1e-3 * 10f64.powf(a + b / temperature)
+}
+
+#[test]
+fn a_surface_that_reflects_nothing_emits_all_and_a_mirror_nothing() {
+    assert!(
+        (hemispherical_emissivity(&[(2.0, 1.0, 0.0), (200.0, 1.0, 0.0)], 300.0) - 1.0).abs()
+            < 1e-12
+    );
+    assert!(hemispherical_emissivity(&[(2.0, 1.0, 1e6), (200.0, 1.0, 1e6)], 300.0) < 1e-4);
 }
 
 #[test]

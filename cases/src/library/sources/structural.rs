@@ -96,5 +96,9 @@ pub(super) fn s355() -> Vec<Check> {
             absorptivity_1070nm((0.984, 2.92, 3.79), (1.088, 2.97, 4.06)),
         ),
         formula("viscosity", 1750.0, 3000.0, viscosity(-0.7209, 2694.95)),
+        // Sahoo, DebRoy and McNallan (1988), without sulphur
+        formula("surface_tension", 1811.0, 3100.0, |t| {
+            1.943 - 4.3e-4 * (t - 1811.0)
+        }),
     ]
 }

@@ -40,6 +40,10 @@ pub(super) fn ti_6al_4v() -> Vec<Check> {
                 (1869.80, 26.93),
             ],
         ),
+        // Boivineau et al. (2006)
+        formula("conductivity.liquid", 1950.0, 2700.0, |t| {
+            1.83e-2 * t - 6.66
+        }),
         constant("solidus", 1877.0),
         constant("liquidus", 1923.0),
         constant("latent_heat", 2.86e5),

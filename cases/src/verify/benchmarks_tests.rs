@@ -1,0 +1,96 @@
+use std::collections::BTreeSet;
+
+use super::benchmarks::{BENCHMARKS, BuiltIn, load};
+use super::check::Check;
+
+#[test]
+fn every_benchmark_file_is_built_in() {
+    let names = |folder: &str| -> BTreeSet<String> {
+        std::fs::read_dir(format!("{}/{folder}", env!("CARGO_MANIFEST_DIR")))
+            .expect("the folder of the benchmarks")
+            .map(|entry| entry.expect("readable").path())
+            .filter(|path| path.extension().is_some_and(|e| e == "toml"))
+            .filter_map(|path| Some(path.file_stem()?.to_str()?.to_string()))
+            .collect()
+    };
+    for folder in [
+        "verification",
+        "welding",
+        "additive",
+        "quenching",
+        "geometry",
+        "toolpaths",
+        "fracture",
+        "spacings",
+    ] {
+        let built_in = BENCHMARKS.iter().filter(|b| b.folder == folder);
+        assert_eq!(
+            names(folder),
+            built_in.map(|b| b.name.into()).collect(),
+            "{folder}"
+        );
+    }
+}
+
+#[test]
+fn built_in_cases_find_their_files_in_any_working_directory() {
+    let benchmarks = load(None).expect("valid cases");
+    for built_in in BENCHMARKS.iter().filter(|b| !b.files.is_empty()) {
+        let mut cases = benchmarks.cases.iter();
+        let (_, case) = cases.find(|(n, _)| n == built_in.name).expect("there");
+        let composed = case.compose();
+        assert!(composed.is_ok(), "{}: {:?}", built_in.name, composed.err());
+    }
+}
+
+#[test]
+fn files_of_a_case_do_not_replace_others() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let elbow = BENCHMARKS.iter().find(|b| b.name == "elbow");
+    let elbow = elbow.expect("there");
+    elbow.write_files(folder.path()).expect("an empty folder");
+    elbow.write_files(folder.path()).expect("the same contents");
+    std::fs::write(folder.path().join("elbow.stl"), "solid").expect("writable");
+    let (path, source) = elbow
+        .write_files(folder.path())
+        .expect_err("other contents");
+    assert_eq!(source.kind(), std::io::ErrorKind::AlreadyExists);
+    assert_eq!(path, folder.path().join("elbow.stl"));
+}
+
+// the schema of case files, `--level` and the files of results have this spelling
+#[test]
+fn the_level_of_long_checks_has_one_spelling() {
+    for BuiltIn { name, text, .. } in BENCHMARKS {
+        let other = text.contains("level = \"full\"");
+        assert!(!other, "{name}: write `level = \"nightly\"`");
+    }
+}
+
+#[test]
+fn the_plate_with_bonds_across_its_hole_is_the_one_that_warns_of_them() {
+    for (name, is_told) in [
+        ("khoshrou-4.2-phi8-unstable", true),
+        ("khoshrou-4.2-phi8-narrow", false),
+    ] {
+        let cases = load(None).expect("valid cases").cases;
+        let case = cases.into_iter().find(|(n, _)| n == name).expect("there").1;
+        let simulation = case.compose().expect("a valid case");
+        let warnings = case.warnings(&simulation).expect("valid sections");
+        let told = warnings.iter().any(|w| w.contains("bonds cross a gap"));
+        assert_eq!(told, is_told, "{name}: {warnings:?}");
+    }
+}
+
+#[test]
+fn no_two_checks_of_a_case_have_one_name() {
+    for (name, case) in load(None).expect("valid cases").cases {
+        let checks: Vec<Check> = case.verify_entries().expect("valid");
+        let names: BTreeSet<_> = checks.iter().map(|c| &c.quantity).collect();
+        assert_eq!(
+            names.len(),
+            checks.len(),
+            "{name}: results are kept by quantity"
+        );
+    }
+}
