@@ -91,7 +91,7 @@ fn everything_that_a_case_can_name_is_explained() {
     }
     for (text, found) in [
         ("t8/5", "mentioned by `cooling_time`"),
-        ("melt pool", "`probes.melt_pool`"),
+        ("melt pool", "`probes.kind.melt_pool`"),
     ] {
         let (done, message) = told(folder, &["explain", text]);
         assert!(!done && message.contains(found), "{message}");

@@ -151,7 +151,8 @@ fn mentioning(text: &str, known: &[(String, String, Value)]) -> Vec<String> {
     let words: Vec<&str> = text.split_whitespace().collect();
     let mut found = Vec::new();
     let mut look = |name: &str, description: &str| {
-        let said = plain(&format!("{name} {description}"));
+        let last = name.rsplit('.').next().unwrap_or(name);
+        let said = plain(&format!("{last} {description}"));
         if !words.is_empty() && words.iter().all(|word| said.contains(word)) {
             found.push(name.to_string());
         }
