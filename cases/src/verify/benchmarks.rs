@@ -390,6 +390,7 @@ benchmarks!(
     "quench-3.2-tension",
     "quench-3.3-hole",
     "quench-3.3-damage",
+    "quench-3.3-damage-fine",
     "quench-3.4-crack",
     "quench-3.4-damage",
     "quench-3.4-growth",

@@ -18,6 +18,8 @@ use super::ENTRIES;
 /// What a source says about a property.
 enum Source {
     Constant(f64),
+    /// A constant between two values.
+    Range(f64, f64),
     /// Rows (K, value); every row of the file is one of them.
     Rows(Vec<(f64, f64)>),
     /// A function of the temperature (K) within a range.
@@ -120,9 +122,6 @@ const MARKED: &[(&str, &str)] = &[
     ("IN625", "poissons_ratio"),
     ("IN625", "yield_stress"),
     ("S355", "poissons_ratio"),
-    ("S355", "carbon"),
-    ("S355", "manganese"),
-    ("S355", "silicon"),
     ("Ti-6Al-4V", "yield_stress"),
 ];
 
@@ -254,6 +253,7 @@ fn differences(name: &str, check: &Check, file: &[(Option<f64>, f64)]) -> Vec<St
                 continue;
             }
             (Source::Constant(source), None) => Some(*source),
+            (Source::Range(low, high), None) => Some(value.clamp(*low, *high)),
             (Source::Rows(rows), Some(t)) => {
                 let row = rows.iter().find(|row| (row.0 - t).abs() < 0.1);
                 row.map(|row| row.1)

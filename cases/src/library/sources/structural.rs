@@ -1,7 +1,7 @@
 //! Sources of S355.
 
 use super::formulas::{absorptivity_1070nm, viscosity};
-use super::{Check, celsius, constant, formula};
+use super::{Check, Source, celsius, check, constant, formula};
 
 /// EN 1993-1-2, 3.4.1.2 (J/(kg K)).
 fn specific_heat(kelvin: f64) -> f64 {
@@ -90,6 +90,9 @@ pub(super) fn s355() -> Vec<Check> {
         celsius("youngs_modulus", 210e9, STIFFNESS).floor(1273.0),
         celsius("yield_stress", 355e6, STRENGTH).floor(1473.0),
         constant("emissivity", 0.7),
+        check("carbon", Source::Range(0.17, 0.20)),
+        check("manganese", Source::Range(1.20, 1.60)),
+        check("silicon", Source::Range(0.10, 0.40)),
         // Johnson and Christy (1974), iron
         constant(
             "absorptivity",
