@@ -96,6 +96,8 @@ fn everything_that_a_case_can_name_is_explained() {
         let (done, message) = told(folder, &["explain", text]);
         assert!(!done && message.contains(found), "{message}");
     }
+    let (done, message) = told(folder, &["explain", "a"]);
+    assert!(!done && !message.contains("mentioned"), "{message}");
     for name in ["bed", "mode"] {
         let (done, message) = told(folder, &["explain", name]);
         assert!(!done && !message.contains("did you mean"), "{message}");

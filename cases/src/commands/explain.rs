@@ -150,10 +150,12 @@ fn mentioning(text: &str, known: &[(String, String, Value)]) -> Vec<String> {
     let text = plain(text);
     let words: Vec<&str> = text.split_whitespace().collect();
     let mut found = Vec::new();
+    // single letters are everywhere
+    let is_telling = words.iter().any(|word| word.chars().count() > 2);
     let mut look = |name: &str, description: &str| {
         let last = name.rsplit('.').next().unwrap_or(name);
         let said = plain(&format!("{last} {description}"));
-        if !words.is_empty() && words.iter().all(|word| said.contains(word)) {
+        if is_telling && words.iter().all(|word| said.contains(word)) {
             found.push(name.to_string());
         }
     };
