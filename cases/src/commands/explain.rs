@@ -71,7 +71,7 @@ pub fn run(args: &ExplainArgs) -> Done {
         let last = path.last().map_or("", String::as_str);
         let siblings = schema::at(schema, &path[..path.len() - 1]);
         let siblings = siblings.map_or_else(Vec::new, |s| schema::keys(schema, s));
-        return Err(unknown(name, nearest(last, siblings)));
+        return Err(unknown(name, nearest(last, siblings), Vec::new()));
     }
     if let Some(text) = of_world(name) {
         return Ok(writeln!(out, "{text}")?);
@@ -99,14 +99,11 @@ pub fn run(args: &ExplainArgs) -> Done {
             .chain(materials)
             .collect();
         let close = nearest(name, names.iter().map(String::as_str));
-        if close.is_some() {
-            return Err(unknown(name, close));
-        }
-        return Err(Box::new(Unknown {
-            name: name.into(),
-            close: None,
-            mentions: mentioning(name, &known),
-        }));
+        let mentions = match close {
+            Some(_) => Vec::new(),
+            None => mentioning(name, &known),
+        };
+        return Err(unknown(name, close, mentions));
     };
     explain_key(out, path, root, key)?;
     for (path, ..) in others {
@@ -134,11 +131,11 @@ where
     )?)
 }
 
-fn unknown(name: &str, close: Option<&str>) -> Box<dyn std::error::Error> {
+fn unknown(name: &str, close: Option<&str>, mentions: Vec<String>) -> Box<dyn std::error::Error> {
     Unknown {
         name: name.into(),
         close: close.map(String::from),
-        mentions: Vec::new(),
+        mentions,
     }
     .into()
 }
