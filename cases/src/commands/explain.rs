@@ -146,13 +146,15 @@ fn mentioning(text: &str, known: &[(String, String, Value)]) -> Vec<String> {
     let plain = |text: &str| text.to_lowercase().replace('_', " ");
     let text = plain(text);
     let words: Vec<&str> = text.split_whitespace().collect();
+    // letters are everywhere
+    if words.iter().all(|word| word.chars().count() < 3) {
+        return Vec::new();
+    }
     let mut found = Vec::new();
-    // single letters are everywhere
-    let is_telling = words.iter().any(|word| word.chars().count() > 2);
     let mut look = |name: &str, description: &str| {
         let last = name.rsplit('.').next().unwrap_or(name);
         let said = plain(&format!("{last} {description}"));
-        if is_telling && words.iter().all(|word| said.contains(word)) {
+        if words.iter().all(|word| said.contains(word)) {
             found.push(name.to_string());
         }
     };
@@ -167,9 +169,7 @@ fn mentioning(text: &str, known: &[(String, String, Value)]) -> Vec<String> {
     }
     for (name, _, schema) in known {
         schema::visit(schema, name, &mut |path, key| {
-            if path != name {
-                look(path, &schema::one_line(schema, key));
-            }
+            look(path, &schema::one_line(schema, key));
         });
     }
     found.truncate(MOST);

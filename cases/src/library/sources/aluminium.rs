@@ -20,6 +20,7 @@ fn both() -> Vec<Check> {
             "absorptivity",
             absorptivity_1070nm((1.0332, 1.3998, 9.8914), (1.1271, 1.3281, 10.969)),
         ),
+        // the polynomial in public codes for the combustion of aluminium
         formula("conductivity.liquid", 933.0, 1700.0, |t| {
             33.9 + 7.892e-2 * t - 2.099e-5 * t * t
         }),

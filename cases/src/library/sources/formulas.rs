@@ -22,26 +22,24 @@ pub(super) fn hemispherical_emissivity(optical: &[(f64, f64, f64)], temperature:
         let along = (index * outside - inside) / (index * outside + inside);
         0.5 * (across.norm_sqr() + along.norm_sqr())
     };
+    let middles = |parts: u32| (0..parts).map(move |i| (f64::from(i) + 0.5) / f64::from(parts));
     let angles = 200;
     let emitted = |&(wavelength, n, k): &(f64, f64, f64)| {
-        let lost: f64 = (0..angles)
-            .map(|i| (f64::from(i) + 0.5) / f64::from(angles))
-            .map(|cosine| 2.0 * cosine * reflected(n, k, cosine) / f64::from(angles))
+        let lost: f64 = middles(angles)
+            .map(|cosine| 2.0 * cosine * reflected(n, k, cosine))
             .sum();
-        (wavelength, 1.0 - lost)
+        (wavelength, 1.0 - lost / f64::from(angles))
     };
     let rows: Vec<_> = optical.iter().map(emitted).collect();
     let planck = |wavelength: f64| {
         let radiation_constant = 14_387.77;
         (wavelength.powi(5) * (radiation_constant / (wavelength * temperature)).exp_m1()).recip()
     };
-    let parts = 50;
     let (mut sum, mut weight) = (0.0, 0.0);
     for pair in rows.windows(2) {
         let ((from, low), (to, high)) = (pair[0], pair[1]);
-        for i in 0..parts {
-            let part = (f64::from(i) + 0.5) / f64::from(parts);
-            let intensity = planck(from + part * (to - from)) * (to - from) / f64::from(parts);
+        for part in middles(50) {
+            let intensity = planck(from + part * (to - from)) * (to - from);
             sum += intensity * (low + part * (high - low));
             weight += intensity;
         }
