@@ -48,7 +48,7 @@ pub enum SolverError {
 
     /// The conjugate gradient method met a direction of zero or negative curvature.
     #[error(
-        "the matrix or its preconditioner is not positive definite: iteration {iteration} of the conjugate gradient method met the curvature {curvature:e}; hold the body against rigid motion or pass its null space, use a positive diagonal, or choose GMRES if the matrix is not symmetric"
+        "the matrix or its preconditioner is not positive definite: iteration {iteration} of the conjugate gradient method met the curvature {curvature:e}; a matrix that is not symmetric needs another method; a solid must be held against rigid motion, and a load that is too large for one step, or an unstable state (buckling), needs smaller steps"
     )]
     NotPositiveDefinite {
         /// Iteration that met it.

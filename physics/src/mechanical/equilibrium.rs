@@ -4,14 +4,14 @@ use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::solver::reduce::{max_abs, norm};
 use perimelt_core::solver::{
-    Hints, KrylovMethod, Newton, NewtonOptions, NullSpace, Relaxation, RelaxationOptions, Rhs,
-    SolverError, fictitious_mass, largest_eigenvalue,
+    Hints, KrylovMethod, Newton, NewtonOptions, NewtonReport, NullSpace, Relaxation,
+    RelaxationOptions, Rhs, SolverError, fictitious_mass, largest_eigenvalue,
 };
 use perimelt_core::{Body, Step, Work, World};
 
 use super::coarse::Coarse;
 use super::keys::{MechanicalSolver, tolerance};
-use super::residual::{Residual, Tangent};
+use super::residual::{Linearised, Residual, Tangent};
 use super::rigid::{free_rigid_modes, rigid_modes};
 use super::solid::Solid;
 use super::step::Run;
@@ -177,10 +177,49 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<Work, S
         ..Hints::default()
     };
     let newton = &mut statics.newton;
-    let report = newton.solve(&mut residual, step.end(), state, hints)?;
+    let report = match newton.solve(&mut residual, step.end(), state, hints) {
+        Err(error) if residual.tangent == Tangent::Differences => {
+            if !is_guessed {
+                let loads = size_of_loads(&mut residual, work, step.end(), rigid)?;
+                newton.options.relative_tolerance = 0.0;
+                newton.options.absolute_tolerance = (statics.tolerance * loads).max(rounding);
+            }
+            state.copy_from_slice(work);
+            newton_from_linear(newton, &mut residual, step.end(), state, hints).or(Err(error))
+        }
+        report => report,
+    }?;
     Ok(Work {
         iterations: report.krylov_iterations,
         evaluations: report.evaluations + usize::from(is_guessed),
+    })
+}
+
+/// Newton's method from the equilibrium of small displacements; `state` holds the held components.
+///
+/// Where a step begins, held points and layers have all of their new displacement, and the others have none of it: long
+/// displacements turn bonds over, and Newton's method may fail from there.
+fn newton_from_linear(
+    newton: &mut Newton,
+    residual: &mut Residual<'_>,
+    time: f64,
+    state: &mut [f64],
+    hints: Hints,
+) -> Result<NewtonReport, SolverError> {
+    let linear = NewtonOptions {
+        linear: true,
+        relative_tolerance: 1e-4,
+        ..newton.options
+    };
+    let nonlinear = std::mem::replace(&mut newton.options, linear);
+    let guess = newton.solve(&mut Linearised::new(residual), time, state, hints);
+    newton.options = nonlinear;
+    let guess = guess?;
+    let report = newton.solve(residual, time, state, hints)?;
+    Ok(NewtonReport {
+        krylov_iterations: guess.krylov_iterations + report.krylov_iterations,
+        evaluations: guess.evaluations + report.evaluations,
+        ..report
     })
 }
 

@@ -8,9 +8,13 @@ use serde::{Deserialize, Serialize};
 use super::Mechanical;
 use crate::testing::{block, read, run, simulation, values};
 
-/// Holds both ends of a film across x, and stretches it by 5 %.
-#[derive(Debug, Default, Serialize, Deserialize)]
+/// Holds both ends of a film across x, and stretches it.
+#[derive(Debug, Serialize, Deserialize)]
 struct Stretching {
+    /// Strain at the end.
+    strain: f64,
+    /// Duration of the stretching, s.
+    duration: f64,
     #[serde(skip)]
     fields: Option<[Write<Vector3<f64>>; 2]>,
 }
@@ -23,7 +27,7 @@ impl Coupler for Stretching {
         Ok(())
     }
 
-    fn apply(&mut self, world: &World, _: Step) -> Result<(), RunError> {
+    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let [constraint, held] = self.fields.expect("prepared");
         let (mut constraint, mut held) = (world.write(constraint), world.write(held));
         let body = world.body(0);
@@ -32,7 +36,8 @@ impl Coupler for Stretching {
             let is_right = max[0] - x.x < 2.0 * spacing;
             if is_right || x.x - min[0] < 2.0 * spacing {
                 constraint[i] += Vector3::repeat(1.0);
-                let pull = if is_right { 0.05 } else { 0.0 };
+                let strain = self.strain * (step.end() / self.duration).min(1.0);
+                let pull = if is_right { strain } else { 0.0 };
                 held[i] += Vector3::new(pull * (max[0] - min[0]), 0.0, 0.0);
             }
         }
@@ -40,18 +45,20 @@ impl Coupler for Stretching {
     }
 }
 
+/// Stretches by 5 % within the first step.
+const STRETCHING: Stretching = Stretching {
+    strain: 0.05,
+    duration: f64::MIN_POSITIVE,
+    fields: None,
+};
+
 /// Displacement over spacing, and the number of evaluations of forces.
 fn stretched(spacing: f64, keys: &str) -> (Vec<f64>, u64) {
     let material = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3";
     let body = block([16, 6, 1], 2, spacing, Store::Lattice, material);
     let mechanical: Mechanical = read(keys);
-    let coupler = Stretching::default();
-    let mut s = simulation(
-        body,
-        vec![Box::new(mechanical)],
-        vec![Box::new(coupler)],
-        1.0,
-    );
+    let couplers: Vec<Box<dyn Coupler>> = vec![Box::new(STRETCHING)];
+    let mut s = simulation(body, vec![Box::new(mechanical)], couplers, 1.0);
     run(&mut s);
     let displacement = values(&s, "displacement");
     let relative = displacement.iter().map(|u| u / spacing).collect();
@@ -78,13 +85,8 @@ fn evaluations_of_the_unbalanced_force_and_of_the_loads_are_counted() {
     let material = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3";
     let body = block([16, 6, 1], 2, 1.0, Store::Lattice, material);
     let mechanical: Mechanical = read("step = 0.5");
-    let coupler = Stretching::default();
-    let mut s = simulation(
-        body,
-        vec![Box::new(mechanical)],
-        vec![Box::new(coupler)],
-        1.0,
-    );
+    let couplers: Vec<Box<dyn Coupler>> = vec![Box::new(STRETCHING)];
+    let mut s = simulation(body, vec![Box::new(mechanical)], couplers, 1.0);
     s.start().expect("starts");
     let mut counts = Vec::new();
     while !s.is_finished() {
@@ -98,4 +100,32 @@ fn evaluations_of_the_unbalanced_force_and_of_the_loads_are_counted() {
     assert_eq!(evaluations, iterations + 2, "{counts:?}");
     // in equilibrium already: the loads, and that there is nothing to do
     assert_eq!(counts[1], (iterations, evaluations + 2), "{counts:?}");
+}
+
+/// Displacement of a block that is shortened by 2.4 spacings at once, or in steps of 0.05 s within 1 s.
+fn shortened(formulation: &str, duration: f64) -> Vec<f64> {
+    let material = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3";
+    let body = block([48, 24, 1], 2, 1.0, Store::Lattice, material);
+    let keys = format!("formulation = \"{formulation}\"\nkinematics = \"finite\"\nstep = 0.05");
+    let mechanical: Mechanical = read(&keys);
+    let stretching = Stretching {
+        strain: -0.05,
+        duration,
+        fields: None,
+    };
+    let couplers: Vec<Box<dyn Coupler>> = vec![Box::new(stretching)];
+    let mut s = simulation(body, vec![Box::new(mechanical)], couplers, 1.0);
+    run(&mut s);
+    values(&s, "displacement")
+}
+
+#[test]
+fn a_displacement_of_many_spacings_in_one_step_ends_as_in_many_steps() {
+    for formulation in ["bond", "ordinary", "correspondence"] {
+        let at_once = shortened(formulation, f64::MIN_POSITIVE);
+        let in_steps = shortened(formulation, 1.0);
+        for (a, b) in at_once.iter().zip(&in_steps) {
+            assert!((a - b).abs() < 1e-6, "{formulation}: {a} {b}");
+        }
+    }
 }

@@ -43,6 +43,21 @@ impl Residual<'_> {
     }
 }
 
+impl<'a> Residual<'a> {
+    /// Change of the unbalanced force along a direction, by one of the stiffnesses of the solid.
+    fn rate_of_change(
+        &mut self,
+        direction: &[f64],
+        stiffness: fn(&mut (dyn Solid + 'a), &mut [f64]),
+        out: &mut [f64],
+    ) {
+        self.solid.set_displacement(direction, &self.homogeneous);
+        stiffness(self.solid, out);
+        out.iter_mut().for_each(|f| *f = -*f);
+        self.set_held(out, 0.0);
+    }
+}
+
 impl Rhs for Residual<'_> {
     fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
         self.solid.set_displacement(state, self.rules);
@@ -60,16 +75,11 @@ impl Rhs for Residual<'_> {
         direction: &[f64],
         out: &mut [f64],
     ) -> Result<bool, SolverError> {
-        if self.tangent == Tangent::Differences {
-            return Ok(false);
-        }
-        self.solid.set_displacement(direction, &self.homogeneous);
         match self.tangent {
-            Tangent::Plastic => self.solid.tangent(out),
-            _ => self.solid.stiffness(out),
+            Tangent::Differences => return Ok(false),
+            Tangent::Stiffness => self.rate_of_change(direction, Solid::stiffness, out),
+            Tangent::Plastic => self.rate_of_change(direction, Solid::tangent, out),
         }
-        out.iter_mut().for_each(|f| *f = -*f);
-        self.set_held(out, 0.0);
         Ok(true)
     }
 
@@ -112,6 +122,63 @@ impl Rhs for Residual<'_> {
             })),
             None => Ok(true),
         }
+    }
+}
+
+/// Unbalanced force of the same body with small displacements: linear in the displacement, exact to first order.
+pub(super) struct Linearised<'r, 'a> {
+    residual: &'r mut Residual<'a>,
+    /// Forces without displacement.
+    loads: Vec<f64>,
+}
+
+impl<'r, 'a> Linearised<'r, 'a> {
+    pub(super) fn new(residual: &'r mut Residual<'a>) -> Self {
+        let mut loads = vec![0.0; residual.constraint.len()];
+        let Residual {
+            solid, homogeneous, ..
+        } = &mut *residual;
+        solid.set_displacement(&loads, homogeneous);
+        solid.force(&mut loads);
+        for (load, force) in loads.iter_mut().zip(residual.body_force) {
+            *load += force;
+        }
+        Linearised { residual, loads }
+    }
+}
+
+impl Rhs for Linearised<'_, '_> {
+    fn rate(&mut self, _: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError> {
+        let Residual { solid, rules, .. } = &mut *self.residual;
+        solid.set_displacement(state, rules);
+        solid.stiffness(rate);
+        let loads = rate.iter_mut().zip(&self.loads);
+        loads.for_each(|(force, load)| *force = load - *force);
+        self.residual.set_held(rate, 0.0);
+        Ok(())
+    }
+
+    fn tangent(
+        &mut self,
+        _: At<'_>,
+        direction: &[f64],
+        out: &mut [f64],
+    ) -> Result<bool, SolverError> {
+        self.residual
+            .rate_of_change(direction, Solid::stiffness, out);
+        Ok(true)
+    }
+
+    fn scale(&self) -> f64 {
+        self.residual.scale()
+    }
+
+    fn weights(&self) -> Option<&[f64]> {
+        self.residual.weights()
+    }
+
+    fn tangent_diagonal(&mut self, at: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
+        self.residual.tangent_diagonal(at, out)
     }
 }
 
