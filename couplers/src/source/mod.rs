@@ -88,8 +88,8 @@ impl Source {
     }
 }
 
-/// Arc welding processes, with the thermal efficiencies of EN 1011-1 (recalled): the part of current times voltage that
-/// heats the joint.
+/// Arc welding processes, with the thermal efficiencies of EN 1011-1 as SSAB quotes them (plasma has that of TIG): the part
+/// of current times voltage that heats the joint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ArcProcess {

@@ -26,6 +26,10 @@ fn both() -> Vec<Check> {
         }),
         formula("viscosity", 880.0, 2500.0, viscosity(-0.7324, 803.49)),
         constant("poissons_ratio", 0.33),
+        // 6056, Math. Probl. Eng. (2016) 1409872
+        formula("surface_tension", 880.0, 2700.0, |t| {
+            0.914 - 3.5e-4 * (t - 917.0)
+        }),
     ]
 }
 

@@ -1,7 +1,7 @@
 //! Every number of the material library against its source, written here a second time: the formula of a source, evaluated,
 //! or the rows of its table.
 //!
-//! A property without such a check must be in [`MARKED`], and its file must say so with `[recalled]` or `[estimated]`.
+//! There is no property without a source.
 
 mod aluminium;
 mod formulas;
@@ -114,17 +114,6 @@ fn checks(name: &str) -> Vec<Check> {
     }
 }
 
-/// Properties whose numbers, or some of them, nobody has compared with a source. Their files say why.
-const MARKED: &[(&str, &str)] = &[
-    ("6061", "surface_tension"),
-    ("AlSi10Mg", "surface_tension"),
-    ("IN625", "youngs_modulus"),
-    ("IN625", "poissons_ratio"),
-    ("IN625", "yield_stress"),
-    ("S355", "poissons_ratio"),
-    ("Ti-6Al-4V", "yield_stress"),
-];
-
 /// Properties taken from another metal. Their numbers are checked against its source.
 const OTHER: &[(&str, &str)] = &[
     ("304L", "conductivity.liquid"),
@@ -136,11 +125,14 @@ const OTHER: &[(&str, &str)] = &[
     ("6061", "vaporisation_heat"),
     ("6061", "absorptivity"),
     ("6061", "viscosity"),
+    ("6061", "surface_tension"),
     ("AlSi10Mg", "conductivity.liquid"),
     ("AlSi10Mg", "boiling_temperature"),
     ("AlSi10Mg", "vaporisation_heat"),
     ("AlSi10Mg", "absorptivity"),
     ("AlSi10Mg", "viscosity"),
+    ("AlSi10Mg", "surface_tension"),
+    ("IN625", "yield_stress"),
     ("IN625", "emissivity"),
     ("IN625", "surface_tension"),
     ("IN718", "surface_tension"),
@@ -149,6 +141,7 @@ const OTHER: &[(&str, &str)] = &[
     ("S355", "latent_heat"),
     ("S355", "boiling_temperature"),
     ("S355", "vaporisation_heat"),
+    ("S355", "poissons_ratio"),
     ("S355", "absorptivity"),
     ("S355", "viscosity"),
     ("S355", "surface_tension"),
@@ -156,14 +149,7 @@ const OTHER: &[(&str, &str)] = &[
     ("Ti-6Al-4V", "surface_tension"),
 ];
 
-const MARKS: &[&str] = &[
-    "seen",
-    "computed",
-    "other",
-    "floor",
-    "recalled",
-    "estimated",
-];
+const MARKS: &[&str] = &["seen", "computed", "other", "floor"];
 
 /// Rows (K, value) of every property of a file; a constant is one row without a temperature.
 fn properties(text: &str) -> BTreeMap<String, Vec<(Option<f64>, f64)>> {
@@ -299,7 +285,7 @@ fn differences(name: &str, check: &Check, file: &[(Option<f64>, f64)]) -> Vec<St
 }
 
 #[test]
-fn every_property_is_that_of_its_source_or_marked() {
+fn every_property_is_that_of_its_source() {
     let mut found = Vec::new();
     for (name, text) in ENTRIES {
         let properties = properties(text);
@@ -311,11 +297,9 @@ fn every_property_is_that_of_its_source_or_marked() {
         }
         for property in properties.keys() {
             let checked = checks.iter().filter(|c| c.property == property).count();
-            let marked = MARKED.contains(&(name, property));
             assert_eq!(
-                checked + usize::from(marked),
-                1,
-                "{name}: {property}: one check against its source, or a place in MARKED"
+                checked, 1,
+                "{name}: {property}: one check against its source"
             );
         }
     }
@@ -323,8 +307,8 @@ fn every_property_is_that_of_its_source_or_marked() {
 }
 
 #[test]
-fn the_files_mark_what_the_lists_have() {
-    let mut counted = [0, 0];
+fn the_files_mark_what_the_list_has() {
+    let mut counted = 0;
     for (name, text) in ENTRIES {
         let marks = marks(text);
         let keys: BTreeSet<_> = properties(text).into_keys().collect();
@@ -338,27 +322,15 @@ fn the_files_mark_what_the_lists_have() {
             }
             let has = |mark: &str| marks.contains(mark);
             assert!(
-                ["seen", "computed", "other", "recalled", "estimated"]
-                    .into_iter()
-                    .any(has),
+                ["seen", "computed", "other"].into_iter().any(has),
                 "{name}: {property} names no source"
             );
-            let lists = [
-                (has("recalled") || has("estimated"), MARKED, "MARKED"),
-                (has("other"), OTHER, "OTHER"),
-            ];
-            for (index, (marked, list, called)) in lists.into_iter().enumerate() {
-                let listed = list.contains(&(name, property));
-                assert_eq!(marked, listed, "{name}: {property} and {called}");
-                counted[index] += usize::from(listed);
-            }
+            let listed = OTHER.contains(&(name, property));
+            assert_eq!(has("other"), listed, "{name}: {property} and OTHER");
+            counted += usize::from(listed);
         }
     }
-    assert_eq!(
-        counted,
-        [MARKED.len(), OTHER.len()],
-        "a list names what no file has"
-    );
+    assert_eq!(counted, OTHER.len(), "the list names what no file has");
 }
 
 #[test]

@@ -84,6 +84,24 @@ pub(super) fn in625() -> Vec<Check> {
             ],
         ),
         constant("viscosity", 7.0e-3),
+        // the ends of the table of Special Metals
+        celsius("youngs_modulus", 1e9, &[(21.0, 207.5), (871.0, 147.5)]).floor(1563.0),
+        celsius("poissons_ratio", 1.0, &[(21.0, 0.278), (871.0, 0.336)]),
+        // Callister, and the fall of HASTELLOY X, Haynes International
+        celsius(
+            "yield_stress",
+            517e6 / 340.0,
+            &[
+                (21.0, 340.0),
+                (538.0, 224.0),
+                (649.0, 212.0),
+                (760.0, 218.0),
+                (871.0, 189.0),
+                (982.0, 94.0),
+                (1093.0, 45.0),
+            ],
+        )
+        .floor(1563.0),
     ];
     checks.extend(both());
     checks

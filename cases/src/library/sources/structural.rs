@@ -64,6 +64,13 @@ const STRENGTH: &[(f64, f64)] = &[
     (1100.0, 0.02),
 ];
 
+fn poissons_ratio() -> Vec<(f64, f64)> {
+    let ratio = |stiffness: f64| 0.5 - 210.0 * stiffness / (6.0 * 168.0);
+    let rows = STIFFNESS.iter();
+    rows.map(|(t, stiffness)| (*t, ratio(*stiffness).max(0.3)))
+        .collect()
+}
+
 pub(super) fn s355() -> Vec<Check> {
     let iron = 55.845e-3;
     let (c, mn, si) = (0.17, 1.4, 0.3);
@@ -88,6 +95,8 @@ pub(super) fn s355() -> Vec<Check> {
         constant("vaporisation_heat", 349_576.0 / iron),
         formula("thermal_expansion", 373.15, 1473.15, expansion),
         celsius("youngs_modulus", 210e9, STIFFNESS).floor(1273.0),
+        // EN 1993-1-1; bulk modulus of iron, Rayne and Chandrasekhar (1961)
+        celsius("poissons_ratio", 1.0, &poissons_ratio()),
         celsius("yield_stress", 355e6, STRENGTH).floor(1473.0),
         constant("emissivity", 0.7),
         check("carbon", Source::Range(0.17, 0.20)),

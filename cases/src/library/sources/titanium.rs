@@ -75,6 +75,11 @@ pub(super) fn ti_6al_4v() -> Vec<Check> {
             ],
         )
         .floor(1877.0),
+        // Johnson and Cook, exponent of Xin et al.
+        formula("yield_stress", 298.0, 1877.0, |t| {
+            880e6 * (1.0 - ((t - 298.0) / (1877.0 - 298.0)).powf(0.633))
+        })
+        .floor(1877.0),
         // Parker and Abbott (1965), 170 µΩ cm
         formula("emissivity", 300.0, 1877.0, |t| {
             let x = 170e-6 * t;
