@@ -163,12 +163,14 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<Work, S
     // The tolerance is relative to the loads, so that a good initial guess does not tighten it. Without a guess,
     // the initial unbalanced force is that of the loads.
     let is_guessed = is_free || *state != work[..];
+    let relative = statics.tolerance;
+    let by_loads = |loads: f64| (0.0, (relative * loads).max(rounding));
     let options = &mut statics.newton.options;
     (options.relative_tolerance, options.absolute_tolerance) = match is_guessed {
-        false => (statics.tolerance, rounding),
+        false => (relative, rounding),
         true => {
             let loads = size_of_loads(&mut residual, work, step.end(), rigid)?;
-            (0.0, (statics.tolerance * loads).max(rounding))
+            by_loads(loads)
         }
     };
     let hints = Hints {
@@ -181,8 +183,8 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<Work, S
         Err(error) if residual.tangent == Tangent::Differences => {
             if !is_guessed {
                 let loads = size_of_loads(&mut residual, work, step.end(), rigid)?;
-                newton.options.relative_tolerance = 0.0;
-                newton.options.absolute_tolerance = (statics.tolerance * loads).max(rounding);
+                let options = &mut newton.options;
+                (options.relative_tolerance, options.absolute_tolerance) = by_loads(loads);
             }
             state.copy_from_slice(work);
             newton_from_linear(newton, &mut residual, step.end(), state, hints).or(Err(error))

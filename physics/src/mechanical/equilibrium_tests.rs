@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::body::Store;
+use perimelt_core::simulation::Simulation;
 use perimelt_core::{Coupler, RunError, Setup, SetupError, Step, World, Write, keys};
 use serde::{Deserialize, Serialize};
 
@@ -52,13 +53,18 @@ const STRETCHING: Stretching = Stretching {
     fields: None,
 };
 
+/// A film of `cells` points that are `spacing` apart, held at both ends and stretched within 1 s.
+fn film(cells: [usize; 3], spacing: f64, keys: &str, stretching: Stretching) -> Simulation {
+    let material = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3";
+    let body = block(cells, 2, spacing, Store::Lattice, material);
+    let mechanical: Mechanical = read(keys);
+    let couplers: Vec<Box<dyn Coupler>> = vec![Box::new(stretching)];
+    simulation(body, vec![Box::new(mechanical)], couplers, 1.0)
+}
+
 /// Displacement over spacing, and the number of evaluations of forces.
 fn stretched(spacing: f64, keys: &str) -> (Vec<f64>, u64) {
-    let material = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3";
-    let body = block([16, 6, 1], 2, spacing, Store::Lattice, material);
-    let mechanical: Mechanical = read(keys);
-    let couplers: Vec<Box<dyn Coupler>> = vec![Box::new(STRETCHING)];
-    let mut s = simulation(body, vec![Box::new(mechanical)], couplers, 1.0);
+    let mut s = film([16, 6, 1], spacing, keys, STRETCHING);
     run(&mut s);
     let displacement = values(&s, "displacement");
     let relative = displacement.iter().map(|u| u / spacing).collect();
@@ -82,11 +88,7 @@ fn a_nanometre_film_converges_as_a_metre_film_does() {
 
 #[test]
 fn evaluations_of_the_unbalanced_force_and_of_the_loads_are_counted() {
-    let material = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3";
-    let body = block([16, 6, 1], 2, 1.0, Store::Lattice, material);
-    let mechanical: Mechanical = read("step = 0.5");
-    let couplers: Vec<Box<dyn Coupler>> = vec![Box::new(STRETCHING)];
-    let mut s = simulation(body, vec![Box::new(mechanical)], couplers, 1.0);
+    let mut s = film([16, 6, 1], 1.0, "step = 0.5", STRETCHING);
     s.start().expect("starts");
     let mut counts = Vec::new();
     while !s.is_finished() {
@@ -102,19 +104,15 @@ fn evaluations_of_the_unbalanced_force_and_of_the_loads_are_counted() {
     assert_eq!(counts[1], (iterations, evaluations + 2), "{counts:?}");
 }
 
-/// Displacement of a block that is shortened by 2.4 spacings at once, or in steps of 0.05 s within 1 s.
+/// Displacement of a film that is shortened by 2.4 spacings at once, or in steps of 0.05 s within 1 s.
 fn shortened(formulation: &str, duration: f64) -> Vec<f64> {
-    let material = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3";
-    let body = block([48, 24, 1], 2, 1.0, Store::Lattice, material);
     let keys = format!("formulation = \"{formulation}\"\nkinematics = \"finite\"\nstep = 0.05");
-    let mechanical: Mechanical = read(&keys);
-    let stretching = Stretching {
+    let shortening = Stretching {
         strain: -0.05,
         duration,
         fields: None,
     };
-    let couplers: Vec<Box<dyn Coupler>> = vec![Box::new(stretching)];
-    let mut s = simulation(body, vec![Box::new(mechanical)], couplers, 1.0);
+    let mut s = film([48, 24, 1], 1.0, &keys, shortening);
     run(&mut s);
     values(&s, "displacement")
 }

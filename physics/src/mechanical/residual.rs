@@ -32,7 +32,7 @@ pub(super) enum Tangent {
     Differences,
 }
 
-impl Residual<'_> {
+impl<'a> Residual<'a> {
     /// Sets held components and those that the dimension leaves out.
     fn set_held(&self, out: &mut [f64], value: f64) {
         for (i, (f, c)) in out.iter_mut().zip(self.constraint).enumerate() {
@@ -41,9 +41,7 @@ impl Residual<'_> {
             }
         }
     }
-}
 
-impl<'a> Residual<'a> {
     /// Change of the unbalanced force along a direction, by one of the stiffnesses of the solid.
     fn rate_of_change(
         &mut self,
@@ -167,10 +165,6 @@ impl Rhs for Linearised<'_, '_> {
         self.residual
             .rate_of_change(direction, Solid::stiffness, out);
         Ok(true)
-    }
-
-    fn scale(&self) -> f64 {
-        self.residual.scale()
     }
 
     fn weights(&self) -> Option<&[f64]> {
