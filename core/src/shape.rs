@@ -5,6 +5,7 @@
 //! regions are the points of a body that do.
 
 mod extrusion;
+mod normal;
 mod stl;
 
 use std::path::Path;
@@ -14,6 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use extrusion::Extrusion;
+pub use normal::{Facing, SurfacePart};
 pub use stl::{Stl, StlError};
 
 /// A solid shape. All lengths in metres.

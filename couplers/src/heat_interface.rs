@@ -191,8 +191,11 @@ impl Interface {
                     });
                 // of the part of the cell of the other body that is bare
                 let whole = bodies[1].points.volume[second.cells[b].point as usize] / sb;
-                let bare = second.cells[b].area / whole;
-                let area = fraction.product::<f64>() * cell.area * bare;
+                let other = &second.cells[b];
+                let bare = other.face_area / whole;
+                // steps of an inclined interface stand for a smaller area
+                let true_area = 0.5 * (cell.area / cell.face_area + other.area / other.face_area);
+                let area = fraction.product::<f64>() * cell.face_area * bare * true_area;
                 if area > 0.0 {
                     let cells = [a as u32, b as u32];
                     overlaps.push(Overlap { cells, area });

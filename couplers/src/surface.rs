@@ -143,6 +143,7 @@ impl SurfaceHeat {
         let cells = points.into_iter().map(|point| SurfaceCell {
             point,
             face: Face::ZMax,
+            face_area: this.points.volume[point as usize] / this.thickness,
             area: this.points.volume[point as usize] / this.thickness,
         });
         let cells = cells.collect();

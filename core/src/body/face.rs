@@ -84,6 +84,8 @@ pub struct SurfaceCell {
     pub point: u32,
     /// Direction of the outward normal.
     pub face: Face,
-    /// Exposed area, m².
+    /// Exposed area of the cell face, m²: times the normal it sums up to the resultant of a pressure.
+    pub face_area: f64,
+    /// Area of the true surface that the cell face stands for, m²: sums are those of the shape.
     pub area: f64,
 }

@@ -137,13 +137,7 @@ impl Body {
             horizon_factor: Vec::new(),
         };
         let discretisation = Discretisation::Lattice(lattice);
-        Ok(Body::new(
-            name,
-            dimension,
-            thickness,
-            points,
-            discretisation,
-        ))
+        Ok(Body::new(name, dimension, thickness, points, discretisation).outlined(shape))
     }
 }
 
@@ -191,7 +185,7 @@ mod tests {
         let net: Vector3<f64> = ball
             .surface(&Face::ALL)
             .iter()
-            .map(|s| s.face.normal() * s.area)
+            .map(|s| s.face.normal() * s.face_area)
             .sum();
         assert!(net.norm() < 1e-12, "the normals of a closed surface cancel");
     }

@@ -8,6 +8,7 @@ mod cloud;
 mod face;
 mod interpolate;
 mod lattice;
+mod outline;
 mod table;
 mod zones;
 
@@ -28,6 +29,8 @@ use crate::family::{Cut, Horizon};
 use crate::material::Material;
 use crate::shape::{Bounds, Shape};
 use crate::text::{number, position};
+
+use outline::Outline;
 
 /// The points of a body.
 #[derive(Clone, Debug)]
@@ -130,6 +133,8 @@ pub struct Body {
     /// Box whose faces bound the motion of the body, m; the bounding box when left out
     /// ([`Body::enclose`]).
     pub tank: Option<Bounds>,
+    /// The true surface, where the points fill a shape.
+    outline: Option<Outline>,
 }
 
 /// Mistakes in the description of a body.
@@ -223,7 +228,14 @@ impl Body {
             cuts: Vec::new(),
             periodic: [false; 3],
             tank: None,
+            outline: None,
         }
+    }
+
+    /// The same, with the shape that the points fill.
+    fn outlined(mut self, shape: &Shape) -> Body {
+        self.outline = Outline::new(shape, &self);
+        self
     }
 
     /// Makes the body periodic along these axes.
@@ -397,10 +409,14 @@ impl Body {
                     }
                 };
                 if bare > 0.0 {
+                    let face_area = bare * whole;
+                    let outline = self.outline.as_ref();
+                    let fraction = outline.map_or(1.0, |o| o.fraction(&self.points, point, face));
                     surface.push(SurfaceCell {
                         point: point as u32,
                         face,
-                        area: bare * whole,
+                        face_area,
+                        area: fraction * face_area,
                     });
                 }
             }

@@ -174,13 +174,7 @@ impl Body {
             horizon_factor,
         };
         let (points, discretisation) = points.into_cloud(0.0);
-        Ok(Body::new(
-            name,
-            dimension,
-            thickness,
-            points,
-            discretisation,
-        ))
+        Ok(Body::new(name, dimension, thickness, points, discretisation).outlined(shape))
     }
 }
 

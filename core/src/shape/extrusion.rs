@@ -42,7 +42,7 @@ fn meet([a, b]: [Vector2<f64>; 2], [c, d]: [Vector2<f64>; 2]) -> bool {
 
 impl Extrusion {
     /// Axes of the coordinates of the polygon.
-    fn plane(&self) -> [usize; 2] {
+    pub(super) fn plane(&self) -> [usize; 2] {
         match self.axis {
             Axis::X => [1, 2],
             Axis::Y => [0, 2],
@@ -51,7 +51,7 @@ impl Extrusion {
     }
 
     /// The edges in order, m.
-    fn edges(&self) -> impl Iterator<Item = [Vector2<f64>; 2]> {
+    pub(super) fn edges(&self) -> impl Iterator<Item = [Vector2<f64>; 2]> {
         let next = self.polygon.iter().cycle().skip(1);
         let edge = |(a, b): (&[f64; 2], &[f64; 2])| [Vector2::from(*a), Vector2::from(*b)];
         self.polygon.iter().zip(next).map(edge)

@@ -5,6 +5,8 @@
 //! turns are computed from the vertex with the smaller number, so that two triangles with a common edge agree bit by bit,
 //! also for a ray through the edge. Overlapping parts are united; voids have their normals inwards.
 
+mod facing;
+
 use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};

@@ -173,7 +173,7 @@ impl Coupler for Traction {
         let on_cell = |cell: &SurfaceCell| {
             let point = cell.point as usize;
             let centre = points.position[point] + 0.5 * points.spacing[point] * cell.face.normal();
-            p.load.on(cell.face, centre.into(), step.end()) * (factor * cell.area)
+            p.load.on(cell.face, centre.into(), step.end()) * (factor * cell.face_area)
         };
         let activity = world.activity(p.body);
         let is_there = |cell: &&SurfaceCell| {
