@@ -17,6 +17,7 @@ pub mod body;
 pub mod cell_list;
 pub mod configuration;
 pub mod error;
+pub mod exchange;
 pub mod family;
 pub mod field;
 pub mod formula;

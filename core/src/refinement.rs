@@ -448,6 +448,12 @@ impl World {
         })
     }
 
+    /// Whether one of two bodies is a window of finer points in the other.
+    pub(crate) fn are_refined(&self, a: BodyIndex, b: BodyIndex) -> bool {
+        let mut pairs = self.refinements.iter().map(|r| [r.plate, r.window]);
+        pairs.any(|pair| pair == [a, b] || pair == [b, a])
+    }
+
     /// How far the points of a body are from their reference positions because it is a window that moves, m.
     pub fn window_shift(&self, body: BodyIndex) -> Vector3<f64> {
         match self.refinement(body) {

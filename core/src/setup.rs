@@ -4,6 +4,7 @@
 //! fields and *adds* into sink fields; anybody *reads*. [`Setup::finish`] checks that what is
 //! read is provided and what is added is consumed.
 
+mod exchanges;
 mod families;
 mod layers;
 #[cfg(test)]
@@ -23,6 +24,7 @@ use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write, keys};
 use crate::material::{EnthalpyCurve, Material, MaterialError, Property};
 use crate::world::{BodyIndex, PhaseChange, World};
 
+use exchanges::DeclaredExchange;
 use families::ObtainedFamily;
 
 /// How a plugin touches a field.
@@ -125,7 +127,11 @@ pub struct Setup<'w> {
     families: Vec<ObtainedFamily>,
     /// Bodies that are walls for others.
     walls: Vec<DeclaredWall>,
+    /// Exchanges of heat through surfaces.
+    exchanges: Vec<DeclaredExchange>,
     warnings: Vec<Warning>,
+    /// What the user may want to know, and is no mistake.
+    notes: Vec<Warning>,
     /// What couplers share, with their names.
     shared: Vec<(String, Rc<dyn Any>)>,
     /// Number of plugins before the first physics, once there is one.
@@ -153,7 +159,9 @@ impl<'w> Setup<'w> {
             need_points_at_rest: Vec::new(),
             families: Vec::new(),
             walls: Vec::new(),
+            exchanges: Vec::new(),
             warnings: Vec::new(),
+            notes: Vec::new(),
             shared: Vec::new(),
             first_physics: None,
         }
@@ -179,6 +187,17 @@ impl<'w> Setup<'w> {
         if !self.warnings.iter().any(|w| w.message == warning.message) {
             self.warnings.push(warning);
         }
+    }
+
+    /// Notes for `perimelt check`: a sentence without a full stop, from a plugin by its position.
+    fn note(&mut self, plugin: usize, message: String) {
+        let plugin = self.plugins[plugin].clone();
+        self.notes.push(Warning { plugin, message });
+    }
+
+    /// Takes the notes.
+    pub(crate) fn take_notes(&mut self) -> Vec<Warning> {
+        std::mem::take(&mut self.notes)
     }
 
     /// Takes the warnings so far.
@@ -686,6 +705,7 @@ impl<'w> Setup<'w> {
             let expected = "a `fluid` of that body with `form = \"conservative\"`";
             mistakes.push((wall.plugin, SetupError::value("fluid", message, expected)));
         }
+        mistakes.extend(self.free_exchanges());
         if !mistakes.is_empty() {
             return Err(mistakes);
         }

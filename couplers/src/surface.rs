@@ -1,11 +1,12 @@
 //! The surface on which a boundary acts, and heat that flows through it.
 
-use perimelt_core::body::SurfaceCell;
-use perimelt_core::world::BodyIndex;
-use perimelt_core::{ActivityChanges, Face, Report, Setup, SetupError, World, Write, keys};
+use std::cell::{Ref, RefCell, RefMut};
+use std::rc::Rc;
 
-/// Fraction of the time constant of an exchange of heat that a step may take.
-const STEP_FRACTION: f64 = 0.5;
+use perimelt_core::body::SurfaceCell;
+use perimelt_core::exchange::{Exchange, FreeFaces, SurfaceDepth, SurfaceLaw};
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{ActivityChanges, Face, Report, Setup, SetupError, World};
 
 /// All faces, the default of boundaries that act on the whole surface.
 pub(crate) fn all_faces() -> Vec<Face> {
@@ -54,48 +55,43 @@ pub(crate) fn select(
     Ok(cells)
 }
 
-/// Heat through a surface: a flux (W/m²) becomes a source `flux * area / volume` (W/m³) of the
-/// points behind it (Wang (2025), eq. 7.18).
+/// The surface through which a boundary exchanges heat by a law, which the physics of the body evaluates.
 ///
 /// On a body on which material is deposited, the surface is that of the material which is there now: it changes with
 /// each point that becomes active.
 #[derive(Debug)]
-pub(crate) struct SurfaceHeat {
-    /// In the order of their points.
-    cells: Vec<SurfaceCell>,
+pub(crate) struct SurfaceHeat<L> {
+    law: Rc<RefCell<L>>,
+    exchange: Rc<Exchange>,
     faces: Vec<Face>,
     /// Points that limit the surface, ascending.
     region: Option<Vec<u32>>,
     activity: ActivityChanges,
-    body: BodyIndex,
-    heat_source: Write<f64>,
-    /// Into the body in the last step, W.
-    power: f64,
-    /// Shortest time in which a point takes up the temperature of its surroundings, s, once found.
-    time_constant: Option<f64>,
+    /// What covers the surface, once it has changed.
+    free: Option<FreeFaces>,
 }
 
-impl SurfaceHeat {
+impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
     pub fn prepare(
         setup: &mut Setup<'_>,
         body: BodyIndex,
-        faces: &[Face],
-        region: Option<&str>,
-    ) -> Result<SurfaceHeat, SetupError> {
+        (faces, region): (&[Face], Option<&str>),
+        law: L,
+    ) -> Result<SurfaceHeat<L>, SetupError> {
         // a region would be a part of the window that moves with it
         if region.is_none() {
             setup.follow_window(body);
         }
-        Self::without_window(setup, body, faces, region)
+        Self::without_window(setup, body, (faces, region), law)
     }
 
     /// As [`SurfaceHeat::prepare`], of a body without a moving refinement.
     pub fn without_window(
         setup: &mut Setup<'_>,
         body: BodyIndex,
-        faces: &[Face],
-        region: Option<&str>,
-    ) -> Result<SurfaceHeat, SetupError> {
+        (faces, region): (&[Face], Option<&str>),
+        law: L,
+    ) -> Result<SurfaceHeat<L>, SetupError> {
         setup.follow_activity(body);
         let message = format!(
             "the points of body `{}` move: heat through faces of cells needs points at rest",
@@ -108,24 +104,24 @@ impl SurfaceHeat {
         Ok(SurfaceHeat {
             faces: faces.to_vec(),
             region: points.transpose()?.map(|region| region.points),
-            ..Self::through(setup, body, cells)?
+            ..Self::through(setup, body, (SurfaceDepth::Face, cells), law)?
         })
     }
 
     fn through(
         setup: &mut Setup<'_>,
         body: BodyIndex,
-        cells: Vec<SurfaceCell>,
-    ) -> Result<SurfaceHeat, SetupError> {
+        (depth, cells): (SurfaceDepth, Vec<SurfaceCell>),
+        law: L,
+    ) -> Result<SurfaceHeat<L>, SetupError> {
+        let law = Rc::new(RefCell::new(law));
         Ok(SurfaceHeat {
-            cells,
+            exchange: setup.exchange(body, depth, law.clone(), cells)?,
+            law,
             faces: Vec::new(),
             region: None,
             activity: ActivityChanges::default(),
-            body,
-            heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
-            power: 0.0,
-            time_constant: None,
+            free: None,
         })
     }
 
@@ -134,33 +130,48 @@ impl SurfaceHeat {
         setup: &mut Setup<'_>,
         body: BodyIndex,
         region: Option<&str>,
-    ) -> Result<SurfaceHeat, SetupError> {
+        law: L,
+    ) -> Result<SurfaceHeat<L>, SetupError> {
         let points = match region {
             Some(name) => setup.region(body, "region", name)?.points,
             None => (0..setup.body(body).points.len() as u32).collect(),
         };
         let this = setup.body(body);
-        let cells = points.into_iter().map(|point| SurfaceCell {
-            point,
-            face: Face::ZMax,
-            face_area: this.points.volume[point as usize] / this.thickness,
-            area: this.points.volume[point as usize] / this.thickness,
-        });
-        let cells = cells.collect();
-        Self::through(setup, body, cells)
-    }
-
-    /// The faces of cells through which it flows.
-    pub fn cells(&self) -> &[SurfaceCell] {
-        &self.cells
-    }
-
-    /// Finds the bare cell faces around points that became active or inactive; whether there are any.
-    pub fn follow(&mut self, world: &World) -> bool {
-        let Some(changed) = self.activity.since_last(world, self.body) else {
-            return false;
+        let cell = |point: u32| {
+            let area = this.points.volume[point as usize] / this.thickness;
+            SurfaceCell {
+                point,
+                face: Face::ZMax,
+                face_area: area,
+                area,
+            }
         };
-        let body = world.body(self.body);
+        let cells = points.into_iter().map(cell).collect();
+        Self::through(setup, body, (SurfaceDepth::Plane, cells), law)
+    }
+
+    /// The law, to bring it up to date.
+    pub fn law(&self) -> RefMut<'_, L> {
+        self.law.borrow_mut()
+    }
+
+    /// The faces of cells through which heat flows.
+    pub fn cells(&self) -> Ref<'_, [SurfaceCell]> {
+        self.exchange.cells()
+    }
+
+    /// Counts how often the faces have changed.
+    pub fn version(&self) -> u64 {
+        self.exchange.version()
+    }
+
+    /// Finds the bare cell faces around points that became active or inactive.
+    pub fn follow(&mut self, world: &World) {
+        let index = self.exchange.body;
+        let Some(changed) = self.activity.since_last(world, index) else {
+            return;
+        };
+        let body = world.body(index);
         let neighbours = |&point: &u32| {
             let next = move |face| body.neighbour(point as usize, face).map(|p| p as u32);
             Face::ALL.into_iter().filter_map(next).chain([point])
@@ -169,71 +180,35 @@ impl SurfaceHeat {
         points.sort_unstable();
         points.dedup();
         let is_changed = |cell: &SurfaceCell| points.binary_search(&cell.point).is_ok();
-        self.cells.retain(|cell| !is_changed(cell));
+        let mut cells = self.exchange.cells().to_vec();
+        cells.retain(|cell| !is_changed(cell));
         let region = self.region.as_ref();
         let here = points.iter().copied();
         let here = here.filter(|p| region.is_none_or(|r| r.binary_search(p).is_ok()));
         let here = here.map(|point| point as usize);
         let active = |point: usize| self.activity.is_active(point);
-        self.cells
-            .extend(body.surface_of(here, &self.faces, active));
+        let free = self
+            .free
+            .get_or_insert_with(|| FreeFaces::new(world, index));
+        let bare = body.surface_of(here, &self.faces, active).into_iter();
+        cells.extend(bare.filter_map(|cell| {
+            let (fraction, _) = free.free(world, body, &cell);
+            (fraction > 0.0).then_some(SurfaceCell {
+                area: fraction * cell.area,
+                face_area: fraction * cell.face_area,
+                ..cell
+            })
+        }));
         // faces of a point stay in the order of `faces`
-        self.cells.sort_by_key(|cell| cell.point);
-        true
-    }
-
-    /// Adds `flux` (W/m², into the body) of each surface point.
-    pub fn add(&mut self, world: &World, flux: impl Fn(usize) -> f64) {
-        self.follow(world);
-        let volume = &world.body(self.body).points.volume;
-        let mut heat_source = world.write(self.heat_source);
-        self.power = 0.0;
-        for cell in &self.cells {
-            let point = cell.point as usize;
-            let power = flux(point) * cell.area;
-            heat_source[point] += power / volume[point];
-            self.power += power;
-        }
-    }
-
-    /// Largest ratio of bare surface to volume of a point, 1/m; where material is deposited, as if all faces were bare.
-    pub fn largest_ratio(&self, world: &World) -> f64 {
-        let points = &world.body(self.body).points;
-        if world.is_growing(self.body) {
-            let spacings = points.spacing.iter().copied();
-            return self.faces.len() as f64 / spacings.fold(f64::INFINITY, f64::min);
-        }
-        let volume = &points.volume;
-        let mut ratio = vec![0.0; volume.len()];
-        for cell in &self.cells {
-            ratio[cell.point as usize] += cell.area / volume[cell.point as usize];
-        }
-        ratio.into_iter().fold(0.0, f64::max)
-    }
-
-    /// Largest stable step of an exchange, s: the shortest time in which a point takes up the temperature of its
-    /// surroundings, by the largest coefficient (W/(m² K)) and the smallest capacity (J/(m³ K)).
-    pub fn stable_step(
-        &mut self,
-        world: &World,
-        largest: f64,
-        capacity: Option<f64>,
-    ) -> Option<f64> {
-        let exchange = largest * self.largest_ratio(world);
-        self.time_constant = capacity.filter(|_| exchange > 0.0).map(|c| c / exchange);
-        self.time_constant
-    }
-
-    /// Largest step that resolves the exchange, s, once its stable step was asked.
-    pub fn step_limit(&self) -> Option<f64> {
-        self.time_constant.map(|time| STEP_FRACTION * time)
+        cells.sort_by_key(|cell| cell.point);
+        self.exchange.set_cells(cells);
     }
 
     pub fn report(&self) -> Vec<Report> {
         vec![Report {
             name: "power into the body".into(),
             unit: "W".into(),
-            value: self.power,
+            value: self.exchange.power(),
         }]
     }
 }
@@ -241,7 +216,8 @@ impl SurfaceHeat {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{STEEL, block};
+    use crate::testing::{STEEL, Uniform, block};
+    use perimelt_core::keys;
     use std::path::Path;
 
     #[test]
@@ -281,27 +257,90 @@ mod tests {
         let mut setup = Setup::new(&mut world, Path::new("."));
         setup.next_plugin("heat");
         let faces = [Face::ZMax, Face::XMin];
-        let mut surface = SurfaceHeat::prepare(&mut setup, 0, &faces, None).expect("valid");
+        let law = Uniform(1.0);
+        let surface = SurfaceHeat::prepare(&mut setup, 0, (&faces, None), law);
+        let mut surface = surface.expect("valid");
         setup.next_plugin("deposit");
         let upper: Vec<u32> = (18..36).collect();
         let active = setup.deposit(0, &upper).expect("a lattice");
         setup.next_plugin("thermal");
-        setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        setup.own(0, &keys::TEMPERATURE).expect("free");
+        setup.exchanges(0);
         setup.follow_activity(0);
         setup.finish().expect("complete");
-        let mut heat = |expected: f64| {
-            surface.add(&world, |_| 1.0);
-            assert_eq!(surface.power, expected);
+        let mut area = |expected: f64| {
+            surface.follow(&world);
+            let cells = surface.cells();
+            assert_eq!(cells.iter().map(|c| c.area).sum::<f64>(), expected);
         };
         // two layers of nine cells: the top, and three cells of the side each
-        heat(9.0 + 6.0);
+        area(9.0 + 6.0);
         // a point in the middle, one beside it at the side, and one above that: the top stays as large
         for (point, expected) in [(22, 16.0), (21, 16.0), (30, 17.0)] {
             world.write(active)[point] = 1.0;
-            heat(expected);
+            area(expected);
         }
         world.write(active).fill(1.0);
-        heat(9.0 + 12.0);
-        assert_eq!(surface.largest_ratio(&world), 2.0);
+        area(9.0 + 12.0);
+    }
+
+    /// Areas that are left of a block of 4 x 3 x 2 cells, with the notes and warnings of the set-up.
+    fn free_area(
+        others: Vec<perimelt_core::Body>,
+        boundaries: impl FnOnce(&mut Setup<'_>),
+    ) -> Result<f64, String> {
+        let mut bodies = vec![block([4, 3, 2], 3, STEEL)];
+        bodies.extend(others);
+        let mut world = World::new(bodies);
+        let mut setup = Setup::new(&mut world, Path::new("."));
+        setup.next_plugin("heat");
+        let law = Uniform(1.0);
+        let surface = SurfaceHeat::prepare(&mut setup, 0, (&Face::ALL, None), law);
+        boundaries(&mut setup);
+        setup.next_plugin("thermal");
+        setup.own(0, &keys::TEMPERATURE).expect("free");
+        setup.exchanges(0);
+        setup
+            .finish()
+            .map_err(|mistakes| mistakes[0].1.to_string())?;
+        let cells = surface.expect("valid");
+        Ok(cells.cells().iter().map(|c| c.area).sum())
+    }
+
+    #[test]
+    fn heat_leaves_through_free_faces_only() {
+        let whole = 2.0 * (12.0 + 8.0 + 6.0);
+        assert_eq!(free_area(Vec::new(), |_| ()), Ok(whole));
+        let symmetry = |setup: &mut Setup<'_>| {
+            setup.next_plugin("symmetry");
+            setup.set_symmetry(0, Face::YMin);
+        };
+        assert_eq!(free_area(Vec::new(), symmetry), Ok(whole - 8.0));
+        let prescribed = |setup: &mut Setup<'_>| {
+            setup.next_plugin("prescribed_temperature");
+            let layer = setup.layer(0, &keys::TEMPERATURE, Face::XMax, true);
+            layer.expect("free");
+        };
+        assert_eq!(free_area(Vec::new(), prescribed), Ok(whole - 6.0));
+        // on top, moved by one and a half cells, half of them over the edge
+        let mut other = block([4, 3, 1], 3, STEEL);
+        other.name = "other".into();
+        let offset = nalgebra::Vector3::new(1.5, 0.0, 2.0);
+        other.points.position.iter_mut().for_each(|x| *x += offset);
+        let covered = free_area(vec![other], |_| ()).expect("free faces are left");
+        assert!((covered - (whole - 2.5 * 3.0)).abs() < 1e-12, "{covered}");
+        let all = |setup: &mut Setup<'_>| {
+            setup.next_plugin("insulated");
+            for face in Face::ALL {
+                setup
+                    .layer(0, &keys::TEMPERATURE, face, false)
+                    .expect("free");
+            }
+        };
+        let message = free_area(Vec::new(), all).expect_err("nothing is free");
+        assert!(
+            message.contains("no part of the surface is free"),
+            "{message}"
+        );
     }
 }

@@ -1,12 +1,14 @@
 //! A small world for the tests of couplers, in which the test plays the physics.
 
 use std::path::Path;
+use std::rc::Rc;
 
 use nalgebra::Vector3;
+use perimelt_core::exchange::{Exchange, SurfaceFlux, SurfaceLaw};
 use perimelt_core::field::Value;
 use perimelt_core::material::Material;
 use perimelt_core::shape::{BoxShape, Shape};
-use perimelt_core::{Body, Coupler, Key, Setup, SetupError, Step, World};
+use perimelt_core::{Body, Coupler, Key, Setup, SetupError, Step, World, keys};
 
 /// Steel that melts, expands and radiates.
 pub const STEEL: &str = "
@@ -99,4 +101,56 @@ pub fn set_vector(world: &mut World, key: &Key<Vector3<f64>>, value: Vector3<f64
     let index = world.fields().find(0, &key.name).expect("a known field");
     let points = world.values_mut(index).chunks_exact_mut(3);
     points.for_each(|v| v.copy_from_slice(value.as_slice()));
+}
+
+/// A flux (W/m²) that does not depend on the temperature.
+#[derive(Debug)]
+pub struct Uniform(pub f64);
+
+impl SurfaceLaw for Uniform {
+    fn flux(&self, _: usize, _: f64) -> SurfaceFlux {
+        SurfaceFlux {
+            flux: self.0,
+            slope: 0.0,
+        }
+    }
+
+    fn stiffness(&self, _: f64) -> f64 {
+        0.0
+    }
+}
+
+/// Prepares a boundary that exchanges heat with the first body, and plays its heat physics: the exchange.
+pub fn exchange(world: &mut World, coupler: &mut dyn Coupler) -> Rc<Exchange> {
+    let exchanges = prepare(world, coupler, |setup| {
+        setup.own(0, &keys::TEMPERATURE).expect("free");
+        setup.exchanges(0)
+    });
+    exchanges.expect("valid").swap_remove(0)
+}
+
+/// Heat that each point of the first body takes up from an exchange (W), with the surface as warm as the points (K).
+pub fn heat(world: &World, exchange: &Exchange, temperature: impl Fn(usize) -> f64) -> Vec<f64> {
+    let mut heat = vec![0.0; world.body(0).points.len()];
+    let law = exchange.law();
+    for (i, cell) in exchange.cells().iter().enumerate() {
+        let point = cell.point as usize;
+        heat[point] += law.flux(i, temperature(point)).flux * cell.area;
+    }
+    heat
+}
+
+/// Compares the slopes of a law with differences of its fluxes at the first cell.
+pub fn check_slopes(exchange: &Exchange, temperatures: &[f64]) {
+    let law = exchange.law();
+    for &t in temperatures {
+        let step = 1e-4 * t;
+        let [low, high] = [t - step, t + step].map(|t| law.flux(0, t).flux);
+        let (slope, expected) = (law.flux(0, t).slope, (high - low) / (2.0 * step));
+        let scale = expected.abs().max(1e-6);
+        assert!(
+            (slope - expected).abs() < 1e-3 * scale,
+            "{t}: {slope} {expected}"
+        );
+    }
 }

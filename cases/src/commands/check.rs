@@ -31,6 +31,9 @@ pub fn run(args: &CheckArgs) -> Done {
     }
     sizes(&simulation, &mut out)?;
     steps(&simulation, &mut out)?;
+    for note in simulation.notes() {
+        writeln!(out, "{} {}", note.plugin, note.message)?;
+    }
     let size = LogSize::new(&case, &simulation)?;
     log_size(&size, &mut out)?;
     // of the initial state

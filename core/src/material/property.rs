@@ -57,6 +57,15 @@ impl Property {
         }
     }
 
+    /// Value and derivative by the temperature (1/K) of a number or a table; of the solid where it depends on the phase.
+    pub fn with_slope(&self, temperature: f64) -> (f64, f64) {
+        match self {
+            Self::Constant(value) => (*value, 0.0),
+            Self::Table(table) => table.with_slope(temperature),
+            Self::ByPhase { solid, .. } => solid.with_slope(temperature),
+        }
+    }
+
     /// Whether it depends on neither temperature nor phase.
     pub fn is_constant(&self) -> bool {
         self.constant().is_some()

@@ -122,6 +122,17 @@ impl Table {
         self.y[i] + fraction * (self.y[above] - self.y[i])
     }
 
+    /// Value and slope at `x`; the slope is zero outside, and that of the row behind at a row.
+    pub fn with_slope(&self, x: f64) -> (f64, f64) {
+        let above = self.x.partition_point(|&row| row <= x);
+        if above == 0 || above == self.x.len() {
+            return (self.at(x), 0.0);
+        }
+        let i = above - 1;
+        let slope = (self.y[above] - self.y[i]) / (self.x[above] - self.x[i]);
+        (self.at(x), slope)
+    }
+
     /// Exact integral of the clamped function from `from` to `to`; negative when `to < from`.
     pub fn integral(&self, from: f64, to: f64) -> f64 {
         if to < from {

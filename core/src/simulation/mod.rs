@@ -120,6 +120,7 @@ pub struct Simulation {
     /// Plugin, body and request of each family of points that stay.
     requests: Vec<(String, usize, FamilySpec)>,
     warnings: Vec<Warning>,
+    notes: Vec<Warning>,
 }
 
 /// Size of a family, for `check`.
@@ -196,10 +197,15 @@ impl Simulation {
         };
         let family_sizes = setup.families().map(size).collect();
         let requests = setup.requests();
+        let at = |(plugin, e)| (culprit(plugin, couplers.len()), e);
+        let not_free: Faults = setup.free_exchanges().into_iter().map(at).collect();
+        if !not_free.is_empty() {
+            return Err(not_free);
+        }
         let warnings = setup.take_warnings();
+        let notes = setup.take_notes();
         let declarations = setup.finish().map_err(|mistakes| {
             let mistakes = mistakes.into_iter();
-            let at = |(plugin, e)| (culprit(plugin, couplers.len()), e);
             mistakes.map(at).collect::<Faults>()
         })?;
         let labels: Vec<String> = couplers
@@ -252,7 +258,13 @@ impl Simulation {
             family_sizes,
             requests,
             warnings,
+            notes,
         })
+    }
+
+    /// What the user may want to know about the set-up and is no mistake, such as faces that a boundary leaves out.
+    pub fn notes(&self) -> &[Warning] {
+        &self.notes
     }
 
     /// The world.

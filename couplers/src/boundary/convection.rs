@@ -1,22 +1,19 @@
-//! Convection: `q = f(x, y, z, t) h(T) (T_ambient - T)` into the body, T of the surface point itself.
+//! Convection: `q = f(x, y, z, t) h(T) (T_ambient - T)` into the body, T of the surface.
 //!
 //! The factor f lies between 0 and 1, so that h(T) is the largest coefficient at all places and times and limits the
 //! step: zones with and without spray, jets that move, water that is turned on.
 //!
-//! The point lies half a spacing below the surface, and the temperature drop across that half cell is
-//! neglected: accurate while `h dx / (2 k)` is far below 1. A step must resolve the exchange,
-//! `dt <= C dx / (2 h)` for each bare face of a cell with the volumetric capacity C; automatic steps do.
+//! The surface lies half a cell from its points. Its temperature balances the fluxes on both sides, so that the exchange is
+//! of second order in the spacing (`docs/theory/surfaces.md`).
 
-use std::cell::Cell;
-
+use perimelt_core::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::formula::Formula;
 use perimelt_core::material::Property;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::smallest_capacity;
 use crate::InTime;
 
 use crate::surface::{SurfaceHeat, all_faces};
@@ -60,12 +57,39 @@ fn is_fraction(value: f64) -> bool {
 #[derive(Debug)]
 struct ConvectionState {
     body: BodyIndex,
-    heat: SurfaceHeat,
-    temperature: Read<f64>,
+    heat: SurfaceHeat<ConvectionLaw>,
+}
+
+/// `f h(T) (T_ambient - T)`.
+#[derive(Debug)]
+struct ConvectionLaw {
+    coefficient: Property,
     /// Largest coefficient, W/(m² K).
     largest: f64,
-    /// Smallest capacity of the materials, J/(m³ K); a steady solution needs none.
-    capacity: Option<f64>,
+    /// K.
+    ambient: f64,
+    /// By cell face; empty where it is 1.
+    factor: Vec<f64>,
+}
+
+impl SurfaceLaw for ConvectionLaw {
+    fn flux(&self, cell: usize, temperature: f64) -> SurfaceFlux {
+        let factor = self.factor.get(cell).copied().unwrap_or(1.0);
+        let (coefficient, slope) = self.coefficient.with_slope(temperature);
+        let difference = self.ambient - temperature;
+        SurfaceFlux {
+            flux: factor * coefficient * difference,
+            slope: factor * (slope * difference - coefficient),
+        }
+    }
+
+    fn stiffness(&self, _: f64) -> f64 {
+        self.largest
+    }
+
+    fn is_linear(&self) -> bool {
+        self.coefficient.constant().is_some()
+    }
 }
 
 #[typetag::serialize(name = "convection")]
@@ -80,10 +104,17 @@ impl Coupler for Convection {
                 "a number or a table in temperature, nowhere below 0",
             ));
         }
-        let heat = SurfaceHeat::prepare(setup, body, &self.faces, self.region.as_deref())?;
+        let law = ConvectionLaw {
+            largest: coefficients.iter().fold(0.0, |a: f64, h| a.max(*h)),
+            coefficient: self.coefficient.clone(),
+            ambient: self.ambient.at(0.0),
+            factor: Vec::new(),
+        };
+        let surface = (&self.faces[..], self.region.as_deref());
+        let heat = SurfaceHeat::prepare(setup, body, surface, law)?;
         if let Some(factor) = &self.factor {
             let positions = &setup.body(body).points.position;
-            for cell in heat.cells() {
+            for cell in heat.cells().iter() {
                 let at = positions[cell.point as usize].into();
                 let value = factor.at(at, 0.0);
                 if !is_fraction(value) {
@@ -92,62 +123,38 @@ impl Coupler for Convection {
                 }
             }
         }
-        let largest = coefficients.iter().fold(0.0, |a: f64, h| a.max(*h));
-        self.prepared = Some(ConvectionState {
-            body,
-            heat,
-            temperature: setup.read(body, &keys::TEMPERATURE)?,
-            largest,
-            capacity: smallest_capacity(setup, body),
-        });
+        self.prepared = Some(ConvectionState { body, heat });
         Ok(())
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let p = self.prepared.as_mut().expect("prepared before the run");
-        let temperature = world.read(p.temperature);
-        let ambient = self.ambient.at(step.middle());
-        let exchange = |point: usize| {
-            let temperature = temperature[point];
-            self.coefficient.at(temperature, 0.0) * (ambient - temperature)
-        };
+        p.heat.follow(world);
+        let mut law = p.heat.law();
+        law.ambient = self.ambient.at(step.middle());
         let Some(factor) = &self.factor else {
-            p.heat.add(world, exchange);
             return Ok(());
         };
         let positions = &world.body(p.body).points.position;
         let shift = world.window_shift(p.body);
-        let wrong = Cell::new(None);
-        p.heat.add(world, |point| {
-            let at = (positions[point] + shift).into();
+        law.factor.clear();
+        for cell in p.heat.cells().iter() {
+            let at = (positions[cell.point as usize] + shift).into();
             let value = factor.at(at, step.middle());
             if !is_fraction(value) {
-                wrong.set(Some((value, at)));
+                return Err(RunError::Plugin {
+                    plugin: "convection".into(),
+                    time: step.middle(),
+                    cause: format!("`factor` is {value} at {at:?} m; expected {FACTORS}").into(),
+                });
             }
-            value * exchange(point)
-        });
-        match wrong.get() {
-            None => Ok(()),
-            Some((value, at)) => Err(RunError::Plugin {
-                plugin: "convection".into(),
-                time: step.middle(),
-                cause: format!("`factor` is {value} at {at:?} m; expected {FACTORS}").into(),
-            }),
+            law.factor.push(value);
         }
+        Ok(())
     }
 
     fn next_event(&self, after: f64) -> Option<f64> {
         self.ambient.next_event(after)
-    }
-
-    fn step_limit(&self) -> Option<f64> {
-        self.prepared.as_ref()?.heat.step_limit()
-    }
-
-    /// The exchange is explicit: beyond its time constant the temperature of a point overshoots that of the fluid.
-    fn stable_step(&mut self, world: &World) -> Option<f64> {
-        let p = self.prepared.as_mut()?;
-        p.heat.stable_step(world, p.largest, p.capacity)
     }
 
     fn report(&self) -> Vec<Report> {
@@ -161,7 +168,10 @@ perimelt_core::register_coupler!("convection", Convection);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{STEEL, apply, block, prepare, read, refusal, set, values};
+    use crate::testing::{
+        STEEL, apply, block, check_slopes, exchange, heat, prepare, read, refusal,
+    };
+    use perimelt_core::keys;
 
     #[test]
     fn each_surface_point_exchanges_at_its_own_temperature_and_area() {
@@ -170,25 +180,18 @@ mod tests {
             "coefficient = { temperature = [300, 500], value = [10, 30] }
              ambient = { time = [0, 2], value = [250, 350] }",
         );
-        prepare(&mut world, &mut boundary, |setup| {
-            setup.own(0, &keys::TEMPERATURE).expect("free");
-            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        })
-        .expect("valid");
-        set(&mut world, &keys::TEMPERATURE, |_| 400.0);
+        let exchange = exchange(&mut world, &mut boundary);
         apply(&world, &mut boundary, 0.0);
         // middle of the first second: 275 K; coefficient 20; corner, edge, face, heart
-        let heat = values(&world, &keys::HEAT_SOURCE);
+        let heat = heat(&world, &exchange, |_| 400.0);
         let expected = [3.0, 2.0, 1.0, 0.0].map(|faces| faces * 20.0 * (275.0 - 400.0));
         assert_eq!([heat[0], heat[1], heat[4], heat[13]], expected);
-        assert_eq!(boundary.report()[0].value, -54.0 * 2500.0);
-        // capacity 4e6 over three faces of 30 W/(m² K)
-        boundary.stable_step(&world);
-        let limit = boundary.step_limit().expect("there is an exchange");
-        assert!((limit - 0.5 * 4e6 / 90.0).abs() < 1e-6);
+        check_slopes(&exchange, &[310.0, 400.0, 490.0, 600.0]);
+        assert_eq!(exchange.law().stiffness(400.0), 30.0);
+        assert!(!exchange.law().is_linear());
     }
 
-    /// q = h f(x, y, z, t) (T_ambient - T) at the middle of the step, and the stable step of the largest coefficient.
+    /// q = h f(x, y, z, t) (T_ambient - T) at the middle of the step.
     #[test]
     fn the_coefficient_depends_on_place_and_time() {
         let mut world = World::new(vec![block([5, 3, 3], 3, STEEL)]);
@@ -198,17 +201,12 @@ mod tests {
              factor = 'exp(-((x - 2 * t) / 1.5)^2) * (1 + y) / 4'
              ambient = 300",
         );
-        prepare(&mut world, &mut boundary, |setup| {
-            setup.own(0, &keys::TEMPERATURE).expect("free");
-            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        })
-        .expect("valid");
-        set(&mut world, &keys::TEMPERATURE, |_| 400.0);
+        let exchange = exchange(&mut world, &mut boundary);
         let positions = world.body(0).points.position.clone();
         for start in [0.0, 1.0, 7.0] {
-            set(&mut world, &keys::HEAT_SOURCE, |_| 0.0);
             apply(&world, &mut boundary, start);
-            for (x, heat) in positions.iter().zip(values(&world, &keys::HEAT_SOURCE)) {
+            let heat = heat(&world, &exchange, |_| 400.0);
+            for (x, heat) in positions.iter().zip(heat) {
                 let at_top = if x.z > 2.0 { 1.0 } else { 0.0 };
                 let jet = (-((x.x - 2.0 * (start + 0.5)) / 1.5).powi(2)).exp();
                 let expected = at_top * jet * (1.0 + x.y) / 4.0 * 20.0 * (300.0 - 400.0);
@@ -218,10 +216,6 @@ mod tests {
                 );
             }
         }
-        // capacity 4e6 over one face of 30 W/(m² K), wherever the jet is
-        boundary.stable_step(&world);
-        let limit = boundary.step_limit().expect("there is an exchange");
-        assert!((limit - 0.5 * 4e6 / 30.0).abs() < 1e-6);
     }
 
     #[test]
@@ -237,7 +231,7 @@ mod tests {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
         prepare(&mut world, &mut later, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
-            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+            setup.exchanges(0);
         })
         .expect("valid at first");
         later.apply(&world, Step::new(0.0, 1.0)).expect("0.25");
@@ -250,5 +244,12 @@ mod tests {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
         let mut boundary: Convection = read("coefficient = -1\nambient = 300");
         assert!(refusal(&mut world, &mut boundary).starts_with("coefficient: "));
+    }
+
+    #[test]
+    fn a_body_without_heat_is_refused() {
+        let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
+        let mut boundary: Convection = read("coefficient = 1\nambient = 300");
+        assert!(refusal(&mut world, &mut boundary).contains("temperature"));
     }
 }

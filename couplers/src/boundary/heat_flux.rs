@@ -1,6 +1,7 @@
 //! Prescribed heat flux: a flux q into the body heats the points of the surface by
 //! `q area / volume` (Wang (2025), eq. 7.18; here q is positive into the body).
 
+use perimelt_core::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -24,22 +25,44 @@ pub struct HeatFlux {
     pub flux: InTime,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<SurfaceHeat>,
+    prepared: Option<SurfaceHeat<PrescribedFlux>>,
+}
+
+/// A flux that does not depend on the temperature, W/m².
+#[derive(Debug)]
+struct PrescribedFlux(f64);
+
+impl SurfaceLaw for PrescribedFlux {
+    fn flux(&self, _: usize, _: f64) -> SurfaceFlux {
+        SurfaceFlux {
+            flux: self.0,
+            slope: 0.0,
+        }
+    }
+
+    fn stiffness(&self, _: f64) -> f64 {
+        0.0
+    }
+
+    fn is_linear(&self) -> bool {
+        true
+    }
 }
 
 #[typetag::serialize(name = "heat_flux")]
 impl Coupler for HeatFlux {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        let heat = SurfaceHeat::prepare(setup, body, &self.faces, self.region.as_deref())?;
-        self.prepared = Some(heat);
+        let surface = (&self.faces[..], self.region.as_deref());
+        let law = PrescribedFlux(self.flux.at(0.0));
+        self.prepared = Some(SurfaceHeat::prepare(setup, body, surface, law)?);
         Ok(())
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let heat = self.prepared.as_mut().expect("prepared before the run");
-        let flux = self.flux.at(step.middle());
-        heat.add(world, |_| flux);
+        heat.follow(world);
+        heat.law().0 = self.flux.at(step.middle());
         Ok(())
     }
 
@@ -59,8 +82,7 @@ perimelt_core::register_coupler!("heat_flux", HeatFlux);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{STEEL, apply, block, prepare, read, total};
-    use perimelt_core::keys;
+    use crate::testing::{STEEL, apply, block, exchange, heat, read};
 
     #[test]
     fn the_power_is_the_flux_at_the_middle_of_the_step_times_the_area() {
@@ -73,13 +95,10 @@ mod tests {
         ] {
             let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
             let mut boundary: HeatFlux = read(table);
-            prepare(&mut world, &mut boundary, |setup| {
-                setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-            })
-            .expect("valid");
+            let exchange = exchange(&mut world, &mut boundary);
             apply(&world, &mut boundary, 1.0);
-            assert_eq!(total(&world, &keys::HEAT_SOURCE), power, "{table}");
-            assert_eq!(boundary.report()[0].value, power);
+            let heat = heat(&world, &exchange, |_| 300.0);
+            assert_eq!(heat.iter().sum::<f64>(), power, "{table}");
         }
     }
 }

@@ -39,13 +39,6 @@ use perimelt_core::{Face, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Smallest capacity of the materials of a body, J/(m³ K); none of a steady solution, which needs no limit of a step.
-fn smallest_capacity(setup: &Setup<'_>, body: BodyIndex) -> Option<f64> {
-    let curves = setup.enthalpy_curves(body).unwrap_or_default();
-    let capacities = curves.iter().map(|c| c.minimum_capacity());
-    capacities.min_by(f64::total_cmp)
-}
-
 /// Values in the layer behind a face for a prescribed value b.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

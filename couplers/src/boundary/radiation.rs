@@ -1,12 +1,12 @@
-//! Radiation to black surroundings: `q = eps sigma (T_ambient^4 - T^4)` into the body, T of the
-//! surface point itself, in K.
+//! Radiation to black surroundings: `q = eps sigma (T_ambient^4 - T^4)` into the body, T of the surface in K, which balances
+//! this flux and that from the point half a cell below (`docs/theory/surfaces.md`).
 //!
 //! The surface exchanges heat with the surroundings only, not with other parts of itself. At 3000 K the
-//! exchange equals a convection of 6 kW/(m² K); for spacings far below k/6000 m the step limit of
-//! conduction is the smaller one.
+//! exchange equals a convection of 6 kW/(m² K).
 
+use perimelt_core::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::material::Property;
-use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -44,10 +44,41 @@ pub struct Radiation {
 #[derive(Debug)]
 struct RadiationState {
     body: usize,
-    heat: SurfaceHeat,
-    temperature: Read<f64>,
+    heat: SurfaceHeat<RadiationLaw>,
+}
+
+/// `eps(T) sigma (T_ambient^4 - T^4)`.
+#[derive(Debug)]
+struct RadiationLaw {
     /// By material.
     emissivity: Vec<Property>,
+    largest_emissivity: f64,
+    /// By cell face; empty where there is one material.
+    material: Vec<u16>,
+    /// Counts the changes of the cell faces that `material` belongs to.
+    version: Option<u64>,
+    /// Of the surroundings now, and the highest at all times, K.
+    ambient: f64,
+    highest_ambient: f64,
+}
+
+impl SurfaceLaw for RadiationLaw {
+    fn flux(&self, cell: usize, temperature: f64) -> SurfaceFlux {
+        let material = self.material.get(cell).copied().unwrap_or(0);
+        let (emissivity, slope) = self.emissivity[material as usize].with_slope(temperature);
+        let cube = temperature * temperature * temperature;
+        let square = self.ambient * self.ambient;
+        let difference = STEFAN_BOLTZMANN * (square * square - cube * temperature);
+        SurfaceFlux {
+            flux: emissivity * difference,
+            slope: slope * difference - 4.0 * emissivity * STEFAN_BOLTZMANN * cube,
+        }
+    }
+
+    fn stiffness(&self, hottest: f64) -> f64 {
+        let hottest = hottest.max(self.highest_ambient);
+        4.0 * self.largest_emissivity * STEFAN_BOLTZMANN * hottest.powi(3)
+    }
 }
 
 #[typetag::serialize(name = "radiation")]
@@ -71,25 +102,35 @@ impl Coupler for Radiation {
                 "a temperature in kelvin",
             ));
         }
-        self.prepared = Some(RadiationState {
-            body,
-            heat: SurfaceHeat::prepare(setup, body, &self.faces, self.region.as_deref())?,
-            temperature: setup.read(body, &keys::TEMPERATURE)?,
+        let ambients = self.ambient.values();
+        let law = RadiationLaw {
+            largest_emissivity: emissivity
+                .iter()
+                .flat_map(Property::values)
+                .fold(0.0, f64::max),
             emissivity,
-        });
+            material: Vec::new(),
+            version: None,
+            ambient: self.ambient.at(0.0),
+            highest_ambient: ambients.iter().copied().fold(0.0, f64::max),
+        };
+        let surface = (&self.faces[..], self.region.as_deref());
+        let heat = SurfaceHeat::prepare(setup, body, surface, law)?;
+        self.prepared = Some(RadiationState { body, heat });
         Ok(())
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let p = self.prepared.as_mut().expect("prepared before the run");
-        let temperature = world.read(p.temperature);
-        let material = &world.body(p.body).material_of_point;
-        let ambient = self.ambient.at(step.middle()).powi(4);
-        p.heat.add(world, |point| {
-            let temperature = temperature[point];
-            let emissivity = p.emissivity[material[point] as usize].at(temperature, 0.0);
-            emissivity * STEFAN_BOLTZMANN * (ambient - temperature.powi(4))
-        });
+        p.heat.follow(world);
+        let mut law = p.heat.law();
+        law.ambient = self.ambient.at(step.middle());
+        if law.emissivity.len() > 1 && law.version != Some(p.heat.version()) {
+            law.version = Some(p.heat.version());
+            let material = &world.body(p.body).material_of_point;
+            let cells = p.heat.cells();
+            law.material = cells.iter().map(|c| material[c.point as usize]).collect();
+        }
         Ok(())
     }
 
@@ -108,19 +149,15 @@ perimelt_core::register_coupler!("radiation", Radiation);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{STEEL, apply, block, prepare, read, refusal, set};
+    use crate::testing::{STEEL, apply, block, check_slopes, exchange, heat, read, refusal};
 
     fn power(table: &str) -> f64 {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
         let mut boundary: Radiation = read(table);
-        prepare(&mut world, &mut boundary, |setup| {
-            setup.own(0, &keys::TEMPERATURE).expect("free");
-            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        })
-        .expect("valid");
-        set(&mut world, &keys::TEMPERATURE, |_| 1000.0);
+        let exchange = exchange(&mut world, &mut boundary);
         apply(&world, &mut boundary, 0.0);
-        boundary.report()[0].value
+        check_slopes(&exchange, &[300.0, 1000.0, 2000.0]);
+        heat(&world, &exchange, |_| 1000.0).iter().sum()
     }
 
     #[test]
@@ -134,6 +171,7 @@ mod tests {
         assert!(close(power("ambient = 0"), -54.0 * 0.8 * 56703.74419));
         assert_eq!(power("ambient = 1000"), 0.0);
         assert!(power("ambient = 1200") > 0.0);
+        power("ambient = 300\nemissivity = { temperature = [300, 2000], value = [0.3, 0.9] }");
     }
 
     #[test]

@@ -20,12 +20,12 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
+use perimelt_core::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::material::Property;
 use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::smallest_capacity;
 use crate::surface::SurfaceHeat;
 
 /// Heat that a moving water jet and its film take from a surface.
@@ -94,9 +94,49 @@ impl Film {
     }
 }
 
+/// The flux into the surface by the film over it.
+#[derive(Debug)]
+struct FilmLaw {
+    /// By cell face.
+    film: Vec<Film>,
+    /// Boiling curve, W/m² out of the wet surface.
+    boiling: Property,
+    /// K.
+    water: f64,
+    /// W/(m² K).
+    film_coefficient: f64,
+    /// W/(m² K).
+    largest_coefficient: f64,
+}
+
+impl SurfaceLaw for FilmLaw {
+    fn flux(&self, cell: usize, temperature: f64) -> SurfaceFlux {
+        match self.film.get(cell) {
+            None | Some(Film::Dry) => SurfaceFlux::default(),
+            Some(Film::Wet) => {
+                let (flux, slope) = self.boiling.with_slope(temperature);
+                SurfaceFlux {
+                    flux: -flux,
+                    slope: -slope,
+                }
+            }
+            Some(Film::LiftedOff) => SurfaceFlux {
+                flux: self.film_coefficient * (self.water - temperature),
+                slope: -self.film_coefficient,
+            },
+        }
+    }
+
+    fn stiffness(&self, _: f64) -> f64 {
+        self.largest_coefficient
+    }
+}
+
 /// A part of the surface in a row.
 #[derive(Debug)]
 struct Part {
+    /// Its place among the cell faces.
+    cell: usize,
     point: usize,
     /// Distance along the flow from the origin, m.
     along: f64,
@@ -109,33 +149,33 @@ type Row = Vec<Part>;
 
 #[derive(Debug)]
 struct State {
-    heat: SurfaceHeat,
+    heat: SurfaceHeat<FilmLaw>,
     temperature: Read<f64>,
     /// By point: the cells of the row in which it lies, and its distance along the flow from the origin (m).
     place: Vec<([u32; 3], f64)>,
     rows: Vec<Row>,
     /// Of [`Film::ALL`], m².
     areas: [f64; 3],
-    /// Into the body, W/m², by point.
-    flux: Vec<f64>,
-    /// Smallest capacity of the materials, J/(m³ K); a steady solution needs none.
-    capacity: Option<f64>,
+    /// Changes of the cell faces that the rows include.
+    version: u64,
 }
 
 impl State {
     /// Finds the rows of the surface that is bare now.
     fn find_rows(&mut self) {
         let mut rows: BTreeMap<(Face, [u32; 3]), Row> = BTreeMap::new();
-        for cell in self.heat.cells() {
+        for (index, cell) in self.heat.cells().iter().enumerate() {
             let (row, along) = self.place[cell.point as usize];
             let row = rows.entry((cell.face, row)).or_default();
             row.push(Part {
+                cell: index,
                 point: cell.point as usize,
                 along,
                 area: cell.area,
             });
         }
         self.rows = rows.into_values().collect();
+        self.version = self.heat.version();
         let rows = self.rows.iter_mut();
         rows.for_each(|row| row.sort_by(|a, b| a.along.total_cmp(&b.along)));
     }
@@ -237,18 +277,24 @@ impl Coupler for WaterJet {
                 "directions such as `faces = [\"z+\"]`",
             ));
         }
+        let law = FilmLaw {
+            film: Vec::new(),
+            boiling: self.flux.clone(),
+            water: self.water,
+            film_coefficient: self.film_coefficient,
+            largest_coefficient: self.largest_coefficient(),
+        };
         let heat = match through_plane {
-            true => SurfaceHeat::through_plane(setup, body, region)?,
-            false => SurfaceHeat::without_window(setup, body, &self.faces, region)?,
+            true => SurfaceHeat::through_plane(setup, body, region, law)?,
+            false => SurfaceHeat::without_window(setup, body, (&self.faces, region), law)?,
         };
         let mut state = State {
             heat,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             rows: Vec::new(),
             areas: [0.0; 3],
-            flux: vec![0.0; place.len()],
             place,
-            capacity: smallest_capacity(setup, body),
+            version: 0,
         };
         state.find_rows();
         self.prepared = Some(state);
@@ -257,44 +303,32 @@ impl Coupler for WaterJet {
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let p = self.prepared.as_mut().expect("prepared before the run");
-        if p.heat.follow(world) {
+        p.heat.follow(world);
+        if p.version != p.heat.version() {
             p.find_rows();
         }
         let temperature = world.read(p.temperature);
         let jet = self.start + self.speed * step.middle();
         let jet = if self.flow.is_upper() { jet } else { -jet };
         p.areas = [0.0; 3];
+        let mut law = p.heat.law();
+        let cells = p.heat.cells().len();
+        law.film.resize(cells, Film::Dry);
         for row in &p.rows {
             let mut lifted = false;
-            for &Part { point, along, area } in row {
-                let (behind, t) = (along - jet, temperature[point]);
-                lifted |= behind > self.impingement && t > self.leidenfrost;
+            for part in row {
+                let behind = part.along - jet;
+                lifted |= behind > self.impingement && temperature[part.point] > self.leidenfrost;
                 let film = match (behind >= 0.0, lifted) {
                     (false, _) => Film::Dry,
                     (true, false) => Film::Wet,
                     (true, true) => Film::LiftedOff,
                 };
-                p.areas[film as usize] += area;
-                p.flux[point] = match film {
-                    Film::Dry => 0.0,
-                    Film::Wet => -self.flux.at(t, 0.0),
-                    Film::LiftedOff => self.film_coefficient * (self.water - t),
-                };
+                p.areas[film as usize] += part.area;
+                law.film[part.cell] = film;
             }
         }
-        let flux = &p.flux;
-        p.heat.add(world, |point| flux[point]);
         Ok(())
-    }
-
-    fn step_limit(&self) -> Option<f64> {
-        self.prepared.as_ref()?.heat.step_limit()
-    }
-
-    fn stable_step(&mut self, world: &World) -> Option<f64> {
-        let largest = self.largest_coefficient();
-        let p = self.prepared.as_mut()?;
-        p.heat.stable_step(world, largest, p.capacity)
     }
 
     fn report(&self) -> Vec<Report> {

@@ -244,6 +244,11 @@ impl Conduction {
         }
     }
 
+    /// Whether heat flows by bonds whose sums depend on the temperatures of their ends only.
+    pub(super) fn is_by_bonds(&self) -> bool {
+        self.derivatives.is_none() && self.states.is_none()
+    }
+
     /// Whether the heat that leaves a point arrives at others to rounding.
     pub(super) fn is_conservative(&self) -> bool {
         self.derivatives.is_none()

@@ -152,7 +152,9 @@ impl Fields<'_> {
         mut flow: Flow<'_>,
         (time, floating): (f64, bool),
     ) -> Result<Work, SolverError> {
-        newton.options.linear = flow.conduction.is_linear();
+        let surface = flow.surface.as_ref();
+        let is_linear = surface.is_none_or(|surface| surface.is_linear());
+        newton.options.linear = is_linear && flow.conduction.is_linear();
         flow.evaluate(&vec![0.0; self.temperature.len()]);
         let mut loads: Vec<f64> = bytemuck::cast_slice(&flow.conduction.rate).to_vec();
         let (volume, matter) = (flow.volume, flow.matter);
@@ -210,6 +212,7 @@ impl Run {
         self.take_births(world);
         self.hold_temperatures(world);
         self.follow_interfaces(world);
+        self.follow_surface(world);
         if let Some(consolidated) = self.consolidated {
             self.conduction.consolidate(&world.read(consolidated));
         }
@@ -272,6 +275,7 @@ impl Run {
             is_weighted: body.lattice().is_none() || current.is_some(),
             current,
             source: source_there.as_deref().or(source.as_deref()),
+            surface: self.surface.as_mut(),
             carried: self.carried.as_mut().map(|c| (c, step.size)),
             constraint: constraint_there.as_deref().or(constraint.as_deref()),
             row_sums,

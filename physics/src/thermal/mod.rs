@@ -56,6 +56,10 @@ mod rates;
 mod refined;
 mod run;
 mod states;
+mod surface;
+mod surface_depth;
+#[cfg(test)]
+mod surface_tests;
 #[cfg(test)]
 mod tests;
 
@@ -129,16 +133,16 @@ impl Physics for Thermal {
     }
 
     fn stable_step(&mut self, world: &World) -> Option<f64> {
+        let solver = self.solver;
         let run = self.run_mut();
         run.find_stable_step(world);
-        let stable = run.stable_step;
-        (self.solver == ThermalSolver::Explicit).then_some(stable)
+        run.longest_step(solver)
     }
 
     fn changed_stable_step(&self) -> Option<f64> {
         let run = self.run();
-        let is_limited = self.solver == ThermalSolver::Explicit && run.has_changing_limit();
-        is_limited.then_some(run.stable_step)
+        let longest = run.longest_step(self.solver);
+        longest.filter(|_| run.has_changing_limit())
     }
 
     fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {

@@ -19,6 +19,8 @@ use super::integrate::Integrator;
 use super::keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
 use super::refined::Refined;
 use super::run::{Cracks, HeatAccount, Neighbours, Run};
+use super::surface::Surface;
+use super::surface_depth;
 
 /// Body, what its points are, and the faces behind which it goes on.
 struct Place {
@@ -89,6 +91,16 @@ impl Run {
             Description::Eulerian => Some(thermal.carried(setup, &place, pddo)?),
             _ => None,
         };
+        let exchanges = setup.exchanges(body);
+        let depth = match exchanges.is_empty() || !conduction.is_by_bonds() {
+            true => [0.5; 6],
+            false => {
+                let family = neighbours.at_setup(setup);
+                surface_depth::depths(setup.body(body), &family, 1.0)
+            }
+        };
+        let surface = Surface::new(exchanges, depth);
+        let is_drawn = surface.as_ref().is_some_and(Surface::is_drawn);
         let is_at_rest = matches!(neighbours, Neighbours::AtRest(_));
         let follows_cracks = thermal.broken_bonds == BrokenConduction::Insulate && is_at_rest;
         let stays = !matches!(neighbours, Neighbours::Moving(_));
@@ -101,7 +113,7 @@ impl Run {
             temperature,
             enthalpy,
             heat_source,
-            floating: place.heated.is_empty() && constraint.is_none(),
+            floating: place.heated.is_empty() && constraint.is_none() && !is_drawn,
             constraint,
             held,
             curves,
@@ -115,7 +127,10 @@ impl Run {
             heat: HeatAccount::default(),
             faces: faces.filter(HeatedFace::is_measurable).collect(),
             through_layers: 0.0,
+            surface,
             stable_step: f64::INFINITY,
+            conduction_step: None,
+            exchange_time: f64::INFINITY,
         })
     }
 }

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::carried::CarriedHeat;
 use super::conduction::{Conduction, Matter};
+use super::surface::Surface;
 
 /// Work vectors of the enthalpy equation.
 #[derive(Debug, Default)]
@@ -38,6 +39,8 @@ struct Base {
     rate: Vec<f64>,
     /// Of the temperature; after it temperatures beside those of the base.
     change: Vec<f64>,
+    /// Derivatives of the heat through the surface, W/(m³ K), by face.
+    gains: Vec<f64>,
 }
 
 /// What the flow of heat depends on during a step.
@@ -51,6 +54,8 @@ pub(super) struct Flow<'a> {
     /// Where points move.
     pub(super) current: Option<CurrentVolumes<'a>>,
     pub(super) source: Option<&'a [f64]>,
+    /// What the surface exchanges with its surroundings.
+    pub(super) surface: Option<&'a mut Surface>,
     /// Heat that an Eulerian fluid carries, and the step, s.
     pub(super) carried: Option<(&'a mut CarriedHeat, f64)>,
     /// Positive where the temperature is held.
@@ -88,19 +93,32 @@ impl Flow<'_> {
     /// that comes in through sources and boundaries, W.
     pub(super) fn evaluate(&mut self, temperature: &[f64]) -> f64 {
         self.conduction.load(&self.matter, temperature);
-        self.sum(true)
+        self.exchange(temperature);
+        self.sum(Through::Temperature)
+    }
+
+    /// Evaluates the exchange of the surface.
+    fn exchange(&mut self, temperature: &[f64]) {
+        let (conduction, matter) = (&*self.conduction, self.matter);
+        if let Some(surface) = &mut self.surface {
+            surface.evaluate(temperature, |point| {
+                let (m, t) = (matter.material[point], temperature[point]);
+                let liquid = matter.curves[m as usize].liquid_fraction(t);
+                conduction.conductivity((point, m), t, liquid)
+            });
+        }
     }
 
     /// Leaves the derivative of the flow along a change of the temperature (K) in `conduction.rate`, zero at held points;
     /// returns that of the power. `None`, without an effect, where no derivative is known.
-    fn change(&mut self, temperature: &[f64], change: &[f64]) -> Option<f64> {
+    fn change(&mut self, temperature: &[f64], change: &[f64], gains: &[f64]) -> Option<f64> {
         let is_known = self.carried.is_none()
             && (self.conduction).load_change(&self.matter, (temperature, change));
-        is_known.then(|| self.sum(false))
+        is_known.then(|| self.sum(Through::Change { gains, change }))
     }
 
-    /// The flow from what was loaded, with the sources or without.
-    fn sum(&mut self, with_sources: bool) -> f64 {
+    /// The flow from what was loaded, and what comes in otherwise.
+    fn sum(&mut self, through: Through<'_>) -> f64 {
         self.conduction.flow(&self.matter);
         let volume = self.current.as_ref().map_or(self.volume, |c| c.volume);
         let mut power = self.conduction.inflow(self.matter.family, volume);
@@ -109,7 +127,15 @@ impl Flow<'_> {
             let points = rate.par_iter_mut().zip(ratio).with_min_len(4096);
             points.for_each(|([r], ratio)| *r *= ratio);
         }
-        if let Some(source) = self.source.filter(|_| with_sources) {
+        power += match (&self.surface, &through) {
+            (None, _) => 0.0,
+            (Some(surface), Through::Temperature) => surface.add(rate, self.volume),
+            (Some(surface), Through::Change { gains, change }) => {
+                surface.add_change(gains, change, (rate, self.volume))
+            }
+        };
+        let is_change = matches!(through, Through::Change { .. });
+        if let Some(source) = self.source.filter(|_| !is_change) {
             power += sum_of([source, self.volume], |[q, v]| q * v);
             rate.par_iter_mut()
                 .zip(source)
@@ -129,6 +155,14 @@ impl Flow<'_> {
         }
         power
     }
+}
+
+/// What is summed.
+enum Through<'a> {
+    /// The heat at the temperatures that were loaded, with all sources.
+    Temperature,
+    /// The change of the heat with temperatures that change (K), and the derivatives of the heat through the surface.
+    Change { gains: &'a [f64], change: &'a [f64] },
 }
 
 /// Bound of the relative rounding error of a temperature that was computed from an enthalpy, and of what the two ends of a
@@ -208,7 +242,7 @@ impl Rhs for EnthalpyRate<'_> {
         let change = base.change.par_iter_mut().zip(direction);
         let change = change.zip(&base.capacity).with_min_len(4096);
         change.for_each(|((change, v), capacity)| *change = v / capacity);
-        if let Some(power) = self.0.change(&base.temperature, &base.change) {
+        if let Some(power) = (self.0).change(&base.temperature, &base.change, &base.gains) {
             out[points] = power;
             out[..points].copy_from_slice(bytemuck::cast_slice(&self.0.conduction.rate));
         } else if base.change.iter().all(|change| *change == 0.0) {
@@ -243,6 +277,12 @@ impl Rhs for EnthalpyRate<'_> {
                 None => 0.0,
             };
         }
+        if let Some(surface) = &flow.surface {
+            let matter = &flow.matter;
+            surface.add_diagonal(out, |i| {
+                matter.curves[matter.material[i] as usize].capacity_from_enthalpy(at.state[i])
+            });
+        }
         Ok(true)
     }
 }
@@ -259,6 +299,10 @@ impl EnthalpyRate<'_> {
             flow.by_point(at.state, &mut base.temperature, EnthalpyCurve::temperature);
             let capacity = EnthalpyCurve::capacity_from_enthalpy;
             flow.by_point(at.state, &mut base.capacity, capacity);
+            flow.exchange(&base.temperature);
+            if let Some(surface) = &flow.surface {
+                surface.gains(&mut base.gains);
+            }
         }
         base
     }
@@ -286,6 +330,9 @@ impl Rhs for TemperatureRate<'_> {
         out.iter_mut()
             .zip(self.flow.row_sums)
             .for_each(|(out, [sum])| *out = -sum);
+        if let Some(surface) = &self.flow.surface {
+            surface.add_diagonal(out, |_| 1.0);
+        }
         Ok(true)
     }
 

@@ -16,7 +16,9 @@ use super::faces::HeatedFace;
 use super::growth::{Growth, HeatState};
 use super::integrate::Integrator;
 use super::interfaces::Points;
+use super::keys::ThermalSolver;
 use super::refined::Refined;
+use super::surface::Surface;
 
 /// A prepared heat physics.
 #[derive(Debug)]
@@ -47,8 +49,14 @@ pub(super) struct Run {
     pub(super) faces: Vec<HeatedFace>,
     /// Heat that bonds carry in through all layers with prescribed values when last observed, W.
     pub(super) through_layers: f64,
+    /// What the surface exchanges with its surroundings.
+    pub(super) surface: Option<Surface>,
     /// Largest stable explicit step, s.
     pub(super) stable_step: f64,
+    /// The same of conduction alone, where points stay; found once.
+    pub(super) conduction_step: Option<f64>,
+    /// Shortest time in which a layer of the body takes up the temperature of its surroundings, s.
+    pub(super) exchange_time: f64,
 }
 
 /// The family of the points.
@@ -252,12 +260,15 @@ impl Run {
             .row_sums()
             .iter()
             .zip(&body.material_of_point);
-        let stable_step = match &self.carried {
-            None => {
+        let is_at_rest = matches!(self.neighbours, Neighbours::AtRest(_));
+        let known = self.conduction_step.filter(|_| is_at_rest);
+        let stable_step = match (known, &self.carried) {
+            (Some(known), None) => known,
+            (None, None) => {
                 let limits = points.map(|([sum], &m)| capacity(m) / sum);
                 limits.fold(f64::INFINITY, f64::min)
             }
-            Some(carried) => {
+            (_, Some(carried)) => {
                 let velocity = world.read(carried.velocity);
                 let squares = velocity.iter().map(|v| v.norm_squared());
                 let speed = squares.fold(0.0, f64::max).sqrt();
@@ -273,6 +284,8 @@ impl Run {
                 limits.fold(f64::INFINITY, f64::min)
             }
         };
+        self.conduction_step = Some(stable_step);
+        let stable_step = stable_step.min(self.find_exchange_limits(world));
         let stable_step = match &self.refined {
             Some(refined) => refined.step_fraction() * stable_step,
             None => stable_step,
@@ -281,13 +294,70 @@ impl Run {
         self.integrator.set_stable_step(stable_step);
     }
 
+    /// The stable step of points at the surface, s: the conductances of bonds and of the exchange over their capacity. Finds
+    /// the time in which the layers below take up the temperature of the surroundings, too.
+    fn find_exchange_limits(&mut self, world: &World) -> f64 {
+        self.follow_surface(world);
+        self.exchange_time = f64::INFINITY;
+        let Some(surface) = &self.surface else {
+            return f64::INFINITY;
+        };
+        let material = &world.body(self.body).material_of_point;
+        let temperature = world.read::<f64>(self.temperature.into());
+        let conductivity = |point: usize| self.conduction.largest_conductivity(material[point]);
+        let row_sums = self.integrator.row_sums();
+        let (mut stable, mut time) = (f64::INFINITY, f64::INFINITY);
+        surface.visit_stiffness(&temperature, conductivity, |point, at_point, of_layer| {
+            let capacity = self.curves[material[point] as usize].minimum_capacity();
+            stable = stable.min(capacity / (row_sums[point][0] + at_point));
+            time = time.min(capacity / of_layer);
+        });
+        self.exchange_time = time;
+        stable
+    }
+
+    /// Takes up changed faces through which the surface exchanges heat.
+    pub(super) fn follow_surface(&mut self, world: &World) {
+        if let Some(surface) = &mut self.surface {
+            let growth = self.growth.as_ref();
+            let has_material = |point: usize| growth.is_none_or(|g| g.is_born(point));
+            surface.follow(world.body(self.body), has_material);
+        }
+    }
+
+    /// Longest step that is stable, or with which a solver resolves the exchange with the surroundings, s.
+    ///
+    /// Implicit Euler loses `dt / (2 tau)` of a decay with the time constant tau, methods of second order
+    /// `dt^2 / (12 tau^2)`: with these fractions both stay below one per cent of the temperature.
+    pub(super) fn longest_step(&self, solver: ThermalSolver) -> Option<f64> {
+        let fraction = match solver {
+            ThermalSolver::Explicit => return Some(self.stable_step),
+            ThermalSolver::Steady => return None,
+            ThermalSolver::Implicit => 0.08,
+            ThermalSolver::CrankNicolson | ThermalSolver::Rkl2 => 0.3,
+        };
+        let limit = fraction * self.exchange_time;
+        limit.is_finite().then_some(limit)
+    }
+
     /// Whether the stable step changes during the run.
     pub(super) fn has_changing_limit(&self) -> bool {
-        self.carried.is_some() || !matches!(self.neighbours, Neighbours::AtRest(_))
+        let radiates = self.surface.as_ref().is_some_and(|s| !s.is_linear());
+        self.carried.is_some() || radiates || !matches!(self.neighbours, Neighbours::AtRest(_))
     }
 
     /// Measures the heat that crosses faces.
     pub(super) fn observe(&mut self, world: &World) {
+        self.follow_surface(world);
+        if let Some(surface) = &self.surface {
+            let temperature = world.read::<f64>(self.temperature.into());
+            let material = &world.body(self.body).material_of_point;
+            surface.report(&temperature, |point| {
+                let (m, t) = (material[point], temperature[point]);
+                let liquid = self.curves[m as usize].liquid_fraction(t);
+                self.conduction.conductivity((point, m), t, liquid)
+            });
+        }
         if self.faces.is_empty() {
             return;
         }

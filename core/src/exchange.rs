@@ -1,0 +1,267 @@
+//! Heat that a surface exchanges with its surroundings, as a function of its temperature.
+//!
+//! A boundary such as convection declares a law ([`Setup::exchange`](crate::Setup::exchange)): the flux into the body at a
+//! temperature of the surface. The physics that owns the temperature evaluates all laws of its body
+//! ([`Setup::exchanges`](crate::Setup::exchanges)) wherever it evaluates its rates, also within a step and in the search for a
+//! steady state, so that the exchange is that of the result and not that of the state before.
+//!
+//! The surface consists of the cell faces that the surroundings can reach: not of planes of symmetry, of faces with a layer
+//! that sets or mirrors the temperature, nor of faces that another body covers ([`FreeFaces`]).
+
+use std::cell::{Cell, Ref, RefCell};
+use std::fmt;
+use std::rc::Rc;
+
+use crate::body::{Body, Face, SurfaceCell};
+use crate::cell_list::CellList;
+use crate::field::keys;
+use crate::world::{BodyIndex, World};
+
+/// A flux into a body, and its derivative by the temperature of the surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SurfaceFlux {
+    /// W/m².
+    pub flux: f64,
+    /// W/(m² K), below zero where the exchange draws the surface to a temperature.
+    pub slope: f64,
+}
+
+/// How much heat enters a body through its surface.
+pub trait SurfaceLaw: fmt::Debug + Send + Sync {
+    /// The flux through a cell face, by its place in [`Exchange::cells`], at a temperature of the surface (K).
+    fn flux(&self, cell: usize, temperature: f64) -> SurfaceFlux;
+
+    /// Bound of `-slope` at all places and times while no temperature exceeds `hottest` (K), W/(m² K): stable steps depend
+    /// on it.
+    fn stiffness(&self, hottest: f64) -> f64;
+
+    /// Whether the flux is linear in the temperature.
+    fn is_linear(&self) -> bool {
+        false
+    }
+}
+
+/// Where the temperature is that a law asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SurfaceDepth {
+    /// At the cell face, half a cell away from the point.
+    Face,
+    /// At the point itself: through the plane of a 2D body, which is as warm at its surface as inside.
+    Plane,
+}
+
+/// A law with the surface on which it acts.
+#[derive(Debug)]
+pub struct Exchange {
+    /// Name of the coupler, for messages.
+    pub label: String,
+    /// The body.
+    pub body: BodyIndex,
+    /// Where the temperature of the law is.
+    pub depth: SurfaceDepth,
+    law: Rc<RefCell<dyn SurfaceLaw>>,
+    cells: RefCell<Vec<SurfaceCell>>,
+    version: Cell<u64>,
+    power: Cell<f64>,
+}
+
+impl Exchange {
+    pub(crate) fn new(
+        label: &str,
+        body: BodyIndex,
+        depth: SurfaceDepth,
+        law: Rc<RefCell<dyn SurfaceLaw>>,
+        cells: Vec<SurfaceCell>,
+    ) -> Exchange {
+        Exchange {
+            label: label.into(),
+            body,
+            depth,
+            law,
+            cells: RefCell::new(cells),
+            version: Cell::new(0),
+            power: Cell::new(0.0),
+        }
+    }
+
+    /// The law.
+    pub fn law(&self) -> Ref<'_, dyn SurfaceLaw> {
+        self.law.borrow()
+    }
+
+    /// The cell faces through which heat flows, in the order of their points.
+    pub fn cells(&self) -> Ref<'_, [SurfaceCell]> {
+        Ref::map(self.cells.borrow(), Vec::as_slice)
+    }
+
+    /// Replaces the cell faces.
+    pub fn set_cells(&self, cells: Vec<SurfaceCell>) {
+        *self.cells.borrow_mut() = cells;
+        self.version.set(self.version.get() + 1);
+    }
+
+    /// Counts how often the cell faces were replaced.
+    pub fn version(&self) -> u64 {
+        self.version.get()
+    }
+
+    /// Heat that entered the body when last evaluated, W.
+    pub fn power(&self) -> f64 {
+        self.power.get()
+    }
+
+    /// Tells the heat that enters the body, W; called by the physics.
+    pub fn set_power(&self, power: f64) {
+        self.power.set(power);
+    }
+}
+
+/// Why the surroundings do not reach a cell face.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Covered {
+    /// A plane of symmetry.
+    Symmetry(Face),
+    /// A layer that another boundary sets for the temperature.
+    Layer(Face),
+    /// Cells of another body lie against it.
+    Body(String),
+}
+
+impl fmt::Display for Covered {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Covered::Symmetry(face) => write!(f, "face `{}` is a plane of symmetry", face.name()),
+            Covered::Layer(face) => {
+                write!(
+                    f,
+                    "another boundary sets the temperature at face `{}`",
+                    face.name()
+                )
+            }
+            Covered::Body(body) => write!(f, "body `{body}` covers it"),
+        }
+    }
+}
+
+/// The cell faces of a body that the surroundings can reach.
+#[derive(Debug, Default)]
+pub struct FreeFaces {
+    symmetry: Vec<(Face, f64)>,
+    layers: Vec<(Face, f64)>,
+    covers: Vec<Cover>,
+}
+
+/// Another body that lies against the body.
+#[derive(Debug)]
+struct Cover {
+    body: BodyIndex,
+    name: String,
+    cells: CellList,
+    /// Half edges of the cells, m.
+    half: Vec<f64>,
+    reach: f64,
+}
+
+impl FreeFaces {
+    /// What covers faces of a body at the start of the run.
+    pub fn new(world: &World, body: BodyIndex) -> FreeFaces {
+        let this = world.body(body);
+        let at = |face: &Face| (*face, this.face_position(*face));
+        let symmetry: Vec<_> = world.symmetry(body).iter().map(at).collect();
+        let layers = world.layers.iter();
+        let layers = layers.filter(|l| l.body == body && l.field == keys::TEMPERATURE.name);
+        let layers =
+            layers.flat_map(|l| l.rules.borrow().iter().map(|r| r.face).collect::<Vec<_>>());
+        let layers = layers.filter(|face| !symmetry.iter().any(|(f, _)| f == face));
+        let layers = layers.map(|face| at(&face)).collect();
+        let others = (0..world.bodies().len()).filter(|other| *other != body);
+        // a window of finer points lies inside its plate
+        let others = others.filter(|other| !world.are_refined(body, *other));
+        let covers = others.filter_map(|other| Cover::new(this, other, world.body(other)));
+        FreeFaces {
+            symmetry,
+            layers,
+            covers: covers.collect(),
+        }
+    }
+
+    /// The part of a cell face that is free, from 0 to 1, and what covers the rest.
+    pub fn free(&self, world: &World, body: &Body, cell: &SurfaceCell) -> (f64, Option<Covered>) {
+        let point = cell.point as usize;
+        let spacing = body.points.spacing[point];
+        let centre = body.points.position[point] + cell.face.normal() * (0.5 * spacing);
+        let lies_at = |&&(face, position): &&(Face, f64)| {
+            face == cell.face && (centre[face.axis()] - position).abs() < 0.25 * spacing
+        };
+        if let Some((face, _)) = self.symmetry.iter().find(lies_at) {
+            return (0.0, Some(Covered::Symmetry(*face)));
+        }
+        if let Some((face, _)) = self.layers.iter().find(lies_at) {
+            return (0.0, Some(Covered::Layer(*face)));
+        }
+        let mut free = 1.0;
+        let mut by = None;
+        for cover in &self.covers {
+            let covered = cover.fraction(world, body.dimension, cell.face, centre.into(), spacing);
+            if covered > 0.0 {
+                free -= covered;
+                by = Some(Covered::Body(cover.name.clone()));
+            }
+        }
+        // rounding of overlaps
+        let free = if free < 1e-9 { 0.0 } else { free };
+        (free, by)
+    }
+}
+
+impl Cover {
+    fn new(this: &Body, body: BodyIndex, other: &Body) -> Option<Cover> {
+        let ((low, high), (other_low, other_high)) = (this.bounds(), other.bounds());
+        let gap = 0.5 * this.finest_spacing().min(other.finest_spacing());
+        let touches = |a: usize| low[a] <= other_high[a] + gap && other_low[a] <= high[a] + gap;
+        if other.dimension != this.dimension || !(0..this.dimension).all(touches) {
+            return None;
+        }
+        let half: Vec<f64> = other.points.spacing.iter().map(|s| 0.5 * s).collect();
+        let reaches: Vec<f64> = half.iter().map(|h| 2.0 * h).collect();
+        Some(Cover {
+            body,
+            name: other.name.clone(),
+            cells: CellList::new(&other.points.position, &reaches),
+            reach: 2.0 * half.iter().copied().fold(0.0, f64::max),
+            half,
+        })
+    }
+
+    /// The fraction of a cell face that cells of the other body with material cover.
+    fn fraction(
+        &self,
+        world: &World,
+        dimension: usize,
+        face: Face,
+        centre: [f64; 3],
+        spacing: f64,
+    ) -> f64 {
+        let other = world.body(self.body);
+        let (axis, outward) = (face.axis(), face.normal()[face.axis()]);
+        let at = centre.into();
+        let mut covered = 0.0;
+        self.cells.visit_near(&at, self.reach + spacing, |point| {
+            let half = self.half[point];
+            let between = other.points.position[point] - at;
+            // from the face to that of the other cell
+            let gap = between[axis] * outward - half;
+            if gap.abs() > 0.5 * spacing.min(2.0 * half) * (1.0 + 1e-9)
+                || !world.has_material(self.body, point)
+            {
+                return;
+            }
+            let along = (0..dimension).filter(|a| *a != axis).map(|a| {
+                let common = 0.5 * spacing + half - between[a].abs();
+                common.clamp(0.0, spacing.min(2.0 * half)) / spacing
+            });
+            covered += along.product::<f64>();
+        });
+        covered.min(1.0)
+    }
+}

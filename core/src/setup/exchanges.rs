@@ -1,0 +1,144 @@
+//! Exchanges of heat through surfaces: which boundary declares them, and which physics evaluates them.
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
+
+use crate::body::{Face, SurfaceCell};
+use crate::error::SetupError;
+use crate::exchange::{Covered, Exchange, FreeFaces, SurfaceDepth, SurfaceLaw};
+use crate::field::keys;
+use crate::world::BodyIndex;
+
+use super::{Access, Setup, Warning};
+
+/// An exchange that a coupler declared, and whether a physics evaluates it.
+pub(super) struct DeclaredExchange {
+    plugin: usize,
+    exchange: Rc<Exchange>,
+    taken: bool,
+}
+
+impl Setup<'_> {
+    /// Declares that `cells` of a body exchange heat by a law, which the calling coupler keeps up to date. The physics that
+    /// owns the temperature evaluates it. What the surroundings cannot reach is taken away from the cells before the
+    /// first step ([`FreeFaces`]).
+    ///
+    /// # Errors
+    /// When the temperature is known with another type.
+    pub fn exchange(
+        &mut self,
+        body: BodyIndex,
+        depth: SurfaceDepth,
+        law: Rc<RefCell<dyn SurfaceLaw>>,
+        cells: Vec<SurfaceCell>,
+    ) -> Result<Rc<Exchange>, SetupError> {
+        self.declare(body, &keys::TEMPERATURE, Access::Layer)?;
+        let plugin = self.plugins.len() - 1;
+        let label = &self.plugins[plugin];
+        let exchange = Rc::new(Exchange::new(label, body, depth, law, cells));
+        self.exchanges.push(DeclaredExchange {
+            plugin,
+            exchange: exchange.clone(),
+            taken: false,
+        });
+        Ok(exchange)
+    }
+
+    /// The exchanges of a body, for the physics that owns its temperature.
+    pub fn exchanges(&mut self, body: BodyIndex) -> Vec<Rc<Exchange>> {
+        let own = self.exchanges.iter_mut();
+        let own = own.filter(|e| e.exchange.body == body);
+        let take = |e: &mut DeclaredExchange| {
+            e.taken = true;
+            e.exchange.clone()
+        };
+        own.map(take).collect()
+    }
+
+    /// Restricts exchanges to what the surroundings can reach, and tells of faces that are left out and of faces on which
+    /// one kind of boundary acts twice.
+    pub(crate) fn free_exchanges(&mut self) -> Vec<(usize, SetupError)> {
+        let mut mistakes = Vec::new();
+        let mut by_kind: BTreeMap<(String, BodyIndex), BTreeSet<(u32, Face)>> = BTreeMap::new();
+        let mut twice = BTreeSet::new();
+        let declared = std::mem::take(&mut self.exchanges);
+        for DeclaredExchange {
+            plugin,
+            exchange,
+            taken,
+        } in declared
+        {
+            let name = self.world.bodies[exchange.body].name.clone();
+            if !taken {
+                let message =
+                    format!("no physics of body `{name}` exchanges heat through surfaces");
+                let expected = "a physics `thermal` of that body";
+                mistakes.push((plugin, SetupError::value("body", message, expected)));
+                continue;
+            }
+            if exchange.depth == SurfaceDepth::Plane {
+                continue;
+            }
+            let (cells, covered) = self.free_cells(&exchange);
+            if cells.is_empty() {
+                let reasons: Vec<String> = covered.keys().map(ToString::to_string).collect();
+                let message = format!("no part of the surface is free: {}", reasons.join("; "));
+                let expected = "faces that the surroundings can reach";
+                mistakes.push((plugin, SetupError::value("faces", message, expected)));
+                continue;
+            }
+            let kind = exchange.label.split(' ').next().unwrap_or_default();
+            let known = by_kind
+                .entry((kind.to_string(), exchange.body))
+                .or_default();
+            for cell in &cells {
+                if !known.insert((cell.point, cell.face)) {
+                    twice.insert(plugin);
+                }
+            }
+            if !covered.is_empty() {
+                let left_out: Vec<String> = covered
+                    .iter()
+                    .map(|(reason, area)| {
+                        format!("{} m² because {reason}", crate::text::number(*area, 3))
+                    })
+                    .collect();
+                self.note(plugin, format!("leaves out {}", left_out.join("; ")));
+            }
+            exchange.set_cells(cells);
+        }
+        for plugin in twice {
+            let message =
+                "acts on faces on which another boundary of its kind acts, too: both are added";
+            let plugin = self.plugins[plugin].clone();
+            self.warnings.push(Warning {
+                plugin,
+                message: message.into(),
+            });
+        }
+        mistakes
+    }
+
+    /// The free cell faces of an exchange, and the areas that are covered.
+    fn free_cells(&self, exchange: &Exchange) -> (Vec<SurfaceCell>, BTreeMap<Covered, f64>) {
+        let body = self.body(exchange.body);
+        let free = FreeFaces::new(self.world, exchange.body);
+        let mut covered: BTreeMap<Covered, f64> = BTreeMap::new();
+        let mut cells = Vec::new();
+        for cell in exchange.cells().iter() {
+            let (fraction, by) = free.free(self.world, body, cell);
+            if let Some(by) = by {
+                *covered.entry(by).or_default() += (1.0 - fraction) * cell.area;
+            }
+            if fraction > 0.0 {
+                cells.push(SurfaceCell {
+                    area: fraction * cell.area,
+                    face_area: fraction * cell.face_area,
+                    ..*cell
+                });
+            }
+        }
+        (cells, covered)
+    }
+}

@@ -1,0 +1,369 @@
+//! Heat that the surface of a body exchanges by the laws of its boundaries.
+//!
+//! A boundary gives the flux q(T_s) into the body at the temperature T_s of the surface, which lies half a cell from its
+//! points. Both fluxes are equal there, that of the boundaries and that through the half cell:
+//!
+//! ```text
+//! sum_l q_l(T_s) = k (T_s - T) / d,     d = delta s
+//! ```
+//!
+//! with the temperature T and the conductivity k of the point and the spacing s. All boundaries that act on a cell face share
+//! its temperature. For bonds between nearest neighbours delta is a half; longer bonds, and those corrected at bare surfaces, shift the
+//! temperature of the outermost points, which [`depths`](super::surface_depth::depths) finds from the family.
+
+use std::rc::Rc;
+
+use perimelt_core::exchange::{Exchange, SurfaceDepth, SurfaceLaw};
+use perimelt_core::{Body, Face};
+use rayon::prelude::*;
+
+/// Largest number of iterations for the temperature of a surface.
+const ITERATIONS: usize = 30;
+
+/// Relative change of the temperature of a surface below which the next one would be of the order of rounding: Newton's method
+/// converges quadratically.
+const CONVERGED: f64 = 1e-7;
+
+/// The exchanges of a body, by cell face.
+#[derive(Debug)]
+pub(super) struct Surface {
+    exchanges: Vec<Rc<Exchange>>,
+    /// Versions of their cell faces that `faces` includes.
+    versions: Vec<Option<u64>>,
+    /// Distances of the surface from its points by direction, in spacings.
+    depth: [f64; 6],
+    /// In the order of their points.
+    faces: Vec<ExposedFace>,
+    /// Of all faces, one after the other.
+    parts: Vec<Part>,
+    /// By face, when last evaluated.
+    heat: Vec<FaceHeat>,
+    is_linear: bool,
+}
+
+/// A cell face through which heat flows.
+#[derive(Clone, Copy, Debug)]
+struct ExposedFace {
+    point: u32,
+    /// Distance of the surface from the point, m.
+    depth: f64,
+    /// Area over the volume of the point, 1/m.
+    area_over_volume: f64,
+    /// Distance to the surface on the other side, and whether it is exposed, too, m.
+    thickness: f64,
+    sides: f64,
+    /// Where its parts start and end.
+    parts: [u32; 2],
+}
+
+/// What one law does at a face.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    exchange: u32,
+    /// The place of the face in the cells of the exchange.
+    cell: u32,
+    /// Fraction of the area of the face.
+    fraction: f64,
+    /// m².
+    area: f64,
+}
+
+/// Heat that enters a point through a face, over the volume of the point.
+#[derive(Clone, Copy, Debug, Default)]
+struct FaceHeat {
+    /// W/m³.
+    heat: f64,
+    /// Its derivative by the temperature of the point, W/(m³ K).
+    gain: f64,
+}
+
+/// A flux and its derivative by the temperature of the point.
+#[derive(Clone, Copy, Debug, Default)]
+struct Through {
+    flux: f64,
+    gain: f64,
+    /// Of the surface, K.
+    temperature: f64,
+}
+
+impl Surface {
+    /// The exchanges of a body; `None` without any.
+    pub(super) fn new(exchanges: Vec<Rc<Exchange>>, depth: [f64; 6]) -> Option<Surface> {
+        let is_there = !exchanges.is_empty();
+        is_there.then(|| Surface {
+            versions: vec![None; exchanges.len()],
+            is_linear: exchanges.iter().all(|e| e.law().is_linear()),
+            exchanges,
+            depth,
+            faces: Vec::new(),
+            parts: Vec::new(),
+            heat: Vec::new(),
+        })
+    }
+
+    /// Whether all fluxes are linear in the temperature of the surface.
+    pub(super) fn is_linear(&self) -> bool {
+        self.is_linear
+    }
+
+    /// Whether an exchange draws the body to a temperature; prescribed fluxes do not.
+    pub(super) fn is_drawn(&self) -> bool {
+        let stiffness = |e: &Rc<Exchange>| e.law().stiffness(1000.0);
+        self.exchanges.iter().any(|e| stiffness(e) > 0.0)
+    }
+
+    /// Takes up changed cell faces; `has_material` tells which points of a body that grows have some.
+    pub(super) fn follow(&mut self, body: &Body, has_material: impl Fn(usize) -> bool) {
+        let now = self.exchanges.iter().map(|e| Some(e.version()));
+        if now.clone().eq(self.versions.iter().copied()) {
+            return;
+        }
+        self.versions = now.collect();
+        let mut all: Vec<(u32, Face, SurfaceDepth, Part)> = Vec::new();
+        for (index, exchange) in self.exchanges.iter().enumerate() {
+            let cells = exchange.cells();
+            let here = cells.iter().enumerate();
+            all.extend(
+                here.filter(|(_, c)| has_material(c.point as usize))
+                    .map(|(i, c)| {
+                        let part = Part {
+                            exchange: index as u32,
+                            cell: i as u32,
+                            fraction: 1.0,
+                            area: c.area,
+                        };
+                        (c.point, c.face, exchange.depth, part)
+                    }),
+            );
+        }
+        all.sort_by_key(|(point, face, depth, part)| {
+            (*point, *depth == SurfaceDepth::Plane, *face, part.exchange)
+        });
+        (self.faces, self.parts) = (Vec::new(), Vec::new());
+        for same in all.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
+            let (point, face, depth, _) = same[0];
+            let area = same.iter().map(|s| s.3.area).fold(0.0, f64::max);
+            if area == 0.0 {
+                continue;
+            }
+            let first = self.parts.len() as u32;
+            self.parts.extend(same.iter().map(|s| Part {
+                fraction: s.3.area / area,
+                ..s.3
+            }));
+            let i = point as usize;
+            let depth = match depth {
+                SurfaceDepth::Face => self.depth[face as usize] * body.points.spacing[i],
+                SurfaceDepth::Plane => 0.0,
+            };
+            let (thickness, sides) = match depth == 0.0 && self.depth[face as usize] != 0.0 {
+                true => (body.thickness, 1.0),
+                false => thickness(body, i, face, &has_material),
+            };
+            self.faces.push(ExposedFace {
+                point,
+                depth,
+                area_over_volume: area / body.points.volume[i],
+                thickness,
+                sides,
+                parts: [first, self.parts.len() as u32],
+            });
+        }
+        self.heat = vec![FaceHeat::default(); self.faces.len()];
+    }
+
+    /// Evaluates the heat through all faces at temperatures of the points (K); `conductivity` (W/(m K)) is that of a point.
+    pub(super) fn evaluate(
+        &mut self,
+        temperature: &[f64],
+        conductivity: impl Fn(usize) -> f64 + Sync,
+    ) {
+        let borrowed: Vec<_> = self.exchanges.iter().map(|e| e.law()).collect();
+        let laws: Vec<&dyn SurfaceLaw> = borrowed.iter().map(|law| &**law).collect();
+        let (parts, is_linear) = (&self.parts[..], self.is_linear);
+        let faces = self.heat.par_iter_mut().zip(&self.faces).with_min_len(512);
+        faces.for_each(|(heat, face)| {
+            let point = face.point as usize;
+            let parts = &parts[face.parts[0] as usize..face.parts[1] as usize];
+            let conductance = match face.depth > 0.0 {
+                true => conductivity(point) / face.depth,
+                false => f64::INFINITY,
+            };
+            let through = balance((parts, &laws, is_linear), temperature[point], conductance);
+            *heat = FaceHeat {
+                heat: face.area_over_volume * through.flux,
+                gain: face.area_over_volume * through.gain,
+            };
+        });
+    }
+
+    /// Adds the heat of the last evaluation to the rates of the points (W/m³); returns its power, W.
+    pub(super) fn add(&self, rate: &mut [[f64; 1]], volume: &[f64]) -> f64 {
+        let mut power = 0.0;
+        for (face, heat) in self.faces.iter().zip(&self.heat) {
+            let point = face.point as usize;
+            rate[point][0] += heat.heat;
+            power += heat.heat * volume[point];
+        }
+        power
+    }
+
+    /// The derivatives of the heat through the faces by the temperatures of their points when last evaluated, W/(m³ K).
+    pub(super) fn gains(&self, gains: &mut Vec<f64>) {
+        gains.clear();
+        gains.extend(self.heat.iter().map(|h| h.gain));
+    }
+
+    /// Adds the change of the heat with temperatures that change (K) to the rates, by these gains; returns that of the power.
+    pub(super) fn add_change(
+        &self,
+        gains: &[f64],
+        change: &[f64],
+        (rate, volume): (&mut [[f64; 1]], &[f64]),
+    ) -> f64 {
+        let mut power = 0.0;
+        for (face, gain) in self.faces.iter().zip(gains) {
+            let point = face.point as usize;
+            let heat = gain * change[point];
+            rate[point][0] += heat;
+            power += heat * volume[point];
+        }
+        power
+    }
+
+    /// Subtracts the gains of the last evaluation, over a capacity, from the diagonal of a tangent.
+    pub(super) fn add_diagonal(&self, diagonal: &mut [f64], capacity: impl Fn(usize) -> f64) {
+        for (face, heat) in self.faces.iter().zip(&self.heat) {
+            let point = face.point as usize;
+            diagonal[point] += heat.gain.min(0.0) / capacity(point);
+        }
+    }
+
+    /// Tells each exchange the heat that it brings into the body at these temperatures, W.
+    pub(super) fn report(&self, temperature: &[f64], conductivity: impl Fn(usize) -> f64) {
+        let mut power = vec![0.0; self.exchanges.len()];
+        {
+            let borrowed: Vec<_> = self.exchanges.iter().map(|e| e.law()).collect();
+            let laws: Vec<&dyn SurfaceLaw> = borrowed.iter().map(|law| &**law).collect();
+            for face in &self.faces {
+                let point = face.point as usize;
+                let parts = &self.parts[face.parts[0] as usize..face.parts[1] as usize];
+                let conductance = match face.depth > 0.0 {
+                    true => conductivity(point) / face.depth,
+                    false => f64::INFINITY,
+                };
+                let all = (parts, &laws[..], self.is_linear);
+                let surface = balance(all, temperature[point], conductance).temperature;
+                for part in parts {
+                    let law = laws[part.exchange as usize];
+                    let flux = law.flux(part.cell as usize, surface).flux;
+                    power[part.exchange as usize] += flux * part.area;
+                }
+            }
+        }
+        let pairs = self.exchanges.iter().zip(power);
+        pairs.for_each(|(exchange, power)| exchange.set_power(power));
+    }
+
+    /// Highest temperature of a point at the surface, K.
+    fn hottest(&self, temperature: &[f64]) -> f64 {
+        let faces = self.faces.iter().map(|f| temperature[f.point as usize]);
+        faces.fold(0.0, f64::max)
+    }
+
+    /// Calls `visit` with each point at the surface and bounds of what draws it to the surroundings: of the sum over its
+    /// faces over its volume (W/(m³ K)), and of the rate at which the layer of matter below it takes up the temperature
+    /// of the surroundings, times its capacity (W/(m³ K)).
+    pub(super) fn visit_stiffness(
+        &self,
+        temperature: &[f64],
+        conductivity: impl Fn(usize) -> f64,
+        mut visit: impl FnMut(usize, f64, f64),
+    ) {
+        let hottest = self.hottest(temperature);
+        let laws = self.exchanges.iter().map(|e| e.law().stiffness(hottest));
+        let laws: Vec<f64> = laws.collect();
+        for faces in self.faces.chunk_by(|a, b| a.point == b.point) {
+            let point = faces[0].point as usize;
+            let (mut at_point, mut of_layer) = (0.0, 0.0_f64);
+            for face in faces {
+                let parts = &self.parts[face.parts[0] as usize..face.parts[1] as usize];
+                let coefficient = |p: &Part| p.fraction * laws[p.exchange as usize];
+                let coefficient: f64 = parts.iter().map(coefficient).sum();
+                if coefficient > 0.0 {
+                    let resistance = 1.0 / coefficient + face.depth / conductivity(point);
+                    at_point += face.area_over_volume / resistance;
+                    of_layer = of_layer.max(face.sides / (resistance * face.thickness));
+                }
+            }
+            visit(point, at_point, of_layer);
+        }
+    }
+}
+
+/// The flux through a face whose point has this temperature (K), behind half a cell of this conductance (W/(m² K)).
+fn balance(
+    (parts, laws, is_linear): (&[Part], &[&dyn SurfaceLaw], bool),
+    own: f64,
+    conductance: f64,
+) -> Through {
+    let at = |temperature: f64| {
+        let mut sum = (0.0, 0.0);
+        for part in parts {
+            let law = laws[part.exchange as usize].flux(part.cell as usize, temperature);
+            sum.0 += part.fraction * law.flux;
+            sum.1 += part.fraction * law.slope;
+        }
+        sum
+    };
+    let mut temperature = own;
+    if conductance == f64::INFINITY {
+        let (flux, gain) = at(own);
+        return Through {
+            flux,
+            gain,
+            temperature,
+        };
+    }
+    let mut through = Through::default();
+    for _ in 0..ITERATIONS {
+        let (flux, slope) = at(temperature);
+        let surplus = flux + conductance * (own - temperature);
+        // a boiling curve may rise faster than the half cell conducts
+        let change = surplus / (conductance - slope.min(0.5 * conductance));
+        temperature += change;
+        through = Through {
+            flux: flux + slope * change,
+            gain: conductance * slope / (conductance - slope.min(0.5 * conductance)),
+            temperature,
+        };
+        if is_linear || change.abs() <= CONVERGED * temperature.abs() {
+            break;
+        }
+    }
+    through
+}
+
+/// Distance (m) from a face through the matter to the surface behind it, and the number of bare sides.
+fn thickness(
+    body: &Body,
+    point: usize,
+    face: Face,
+    has_material: &impl Fn(usize) -> bool,
+) -> (f64, f64) {
+    /// Thicker layers warm up slowly anyway.
+    const MOST_CELLS: usize = 400;
+    let inwards = Face::ALL[face as usize ^ 1];
+    let mut thickness = body.points.spacing[point];
+    let mut at = point;
+    for _ in 0..MOST_CELLS {
+        match body.neighbour(at, inwards).filter(|p| has_material(*p)) {
+            Some(next) => {
+                at = next;
+                thickness += body.points.spacing[at];
+            }
+            None => return (thickness, 2.0),
+        }
+    }
+    (thickness, 1.0)
+}
