@@ -306,12 +306,16 @@ impl Run {
         let temperature = world.read::<f64>(self.temperature.into());
         let conductivity = |point: usize| self.conduction.largest_conductivity(material[point]);
         let row_sums = self.integrator.row_sums();
-        let (mut stable, mut time) = (f64::INFINITY, f64::INFINITY);
-        surface.visit_stiffness(&temperature, conductivity, |point, at_point, of_layer| {
+        let mut stable = f64::INFINITY;
+        let mut least = f64::INFINITY;
+        let volumes = self.heated_volumes(world);
+        let fields = (&temperature[..], &volumes[..]);
+        let of_layers = surface.visit_stiffness(fields, conductivity, |point, at_point| {
             let capacity = self.curves[material[point] as usize].minimum_capacity();
+            least = least.min(capacity);
             stable = stable.min(capacity / (row_sums[point][0] + at_point));
-            time = time.min(capacity / of_layer);
         });
+        let time = least / of_layers;
         self.exchange_time = time;
         stable
     }
@@ -333,7 +337,7 @@ impl Run {
         let fraction = match solver {
             ThermalSolver::Explicit => return Some(self.stable_step),
             ThermalSolver::Steady => return None,
-            ThermalSolver::Implicit => 0.08,
+            ThermalSolver::Implicit => 0.06,
             ThermalSolver::CrankNicolson | ThermalSolver::Rkl2 => 0.3,
         };
         let limit = fraction * self.exchange_time;

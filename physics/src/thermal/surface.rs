@@ -271,21 +271,22 @@ impl Surface {
         faces.fold(0.0, f64::max)
     }
 
-    /// Calls `visit` with each point at the surface and bounds of what draws it to the surroundings: of the sum over its
-    /// faces over its volume (W/(m³ K)), and of the rate at which the layer of matter below it takes up the temperature
-    /// of the surroundings, times its capacity (W/(m³ K)).
+    /// Calls `visit` with each point at the surface and a bound of what draws it to the surroundings, the sum over its faces
+    /// over its volume (W/(m³ K)). Returns the same of whole layers and of the whole body: the rate at which they take up the
+    /// temperature of the surroundings, times their capacity.
     pub(super) fn visit_stiffness(
         &self,
-        temperature: &[f64],
+        (temperature, volume): (&[f64], &[f64]),
         conductivity: impl Fn(usize) -> f64,
-        mut visit: impl FnMut(usize, f64, f64),
-    ) {
+        mut visit: impl FnMut(usize, f64),
+    ) -> f64 {
         let hottest = self.hottest(temperature);
         let laws = self.exchanges.iter().map(|e| e.law().stiffness(hottest));
         let laws: Vec<f64> = laws.collect();
+        let (mut of_body, mut of_layer) = (0.0, 0.0_f64);
         for faces in self.faces.chunk_by(|a, b| a.point == b.point) {
             let point = faces[0].point as usize;
-            let (mut at_point, mut of_layer) = (0.0, 0.0_f64);
+            let mut at_point = 0.0;
             for face in faces {
                 let parts = &self.parts[face.parts[0] as usize..face.parts[1] as usize];
                 let coefficient = |p: &Part| p.fraction * laws[p.exchange as usize];
@@ -296,8 +297,12 @@ impl Surface {
                     of_layer = of_layer.max(face.sides / (resistance * face.thickness));
                 }
             }
-            visit(point, at_point, of_layer);
+            of_body += at_point * volume[point];
+            visit(point, at_point);
         }
+        // layers along several axes cool at once
+        let volume: f64 = volume.iter().sum();
+        of_layer.max(of_body / volume)
     }
 }
 

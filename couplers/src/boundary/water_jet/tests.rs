@@ -3,27 +3,23 @@
 use std::path::Path;
 
 use super::*;
-use crate::testing::{STEEL, apply, block, prepare, read, refusal, set, values};
+use crate::testing::{STEEL, apply, block, check_slopes, exchange, heat, read, refusal, set};
 
 const JET: &str =
     "flow = 'x+'\nstart = 1\nspeed = 0\nimpingement = 1.6\nwater = 300\nleidenfrost = 700
     flux = { temperature = [300, 500, 700], value = [0, 8e4, 4e4] }\nfilm_coefficient = 100\n";
 
-/// Heat sources (W/m³), and dry, wet and lifted areas (m²).
+/// Heat of the points (W), and dry, wet and lifted areas (m²).
 fn jet(faces: &str, dimension: usize) -> (Vec<f64>, Vec<f64>) {
     let mut world = World::new(vec![block([6, 1, 1], dimension, STEEL)]);
     let mut coupler: WaterJet = read(&format!("{JET}{faces}"));
-    prepare(&mut world, &mut coupler, |setup| {
-        setup.own(0, &keys::TEMPERATURE).expect("free");
-        setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-    })
-    .expect("valid");
-    set(&mut world, &keys::TEMPERATURE, |i| {
-        [900.0, 900.0, 400.0, 600.0, 800.0, 400.0][i]
-    });
+    let exchange = exchange(&mut world, &mut coupler);
+    let temperatures = [900.0, 900.0, 400.0, 600.0, 800.0, 400.0];
+    set(&mut world, &keys::TEMPERATURE, |i| temperatures[i]);
     apply(&world, &mut coupler, 0.0);
+    check_slopes(&exchange, &[310.0, 400.0]);
     let areas = coupler.report()[1..].iter().map(|r| r.value).collect();
-    (values(&world, &keys::HEAT_SOURCE), areas)
+    (heat(&world, &exchange, |i| temperatures[i]), areas)
 }
 
 #[test]
@@ -43,7 +39,6 @@ fn the_film_runs_over_the_material_that_is_there() {
     let active = setup.deposit(0, &[4, 5, 6, 7]).expect("a lattice");
     setup.next_plugin("thermal");
     setup.own(0, &keys::TEMPERATURE).expect("free");
-    setup.consume(0, &keys::HEAT_SOURCE).expect("free");
     setup.follow_activity(0);
     setup.next_plugin("jet");
     // above all of the body; the film runs down
@@ -52,14 +47,13 @@ fn the_film_runs_over_the_material_that_is_there() {
         .replace("start = 1", "start = 10");
     let mut coupler: WaterJet = read(&format!("{jet}faces = ['x+']"));
     coupler.prepare(&mut setup).expect("valid");
+    let exchange = setup.exchanges(0).swap_remove(0);
     setup.finish().expect("complete");
+    let temperature = |i: usize| if i < 4 { 400.0 } else { 900.0 };
     let mut heat = || {
-        set(&mut world, &keys::HEAT_SOURCE, |_| 0.0);
-        set(&mut world, &keys::TEMPERATURE, |i| {
-            if i < 4 { 400.0 } else { 900.0 }
-        });
+        set(&mut world, &keys::TEMPERATURE, temperature);
         apply(&world, &mut coupler, 0.0);
-        let heat = values(&world, &keys::HEAT_SOURCE);
+        let heat = heat(&world, &exchange, temperature);
         world.write(active).fill(1.0);
         heat
     };
@@ -69,41 +63,23 @@ fn the_film_runs_over_the_material_that_is_there() {
     assert_eq!(heat(), lifted);
 }
 
-/// Half of the time constant `C V / (h A)` of a point, with the largest slope of the boiling curve or the coefficient of
-/// the film as h.
+/// The largest slope of the boiling curve or the coefficient of the film.
 #[test]
-fn steps_resolve_the_steepest_part_of_the_boiling_curve() {
-    // 4e6 J/(m³ K), and slopes of 400 W/(m² K) up to 500 K
-    for (change, with, stable) in [
-        ("", "", 4e6 / 400.0),
-        ("faces = ['z+']", "faces = ['z+', 'y+']", 4e6 / 800.0),
-        (
-            "film_coefficient = 100",
-            "film_coefficient = 1000",
-            4e6 / 1000.0,
-        ),
+fn the_stiffness_is_that_of_the_steepest_part_of_the_boiling_curve() {
+    for (change, with, expected) in [
+        ("", "", 400.0),
+        ("film_coefficient = 100", "film_coefficient = 1000", 1000.0),
         (
             "flux = { temperature = [300, 500, 700], value = [0, 8e4, 4e4] }",
             "flux = 8e4",
-            4e6 / 100.0,
+            100.0,
         ),
     ] {
         let table = format!("{JET}faces = ['z+']").replace(change, with);
         let mut world = World::new(vec![block([6, 1, 1], 3, STEEL)]);
         let mut coupler: WaterJet = read(&table);
-        assert_eq!(coupler.step_limit(), None, "not prepared");
-        prepare(&mut world, &mut coupler, |setup| {
-            setup.own(0, &keys::TEMPERATURE).expect("free");
-            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        })
-        .expect("valid");
-        let found = coupler.stable_step(&world).expect("there is an exchange");
-        assert!((found / stable - 1.0).abs() < 1e-12, "{with}: {found}");
-        let limit = coupler.step_limit().expect("there is an exchange");
-        assert!(
-            (limit / (0.5 * stable) - 1.0).abs() < 1e-12,
-            "{with}: {limit}"
-        );
+        let exchange = exchange(&mut world, &mut coupler);
+        assert_eq!(exchange.law().stiffness(1000.0), expected, "{with}");
     }
 }
 
@@ -141,14 +117,10 @@ fn the_jet_moves_and_its_limits_belong_to_the_wetted_surface() {
             "{keys}\nfaces = ['z+']\nimpingement = 1\nwater = 300\nleidenfrost = 700\nflux = 1000\nfilm_coefficient = 1"
         );
         let mut coupler: WaterJet = read(&table);
-        prepare(&mut world, &mut coupler, |setup| {
-            setup.own(0, &keys::TEMPERATURE).expect("free");
-            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        })
-        .expect("valid");
+        let exchange = exchange(&mut world, &mut coupler);
         set(&mut world, &keys::TEMPERATURE, |i| temperatures[i]);
         apply(&world, &mut coupler, 1.0);
-        let heat: Vec<f64> = expected
+        let expected_heat: Vec<f64> = expected
             .iter()
             .zip(temperatures)
             .map(|(film, t)| match film {
@@ -157,7 +129,8 @@ fn the_jet_moves_and_its_limits_belong_to_the_wetted_surface() {
                 LiftedOff => 300.0 - t,
             })
             .collect();
-        assert_eq!(values(&world, &keys::HEAT_SOURCE), heat, "{keys}");
+        let heat = heat(&world, &exchange, |i| temperatures[i]);
+        assert_eq!(heat, expected_heat, "{keys}");
         let count = |film: Film| expected.iter().filter(|f| **f == film).count() as f64;
         let areas: Vec<f64> = coupler.report()[1..].iter().map(|r| r.value).collect();
         assert_eq!(areas, Film::ALL.map(count), "{keys}");
