@@ -92,6 +92,56 @@ impl Thermal {
     }
 }
 
+/// A temperature below absolute zero.
+#[derive(Debug, thiserror::Error)]
+#[error("body `{body}` has {value:.4} K at {position:?} m, below absolute zero ({solver}); {cure}")]
+struct BelowZero {
+    body: String,
+    value: f64,
+    position: [f64; 3],
+    solver: String,
+    cure: &'static str,
+}
+
+impl Thermal {
+    /// Refuses temperatures below 0 K.
+    fn check_absolute_zero(&self, world: &World, step: Step) -> Result<(), RunError> {
+        let run = self.run();
+        let temperature = world.read::<f64>(run.temperature.into());
+        let least = temperature.iter().copied().fold(f64::INFINITY, f64::min);
+        if !(least < 0.0) {
+            return Ok(());
+        }
+        let body = world.body(run.body);
+        let point = temperature.iter().position(|t| *t == least).unwrap_or(0);
+        let (solver, cure) = match self.solver {
+            ThermalSolver::CrankNicolson => (
+                format!("`crank_nicolson`, step of {} s", step.size),
+                "Crank-Nicolson oscillates after jumps: take smaller steps, or `solver = \"implicit\"` or \"rkl2\"",
+            ),
+            ThermalSolver::Steady => (
+                "`steady`".into(),
+                "look at the fluxes and sources that take heat out of the body",
+            ),
+            _ => (
+                format!("step of {} s", step.size),
+                "look at the fluxes, sources and prescribed temperatures of the body",
+            ),
+        };
+        Err(RunError::Plugin {
+            plugin: "thermal".into(),
+            time: step.end(),
+            cause: Box::new(BelowZero {
+                body: body.name.clone(),
+                value: least,
+                position: body.points.position[point].into(),
+                solver,
+                cure,
+            }),
+        })
+    }
+}
+
 #[typetag::serialize(name = "thermal")]
 impl Physics for Thermal {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
@@ -160,7 +210,15 @@ impl Physics for Thermal {
         if run.has_changing_limit() {
             run.find_stable_step(world);
         }
+        // explicit steps up to the stable one keep temperatures between those around them
+        if self.solver != ThermalSolver::Explicit {
+            self.check_absolute_zero(world, step)?;
+        }
         Ok(work)
+    }
+
+    fn examine(&mut self, world: &World, time: f64) -> Result<(), RunError> {
+        self.check_absolute_zero(world, Step::new(time, 0.0))
     }
 
     fn observe(&mut self, world: &World) {
