@@ -81,6 +81,9 @@ pub mod keys {
         ENTHALPY: f64 = "enthalpy", "J/m3", "enthalpy per reference volume";
         /// Heat added per reference volume and time, W/m³ (sink field of the thermal physics).
         HEAT_SOURCE: f64 = "heat_source", "W/m3", "heat added per volume and time";
+        /// Derivative of [`HEAT_SOURCE`] by the temperature of the point, with the opposite sign, W/(m³ K), of heat from bodies whose
+        /// temperature is that of the moment (sink field of the thermal physics, which takes it into account in steady states).
+        HEAT_CONDUCTANCE: f64 = "heat_conductance", "W/(m3 K)", "conductance to other bodies per volume";
         /// How often a point's temperature is held: 0 where it is free, one for each boundary that
         /// holds it (sink field of the thermal physics; the value is in [`HELD_TEMPERATURE`]).
         TEMPERATURE_CONSTRAINT: f64 = "temperature_constraint", "1", "number of boundaries that hold the temperature of the point";

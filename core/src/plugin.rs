@@ -311,6 +311,12 @@ pub trait Physics {
         None
     }
 
+    /// Whether its state after a step does not depend on that before, as that of a steady state. Physics that exchange
+    /// something and are all steady are advanced until their states agree.
+    fn is_steady_state(&self) -> bool {
+        false
+    }
+
     /// Magnitudes of owned fields (by name) beyond which the run has blown up.
     fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {
         Vec::new()

@@ -69,6 +69,7 @@ struct Side {
     body: usize,
     temperature: Read<f64>,
     heat_source: Write<f64>,
+    heat_conductance: Write<f64>,
     conductivity: Vec<Property>,
     curves: Vec<EnthalpyCurve>,
     cells: Vec<SurfaceCell>,
@@ -99,6 +100,7 @@ impl Side {
             cells,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
+            heat_conductance: setup.add(body, &keys::HEAT_CONDUCTANCE)?,
             conductivity: setup.property(body, "conductivity")?,
             curves: setup.enthalpy_curves(body).unwrap_or_default(),
             moved: true,
@@ -211,6 +213,7 @@ impl Interface {
         let temperatures = [first, second].map(|side| world.read(side.temperature));
         let bodies = [first, second].map(|side| world.body(side.body));
         let mut sources = [first, second].map(|side| world.write(side.heat_source));
+        let mut conductances = [first, second].map(|side| world.write(side.heat_conductance));
         self.power = 0.0;
         for overlap in &self.overlaps {
             let resistance =
@@ -219,10 +222,15 @@ impl Interface {
                 self.sides[k].cells[overlap.cells[k] as usize].point as usize
             });
             let difference = temperatures[1][points[1]] - temperatures[0][points[0]];
-            let power =
-                overlap.area * difference / (resistance(0) + self.resistance + resistance(1));
-            sources[0][points[0]] += power / bodies[0].points.volume[points[0]];
-            sources[1][points[1]] -= power / bodies[1].points.volume[points[1]];
+            let resistance = resistance(0) + self.resistance + resistance(1);
+            let conductance = overlap.area / resistance;
+            let power = conductance * difference;
+            let volumes: [f64; 2] = std::array::from_fn(|k| bodies[k].points.volume[points[k]]);
+            sources[0][points[0]] += power / volumes[0];
+            sources[1][points[1]] -= power / volumes[1];
+            for k in 0..2 {
+                conductances[k][points[k]] += conductance / volumes[k];
+            }
             self.power += power;
         }
     }
@@ -341,6 +349,7 @@ mod tests {
         let handles = prepare(world, &mut interface, |setup| {
             [0, 1].map(|body| {
                 setup.consume(body, &keys::HEAT_SOURCE).expect("free");
+                setup.consume(body, &keys::HEAT_CONDUCTANCE).expect("free");
                 setup.own(body, &keys::TEMPERATURE).expect("free")
             })
         });

@@ -37,6 +37,13 @@ impl Simulation {
             self.set_time(first, end);
             return Ok(());
         }
+        let members = &self.plan.groups[g].members;
+        if members
+            .iter()
+            .all(|&p| self.physics[p].plugin.is_steady_state())
+        {
+            return self.find_steady_group(g, (start, end), logging);
+        }
         let count = self.steps_within((first, self.group_steps[g]), start, end)?;
         let size = (end - start) / count as f64;
         for s in 0..count {
@@ -58,7 +65,7 @@ impl Simulation {
 
     /// Applies the exchanges of a group, whose members are all at the start of `step`, and keeps the rates that
     /// they add for all sub-steps.
-    fn exchange(&mut self, g: usize, step: Step) -> Result<(), RunError> {
+    pub(super) fn exchange(&mut self, g: usize, step: Step) -> Result<(), RunError> {
         let group = &self.plan.groups[g];
         for &p in &group.members {
             let sinks = self.plan.sinks[p].iter().chain(&self.plan.amounts[p]);
@@ -75,7 +82,7 @@ impl Simulation {
     }
 
     /// The time to which a physics has advanced is that of the fields that it owns.
-    fn set_time(&mut self, physics: usize, time: f64) {
+    pub(super) fn set_time(&mut self, physics: usize, time: f64) {
         self.clock.advanced_to[physics] = time;
         self.world.set_times(&self.plan.owned[physics], time);
     }
@@ -100,7 +107,7 @@ impl Simulation {
     }
 
     /// Advances a physics to `end` (s) in sub-steps of its own; `in_group`: after the exchanges of its group.
-    fn advance(
+    pub(super) fn advance(
         &mut self,
         (p, end): (usize, f64),
         logging: bool,

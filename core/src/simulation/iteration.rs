@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Simulation;
 use crate::error::RunError;
+use crate::plugin::Step;
 use crate::solver::reduce::{dot, max_abs};
 
 /// Repetition of the staggered pass.
@@ -147,6 +148,61 @@ impl Simulation {
                 time: end,
             }),
         }
+    }
+
+    /// Finds the common steady state of a group: each member is solved with the others as they are, with Aitken's relaxation in
+    /// between. The last pass is not relaxed.
+    pub(super) fn find_steady_group(
+        &mut self,
+        g: usize,
+        (start, end): (f64, f64),
+        logging: bool,
+    ) -> Result<(), RunError> {
+        /// Relative to the largest value of a field; solvers are that exact.
+        const TOLERANCE: f64 = 1e-9;
+        const PASSES: usize = 500;
+        let members = self.plan.groups[g].members.clone();
+        let step = Step::new(start, end - start);
+        let mut aitken = Aitken::default();
+        let mut change = f64::INFINITY;
+        for _ in 0..PASSES {
+            let old = self.state_of(&members);
+            self.exchange(g, step)?;
+            for &p in &members {
+                self.clock.advanced_to[p] = start;
+                self.advance((p, end), logging, true)?;
+            }
+            let new = self.state_of(&members);
+            change = largest_change(&new, &old);
+            if change <= TOLERANCE {
+                break;
+            }
+            let relaxed = aitken.relax(&new, &old);
+            let fields = members.iter().flat_map(|&p| &self.plan.owned[p]);
+            for (&f, values) in fields.zip(&relaxed) {
+                let field = self.world.fields.field(f);
+                field.data_mut().flat_mut().copy_from_slice(values);
+            }
+        }
+        for &p in &members {
+            self.set_time(p, end);
+        }
+        match change <= TOLERANCE {
+            true => Ok(()),
+            false => Err(RunError::Unconverged {
+                passes: PASSES,
+                change,
+                tolerance: TOLERANCE,
+                time: end,
+            }),
+        }
+    }
+
+    fn state_of(&self, members: &[usize]) -> State {
+        let fields = members.iter().flat_map(|&p| &self.plan.owned[p]);
+        fields
+            .map(|&f| self.world.fields.field(f).data().flat().to_vec())
+            .collect()
     }
 
     fn owned_state(&self) -> State {

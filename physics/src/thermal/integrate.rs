@@ -1,7 +1,7 @@
 //! Steps of the heat equation in time.
 
 use perimelt_core::refinement::Level;
-use perimelt_core::solver::reduce::norm;
+use perimelt_core::solver::reduce::{norm, weighted_sum};
 use perimelt_core::solver::{
     Implicit, KrylovMethod, Newton, NewtonOptions, Rkl2, SolverError, steady_state,
 };
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::carried::Carried;
 use super::conduction::Matter;
 use super::keys::ThermalSolver;
-use super::rates::{CurrentVolumes, EnthalpyRate, Flow, TemperatureRate, Vectors};
+use super::rates::{CurrentVolumes, Drawn, EnthalpyRate, Flow, TemperatureRate, Vectors};
 use super::refined::Refined;
 use super::run::{HeatAccount, Run};
 
@@ -165,14 +165,13 @@ impl Fields<'_> {
         newton.options.absolute_tolerance = tolerance * norm(&loads);
         let mut rate = TemperatureRate { flow, weights };
         let report = steady_state(newton, &mut rate, time, self.temperature, floating)?;
-        let mut supplied = 0.0;
         let points = self.enthalpy.iter_mut().zip(&*self.temperature);
-        for (((h, t), &m), v) in points.zip(matter.material).zip(volume) {
-            let new = matter.curves[m as usize].enthalpy(*t);
-            supplied += v * (new - *h);
-            *h = new;
-        }
-        self.account.supply(supplied);
+        let points = points.zip(matter.material);
+        points.for_each(|((h, t), &m)| *h = matter.curves[m as usize].enthalpy(*t));
+        // states that a common steady state of several bodies went through leave no trace
+        let stored = weighted_sum(self.enthalpy, volume);
+        let account = self.account;
+        account.supply(stored - account.initial - account.supplied);
         Ok(report.into())
     }
 
@@ -219,6 +218,9 @@ impl Run {
         let rules = world.layer_rules(self.layers);
         let body = world.body(self.body);
         let source = self.heat_source.map(|s| world.read(s));
+        let is_steady = matches!(self.integrator.method, Method::Steady(..));
+        let conductance = self.heat_conductance.filter(|_| is_steady);
+        let conductance = conductance.map(|c| world.read(c));
         let constraint = self.constraint.map(|c| world.read(c));
         let growth = self.growth.as_ref();
         let masked = |values: &'_ [f64]| growth.map(|g| g.masked(values).into_owned());
@@ -276,6 +278,10 @@ impl Run {
             current,
             source: source_there.as_deref().or(source.as_deref()),
             surface: self.surface.as_mut(),
+            drawn: conductance.as_deref().map(|conductance| Drawn {
+                conductance,
+                temperature: world.read::<f64>(self.temperature.into()).to_vec(),
+            }),
             carried: self.carried.as_mut().map(|c| (c, step.size)),
             constraint: constraint_there.as_deref().or(constraint.as_deref()),
             row_sums,

@@ -182,6 +182,10 @@ impl Physics for Thermal {
         }
     }
 
+    fn is_steady_state(&self) -> bool {
+        self.solver == ThermalSolver::Steady
+    }
+
     fn stable_step(&mut self, world: &World) -> Option<f64> {
         let solver = self.solver;
         let run = self.run_mut();

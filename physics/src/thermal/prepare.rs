@@ -41,6 +41,7 @@ impl Run {
         let temperature = setup.own(body, &keys::TEMPERATURE)?;
         let enthalpy = setup.own(body, &keys::ENTHALPY)?;
         let heat_source = setup.consume_if_added(body, &keys::HEAT_SOURCE)?;
+        let heat_conductance = setup.consume_if_added(body, &keys::HEAT_CONDUCTANCE)?;
         let constraint = setup.consume_if_added(body, &keys::TEMPERATURE_CONSTRAINT)?;
         let held = setup.consume_if_added(body, &keys::HELD_TEMPERATURE)?;
         let curves = setup.enthalpy_curves(body)?;
@@ -113,7 +114,11 @@ impl Run {
             temperature,
             enthalpy,
             heat_source,
-            floating: place.heated.is_empty() && constraint.is_none() && !is_drawn,
+            heat_conductance,
+            floating: place.heated.is_empty()
+                && constraint.is_none()
+                && !is_drawn
+                && heat_conductance.is_none(),
             constraint,
             held,
             curves,

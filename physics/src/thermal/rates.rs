@@ -56,12 +56,22 @@ pub(super) struct Flow<'a> {
     pub(super) source: Option<&'a [f64]>,
     /// What the surface exchanges with its surroundings.
     pub(super) surface: Option<&'a mut Surface>,
+    /// In the search for a steady state, where other bodies draw points to their temperatures.
+    pub(super) drawn: Option<Drawn<'a>>,
     /// Heat that an Eulerian fluid carries, and the step, s.
     pub(super) carried: Option<(&'a mut CarriedHeat, f64)>,
     /// Positive where the temperature is held.
     pub(super) constraint: Option<&'a [f64]>,
     pub(super) row_sums: &'a [[f64; 1]],
     pub(super) vectors: &'a mut Vectors,
+}
+
+/// What other bodies draw a body by: the sources of heat are those at these temperatures.
+pub(super) struct Drawn<'a> {
+    /// W/(m³ K).
+    pub(super) conductance: &'a [f64],
+    /// K.
+    pub(super) temperature: Vec<f64>,
 }
 
 /// Volumes of points that move.
@@ -94,7 +104,7 @@ impl Flow<'_> {
     pub(super) fn evaluate(&mut self, temperature: &[f64]) -> f64 {
         self.conduction.load(&self.matter, temperature);
         self.exchange(temperature);
-        self.sum(Through::Temperature)
+        self.sum(Through::Temperature(temperature))
     }
 
     /// Evaluates the exchange of the surface.
@@ -129,11 +139,17 @@ impl Flow<'_> {
         }
         power += match (&self.surface, &through) {
             (None, _) => 0.0,
-            (Some(surface), Through::Temperature) => surface.add(rate, self.volume),
+            (Some(surface), Through::Temperature(_)) => surface.add(rate, self.volume),
             (Some(surface), Through::Change { gains, change }) => {
                 surface.add_change(gains, change, (rate, self.volume))
             }
         };
+        if let (Some(drawn), Through::Temperature(now)) = (&self.drawn, &through) {
+            let points = drawn.conductance.iter().zip(&drawn.temperature).zip(*now);
+            for ([r], ((conductance, then), now)) in rate.iter_mut().zip(points) {
+                *r += conductance * (then - now);
+            }
+        }
         let is_change = matches!(through, Through::Change { .. });
         if let Some(source) = self.source.filter(|_| !is_change) {
             power += sum_of([source, self.volume], |[q, v]| q * v);
@@ -159,8 +175,8 @@ impl Flow<'_> {
 
 /// What is summed.
 enum Through<'a> {
-    /// The heat at the temperatures that were loaded, with all sources.
-    Temperature,
+    /// The heat at the temperatures that were loaded (K), with all sources.
+    Temperature(&'a [f64]),
     /// The change of the heat with temperatures that change (K), and the derivatives of the heat through the surface.
     Change { gains: &'a [f64], change: &'a [f64] },
 }
@@ -332,6 +348,10 @@ impl Rhs for TemperatureRate<'_> {
             .for_each(|(out, [sum])| *out = -sum);
         if let Some(surface) = &self.flow.surface {
             surface.add_diagonal(out, |_| 1.0);
+        }
+        if let Some(drawn) = &self.flow.drawn {
+            let points = out.iter_mut().zip(drawn.conductance);
+            points.for_each(|(out, conductance)| *out -= conductance);
         }
         Ok(true)
     }

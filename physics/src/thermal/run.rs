@@ -29,6 +29,8 @@ pub(super) struct Run {
     pub(super) temperature: Write<f64>,
     pub(super) enthalpy: Write<f64>,
     pub(super) heat_source: Option<Read<f64>>,
+    /// To other bodies; steady states take it into account.
+    pub(super) heat_conductance: Option<Read<f64>>,
     pub(super) constraint: Option<Read<f64>>,
     pub(super) held: Option<Read<f64>>,
     pub(super) curves: Vec<EnthalpyCurve>,
