@@ -4,7 +4,7 @@ use perimelt_core::body::{BodyError, ZoneError};
 use perimelt_core::error::nearest;
 use perimelt_core::material::Material;
 use perimelt_core::shape::Shape;
-use perimelt_core::{Body, Problem};
+use perimelt_core::{Body, Problem, input};
 
 use super::error::{CaseError, Mistake, Mistakes};
 use super::locate;
@@ -105,7 +105,7 @@ impl Case {
     }
 
     /// A shape with the files that it names.
-    fn loaded(&self, path: &[&str], shape: &Shape) -> Result<Shape> {
+    pub(super) fn loaded(&self, path: &[&str], shape: &Shape) -> Result<Shape> {
         let mut shape = shape.clone();
         shape
             .load(&self.folder)
