@@ -6,6 +6,7 @@
 
 mod extrusion;
 mod stl;
+mod volume;
 
 use std::path::Path;
 
@@ -14,7 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use extrusion::Extrusion;
-pub use stl::{Stl, StlError};
+pub use stl::{Defects, Format, FormatError, Stl, StlError};
 
 /// A solid shape. All lengths in metres.
 ///

@@ -133,7 +133,8 @@ impl Case {
                 Ok(Body::fill_zones(name, shape, dimension, thickness, zones))
             }
             (None, None, Some(path)) => {
-                let text = std::fs::read_to_string(self.folder.join(path)).map_err(|e| {
+                let text = input::read_text(&self.folder.join(path), input::LIMIT);
+                let text = text.map_err(|e| {
                     let message = format!("cannot read {}: {e}", path.display());
                     self.body_error(&[name, "points"], message, "a table of points")
                 })?;
