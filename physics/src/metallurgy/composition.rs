@@ -222,7 +222,7 @@ impl Composition {
                 exponent,
                 range,
                 resistances: [(1.0, activation(27_500.0)), (0.0, 0.0)],
-                form: Arc::clone(&LI),
+                form: LI.clone(),
             })
         })
     }

@@ -275,7 +275,7 @@ mod tests {
             exponent: 3,
             range: 700.0..1000.0,
             resistances: [(1.0, activation(27_500.0)), (0.0, 0.0)],
-            form: Arc::clone(&LI),
+            form: LI.clone(),
         };
         for (temperature, undercooling) in [
             (699.9, 0.0),
