@@ -48,7 +48,8 @@ impl Outcome {
         }
         for field in simulation.lasting().filter(|f| f.name == "temperature") {
             // zero where nobody has set a temperature
-            let values = field.data().flat().iter().copied().filter(|t| *t > 0.0);
+            let data = field.data();
+            let values = data.flat().iter().copied().filter(|t| *t > 0.0);
             let coldest = values.fold(f64::INFINITY, f64::min);
             let lowest = &mut self.lowest[field.body];
             *lowest = lowest.min(coldest);
