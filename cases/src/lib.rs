@@ -33,6 +33,7 @@ pub mod probe;
 pub mod run;
 pub mod summary;
 pub mod sweep;
+pub mod tables;
 pub mod verify;
 pub mod view;
 

@@ -110,6 +110,12 @@ pub mod keys {
         THERMAL_GRADIENT: f64 = "thermal_gradient", "K/m", "gradient of the temperature at the last solidification";
         /// Speed of the front at the last solidification, m/s.
         SOLIDIFICATION_SPEED: f64 = "solidification_speed", "m/s", "speed of the front at the last solidification";
+        /// When a point melted before its last solidification, s.
+        MELTING_TIME: f64 = "melting_time", "s", "time of melting before the last solidification";
+        /// When a point solidified for the last time, s.
+        SOLIDIFICATION_TIME: f64 = "solidification_time", "s", "time of the last solidification";
+        /// How often a point has solidified.
+        SOLIDIFICATIONS: f64 = "solidifications", "1", "number of solidifications so far";
         /// Share of austenite, 0 to 1.
         AUSTENITE: f64 = "austenite", "1", "share of austenite";
         /// Share of ferrite, 0 to 1.

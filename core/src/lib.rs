@@ -23,6 +23,7 @@ pub mod field;
 pub mod formula;
 pub mod in_space;
 pub mod in_time;
+pub mod input;
 pub mod log;
 pub mod material;
 pub mod pair_list;

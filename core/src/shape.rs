@@ -7,6 +7,7 @@
 mod extrusion;
 mod normal;
 mod stl;
+mod volume;
 
 use std::path::Path;
 
@@ -16,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 pub use extrusion::Extrusion;
 pub use normal::{Facing, SurfacePart};
-pub use stl::{Stl, StlError};
+pub use stl::{Defects, Format, FormatError, Stl, StlError};
 
 /// A solid shape. All lengths in metres.
 ///

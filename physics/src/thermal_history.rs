@@ -8,7 +8,9 @@
 //!   reaching the upper one again: `t8/5` between 800 and 500 °C.
 //! - At the last solidification of a point, when its temperature falls below that of `solidification`: `cooling_rate`
 //!   dT/dt, `thermal_gradient` G, the magnitude of the gradient by a quadratic least-squares fit to the points within two
-//!   spacings, at the time of crossing, and `solidification_speed` R = dT/dt / G of the front along its normal.
+//!   spacings, at the time of crossing, and `solidification_speed` R = dT/dt / G of the front along its normal;
+//!   `melting_time` and `solidification_time`, when the point rose above that temperature and fell below it.
+//!   `solidifications` counts them: states that are logged between two of them have all (`perimelt export --format exaca`).
 //!
 //! All are zero where it has not happened, and at points whose material has not been deposited yet. The history of a
 //! deposited point begins at the end of the step in which it is born.
@@ -67,6 +69,9 @@ struct Run {
     cooling_rate: Write<f64>,
     gradient: Write<f64>,
     speed: Write<f64>,
+    melting_time: Write<f64>,
+    solidification_time: Write<f64>,
+    solidifications: Write<f64>,
     above: Option<f64>,
     solidification: Option<f64>,
     neighbours: CellList,
@@ -83,6 +88,8 @@ struct Point {
     temperature: f64,
     /// When it fell below the upper temperature of `cooling_time`, s.
     cooling_since: Option<f64>,
+    /// When it melted, s, where it is liquid.
+    molten_since: Option<f64>,
 }
 
 /// What a step adds to the history of a point.
@@ -99,6 +106,10 @@ struct Solidification {
     rate: f64,
     /// K/m.
     gradient: f64,
+    /// When it melted before, s.
+    melted: f64,
+    /// s.
+    time: f64,
 }
 
 /// Share of a step after which a temperature that changes linearly passes a level, if it does.
@@ -169,6 +180,9 @@ impl Physics for ThermalHistory {
             cooling_rate: setup.own(body, &keys::COOLING_RATE)?,
             gradient: setup.own(body, &keys::THERMAL_GRADIENT)?,
             speed: setup.own(body, &keys::SOLIDIFICATION_SPEED)?,
+            melting_time: setup.own(body, &keys::MELTING_TIME)?,
+            solidification_time: setup.own(body, &keys::SOLIDIFICATION_TIME)?,
+            solidifications: setup.own(body, &keys::SOLIDIFICATIONS)?,
             above: self.above.or(solidus),
             solidification: self.solidification.or(liquidus),
             neighbours,
@@ -187,9 +201,11 @@ impl Physics for ThermalHistory {
         for (i, point) in run.points.iter_mut().enumerate() {
             let temperature = if is_there(i) { temperature[i] } else { 0.0 };
             peak[i] = temperature;
+            let is_molten = run.solidification.is_some_and(|level| temperature > level);
             *point = Point {
                 temperature,
                 cooling_since: None,
+                molten_since: is_molten.then_some(0.0),
             };
         }
         Ok(())
@@ -234,6 +250,7 @@ impl Run {
             let Point {
                 temperature: before,
                 mut cooling_since,
+                mut molten_since,
             } = points[i];
             if activity.is_some_and(|a| !is_active(a[i])) {
                 return (Point::default(), Found::default());
@@ -255,8 +272,16 @@ impl Run {
                 found.cooling_time = Some(at(share) - since);
                 cooling_since = None;
             }
-            let freezes = solidification.and_then(|level| crossing(before, after, level));
-            found.solidified = freezes.filter(|_| after < before).map(|share| {
+            let passes = solidification.and_then(|level| crossing(before, after, level));
+            match passes {
+                Some(share) if after > before => molten_since = Some(at(share)),
+                // deposited as a liquid
+                None if !is_known(i) && solidification.is_some_and(|level| after > level) => {
+                    molten_since = Some(step.start + step.size);
+                }
+                _ => {}
+            }
+            found.solidified = passes.filter(|_| after < before).map(|share| {
                 let field = |j: usize| {
                     let before = points[j].temperature;
                     before + share * (now[j] - before)
@@ -264,11 +289,14 @@ impl Run {
                 Solidification {
                     rate: (before - after) / step.size,
                     gradient: gradient(body, neighbours, i, (is_known, field)).norm(),
+                    melted: molten_since.take().unwrap_or(0.0),
+                    time: at(share),
                 }
             });
             let point = Point {
                 temperature: after,
                 cooling_since,
+                molten_since,
             };
             (point, found)
         };
@@ -285,6 +313,9 @@ impl Run {
         let mut rate = world.write(self.cooling_rate);
         let mut gradient = world.write(self.gradient);
         let mut speed = world.write(self.speed);
+        let mut melting_time = world.write(self.melting_time);
+        let mut solidification_time = world.write(self.solidification_time);
+        let mut solidifications = world.write(self.solidifications);
         for (i, (point, found)) in self.next.iter().enumerate() {
             self.points[i] = *point;
             peak[i] = peak[i].max(point.temperature);
@@ -295,6 +326,9 @@ impl Run {
             if let Some(solidified) = found.solidified {
                 rate[i] = solidified.rate;
                 gradient[i] = solidified.gradient;
+                melting_time[i] = solidified.melted;
+                solidification_time[i] = solidified.time;
+                solidifications[i] += 1.0;
                 let is_uniform = solidified.gradient == 0.0;
                 speed[i] = if is_uniform {
                     0.0

@@ -4,7 +4,7 @@ use perimelt_core::body::{BodyError, ZoneError};
 use perimelt_core::error::nearest;
 use perimelt_core::material::Material;
 use perimelt_core::shape::Shape;
-use perimelt_core::{Body, Problem};
+use perimelt_core::{Body, Problem, input};
 
 use super::error::{CaseError, Mistake, Mistakes};
 use super::locate;
@@ -105,7 +105,7 @@ impl Case {
     }
 
     /// A shape with the files that it names.
-    fn loaded(&self, path: &[&str], shape: &Shape) -> Result<Shape> {
+    pub(super) fn loaded(&self, path: &[&str], shape: &Shape) -> Result<Shape> {
         let mut shape = shape.clone();
         shape
             .load(&self.folder)
@@ -133,7 +133,8 @@ impl Case {
                 Ok(Body::fill_zones(name, shape, dimension, thickness, zones))
             }
             (None, None, Some(path)) => {
-                let text = std::fs::read_to_string(self.folder.join(path)).map_err(|e| {
+                let text = input::read_text(&self.folder.join(path), input::LIMIT);
+                let text = text.map_err(|e| {
                     let message = format!("cannot read {}: {e}", path.display());
                     self.body_error(&[name, "points"], message, "a table of points")
                 })?;

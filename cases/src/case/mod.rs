@@ -28,6 +28,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use perimelt_core::input;
 use perimelt_core::material::MaterialSection;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -85,7 +86,7 @@ impl Case {
     /// The file cannot be read, or the mistakes in it.
     pub fn read(path: &Path) -> Result<Case, CaseError> {
         let name = path.display().to_string();
-        let text = match std::fs::read_to_string(path) {
+        let text = match input::read_utf8(path, input::LIMIT) {
             Ok(text) => text,
             Err(source) => {
                 let file = Arc::new(CaseFile {

@@ -24,6 +24,9 @@ const HUGE: f64 = 10.0;
 /// Share of the extent of a box that points may leave out or add.
 const FILLED: f64 = 0.01;
 
+/// Fraction of the volume of a shape by which that of the points may differ.
+const VOLUME: f64 = 0.03;
+
 /// Density times specific heat of solids and liquids, J/(m³ K).
 const HEAT_CAPACITY: Range<f64> = 1e5..2e7;
 
@@ -59,7 +62,12 @@ impl Case {
             .collect();
         let bodies = simulation.world().bodies();
         for ((index, body), (_, section)) in bodies.iter().enumerate().zip(&self.bodies) {
-            found.extend(not_filled(body, &section.shape));
+            let box_not_filled = not_filled(body, &section.shape);
+            if box_not_filled.is_none() {
+                let shape = self.loaded(&[&body.name, "shape"], &section.shape)?;
+                found.extend(other_volume(body, &shape));
+            }
+            found.extend(box_not_filled);
             found.extend(heat_capacity(body));
             if melts(body) {
                 found.extend(too_large(body));
@@ -340,6 +348,25 @@ fn not_filled(body: &Body, shape: &Shape) -> Option<String> {
         body.name,
         product(1),
         product(0)
+    ))
+}
+
+/// Bodies whose points have another volume than their shape.
+fn other_volume(body: &Body, shape: &Shape) -> Option<String> {
+    let asked = body.thickness * shape.measure(body.dimension)?;
+    let filled: f64 = body.points.volume.iter().sum();
+    let difference = filled / asked - 1.0;
+    if !(difference.abs() > VOLUME) {
+        return None;
+    }
+    let sign = if difference < 0.0 { "less" } else { "more" };
+    let percent = unit::number(100.0 * difference.abs(), 2);
+    Some(format!(
+        "the points of body `{}` have a volume of {} m³, {percent} % {sign} than the {} m³ of its shape: heat, mass and stiffness \
+         are those of the points; take a smaller `spacing`, or one that divides its thicknesses",
+        body.name,
+        unit::number(filled, 4),
+        unit::number(asked, 4)
     ))
 }
 

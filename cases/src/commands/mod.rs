@@ -217,7 +217,7 @@ fn export(args: &export::ExportArgs) -> Done {
     if is_displaced {
         let undeformed = match args.format {
             export::ExportFormat::Vtk => "`reference_position` has those of the undeformed body",
-            export::ExportFormat::Csv => {
+            export::ExportFormat::Csv | export::ExportFormat::Exaca => {
                 "less `displacement`, they are those of the undeformed body"
             }
         };

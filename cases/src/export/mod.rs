@@ -6,6 +6,7 @@
 //!   time series of all bodies
 //! - `csv`: `<body>-<number>.csv` for every time (positions and fields of the points), and
 //!   `<body>-times.csv`, the times by number
+//! - `exaca`: `<body>-solidification.csv`, all solidification events of the points of `thermal_history`, as ExaCA reads them
 //! - always: `probe-<name>.csv`, `balance.csv`, `progress.csv`
 //!
 //! Points of a lattice are connected to hexahedra (`mesh.rs`). Positions are as logged, that is displaced: do not warp by
@@ -13,6 +14,7 @@
 //! they are the positions less the displacements.
 
 mod csv;
+mod exaca;
 mod mesh;
 #[cfg(test)]
 mod tests;
@@ -27,7 +29,7 @@ use std::{
 use perimelt_core::log::{BodyInfo, Log, LogError};
 
 use crate::chosen::{self, UnknownBody, suggestion};
-use crate::commands::open_log;
+use crate::commands::{open_log, tell};
 use crate::moment::{MomentError, sound, states_at, tell_other_times};
 use crate::plot::survey::Reference;
 use crate::plot::{beside, create_folder, file_name};
@@ -71,6 +73,8 @@ pub enum ExportFormat {
     Vtk,
     /// comma-separated values
     Csv,
+    /// solidification events for ExaCA, of bodies with `thermal_history`
+    Exaca,
 }
 
 /// Why a run could not be exported.
@@ -93,6 +97,12 @@ pub enum ExportError {
         /// the known names
         known: Vec<String>,
     },
+    /// No body has solidification events.
+    #[error(
+        "no body of the log has solidification events: add the physics `thermal_history`, and log its fields {}",
+        exaca::FIELDS.join(", ")
+    )]
+    NoEvents,
     /// A file or folder cannot be written.
     #[error("cannot write {}: {source}", path.display())]
     Io {
@@ -149,6 +159,13 @@ pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
     if let Some(body) = bodies.first() {
         tell_other_times(log.times(&body.name), &args.at);
     }
+    if args.format == ExportFormat::Exaca {
+        export_events(&log, &bodies, &mut folder)?;
+        return Ok(Exported {
+            files: folder.written,
+            is_displaced,
+        });
+    }
     for (part, body) in bodies.into_iter().enumerate() {
         let times = log.times(&body.name);
         let reference = Reference::new(&log, body)?;
@@ -171,6 +188,8 @@ pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
                         vtu::write_cloud(file, &cloud, &mesh, shown)
                     })?
                 }
+                // returned above
+                ExportFormat::Exaca => continue,
                 ExportFormat::Csv => folder
                     .write(&format!("{}-{index:05}.csv", body.name), |file| {
                         csv::cloud(file, &cloud)
@@ -200,6 +219,40 @@ pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
         files: folder.written,
         is_displaced,
     })
+}
+
+/// Writes the solidification events of bodies that have them, from all logged states.
+fn export_events(log: &Log, bodies: &[&BodyInfo], folder: &mut Folder) -> Result<(), ExportError> {
+    let mut has_events = false;
+    for body in bodies {
+        let reference = Reference::new(log, body)?;
+        let mut events = exaca::Events::default();
+        let mut is_told = false;
+        for index in 0..log.times(&body.name).len() {
+            let Some(cloud) = sound(log.cloud(&body.name, index))? else {
+                continue;
+            };
+            is_told |= events.take(&cloud, reference.positions(&cloud)).is_some();
+        }
+        if !is_told {
+            continue;
+        }
+        has_events = true;
+        if events.lost > 0 {
+            tell(&format!(
+                "body {}: {} solidifications happened between two logged states and another one of the same point, and are \
+                 left out: a shorter `log.interval` has them",
+                body.name, events.lost
+            ));
+        }
+        folder.write(&format!("{}-solidification.csv", body.name), |file| {
+            events.write(file)
+        })?;
+    }
+    match has_events {
+        true => Ok(()),
+        false => Err(ExportError::NoEvents),
+    }
 }
 
 /// Every field asked for must be logged for at least one of the bodies.

@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use perimelt_core::log::{Log, LogError, Writer, check_unused};
-use perimelt_core::{RunError, Simulation};
+use perimelt_core::{RunError, Simulation, input};
 
 use crate::case::{Case, CaseError, SECTIONS, StartError, plugin_names};
 use crate::commands::open_log;
@@ -298,7 +298,7 @@ fn continuing<'c>(case: &'c Case, logged: &Case) -> Result<&'c Case, Failure> {
 /// A sentence about the case file of a log, where it has changed since.
 fn changed_file(log: &Log) -> Option<String> {
     let file = Path::new(&log.run().case_folder).join(log.case_name());
-    let text = std::fs::read_to_string(&file).ok()?;
+    let text = input::read_utf8(&file, input::LIMIT).ok()?;
     let file = file.display();
     (text != log.case_text()).then(|| {
         format!("{file} differs from the case of the log, with which the run goes on (`--case {file}` takes the file)")

@@ -3,6 +3,7 @@
 use perimelt_core::Simulation;
 
 use crate::plot::unit;
+use crate::tables;
 
 /// Share of the energy that may miss the body without a warning.
 const LOST: f64 = 0.05;
@@ -23,6 +24,8 @@ pub struct Outcome {
     since: f64,
     /// By body: highest logged temperature, K.
     peaks: Vec<Option<f64>>,
+    /// By body: lowest logged temperature, K.
+    lowest: Vec<f64>,
 }
 
 impl Outcome {
@@ -31,6 +34,7 @@ impl Outcome {
         let mut outcome = Outcome {
             since: simulation.time(),
             peaks: vec![None; simulation.world().bodies().len()],
+            lowest: vec![f64::INFINITY; simulation.world().bodies().len()],
         };
         outcome.observe(simulation);
         outcome
@@ -41,6 +45,14 @@ impl Outcome {
         for (body, hottest) in hottest(simulation) {
             let peak = &mut self.peaks[body];
             *peak = Some(peak.map_or(hottest, |peak| peak.max(hottest)));
+        }
+        for field in simulation.lasting().filter(|f| f.name == "temperature") {
+            // zero where nobody has set a temperature
+            let data = field.data();
+            let values = data.flat().iter().copied().filter(|t| *t > 0.0);
+            let coldest = values.fold(f64::INFINITY, f64::min);
+            let lowest = &mut self.lowest[field.body];
+            *lowest = lowest.min(coldest);
         }
     }
 
@@ -75,10 +87,17 @@ impl Outcome {
             let waiting = simulation.unfinished().into_iter();
             warnings.extend(waiting.map(|(label, message)| format!("{label}: {message}")));
         }
-        for (body, peak) in simulation.world().bodies().iter().zip(&self.peaks) {
+        let fields = simulation.world().fields();
+        let bodies = simulation.world().bodies().iter().enumerate();
+        for ((index, body), peak) in bodies.zip(&self.peaks) {
             let Some(peak) = peak else {
                 continue;
             };
+            let range = [self.lowest[index], *peak];
+            let has_field = |name: &str| fields.find(index, name).is_some();
+            let left = tables::left_by(&body.materials, has_field, range);
+            let sentence = tables::sentence(&left, range);
+            warnings.extend(sentence.map(|s| format!("{}: {s}", body.name)));
             let boiling =
                 |m: &perimelt_core::material::Material| m.constant("boiling_temperature").ok();
             let boiling = body.materials.iter().filter_map(boiling).reduce(f64::min);

@@ -10,7 +10,9 @@ use crate::plot::isotherm::isotherms;
 use crate::plot::scalar::scalar;
 use crate::plot::survey::survey;
 use crate::plot::unit;
+use crate::run::case_of;
 use crate::run::record::{RELATIVE_ERROR, REPORTS};
+use crate::tables;
 
 mod history;
 mod mechanics;
@@ -191,11 +193,16 @@ fn temperatures(
     let survey = survey(log, body, &fields, isotherm, options.travel)?;
     if let Some(&index) = survey.peak.get("temperature") {
         let cloud = log.cloud(&body.name, index)?;
-        found.extend(largest(body, &cloud, "temperature").map(|(peak, place)| {
+        let peak = largest(body, &cloud, "temperature");
+        found.extend(peak.map(|(peak, place)| {
             ReadOff::new(&body.name, "highest logged temperature", peak, "K")
                 .at(cloud.time)
                 .within(place)
         }));
+        found.extend(
+            peak.into_iter()
+                .flat_map(|(peak, _)| left_tables(log, body, peak)),
+        );
     }
     found.push(
         ReadOff::new(&body.name, "highest temperature at the end", at_end.0, "K").at(last.time),
@@ -230,6 +237,24 @@ fn temperatures(
         }
     }
     Ok(())
+}
+
+/// The ends (K) of tables of material properties that the highest temperature (K) lies beyond.
+fn left_tables(log: &Log, body: &BodyInfo, peak: f64) -> Vec<ReadOff> {
+    let case = case_of(log).ok();
+    let materials = case.and_then(|case| case.materials_of(&body.name).ok());
+    let has_field = |name: &str| body.fields.iter().any(|f| f.name == name);
+    let range = [peak.min(293.15), peak];
+    let mut left = tables::left_by(&materials.unwrap_or_default(), has_field, range);
+    left.retain(|table| peak > table.rows[1]);
+    let read_off = |table: tables::LeftTable| {
+        let quantity = format!(
+            "end of the table `{}` of {}, which the run left",
+            table.property, table.material
+        );
+        ReadOff::new(&body.name, quantity, table.rows[1], "K")
+    };
+    left.into_iter().map(read_off).collect()
 }
 
 type Size = fn(&MeltPool) -> Option<f64>;

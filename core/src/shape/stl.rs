@@ -5,10 +5,12 @@
 //! turns are computed from the vertex with the smaller number, so that two triangles with a common edge agree bit by bit,
 //! also for a ray through the edge. Overlapping parts are united; voids have their normals inwards.
 
+mod defects;
 mod facing;
+mod mesh;
+mod reader;
 
-use std::collections::HashMap;
-use std::io::Cursor;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -16,9 +18,15 @@ use nalgebra::{Vector2, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use self::mesh::Mesh;
 use super::{Bounds, distance_from_segment};
+use crate::input::{self, InputError};
 
-/// The solid in an STL file, text or binary. Its surface must be closed.
+pub use self::defects::Defects;
+pub use self::reader::{Format, FormatError};
+
+/// The solids in an STL file, text or binary. Their surfaces must be closed, but for corners that differ by less than
+/// `tolerance`. Normals in the file are not used: a surface has its corners counterclockwise when seen from outside.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Stl {
@@ -30,6 +38,9 @@ pub struct Stl {
     /// Where the origin of the file lies, m; default the origin.
     #[serde(default)]
     pub origin: [f64; 3],
+    /// Largest distance of corners that are joined where the surface is open, m; default 1e-6 of the extent of the file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tolerance: Option<f64>,
     #[serde(skip)]
     #[schemars(skip)]
     surface: Option<Arc<Surface>>,
@@ -43,35 +54,30 @@ pub enum StlError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Error of the system or of the parser.
-        source: std::io::Error,
+        /// Why.
+        source: InputError,
     },
-    /// No triangle with an area.
-    #[error("{path} has no triangles", path = .0.display())]
-    Empty(PathBuf),
-    /// A coordinate that is infinite or not a number.
-    #[error("{path} has a corner with the coordinate {coordinate}", path = .path.display())]
-    NotFinite {
+    /// The file contains no triangles that can be read.
+    #[error("cannot read {path}: {source}", path = .path.display())]
+    Format {
         /// The file.
         path: PathBuf,
-        /// The coordinate.
-        coordinate: f32,
+        /// What is wrong, and where.
+        source: FormatError,
     },
-    /// A surface with a border.
+    /// A surface with gaps, flipped or repeated triangles.
     #[error(
-        "the surface in {path} is not closed: {edges} edges do not join two triangles of one orientation, such as that from {from:?} to {to:?}; \
-         repair the mesh in the program that wrote it",
-        path = .path.display()
+        "the surface in {path} ({format}, {triangles} triangles) is not closed: {defects}; repair the mesh in the program \
+         that wrote it",
+        path = .path.display(), format = .defects.format
     )]
     Open {
         /// The file.
         path: PathBuf,
-        /// Edges of the border.
-        edges: usize,
-        /// Start of one of them, in units of the file.
-        from: [f32; 3],
-        /// Its end.
-        to: [f32; 3],
+        /// Triangles in the file that are no lines.
+        triangles: usize,
+        /// What is wrong, and where.
+        defects: Defects,
     },
     /// A surface that encloses nothing.
     #[error("the surface in {path} encloses no volume", path = .0.display())]
@@ -85,6 +91,7 @@ impl Stl {
             file: file.into(),
             scale,
             origin: [0.0; 3],
+            tolerance: None,
             surface: None,
         }
     }
@@ -95,10 +102,7 @@ impl Stl {
         if self.wrong_number().is_some() {
             return Ok(());
         }
-        let place = |corner: [f32; 3]| {
-            Vector3::from(corner.map(f64::from)) * self.scale + Vector3::from(self.origin)
-        };
-        let surface = read(&folder.join(&self.file), place)?;
+        let surface = self.read(&folder.join(&self.file))?;
         self.surface = Some(Arc::new(surface));
         Ok(())
     }
@@ -112,11 +116,23 @@ impl Stl {
         self.surface.as_ref().map(|surface| surface.bounds)
     }
 
+    /// Volume (m³) by the triangles; `None` where parts may overlap, or before the file has been read.
+    pub(super) fn volume(&self) -> Option<f64> {
+        let surface = self.surface.as_ref()?;
+        let volume = surface.enclosed_volume().abs();
+        (!surface.may_overlap()).then_some(volume)
+    }
+
     fn wrong_number(&self) -> Option<String> {
         if !(self.scale > 0.0 && self.scale.is_finite()) {
             return Some(format!(
                 "the scale {} is not positive and finite",
                 self.scale
+            ));
+        }
+        if let Some(tolerance) = self.tolerance.filter(|t| !(*t > 0.0 && t.is_finite())) {
+            return Some(format!(
+                "the tolerance {tolerance} is not positive and finite"
             ));
         }
         let coordinate = self.origin.iter().find(|c| !c.is_finite())?;
@@ -152,104 +168,104 @@ struct Columns {
     triangles: Vec<u32>,
 }
 
-/// Corners by number, and three of them for each triangle that has three different ones.
-type Numbered = (Vec<[f32; 3]>, Vec<[u32; 3]>);
+/// Default tolerance as a fraction of the extent: six digits, as many programs write.
+const TOLERANCE: f64 = 1e-6;
 
-/// Whether the length of a file is that of a binary one with as many triangles as it tells.
-fn is_binary(bytes: &[u8]) -> bool {
-    const HEADER: usize = 80;
-    const TRIANGLE: u64 = 50;
-    let count = bytes.get(HEADER..).and_then(<[u8]>::first_chunk);
-    let expected = |count| HEADER as u64 + 4 + TRIANGLE * u64::from(u32::from_le_bytes(count));
-    count.is_some_and(|count| expected(*count) == bytes.len() as u64)
-}
-
-fn number(path: &Path) -> Result<Numbered, StlError> {
-    let unreadable = |source| StlError::Read {
-        path: path.into(),
-        source,
-    };
-    let mut bytes = std::fs::read(path).map_err(unreadable)?;
-    if is_binary(&bytes) {
-        // some programs let the header begin with `solid`, as text does
-        bytes[..5].fill(b' ');
-    }
-    let mut reader = Cursor::new(bytes);
-    let mut corners = Vec::new();
-    let mut triangles = Vec::new();
-    let mut numbers = HashMap::new();
-    for triangle in stl_io::create_stl_reader(&mut reader).map_err(unreadable)? {
-        let triangle = triangle.map_err(unreadable)?;
-        let mut numbered = [0; 3];
-        for (number, vertex) in numbered.iter_mut().zip(triangle.vertices) {
-            // no negative zeros
-            let corner = vertex.0.map(|c| c + 0.0);
-            if let Some(&coordinate) = corner.iter().find(|c| !c.is_finite()) {
-                let path = path.into();
-                return Err(StlError::NotFinite { path, coordinate });
-            }
-            *number = *numbers.entry(corner.map(f32::to_bits)).or_insert_with(|| {
-                corners.push(corner);
-                corners.len() as u32 - 1
+impl Stl {
+    fn read(&self, path: &Path) -> Result<Surface, StlError> {
+        let told = |source| StlError::Read {
+            path: path.into(),
+            source,
+        };
+        let bytes = input::read_bytes(path, input::LIMIT).map_err(told)?;
+        let (mut mesh, format) = reader::read(&bytes).map_err(|source| StlError::Format {
+            path: path.into(),
+            source,
+        })?;
+        drop(bytes);
+        let tolerance = self.tolerance.map(|tolerance| tolerance / self.scale);
+        let triangles = mesh.triangles.len();
+        if !mesh
+            .close(tolerance.unwrap_or_else(|| default_tolerance(&mesh)))
+            .is_empty()
+        {
+            return Err(StlError::Open {
+                path: path.into(),
+                triangles,
+                defects: Defects::of(mesh, format),
             });
         }
-        let [a, b, c] = numbered;
-        if a != b && b != c && c != a {
-            triangles.push(numbered);
-        }
+        let place = |corner: Vector3<f64>| corner * self.scale + Vector3::from(self.origin);
+        let surface = Surface::new(mesh.without_unused_corners(), place);
+        surface.ok_or_else(|| StlError::NoVolume(path.into()))
     }
-    Ok((corners, triangles))
 }
 
-/// Reads a surface; `place` gives the position (m) of a corner of the file.
-fn read(path: &Path, place: impl Fn([f32; 3]) -> Vector3<f64>) -> Result<Surface, StlError> {
-    let (corners, triangles) = number(path)?;
-    if triangles.is_empty() {
-        return Err(StlError::Empty(path.into()));
+/// In units of the file; not below the rounding of single precision, which is large far away from the origin.
+fn default_tolerance(mesh: &Mesh) -> f64 {
+    let Some((low, high)) = bounds(&mesh.corners) else {
+        return TOLERANCE;
+    };
+    let rounding = 2.0 * f64::from(f32::EPSILON) * low.amax().max(high.amax());
+    (TOLERANCE * (high - low).norm()).max(rounding)
+}
+
+fn bounds(vertices: &[Vector3<f64>]) -> Option<Bounds> {
+    let boxes = vertices.iter().map(|v| (*v, *v));
+    boxes.reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)))
+}
+
+impl Surface {
+    /// The surface of a closed mesh, with the positions (m) of its corners; `None` if it encloses nothing.
+    fn new(mesh: Mesh, place: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Option<Surface> {
+        let vertices: Vec<_> = mesh.corners.into_iter().map(place).collect();
+        let triangles = mesh.triangles;
+        let bounds = bounds(&vertices)?;
+        let columns = Columns::new(&vertices, &triangles, bounds);
+        let surface = Surface {
+            vertices,
+            triangles,
+            bounds,
+            columns,
+        };
+        let extent = (bounds.1 - bounds.0).norm();
+        // rounding of the sum
+        let has_volume = surface.enclosed_volume().abs() > 1e-12 * extent.powi(3);
+        has_volume.then_some(surface)
     }
-    // each edge as often in one direction as in the other
-    let mut balance: HashMap<[u32; 2], i32> = HashMap::new();
-    for [a, b, c] in &triangles {
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            let edge = [*from.min(to), *from.max(to)];
-            *balance.entry(edge).or_default() += if from < to { 1 } else { -1 };
+
+    /// Whether the boxes around two connected parts of the surface overlap.
+    fn may_overlap(&self) -> bool {
+        let mut part: Vec<u32> = (0..self.vertices.len() as u32).collect();
+        for [a, b, c] in &self.triangles {
+            for other in [b, c] {
+                let (a, b) = (mesh::root(&mut part, *a), mesh::root(&mut part, *other));
+                part[a.max(b) as usize] = a.min(b);
+            }
         }
+        let mut boxes: BTreeMap<u32, Bounds> = BTreeMap::new();
+        for (index, vertex) in self.vertices.iter().enumerate() {
+            let part = mesh::root(&mut part, index as u32);
+            let around = boxes.entry(part).or_insert((*vertex, *vertex));
+            *around = (around.0.inf(vertex), around.1.sup(vertex));
+        }
+        let boxes: Vec<Bounds> = boxes.into_values().collect();
+        // many parts are not compared in pairs
+        const PARTS: usize = 1000;
+        let overlap = |a: &Bounds, b: &Bounds| (0..3).all(|i| a.0[i] < b.1[i] && b.0[i] < a.1[i]);
+        let mut with_others = boxes.iter().enumerate();
+        boxes.len() > PARTS
+            || with_others.any(|(index, a)| boxes[..index].iter().any(|b| overlap(a, b)))
     }
-    let border = balance.iter().filter(|(_, balance)| **balance != 0);
-    let (edges, first) = (border.clone().count(), border.map(|(edge, _)| edge).min());
-    if let Some(&[from, to]) = first {
-        return Err(StlError::Open {
-            path: path.into(),
-            edges,
-            from: corners[from as usize],
-            to: corners[to as usize],
-        });
-    }
-    let vertices: Vec<_> = corners.into_iter().map(place).collect();
-    let first = vertices[0];
-    let bounds = vertices
-        .iter()
-        .fold((first, first), |(low, high), v| (low.inf(v), high.sup(v)));
-    let corners_of = |t: &[u32; 3]| t.map(|v| vertices[v as usize] - first);
-    let volume: f64 = triangles
-        .iter()
-        .map(|t| {
-            let [a, b, c] = corners_of(t);
+
+    /// The integral of the winding number, m³: the volume if no parts overlap.
+    fn enclosed_volume(&self) -> f64 {
+        let of_triangle = |triangle: &[u32; 3]| {
+            let [a, b, c] = triangle.map(|v| self.vertices[v as usize] - self.bounds.0);
             a.dot(&b.cross(&c)) / 6.0
-        })
-        .sum();
-    let extent = bounds.1 - bounds.0;
-    // rounding of the sum
-    if !(volume.abs() > 1e-12 * extent.norm().powi(3)) {
-        return Err(StlError::NoVolume(path.into()));
+        };
+        self.triangles.iter().map(of_triangle).sum()
     }
-    let columns = Columns::new(&vertices, &triangles, bounds);
-    Ok(Surface {
-        vertices,
-        triangles,
-        bounds,
-        columns,
-    })
 }
 
 impl Columns {

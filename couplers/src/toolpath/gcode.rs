@@ -21,6 +21,7 @@ use std::path::{Path, PathBuf};
 use gcode::core::{Number, Span};
 use gcode::{Block, Code};
 use nalgebra::Vector3;
+use perimelt_core::input::{self, InputError};
 use perimelt_core::text::number;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -112,7 +113,7 @@ pub enum GcodeError {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: std::io::Error,
+        source: InputError,
     },
     /// A line that is no G-code, or that this toolpath cannot follow.
     #[error("line {line} of the program {}: {message}", path.display())]
@@ -149,7 +150,7 @@ impl Gcode {
             _ => return Err(GcodeError::Source.into()),
         };
         let path = base_dir.join(file);
-        match std::fs::read_to_string(&path) {
+        match input::read_text(&path, input::LIMIT) {
             Ok(text) => self.read(&text, &path, default_power),
             Err(source) => Err(GcodeError::Open { path, source }.into()),
         }

@@ -47,6 +47,7 @@ pub use wait::{Side, WaitUntil};
 pub use weave::{Weave, WeaveShape};
 
 use nalgebra::Vector3;
+use perimelt_core::input::InputError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -180,7 +181,7 @@ pub enum ToolpathError {
         /// The file.
         path: PathBuf,
         /// Why.
-        source: std::io::Error,
+        source: InputError,
     },
     /// A row of the table cannot be read.
     #[error(

@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
+use perimelt_core::input;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -75,7 +76,7 @@ impl Table {
     ) -> Result<Track, ToolpathError> {
         self.check_keys()?;
         let path = base_dir.join(&self.file);
-        let content = match std::fs::read_to_string(&path) {
+        let content = match input::read_text(&path, input::LIMIT) {
             Ok(content) => content,
             Err(source) => return Err(ToolpathError::TableOpen { path, source }),
         };

@@ -5,20 +5,32 @@
 //! - start of bainite and kinetics of ferrite, pearlite and bainite: Li, M. V., Niebuhr, D. V., Meekisho, L. L.,
 //!   Atteridge, D. G. (1998), A computational model for the prediction of steel hardenability, Metall. Mater. Trans. B
 //!   29, 661-672, a refit of Kirkaldy and Venugopalan (1984).
+//! - kinetics of plain carbon steel with 0.3 % carbon and more: Kirkaldy, J. S., Venugopalan, D. (1984), Prediction of
+//!   microstructure and hardenability in low alloy steels, in: Phase transformations in ferrous alloys, AIME, 125-148. The
+//!   refit, whose factors grow with `exp(6.31 C)` to `exp(10.18 C)`, leaves too much of such a steel to martensite.
 //! - hardness: Maynier, P., Jungmann, B., Dollet, J. (1978), Creusot-Loire system for the prediction of the mechanical
 //!   properties of low alloy steel products, in: Hardenability concepts with applications to steel, AIME, 518-545.
 //!
 //! They were fitted to steels of up to about 0.6 % carbon and 5 % of other elements.
 
+use std::sync::Arc;
+
 use perimelt_core::material::{Material, MaterialError};
 
-use super::kinetics::{Kinetics, Kirkaldy};
+use super::kinetics::{Kinetics, Kirkaldy, LI, Sigmoid, activation};
 
 /// Zero of degrees Celsius, K.
 const ZERO_CELSIUS: f64 = 273.15;
 
 /// Carbon that ferrite dissolves, mass %.
 const IN_FERRITE: f64 = 0.02;
+
+/// Least carbon (mass %) from which plain carbon steel follows Kirkaldy and Venugopalan.
+const PLAIN_CARBON: f64 = 0.3;
+
+/// Most nickel, chromium, molybdenum and vanadium together, and most manganese, of plain carbon steel (SAE J403), mass %.
+const RESIDUAL: f64 = 0.3;
+const MOST_MANGANESE: f64 = 1.65;
 
 /// Mass % of the elements that the formulas know.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -121,8 +133,65 @@ impl Composition {
         }
     }
 
-    /// Kinetics of ferrite, pearlite and bainite for austenite of an ASTM grain size number (Li et al., eqs. 10-12).
+    /// Whether this is a plain carbon steel with so much carbon that Kirkaldy and Venugopalan (1984) describe it.
+    pub fn is_plain_carbon(&self) -> bool {
+        let residual = self.nickel + self.chromium + self.molybdenum + self.vanadium;
+        self.carbon >= PLAIN_CARBON && residual <= RESIDUAL && self.manganese <= MOST_MANGANESE
+    }
+
+    /// Kinetics of ferrite, pearlite and bainite for austenite of an ASTM grain size number.
     pub fn kinetics(&self, grain_size: f64) -> [Kinetics; 3] {
+        match self.is_plain_carbon() {
+            true => self.kinetics_of_kirkaldy(grain_size),
+            false => self.kinetics_of_li(grain_size),
+        }
+    }
+
+    /// Kirkaldy and Venugopalan (1984), as quoted by Li et al. (1998).
+    fn kinetics_of_kirkaldy(&self, grain_size: f64) -> [Kinetics; 3] {
+        let Composition {
+            carbon: c,
+            manganese: mn,
+            nickel: ni,
+            chromium: cr,
+            molybdenum: mo,
+            ..
+        } = *self;
+        let grains: f64 = (0.5 * (grain_size - 1.0)).exp2();
+        let form = |slowing: f64| Arc::new(Sigmoid::new(2.0 / 3.0, slowing));
+        let slowing = 1.9 * c + 2.5 * mn + 0.9 * ni + 1.7 * cr + 4.0 * mo - 2.6;
+        let bainite_start = self.bainite_start();
+        [
+            Kirkaldy {
+                factor: (59.6 * mn + 1.45 * ni + 67.7 * cr + 244.0 * mo).max(0.1) / grains,
+                exponent: 3,
+                range: bainite_start..self.ac3(),
+                resistances: [(1.0, activation(23_500.0)), (0.0, 0.0)],
+                form: form(0.0),
+            },
+            Kirkaldy {
+                factor: (1.79 + 5.42 * (cr + mo + 4.0 * mo * ni)) / grains,
+                exponent: 3,
+                range: bainite_start..self.ac1(),
+                resistances: [
+                    (1.0, activation(27_500.0)),
+                    (0.01 * cr + 0.52 * mo, activation(37_000.0)),
+                ],
+                form: form(0.0),
+            },
+            Kirkaldy {
+                factor: 1e-4 * (2.34 + 10.1 * c + 3.8 * cr + 19.0 * mo) / grains,
+                exponent: 2,
+                range: self.martensite_start()..bainite_start,
+                resistances: [(1.0, activation(27_500.0)), (0.0, 0.0)],
+                form: form(slowing.max(0.0)),
+            },
+        ]
+        .map(Kinetics::Kirkaldy)
+    }
+
+    /// Li et al. (1998), eqs. 10-12.
+    fn kinetics_of_li(&self, grain_size: f64) -> [Kinetics; 3] {
         let Composition {
             carbon: c,
             manganese: mn,
@@ -139,23 +208,23 @@ impl Composition {
         let factor = |logarithm: f64, grain: f64| logarithm.exp() / (grain * grain_size).exp2();
         let bainite_start = self.bainite_start();
         [
-            Kirkaldy {
-                factor: factor(ferrite, 0.41),
-                exponent: 3,
-                range: bainite_start..self.ac3(),
-            },
-            Kirkaldy {
-                factor: factor(pearlite, 0.32),
-                exponent: 3,
-                range: bainite_start..self.ac1(),
-            },
-            Kirkaldy {
-                factor: factor(bainite, 0.29),
-                exponent: 2,
-                range: self.martensite_start()..bainite_start,
-            },
+            (factor(ferrite, 0.41), 3, bainite_start..self.ac3()),
+            (factor(pearlite, 0.32), 3, bainite_start..self.ac1()),
+            (
+                factor(bainite, 0.29),
+                2,
+                self.martensite_start()..bainite_start,
+            ),
         ]
-        .map(Kinetics::Kirkaldy)
+        .map(|(factor, exponent, range)| {
+            Kinetics::Kirkaldy(Kirkaldy {
+                factor,
+                exponent,
+                range,
+                resistances: [(1.0, activation(27_500.0)), (0.0, 0.0)],
+                form: LI.clone(),
+            })
+        })
     }
 
     /// Vickers hardness of ferrite-pearlite, bainite and martensite that formed at a rate of cooling (K/s at 700 °C).

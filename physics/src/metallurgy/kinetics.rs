@@ -4,7 +4,7 @@
 //! the path. At a constant temperature [`Kinetics::after`] is exact for a step of any size.
 
 use std::ops::Range;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use perimelt_core::material::Table;
 
@@ -27,7 +27,7 @@ impl Kinetics {
                 if progress == 0.0 {
                     x
                 } else {
-                    SIGMOID.inverse(SIGMOID.at(x) + progress)
+                    law.form.inverse(law.form.at(x) + progress)
                 }
             }
         }
@@ -68,13 +68,13 @@ impl IsothermalCurves {
     }
 }
 
-/// Kirkaldy's rate, as fitted by Li et al. (1998):
+/// Kirkaldy's rate:
 ///
 /// ```text
-/// dX/dt = X^(0.4 (1-X)) (1-X)^(0.4 X) (T_start - T)^n exp(-Q / (R T)) / factor
+/// dX/dt = X^(p (1-X)) (1-X)^(p X) exp(-s X^2) (T_start - T)^n / (factor sum_i w_i exp(A_i / T))
 /// ```
 ///
-/// with Q = 27 500 cal/mol.
+/// The sum has the resistances that hold up carbon and alloying elements at the interface.
 #[derive(Clone, Debug)]
 pub struct Kirkaldy {
     /// s K^n; of composition and grain size.
@@ -83,10 +83,19 @@ pub struct Kirkaldy {
     pub exponent: i32,
     /// Temperatures between which it goes on, K; the upper one is `T_start`.
     pub range: Range<f64>,
+    /// Weights w_i, and activation energies over the gas constant A_i, K.
+    pub resistances: [(f64, f64); 2],
+    /// How the rate depends on what is transformed, p and s.
+    pub form: Arc<Sigmoid>,
 }
 
-/// Q/R, K.
-const ACTIVATION: f64 = 27_500.0 * 4.184 / 8.314_462_618;
+/// An activation energy (cal/mol) over the gas constant, K.
+pub const fn activation(energy: f64) -> f64 {
+    energy * 4.184 / 8.314_462_618
+}
+
+/// The form of Li et al. (1998): p = 0.4, s = 0.
+pub static LI: LazyLock<Arc<Sigmoid>> = LazyLock::new(|| Arc::new(Sigmoid::new(0.4, 0.0)));
 
 impl Kirkaldy {
     /// 1/s.
@@ -95,15 +104,23 @@ impl Kirkaldy {
             return 0.0;
         }
         let undercooling = (self.range.end - temperature).powi(self.exponent);
-        undercooling * (-ACTIVATION / temperature).exp() / self.factor
+        let of_one = |(weight, activation): (f64, f64)| match weight {
+            0.0 => 0.0,
+            _ => weight * (activation / temperature).exp(),
+        };
+        let resistance: f64 = self.resistances.into_iter().map(of_one).sum();
+        undercooling / (resistance * self.factor)
     }
 }
 
-static SIGMOID: LazyLock<Sigmoid> = LazyLock::new(Sigmoid::new);
-
-/// `S(X)`, the integral of `1 / (X^(0.4 (1-X)) (1-X)^(0.4 X))` from 0 to X, by cubics over the variable w with
-/// `X = w^5 / (w^5 + (1-w)^5)`, in which it is smooth at both ends.
-struct Sigmoid {
+/// `S(X)`, the integral of `exp(s X^2) / (X^(p (1-X)) (1-X)^(p X))` from 0 to X, by cubics over the variable w with
+/// `X = w^m / (w^m + (1-w)^m)` and `m = 3 / (1 - p)`, in which it is smooth at both ends.
+#[derive(Debug)]
+pub struct Sigmoid {
+    /// p.
+    exponent: f64,
+    /// s.
+    slowing: f64,
     values: Vec<f64>,
     slopes: Vec<f64>,
 }
@@ -112,21 +129,34 @@ struct Sigmoid {
 const INTERVALS: usize = 1000;
 
 impl Sigmoid {
-    fn new() -> Self {
+    /// With the exponent p, below 1, and the factor s.
+    pub fn new(exponent: f64, slowing: f64) -> Self {
+        let mut sigmoid = Sigmoid {
+            exponent,
+            slowing,
+            values: vec![0.0],
+            slopes: Vec::new(),
+        };
         let width = 1.0 / INTERVALS as f64;
-        let slope_at = |i: usize| slope(i as f64 * width);
+        let slope_at = |i: usize| sigmoid.slope(i as f64 * width);
         let mut values = vec![0.0];
         for i in 0..INTERVALS {
-            let middle = slope((i as f64 + 0.5) * width);
+            let middle = sigmoid.slope((i as f64 + 0.5) * width);
             let simpson = (slope_at(i) + 4.0 * middle + slope_at(i + 1)) * width / 6.0;
             values.push(values[i] + simpson);
         }
         let slopes = (0..=INTERVALS).map(slope_at).collect();
-        Sigmoid { values, slopes }
+        (sigmoid.values, sigmoid.slopes) = (values, slopes);
+        sigmoid
+    }
+
+    /// m.
+    fn power(&self) -> f64 {
+        3.0 / (1.0 - self.exponent)
     }
 
     fn at(&self, x: f64) -> f64 {
-        let odds = (x / (1.0 - x)).powf(0.2);
+        let odds = (x / (1.0 - x)).powf(self.power().recip());
         let w = if x >= 1.0 { 1.0 } else { odds / (1.0 + odds) };
         let place = w * INTERVALS as f64;
         let interval = (place as usize).min(INTERVALS - 1);
@@ -166,24 +196,26 @@ impl Sigmoid {
             }
         }
         let w = (interval as f64 + u) / INTERVALS as f64;
-        share(w)
+        self.share(w)
     }
-}
 
-fn share(w: f64) -> f64 {
-    let (up, down) = (w.powi(5), (1.0 - w).powi(5));
-    up / (up + down)
-}
-
-/// `dS/dw`.
-fn slope(w: f64) -> f64 {
-    let x = share(w);
-    if x == 0.0 || x == 1.0 {
-        return 0.0;
+    fn share(&self, w: f64) -> f64 {
+        let (up, down) = (w.powf(self.power()), (1.0 - w).powf(self.power()));
+        up / (up + down)
     }
-    let (up, down) = (w.powi(5), (1.0 - w).powi(5));
-    let derivative = 5.0 * (w * (1.0 - w)).powi(4) / (up + down).powi(2);
-    derivative / (x.powf(0.4 * (1.0 - x)) * (1.0 - x).powf(0.4 * x))
+
+    /// `dS/dw`.
+    fn slope(&self, w: f64) -> f64 {
+        let x = self.share(w);
+        if x == 0.0 || x == 1.0 {
+            return 0.0;
+        }
+        let (m, p) = (self.power(), self.exponent);
+        let (up, down) = (w.powf(m), (1.0 - w).powf(m));
+        let derivative = m * (w * (1.0 - w)).powf(m - 1.0) / (up + down).powi(2);
+        let form = x.powf(p * (1.0 - x)) * (1.0 - x).powf(p * x);
+        derivative * (self.slowing * x * x).exp() / form
+    }
 }
 
 #[cfg(test)]
@@ -192,24 +224,29 @@ mod tests {
 
     #[test]
     fn sigmoid_is_the_integral_and_its_inverse() {
-        // by substitution X = s^5, midpoint rule
-        let integral = |x: f64| {
-            let (count, upper) = (200_000, x.powf(0.2));
-            let width = upper / f64::from(count);
-            let term = |i: i32| {
-                let s = (f64::from(i) + 0.5) * width;
-                let x = s.powi(5);
-                5.0 * s.powi(4) / (x.powf(0.4 * (1.0 - x)) * (1.0 - x).powf(0.4 * x))
+        // of Li et al. (1998), of Kirkaldy and Venugopalan (1984)
+        for (p, s) in [(0.4, 0.0), (2.0 / 3.0, 0.0), (2.0 / 3.0, 0.7)] {
+            // by substitution X = u^9, midpoint rule
+            let integral = |x: f64| {
+                let (count, upper) = (200_000, x.powf(1.0 / 9.0));
+                let width = upper / f64::from(count);
+                let term = |i: i32| {
+                    let u = (f64::from(i) + 0.5) * width;
+                    let x = u.powi(9);
+                    let form = x.powf(p * (1.0 - x)) * (1.0 - x).powf(p * x);
+                    9.0 * u.powi(8) * (s * x * x).exp() / form
+                };
+                (0..count).map(term).sum::<f64>() * width
             };
-            (0..count).map(term).sum::<f64>() * width
-        };
-        for x in [1e-6, 0.01, 0.3, 0.5, 0.9, 0.99] {
-            let expected = integral(x);
-            assert!((SIGMOID.at(x) - expected).abs() < 1e-8, "{x}");
-            assert!((SIGMOID.inverse(expected) - x).abs() < 1e-8, "{x}");
+            let sigmoid = Sigmoid::new(p, s);
+            for x in [1e-6, 0.01, 0.3, 0.5, 0.9, 0.99] {
+                let expected = integral(x);
+                assert!((sigmoid.at(x) - expected).abs() < 1e-8, "{p} {x}");
+                assert!((sigmoid.inverse(expected) - x).abs() < 1e-8, "{p} {x}");
+            }
+            assert_eq!(sigmoid.inverse(0.0), 0.0);
+            assert_eq!(sigmoid.inverse(100.0), 1.0);
         }
-        assert_eq!(SIGMOID.inverse(0.0), 0.0);
-        assert_eq!(SIGMOID.inverse(100.0), 1.0);
     }
 
     #[test]
@@ -229,14 +266,16 @@ mod tests {
         assert_eq!(law.after(0.5, 950.0, 10.0), 0.5);
     }
 
-    /// `dX/dt = X^(0.4 (1-X)) (1-X)^(0.4 X) (T_start - T)^n exp(-Q / (R T)) / factor` with Q = 27 500 cal/mol, from the start of
-    /// its range, which belongs to it, to the end, which does not.
+    /// With one resistance: `dX/dt = X^(0.4 (1-X)) (1-X)^(0.4 X) (T_start - T)^n exp(-Q / (R T)) / factor` with Q = 27 500
+    /// cal/mol, from the start of its range, which belongs to it, to the end, which does not.
     #[test]
     fn kirkaldys_rate_has_its_published_form() {
         let law = Kirkaldy {
             factor: 4.0,
             exponent: 3,
             range: 700.0..1000.0,
+            resistances: [(1.0, activation(27_500.0)), (0.0, 0.0)],
+            form: LI.clone(),
         };
         for (temperature, undercooling) in [
             (699.9, 0.0),

@@ -52,6 +52,7 @@ register_property! { "silicon", "mass %", "content of silicon", ValueRange::Betw
 register_property! { "nickel", "mass %", "content of nickel", ValueRange::Between(0.0, 40.0) }
 register_property! { "chromium", "mass %", "content of chromium", ValueRange::Between(0.0, 40.0) }
 register_property! { "molybdenum", "mass %", "content of molybdenum", ValueRange::Between(0.0, 10.0) }
+register_property! { "austenite_conductivity", "W/(m K)", "thermal conductivity of austenite, where `metallurgy` tells its fraction (`thermal` with bonds); `conductivity` is then that of the other constituents", ValueRange::Positive }
 register_property! { "vanadium", "mass %", "content of vanadium", ValueRange::Between(0.0, 5.0) }
 
 /// Fields of the shares, in the order of [`transformation::Constituent`].

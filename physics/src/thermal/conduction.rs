@@ -23,7 +23,7 @@ use perimelt_core::{Bond, BondKernel, BrokenBonds, Derivatives, Family, Pddo, Sl
 use rayon::prelude::*;
 
 use super::interfaces::{Across, Interfaces, Mixed, Points, RowSumAcross};
-use super::powder::{Powder, Series};
+use super::parts::{Part, Series};
 use super::states::{StateFlow, States};
 
 /// Slots that a thread takes at a time.
@@ -54,7 +54,9 @@ pub(super) struct Conduction {
     /// What was loaded last.
     loaded: Loaded,
     /// Where the body has powder.
-    powder: Option<Powder>,
+    powder: Option<Part>,
+    /// Where a metallurgy tells where there is austenite.
+    austenite: Option<Part>,
     /// In the form of bonds, where the body has several materials and no powder.
     interfaces: Option<Interfaces>,
     /// Slots of layer points with temperatures of their own, K.
@@ -180,6 +182,7 @@ impl Conduction {
             mirrored: MirroredFields::default(),
             loaded: Loaded::Uniform,
             powder: None,
+            austenite: None,
             interfaces: has_interfaces.then(|| Interfaces::new(points)),
             layers: Vec::new(),
             broken: None,
@@ -219,14 +222,28 @@ impl Conduction {
         for (largest, powder) in self.largest.iter_mut().zip(&conductivity) {
             *largest = largest.max(max_abs(&powder.values()));
         }
-        self.powder = Some(Powder::new(conductivity, points));
+        self.powder = Some(Part::new(conductivity, points));
     }
 
     /// Takes over which points are powder (0) and which are dense (1).
     pub(super) fn consolidate(&mut self, consolidated: &[f64]) {
         if let Some(powder) = &mut self.powder {
-            powder.consolidate(consolidated);
+            powder.set_fraction(consolidated.iter().map(|dense| 1.0 - dense));
         }
+    }
+
+    /// Takes over the fraction of austenite at each point, which has these conductivities by material.
+    pub(super) fn set_austenite(&mut self, conductivity: &[Property], fraction: &[f64]) {
+        if self.austenite.is_none() {
+            self.uniform = None;
+            self.interfaces = None;
+            for (largest, austenite) in self.largest.iter_mut().zip(conductivity) {
+                *largest = largest.max(max_abs(&austenite.values()));
+            }
+        }
+        let new = || Part::new(conductivity.to_vec(), fraction.len());
+        let austenite = self.austenite.get_or_insert_with(new);
+        austenite.set_fraction(fraction.iter().copied());
     }
 
     /// Finds the distances of points from interfaces, where they matter: of all points, or of those that `changed` in a
@@ -282,7 +299,8 @@ impl Conduction {
     }
 
     fn what_to_load(&self) -> Loaded {
-        let by_points = self.derivatives.is_some() || self.powder.is_some();
+        let has_parts = self.powder.is_some() || self.austenite.is_some();
+        let by_points = self.derivatives.is_some() || has_parts;
         if self.states.is_some() {
             return Loaded::States;
         }
@@ -297,20 +315,13 @@ impl Conduction {
 
     fn load_conductivity(&mut self, matter: &Matter<'_>, temperature: &[f64]) {
         self.conductivity_field.resize(temperature.len(), 0.0);
-        let (properties, powder) = (&self.conductivity, self.powder.as_ref());
-        let calibration = self.calibration;
-        let values = self
-            .conductivity_field
-            .par_iter_mut()
-            .zip(temperature)
-            .zip(matter.material)
-            .enumerate();
-        values.for_each(|(point, ((k, &t), &m))| {
-            let m = m as usize;
-            let liquid = matter.curves[m].liquid_fraction(t);
-            let dense = properties[m].at(t, liquid);
-            *k = calibration * powder.map_or(dense, |p| p.mixed(point, (m, t), dense));
+        let mut field = std::mem::take(&mut self.conductivity_field);
+        let values = field.par_iter_mut().zip(temperature).zip(matter.material);
+        values.enumerate().for_each(|(point, ((k, &t), &m))| {
+            let liquid = matter.curves[m as usize].liquid_fraction(t);
+            *k = self.calibration * self.conductivity((point, m), t, liquid);
         });
+        self.conductivity_field = field;
         let field = &self.conductivity_field[..];
         self.conductivity_slots
             .load(matter.family, field, Mirrored::Scalar);
@@ -486,7 +497,9 @@ impl Conduction {
 
     /// Whether the flow is linear in the temperature.
     pub(super) fn is_linear(&self) -> bool {
-        self.uniform.is_some() || self.conductivity.iter().all(Property::is_constant)
+        let by_austenite = self.austenite.is_some();
+        self.uniform.is_some()
+            || !by_austenite && self.conductivity.iter().all(Property::is_constant)
     }
 
     /// Conductivity of a point of a material at a temperature (K) and liquid fraction, W/(m K).
@@ -496,10 +509,15 @@ impl Conduction {
         temperature: f64,
         liquid: f64,
     ) -> f64 {
-        let m = material as usize;
-        let dense = self.conductivity[m].at(temperature, liquid);
-        let powder = self.powder.as_ref();
-        powder.map_or(dense, |p| p.mixed(point, (m, temperature), dense))
+        let at = (material as usize, temperature);
+        let mut conductivity = self.conductivity[at.0].at(temperature, liquid);
+        if let Some(austenite) = &self.austenite {
+            conductivity = austenite.mixed(point, at, (conductivity, 1.0 - liquid));
+        }
+        if let Some(powder) = &self.powder {
+            conductivity = powder.mixed(point, at, (conductivity, 1.0));
+        }
+        conductivity
     }
 
     /// Largest conductivity of a material, W/(m K).

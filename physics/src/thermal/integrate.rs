@@ -215,6 +215,11 @@ impl Run {
         if let Some(consolidated) = self.consolidated {
             self.conduction.consolidate(&world.read(consolidated));
         }
+        if let Some((conductivity, fraction)) = &self.austenite
+            && let Some(fraction) = world.read_if_provided(*fraction)
+        {
+            self.conduction.set_austenite(conductivity, &fraction);
+        }
         let rules = world.layer_rules(self.layers);
         let body = world.body(self.body);
         let source = self.heat_source.map(|s| world.read(s));

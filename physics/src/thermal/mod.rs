@@ -21,7 +21,8 @@
 //! - points of an Eulerian fluid: conduction between neighbours at rest, and convection ([`Convection`]) with the
 //!   flux of mass of the fluid.
 //!
-//! Where the coupler `powder` gives the field `consolidated`, powder has a conductivity of its own.
+//! Where the coupler `powder` gives the field `consolidated`, powder has a conductivity of its own, `powder_conductivity`;
+//! where a `metallurgy` gives the field `austenite`, austenite has `austenite_conductivity` if the material has that property.
 //!
 //! In the ordinary form the heat flow of a bond depends on all bonds of both ends, so that families of any shape conduct exactly.
 //! In the form of second derivatives the sum is that of the differential operator ([`Form`]), as published for flows.
@@ -50,7 +51,7 @@ mod interfaces;
 mod keys;
 #[cfg(test)]
 mod laminate_tests;
-mod powder;
+mod parts;
 mod prepare;
 mod rates;
 mod refined;

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use perimelt_core::material::{EnthalpyCurve, LatentHeatForm};
+use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, Property};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Body, Correction, Description, Face, Family, FamilySpec, Horizon, Influence, Pddo, Setup,
-    SetupError, keys,
+    Body, Correction, Description, Face, Family, FamilySpec, Horizon, Influence, Pddo,
+    ReadIfProvided, Setup, SetupError, keys,
 };
 
 use crate::advection::usual_horizon;
@@ -88,6 +88,7 @@ impl Run {
             }
             false => None,
         };
+        let austenite = thermal.austenite(setup, (body, description), refined.is_some())?;
         let carried = match description {
             Description::Eulerian => Some(thermal.carried(setup, &place, pddo)?),
             _ => None,
@@ -128,6 +129,7 @@ impl Run {
             growth,
             refined,
             consolidated,
+            austenite,
             integrator: Integrator::new(thermal.solver, thermal.tolerance),
             heat: HeatAccount::default(),
             faces: faces.filter(HeatedFace::is_measurable).collect(),
@@ -223,6 +225,27 @@ impl Thermal {
             _ => return Ok(()),
         };
         Err(SetupError::value(key, message, expected))
+    }
+
+    /// Conductivities of austenite by material, where a material has one, and its fraction.
+    fn austenite(
+        &self,
+        setup: &mut Setup<'_>,
+        (body, description): (BodyIndex, Description),
+        is_refined: bool,
+    ) -> Result<Option<(Vec<Property>, ReadIfProvided<f64>)>, SetupError> {
+        const KEY: &str = "austenite_conductivity";
+        let materials = &setup.body(body).materials;
+        let applies = self.form == Form::Bonds && description != Description::Eulerian;
+        if !applies || is_refined || materials.iter().all(|m| m.get(KEY).is_none()) {
+            return Ok(None);
+        }
+        let rest = setup.property(body, "conductivity")?;
+        let materials = setup.body(body).materials.iter().zip(rest);
+        let conductivity = materials.map(|(m, rest)| m.get(KEY).cloned().unwrap_or(rest));
+        let conductivity = conductivity.collect();
+        let fraction = setup.read_if_provided(body, &keys::AUSTENITE)?;
+        Ok(Some((conductivity, fraction)))
     }
 
     /// Refuses keys and points for which powder has no meaning.

@@ -3,10 +3,12 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use perimelt_core::material::EnthalpyCurve;
+use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::refinement::Level;
 use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
-use perimelt_core::{BrokenBonds, Family, GrowingFamily, MovingFamily, Read, Setup, World, Write};
+use perimelt_core::{
+    BrokenBonds, Family, GrowingFamily, MovingFamily, Read, ReadIfProvided, Setup, World, Write,
+};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -44,6 +46,8 @@ pub(super) struct Run {
     pub(super) refined: Option<Refined>,
     /// Where the body has powder.
     pub(super) consolidated: Option<Read<f64>>,
+    /// Where austenite conducts by properties of its own: these by material, W/(m K), and its fraction.
+    pub(super) austenite: Option<(Vec<Property>, ReadIfProvided<f64>)>,
     pub(super) integrator: Integrator,
     /// Nothing holds the temperature level: boundaries are insulated or give fluxes.
     pub(super) floating: bool,

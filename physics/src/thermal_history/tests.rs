@@ -149,6 +149,23 @@ fn a_second_pass_replaces_the_cooling_time_of_the_first() {
 }
 
 #[test]
+fn every_solidification_has_its_times_and_is_counted() {
+    let mut heated = Heated::new(1, "", |_| 1800.0);
+    let told = |heated: &Heated| {
+        let names = ["melting_time", "solidification_time", "solidifications"];
+        names.map(|name| heated.field(name)[0])
+    };
+    assert_eq!(told(&heated), [0.0; 3]);
+    // the liquidus of 1750 K after a quarter, three quarters and a half of a step
+    heated.step(1.0, |_| 1600.0);
+    assert_eq!(told(&heated), [0.0, 0.25, 1.0]);
+    heated.step(2.0, |_| 1800.0);
+    assert_eq!(told(&heated), [0.0, 0.25, 1.0]);
+    heated.step(1.0, |_| 1700.0);
+    assert_eq!(told(&heated), [2.5, 3.5, 2.0]);
+}
+
+#[test]
 fn mistakes_are_refused() {
     for (keys, message) in [
         ("cooling = [700, 900]", "cannot cool from 700 to 900 K"),

@@ -1,12 +1,38 @@
 //! Sources of 6061 and AlSi10Mg.
 
 use super::formulas::{absorptivity_1070nm, mixture, viscosity};
-use super::{Check, celsius, constant, formula};
+use super::{Check, celsius, constant, constant_bulk_modulus, formula, kelvin};
 
 /// Molar masses, g/mol.
 const AL: f64 = 26.982;
 const MG: f64 = 24.305;
 const SI: f64 = 28.0855;
+
+/// Young's modulus by temperature, °C and GPa.
+const STIFFNESS_6061: &[(f64, f64)] = &[
+    (20.0, 70.0),
+    (50.0, 69.3),
+    (100.0, 67.9),
+    (150.0, 65.1),
+    (200.0, 60.2),
+    (250.0, 54.6),
+    (300.0, 47.6),
+    (350.0, 37.8),
+    (400.0, 28.0),
+];
+
+/// Young's modulus by temperature, °C and GPa.
+const STIFFNESS_ALSI10MG: &[(f64, f64)] = &[
+    (25.0, 77.6),
+    (50.0, 75.5),
+    (100.0, 72.8),
+    (150.0, 63.2),
+    (200.0, 60.0),
+    (250.0, 55.0),
+    (300.0, 45.0),
+    (350.0, 37.0),
+    (400.0, 28.0),
+];
 
 /// Aluminium, and EN 1999-1-2.
 fn both() -> Vec<Check> {
@@ -25,7 +51,6 @@ fn both() -> Vec<Check> {
             33.9 + 7.892e-2 * t - 2.099e-5 * t * t
         }),
         formula("viscosity", 880.0, 2500.0, viscosity(-0.7324, 803.49)),
-        constant("poissons_ratio", 0.33),
         // 6056, Math. Probl. Eng. (2016) 1409872
         formula("surface_tension", 880.0, 2700.0, |t| {
             0.914 - 3.5e-4 * (t - 917.0)
@@ -57,22 +82,8 @@ pub(super) fn a6061() -> Vec<Check> {
             let t = kelvin - 273.15;
             (0.1e-7 * t * t + 22.5e-6 * t - 4.5e-4) / (t - 20.0)
         }),
-        celsius(
-            "youngs_modulus",
-            1e9,
-            &[
-                (20.0, 70.0),
-                (50.0, 69.3),
-                (100.0, 67.9),
-                (150.0, 65.1),
-                (200.0, 60.2),
-                (250.0, 54.6),
-                (300.0, 47.6),
-                (350.0, 37.8),
-                (400.0, 28.0),
-            ],
-        )
-        .floor(823.0),
+        constant_bulk_modulus(0.33, kelvin(STIFFNESS_6061, (550.0, 3.5))),
+        celsius("youngs_modulus", 1e9, STIFFNESS_6061).floor(823.0),
         celsius(
             "yield_stress",
             276e6,
@@ -131,22 +142,8 @@ pub(super) fn alsi10mg() -> Vec<Check> {
         ),
         constant("thermal_expansion", 21e-6),
         // Uzan et al. (2018)
-        celsius(
-            "youngs_modulus",
-            1e9,
-            &[
-                (25.0, 77.6),
-                (50.0, 75.5),
-                (100.0, 72.8),
-                (150.0, 63.2),
-                (200.0, 60.0),
-                (250.0, 55.0),
-                (300.0, 45.0),
-                (350.0, 37.0),
-                (400.0, 28.0),
-            ],
-        )
-        .floor(843.0),
+        constant_bulk_modulus(0.33, kelvin(STIFFNESS_ALSI10MG, (569.85, 3.8))),
+        celsius("youngs_modulus", 1e9, STIFFNESS_ALSI10MG).floor(843.0),
         celsius(
             "yield_stress",
             1e6,

@@ -98,6 +98,28 @@ fn formula(
     )
 }
 
+/// Poisson's ratio that keeps the bulk modulus of the first row, by rows of Young's modulus (K, any unit).
+fn constant_bulk_modulus(ratio: f64, stiffness: impl IntoIterator<Item = (f64, f64)>) -> Check {
+    let stiffness: Vec<_> = stiffness.into_iter().collect();
+    let first = stiffness.first().map_or(1.0, |row| row.1);
+    let of_row = |(t, e): &(f64, f64)| (*t, 0.5 - (0.5 - ratio) * e / first);
+    let ratios: Vec<_> = stiffness.iter().map(of_row).collect();
+    rows("poissons_ratio", &ratios)
+}
+
+/// Rows (°C, value) as rows (K, value), with one more row.
+fn kelvin<'a>(
+    rows: &'a [(f64, f64)],
+    last: (f64, f64),
+) -> impl Iterator<Item = (f64, f64)> + use<'a> {
+    let rows = rows
+        .iter()
+        .chain(std::iter::once(&last))
+        .copied()
+        .collect::<Vec<_>>();
+    rows.into_iter().map(|(t, value)| (t + 273.15, value))
+}
+
 /// Checks of an entry.
 fn checks(name: &str) -> Vec<Check> {
     match name {
@@ -304,6 +326,23 @@ fn every_property_is_that_of_its_source() {
         }
     }
     assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+/// With a constant ratio the volume of soft metal is compressed, and a weld has a pressure of GPa after cooling.
+#[test]
+fn soft_metal_keeps_its_bulk_modulus() {
+    for (name, _) in ENTRIES {
+        let material = super::find(name).expect("listed");
+        let of = |key: &str| material.get(key).expect("given to every entry");
+        let (stiffness, ratio) = (of("youngs_modulus"), of("poissons_ratio"));
+        let bulk = |t: f64| stiffness.at(t, 0.0) / (3.0 - 6.0 * ratio.at(t, 0.0));
+        let room = bulk(293.15);
+        for t in stiffness.temperatures() {
+            // the digits of the ratio, and the measured ends of IN625
+            let change = bulk(t) / room - 1.0;
+            assert!(change.abs() < 0.06, "{name} at {t} K: {change}");
+        }
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Sources of IN625 and IN718.
 
 use super::formulas::boiling;
-use super::{Check, celsius, constant, formula, rows};
+use super::{Check, celsius, constant, constant_bulk_modulus, formula, rows};
 
 /// Nickel, Aziz, Schmon and Pottlacher (2015); Keller et al. (2015); Honda and Watanabe (2025).
 fn both() -> Vec<Check> {
@@ -86,7 +86,16 @@ pub(super) fn in625() -> Vec<Check> {
         constant("viscosity", 7.0e-3),
         // the ends of the table of Special Metals
         celsius("youngs_modulus", 1e9, &[(21.0, 207.5), (871.0, 147.5)]).floor(1563.0),
-        celsius("poissons_ratio", 1.0, &[(21.0, 0.278), (871.0, 0.336)]),
+        // and the bulk modulus of 871 °C
+        celsius(
+            "poissons_ratio",
+            1.0,
+            &[
+                (21.0, 0.278),
+                (871.0, 0.336),
+                (1289.85, 0.5 - (0.5 - 0.336) * 10.0 / 147.5),
+            ],
+        ),
         // Callister, and the fall of HASTELLOY X, Haynes International
         celsius(
             "yield_stress",
@@ -165,23 +174,8 @@ pub(super) fn in718() -> Vec<Check> {
                 (fahrenheit(1400.0), 16.0e-6),
             ],
         ),
-        rows(
-            "youngs_modulus",
-            &[
-                (fahrenheit(70.0), 208e9),
-                (fahrenheit(200.0), 205e9),
-                (fahrenheit(400.0), 202e9),
-                (fahrenheit(600.0), 194e9),
-                (fahrenheit(800.0), 186e9),
-                (fahrenheit(1000.0), 179e9),
-                (fahrenheit(1200.0), 172e9),
-                (fahrenheit(1400.0), 162e9),
-                (fahrenheit(1600.0), 127e9),
-                (fahrenheit(1749.0), 78e9),
-            ],
-        )
-        .floor(1533.0),
-        constant("poissons_ratio", 0.30),
+        rows("youngs_modulus", &stiffness_718()).floor(1533.0),
+        constant_bulk_modulus(0.30, stiffness_718().into_iter().chain([(1533.0, 10e9)])),
         rows(
             "yield_stress",
             &[
@@ -202,4 +196,20 @@ pub(super) fn in718() -> Vec<Check> {
 /// Temperature (K), of a whole degree celsius as in the tables that have both.
 fn fahrenheit(t: f64) -> f64 {
     ((t - 32.0) / 1.8).round() + 273.15
+}
+
+/// Young's modulus of IN718, K and Pa.
+fn stiffness_718() -> Vec<(f64, f64)> {
+    vec![
+        (fahrenheit(70.0), 208e9),
+        (fahrenheit(200.0), 205e9),
+        (fahrenheit(400.0), 202e9),
+        (fahrenheit(600.0), 194e9),
+        (fahrenheit(800.0), 186e9),
+        (fahrenheit(1000.0), 179e9),
+        (fahrenheit(1200.0), 172e9),
+        (fahrenheit(1400.0), 162e9),
+        (fahrenheit(1600.0), 127e9),
+        (fahrenheit(1749.0), 78e9),
+    ]
 }

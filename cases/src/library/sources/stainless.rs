@@ -1,7 +1,23 @@
 //! Sources of 304L and 316L.
 
 use super::formulas::{absorptivity_1070nm, boiling, viscosity};
-use super::{Check, celsius, constant, formula};
+use super::{Check, celsius, constant, constant_bulk_modulus, formula, kelvin};
+
+/// Reduction of Young's modulus by temperature (°C).
+const STIFFNESS: &[(f64, f64)] = &[
+    (20.0, 1.0),
+    (100.0, 0.96),
+    (200.0, 0.92),
+    (300.0, 0.88),
+    (400.0, 0.84),
+    (500.0, 0.80),
+    (600.0, 0.76),
+    (700.0, 0.71),
+    (800.0, 0.63),
+    (900.0, 0.45),
+    (1000.0, 0.20),
+    (1100.0, 0.10),
+];
 
 /// EN 1993-1-2 annex C and EN 1993-1-4, for both steels; the optical constants of Karlsson and Ribbing (1982).
 fn both() -> Vec<Check> {
@@ -10,26 +26,8 @@ fn both() -> Vec<Check> {
             let t = kelvin - 273.15;
             1e-6 * (16.0 + 4.79e-3 * t - 1.243e-6 * t * t)
         }),
-        constant("poissons_ratio", 0.3),
-        celsius(
-            "youngs_modulus",
-            200e9,
-            &[
-                (20.0, 1.0),
-                (100.0, 0.96),
-                (200.0, 0.92),
-                (300.0, 0.88),
-                (400.0, 0.84),
-                (500.0, 0.80),
-                (600.0, 0.76),
-                (700.0, 0.71),
-                (800.0, 0.63),
-                (900.0, 0.45),
-                (1000.0, 0.20),
-                (1100.0, 0.10),
-            ],
-        )
-        .floor(1473.0),
+        constant_bulk_modulus(0.3, kelvin(STIFFNESS, (1200.0, 0.05))),
+        celsius("youngs_modulus", 200e9, STIFFNESS).floor(1473.0),
         constant("emissivity", 0.4),
         constant(
             "absorptivity",

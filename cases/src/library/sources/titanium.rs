@@ -1,7 +1,21 @@
 //! Sources of Ti-6Al-4V.
 
 use super::formulas::absorptivity_1070nm;
-use super::{Check, constant, formula, rows};
+use super::{Check, constant, constant_bulk_modulus, formula, rows};
+
+/// Young's modulus, K and Pa.
+const STIFFNESS: &[(f64, f64)] = &[
+    (296.3, 103.3e9),
+    (418.4, 98.7e9),
+    (549.2, 92.5e9),
+    (663.1, 87.2e9),
+    (781.4, 80.9e9),
+    (896.7, 75.4e9),
+    (995.3, 70.2e9),
+    (1107.8, 64.0e9),
+    (1233.5, 48.5e9),
+    (1263.0, 33.5e9),
+];
 
 pub(super) fn ti_6al_4v() -> Vec<Check> {
     // McCormick and Brooks (1996): densities at 295.75 K and at 1871.62 K
@@ -57,24 +71,9 @@ pub(super) fn ti_6al_4v() -> Vec<Check> {
                 (1871.62, elongation / (1871.62 - 295.75)),
             ],
         ),
-        constant("poissons_ratio", 0.342),
+        constant_bulk_modulus(0.342, STIFFNESS.iter().copied().chain([(1877.0, 5e9)])),
         // Fukuhara and Sanpei (1993)
-        rows(
-            "youngs_modulus",
-            &[
-                (296.3, 103.3e9),
-                (418.4, 98.7e9),
-                (549.2, 92.5e9),
-                (663.1, 87.2e9),
-                (781.4, 80.9e9),
-                (896.7, 75.4e9),
-                (995.3, 70.2e9),
-                (1107.8, 64.0e9),
-                (1233.5, 48.5e9),
-                (1263.0, 33.5e9),
-            ],
-        )
-        .floor(1877.0),
+        rows("youngs_modulus", STIFFNESS).floor(1877.0),
         // Johnson and Cook, exponent of Xin et al.
         formula("yield_stress", 298.0, 1877.0, |t| {
             880e6 * (1.0 - ((t - 298.0) / (1877.0 - 298.0)).powf(0.633))

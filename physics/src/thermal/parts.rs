@@ -1,17 +1,17 @@
-//! Conduction in powder and between powder and dense metal.
+//! Conduction where a part of the matter at a point is powder or austenite, and between such points.
 
 use perimelt_core::material::Property;
 use perimelt_core::{Bond, BondKernel};
 
 use super::interfaces::in_series;
 
-/// Powder between dense metal.
+/// A part of the matter that conducts by properties of its own.
 #[derive(Debug)]
-pub(super) struct Powder {
+pub(super) struct Part {
     /// Of each material, W/(m K).
     conductivity: Vec<Property>,
-    /// By point, 0 in powder, 1 in dense metal.
-    consolidated: Vec<f64>,
+    /// By point.
+    fraction: Vec<f64>,
 }
 
 /// Conduction with a conductivity at each point, where they differ by orders of magnitude: the halves of a bond conduct in
@@ -26,31 +26,32 @@ impl BondKernel<2, 1> for Series {
     }
 }
 
-impl Powder {
-    /// Dense metal everywhere.
+impl Part {
+    /// None of it anywhere.
     pub(super) fn new(conductivity: Vec<Property>, points: usize) -> Self {
-        Powder {
+        Part {
             conductivity,
-            consolidated: vec![1.0; points],
+            fraction: vec![0.0; points],
         }
     }
 
-    /// Takes over which points are powder (0) and which are dense (1).
-    pub(super) fn consolidate(&mut self, consolidated: &[f64]) {
-        self.consolidated.copy_from_slice(consolidated);
+    /// Takes over the fraction at each point.
+    pub(super) fn set_fraction(&mut self, fraction: impl Iterator<Item = f64>) {
+        self.fraction.clear();
+        self.fraction.extend(fraction);
     }
 
-    /// Conductivity of a point whose dense metal conducts by `dense`, W/(m K).
+    /// Conductivity of a point whose other matter conducts by `rest`, W/(m K), of which the given part is `whole`.
     pub(super) fn mixed(
         &self,
         point: usize,
         (material, temperature): (usize, f64),
-        dense: f64,
+        (rest, whole): (f64, f64),
     ) -> f64 {
-        let share = self.consolidated[point];
-        if share >= 1.0 {
-            return dense;
+        let fraction = whole * self.fraction[point];
+        if fraction <= 0.0 {
+            return rest;
         }
-        share * dense + (1.0 - share) * self.conductivity[material].at(temperature, 0.0)
+        (1.0 - fraction) * rest + fraction * self.conductivity[material].at(temperature, 0.0)
     }
 }
