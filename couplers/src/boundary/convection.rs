@@ -12,7 +12,9 @@ use std::cell::Cell;
 use perimelt_core::formula::Formula;
 use perimelt_core::material::Property;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::{
+    Coupler, Face, Programme, Read, Report, RunError, Setup, SetupError, Step, World, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -138,6 +140,10 @@ impl Coupler for Convection {
 
     fn next_event(&self, after: f64) -> Option<f64> {
         self.ambient.next_event(after)
+    }
+
+    fn programme(&self, _run_end: f64) -> Option<Programme> {
+        Programme::of_values([("ambient", &self.ambient)])
     }
 
     fn step_limit(&self) -> Option<f64> {

@@ -1,7 +1,7 @@
 //! Prescribed heat flux: a flux q into the body heats the points of the surface by
 //! `q area / volume` (Wang (2025), eq. 7.18; here q is positive into the body).
 
-use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World};
+use perimelt_core::{Coupler, Face, Programme, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -45,6 +45,10 @@ impl Coupler for HeatFlux {
 
     fn next_event(&self, after: f64) -> Option<f64> {
         self.flux.next_event(after)
+    }
+
+    fn programme(&self, _run_end: f64) -> Option<Programme> {
+        Programme::of_values([("flux", &self.flux)])
     }
 
     fn report(&self) -> Vec<Report> {

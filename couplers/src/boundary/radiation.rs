@@ -6,7 +6,9 @@
 //! conduction is the smaller one.
 
 use perimelt_core::material::Property;
-use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::{
+    Coupler, Face, Programme, Read, Report, RunError, Setup, SetupError, Step, World, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -95,6 +97,10 @@ impl Coupler for Radiation {
 
     fn next_event(&self, after: f64) -> Option<f64> {
         self.ambient.next_event(after)
+    }
+
+    fn programme(&self, _run_end: f64) -> Option<Programme> {
+        Programme::of_values([("ambient", &self.ambient)])
     }
 
     fn report(&self) -> Vec<Report> {
