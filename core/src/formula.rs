@@ -7,7 +7,7 @@ use exmex::{Express, FlatEx, FloatOpsFactory, MatchLiteral, literal_matcher_from
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
-/// Variables of a formula.
+/// Variables of a formula in position and time.
 const VARIABLES: [&str; 4] = ["x", "y", "z", "t"];
 
 literal_matcher_from_pattern!(
@@ -22,7 +22,9 @@ type Expression = FlatEx<f64, FloatOpsFactory<f64>, ScientificNumber>;
 pub struct Formula {
     text: String,
     parsed: Box<Expression>,
-    /// Which of [`VARIABLES`] it uses, in the order of the parser.
+    /// Names of its variables.
+    variables: &'static [&'static str],
+    /// Which of them it uses, in the order of the parser.
     used: Vec<usize>,
 }
 
@@ -39,13 +41,15 @@ pub enum FormulaError {
     },
     /// An unknown name.
     #[error(
-        "`{name}` in the formula `{text}` is unknown; known are x, y, z, t, PI, E and functions such as sin, exp and sqrt"
+        "`{name}` in the formula `{text}` is unknown; known are {known}, PI, E and functions such as sin, exp and sqrt"
     )]
     Variable {
         /// The formula.
         text: String,
         /// The name.
         name: String,
+        /// Names of the variables.
+        known: String,
     },
 }
 
@@ -55,16 +59,28 @@ impl Formula {
     /// # Errors
     /// [`FormulaError`].
     pub fn new(text: &str) -> Result<Formula, FormulaError> {
+        Self::in_variables(text, &VARIABLES)
+    }
+
+    /// Reads a formula in other variables, at most eight, whose value is [`Formula::of`] them.
+    ///
+    /// # Errors
+    /// [`FormulaError`].
+    pub fn in_variables(
+        text: &str,
+        variables: &'static [&'static str],
+    ) -> Result<Formula, FormulaError> {
         let syntax = |e: exmex::ExError| FormulaError::Syntax {
             text: text.into(),
             cause: e.msg().into(),
         };
         let parsed = Expression::parse(&with_usual_signs(text)).map_err(syntax)?;
         let place = |name: &String| {
-            let known = VARIABLES.iter().position(|v| v == name);
+            let known = variables.iter().position(|v| v == name);
             known.ok_or_else(|| FormulaError::Variable {
                 text: text.into(),
                 name: name.clone(),
+                known: variables.join(", "),
             })
         };
         let used = parsed
@@ -75,19 +91,24 @@ impl Formula {
         Ok(Formula {
             text: text.into(),
             parsed: Box::new(parsed),
+            variables,
             used,
         })
     }
 
     /// Whether it is a formula in the time alone.
     pub fn is_of_time(&self) -> bool {
-        self.used.iter().all(|v| VARIABLES[*v] == "t")
+        self.used.iter().all(|v| self.variables[*v] == "t")
     }
 
     /// The value at a position (m) and time (s).
     pub fn at(&self, [x, y, z]: [f64; 3], time: f64) -> f64 {
-        let all = [x, y, z, time];
-        let mut values = [0.0; VARIABLES.len()];
+        self.of(&[x, y, z, time])
+    }
+
+    /// The value for values of all its variables.
+    pub fn of(&self, all: &[f64]) -> f64 {
+        let mut values = [0.0; 8];
         let used = values.iter_mut().zip(&self.used);
         used.for_each(|(value, v)| *value = all[*v]);
         self.parsed

@@ -48,6 +48,19 @@ impl InTime {
         }
     }
 
+    /// The last time at which the value changes, s: the end of the last row but those that hold a value. `None` for a constant and
+    /// for a formula, which has no end.
+    pub fn last_change(&self) -> Option<f64> {
+        let InTime::Table(table) = self else {
+            return None;
+        };
+        let values = table.values();
+        let last = (1..values.len())
+            .rev()
+            .find(|&row| values[row] != values[row - 1])?;
+        table.abscissae().get(last).copied()
+    }
+
     /// All numbers given: every value lies between the least and the largest of them. Empty for a formula.
     pub fn values(&self) -> &[f64] {
         match self {

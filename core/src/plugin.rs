@@ -20,6 +20,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 use crate::error::{RunError, SetupError};
+use crate::programme::Programme;
 use crate::setup::Setup;
 use crate::solver::NewtonReport;
 use crate::world::World;
@@ -317,6 +318,11 @@ pub trait Physics {
         false
     }
 
+    /// What it does up to a certain time, as known for a run that ends at `_run_end` (s).
+    fn programme(&self, _run_end: f64) -> Option<Programme> {
+        None
+    }
+
     /// Magnitudes of owned fields (by name) beyond which the run has blown up.
     fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {
         Vec::new()
@@ -412,6 +418,12 @@ pub trait Coupler {
     /// The next time after `after` (s) at which its action has a kink or a jump; steps land on it.
     fn next_event(&self, _after: f64) -> Option<f64> {
         None
+    }
+
+    /// What it does up to a certain time, such as its toolpath, as known for a run that ends at `run_end` (s): a run that ends
+    /// earlier warns. By default the events after the end of the run are its programme.
+    fn programme(&self, run_end: f64) -> Option<Programme> {
+        Programme::of_events(run_end, |after| self.next_event(after))
     }
 
     /// Whether its action depends on nothing but the fields that it reads: then it need not be

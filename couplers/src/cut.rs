@@ -11,7 +11,7 @@
 //! Not for: heat of the cut, and the forces of a tool.
 
 use perimelt_core::activity::is_active;
-use perimelt_core::{Coupler, RunError, Setup, SetupError, Step, World, Write};
+use perimelt_core::{Coupler, Programme, RunError, Setup, SetupError, Step, World, Write};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -76,6 +76,10 @@ impl Coupler for Cut {
 
     fn next_event(&self, after: f64) -> Option<f64> {
         Some(self.time).filter(|time| *time > after)
+    }
+
+    fn programme(&self, _run_end: f64) -> Option<Programme> {
+        Some(Programme::new("the cut is made", self.time))
     }
 }
 

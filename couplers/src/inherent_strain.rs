@@ -16,7 +16,9 @@
 //! Not for: temperatures, and residual stresses above the yield stress where the body has no `plasticity`.
 
 use nalgebra::Matrix3;
-use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Face, Programme, RunError, Setup, SetupError, Step, World, Write, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -177,6 +179,10 @@ impl Coupler for InherentStrain {
 
     fn next_event(&self, after: f64) -> Option<f64> {
         self.factor.next_event(after)
+    }
+
+    fn programme(&self, _run_end: f64) -> Option<Programme> {
+        Programme::of_values([("factor", &self.factor)])
     }
 }
 

@@ -17,6 +17,7 @@
 //! | `gaussian_source` | [`heat_source::GaussianSource`] | | heat source |
 //! | `point_source` | [`heat_source::PointSource`] | | heat source |
 //! | `super_gaussian` | [`heat_source::SuperGaussianSource`] | | heat source |
+//! | `profile_source` | [`heat_source::ProfileSource`] | | heat source |
 //! | `pulsed_laser` | [`heat_source::PulsedLaserSource`] | | heat source |
 //! | `prescribed_temperature` | [`boundary::PrescribedTemperature`] | | layer of temperature, or held temperature |
 //! | `insulated` | [`boundary::Insulated`] | | even layer of a field |
@@ -67,6 +68,8 @@ pub mod phase_expansion;
 pub mod phase_strength;
 pub mod plastic_heat;
 pub mod powder;
+#[cfg(test)]
+mod programme_tests;
 mod rate;
 pub mod source;
 mod surface;
@@ -77,6 +80,8 @@ pub mod transformation_heat;
 pub mod viscous_heat;
 
 pub use perimelt_core::in_time::{self, InTime};
+#[doc(hidden)]
+pub use {erased_serde, perimelt_core};
 
 #[cfg(test)]
 mod tests {
@@ -86,7 +91,7 @@ mod tests {
     fn the_table_of_the_crate_page_lists_every_registered_coupler() {
         let page = include_str!("lib.rs");
         let couplers = registered::<dyn Coupler>();
-        assert_eq!(couplers.len(), 39);
+        assert_eq!(couplers.len(), 40);
         for coupler in couplers {
             let row = format!("//! | `{}` |", coupler.name);
             assert!(page.contains(&row), "{}", coupler.name);

@@ -28,6 +28,11 @@ const SOURCES: &[(&str, &str, f64)] = &[
         "absorptivity = 0.35\nradius = 8e-4\norder = 6\npenetration_depth = 1e-4",
         0.35,
     ),
+    (
+        "profile_source",
+        "profile = 'exp(-2 * r^2 / 8e-4^2) * (1 - z / 1e-3)'\nreach = 1.6e-3\ndepth = 1e-3\nefficiency = 0.4",
+        0.4,
+    ),
 ];
 
 const POWER: f64 = 100.0;

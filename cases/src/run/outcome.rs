@@ -83,10 +83,14 @@ impl Outcome {
                 warnings.push(format!("{label}: {share} % of the energy missed the body"));
             }
         }
+        let mut told = simulation.unreached();
         if simulation.is_finished() {
-            let waiting = simulation.unfinished().into_iter();
-            warnings.extend(waiting.map(|(label, message)| format!("{label}: {message}")));
+            told.extend(simulation.unfinished());
         }
+        warnings.extend(
+            told.into_iter()
+                .map(|(label, message)| format!("{label}: {message}")),
+        );
         let fields = simulation.world().fields();
         let bodies = simulation.world().bodies().iter().enumerate();
         for ((index, body), peak) in bodies.zip(&self.peaks) {

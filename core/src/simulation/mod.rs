@@ -424,6 +424,21 @@ impl Simulation {
             .collect()
     }
 
+    /// Programmes of plugins that the run does not reach the end of: names of the plugins and a sentence. Plugins that wait at the end
+    /// are left out.
+    pub fn unreached(&self) -> Vec<(&str, String)> {
+        let end = self.options.end;
+        let couplers = self.couplers.iter().filter(|c| {
+            let waits = self.is_finished() && c.plugin.unfinished(self.clock.time).is_some();
+            !waits
+        });
+        let couplers = couplers.map(|c| (c.label.as_str(), c.plugin.programme(end)));
+        let physics = self.physics.iter();
+        let all = couplers.chain(physics.map(|p| (p.label.as_str(), p.plugin.programme(end))));
+        all.filter_map(|(label, programme)| Some((label, programme?.unreached(end)?)))
+            .collect()
+    }
+
     /// Fields that somebody provides: state or derived values, not sums that are rebuilt in
     /// every step.
     pub fn lasting(&self) -> impl Iterator<Item = &crate::field::Field> {

@@ -1,7 +1,9 @@
 //! Clamps: points held at zero displacement until the clamp is released.
 
 use nalgebra::Vector3;
-use perimelt_core::{Axis, Coupler, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Axis, Coupler, Programme, RunError, Setup, SetupError, Step, World, Write, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -86,6 +88,11 @@ impl Coupler for Clamp {
 
     fn next_event(&self, after: f64) -> Option<f64> {
         self.until.filter(|until| *until > after)
+    }
+
+    fn programme(&self, _run_end: f64) -> Option<Programme> {
+        let until = self.until?;
+        Some(Programme::new("the clamp is released", until))
     }
 }
 

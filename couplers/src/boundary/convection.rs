@@ -10,7 +10,7 @@ use perimelt_core::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::formula::Formula;
 use perimelt_core::material::Property;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World};
+use perimelt_core::{Coupler, Face, Programme, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -155,6 +155,10 @@ impl Coupler for Convection {
 
     fn next_event(&self, after: f64) -> Option<f64> {
         self.ambient.next_event(after)
+    }
+
+    fn programme(&self, _run_end: f64) -> Option<Programme> {
+        Programme::of_values([("ambient", &self.ambient)])
     }
 
     fn report(&self) -> Vec<Report> {

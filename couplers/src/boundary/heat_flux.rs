@@ -2,7 +2,7 @@
 //! `q area / volume` (Wang (2025), eq. 7.18; here q is positive into the body).
 
 use perimelt_core::exchange::{SurfaceFlux, SurfaceLaw};
-use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World};
+use perimelt_core::{Coupler, Face, Programme, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -68,6 +68,10 @@ impl Coupler for HeatFlux {
 
     fn next_event(&self, after: f64) -> Option<f64> {
         self.flux.next_event(after)
+    }
+
+    fn programme(&self, _run_end: f64) -> Option<Programme> {
+        Programme::of_values([("flux", &self.flux)])
     }
 
     fn report(&self) -> Vec<Report> {

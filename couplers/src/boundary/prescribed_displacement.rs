@@ -8,7 +8,9 @@
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
 use perimelt_core::world::LayerHandle;
-use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Face, Programme, RunError, Setup, SetupError, Step, World, Write, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -136,6 +138,11 @@ impl Coupler for PrescribedDisplacement {
     fn next_event(&self, after: f64) -> Option<f64> {
         let events = self.components().into_iter().flatten();
         events.map(|c| c.next_event(after)).fold(None, earlier)
+    }
+
+    fn programme(&self, _run_end: f64) -> Option<Programme> {
+        let named = ["x", "y", "z"].into_iter().zip(self.components());
+        Programme::of_values(named.filter_map(|(key, value)| Some((key, value?))))
     }
 }
 

@@ -5,7 +5,9 @@
 //! the body.
 
 use perimelt_core::world::LayerHandle;
-use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Face, Programme, RunError, Setup, SetupError, Step, World, Write, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -90,6 +92,10 @@ impl Coupler for PrescribedTemperature {
 
     fn next_event(&self, after: f64) -> Option<f64> {
         self.value.next_event(after)
+    }
+
+    fn programme(&self, _run_end: f64) -> Option<Programme> {
+        Programme::of_values([("value", &self.value)])
     }
 }
 

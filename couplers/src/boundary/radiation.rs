@@ -6,7 +6,7 @@
 
 use perimelt_core::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::material::Property;
-use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World};
+use perimelt_core::{Coupler, Face, Programme, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -136,6 +136,10 @@ impl Coupler for Radiation {
 
     fn next_event(&self, after: f64) -> Option<f64> {
         self.ambient.next_event(after)
+    }
+
+    fn programme(&self, _run_end: f64) -> Option<Programme> {
+        Programme::of_values([("ambient", &self.ambient)])
     }
 
     fn report(&self) -> Vec<Report> {

@@ -14,7 +14,8 @@ use perimelt_core::body::SurfaceCell;
 use perimelt_core::family::LayerRule;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, InSpace, Report, RunError, Setup, SetupError, Step, World, Write, keys,
+    Coupler, Face, InSpace, Programme, Report, RunError, Setup, SetupError, Step, World, Write,
+    keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -201,6 +202,10 @@ impl Coupler for Traction {
 
     fn next_event(&self, after: f64) -> Option<f64> {
         self.factor.next_event(after)
+    }
+
+    fn programme(&self, _run_end: f64) -> Option<Programme> {
+        Programme::of_values([("factor", &self.factor)])
     }
 
     fn report(&self) -> Vec<Report> {

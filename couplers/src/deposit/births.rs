@@ -16,14 +16,15 @@ const MOST_SAMPLES: f64 = 1e7;
 /// Rounding of positions, in spacings.
 const NEAR: f64 = 1e-6;
 
-/// Cross-section of the bead that a toolpath leaves: it ends at the level of the toolpath, and its ends are rounded.
+/// Cross-section of the bead that a toolpath leaves: it ends at the toolpath, and its ends are rounded. It lies below the toolpath, or along
+/// the axis of a torch that is inclined.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Bead {
     /// Width across the direction of travel (m).
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub width: f64,
-    /// Height below the toolpath (m).
+    /// Height below the toolpath, or along the axis of an inclined torch (m).
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub height: f64,
 }
@@ -88,8 +89,14 @@ impl Part<'_> {
         in_order(self.points.iter().map(birth).collect())
     }
 
-    /// By the bead that a toolpath leaves while it has power; points that it never covers have no birth.
-    pub(super) fn by_bead(&self, track: &Track, bead: &Bead) -> Vec<Birth> {
+    /// By the bead that a toolpath leaves while it has power; points that it never covers have no birth. In 3D beads lie along the axis
+    /// of the torch, that of the path or else `torch` (unit vector into the material).
+    pub(super) fn by_bead(
+        &self,
+        track: &Track,
+        bead: &Bead,
+        torch: Option<Vector3<f64>>,
+    ) -> Vec<Birth> {
         let spacing = self.body.finest_spacing();
         let mut waits = vec![false; self.body.points.len()];
         self.points.iter().for_each(|&p| waits[p as usize] = true);
@@ -103,8 +110,10 @@ impl Part<'_> {
                 // the pose at the end of a move is that of the next one
                 let fraction = (sample as f64 / samples).min(1.0 - 1e-12);
                 let time = start + (end - start) * fraction;
-                let at = track.pose(time).position;
-                self.cover(&at, bead, |point| {
+                let pose = track.pose(time);
+                let torch = pose.torch.or(torch).filter(|_| self.body.dimension == 3);
+                let outward = torch.map_or(self.up.normal(), |axis| -axis);
+                self.cover((&pose.position, outward), bead, |point| {
                     if std::mem::replace(&mut waits[point as usize], false) {
                         births.push(Birth { time, point });
                     }
@@ -125,18 +134,22 @@ impl Part<'_> {
         start + 2.0 * reach / pose.speed
     }
 
-    /// Passes the points in the bead's cross-section around a position of the toolpath (m) to `receive`.
-    fn cover(&self, at: &Vector3<f64>, bead: &Bead, mut receive: impl FnMut(u32)) {
+    /// Passes the points in the bead's cross-section around a position of the toolpath (m) to `receive`; the bead lies against the unit
+    /// vector `outward`.
+    fn cover(
+        &self,
+        (at, outward): (&Vector3<f64>, Vector3<f64>),
+        bead: &Bead,
+        mut receive: impl FnMut(u32),
+    ) {
         let Some(lattice) = self.body.lattice() else {
             return;
         };
         let slack = NEAR * lattice.spacing;
         let radius = 0.5 * bead.width + slack;
-        let normal = self.up.normal();
-        let below = self.level(at);
-        let reach = |axis: usize| match axis == self.up.axis() {
-            true => bead.height + slack,
-            false => radius,
+        let reach = |axis: usize| {
+            let along = outward[axis].abs();
+            along * (bead.height + slack) + (1.0 - along * along).max(0.0).sqrt() * radius
         };
         let range = |axis: usize| {
             if axis >= self.body.dimension {
@@ -154,9 +167,9 @@ impl Part<'_> {
                         continue;
                     };
                     let position = &self.body.points.position[point];
-                    let depth = below - self.level(position);
                     let mut across = position - at;
-                    across -= normal * across.dot(&normal);
+                    let depth = -across.dot(&outward);
+                    across += outward * depth;
                     (self.body.dimension..3).for_each(|axis| across[axis] = 0.0);
                     let is_inside = depth > -slack && depth < bead.height + slack;
                     if is_inside && across.norm() <= radius {

@@ -22,25 +22,33 @@
 //! Not for: momentum of droplets.
 
 mod births;
+mod checks;
 #[cfg(test)]
 mod tests;
 
 use std::rc::Rc;
 
+use perimelt_core::programme::DoneFraction;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Coupler, Face, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Face, Programme, Report, RunError, Setup, SetupError, Step, World, Write, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use births::{Bead, Layers};
 
 use births::{Birth, Part};
+use checks::{check_bead, check_layers, direction};
 
 use crate::InTime;
 use crate::toolpath::{TimedPath, Toolpath, Track, TrackTime};
 
 /// Fraction of a spacing that a toolpath may move in a step.
 const STEP_FRACTION: f64 = 0.5;
+
+/// Temperature of a wire before it melts, K.
+const FEED_TEMPERATURE: f64 = 293.15;
 
 /// Births that are farther apart than this number of such steps are separated by a pause.
 const PAUSE: f64 = 4.0;
@@ -59,6 +67,13 @@ pub struct Deposit {
     /// Name of the heat source whose toolpath deposits the material, the `name` of its table; with `bead`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source: Option<String>,
+    /// Where the heat of the material comes from; default `added`.
+    #[serde(default)]
+    pub heat: DepositHeat,
+    /// Temperature of the wire or powder before (K), above which `heat = "from_source"` counts its heat; default 293.15.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub feed_temperature: Option<f64>,
     /// Path of the nozzle, where no heat source has it; with `bead`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub toolpath: Option<Toolpath>,
@@ -77,6 +92,22 @@ pub struct Deposit {
     #[serde(skip)]
     #[schemars(skip)]
     done: Done,
+    /// Whether the heat of the material was taken out of that of the source.
+    #[serde(skip)]
+    #[schemars(skip)]
+    has_taken: bool,
+}
+
+/// Where the heat of deposited material comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DepositHeat {
+    /// It comes on top of that of the heat source.
+    #[default]
+    Added,
+    /// It is a part of that of the heat source `source`, whose power is lower by the same fraction on the whole path: source and
+    /// material together bring the energy of the source.
+    FromSource,
 }
 
 #[derive(Debug)]
@@ -114,7 +145,10 @@ impl Deposit {
             (Some(path), Some(bead), None) => {
                 check_bead(bead)?;
                 let track = path.track();
-                let births = part.of(setup).by_bead(track, bead);
+                for warning in track.warnings() {
+                    setup.warn(warning);
+                }
+                let births = part.of(setup).by_bead(track, bead, path.torch());
                 let speed = track.fastest();
                 let spacing = setup.body(part.body).finest_spacing();
                 let step_limit = (speed > 0.0).then(|| STEP_FRACTION * spacing / speed);
@@ -149,6 +183,29 @@ impl Deposit {
                 "`source` or `toolpath`, with `bead`; or `layers`",
             )),
         }
+    }
+
+    /// Takes the heat of all material out of that of the source.
+    fn take_heat(&self, world: &World) {
+        let Some((p, path)) = self
+            .prepared
+            .as_ref()
+            .and_then(|p| Some((p, p.path.as_ref()?)))
+        else {
+            return;
+        };
+        // `thermal` has found the same ones at set-up
+        let curves = world.enthalpy_curves(p.body).unwrap_or_default();
+        let body = world.body(p.body);
+        let feed = self.feed_temperature.unwrap_or(FEED_TEMPERATURE);
+        let heat = |birth: &Birth| {
+            let point = birth.point as usize;
+            let curve = curves.get(usize::from(body.material_of_point[point]))?;
+            let temperature = self.temperature.at(birth.time);
+            let enthalpy = curve.enthalpy(temperature) - curve.enthalpy(feed);
+            Some(body.points.volume[point] * enthalpy)
+        };
+        path.take(p.births.iter().filter_map(heat).sum());
     }
 
     /// The path of the nozzle, if there is one: that of a heat source or an own one.
@@ -233,59 +290,6 @@ struct Births {
     step_limit: Option<f64>,
 }
 
-fn check_bead(bead: &Bead) -> Result<(), SetupError> {
-    for (key, value) in [("width", bead.width), ("height", bead.height)] {
-        if !(value > 0.0 && value.is_finite()) {
-            let message = format!("the bead has a {key} of {value} m");
-            return Err(SetupError::value(
-                format!("bead.{key}"),
-                message,
-                "a length above 0 m",
-            ));
-        }
-    }
-    Ok(())
-}
-
-fn check_layers(layers: &Layers, spacing: f64) -> Result<(), SetupError> {
-    let thickness = layers.height * f64::from(layers.at_once);
-    if !(thickness >= spacing * (1.0 - 1e-6) && thickness.is_finite()) {
-        let message = format!(
-            "{} layers of {} m at once are thinner than the spacing {spacing} m",
-            layers.at_once, layers.height
-        );
-        let expected = "layers of one spacing or more, or more of them `at_once`";
-        return Err(SetupError::value("layers.height", message, expected));
-    }
-    for (key, value) in [("interval", layers.interval), ("first", layers.first)] {
-        if !(value >= 0.0 && value.is_finite()) {
-            let message = format!("`{key}` is {value} s");
-            let expected = "a time of 0 s or more";
-            return Err(SetupError::value(
-                format!("layers.{key}"),
-                message,
-                expected,
-            ));
-        }
-    }
-    Ok(())
-}
-
-/// The direction of build, if it lies within the dimensions of the body.
-fn direction(up: Option<Face>, dimension: usize) -> Result<Face, SetupError> {
-    let usual = [Face::XMax, Face::YMax, Face::ZMax][dimension - 1];
-    let up = up.unwrap_or(usual);
-    if up.axis() >= dimension {
-        let message = format!(
-            "a {dimension}D body is not built up towards `{}`",
-            up.name()
-        );
-        let expected = "a direction within the body's dimensions";
-        return Err(SetupError::value("up", message, expected));
-    }
-    Ok(up)
-}
-
 impl DepositState {
     /// Time of the births at a time of the run, s.
     fn at(&self, time: f64) -> TrackTime {
@@ -344,6 +348,7 @@ impl Coupler for Deposit {
             births,
             step_limit,
         } = self.births(setup, &part)?;
+        self.check_heat(path.as_deref())?;
         let volume = &setup.body(body).points.volume;
         let density = setup.density_at_points(body)?;
         let mass = density.iter().zip(volume).map(|(d, v)| d * v).collect();
@@ -370,6 +375,13 @@ impl Coupler for Deposit {
             deposited: [0.0; 2],
         });
         Ok(())
+    }
+
+    fn begin_step(&mut self, world: &World, _time: f64) {
+        if self.heat == DepositHeat::FromSource && !self.has_taken {
+            self.has_taken = true;
+            self.take_heat(world);
+        }
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
@@ -408,6 +420,20 @@ impl Coupler for Deposit {
             Some(path) => path.next_of(after, next),
             None => next(after),
         }
+    }
+
+    fn programme(&self, run_end: f64) -> Option<Programme> {
+        let p = self.prepared.as_ref()?;
+        let end = p.time_of(p.births.last()?.time);
+        let until = p.at(run_end);
+        let done = p.births.partition_point(|b| until.has_passed(b.time));
+        Some(Programme {
+            done: Some(DoneFraction {
+                fraction: done as f64 / p.births.len() as f64,
+                of: "the points",
+            }),
+            ..Programme::new("the last material is deposited", end)
+        })
     }
 
     /// While a toolpath deposits.

@@ -294,3 +294,110 @@ fn sources_that_a_deposit_cannot_follow_are_told() {
         assert!(message.contains(words), "{message}");
     }
 }
+
+/// The bead of an inclined torch lies along its axis, whether the source or the pass gives it.
+#[test]
+fn a_bead_follows_the_axis_of_an_inclined_torch() {
+    let axis = Vector3::new(0.0, -1.0, -1.0).normalize();
+    let bead = Bead {
+        width: 4.0,
+        height: 3.0,
+    };
+    let body = part([20, 12, 12], 3, 0.0);
+    let line = "line = { start = [4, 6, 6], end = [16, 6, 6], speed = 2 }";
+    let pass = format!("sequence = {{ passes = [{{ toolpath.{line}, torch = [0, -1, -1] }}] }}");
+    for (toolpath, torch) in [(line, Some(axis)), (&pass, None)] {
+        let toolpath: Toolpath = toml::from_str(toolpath).expect("well formed");
+        let track = toolpath.track(Some(1.0), std::path::Path::new(""));
+        let placed = Part {
+            body: &body,
+            points: &body.regions["top"].points,
+            up: Face::ZMax,
+        };
+        let births = placed.by_bead(&track.expect("valid"), &bead, torch);
+        let mut covered = vec![false; body.points.len()];
+        births.iter().for_each(|b| covered[b.point as usize] = true);
+        for (point, at) in body.points.position.iter().enumerate() {
+            let from = at - Vector3::new(at.x.clamp(4.0, 16.0), 6.0, 6.0);
+            let depth = from.dot(&axis);
+            let across = (from - axis * depth).norm();
+            let expected = (-1e-6..3.0).contains(&depth) && across < 2.0;
+            // along the seam beads advance by samples of an eighth of a spacing
+            if (across - 2.0).abs() > 0.1 {
+                assert_eq!(covered[point], expected, "{at}");
+            }
+        }
+    }
+}
+
+/// Source and droplets together bring the energy of the source.
+#[test]
+fn heat_of_the_material_is_taken_out_of_that_of_the_source() {
+    let line = "toolpath.line = { start = [4.5, 4.5, 5], end = [14.5, 4.5, 5], speed = 2 }";
+    let bead =
+        "region = 'top'\nsource = 'torch'\nbead = { width = 3, height = 2 }\ntemperature = 900";
+    let shape = "power = 2e11\nefficiency = 0.8\nhalf_length = 2\nhalf_width = 2\ndepth = 2";
+    for (keys, pulse, feed) in [
+        ("", "", None),
+        ("heat = 'added'", "", None),
+        ("heat = 'from_source'", "", Some(293.15)),
+        (
+            "heat = 'from_source'\nfeed_temperature = 400",
+            "",
+            Some(400.0),
+        ),
+        (
+            "heat = 'from_source'",
+            "pulse = { frequency = 1, duty = 0.5 }",
+            Some(293.15),
+        ),
+    ] {
+        let mut world = World::new(vec![part([20, 9, 5], 3, 3.0)]);
+        let mut torch: crate::heat_source::EllipsoidSource =
+            read(&format!("{shape}\n{pulse}\n{line}"));
+        let mut coupler: Deposit = read(&format!("{bead}\n{keys}"));
+        let mut setup = Setup::new(&mut world, std::path::Path::new("."));
+        let path = torch.share(std::path::Path::new(".")).expect("valid");
+        setup.share("torch", path.expect("a path"));
+        setup.next_plugin("the torch");
+        torch.prepare(&mut setup).expect("valid");
+        setup.next_plugin("the deposit");
+        coupler.prepare(&mut setup).expect("valid");
+        setup.next_plugin("the physics");
+        setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        setup.finish().expect("complete");
+        let mut at = 0.0;
+        // the last material comes in the step after the end of the path
+        while at < 5.5 {
+            coupler.begin_step(&world, at);
+            torch.begin_step(&world, at);
+            let end = torch.next_event(at).unwrap_or(5.5).min(at + 0.25);
+            let step = Step::new(at, end - at);
+            torch.apply(&world, step).expect("applies");
+            apply(&world, &mut coupler, step);
+            at = end;
+        }
+        let reports = torch.report();
+        let asked = reports.iter().find(|r| r.name == "energy.asked");
+        let asked = asked.expect("reported").value;
+        let points = coupler.report()[0].value;
+        assert!(points > 50.0, "{points}");
+        // 8000 kg/m³ and 500 J/(kg K) of a cubic metre each
+        let droplets = feed.map_or(0.0, |feed| points * 4e6 * (900.0 - feed));
+        let duty = if pulse.is_empty() { 1.0 } else { 0.5 };
+        let whole = 0.8 * 2e11 * 5.0 * duty;
+        assert!(
+            ((asked + droplets) / whole - 1.0).abs() < 1e-9,
+            "{keys} {pulse}: {asked} + {droplets} of {whole}"
+        );
+    }
+    for (keys, key) in [
+        (format!("heat = 'from_source'\n{line}"), "heat"),
+        (format!("feed_temperature = -3\n{line}"), "feed_temperature"),
+    ] {
+        let bead = bead.replace("source = 'torch'\n", "");
+        let mut world = World::new(vec![part([20, 9, 5], 3, 3.0)]);
+        let message = refusal(&mut world, &mut read::<Deposit>(&format!("{bead}\n{keys}")));
+        assert!(message.starts_with(&format!("{key}: ")), "{message}");
+    }
+}

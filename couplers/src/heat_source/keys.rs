@@ -1,4 +1,4 @@
-//! The keys of a heat source in a case file: those of its shape, `body` and `toolpath`, side by
+//! The keys of a heat source in a case file: those of its shape, `body`, `toolpath` and those of its supply, side by
 //! side in one table.
 //!
 //! Serde's flattening reads the table into a buffer first, which loses the position of a mistake. Here the
@@ -12,9 +12,10 @@ use serde::de::{self, DeserializeSeed, Deserializer, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use crate::toolpath::Toolpath;
+use super::supply::Supply;
+use crate::toolpath::{Pulse, Toolpath};
 
-/// A shape, the body that it heats and the toolpath of a moving source.
+/// A shape, the body that it heats, and the toolpath and the supply of a moving source.
 #[derive(Serialize)]
 pub(super) struct Keys<S> {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -22,10 +23,12 @@ pub(super) struct Keys<S> {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub toolpath: Option<Toolpath>,
     #[serde(flatten)]
+    pub supply: Supply,
+    #[serde(flatten)]
     pub shape: S,
 }
 
-/// Reads [`Keys`]. With `moves` the key `toolpath` is known and required.
+/// Reads [`Keys`]. With `moves` the key `toolpath` is known and required, and those of the supply are known.
 pub(super) fn read<'de, S: Deserialize<'de>, D: Deserializer<'de>>(
     deserializer: D,
     moves: bool,
@@ -58,6 +61,26 @@ pub(super) fn schema<S: JsonSchema>(generator: &mut SchemaGenerator, moves: bool
     properties["body"] = body.into();
     if moves {
         properties["toolpath"] = toolpath.into();
+        let mut described = |key: &str, mut schema: Schema, description: &str| {
+            schema.insert("description".into(), description.into());
+            properties[key] = schema.into();
+        };
+        let number = generator.subschema_for::<Option<f64>>();
+        described(
+            "voltage",
+            number.clone(),
+            "Voltage (V) of an arc or a beam; times `current` it is the power, instead of `power`.",
+        );
+        described(
+            "current",
+            number,
+            "Current (A) of an arc or a beam; times `voltage` it is the power, instead of `power`.",
+        );
+        described(
+            "pulse",
+            generator.subschema_for::<Option<Pulse>>(),
+            "Pulses of the power; default none.",
+        );
         let required = object.entry("required").or_insert_with(|| json!([]));
         if let Some(required) = required.as_array_mut() {
             required.push("toolpath".into());
@@ -79,28 +102,40 @@ impl<'de, S: Deserialize<'de>> Visitor<'de> for KeysVisitor<S> {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Keys<S>, A::Error> {
-        let (mut body, mut toolpath) = (None, None);
+        let mut own = Own::default();
         let rest = Rest {
             map,
             moves: self.moves,
-            body: &mut body,
-            toolpath: &mut toolpath,
+            own: &mut own,
         };
         let shape = S::deserialize(MapAccessDeserializer::new(rest))?;
+        let Own {
+            body,
+            toolpath,
+            supply,
+        } = own;
         Ok(Keys {
             body,
             toolpath,
+            supply,
             shape,
         })
     }
 }
 
-/// The entries of the table that belong to the shape; `body` and `toolpath` are stored on the way.
+/// Values of the keys that do not belong to the shape.
+#[derive(Default)]
+struct Own {
+    body: Option<String>,
+    toolpath: Option<Toolpath>,
+    supply: Supply,
+}
+
+/// The entries of the table that belong to the shape; the others are stored on the way.
 struct Rest<'a, A> {
     map: A,
     moves: bool,
-    body: &'a mut Option<String>,
-    toolpath: &'a mut Option<Toolpath>,
+    own: &'a mut Own,
 }
 
 impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<'_, A> {
@@ -112,23 +147,48 @@ impl<'de, A: MapAccess<'de>> MapAccess<'de> for Rest<'_, A> {
     ) -> Result<Option<K::Value>, A::Error> {
         loop {
             let moves = self.moves;
-            match self.map.next_key_seed(Sorter { seed, moves })? {
+            let (key, back) = match self.map.next_key_seed(Sorter { seed, moves })? {
                 None => return Ok(None),
                 Some(Sorted::Shape(key)) => return Ok(Some(key)),
-                Some(Sorted::Body(back)) => {
-                    *self.body = Some(self.map.next_value()?);
-                    seed = back;
-                }
-                Some(Sorted::Toolpath(back)) => {
-                    *self.toolpath = Some(self.map.next_value()?);
-                    seed = back;
-                }
+                Some(Sorted::Own(key, back)) => (key, back),
+            };
+            seed = back;
+            let (own, map) = (&mut *self.own, &mut self.map);
+            match key {
+                OwnKey::Body => own.body = Some(map.next_value()?),
+                OwnKey::Toolpath => own.toolpath = Some(map.next_value()?),
+                OwnKey::Voltage => own.supply.voltage = Some(map.next_value()?),
+                OwnKey::Current => own.supply.current = Some(map.next_value()?),
+                OwnKey::Pulse => own.supply.pulse = Some(map.next_value()?),
             }
         }
     }
 
     fn next_value_seed<V: DeserializeSeed<'de>>(&mut self, seed: V) -> Result<V::Value, A::Error> {
         self.map.next_value_seed(seed)
+    }
+}
+
+/// A key that does not belong to the shape.
+enum OwnKey {
+    Body,
+    Toolpath,
+    Voltage,
+    Current,
+    Pulse,
+}
+
+impl OwnKey {
+    fn of(key: &str, moves: bool) -> Option<OwnKey> {
+        match key {
+            "body" => Some(OwnKey::Body),
+            _ if !moves => None,
+            "toolpath" => Some(OwnKey::Toolpath),
+            "voltage" => Some(OwnKey::Voltage),
+            "current" => Some(OwnKey::Current),
+            "pulse" => Some(OwnKey::Pulse),
+            _ => None,
+        }
     }
 }
 
@@ -141,8 +201,7 @@ struct Sorter<K> {
 
 enum Sorted<V, K> {
     Shape(V),
-    Body(K),
-    Toolpath(K),
+    Own(OwnKey, K),
 }
 
 impl<'de, K: DeserializeSeed<'de>> DeserializeSeed<'de> for Sorter<K> {
@@ -150,13 +209,10 @@ impl<'de, K: DeserializeSeed<'de>> DeserializeSeed<'de> for Sorter<K> {
 
     fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Self::Value, D::Error> {
         let key = Cow::<str>::deserialize(deserializer)?;
-        match &*key {
-            "body" => Ok(Sorted::Body(self.seed)),
-            "toolpath" if self.moves => Ok(Sorted::Toolpath(self.seed)),
-            _ => {
-                let key = CowStrDeserializer::<D::Error>::new(key);
-                self.seed.deserialize(key).map(Sorted::Shape)
-            }
+        if let Some(own) = OwnKey::of(&key, self.moves) {
+            return Ok(Sorted::Own(own, self.seed));
         }
+        let key = CowStrDeserializer::<D::Error>::new(key);
+        self.seed.deserialize(key).map(Sorted::Shape)
     }
 }

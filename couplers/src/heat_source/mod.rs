@@ -7,9 +7,11 @@
 //! | `gaussian_source` | [`source::Gaussian`] |
 //! | `point_source` | [`source::Point`] |
 //! | `super_gaussian` | [`source::SuperGaussian`] |
+//! | `profile_source` | [`source::Profile`], a formula |
 //! | `pulsed_laser` | [`source::PulsedLaser`], without a toolpath |
 //!
-//! The keys of the shape stand beside `toolpath` and `body`:
+//! The keys of the shape stand beside `toolpath`, `body`, and `voltage`, `current` and `pulse`. A crate adds a shape of its own with
+//! [`register_source!`](crate::register_source):
 //!
 //! ```toml
 //! [[couplers]]
@@ -33,13 +35,18 @@
 mod account;
 #[cfg(test)]
 mod cloud_tests;
+mod coupling;
 mod heading;
 mod keys;
 mod lattice;
 mod moving;
+#[cfg(test)]
+mod profile_tests;
 mod pulsed;
 mod step_positions;
+mod supply;
 
+pub use coupling::HasSource;
 pub use moving::{MovingSource, SourceShape};
 pub use pulsed::PulsedLaserSource;
 
@@ -55,3 +62,5 @@ pub type GaussianSource = MovingSource<source::Gaussian>;
 pub type PointSource = MovingSource<source::Point>;
 /// Super-Gaussian beam.
 pub type SuperGaussianSource = MovingSource<source::SuperGaussian>;
+/// A density by formula.
+pub type ProfileSource = MovingSource<source::Profile>;

@@ -7,7 +7,9 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 use perimelt_core::text::{number, position};
-use perimelt_core::{Body, Coupler, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Body, Programme, Report, RunError, Setup, SetupError, Step, World, Write, keys,
+};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -16,6 +18,7 @@ use super::heading::Heading;
 use super::keys::{Keys, read, schema};
 use super::lattice::{LatticeBody, grid};
 use super::step_positions::StepPositions;
+use super::supply::Supply;
 use crate::source::{self, CellGrid, Cells, Depositor, HeatedSurface, Source};
 use crate::toolpath::{Clock, TimedPath, Toolpath, Track};
 
@@ -75,6 +78,7 @@ shape!(SemiEllipsoid, |s| s.half_length.min(s.half_width));
 shape!(Gaussian, |s| s.sigma);
 shape!(SuperGaussian, |s| s.radius, take_absorptivity);
 shape!(Point, |_s| 0.0);
+shape!(Profile, |s| s.finest.unwrap_or(0.25 * s.reach));
 
 /// The absorptivity of the material, where the case gives none.
 fn take_absorptivity(
@@ -115,6 +119,7 @@ pub struct MovingSource<S> {
     pub toolpath: Toolpath,
     /// Its power density.
     pub shape: S,
+    supply: Supply,
     /// The toolpath in time, shared with whatever follows this source.
     path: Option<Rc<TimedPath>>,
     prepared: Option<MovingSourceState>,
@@ -154,27 +159,35 @@ impl<S: SourceShape> MovingSource<S> {
         if let Some(path) = &self.path {
             return Ok(path.clone());
         }
-        let path = Rc::new(TimedPath::new(self.track(folder)?));
+        let pulse = self.supply.pulse()?;
+        let direction = self.shape.surface().direction.map(Vector3::from);
+        let torch = direction.and_then(|d| d.try_normalize(0.0));
+        let path = TimedPath::new(self.track(folder)?).pulsed(pulse);
+        let path = Rc::new(path.with_torch(torch));
         Ok(self.path.insert(path).clone())
+    }
+
+    /// Power where the toolpath gives none, W.
+    fn power(&self) -> Result<Option<f64>, SetupError> {
+        self.supply.power(self.shape.source().power())
     }
 
     fn track(&self, folder: &Path) -> Result<Track, SetupError> {
         let kind = self.toolpath.kind();
-        let power = self.shape.source().power();
-        if let Some(power) = power.filter(|p| !(p.is_finite() && *p >= 0.0)) {
-            let message = format!("`power` of the heat source is {power}");
-            return Err(SetupError::value(
-                "power",
-                message,
-                "a finite number, zero or greater, W",
-            ));
-        }
+        let power = self.power()?;
         self.toolpath
             .track(power, folder)
             .map_err(|e| SetupError::other(format!("toolpath.{kind}.{}", e.key()), e))
     }
 
-    fn prepare_source(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    /// [`Coupler::share`](perimelt_core::Coupler::share).
+    #[doc(hidden)]
+    pub fn share_path(&mut self, folder: &Path) -> Result<Option<Rc<dyn Any>>, SetupError> {
+        Ok(Some(self.timed_path(folder)?))
+    }
+
+    #[doc(hidden)]
+    pub fn prepare_source(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let index = setup.find_body(self.body.as_deref())?;
         let path = self.timed_path(&setup.path(""))?;
         self.shape.complete(setup, index)?;
@@ -225,7 +238,7 @@ impl<S: SourceShape> MovingSource<S> {
                  single cells"
             ));
         }
-        let power = self.shape.source().power();
+        let power = self.power().ok().flatten();
         if let Some(power) = power.filter(|power| *power > STRONGEST) {
             setup.warn(format!(
                 "a power of {} W is unusual; powers are in watts",
@@ -286,10 +299,24 @@ impl<S: SourceShape> MovingSource<S> {
         ))
     }
 
-    fn apply_source(&mut self, world: &World, step: Step) {
+    #[doc(hidden)]
+    pub fn apply_source(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let p = self.prepared.as_mut().expect("prepared before the run");
         let body = world.body(p.body);
         let mut pose = p.path.pose(step.middle());
+        let left = p.path.left(p.depositor.efficiency());
+        if left < 0.0 {
+            return Err(RunError::Plugin {
+                plugin: "deposit".into(),
+                time: step.start,
+                cause: format!(
+                    "the droplets take {:.3} times the heat of the source; expected less than 1",
+                    1.0 - left
+                )
+                .into(),
+            });
+        }
+        pose.power *= left;
         // the points of a window are where they are at set-up, moved by its shift
         pose.position -= world.window_shift(p.body);
         let mut heat_source = world.write(p.heat_source);
@@ -312,19 +339,71 @@ impl<S: SourceShape> MovingSource<S> {
         p.position = p.path.pose(step.end()).position;
         let moves = p.speed > 0.0;
         p.heading = Heading::new(&p.depositor, self.shape.surface(), &pose, moves);
+        Ok(())
     }
 
-    /// Begins the passes that need no longer wait.
-    fn begin_passes(&mut self, world: &World, time: f64) {
-        if let Some(p) = &self.prepared
-            && !p.path.track().passes().is_empty()
-        {
+    /// Takes note of positions, and begins the passes that need no longer wait.
+    #[doc(hidden)]
+    pub fn begin_source(&mut self, world: &World, time: f64) {
+        let Some(p) = &self.prepared else {
+            return;
+        };
+        self.positions.begin_step(world, p.body, time);
+        if !p.path.track().passes().is_empty() {
             p.path.begin_step(world, time);
             self.account.is_on = p.path.is_on_after(time);
         }
     }
 
-    fn report_source(&self) -> Vec<Report> {
+    /// What the path waits for.
+    #[doc(hidden)]
+    pub fn unfinished_path(&self, time: f64) -> Option<String> {
+        self.path.as_ref()?.unfinished(time)
+    }
+
+    #[doc(hidden)]
+    pub fn next_switch(&self, after: f64) -> Option<f64> {
+        self.prepared.as_ref()?.path.next_event(after)
+    }
+
+    #[doc(hidden)]
+    pub fn path_programme(&self, run_end: f64) -> Option<Programme> {
+        self.path.as_ref()?.programme(run_end)
+    }
+
+    #[doc(hidden)]
+    pub fn longest_step(&self) -> Option<f64> {
+        let p = self.prepared.as_ref()?;
+        let speed = p.speed + self.positions.speed;
+        (speed > 0.0 && self.account.is_on).then(|| p.longest_way / speed)
+    }
+
+    #[doc(hidden)]
+    pub fn saved(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        Box::new(Saved {
+            account: self.account,
+            clock: self.path.as_ref().map(|path| path.save()),
+            point_speed: self.positions.speed,
+        })
+    }
+
+    /// Restores what [`MovingSource::saved`] gave.
+    #[doc(hidden)]
+    pub fn restore(
+        &mut self,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        let saved = Saved::deserialize(state)?;
+        self.account = saved.account;
+        self.positions.speed = saved.point_speed;
+        if let (Some(path), Some(clock)) = (&self.path, saved.clock) {
+            path.load(clock);
+        }
+        Ok(())
+    }
+
+    #[doc(hidden)]
+    pub fn report_source(&self) -> Vec<Report> {
         let position = self.prepared.as_ref().map(|p| p.position);
         let component = |(axis, name): (usize, &str)| Report {
             name: format!("position.{name}"),
@@ -344,6 +423,7 @@ impl<S: Serialize + Clone> Serialize for MovingSource<S> {
         let keys = Keys {
             body: self.body.clone(),
             toolpath: Some(self.toolpath.clone()),
+            supply: self.supply,
             shape: self.shape.clone(),
         };
         keys.serialize(serializer)
@@ -357,6 +437,7 @@ impl<'de, S: Deserialize<'de>> Deserialize<'de> for MovingSource<S> {
             body: keys.body,
             toolpath: keys.toolpath.expect("the reader asks for it"),
             shape: keys.shape,
+            supply: keys.supply,
             path: None,
             prepared: None,
             account: Account::default(),
@@ -374,80 +455,6 @@ impl<S: JsonSchema> JsonSchema for MovingSource<S> {
         schema::<S>(generator, true)
     }
 }
-
-macro_rules! moving_source {
-    ($name:literal, $shape:ident) => {
-        #[typetag::serialize(name = $name)]
-        impl Coupler for MovingSource<source::$shape> {
-            fn share(&mut self, folder: &Path) -> Result<Option<Rc<dyn Any>>, SetupError> {
-                Ok(Some(self.timed_path(folder)?))
-            }
-
-            fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
-                self.prepare_source(setup)
-            }
-
-            fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-                self.apply_source(world, step);
-                Ok(())
-            }
-
-            fn begin_step(&mut self, world: &World, time: f64) {
-                if let Some(p) = &self.prepared {
-                    self.positions.begin_step(world, p.body, time);
-                }
-                self.begin_passes(world, time);
-            }
-
-            fn unfinished(&self, time: f64) -> Option<String> {
-                self.path.as_ref()?.unfinished(time)
-            }
-
-            fn next_event(&self, after: f64) -> Option<f64> {
-                self.prepared.as_ref()?.path.next_event(after)
-            }
-
-            fn step_limit(&self) -> Option<f64> {
-                let p = self.prepared.as_ref()?;
-                let speed = p.speed + self.positions.speed;
-                (speed > 0.0 && self.account.is_on).then(|| p.longest_way / speed)
-            }
-
-            fn report(&self) -> Vec<Report> {
-                self.report_source()
-            }
-
-            fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-                Box::new(Saved {
-                    account: self.account,
-                    clock: self.path.as_ref().map(|path| path.save()),
-                    point_speed: self.positions.speed,
-                })
-            }
-
-            fn load(
-                &mut self,
-                state: &mut dyn erased_serde::Deserializer<'_>,
-            ) -> Result<(), erased_serde::Error> {
-                let saved = Saved::deserialize(state)?;
-                self.account = saved.account;
-                self.positions.speed = saved.point_speed;
-                if let (Some(path), Some(clock)) = (&self.path, saved.clock) {
-                    path.load(clock);
-                }
-                Ok(())
-            }
-        }
-
-        perimelt_core::register_coupler!($name, MovingSource<source::$shape>);
-    };
-}
-
-moving_source!("goldak", Goldak);
-moving_source!("ellipsoid", SemiEllipsoid);
-moving_source!("gaussian_source", Gaussian);
-moving_source!("point_source", Point);
-moving_source!("super_gaussian", SuperGaussian);
 
 #[cfg(test)]
 mod tests;

@@ -13,6 +13,7 @@ use super::account::Account;
 use super::keys::{Keys, read, schema};
 use super::lattice::{LatticeBody, grid};
 use super::step_positions::StepPositions;
+use super::supply::Supply;
 use crate::source::{self, CellGrid, Cells};
 
 /// Fraction of the pulse duration that a step may take.
@@ -132,6 +133,7 @@ impl Serialize for PulsedLaserSource {
         let keys = Keys {
             body: self.body.clone(),
             toolpath: None,
+            supply: Supply::default(),
             shape: self.shape.clone(),
         };
         keys.serialize(serializer)

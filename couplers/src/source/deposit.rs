@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::beam::{Beam, Scratch};
-use super::{CellGrid, Cells, HeatedBody, Point, Sampling, Source, SourceError};
+use super::{CellGrid, Cells, DensitySource, HeatedBody, Point, Sampling, Source, SourceError};
 use crate::toolpath::Pose;
 
 /// Powers of one deposit (W), for the log.
@@ -38,6 +38,7 @@ pub struct Depositor {
 enum CheckedSource {
     Point(Point),
     Beam(Beam),
+    Density(DensitySource),
 }
 
 impl Depositor {
@@ -52,6 +53,8 @@ impl Depositor {
             Source::SemiEllipsoid(source) => CheckedSource::Beam(source.beam()?),
             Source::Goldak(source) => CheckedSource::Beam(source.beam()?),
             Source::SuperGaussian(source) => CheckedSource::Beam(source.beam()?),
+            Source::Profile(source) => CheckedSource::Density(source.density()?.checked(grid)?),
+            Source::Density(source) => CheckedSource::Density(source.checked(grid)?),
         };
         let axis = match &checked {
             CheckedSource::Beam(beam) => {
@@ -62,6 +65,7 @@ impl Depositor {
                 return Err(SourceError::Direction("a point source"));
             }
             CheckedSource::Point(_) => None,
+            CheckedSource::Density(density) => density.surface.axis(grid)?,
         };
         Ok(Self {
             source: checked,
@@ -69,6 +73,11 @@ impl Depositor {
             axis,
             scratch: Scratch::default(),
         })
+    }
+
+    /// Part of the power that enters the body.
+    pub fn efficiency(&self) -> f64 {
+        self.efficiency
     }
 
     /// Axis of the torch (unit vector, into the material) where it is not that of the heated face.
@@ -103,6 +112,9 @@ impl Depositor {
             CheckedSource::Beam(beam) => {
                 beam.add_to_cells(cells, pose, power, values, &mut self.scratch)
             }
+            CheckedSource::Density(density) => {
+                density.add_to_cells(cells, (pose, power), values, &mut self.scratch.parts)
+            }
         }
     }
 
@@ -120,16 +132,16 @@ impl Depositor {
         if power == 0.0 {
             return Deposit::default();
         }
-        match &self.source {
-            CheckedSource::Point(point) => point.add(body, pose, power, values),
-            CheckedSource::Beam(beam) => {
-                let axis = pose.torch.or(self.axis).filter(|_| !body.grid().plate);
-                match axis {
-                    Some(axis) => {
-                        beam.add_tilted(body, (pose, axis), power, values, &mut self.scratch)
-                    }
-                    None => beam.add(body, pose, power, values, &mut self.scratch),
-                }
+        let axis = pose.torch.or(self.axis).filter(|_| !body.grid().plate);
+        let scratch = &mut self.scratch;
+        match (&self.source, axis) {
+            (CheckedSource::Point(point), _) => point.add(body, pose, power, values),
+            (CheckedSource::Beam(beam), Some(axis)) => {
+                beam.add_tilted(body, (pose, axis), power, values, scratch)
+            }
+            (CheckedSource::Beam(beam), None) => beam.add(body, pose, power, values, scratch),
+            (CheckedSource::Density(density), axis) => {
+                density.add(body, (pose, axis), power, values, &mut scratch.lateral)
             }
         }
     }

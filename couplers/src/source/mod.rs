@@ -7,6 +7,8 @@
 //! | [`SemiEllipsoid`] | `ellipsoid.rs` | `exp(-3 xi^2/c^2 - 3 eta^2/a^2 - 3 zeta^2/b^2)` |
 //! | [`Goldak`] | `ellipsoid.rs` | the same with different lengths in front and behind |
 //! | [`SuperGaussian`] | `super_gaussian.rs` | `exp(-2 (r/w)^k)`, times a choice of depth profiles |
+//! | [`Profile`] | `formula_profile.rs` | a formula in x, y, z and r |
+//! | [`DensitySource`] | `density.rs` | that of a shape of another crate |
 //! | [`PulsedLaser`] | `pulsed.rs` | `exp(-zeta/l)` under a whole face, a pulse in time, no toolpath |
 //!
 //! A [`Depositor`] adds the power density (W/m³) of a [`Source`] to the points of a [`HeatedBody`] and
@@ -23,21 +25,26 @@
 
 mod beam;
 mod cells;
+mod density;
 mod deposit;
 mod ellipsoid;
+mod formula_profile;
 mod gaussian;
 mod heated_body;
 mod point;
 mod profile;
 mod pulsed;
+mod sampled;
 mod super_gaussian;
 #[cfg(test)]
 mod tests;
 mod tilted;
 
 pub use cells::{Cells, Cover};
+pub use density::{Density, DensitySource};
 pub use deposit::{Deposit, Depositor};
 pub use ellipsoid::{Goldak, SemiEllipsoid};
+pub use formula_profile::Profile;
 pub use gaussian::Gaussian;
 pub use heated_body::{CellGrid, HeatedBody, HeatedSurface};
 pub use point::{Dwell, Point};
@@ -62,6 +69,11 @@ pub enum Source {
     Goldak(Goldak),
     /// Super-Gaussian beam.
     SuperGaussian(SuperGaussian),
+    /// A formula.
+    Profile(Profile),
+    /// A density of another crate.
+    #[serde(skip)]
+    Density(DensitySource),
 }
 
 impl Source {
@@ -73,6 +85,8 @@ impl Source {
             Self::SemiEllipsoid(source) => source.power,
             Self::Goldak(source) => source.power,
             Self::SuperGaussian(source) => source.power,
+            Self::Profile(source) => source.power,
+            Self::Density(source) => source.power,
         }
     }
 
@@ -84,6 +98,8 @@ impl Source {
             Self::SemiEllipsoid(source) => efficiency(source.efficiency, source.process),
             Self::Goldak(source) => efficiency(source.efficiency, source.process),
             Self::SuperGaussian(source) => source.absorptivity.unwrap_or(1.0),
+            Self::Profile(source) => efficiency(source.efficiency, source.process),
+            Self::Density(source) => source.efficiency,
         }
     }
 }
@@ -179,6 +195,21 @@ pub enum SourceError {
         /// Rear fraction.
         rear: f64,
     },
+    /// A density that is negative or no number.
+    #[error(
+        "the density of the heat source is {value} at x, y, z = {at:?} m from its centre, expected a number, zero or greater"
+    )]
+    Density {
+        /// Value found.
+        value: f64,
+        /// Where, m.
+        at: [f64; 3],
+    },
+    /// A density without a value above zero.
+    #[error(
+        "the density of the heat source is zero everywhere within its reach; check the units of its lengths (metre)"
+    )]
+    NoDensity,
     /// A surface source on a body that is not a plate.
     #[error("a surface source on a 3D body needs `effective_depth`, the depth it heats [m]")]
     EffectiveDepth,
@@ -210,6 +241,7 @@ impl SourceError {
             | Self::OutOfRange { key, .. }
             | Self::TooWide { key, .. } => key,
             Self::Fractions { .. } => "front_fraction",
+            Self::Density { .. } | Self::NoDensity => "profile",
             Self::EffectiveDepth => "effective_depth",
             Self::Direction(_) => "heated_surface.direction",
             Self::PointSampling => "sampling",

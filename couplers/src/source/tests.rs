@@ -25,6 +25,8 @@ const SOURCES: &[&str] = &[
     "super_gaussian = { absorptivity = 0.35, radius = 8e-4, penetration_depth = 4e-4, penetration = 'linear' }",
     "super_gaussian = { absorptivity = 0.35, radius = 8e-4, penetration_depth = 5e-4,
         penetration = 'uniform' }",
+    "profile = { power = 3200, efficiency = 0.7, profile = 'exp(-2 * r^2 / 6e-4^2) * (1 - z / 8e-4) * (2 + x / 1e-3)',
+        reach = 1e-3, depth = 8e-4 }",
 ];
 
 /// Every kind of toolpath, on z = 0 within 4 mm of the origin, all within 1 s.

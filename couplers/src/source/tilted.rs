@@ -10,44 +10,9 @@
 use nalgebra::Vector3;
 
 use super::beam::{Beam, Scratch};
+use super::sampled::{Frame, Sampled};
 use super::{Deposit, HeatedBody, Sampling};
 use crate::toolpath::Pose;
-
-/// Gauss-Legendre nodes on [-1, 1], with weights 1.
-const NODES: [f64; 2] = [-0.577_350_269_189_625_8, 0.577_350_269_189_625_8];
-
-/// Length of a panel over the finest length of the source.
-const PANEL: f64 = 1.0;
-
-/// Most panels along an axis of a cell.
-const MOST_PANELS: f64 = 6.0;
-
-/// A smaller fraction of the power that no material covers is an error of the sampling at the surface of the lattice.
-const UNCOVERED: f64 = 0.02;
-
-/// The frame of a torch.
-struct Frame {
-    origin: Vector3<f64>,
-    along: Vector3<f64>,
-    across: Vector3<f64>,
-    axis: Vector3<f64>,
-}
-
-impl Frame {
-    fn new(origin: Vector3<f64>, axis: Vector3<f64>, travel: Vector3<f64>) -> Self {
-        let normal = |v: Vector3<f64>| (v - axis * v.dot(&axis)).try_normalize(1e-9);
-        let along = normal(travel).or_else(|| normal(Vector3::x()));
-        let along = along
-            .or_else(|| normal(Vector3::y()))
-            .unwrap_or_else(Vector3::z);
-        Frame {
-            origin,
-            along,
-            across: axis.cross(&along),
-            axis,
-        }
-    }
-}
 
 impl Beam {
     /// As [`Beam::add`], with the axis of the torch along the unit vector `axis`.
@@ -59,114 +24,23 @@ impl Beam {
         values: &mut [f64],
         scratch: &mut Scratch,
     ) -> Deposit {
-        let grid = *body.grid();
         let mut origin = pose.position;
         if let Some(level) = self.surface.level {
             origin[self.surface.face.axis()] = level;
         }
-        let frame = Frame::new(origin, axis, pose.direction);
         let [along, across] = self.footprint.reach();
-        let depth = self.depth.reach();
-        let finest = self.footprint.finest().min(self.depth.finest());
-        let mut first = [0_i64; 3];
-        let mut count = [0_i64; 3];
-        let mut offsets: [Vec<f64>; 3] = Default::default();
-        for a in 0..3 {
-            let reach = frame.along[a].abs() * along
-                + frame.across[a].abs() * across
-                + frame.axis[a].abs() * depth;
-            let at = grid.in_cells(a, origin[a]);
-            let reach = reach / grid.spacing[a];
-            first[a] = (at - reach).floor() as i64;
-            count[a] = ((at + reach).ceil() as i64 - first[a]).max(1);
-            offsets[a] = self.offsets(grid.spacing[a], finest);
-        }
-        let cells = || {
-            let [x, y, z] = [0, 1, 2].map(|a| first[a]..first[a] + count[a]);
-            z.flat_map(move |k| {
-                let x = x.clone();
-                let row = move |j| x.clone().map(move |i| [i, j, k]);
-                y.clone().flat_map(row)
-            })
+        let sampled = Sampled {
+            frame: Frame::new(origin, axis, pose.direction),
+            reach: [along, across, self.depth.reach()],
+            finest: self.footprint.finest().min(self.depth.finest()),
+            at_centres: self.sampling == Sampling::Point,
+            is_even: true,
+            normalise: self.normalise,
+            density: Box::new(|xi, eta, zeta| {
+                self.footprint.density(xi, eta) * self.depth.density(zeta)
+            }),
         };
-        let point_in = |cell: [i64; 3]| {
-            let inside = (0..3).all(|a| cell[a] >= 0 && cell[a] < grid.dims[a] as i64);
-            let cell = inside.then(|| cell.map(|c| c as usize));
-            cell.and_then(|cell| body.point(cell))
-        };
-        let parts = &mut scratch.lateral;
-        parts.clear();
-        let [mut all, mut hit] = [0.0; 2];
-        for cell in cells() {
-            let centre =
-                Vector3::from_fn(|a, _| grid.origin[a] + (cell[a] as f64 + 0.5) * grid.spacing[a]);
-            let part = self.mean(&frame, &centre, &offsets);
-            all += part;
-            if point_in(cell).is_some() {
-                hit += part;
-            }
-            parts.push(part);
-        }
-        if all == 0.0 {
-            return Deposit {
-                asked: power,
-                deposited: 0.0,
-                lost: power,
-            };
-        }
-        // a plane cuts the density into halves
-        let half = match self.normalise {
-            true => 0.5 * all,
-            false => 1.0 / grid.spacing.product(),
-        };
-        let covered = hit / half;
-        let deposited = match covered {
-            covered if covered > 1.0 - UNCOVERED => power,
-            covered => power * covered,
-        };
-        let scale = if hit > 0.0 { deposited / hit } else { 0.0 };
-        for (cell, part) in cells().zip(&scratch.lateral) {
-            if let Some(point) = point_in(cell).filter(|_| *part > 0.0) {
-                values[point] += scale * part / body.volume(point);
-            }
-        }
-        Deposit {
-            asked: power,
-            deposited,
-            lost: power - deposited,
-        }
-    }
-
-    /// Positions of the samples along an axis of a cell, from its centre (m).
-    fn offsets(&self, spacing: f64, finest: f64) -> Vec<f64> {
-        if self.sampling == Sampling::Point {
-            return vec![0.0];
-        }
-        let panels = (spacing / (PANEL * finest)).ceil().clamp(1.0, MOST_PANELS);
-        let half = 0.5 * spacing / panels;
-        let middle = |panel: usize| -0.5 * spacing + half * (2 * panel + 1) as f64;
-        (0..panels as usize)
-            .flat_map(|panel| NODES.map(|node| middle(panel) + half * node))
-            .collect()
-    }
-
-    /// Mean density in a cell for a power of 1 (1/m³).
-    fn mean(&self, frame: &Frame, centre: &Vector3<f64>, offsets: &[Vec<f64>; 3]) -> f64 {
-        let mut sum = 0.0;
-        for z in &offsets[2] {
-            for y in &offsets[1] {
-                for x in &offsets[0] {
-                    let from = centre + Vector3::new(*x, *y, *z) - frame.origin;
-                    let zeta = from.dot(&frame.axis).abs();
-                    if zeta > self.depth.reach() {
-                        continue;
-                    }
-                    let [xi, eta] = [from.dot(&frame.along), from.dot(&frame.across)];
-                    sum += self.footprint.density(xi, eta) * self.depth.density(zeta);
-                }
-            }
-        }
-        sum / offsets.iter().map(Vec::len).product::<usize>() as f64
+        sampled.add(body, power, values, &mut scratch.lateral)
     }
 }
 

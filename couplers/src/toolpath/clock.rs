@@ -3,13 +3,15 @@
 //! A path waits only where a pass begins, and waits end between steps only, so that events land exactly: within a step the
 //! clock runs evenly or stands still. A torch and what follows it share one path with one clock.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 
 use nalgebra::Vector3;
+use perimelt_core::programme::{DoneFraction, Programme};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Read, Report, Setup, SetupError, World, keys};
 use serde::{Deserialize, Serialize};
 
+use super::pulse::{Pulse, Pulses};
 use super::track::{Pose, Track};
 use super::wait::Gauge;
 
@@ -23,6 +25,11 @@ const MOST_REPORTED: usize = 50;
 #[derive(Debug)]
 pub struct TimedPath {
     track: Track,
+    pulses: Option<Pulses>,
+    /// Axis of the torch where the track does not give it.
+    torch: Option<Vector3<f64>>,
+    /// Fraction of its energy that something else takes out.
+    taken: Cell<f64>,
     clock: RefCell<Clock>,
     gauges: RefCell<Option<Gauges>>,
 }
@@ -71,8 +78,76 @@ impl TimedPath {
     pub fn new(track: Track) -> Self {
         TimedPath {
             track,
+            pulses: None,
+            torch: None,
+            taken: Cell::new(0.0),
             clock: RefCell::default(),
             gauges: RefCell::default(),
+        }
+    }
+
+    /// The same path with a power that is pulsed.
+    pub(crate) fn pulsed(self, pulse: Option<Pulse>) -> Self {
+        let start = self
+            .track
+            .powered_moves()
+            .next()
+            .map_or(0.0, |(start, _)| start);
+        TimedPath {
+            pulses: pulse.map(|pulse| Pulses::new(pulse, start)),
+            ..self
+        }
+    }
+
+    /// The same path with an axis of the torch (unit vector, into the material) where the track does not give it.
+    pub(crate) fn with_torch(self, torch: Option<Vector3<f64>>) -> Self {
+        TimedPath { torch, ..self }
+    }
+
+    /// Axis of the torch (unit vector, into the material) where the track does not give it.
+    pub(crate) fn torch(&self) -> Option<Vector3<f64>> {
+        self.torch
+    }
+
+    /// Takes an energy (J) out of that of the whole path, such as that of droplets; the fraction of it before any efficiency.
+    pub(crate) fn take(&self, energy: f64) -> f64 {
+        self.taken.set(energy / self.energy());
+        self.taken.get()
+    }
+
+    /// The fraction of the power that is left for a source with an efficiency.
+    pub(crate) fn left(&self, efficiency: f64) -> f64 {
+        match self.taken.get() {
+            0.0 => 1.0,
+            taken => 1.0 - taken / efficiency,
+        }
+    }
+
+    /// Energy of the whole path before any efficiency, J; infinite for one without an end.
+    fn energy(&self) -> f64 {
+        if self.track.end().is_none() {
+            return f64::INFINITY;
+        }
+        let next = |from: &f64| self.next_switch(*from);
+        let starts = std::iter::successors(Some(self.track.start()), next);
+        let part = |from: f64| {
+            let to = self.next_switch(from).unwrap_or(from);
+            let factor = self
+                .pulses
+                .map_or(1.0, |pulses| pulses.factor(0.5 * (from + to)));
+            factor * self.track.energy(from, to)
+        };
+        starts.map(part).sum()
+    }
+
+    /// As [`Track::next_event`], with the switches of pulses, in time of the track.
+    fn next_switch(&self, now: f64) -> Option<f64> {
+        let event = self.track.next_event(now);
+        match self.pulses {
+            Some(pulses) if self.track.energy(now, event.unwrap_or(f64::INFINITY)) > 0.0 => {
+                pulses.next_switch(now, event)
+            }
+            _ => event,
         }
     }
 
@@ -81,11 +156,14 @@ impl TimedPath {
         &self.track
     }
 
-    /// Finds the points whose temperature the waits of the path need.
+    /// Passes on the warnings of the path, and finds the points whose temperature its waits need.
     ///
     /// # Errors
     /// A condition that cannot be measured.
     pub(crate) fn prepare(&self, setup: &mut Setup<'_>, body: BodyIndex) -> Result<(), SetupError> {
+        for warning in self.track.warnings() {
+            setup.warn(warning);
+        }
         if !self.waits() {
             return Ok(());
         }
@@ -157,14 +235,18 @@ impl TimedPath {
     /// As [`Track::pose`], in time of the run; while the path waits the source is off.
     pub fn pose(&self, time: f64) -> Pose {
         match self.at(time) {
-            TrackTime::Running(now) => self.track.pose(now),
+            TrackTime::Running(now) => {
+                let mut pose = self.track.pose(now);
+                pose.power *= self.pulses.map_or(1.0, |pulses| pulses.factor(now));
+                pose
+            }
             TrackTime::Waiting(at) => self.track.rest_before(at),
         }
     }
 
-    /// As [`Track::next_event`], in time of the run, as far as it is known: up to the next wait.
+    /// As [`Track::next_event`], in time of the run, as far as it is known: up to the next wait; and the switches of pulses.
     pub fn next_event(&self, after: f64) -> Option<f64> {
-        self.next_of(after, |now| self.track.next_event(now))
+        self.next_of(after, |now| self.next_switch(now))
     }
 
     /// The first time of the run after `after` (s) from events of the track: `next` gives the first one after a time of
@@ -224,6 +306,30 @@ impl TimedPath {
         ))
     }
 
+    /// The path as a programme of a run that ends at `run_end` (s). Waits that have not begun count as none.
+    pub(crate) fn programme(&self, run_end: f64) -> Option<Programme> {
+        let delay = self.clock.borrow().delay;
+        let track = &self.track;
+        let end = track.power_end()?;
+        let length = |until: f64| track.powered_length(until);
+        let energy = |until: f64| track.energy(f64::NEG_INFINITY, until);
+        let now = run_end - delay;
+        let done = match length(end) > 0.0 {
+            true => DoneFraction {
+                fraction: length(now) / length(end),
+                of: "the path with power",
+            },
+            false => DoneFraction {
+                fraction: energy(now) / energy(end),
+                of: "the energy",
+            },
+        };
+        Some(Programme {
+            done: Some(done),
+            ..Programme::new("its toolpath", end + delay)
+        })
+    }
+
     /// Passes that have begun, when, and at which temperature a wait ended; nothing for a path that is a single pass.
     pub(crate) fn report(&self) -> Vec<Report> {
         let passes = self.track.passes();
@@ -269,146 +375,4 @@ impl TimedPath {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::{STEEL, block, set};
-    use perimelt_core::World;
-    use std::path::Path;
-
-    /// A path of three passes on a block whose temperature the test sets, with waits before the last two.
-    fn path() -> (TimedPath, World) {
-        let toolpath: crate::toolpath::Toolpath = toml::from_str(
-            "sequence = { wait_until = { temperature = 400, region = 'left' }, passes = [
-                { toolpath.line = { start = [0, 0, 0], end = [2, 0, 0], speed = 1 } },
-                { toolpath.line = { start = [0, 0, 0], end = [3, 0, 0], speed = 1 } },
-                { toolpath.line = { start = [1, 1, 0], end = [4, 1, 0], speed = 1 },
-                  wait_until = { temperature = 350, when = 'above', at = [3.2, 0.5, 0.5] } } ] }",
-        )
-        .expect("well formed");
-        let track = toolpath.track(Some(100.0), Path::new("")).expect("valid");
-        let path = TimedPath::new(track);
-        let mut world = World::new(vec![block([4, 2, 2], 3, STEEL)]);
-        let mut setup = Setup::new(&mut world, Path::new("."));
-        setup.next_plugin("the torch");
-        path.prepare(&mut setup, 0).expect("a region and a place");
-        (path, world)
-    }
-
-    fn heat(world: &mut World, temperature: f64) {
-        set(world, &keys::TEMPERATURE, |_| temperature);
-    }
-
-    #[test]
-    fn a_path_waits_for_its_temperature_and_goes_on_where_it_was() {
-        let (path, mut world) = path();
-        heat(&mut world, 500.0);
-        path.begin_step(&world, 0.0);
-        assert_eq!(path.next_event(0.0), Some(2.0));
-        assert_eq!(path.pose(1.0).power, 100.0);
-        path.begin_step(&world, 2.0);
-        // the source is off at the end of its pass, and nothing is known to happen
-        let pose = path.pose(2.5);
-        assert_eq!((pose.power, pose.position.x), (0.0, 2.0));
-        assert_eq!(path.next_event(2.0), None);
-        assert!(!path.is_on_after(2.0));
-        let told = path.unfinished(5.0).expect("it waits");
-        assert!(
-            told.contains("pass 2 of 3") && told.contains("at most 400 K in region `left`"),
-            "{told}"
-        );
-        // a part of the region alone is not enough
-        set(&mut world, &keys::TEMPERATURE, |point| {
-            if point == 0 { 400.5 } else { 300.0 }
-        });
-        path.begin_step(&world, 5.0);
-        assert_eq!(path.pose(5.1).power, 0.0);
-        heat(&mut world, 399.0);
-        path.begin_step(&world, 5.3);
-        assert_eq!(path.pose(5.3 + 1.5).position.x, 1.5);
-        assert!(path.is_on_after(5.3));
-        let event = path.next_event(5.3).expect("the end of the pass");
-        assert!((event - 8.3).abs() < 1e-14);
-        assert!(path.unfinished(7.0).is_none());
-        path.begin_step(&world, event);
-        // pass 3 waits for nothing: it is hot enough
-        let place = path.pose(event + 1.0).position;
-        // rounding of times
-        assert!((place - Vector3::new(2.0, 1.0, 0.0)).norm() < 1e-14);
-        let report = path.report();
-        let value = |name: &str| {
-            report
-                .iter()
-                .find(|r| r.name == name)
-                .expect("reported")
-                .value
-        };
-        assert_eq!(value("pass.2.start"), 5.3);
-        assert_eq!(value("pass.2.temperature"), 399.0);
-        assert_eq!(value("pass.3.start"), event);
-        assert_eq!(value("passes.begun"), 3.0);
-        assert!((value("passes.waited") - 3.3).abs() < 1e-14);
-    }
-
-    #[test]
-    fn the_clock_of_a_waiting_path_is_restored() {
-        let (path, mut world) = path();
-        heat(&mut world, 500.0);
-        for time in [0.0, 2.0, 3.0] {
-            path.begin_step(&world, time);
-        }
-        let (resumed, _) = self::path();
-        resumed.load(path.save());
-        heat(&mut world, 300.0);
-        for each in [&path, &resumed] {
-            each.begin_step(&world, 4.1);
-        }
-        assert_eq!(path.save(), resumed.save());
-        assert_eq!(path.next_event(4.1), resumed.next_event(4.1));
-        // pass 3 waits, since the block is colder than what it needs
-        path.begin_step(&world, path.next_event(4.1).expect("the end of the pass"));
-        assert!(
-            path.unfinished(9.0)
-                .is_some_and(|told| told.contains("at least 350 K at"))
-        );
-    }
-
-    #[test]
-    fn what_happens_at_the_beginning_of_a_pass_has_not_happened_while_it_waits() {
-        assert!(TrackTime::Running(2.0).has_passed(2.0));
-        assert!(!TrackTime::Waiting(2.0).has_passed(2.0));
-        assert!(TrackTime::Waiting(2.0).has_passed(1.9));
-    }
-
-    #[test]
-    fn conditions_that_cannot_be_measured_are_refused() {
-        for (wait, message) in [
-            ("temperature = -3", "`wait_until.temperature` is -3 K"),
-            (
-                "temperature = 400, region = 'right'",
-                "no region is called `right`",
-            ),
-            (
-                "temperature = 400, at = [9, 0, 0]",
-                "`wait_until.at` is [9, 0, 0] m",
-            ),
-            (
-                "temperature = 400, at = [0, 0, 0], region = 'left'",
-                "both `region` and `at`",
-            ),
-        ] {
-            let toolpath: crate::toolpath::Toolpath = toml::from_str(&format!(
-                "sequence.passes = [{{ toolpath.line = {{ start = [0, 0, 0], end = [2, 0, 0], speed = 1 }},
-                 wait_until = {{ {wait} }} }}]"
-            ))
-            .expect("well formed");
-            let track = toolpath.track(Some(100.0), Path::new("")).expect("valid");
-            let mut world = World::new(vec![block([4, 2, 2], 3, STEEL)]);
-            let mut setup = Setup::new(&mut world, Path::new("."));
-            setup.next_plugin("the torch");
-            let refused = TimedPath::new(track)
-                .prepare(&mut setup, 0)
-                .expect_err(wait);
-            assert!(refused.to_string().contains(message), "{refused}");
-        }
-    }
-}
+mod tests;

@@ -10,6 +10,23 @@
 //! toolpath.line = { start = [0.0, 0.0, 0.005], direction = [1.0, 0.0, 0.0], speed = 0.005 }
 //! ```
 //!
+//! A plugin of another crate takes a [`Toolpath`] as a key of its table:
+//!
+//! ```
+//! use perimelt_couplers::toolpath::Toolpath;
+//!
+//! let toolpath: Toolpath = serde_json::from_value(serde_json::json!({
+//!     "line": { "start": [0, 0, 0], "end": [0.1, 0, 0], "speed": 0.01 }
+//! }))?;
+//! // W where the toolpath gives no power of its own; files are relative to the folder
+//! let track = toolpath.track(Some(200.0), std::path::Path::new("."))?;
+//! assert_eq!(track.pose(4.0).position.x, 0.04);
+//! assert_eq!(track.next_event(0.0), Some(10.0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! and one that follows the torch of the case asks for its [`TimedPath`] by name, `setup.shared("source", "heat source", name)`.
+//!
 //! SI units throughout; angles in radian, counted from +x towards +y. Weaves and hatches lie in planes normal to z.
 //!
 //! A path may wait before a pass until a temperature has fallen below a value ([`WaitUntil`]); a [`TimedPath`] is a track
@@ -21,7 +38,7 @@ mod gcode;
 mod hatch;
 mod line;
 mod polyline;
-mod scan_path;
+mod pulse;
 mod sequence;
 mod table;
 #[cfg(test)]
@@ -40,8 +57,9 @@ pub use gcode::{DwellUnit, Gcode, GcodeError};
 pub use hatch::Hatch;
 pub use line::Line;
 pub use polyline::{Polyline, Segment};
+pub use pulse::Pulse;
 pub use sequence::{Sequence, SequencePass};
-pub use table::{Table, TableFormat};
+pub use table::{PowerAs, Table, TableFormat};
 pub use track::{Pose, Track};
 pub use wait::{Side, WaitUntil};
 pub use weave::{Weave, WeaveShape};
@@ -68,7 +86,7 @@ pub enum Toolpath {
     Weave(Weave),
     /// Parallel scan lines that fill a rectangle, layer by layer.
     Hatch(Hatch),
-    /// Times, positions and powers from a CSV file.
+    /// Times, positions and powers from a file.
     Table(Table),
     /// A program in G-code.
     Gcode(Gcode),
@@ -183,23 +201,9 @@ pub enum ToolpathError {
         /// Why.
         source: InputError,
     },
-    /// A row of the table cannot be read.
+    /// A header or a row of the table cannot be read.
     #[error(
-        "line {line} of the toolpath table {} cannot be read: {}; \
-         expected the header `time,x,y,z,power` and numbers below it",
-        path.display(), reason(source)
-    )]
-    TableRow {
-        /// The file.
-        path: PathBuf,
-        /// Line in the file, counted from 1.
-        line: u64,
-        /// Why.
-        source: Box<csv::Error>,
-    },
-    /// A row of a scan path of another program cannot be read.
-    #[error(
-        "line {line} of the toolpath table {} cannot be read: {problem}; expected numbers {columns}",
+        "line {line} of the toolpath table {} cannot be read: {problem}; expected the columns `{columns}`",
         path.display()
     )]
     TableLine {
@@ -289,22 +293,6 @@ pub enum ToolpathError {
     },
 }
 
-/// The error of the CSV reader without its line numbers, which count otherwise.
-fn reason(error: &csv::Error) -> String {
-    match error.kind() {
-        csv::ErrorKind::Deserialize { err, .. } => match err.field() {
-            Some(field) => format!("column {}: {}", field + 1, err.kind()),
-            None => err.kind().to_string(),
-        },
-        csv::ErrorKind::UnequalLengths {
-            expected_len, len, ..
-        } => {
-            format!("it has {len} columns instead of {expected_len}")
-        }
-        _ => error.to_string(),
-    }
-}
-
 impl ToolpathError {
     /// The case-file key at fault, for pointing at its line.
     pub fn key(&self) -> Cow<'_, str> {
@@ -324,13 +312,12 @@ impl ToolpathError {
             | Self::TooManyMoves { key, .. } => key.as_str(),
             Self::TableKey { key, .. } => key,
             Self::TableOpen { .. }
-            | Self::TableRow { .. }
             | Self::TableLine { .. }
             | Self::TableValue { .. }
             | Self::TableTime { .. }
             | Self::TableShort { .. }
-            | Self::TableWait { .. }
-            | Self::Gcode(_) => "file",
+            | Self::TableWait { .. } => "file",
+            Self::Gcode(e) => e.key(),
         };
         key.into()
     }

@@ -293,38 +293,6 @@ fn table_mistakes_name_the_line() {
 }
 
 #[test]
-fn a_table_has_a_format() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let write = |name: &str, content: &str| {
-        std::fs::write(folder.path().join(name), content).expect("a written file");
-    };
-    write(
-        "path.txt",
-        "Mode X Y Z Power Parameter\n1 0 0 0 0 0\n0 2 0 0 30 4\n",
-    );
-    write("path.csv", "0,0,30,0\n2,0,30,0\n");
-    let track = |keys: &str| read(&format!("table = {{ {keys} }}")).track(None, folder.path());
-    let foam = track("file = 'path.txt', format = 'additivefoam'").expect("valid");
-    assert_eq!(foam.energy(0.0, 1.0), 15.0);
-    let scanner =
-        track("file = 'path.csv', format = 'xypt', time_step = 0.5, z = 3").expect("valid");
-    assert_eq!(scanner.pose(0.25).position, Vector3::new(1e-3, 0.0, 3.0));
-    assert_eq!(scanner.energy(0.0, 1.0), 15.0);
-    let usual = track("file = 'path.csv', format = 'xypt'").expect("valid");
-    assert_eq!(usual.end(), Some(1e-5));
-    for (keys, key) in [
-        ("file = 'path.csv', time_step = 0.5", "time_step"),
-        (
-            "file = 'path.csv', format = 'xypt', time_step = 0",
-            "time_step",
-        ),
-        ("file = 'path.txt', format = 'additivefoam', z = 1", "z"),
-    ] {
-        assert_eq!(track(keys).expect_err("wrong").key(), key);
-    }
-}
-
-#[test]
 fn mistakes_name_the_key() {
     let cases = [
         ("line = { start = [0,0,0], end = [1,0,0], speed = 0, power = 1 }", "speed"),

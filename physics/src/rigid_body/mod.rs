@@ -28,8 +28,8 @@ mod tests;
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Balance, Clock, Physics, Read, Report, RunError, Setup, SetupError, Step, StepSize, Work,
-    World, Write, keys,
+    Balance, Clock, Physics, Programme, Read, Report, RunError, Setup, SetupError, Step, StepSize,
+    Work, World, Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -357,6 +357,10 @@ impl Physics for RigidBody {
     fn next_event(&self, after: f64) -> Option<f64> {
         let run = self.run.as_ref()?;
         run.dynamics.freedoms.next_event(after)
+    }
+
+    fn programme(&self, run_end: f64) -> Option<Programme> {
+        Programme::of_events(run_end, |after| self.next_event(after))
     }
 
     /// A body may travel far in free flight; an unstable load exceeds any limit within a few hundred steps.

@@ -1,6 +1,7 @@
 use super::*;
 use crate::heat_source::{EllipsoidSource, PointSource};
 use crate::testing::{STEEL, apply, block, prepare, refusal, total};
+use perimelt_core::Coupler;
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::{Body, Face};
 

@@ -1,5 +1,9 @@
 //! A toolpath laid out in time: contiguous moves, found by bisection.
 
+mod builder;
+
+pub(super) use builder::TrackBuilder;
+
 use nalgebra::Vector3;
 
 use super::wait::WaitUntil;
@@ -27,6 +31,8 @@ pub struct Track {
     moves: Vec<Move>,
     /// In the order of time; none for a path that is a single pass.
     passes: Vec<Pass>,
+    /// What may be a mistake in its description, as sentences.
+    warnings: Vec<String>,
 }
 
 /// Where a pass of a track begins, and what it waits for.
@@ -215,6 +221,11 @@ impl Track {
         &self.passes
     }
 
+    /// What may be a mistake in the description of the path, as sentences without a full stop.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
     /// The first time after `after` at which the motion or the power has a kink or a jump (s).
     ///
     /// Time steps should end on events. The time is greater than `after`; `None` after the last event.
@@ -271,6 +282,25 @@ impl Track {
             .filter(|&(start, end)| self.energy(start, end) > 0.0)
     }
 
+    /// When the last move with power ends, s; `None` for one without an end, and without power.
+    pub(crate) fn power_end(&self) -> Option<f64> {
+        let last = self.moves.iter().rfind(|m| m.power != [0.0; 2])?;
+        Some(last.end).filter(|end| end.is_finite())
+    }
+
+    /// Length of the path with power up to a time, m; along the seam of a weave.
+    pub(crate) fn powered_length(&self, until: f64) -> f64 {
+        let speed = |m: &Move| match &m.curve {
+            Curve::Sine { velocity, .. } => velocity.norm(),
+            _ => m.velocity(m.start).norm(),
+        };
+        let begun = self.moves.iter().take_while(|m| m.start < until);
+        begun
+            .filter(|m| m.power != [0.0; 2])
+            .map(|m| speed(m) * (m.end.min(until) - m.start))
+            .sum()
+    }
+
     /// Highest speed with power, m/s. A move is fastest at its start or at its middle: straight and circular moves
     /// have constant speed, weaves start on the seam, where they are fastest.
     pub(crate) fn fastest(&self) -> f64 {
@@ -283,193 +313,5 @@ impl Track {
             self.pose(start).speed.max(self.pose(middle).speed)
         };
         self.powered_moves().map(speed).fold(0.0, f64::max)
-    }
-}
-
-/// Builds a track move by move; each starts at the time, position and direction at which the one before ended.
-#[derive(Debug)]
-pub(super) struct TrackBuilder {
-    moves: Vec<Move>,
-    passes: Vec<Pass>,
-    time: f64,
-    position: Vector3<f64>,
-    direction: Vector3<f64>,
-}
-
-impl TrackBuilder {
-    pub fn new(time: f64, position: Vector3<f64>) -> Self {
-        Self {
-            moves: Vec::new(),
-            passes: Vec::new(),
-            time,
-            position,
-            direction: Vector3::x(),
-        }
-    }
-
-    fn push(&mut self, duration: f64, curve: Curve, power: [f64; 2]) {
-        let end = self.time + duration;
-        // a duration below the resolution of the time adds no move
-        if end > self.time {
-            let direction = self.direction;
-            self.moves.push(Move {
-                start: self.time,
-                end,
-                curve,
-                direction,
-                power,
-                torch: None,
-            });
-            self.time = end;
-        }
-    }
-
-    /// A straight move that takes `duration` (s); no motion when `to` is where the source is.
-    pub fn glide(&mut self, to: Vector3<f64>, duration: f64, power: [f64; 2]) {
-        let way = to - self.position;
-        if let Some(direction) = way.try_normalize(0.0) {
-            self.direction = direction;
-        }
-        if duration > 0.0 {
-            let curve = Curve::Straight {
-                from: self.position,
-                velocity: way / duration,
-            };
-            self.push(duration, curve, power);
-        }
-        self.position = to;
-    }
-
-    /// A straight move at `speed` (m/s) and constant power (W).
-    pub fn go(&mut self, to: Vector3<f64>, speed: f64, power: f64) {
-        self.glide(to, (to - self.position).norm() / speed, [power; 2]);
-    }
-
-    /// A straight move without an end, until `end` (s) (infinity for never).
-    pub fn go_on(&mut self, direction: Vector3<f64>, speed: f64, end: f64, power: f64) {
-        self.direction = direction;
-        let curve = Curve::Straight {
-            from: self.position,
-            velocity: direction * speed,
-        };
-        self.push(end - self.time, curve, [power; 2]);
-    }
-
-    /// A rest of `duration` (s) at constant power (W).
-    pub fn dwell(&mut self, duration: f64, power: f64) {
-        self.glide(self.position, duration, [power; 2]);
-    }
-
-    /// A turn about `centre` in a plane normal to z, from where the source is, at `rate` (rad/s) (negative: clockwise).
-    pub fn turn(&mut self, centre: Vector3<f64>, rate: f64, duration: f64, power: f64) {
-        let plane = [Vector3::x(), Vector3::y()];
-        self.turn_in(centre, (plane, Facing::Fixed), (rate, duration), power);
-    }
-
-    /// A turn about `centre` in a plane, from where the source is, at a rate (rad/s) (negative: clockwise) for a time (s).
-    pub fn turn_in(
-        &mut self,
-        centre: Vector3<f64>,
-        (plane, facing): (Plane, Facing),
-        (rate, duration): (f64, f64),
-        power: f64,
-    ) {
-        let [u, v] = plane;
-        let arm = self.position - centre;
-        let [x, y] = [arm.dot(&u), arm.dot(&v)];
-        let curve = Curve::Arc {
-            centre,
-            plane,
-            radius: arm.norm(),
-            angle: y.atan2(x),
-            rate,
-            facing,
-        };
-        self.push(duration, curve, [power; 2]);
-        let (sin, cos) = (rate * duration).sin_cos();
-        let turned = |x: f64, y: f64| u * (cos * x - sin * y) + v * (sin * x + cos * y);
-        self.position = centre + turned(x, y);
-        let tangent = turned(-y, x) * rate.signum();
-        self.direction = tangent.try_normalize(0.0).unwrap_or(self.direction);
-    }
-
-    /// A pass begins here, after a wait if there is one.
-    pub fn begin_pass(&mut self, wait: Option<&WaitUntil>) {
-        self.passes.push(Pass {
-            time: self.time,
-            wait: wait.cloned(),
-        });
-    }
-
-    /// A whole track, whose clock starts now; until its first move the source rests at its first place. `torch` is the axis
-    /// of the torch where the track does not give it.
-    pub fn follow(&mut self, track: &Track, torch: Option<Vector3<f64>>) {
-        let shift = self.time;
-        let first = &track.moves[0];
-        self.position = first.position(first.start);
-        self.dwell(first.start, 0.0);
-        self.passes.extend(track.passes.iter().map(|pass| Pass {
-            time: pass.time + shift,
-            wait: pass.wait.clone(),
-        }));
-        self.moves.extend(track.moves.iter().map(|m| Move {
-            start: m.start + shift,
-            end: m.end + shift,
-            torch: m.torch.or(torch),
-            ..m.clone()
-        }));
-        let last = &track.moves[track.moves.len() - 1];
-        self.time = last.end + shift;
-        self.position = last.position(last.end);
-        self.direction = last.direction(last.end);
-    }
-
-    /// A seam to `to` with the sideways oscillation `sideways sin(rate s)`.
-    pub fn swing(
-        &mut self,
-        to: Vector3<f64>,
-        speed: f64,
-        (sideways, rate): (Vector3<f64>, f64),
-        power: f64,
-    ) {
-        let way = to - self.position;
-        self.direction = way.normalize();
-        let curve = Curve::Sine {
-            from: self.position,
-            velocity: self.direction * speed,
-            sideways,
-            rate,
-        };
-        self.push(way.norm() / speed, curve, [power; 2]);
-        self.position = to;
-    }
-
-    /// Turns the reported travel direction of all moves to the one given.
-    pub fn facing(mut self, direction: Vector3<f64>) -> Self {
-        for each in &mut self.moves {
-            each.direction = direction;
-        }
-        self
-    }
-
-    /// The finished track, or `None` when nothing takes any time.
-    pub fn finish(self) -> Option<Track> {
-        let start = self.moves.first()?.start;
-        let mut passes = self.passes;
-        // a wait after the last move delays nothing
-        passes.retain(|pass| pass.time < self.time);
-        if passes.first().is_some_and(|first| first.time > start) {
-            passes.insert(
-                0,
-                Pass {
-                    time: start,
-                    wait: None,
-                },
-            );
-        }
-        Some(Track {
-            moves: self.moves,
-            passes,
-        })
     }
 }

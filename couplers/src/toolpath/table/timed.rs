@@ -1,0 +1,124 @@
+//! Tables of places and powers in time: `csv` with linear powers between rows, `events` with powers that hold until the next row.
+
+use super::columns::{Layout, Numbers, Quantity, Row};
+use crate::toolpath::track::TrackBuilder;
+use crate::toolpath::{ToolpathError, Track, WaitUntil};
+
+use Quantity::{Time, Wait, X, Y, Z};
+
+/// The usual table.
+pub(super) static CSV: Layout = Layout {
+    header: "time,x,y,z,power",
+    needs_header: true,
+    needed: &[Time, X, Y, Z],
+    optional: &[Wait],
+    needs_power: false,
+};
+
+/// A series of events.
+pub(super) static EVENTS: Layout = Layout {
+    header: "time,x,y,z,power",
+    needs_header: false,
+    needed: &[Time, X, Y, Z],
+    optional: &[],
+    needs_power: true,
+};
+
+/// How the power changes between two rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Between {
+    /// Linearly.
+    Linear,
+    /// It is that of the earlier row.
+    Held,
+}
+
+/// The path through the rows.
+pub(super) fn timed(
+    numbers: &Numbers<'_>,
+    (power, wait): (Option<f64>, Option<&WaitUntil>),
+    between: Between,
+) -> Result<Track, ToolpathError> {
+    let mut track: Option<TrackBuilder> = None;
+    let mut last: Option<(f64, f64)> = None;
+    let mut ramps = Ramps::default();
+    for row in &numbers.rows {
+        let time = numbers.need(row, Time)?;
+        let place = numbers.place(row)?;
+        let power = numbers.power(row, power)?;
+        let track = track.get_or_insert_with(|| TrackBuilder::new(time, place));
+        if let Some((before, power_before)) = last {
+            if time < before {
+                return Err(not_in_order(numbers, row, time, before));
+            }
+            let is_move = track.position() != place;
+            ramps.look([power_before, power], time > before && is_move);
+            let powers = match between {
+                Between::Linear => [power_before, power],
+                Between::Held => [power_before; 2],
+            };
+            track.glide(place, time - before, powers);
+        }
+        last = Some((time, power));
+        if numbers.get(row, Wait)?.is_some_and(|w| w > 0.0) {
+            if wait.is_none() {
+                return Err(ToolpathError::TableWait {
+                    path: numbers.path().into(),
+                    line: row.line,
+                });
+            }
+            track.begin_pass(wait);
+        }
+    }
+    if let Some(track) = &mut track {
+        match (between, last) {
+            (Between::Linear, _) if ramps.look_like_switching() => track.warn(format!(
+                "in the toolpath table {} the power rises and falls linearly while the source moves between rows; with `format = \
+                 \"events\"` the power of a row holds until the next one",
+                numbers.path().display()
+            )),
+            (Between::Held, Some((_, power))) if power > 0.0 => track.warn(format!(
+                "the last row of the toolpath table {} has power, which ends there",
+                numbers.path().display()
+            )),
+            _ => {}
+        }
+    }
+    track
+        .and_then(TrackBuilder::finish)
+        .ok_or_else(|| numbers.too_short())
+}
+
+fn not_in_order(numbers: &Numbers<'_>, row: &Row, time: f64, previous: f64) -> ToolpathError {
+    ToolpathError::TableTime {
+        path: numbers.path().into(),
+        line: row.line,
+        time,
+        previous,
+    }
+}
+
+/// Whether a table with linear powers looks like one whose powers hold until the next row.
+#[derive(Default)]
+struct Ramps {
+    /// The only power above 0, W.
+    level: Option<f64>,
+    /// Whether there is another one.
+    has_levels: bool,
+    /// Whether it rises from 0 or falls to 0 during a move.
+    has_ramps: bool,
+}
+
+impl Ramps {
+    fn look(&mut self, [from, to]: [f64; 2], is_move: bool) {
+        for power in [from, to].into_iter().filter(|p| *p > 0.0) {
+            let level = *self.level.get_or_insert(power);
+            self.has_levels |= level != power;
+        }
+        self.has_ramps |= is_move && (from == 0.0) != (to == 0.0);
+    }
+
+    fn look_like_switching(&self) -> bool {
+        !self.has_levels && self.has_ramps
+    }
+}
