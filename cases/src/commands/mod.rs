@@ -229,8 +229,9 @@ fn export(args: &export::ExportArgs) -> Done {
 /// Draws pictures and prints their paths.
 fn plot(args: &plot::PlotArgs) -> Done {
     let mut out = std::io::stdout().lock();
-    for path in plot::plot(args)? {
-        writeln!(out, "{}", path.display())?;
+    for plot::Plotted { path, unchanged } in plot::plot(args)? {
+        let unchanged = if unchanged { " (unchanged)" } else { "" };
+        writeln!(out, "{}{unchanged}", path.display())?;
     }
     Ok(())
 }
