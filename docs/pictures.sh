@@ -56,7 +56,7 @@ seen() {
   "$perimelt" view "$work/$name.mcap" --no-open >"$work/address.txt" &
   server=$!
   until address=$(grep -o 'http://[^ ]*' "$work/address.txt"); do sleep 0.2; done
-  # graphics by the processor, as in tests/tests/view.rs
+  # graphics by the processor, as in tests/tests/window/mod.rs
   "$chromium" --headless=new --no-sandbox --disable-dev-shm-usage --hide-scrollbars \
     --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader \
     --user-data-dir="$work/chromium" --window-size="$3" --virtual-time-budget=15000 \

@@ -1,132 +1,18 @@
-//! `perimelt view`: what the server answers, to whom, and what a browser makes of it.
-//!
-//! `PERIMELT_CHROMIUM` names a Chromium for the last test; else one is looked for in `PATH`. Without one the test is skipped.
+//! `perimelt view`: what the server answers, and to whom. What a browser makes of it is in `view_page.rs`.
 
 mod program;
 mod running;
+#[allow(dead_code, reason = "the tests of the page use the rest")]
+mod window;
 
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::TcpStream;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use perimelt_core::log::Log;
 use program::command;
 use running::Running;
 use serde_json::Value;
-
-const WELD: &str = include_str!("cases/weld.toml");
-
-/// A folder with the case, which ends at `end` s.
-fn folder(end: f64) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().expect("a folder");
-    let case = WELD.replace("end = 1.5", &format!("end = {end}"));
-    std::fs::write(folder.path().join("weld.toml"), case).expect("writable");
-    folder
-}
-
-/// A folder with the case and its log.
-fn logged() -> tempfile::TempDir {
-    let folder = folder(0.1);
-    let status = command(folder.path(), &["run", "weld.toml", "--quiet"]).status();
-    assert!(status.expect("it starts").success());
-    folder
-}
-
-/// `perimelt view` of the log in a folder.
-struct View {
-    port: u16,
-    _running: Running,
-}
-
-struct Answer {
-    status: u16,
-    head: String,
-    body: Vec<u8>,
-}
-
-impl Answer {
-    fn text(&self) -> &str {
-        std::str::from_utf8(&self.body).expect("text")
-    }
-
-    fn json(&self) -> Value {
-        assert_eq!(self.status, 200, "{}", self.text());
-        serde_json::from_slice(&self.body).expect("JSON")
-    }
-
-    fn singles(&self) -> Vec<f32> {
-        assert_eq!(self.status, 200, "{}", self.text());
-        let chunks = self.body.chunks_exact(4);
-        chunks
-            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-            .collect()
-    }
-
-    fn header(&self, name: &str) -> Option<&str> {
-        self.head.lines().find_map(|line| {
-            let (found, value) = line.split_once(": ")?;
-            found.eq_ignore_ascii_case(name).then_some(value)
-        })
-    }
-}
-
-impl View {
-    fn of(folder: &Path) -> View {
-        View::of_file(folder, "weld.mcap")
-    }
-
-    fn of_file(folder: &Path, file: &str) -> View {
-        let mut child = command(folder, &["view", file, "--no-open"])
-            .stdout(Stdio::piped())
-            .spawn()
-            .expect("it starts");
-        let out = child.stdout.take().expect("piped");
-        let running = Running(child);
-        let mut line = String::new();
-        BufReader::new(out).read_line(&mut line).expect("readable");
-        let port = line
-            .strip_prefix("http://127.0.0.1:")
-            .and_then(|rest| rest.split_once('/'))
-            .and_then(|(port, _)| port.parse().ok())
-            .unwrap_or_else(|| panic!("no address in {line:?}"));
-        View {
-            port,
-            _running: running,
-        }
-    }
-
-    fn ask(&self, request: &str, headers: &str) -> Answer {
-        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).expect("it listens");
-        write!(
-            stream,
-            "{request} HTTP/1.1\r\nConnection: close\r\n{headers}\r\n"
-        )
-        .expect("sent");
-        let mut all = Vec::new();
-        stream.read_to_end(&mut all).expect("answered");
-        let end = all.windows(4).position(|w| w == b"\r\n\r\n");
-        let end = end.expect("a head and a body");
-        let head = String::from_utf8(all[..end].to_vec()).expect("text");
-        let status = head.split(' ').nth(1).and_then(|code| code.parse().ok());
-        Answer {
-            status: status.expect("a status"),
-            body: all[end + 4..].to_vec(),
-            head,
-        }
-    }
-
-    fn get(&self, path: &str) -> Answer {
-        let host = format!("Host: 127.0.0.1:{}\r\n", self.port);
-        self.ask(&format!("GET {path}"), &host)
-    }
-}
-
-fn numbers(value: &Value) -> Vec<f64> {
-    let values = value.as_array().expect("an array").iter();
-    values.map(|v| v.as_f64().unwrap_or(f64::NAN)).collect()
-}
+use window::{View, WELD, folder, logged, numbers};
 
 #[test]
 fn a_case_is_run_and_shown() {
@@ -220,6 +106,27 @@ fn the_server_answers_with_the_numbers_of_the_log() {
     assert_eq!(numbers(&point["position"]), cloud.positions[7]);
     assert_eq!(point["fields"][0]["value"], temperature[7]);
 
+    let [x, y, z] = cloud.positions[7];
+    let history = view.get(&format!("/history/plate/temperature/{x},{y},{z}"));
+    let history = history.json();
+    assert_eq!(numbers(&history["times"]), log.times("plate"));
+    assert_eq!(numbers(&history["values"])[state], temperature[7]);
+    // nothing is far from the body
+    let beside = view.get("/history/plate/temperature/1,0,0").json();
+    assert!(
+        numbers(&beside["values"])
+            .iter()
+            .all(|value| value.is_nan())
+    );
+    // the source moves 10 mm/s along x, from x = 4 mm
+    let sources = view.get("/sources.json").json();
+    let row = &sources[state];
+    assert_eq!(row["time"], cloud.time);
+    let place = numbers(&row["sources"][0]["position"]);
+    assert!((place[0] - 0.004 - 0.01 * cloud.time).abs() < 1e-9, "{row}");
+    assert_eq!(numbers(&row["sources"][0]["beam"]), [0.0, 0.0, -1.0]);
+    assert_eq!(row["sources"][0]["power"], 2000.0);
+
     let series = view.get("/series.json").json();
     let base = series
         .as_array()
@@ -243,7 +150,7 @@ fn only_the_page_itself_gets_answers() {
     let folder = logged();
     let view = View::of(folder.path());
     let page = view.get("/");
-    assert!(page.status == 200 && page.text().contains("<canvas"));
+    assert!(page.status == 200 && page.text().contains("class=\"panel\""));
     // nothing is loaded from elsewhere
     let policy = page.header("Content-Security-Policy").expect("a policy");
     assert!(policy.starts_with("default-src 'none'"), "{policy}");
@@ -291,6 +198,14 @@ fn only_the_page_itself_gets_answers() {
         ("/range/plate/pressure", "has no field `pressure`"),
         ("/melt-pool/gate", "the log has no body `gate`"),
         ("/point/plate/9999/0", "body `plate` has 800 points"),
+        (
+            "/history/plate/temperature/7",
+            "`7` is no place: expected x,y,z in m",
+        ),
+        ("/history/plate/temperature/0,0,nan", "is no place"),
+        ("/history/plate/pressure/0,0,0", "has no field `pressure`"),
+        ("/log/1/run.json", "there is nothing at /log/1/run.json"),
+        ("/log/0/nothing", "there is nothing at /log/0/nothing"),
     ] {
         let answer = view.get(path);
         assert_eq!(answer.status, 404, "{path}: {}", answer.text());
@@ -348,85 +263,4 @@ fn a_run_under_way_is_followed() {
     }
     let newest = view.get(&format!("/field/plate/temperature/{}", before + 1));
     assert_eq!(newest.singles().len(), 800);
-}
-
-/// The Chromium to test with.
-fn chromium() -> Option<PathBuf> {
-    if let Some(path) = std::env::var_os("PERIMELT_CHROMIUM") {
-        return Some(path.into());
-    }
-    let folders = std::env::var_os("PATH")?;
-    std::env::split_paths(&folders)
-        .flat_map(|folder| {
-            ["chromium", "chromium-browser", "google-chrome"].map(|name| folder.join(name))
-        })
-        .find(|path| path.is_file())
-}
-
-/// What the page tells of itself in its element `status`.
-fn status_of_page(chromium: &Path, address: &str) -> Value {
-    let profile = tempfile::tempdir().expect("a folder");
-    // graphics by the processor, so that no graphics card is needed
-    let output = Command::new(chromium)
-        .args(["--headless=new", "--no-sandbox", "--disable-dev-shm-usage"])
-        .args([
-            "--use-gl=angle",
-            "--use-angle=swiftshader",
-            "--enable-unsafe-swiftshader",
-        ])
-        .args([
-            "--window-size=1200,800",
-            "--virtual-time-budget=8000",
-            "--dump-dom",
-        ])
-        .arg(format!("--user-data-dir={}", profile.path().display()))
-        .arg(address)
-        .stderr(Stdio::null())
-        .output()
-        .expect("Chromium starts");
-    let page = String::from_utf8_lossy(&output.stdout);
-    let status = page
-        .split_once("<output id=\"status\"")
-        .and_then(|(_, rest)| rest.split_once('>'))
-        .and_then(|(_, rest)| rest.split_once("</output>"));
-    let (status, _) = status.unwrap_or_else(|| panic!("no status in {page}"));
-    serde_json::from_str(status).unwrap_or_else(|e| panic!("{e}: {status}"))
-}
-
-#[test]
-fn a_browser_draws_the_log() {
-    let Some(chromium) = chromium() else {
-        eprintln!("skipped: no Chromium; `PERIMELT_CHROMIUM` names one");
-        return;
-    };
-    let folder = logged();
-    let log = Log::open(folder.path().join("weld.mcap")).expect("a log");
-    let states = log.times("plate").len();
-    let view = View::of(folder.path());
-    let page = |settings: &str| {
-        let address = format!("http://127.0.0.1:{}/{settings}", view.port);
-        let status = status_of_page(&chromium, &address);
-        assert_eq!(status["ready"], true, "{status}");
-        assert_eq!(status["errors"], serde_json::json!([]), "{status}");
-        assert_eq!(status["states"], states, "{status}");
-        status
-    };
-    // 20 x 10 x 4 cells: the faces of their surface
-    let status = page("");
-    assert_eq!(status["drawn"][0]["form"], "cells");
-    assert_eq!(status["drawn"][0]["count"], 2 * (20 * 10 + 20 * 4 + 10 * 4));
-    assert_eq!(status["field"], "temperature");
-    let range = view.get("/range/plate/temperature").json();
-    assert_eq!(numbers(&status["range"]), numbers(&range["range"]));
-    assert_eq!(status["live"], "complete");
-    assert!(status["curves"].as_u64() > Some(2), "{status}");
-    // half of them, seen at the last time
-    let status = page("#cut=y0.5&time=9");
-    assert_eq!(status["drawn"][0]["count"], 2 * (20 * 5 + 20 * 4 + 5 * 4));
-    assert_eq!(status["index"], states - 1);
-    // as points
-    let status = page("#form=points&field=liquid_fraction");
-    assert_eq!(status["drawn"][0]["form"], "points");
-    assert_eq!(status["drawn"][0]["count"], 800);
-    assert_eq!(status["field"], "liquid_fraction");
 }

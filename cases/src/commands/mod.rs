@@ -229,8 +229,16 @@ fn export(args: &export::ExportArgs) -> Done {
 /// Draws pictures and prints their paths.
 fn plot(args: &plot::PlotArgs) -> Done {
     let mut out = std::io::stdout().lock();
-    for path in plot::plot(args)? {
+    let plotted = plot::plot(args)?;
+    for plot::Plotted { path, .. } in &plotted {
         writeln!(out, "{}", path.display())?;
+    }
+    let unchanged = plotted.iter().filter(|plotted| plotted.unchanged).count();
+    if unchanged > 0 {
+        let all = plotted.len();
+        tell(&format!(
+            "note: {unchanged} of {all} files had their picture already and were not written again"
+        ));
     }
     Ok(())
 }

@@ -48,9 +48,19 @@ pub struct PlotArgs {
     /// axis along which the heat source travels, for the length of the melt pool
     #[arg(long, value_enum, default_value_t)]
     pub travel: Travel,
+    /// only pictures of these kinds [default: all]
+    #[arg(long, value_enum, value_delimiter = ',', conflicts_with = "film")]
+    pub only: Vec<PictureKind>,
+    /// colours between points instead of one for each
+    #[arg(long)]
+    pub smooth: bool,
     /// width of the pictures, pixels
     #[arg(long, default_value_t = 1200, value_parser = clap::value_parser!(u32).range(500..=6000))]
     pub width: u32,
+    /// pixels per inch: letters and lines have their usual size on paper at this resolution [default: they grow with pictures
+    /// that are wider than 1200 pixels]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(24..=2400))]
+    pub dpi: Option<u32>,
     /// draw only a film of one field of one body over the logged times: a file that ends in `.gif`, `.png` or `.apng`
     #[arg(long, value_name = "FILE", conflicts_with_all = ["out", "format", "at"])]
     pub film: Option<PathBuf>,
@@ -70,6 +80,31 @@ pub enum PictureFormat {
     Png,
     /// lines and letters, for print
     Svg,
+}
+
+/// What a picture shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum PictureKind {
+    /// fields of the bodies
+    Fields,
+    /// sizes of melt pools over time
+    MeltPool,
+    /// probes
+    Probes,
+    /// errors of the balances
+    Balance,
+}
+
+impl PictureKind {
+    /// As on the command line.
+    pub(super) fn name(&self) -> &'static str {
+        match self {
+            Self::Fields => "fields",
+            Self::MeltPool => "melt-pool",
+            Self::Probes => "probes",
+            Self::Balance => "balance",
+        }
+    }
 }
 
 impl PictureFormat {

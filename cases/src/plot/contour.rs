@@ -98,6 +98,14 @@ fn face_value(raster: &Raster, cell: [i64; 2], axis: usize, side: i64) -> Option
     })
 }
 
+/// Values at the corners, in the middles of the faces and in the centre of a cell, by their side of the centre (-1, 0, 1) plus 1
+/// along both axes; `None` for a cell without a finite value.
+pub(super) fn cell_values(raster: &Raster, (i, j): (usize, usize)) -> Option<[[f64; 3]; 3]> {
+    let cell = [i as i64, j as i64];
+    finite(raster, cell)?;
+    Some([-1, 0, 1].map(|x| [-1, 0, 1].map(|y| corner_value(raster, cell, [x, y]))))
+}
+
 /// Value in a corner of a square: the centre of the cell (0, 0), the middle of a face, or a corner of the cell. There it is the
 /// mean of what the cells around it extrapolate.
 fn corner_value(raster: &Raster, cell: [i64; 2], corner: [i64; 2]) -> f64 {

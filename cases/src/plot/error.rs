@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use perimelt_core::log::LogError;
 
+use super::args::PictureKind;
 use super::scalar::ScalarError;
 use crate::chosen::UnknownBody;
 use crate::moment::MomentError;
@@ -48,6 +49,27 @@ pub enum PlotError {
         body: String,
         /// first and last coordinate of the body, m
         extent: [f64; 2],
+    },
+    /// Too few pixels for the letters.
+    #[error(
+        "`--width {width}` is too narrow for letters of `--dpi {dpi}`: expected at least {least} pixels"
+    )]
+    Narrow {
+        /// width asked for, pixels
+        width: u32,
+        /// resolution asked for, pixels per inch
+        dpi: u32,
+        /// the least width at this resolution, pixels
+        least: u32,
+    },
+    /// No picture of the kinds asked for.
+    #[error(
+        "`--only {}`: the log has nothing of this kind to draw",
+        kinds.iter().map(PictureKind::name).collect::<Vec<_>>().join(",")
+    )]
+    NoneOfKind {
+        /// the kinds asked for
+        kinds: Vec<PictureKind>,
     },
     /// A film of an unknown format.
     #[error("`--film {}`: expected a file that ends in `.gif`, `.png` or `.apng`", path.display())]

@@ -129,12 +129,14 @@ impl Plotter<'_> {
             name_all: plot.is_film,
             displacement: displacement.as_deref(),
             extent: plot.extent,
+            smooth: self.args.smooth,
         };
         let round = self.round_isotherms(plot, &snapshot);
         if let Some(round) = &round {
             snapshot.isotherms = round;
         }
-        Ok(Some(Drawn::Picture(snapshot.draw(self.args.width))))
+        let picture = snapshot.draw(self.layout_width).scaled_to(self.args.width);
+        Ok(Some(Drawn::Picture(picture)))
     }
 
     /// Colours and unit of the values of a picture.

@@ -9,7 +9,7 @@ use std::{
 use perimelt_core::log::{BodyInfo, LoggedCloud};
 
 use super::{
-    PlotError, Plotter,
+    PlotError, Plotted, Plotter,
     args::ValueRange,
     colour::ColourMap,
     deformation,
@@ -91,9 +91,10 @@ impl Plotter<'_> {
                         path: path.into(),
                         what,
                     })?;
+                    let (width, height) = picture.size();
                     film.add(Frame {
-                        width: self.args.width,
-                        height: picture.height(),
+                        width,
+                        height,
                         pixels,
                     })?;
                 }
@@ -101,7 +102,10 @@ impl Plotter<'_> {
             }
         }
         film.finish()?;
-        self.written.push(path.into());
+        self.written.push(Plotted {
+            path: path.into(),
+            unchanged: false,
+        });
         Ok(())
     }
 

@@ -9,6 +9,8 @@
 //! - `probe-<name>`: the probes over time, those along a line over the distance at some times
 //! - `balance-error`: relative errors of the balances over time, logarithmic
 //!
+//! A file that shows its picture already is not written again.
+//!
 //! With `--film` it writes one animated picture instead.
 
 mod args;
@@ -30,6 +32,7 @@ mod picture;
 pub(crate) mod scalar;
 mod scale;
 mod section;
+mod smooth;
 mod snapshot;
 pub(crate) mod survey;
 pub(crate) mod unit;
@@ -49,7 +52,7 @@ use crate::commands::open_log;
 use crate::moment::{states_at, tell_other_times};
 use crate::probe::is_line;
 use crate::run::case_of;
-pub use args::{Cut, PictureFormat, PlotArgs, ValueRange};
+pub use args::{Cut, PictureFormat, PictureKind, PlotArgs, ValueRange};
 use charts::{balance_chart, line_probe_chart, melt_pool_chart};
 use curves::Chart;
 pub use error::PlotError;
@@ -59,11 +62,44 @@ use picture::Picture;
 use scalar::{check_scalars, scalar};
 use survey::{Survey, survey};
 
-/// Writes the pictures; their paths.
+/// A file with a picture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Plotted {
+    /// the file
+    pub path: PathBuf,
+    /// whether it showed this picture already, and was not written again
+    pub unchanged: bool,
+}
+
+/// Width from which on letters and lines grow with a picture whose resolution is not given, pixels.
+const USUAL_WIDTH: u32 = 1200;
+
+/// Least width of the layout of a picture, pixels: letters need as much.
+const LEAST_WIDTH: u32 = 500;
+
+/// Width of the layout of pictures, pixels.
+fn layout_width(args: &PlotArgs) -> Result<u32, PlotError> {
+    let Some(dpi) = args.dpi else {
+        return Ok(args.width.min(USUAL_WIDTH));
+    };
+    let width = (f64::from(args.width) * picture::DENSITY / f64::from(dpi)).round() as u32;
+    if width < LEAST_WIDTH {
+        let least = f64::from(LEAST_WIDTH) * f64::from(dpi) / picture::DENSITY;
+        return Err(PlotError::Narrow {
+            width: args.width,
+            dpi,
+            least: least.ceil() as u32,
+        });
+    }
+    Ok(width)
+}
+
+/// Writes the pictures.
 ///
 /// # Errors
 /// The log cannot be read, has no such body or field, or a picture cannot be written.
-pub fn plot(args: &PlotArgs) -> Result<Vec<PathBuf>, PlotError> {
+pub fn plot(args: &PlotArgs) -> Result<Vec<Plotted>, PlotError> {
+    let layout_width = layout_width(args)?;
     let log = open_log(&args.log)?;
     let bodies = chosen::bodies(&log, &args.body)?;
     let out = args
@@ -78,6 +114,7 @@ pub fn plot(args: &PlotArgs) -> Result<Vec<PathBuf>, PlotError> {
         args,
         title,
         out,
+        layout_width,
         written: Vec::new(),
     };
     check_scalars(&log, bodies.iter().map(|body| &*body.name), &args.field)?;
@@ -96,11 +133,20 @@ pub fn plot(args: &PlotArgs) -> Result<Vec<PathBuf>, PlotError> {
     for body in bodies {
         plotter.plot_body(body)?;
     }
-    for (name, series) in log.probes() {
-        let chart = plotter.probe_chart(name, series)?;
-        plotter.write_chart(&format!("probe-{name}"), &chart)?;
+    if plotter.wants(PictureKind::Probes) {
+        for (name, series) in log.probes() {
+            let chart = plotter.probe_chart(name, series)?;
+            plotter.write_chart(&format!("probe-{name}"), &chart)?;
+        }
     }
-    plotter.write_chart("balance-error", &balance_chart(log.balance()))?;
+    if plotter.wants(PictureKind::Balance) {
+        plotter.write_chart("balance-error", &balance_chart(log.balance()))?;
+    }
+    if plotter.written.is_empty() && !args.only.is_empty() {
+        return Err(PlotError::NoneOfKind {
+            kinds: args.only.clone(),
+        });
+    }
     Ok(plotter.written)
 }
 
@@ -127,16 +173,27 @@ struct Plotter<'a> {
     /// title of the case
     title: String,
     out: PathBuf,
-    written: Vec<PathBuf>,
+    /// width of the layout of pictures, pixels
+    layout_width: u32,
+    written: Vec<Plotted>,
 }
 
 impl Plotter<'_> {
+    /// Whether pictures of a kind are wanted.
+    fn wants(&self, kind: PictureKind) -> bool {
+        self.args.only.is_empty() || self.args.only.contains(&kind)
+    }
+
     fn plot_body(&mut self, body: &BodyInfo) -> Result<(), PlotError> {
         let times = self.log.times(&body.name);
-        if times.is_empty() {
+        let is_wanted = self.wants(PictureKind::Fields) || self.wants(PictureKind::MeltPool);
+        if times.is_empty() || !is_wanted {
             return Ok(());
         }
-        let fields = self.fields(&self.log.first_cloud(&body.name)?);
+        let mut fields = self.fields(&self.log.first_cloud(&body.name)?);
+        if !self.wants(PictureKind::Fields) {
+            fields.clear();
+        }
         let asked = self.isotherms();
         let isotherms = isotherm::isotherms(self.log, &body.name, &asked);
         let bound = isotherm::bound(self.log, &body.name, &asked);
@@ -161,6 +218,9 @@ impl Plotter<'_> {
             wanted.sort_unstable();
             wanted.dedup();
             self.plot_field((body, field), &wanted, &isotherms, &survey)?;
+        }
+        if !self.wants(PictureKind::MeltPool) {
+            return Ok(());
         }
         let chart = melt_pool_chart(body, &survey, bound.as_ref(), self.args.celsius);
         self.write_chart(&format!("{}-melt-pool", body.name), &chart)
@@ -254,8 +314,8 @@ impl Plotter<'_> {
     }
 
     fn write_chart(&mut self, name: &str, chart: &Chart) -> Result<(), PlotError> {
-        match chart.draw(&self.title, self.args.width) {
-            Some(picture) => self.write(name, &picture),
+        match chart.draw(&self.title, self.layout_width) {
+            Some(picture) => self.write(name, &picture.scaled_to(self.args.width)),
             None => Ok(()),
         }
     }
@@ -266,8 +326,8 @@ impl Plotter<'_> {
             file_name(name),
             self.args.format.extension()
         ));
-        picture.write(&path, self.args.format)?;
-        self.written.push(path);
+        let unchanged = !picture.write(&path, self.args.format)?;
+        self.written.push(Plotted { path, unchanged });
         Ok(())
     }
 }

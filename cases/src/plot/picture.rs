@@ -1,10 +1,13 @@
 //! A picture as a list of marks, written as PNG or SVG.
 //!
-//! Coordinates are pixels of the finished picture from its upper left corner, with fractions. The
-//! backends of `plotters` only take whole pixels and smooth few edges, so marks are drawn `SCALE`
-//! times as large; PNG is averaged down, SVG scaled by its header.
+//! Coordinates are pixels of the picture as it is laid out, from its upper left corner, with fractions; a picture for print has
+//! several of its pixels for each of those ([`Picture::scaled_to`]). The backends of `plotters` only take whole pixels and smooth
+//! few edges, so marks are drawn several times as large; PNG is averaged down, SVG scaled by its header.
+//!
+//! Files contain a fingerprint of their picture, so that a file that shows it already is not written again.
 
-use std::{fs, io::BufWriter, path::Path};
+use std::io::{BufWriter, Cursor};
+use std::{fs, path::Path};
 
 use plotters::prelude::{
     BitMapBackend, DrawingArea, DrawingBackend, FontStyle, FontTransform, IntoDrawingArea,
@@ -16,7 +19,16 @@ use plotters::{coord::Shift, drawing::DrawingAreaErrorKind};
 
 use super::{PictureFormat, PlotError, colour::Colour};
 
+/// Pixels that are drawn for one of the layout, at least.
 const SCALE: u32 = 3;
+/// Pixels that are drawn for one of the picture, at least.
+const LEAST_SCALE: u32 = 2;
+/// Pixels per inch of a picture as it is laid out.
+pub(super) const DENSITY: f64 = 96.0;
+/// Name of the fingerprint in a file.
+const FINGERPRINT: &str = "Perimelt";
+/// What follows the fingerprint in an SVG file.
+const END: &str = "</metadata>\n</svg>";
 const FONT: &str = "sans-serif";
 const REGULAR: &[u8] = include_bytes!("../../assets/fonts/Roboto-Regular-subset.ttf");
 const MEDIUM: &[u8] = include_bytes!("../../assets/fonts/Roboto-Medium-subset.ttf");
@@ -63,6 +75,8 @@ enum Mark {
 pub(crate) struct Picture {
     width: u32,
     height: u32,
+    /// width of the finished picture, pixels
+    pixels_wide: u32,
     marks: Vec<Mark>,
 }
 
@@ -85,18 +99,44 @@ impl Picture {
         Self {
             width,
             height,
+            pixels_wide: width,
             marks: Vec::new(),
         }
     }
 
-    /// Width, pixels.
+    /// The same picture with this many pixels across: letters and lines grow with it.
+    pub(crate) fn scaled_to(self, pixels_wide: u32) -> Self {
+        Self {
+            pixels_wide,
+            ..self
+        }
+    }
+
+    /// Width of the layout, pixels.
     pub(crate) fn width(&self) -> f64 {
         f64::from(self.width)
     }
 
-    /// Height, pixels.
-    pub(crate) fn height(&self) -> u32 {
-        self.height
+    /// Width and height of the finished picture, pixels.
+    pub(crate) fn size(&self) -> (u32, u32) {
+        let height = f64::from(self.height) * self.density();
+        (self.pixels_wide, height.round() as u32)
+    }
+
+    /// Pixels of the finished picture for one of the layout.
+    fn density(&self) -> f64 {
+        f64::from(self.pixels_wide) / f64::from(self.width)
+    }
+
+    /// Pixels that are drawn for one of the finished picture.
+    fn oversampling(&self) -> u32 {
+        ((f64::from(SCALE) / self.density()).ceil() as u32).clamp(LEAST_SCALE, SCALE)
+    }
+
+    /// Width and height of what is drawn, pixels.
+    fn drawn_size(&self) -> (u32, u32) {
+        let ((width, height), scale) = (self.size(), self.oversampling());
+        (width * scale, height * scale)
     }
 
     pub(crate) fn rectangle(&mut self, corners: [[f64; 2]; 2], colour: Colour) {
@@ -164,33 +204,52 @@ impl Picture {
         });
     }
 
-    /// Writes the picture.
-    pub(crate) fn write(&self, path: &Path, format: PictureFormat) -> Result<(), PlotError> {
+    /// Writes the picture, unless the file shows it already; whether it was written.
+    pub(crate) fn write(&self, path: &Path, format: PictureFormat) -> Result<bool, PlotError> {
         let drawing = |source: &dyn std::fmt::Display| PlotError::Drawing {
             path: path.into(),
             what: source.to_string(),
         };
+        let fingerprint = self.fingerprint();
+        if fingerprint_of(path, format).as_deref() == Some(&*fingerprint) {
+            return Ok(false);
+        }
         register_fonts();
-        let size = (self.width * SCALE, self.height * SCALE);
+        let drawn = self.drawn_size();
         match format {
             PictureFormat::Svg => {
                 let mut text = String::new();
-                let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
+                let area = SVGBackend::with_string(&mut text, drawn).into_drawing_area();
                 self.draw(&area).map_err(|error| drawing(&error))?;
                 drop(area);
-                let large = format!(r#"width="{}" height="{}""#, size.0, size.1);
-                let real = format!(r#"width="{}" height="{}""#, self.width, self.height);
-                fs::write(path, text.replacen(&large, &real, 1)).map_err(|source| PlotError::Io {
+                let size = self.size();
+                let large = format!(r#"width="{}" height="{}""#, drawn.0, drawn.1);
+                let real = format!(r#"width="{}" height="{}""#, size.0, size.1);
+                let text = text.replacen(&large, &real, 1);
+                let end = format!("<metadata>{FINGERPRINT} {fingerprint}{END}");
+                let text = text.replacen("</svg>", &end, 1);
+                fs::write(path, text).map_err(|source| PlotError::Io {
                     action: "write",
                     path: path.into(),
                     source,
-                })
+                })?;
             }
             PictureFormat::Png => {
                 let pixels = self.pixels().map_err(|error| drawing(&error))?;
-                self.write_png(path, &pixels)
+                self.write_png(path, &pixels, fingerprint)?;
             }
         }
+        Ok(true)
+    }
+
+    /// What tells this picture from others: a hash of its marks and size, and the version of the program that draws it.
+    fn fingerprint(&self) -> String {
+        let text = format!("{} {:?}", env!("CARGO_PKG_VERSION"), self);
+        // FNV-1a: the hashes of the standard library may change with its version
+        let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        });
+        format!("{hash:016x}")
     }
 
     /// Red, green and blue of all pixels, row by row.
@@ -199,23 +258,31 @@ impl Picture {
     /// What cannot be drawn.
     pub(crate) fn pixels(&self) -> Result<Vec<u8>, String> {
         register_fonts();
-        let size = (self.width * SCALE, self.height * SCALE);
-        let mut pixels = vec![0; 3 * size.0 as usize * size.1 as usize];
-        let area = BitMapBackend::with_buffer(&mut pixels, size).into_drawing_area();
+        let (wide, tall) = self.drawn_size();
+        let mut pixels = vec![0; 3 * wide as usize * tall as usize];
+        let area = BitMapBackend::with_buffer(&mut pixels, (wide, tall)).into_drawing_area();
         self.draw(&area).map_err(|error| error.to_string())?;
         drop(area);
-        Ok(averaged(&pixels, size.0 as usize))
+        Ok(averaged(&pixels, wide as usize, self.oversampling()))
     }
 
-    fn write_png(&self, path: &Path, pixels: &[u8]) -> Result<(), PlotError> {
+    fn write_png(&self, path: &Path, pixels: &[u8], fingerprint: String) -> Result<(), PlotError> {
         let file = fs::File::create(path).map_err(|source| PlotError::Io {
             action: "create",
             path: path.into(),
             source,
         })?;
-        let mut encoder = png::Encoder::new(BufWriter::new(file), self.width, self.height);
+        let (width, height) = self.size();
+        let mut encoder = png::Encoder::new(BufWriter::new(file), width, height);
         encoder.set_color(png::ColorType::Rgb);
+        let per_metre = (self.density() * DENSITY / 0.0254).round() as u32;
+        encoder.set_pixel_dims(Some(png::PixelDimensions {
+            xppu: per_metre,
+            yppu: per_metre,
+            unit: png::Unit::Meter,
+        }));
         let write = || -> Result<(), png::EncodingError> {
+            encoder.add_text_chunk(FINGERPRINT.into(), fingerprint)?;
             let mut writer = encoder.write_header()?;
             writer.write_image_data(pixels)?;
             writer.finish()
@@ -230,7 +297,7 @@ impl Picture {
         &self,
         area: &DrawingArea<B, Shift>,
     ) -> Result<(), DrawingAreaErrorKind<B::ErrorType>> {
-        let scale = f64::from(SCALE);
+        let scale = self.density() * f64::from(self.oversampling());
         let place = |p: &[f64; 2]| ((p[0] * scale).round() as i32, (p[1] * scale).round() as i32);
         let paint = |colour: &Colour| RGBColor(colour.0, colour.1, colour.2);
         area.fill(&paint(&super::colour::WHITE))?;
@@ -316,9 +383,30 @@ pub(crate) fn text_width(text: &str, size: f64) -> f64 {
     f64::from(width) / f64::from(SCALE)
 }
 
-/// Means over squares of `SCALE` by `SCALE` pixels.
-fn averaged(pixels: &[u8], width: usize) -> Vec<u8> {
-    let scale = SCALE as usize;
+/// The fingerprint in a file; `None` if there is no such file, or it has none.
+fn fingerprint_of(path: &Path, format: PictureFormat) -> Option<String> {
+    let bytes = fs::read(path).ok()?;
+    match format {
+        // the end of a file that was written completely
+        PictureFormat::Png if bytes.ends_with(b"IEND\xaeB`\x82") => {
+            let reader = png::Decoder::new(Cursor::new(bytes)).read_info().ok()?;
+            let mut texts = reader.info().uncompressed_latin1_text.iter();
+            let found = texts.find(|text| text.keyword == FINGERPRINT)?;
+            Some(found.text.clone())
+        }
+        PictureFormat::Png => None,
+        PictureFormat::Svg => {
+            let text = String::from_utf8(bytes).ok()?;
+            let (_, after) = text.rsplit_once(&format!("<metadata>{FINGERPRINT} "))?;
+            Some(after.split_once(END)?.0.to_owned())
+        }
+    }
+}
+
+/// Means over squares of `scale` by `scale` pixels.
+fn averaged(pixels: &[u8], width: usize, scale: u32) -> Vec<u8> {
+    let area = scale * scale;
+    let scale = scale as usize;
     let row = width * 3;
     let mut small = Vec::with_capacity(pixels.len() / (scale * scale));
     for rows in pixels.chunks_exact(row * scale) {
@@ -330,7 +418,7 @@ fn averaged(pixels: &[u8], width: usize) -> Vec<u8> {
                         sum += u32::from(rows[dy * row + (x * scale + dx) * 3 + channel]);
                     }
                 }
-                small.push((sum / (SCALE * SCALE)) as u8);
+                small.push((sum / area) as u8);
             }
         }
     }

@@ -42,6 +42,8 @@ pub(crate) struct Snapshot<'a> {
     pub displacement: Option<&'a [[f64; 3]]>,
     /// lower and upper corner of a box that is shown in any case, m
     pub extent: Option<[[f64; 3]; 2]>,
+    /// colours between points instead of one for each
+    pub smooth: bool,
 }
 
 /// Lines of one isotherm in each of the views, m.
@@ -160,7 +162,11 @@ impl Snapshot<'_> {
             vertical: axis(1),
         };
         let place = |p: [f64; 2]| frame.place(p[0] * lengths.factor, p[1] * lengths.factor);
-        self.draw_points(picture, view, place);
+        if self.smooth {
+            self.draw_smooth(picture, view, place);
+        } else {
+            self.draw_points(picture, view, place);
+        }
         for (index, lines) in isotherms {
             for line in *lines {
                 draw_isotherm(picture, line.iter().copied().map(place).collect(), *index);
@@ -219,6 +225,15 @@ impl Snapshot<'_> {
     /// Corners (m) and value of every cell with a point. A corner moves by the mean displacement
     /// of the points around it, so that a stretched body stays closed.
     fn visit_cells(&self, view: &View, mut visit: impl FnMut([[f64; 2]; 4], f64)) {
+        self.visit_places(view, |_, corners, value| visit(corners, value));
+    }
+
+    /// As [`Self::visit_cells`], with the place of the cell in the raster.
+    pub(super) fn visit_places(
+        &self,
+        view: &View,
+        mut visit: impl FnMut((usize, usize), [[f64; 2]; 4], f64),
+    ) {
         let raster = &view.raster;
         let [nx, ny] = raster.cells;
         let half = 0.5 * raster.spacing;
@@ -262,7 +277,7 @@ impl Snapshot<'_> {
                     [x + side(right) + u, y + side(up) + v]
                 };
                 let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
-                visit(corners, raster.value(i, j));
+                visit((i, j), corners, raster.value(i, j));
             }
         }
     }
@@ -349,10 +364,10 @@ impl Snapshot<'_> {
 }
 
 /// Overlap of neighbouring cells, pixels.
-const OVERLAP: f64 = 0.4;
+pub(super) const OVERLAP: f64 = 0.4;
 
 /// The corners of a cell, moved away from its middle by the overlap.
-fn widened(corners: [[f64; 2]; 4]) -> [[f64; 2]; 4] {
+pub(super) fn widened(corners: [[f64; 2]; 4]) -> [[f64; 2]; 4] {
     let middle = |axis: usize| corners.iter().map(|corner| corner[axis]).sum::<f64>() / 4.0;
     let middle = [middle(0), middle(1)];
     corners.map(|corner| {

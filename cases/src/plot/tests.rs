@@ -1,3 +1,5 @@
+use perimelt_core::log::{RunInfo, Writer};
+
 use super::*;
 use crate::melt_pool::Travel;
 
@@ -15,11 +17,20 @@ fn args(log: PathBuf, out: &Path) -> PlotArgs {
         celsius: false,
         deform: None,
         travel: Travel::X,
+        only: Vec::new(),
+        smooth: false,
         width: 600,
+        dpi: None,
         film: None,
         frames: 4,
         rate: 10,
     }
+}
+
+/// Paths of the pictures.
+fn files(args: &PlotArgs) -> Vec<PathBuf> {
+    let plotted = plot(args).expect("pictures");
+    plotted.into_iter().map(|plotted| plotted.path).collect()
 }
 
 fn logged() -> (tempfile::TempDir, PathBuf) {
@@ -32,7 +43,7 @@ fn logged() -> (tempfile::TempDir, PathBuf) {
 #[test]
 fn every_picture_is_a_png_of_the_asked_width_with_more_than_paper_on_it() {
     let (folder, log) = logged();
-    let paths = plot(&args(log, &folder.path().join("out"))).expect("pictures");
+    let paths = files(&args(log, &folder.path().join("out")));
     let names: Vec<_> = paths
         .iter()
         .map(|p| p.file_name().expect("a name").to_string_lossy())
@@ -72,7 +83,7 @@ fn deformed_pictures_come_as_svg_for_the_nearest_times() {
     args.body = vec!["plate".into()];
     args.at = vec![0.41, 0.39, 0.8];
     args.deform = Some(20.0);
-    let paths = plot(&args).expect("pictures");
+    let paths = files(&args);
     let plates: Vec<_> = paths
         .iter()
         .filter(|path| path.to_string_lossy().contains("displacement.z"))
@@ -89,7 +100,7 @@ fn temperature_svg(mut args: PlotArgs, at: f64) -> String {
     args.body = vec!["plate".into()];
     args.field = vec!["temperature".into()];
     args.at = vec![at];
-    let paths = plot(&args).expect("pictures");
+    let paths = files(&args);
     let is_asked = |path: &&PathBuf| path.to_string_lossy().contains("plate-temperature");
     fs::read_to_string(paths.iter().find(is_asked).expect("a picture")).expect("text")
 }
@@ -205,4 +216,145 @@ fn show_pictures() {
         every: 1,
     };
     crate::export::export(&export).expect("files");
+}
+
+/// Width and height of a PNG file.
+fn size(path: &Path) -> (u32, u32) {
+    let file = std::io::BufReader::new(fs::File::open(path).expect("there"));
+    let reader = png::Decoder::new(file).read_info().expect("PNG");
+    (reader.info().width, reader.info().height)
+}
+
+#[test]
+fn letters_grow_with_the_picture_or_keep_their_size_on_paper() {
+    let (folder, log) = logged();
+    let of = |width: u32, dpi: Option<u32>| {
+        let mut args = args(log.clone(), &folder.path().join(format!("{width}-{dpi:?}")));
+        (args.width, args.dpi, args.body) = (width, dpi, vec!["plate".into()]);
+        args.only = vec![PictureKind::MeltPool];
+        let pictures: Vec<_> = files(&args).iter().map(|path| size(path)).collect();
+        assert_eq!(pictures.len(), 1);
+        pictures[0]
+    };
+    let (_, usual) = of(1200, None);
+    // the same picture with twice the pixels
+    assert_eq!(of(2400, None), (2400, 2 * usual));
+    assert_eq!(of(2400, Some(192)), (2400, 2 * usual));
+    // letters and the height of a chart stay, the chart becomes wider
+    assert_eq!(of(2400, Some(96)), (2400, usual));
+    let mut narrow = args(log, folder.path());
+    (narrow.width, narrow.dpi) = (1200, Some(300));
+    let error = plot(&narrow).expect_err("too narrow").to_string();
+    assert!(error.contains("expected at least 1563 pixels"), "{error}");
+}
+
+#[test]
+fn pictures_of_some_kinds_only() {
+    let (folder, log) = logged();
+    let mut args = args(log, &folder.path().join("out"));
+    let names = |args: &mut PlotArgs, kinds: &[PictureKind]| -> Vec<String> {
+        args.only = kinds.to_vec();
+        let name = |path: &PathBuf| {
+            path.file_stem()
+                .expect("a name")
+                .to_string_lossy()
+                .into_owned()
+        };
+        files(args).iter().map(name).collect()
+    };
+    let all = names(&mut args, &[]);
+    let kinds = [
+        (PictureKind::MeltPool, "-melt-pool"),
+        (PictureKind::Probes, "probe-"),
+        (PictureKind::Balance, "balance-error"),
+    ];
+    let mut others = 0;
+    for (kind, part) in kinds {
+        let wanted: Vec<_> = all
+            .iter()
+            .filter(|name| name.contains(part))
+            .cloned()
+            .collect();
+        others += wanted.len();
+        assert!(!wanted.is_empty(), "{kind:?}");
+        assert_eq!(names(&mut args, &[kind]), wanted, "{kind:?}");
+    }
+    assert_eq!(
+        names(&mut args, &[PictureKind::Fields]).len(),
+        all.len() - others
+    );
+    // a log without any of them
+    let empty = folder.path().join("empty.mcap");
+    let writer = Writer::create(&empty, &RunInfo::default(), "empty.toml", "");
+    writer.expect("a new file").finish().expect("written");
+    (args.log, args.only) = (empty, vec![PictureKind::Balance, PictureKind::Probes]);
+    let error = plot(&args).expect_err("nothing").to_string();
+    assert!(
+        error.contains("`--only balance,probes`: the log has nothing"),
+        "{error}"
+    );
+}
+
+#[test]
+fn what_did_not_change_is_not_written_again() {
+    let (folder, log) = logged();
+    for format in [PictureFormat::Png, PictureFormat::Svg] {
+        let mut args = args(log.clone(), &folder.path().join(format.extension()));
+        args.format = format;
+        let first = plot(&args).expect("pictures");
+        assert!(first.iter().all(|plotted| !plotted.unchanged));
+        let bytes: Vec<_> = first
+            .iter()
+            .map(|p| fs::read(&p.path).expect("there"))
+            .collect();
+        let again = plot(&args).expect("pictures");
+        assert!(again.iter().all(|plotted| plotted.unchanged), "{again:?}");
+        for (plotted, before) in again.iter().zip(&bytes) {
+            assert_eq!(&fs::read(&plotted.path).expect("there"), before);
+        }
+        // what shows temperatures is drawn anew, what does not is not
+        args.celsius = true;
+        for plotted in plot(&args).expect("pictures") {
+            let name = plotted.path.to_string_lossy().into_owned();
+            let is_other = ["displacement", "balance"]
+                .iter()
+                .any(|part| name.contains(part));
+            assert_eq!(plotted.unchanged, is_other, "{name}");
+        }
+        // a file of something else is replaced, and one that was not written to its end
+        let path = &first[0].path;
+        let whole = fs::read(path).expect("there");
+        for other in [&b"no picture"[..], &whole[..whole.len() - 20]] {
+            fs::write(path, other).expect("writable");
+            assert!(!plot(&args).expect("pictures")[0].unchanged);
+            assert_eq!(fs::read(path).expect("there"), whole);
+        }
+    }
+}
+
+#[test]
+fn smooth_pictures_have_colours_between_those_of_the_points() {
+    let (folder, log) = logged();
+    let colours = |smooth: bool, deform: Option<f64>| {
+        let mut args = args(
+            log.clone(),
+            &folder.path().join(format!("{smooth}{deform:?}")),
+        );
+        (args.format, args.smooth, args.deform) = (PictureFormat::Svg, smooth, deform);
+        (args.only, args.at) = (vec![PictureKind::Fields], vec![0.4]);
+        let paths = files(&args);
+        let is_asked = |path: &&PathBuf| path.to_string_lossy().contains("plate-temperature");
+        let svg =
+            fs::read_to_string(paths.iter().find(is_asked).expect("a picture")).expect("text");
+        let fills = svg
+            .split("fill=\"")
+            .skip(1)
+            .filter_map(|rest| rest.split('"').next());
+        let fills: std::collections::BTreeSet<_> = fills.map(str::to_owned).collect();
+        fills.len()
+    };
+    for deform in [None, Some(10.0)] {
+        let (points, between) = (colours(false, deform), colours(true, deform));
+        assert!(between > points, "{deform:?}: {between} {points}");
+    }
 }

@@ -30,8 +30,11 @@ const BINARY: &str = "application/octet-stream";
 
 /// What answers.
 pub(super) struct Answer {
-    pub(super) store: Store,
+    /// the logs, the first one first
+    pub(super) stores: Vec<Store>,
     pub(super) travel: Travel,
+    /// whether temperatures are shown in degrees Celsius at first
+    pub(super) celsius: bool,
     /// what the header `Host` may be
     pub(super) hosts: [String; 2],
 }
@@ -107,11 +110,56 @@ impl Answer {
             ["page", name] => page::find(name)
                 .map(file)
                 .ok_or_else(|| Reply::refusal(404, format!("the page has no file `{name}`"))),
-            ["run.json"] => Ok(Reply::json(&describe::run(&self.store)?)),
+            ["log", log, ref rest @ ..] => {
+                let of_log = self.of_log(number(log)?, (path, rest), known);
+                of_log.unwrap_or_else(|| Err(nothing_at(path)))
+            }
+            ref rest => {
+                let of_log = self.of_log(0, (path, rest), known);
+                of_log.unwrap_or_else(|| Err(nothing_at(path)))
+            }
+        }
+    }
+
+    /// The answer of a log; `None` if there is no log of this number.
+    fn of_log(
+        &self,
+        log: usize,
+        (path, parts): (&str, &[&str]),
+        known: &str,
+    ) -> Option<Result<Reply, Reply>> {
+        let of_log = OfLog {
+            answer: self,
+            store: self.stores.get(log)?,
+        };
+        Some(of_log.get((path, parts), known))
+    }
+
+    /// `/run.json` of a log, with what holds for all of them.
+    fn run(&self, store: &Store) -> Result<Value, LogError> {
+        let mut run = describe::run(store)?;
+        run["logs"] = json!(self.stores.len());
+        run["celsius"] = json!(self.celsius);
+        Ok(run)
+    }
+}
+
+/// What answers for one log.
+struct OfLog<'a> {
+    answer: &'a Answer,
+    store: &'a Store,
+}
+
+impl OfLog<'_> {
+    fn get(&self, (path, parts): (&str, &[&str]), known: &str) -> Result<Reply, Reply> {
+        match *parts {
+            ["run.json"] => Ok(Reply::json(&self.answer.run(self.store)?)),
             ["series.json"] => Ok(Reply::json(&describe::series(&self.store.refreshed()))),
+            ["sources.json"] => Ok(Reply::json(&describe::sources(&self.store.log()))),
             ["melt-pool", name] => {
                 let log = self.store.log();
-                let pools = describe::melt_pool(&self.store, body(&log, name)?, self.travel)?;
+                let body = body(&log, name)?;
+                let pools = describe::melt_pool(self.store, body, self.answer.travel)?;
                 Ok(Reply::json(&pools))
             }
             ["points", body, state] => self.points(body, number(state)?, known),
@@ -119,7 +167,8 @@ impl Answer {
             ["vector", body, name, state] => self.vector(body, name, number(state)?),
             ["range", body, name] => self.range(body, name),
             ["point", body, point, state] => self.point(body, number(point)?, number(state)?),
-            _ => Err(Reply::refusal(404, format!("there is nothing at {path}"))),
+            ["history", body, name, place] => self.history(body, name, place),
+            _ => Err(nothing_at(path)),
         }
     }
 
@@ -172,6 +221,7 @@ impl Answer {
             let why = format!("body `{name}` has {count} points at this time, counted from 0");
             return Err(Reply::refusal(404, why));
         };
+        let alone = at_point(&cloud, point);
         let fields = cloud.fields.iter().map(|field| {
             let parts: &[&str] = match field.components {
                 3 => &VECTOR,
@@ -179,7 +229,7 @@ impl Answer {
                 _ => &[""],
             };
             let first = point * field.components;
-            let whole = scalar_at(field, point);
+            let whole = scalar(&alone, &field.name).and_then(|s| s.values.first().copied());
             json!({
                 "label": pretty_name(&field.name),
                 "unit": field.unit,
@@ -194,22 +244,76 @@ impl Answer {
             &json!({ "point": point, "position": position, "fields": fields }),
         ))
     }
+
+    /// One number in all states that can be read, of the point whose place at rest is next to one, such as `0.01,0,-0.002` (m);
+    /// `null` while there is none within a spacing. Bodies that grow number their points anew.
+    fn history(&self, name: &str, of: &str, place: &str) -> Result<Reply, Reply> {
+        let place = place_of(place)?;
+        let log = self.store.log();
+        let body = body(&log, name)?;
+        let outline = self.store.outline(&body.name)?;
+        if !outline.fields.is_empty() && scalar(&outline, of).is_none() {
+            return Err(no_field(&outline, name, of));
+        }
+        let reference = self.store.reference(body)?;
+        let (mut times, mut values) = (Vec::new(), Vec::new());
+        for state in 0..log.times(&body.name).len() {
+            let cloud = match log.cloud(&body.name, state) {
+                Err(LogError::Damaged { .. }) => continue,
+                cloud => cloud?,
+            };
+            let point = nearest(&reference.positions(&cloud), place, body.spacing);
+            let value = point.and_then(|point| scalar(&at_point(&cloud, point), of));
+            times.push(cloud.time);
+            values.push(value.and_then(|s| s.values.first().copied()));
+        }
+        Ok(Reply::json(&json!({ "times": times, "values": values })))
+    }
 }
 
-/// The number that stands for a field at a point: its magnitude, or von Mises' for a tensor.
-fn scalar_at(field: &CloudField, point: usize) -> Option<f64> {
-    let first = point * field.components;
-    let cloud = LoggedCloud {
-        time: 0.0,
-        positions: Vec::new(),
-        fields: vec![CloudField {
+/// Number of the point next to a place (m), if there is one within a spacing (m).
+fn nearest(positions: &[[f64; 3]], place: [f64; 3], spacing: f64) -> Option<usize> {
+    let distance =
+        |x: &[f64; 3]| -> f64 { x.iter().zip(place).map(|(x, p)| (x - p).powi(2)).sum() };
+    let distances = positions.iter().map(distance).enumerate();
+    let (point, squared) = distances.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    (squared <= spacing * spacing).then_some(point)
+}
+
+/// Three numbers with commas between them.
+fn place_of(text: &str) -> Result<[f64; 3], Reply> {
+    let why = || Reply::refusal(404, format!("`{text}` is no place: expected x,y,z in m"));
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(str::parse).collect();
+    let place: [f64; 3] = numbers
+        .ok()
+        .and_then(|numbers| numbers.try_into().ok())
+        .ok_or_else(why)?;
+    match place.iter().all(|x| x.is_finite()) {
+        true => Ok(place),
+        false => Err(why()),
+    }
+}
+
+/// A point of a cloud by itself.
+fn at_point(cloud: &LoggedCloud, point: usize) -> LoggedCloud {
+    let of_point = |field: &CloudField| {
+        let values = field.values.chunks_exact(field.components).nth(point);
+        CloudField {
             name: field.name.clone(),
             unit: field.unit.clone(),
             components: field.components,
-            values: field.values[first..first + field.components].to_vec(),
-        }],
+            values: values.map(<[f64]>::to_vec).unwrap_or_default(),
+        }
     };
-    scalar(&cloud, &field.name)?.values.first().copied()
+    LoggedCloud {
+        time: cloud.time,
+        positions: cloud.positions.get(point).copied().into_iter().collect(),
+        fields: cloud.fields.iter().map(of_point).collect(),
+    }
+}
+
+fn nothing_at(path: &str) -> Reply {
+    Reply::refusal(404, format!("there is nothing at {path}"))
 }
 
 fn file(file: &'static page::File) -> Reply {

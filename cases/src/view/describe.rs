@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::store::{Pools, Store};
 use crate::component::Number;
-use crate::melt_pool::{MeltPool, Travel};
+use crate::melt_pool::{LoggedSources, MeltPool, SourceState, Travel};
 use crate::plot::colour::{ColourMap, LINES};
 use crate::plot::isotherm::Isotherm;
 use crate::plot::unit::{RULES, pretty_name, pretty_unit};
@@ -30,6 +30,7 @@ pub(super) fn run(store: &Store) -> Result<Value, LogError> {
     }
     let map = |name: &str, map: ColourMap| json!({ "name": name, "colours": map.control_points() });
     let last = log.progress().last();
+    let end = case.map(|case| case.time.end);
     Ok(json!({
         "title": title.unwrap_or_else(|| log.case_name().to_owned()),
         "case": log.case_name(),
@@ -37,10 +38,11 @@ pub(super) fn run(store: &Store) -> Result<Value, LogError> {
         "version": run.version,
         "started": run.started,
         "finished": log.finished(),
+        "stopped": log.finished() && is_early(last.map(|progress| progress.time), end),
         "ending": ending(&log),
         "damaged": log.damage().len(),
         "seconds_since_change": store.age().map(|age| age.as_secs_f64()),
-        "end": case.map(|case| case.time.end),
+        "end": end,
         "time": last.map(|progress| progress.time),
         "step": last.map(|progress| progress.step),
         "wall_time": last.map(|progress| duration(progress.wall_seconds)),
@@ -53,6 +55,36 @@ pub(super) fn run(store: &Store) -> Result<Value, LogError> {
         "lines": LINES,
         "units": RULES,
     }))
+}
+
+/// Whether a run has closed its log at a time (s) before the end (s) of its case: by a signal, or by `--until`.
+fn is_early(last: Option<f64>, end: Option<f64>) -> bool {
+    /// part of the time that is rounding
+    const ROUNDING: f64 = 1e-9;
+    match (last, end) {
+        (Some(last), Some(end)) => last < end - ROUNDING * end.abs(),
+        // a log that was closed before its first step
+        (None, Some(_)) => true,
+        _ => false,
+    }
+}
+
+/// `/sources.json`: the moving heat sources at the times of the states.
+pub(super) fn sources(log: &Log) -> Value {
+    let sources = LoggedSources::of_log(log);
+    let mut times: Vec<f64> = log
+        .bodies()
+        .flat_map(|body| log.times(body))
+        .copied()
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times.dedup();
+    let source = |s: &SourceState| json!({ "position": s.position, "beam": s.beam, "travel": s.travel, "power": s.power });
+    let at = |time: &f64| {
+        let sources: Vec<Value> = sources.at(*time).iter().map(source).collect();
+        json!({ "time": time, "sources": sources })
+    };
+    Value::Array(times.iter().map(at).collect())
 }
 
 fn ending(log: &Log) -> Option<String> {

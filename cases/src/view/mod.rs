@@ -13,6 +13,9 @@
 //! | `/vector/<body>/<field>/<state>` | three numbers per point |
 //! | `/range/<body>/<scalar>` | smallest and largest finite value of all states; the state in which the size is largest |
 //! | `/point/<body>/<number>/<state>` | all values of one point |
+//! | `/history/<body>/<scalar>/<x,y,z>` | one number in all states, of the point at a place (m) at rest |
+//! | `/sources.json` | places, directions and powers of the moving heat sources |
+//! | `/log/<number>/...` | the same of another log, counted from 0 |
 //!
 //! Arrays are `f32`, little-endian. States are counted from 0. Nothing but the log is read from the disk.
 //!
@@ -46,6 +49,11 @@ use store::Store;
 pub struct ViewArgs {
     /// log of a run, finished or under way, or a case, which is run
     pub log: PathBuf,
+    /// another log or case, shown beside the first one at the same times, from the same side and with the same colours
+    pub beside: Option<PathBuf>,
+    /// temperatures in degrees Celsius
+    #[arg(long)]
+    pub celsius: bool,
     /// port on 127.0.0.1 [default: a free one]
     #[arg(long)]
     pub port: Option<u16>,
@@ -105,24 +113,40 @@ pub fn view(args: &ViewArgs, out: &mut impl Write) -> Result<(), ViewError> {
     if args.live.is_some() {
         return Err(ViewError::NotLive);
     }
-    let path = match is_case(&args.log) {
-        true => start::start(&args.log)?,
-        false => args.log.clone(),
-    };
-    let store = Store::open(&path)?;
+    let mut stores = Vec::new();
+    let mut paths = Vec::new();
+    for shown in [Some(&args.log), args.beside.as_ref()]
+        .into_iter()
+        .flatten()
+    {
+        let path = match is_case(shown) {
+            true => start::start(shown)?,
+            false => shown.clone(),
+        };
+        stores.push(Store::open(&path)?);
+        paths.push(path);
+    }
+    let names: Vec<String> = paths
+        .iter()
+        .map(|path| path.display().to_string())
+        .collect();
     let port = args.port.unwrap_or(0);
     let unusable = |source| ViewError::Port { port, source };
     let listener =
         TcpListener::bind(SocketAddr::from((Ipv4Addr::LOCALHOST, port))).map_err(unusable)?;
     let port = listener.local_addr().map_err(unusable)?.port();
     let address = format!("http://127.0.0.1:{port}/");
-    writeln!(out, "{address} shows {}; Ctrl-C ends it", path.display())?;
+    writeln!(
+        out,
+        "{address} shows {}; Ctrl-C ends it",
+        names.join(" and ")
+    )?;
     #[cfg(feature = "live")]
     if let Some(port) = args.live {
         writeln!(
             out,
             "{} serves it to other viewers",
-            live::serve(&path, port)?
+            live::serve(&paths[0], port)?
         )?;
     }
     out.flush()?;
@@ -130,8 +154,9 @@ pub fn view(args: &ViewArgs, out: &mut impl Write) -> Result<(), ViewError> {
         tell("note: no browser could be opened; open the address in one");
     }
     let answer = Answer {
-        store,
+        stores,
         travel: args.travel,
+        celsius: args.celsius,
         hosts: [format!("127.0.0.1:{port}"), format!("localhost:{port}")],
     };
     http::serve(&listener, |request| answer.to(request));

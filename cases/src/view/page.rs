@@ -22,7 +22,7 @@ macro_rules! files {
 }
 
 /// All files; the first is the page itself.
-const FILES: [File; 14] = files! {
+const FILES: [File; 19] = files! {
     "index.html", HTML;
     "style.css", CSS;
     "main.js", SCRIPT;
@@ -37,6 +37,11 @@ const FILES: [File; 14] = files! {
     "charts.js", SCRIPT;
     "capture.js", SCRIPT;
     "units.js", SCRIPT;
+    "address.js", SCRIPT;
+    "edges.js", SCRIPT;
+    "marks.js", SCRIPT;
+    "plane.js", SCRIPT;
+    "pointer.js", SCRIPT;
 };
 
 /// The page.

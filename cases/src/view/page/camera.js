@@ -2,6 +2,9 @@
 
 const LIMIT = Math.PI / 2;
 
+/** Distance from the middle, in half extents of a box, from which on a source is nearer to one side. */
+const NEAR = 0.3;
+
 export const VIEWS = {
   oblique: [-0.6, 0.55],
   front: [0, 0],
@@ -20,6 +23,11 @@ export class Camera {
   /** half the height of what is seen at the target, units of the scene */
   reach = 1.15;
   perspective = true;
+
+  /** Sets angles, target and reach. */
+  set([yaw, pitch, x, y, z, reach]) {
+    Object.assign(this, { yaw, pitch, target: [x, y, z], reach });
+  }
 
   look(name) {
     [this.yaw, this.pitch] = VIEWS[name];
@@ -50,7 +58,8 @@ export class Camera {
     // deformed bodies may extend beyond the radius of the scene
     const span = 4 + Math.hypot(...this.target);
     const far = distance + span;
-    const near = this.perspective ? Math.max(distance - span, 1e-3 * distance) : distance - span;
+    // what is nearer is left out: depths would be too coarse for edges in front of faces
+    const near = this.perspective ? Math.max(distance - span, 0.05 * distance) : distance - span;
     const projection = new Float32Array(16);
     if (this.perspective) {
       const f = 1 / Math.tan(0.3);
@@ -64,6 +73,43 @@ export class Camera {
       projection[15] = 1;
     }
     return { view, projection };
+  }
+
+  /** A projection onto a part of the picture only: `[left, top, width, height]` of `[width, height]` pixels. */
+  part(projection, [left, top, wide, tall], [width, height]) {
+    const [sx, sy] = [width / wide, height / tall];
+    const [cx, cy] = [(2 * left + wide) / width - 1, 1 - (2 * top + tall) / height];
+    const made = Float32Array.from(projection);
+    for (let column = 0; column < 4; column++) {
+      const w = projection[4 * column + 3];
+      made[4 * column] = sx * (projection[4 * column] - cx * w);
+      made[4 * column + 1] = sy * (projection[4 * column + 1] - cy * w);
+    }
+    return made;
+  }
+
+  /**
+   * Looks from the side on which a heat source is: against its beam, and from that side of the box (m) to which the source is
+   * nearer. Of a half model, that is its plane of symmetry.
+   */
+  towards({ position, beam }, [low, high]) {
+    const from = beam.map((x) => -x);
+    // from -1 to 1 across the box
+    const off = position.map((x, axis) => {
+      const half = (high[axis] - low[axis]) / 2;
+      return half > 0 ? (x - low[axis]) / half - 1 : 0;
+    });
+    const [yaw, pitch] = VIEWS.oblique;
+    const level = Math.hypot(from[0], from[1]);
+    if (level > 0.8) {
+      // a beam from a side
+      this.yaw = Math.atan2(from[0], -from[1]) + yaw;
+      this.pitch = off[2] < -NEAR ? -pitch : pitch;
+      return;
+    }
+    this.pitch = from[2] < 0 ? -pitch : pitch;
+    const across = level > 0.2 ? from[1] : off[1];
+    this.yaw = across > NEAR ? Math.PI - yaw : yaw;
   }
 
   /** Moves the picture by parts of its height. */

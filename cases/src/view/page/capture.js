@@ -1,13 +1,42 @@
 // Pictures and films of what is seen, as downloads.
 
-/** Both canvases on one. */
-function compose(onto, layers, background) {
-  onto.width = layers[0].width;
-  onto.height = layers[0].height;
+/** Largest side of what the graphics card draws at once, pixels. */
+const TILE = 2048;
+
+/** Largest side of a picture in a browser, pixels. */
+export const MOST_PIXELS = 16_384;
+
+/** Widths that are offered, pixels. */
+export const WIDTHS = [1920, 3840, 7680];
+
+/** What is seen, `width` pixels wide, on a canvas: text and lines grow with it. */
+export function painted(viewer, width) {
+  const stage = viewer.panels[0].element.parentElement.getBoundingClientRect();
+  const [wide, tall] = [Math.max(stage.width, 1), Math.max(stage.height, 1)];
+  const ratio = Math.min(width, MOST_PIXELS, (MOST_PIXELS * wide) / tall) / wide;
+  const onto = document.createElement("canvas");
+  [onto.width, onto.height] = [Math.round(wide * ratio), Math.round(tall * ratio)];
   const context = onto.getContext("2d");
-  context.fillStyle = background;
+  context.fillStyle = viewer.stage;
   context.fillRect(0, 0, onto.width, onto.height);
-  for (const layer of layers) context.drawImage(layer, 0, 0, onto.width, onto.height);
+  for (const panel of viewer.panels) {
+    const box = panel.element.getBoundingClientRect();
+    const [left, top] = [Math.round((box.left - stage.left) * ratio), Math.round((box.top - stage.top) * ratio)];
+    const whole = [Math.round(box.width * ratio), Math.round(box.height * ratio)];
+    for (let y = 0; y < whole[1]; y += TILE) {
+      for (let x = 0; x < whole[0]; x += TILE) {
+        const part = [x, y, Math.min(TILE, whole[0] - x), Math.min(TILE, whole[1] - y)];
+        viewer.drawPart(panel, part, whole, ratio);
+        context.drawImage(panel.canvas, left + x, top + y);
+      }
+    }
+    const text = document.createElement("canvas");
+    [text.width, text.height] = whole;
+    viewer.write(panel, text, ratio);
+    context.drawImage(text, left, top);
+  }
+  viewer.drawNow();
+  return onto;
 }
 
 function download(blob, name) {
@@ -18,11 +47,9 @@ function download(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-/** Downloads a PNG of layers that have just been drawn. */
-export function picture(layers, background, name) {
-  const canvas = document.createElement("canvas");
-  compose(canvas, layers, background);
-  canvas.toBlob((blob) => download(blob, `${name}.png`), "image/png");
+/** Downloads a PNG of what is seen. */
+export function picture(viewer, width, name) {
+  painted(viewer, width).toBlob((blob) => download(blob, `${name}.png`), "image/png");
 }
 
 const FORMATS = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm", "video/mp4"];
@@ -31,12 +58,12 @@ const FORMATS = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm",
  * Films states: `show(n)` draws one and resolves when it is seen. A film lasts as long as its recording: a state is seen for
  * `pause` ms, or for as long as it takes to load. `stopped()` ends it early.
  */
-export async function film({ states, show, layers, background, pause, stopped, name }) {
+export async function film({ states, show, viewer, width, pause, stopped, name }) {
   const format = FORMATS.find((f) => window.MediaRecorder?.isTypeSupported(f));
   if (!format) throw new Error("this browser cannot record films");
-  const canvas = document.createElement("canvas");
   await show(states[0]);
-  compose(canvas, layers, background());
+  const canvas = painted(viewer, width);
+  const context = canvas.getContext("2d");
   const stream = canvas.captureStream(0);
   const [track] = stream.getVideoTracks();
   const recorder = new MediaRecorder(stream, { mimeType: format, videoBitsPerSecond: 12e6 });
@@ -48,7 +75,7 @@ export async function film({ states, show, layers, background, pause, stopped, n
     if (stopped()) break;
     const start = performance.now();
     await show(state);
-    compose(canvas, layers, background());
+    context.drawImage(painted(viewer, width), 0, 0, canvas.width, canvas.height);
     track.requestFrame();
     await new Promise((resolve) => setTimeout(resolve, Math.max(pause - (performance.now() - start), 0)));
   }

@@ -1,6 +1,8 @@
-// Bodies on a lattice are drawn by the faces of their cells that can be seen. Corners move with the mean displacement of
-// the cells around them, so that a deformed body has no gaps; colours are those of cells, or means at the corners.
+// Bodies on a lattice are drawn by the faces of their cells that can be seen, and by a plane that cuts the cells. Vertices are
+// corners of cells, or places between two corners where the plane cuts an edge. Corners move with the mean displacement of the
+// cells around them, so that a deformed body has no gaps; colours are those of cells, or means at the corners.
 
+import { featureEdge } from "./edges.js";
 import { NO_VALUE } from "./shaders.js";
 
 /** More faces than this are drawn as points. */
@@ -12,7 +14,17 @@ const SPARSE = 64;
 /** Neighbouring points that have moved further apart than this, in spacings, are no longer one body. */
 const APART = 0.75;
 
-const SIDES = [
+/** A plane that is this close to the faces of cells, in spacings, lies on them. */
+const ON_FACES = 1e-3;
+
+/** Whether a corner at this distance (spacings) from a plane is left; one that lies on the plane is not. */
+const isLeft = (distance) => distance < -1e-4;
+
+/** Where a plane cuts an edge between corners at these distances, as part of the way. */
+const crossing = (from, to) => Math.min(Math.max(from / (from - to), 0), 1);
+
+/** Sides of a cell; the opposite of a side has its number with the last bit changed. */
+export const SIDES = [
   [-1, 0, 0],
   [1, 0, 0],
   [0, -1, 0],
@@ -30,6 +42,23 @@ const CORNERS = [
   [[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0]],
   [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
 ];
+
+/** The side of the cell that lies beyond the edge from corner `c` to the next one of a side. */
+const BEYOND = CORNERS.map((corners, side) =>
+  corners.map((from, c) => {
+    const to = corners[(c + 1) % 4];
+    const axis = [0, 1, 2].find((a) => a !== side >> 1 && from[a] === to[a]);
+    return 2 * axis + from[axis];
+  }),
+);
+
+/** Edges of a cell between two of its corners. */
+const CELL_EDGES = [0, 1, 2].flatMap((axis) =>
+  [[0, 0], [0, 1], [1, 0], [1, 1]].map(([p, q]) => {
+    const end = (at) => [0, 1, 2].map((a) => (a === axis ? at : a === (axis + 1) % 3 ? p : q));
+    return [end(0), end(1)];
+  }),
+);
 
 /** Sorts points into the cells of a lattice; `null` if they do not form one. */
 export function lattice(positions, spacing) {
@@ -64,94 +93,239 @@ export function lattice(positions, spacing) {
   return { low, spacing, cells, pointOf, cellOf, count };
 }
 
-/** Which cells a plane leaves, as limits of their numbers along each axis. */
-export function kept(grid, clip) {
-  const limits = [0, 1, 2].map((axis) => [0, grid.cells[axis] - 1]);
-  if (clip) {
-    const place = (clip.position - grid.low[clip.axis]) / grid.spacing;
-    if (clip.flip) limits[clip.axis][0] = Math.max(Math.ceil(place), 0);
-    else limits[clip.axis][1] = Math.min(Math.floor(place), grid.cells[clip.axis] - 1);
-  }
-  return limits;
+/**
+ * A plane in the numbers of the cells: `at(i, j, k)` is the distance, in spacings, by which a place lies on the side that is cut
+ * away. Without a plane nothing is cut away.
+ */
+function distances(grid, plane) {
+  if (!plane) return { at: () => -Infinity, half: 0 };
+  const [a, b, c] = plane.normal;
+  const { low, spacing } = grid;
+  const start = (a * low[0] + b * low[1] + c * low[2] - plane.offset) / spacing;
+  return { at: (i, j, k) => start + a * i + b * j + c * k, half: 0.5 * (Math.abs(a) + Math.abs(b) + Math.abs(c)) };
 }
 
-/** The visible faces: the cell and the corners of each, and the cells around each corner. `null` if there are too many. */
-export function faces(grid, clip, dimension) {
+/** Which cells there are: `there(i, j, k)`; the plane cuts those in two whose distance from it is below `limit`. */
+function cellsOf(grid, plane) {
   const [nx, ny, nz] = grid.cells;
-  const limits = kept(grid, clip);
+  const { at, half } = distances(grid, plane);
+  const limit = half - ON_FACES;
+  const there = (i, j, k) => {
+    if (i < 0 || j < 0 || k < 0 || i >= nx || j >= ny || k >= nz) return false;
+    return grid.pointOf[i + nx * (j + ny * k)] >= 0 && at(i, j, k) < limit;
+  };
+  return { there, at, limit };
+}
+
+/** An array of numbers that grows. */
+class Growing {
+  constructor(Type) {
+    this.array = new Type(1 << 12);
+    this.length = 0;
+  }
+
+  push(number) {
+    if (this.length === this.array.length) {
+      const larger = new this.array.constructor(2 * this.length);
+      larger.set(this.array);
+      this.array = larger;
+    }
+    this.array[this.length++] = number;
+  }
+
+  done() {
+    return this.array.slice(0, this.length);
+  }
+}
+
+/** A mesh that is being made. Vertices are `[from, to, part]`: `part` of the way from one corner to another. */
+class Mesh {
+  constructor(grid) {
+    const [nx, ny, nz] = grid.cells;
+    this.grid = grid;
+    this.size = [nx + 1, ny + 1, nz + 1];
+    this.numbers = new Int32Array(this.size[0] * this.size[1] * this.size[2]).fill(-1);
+    this.nodes = new Growing(Uint32Array);
+    this.from = new Growing(Uint32Array);
+    this.to = new Growing(Uint32Array);
+    this.part = new Growing(Float32Array);
+    this.point = new Growing(Uint32Array);
+    this.rest = new Growing(Float32Array);
+    this.index = new Growing(Uint32Array);
+    this.edges = new Growing(Uint32Array);
+    this.count = 0;
+  }
+
+  #corner([i, j, k]) {
+    const node = i + this.size[0] * (j + this.size[1] * k);
+    if (this.numbers[node] < 0) {
+      this.numbers[node] = this.nodes.length;
+      this.nodes.push(node);
+    }
+    return this.numbers[node];
+  }
+
+  /** Adds a polygon of a point; the number of its first vertex. */
+  polygon(point, vertices) {
+    const first = this.from.length;
+    const { low, spacing } = this.grid;
+    for (const [from, to, part] of vertices) {
+      this.from.push(this.#corner(from));
+      this.to.push(this.#corner(to));
+      this.part.push(part);
+      this.point.push(point);
+      for (let axis = 0; axis < 3; axis++) {
+        this.rest.push(low[axis] + (from[axis] + part * (to[axis] - from[axis]) - 0.5) * spacing);
+      }
+    }
+    for (let n = 2; n < vertices.length; n++) {
+      this.index.push(first);
+      this.index.push(first + n - 1);
+      this.index.push(first + n);
+    }
+    this.count++;
+    return first;
+  }
+
+  line(a, b) {
+    this.edges.push(a);
+    this.edges.push(b);
+  }
+
+  done() {
+    const { grid, size } = this;
+    const [nx, ny, nz] = grid.cells;
+    const corners = this.nodes.length;
+    // points around each corner
+    const around = new Int32Array(8 * corners).fill(-1);
+    for (let n = 0; n < corners; n++) {
+      const node = this.nodes.array[n];
+      const [i, j, k] = [node % size[0], Math.floor(node / size[0]) % size[1], Math.floor(node / (size[0] * size[1]))];
+      let slot = 8 * n;
+      for (let c = 0; c < 8; c++) {
+        const [a, b, d] = [i - (c & 1), j - ((c >> 1) & 1), k - (c >> 2)];
+        if (a < 0 || b < 0 || d < 0 || a >= nx || b >= ny || d >= nz) continue;
+        const p = grid.pointOf[a + nx * (b + ny * d)];
+        if (p >= 0) around[slot++] = p;
+      }
+    }
+    const arrays = ["from", "to", "part", "point", "rest", "index", "edges"].map((name) => [name, this[name].done()]);
+    return { count: this.count, corners, around, ...Object.fromEntries(arrays) };
+  }
+}
+
+/**
+ * What a plane leaves of a side with these corners, whose distances from the plane are given: vertices, the numbers of those at
+ * the ends of what is left of each of the four edges, and at the ends of the cut.
+ */
+function clipped(corners, distance) {
+  const [vertices, sides, cut] = [[], [], []];
+  for (let c = 0; c < 4; c++) {
+    const [a, b] = [c, (c + 1) % 4];
+    const [inside, next] = [isLeft(distance[a]), isLeft(distance[b])];
+    const first = vertices.length;
+    if (inside) vertices.push([corners[a], corners[a], 0]);
+    if (inside !== next) {
+      cut.push(vertices.length);
+      vertices.push([corners[a], corners[b], crossing(distance[a], distance[b])]);
+    }
+    // the part of this edge that is left; the next vertex is that of the next corner
+    sides.push(inside || next ? [inside ? first : vertices.length - 1, next ? vertices.length : vertices.length - 1] : null);
+  }
+  return { vertices, sides, cut };
+}
+
+const SIDES_OF_WHOLE = [[0, 1], [1, 2], [2, 3], [3, 0]];
+
+/** A side that is not cut. */
+function whole(corners) {
+  return { vertices: corners.map((corner) => [corner, corner, 0]), sides: SIDES_OF_WHOLE, cut: [] };
+}
+
+/** The face at which the plane cuts a cell, as vertices in order around it. */
+function capOf([i, j, k], at, normal) {
+  const found = [];
+  for (const [p, q] of CELL_EDGES) {
+    const place = ([a, b, c]) => [i + a, j + b, k + c];
+    const [from, to] = [place(p), place(q)];
+    const [d, e] = [from, to].map(([a, b, c]) => at(a - 0.5, b - 0.5, c - 0.5));
+    if (isLeft(d) !== isLeft(e)) found.push([from, to, crossing(d, e)]);
+  }
+  const where = ([from, to, part]) => from.map((x, axis) => x + part * (to[axis] - x));
+  const middle = [0, 1, 2].map((axis) => found.reduce((sum, v) => sum + where(v)[axis], 0) / found.length);
+  const least = normal.map(Math.abs).indexOf(Math.min(...normal.map(Math.abs)));
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const u = cross(normal, [0, 1, 2].map((axis) => (axis === least ? 1 : 0)));
+  const v = cross(normal, u);
+  const angle = (vertex) => {
+    const away = where(vertex).map((x, axis) => x - middle[axis]);
+    const along = (d) => away[0] * d[0] + away[1] * d[1] + away[2] * d[2];
+    return Math.atan2(along(v), along(u));
+  };
+  return found.map((vertex) => [angle(vertex), vertex]).sort((a, b) => a[0] - b[0]).map(([, vertex]) => vertex);
+}
+
+/**
+ * The faces that can be seen of what a plane leaves, and the lines along the edges of the body; `null` if there are too many
+ * faces. `plane` has a unit `normal` towards what is cut away, and an `offset` (m) along it.
+ */
+export function faces(grid, plane, dimension) {
+  const [nx, ny, nz] = grid.cells;
+  const { pointOf } = grid;
+  const { there, at, limit } = cellsOf(grid, plane);
   // plane bodies are seen from above
   const sides = dimension === 2 && nz === 1 ? [5] : [0, 1, 2, 3, 4, 5];
-  const steps = [-1, 1, -nx, nx, -nx * ny, nx * ny];
-  const visit = (found) => {
-    for (let k = limits[2][0]; k <= limits[2][1]; k++) {
-      for (let j = limits[1][0]; j <= limits[1][1]; j++) {
-        for (let i = limits[0][0]; i <= limits[0][1]; i++) {
-          const cell = i + nx * (j + ny * k);
-          if (grid.pointOf[cell] < 0) continue;
-          for (const side of sides) {
-            const axis = side >> 1;
-            const at = axis === 0 ? i : axis === 1 ? j : k;
-            const edge = side & 1 ? at === limits[axis][1] : at === limits[axis][0];
-            if (edge || grid.pointOf[cell + steps[side]] < 0) found(cell, side, i, j, k);
-          }
-        }
-      }
-    }
+  const mesh = new Mesh(grid);
+  const addSide = (i, j, k, side, isCut) => {
+    const point = pointOf[i + nx * (j + ny * k)];
+    const corners = CORNERS[side].map((corner) => [i + corner[0], j + corner[1], k + corner[2]]);
+    const left = isCut ? clipped(corners, corners.map((c) => at(c[0] - 0.5, c[1] - 0.5, c[2] - 0.5))) : whole(corners);
+    if (left.vertices.length < 3) return;
+    const first = mesh.polygon(point, left.vertices);
+    const line = (ends) => mesh.line(first + ends[0], first + (ends[1] % left.vertices.length));
+    left.sides.forEach((ends, c) => {
+      if (ends && featureEdge(there, [i, j, k], side, BEYOND[side][c], sides.length === 1)) line(ends);
+    });
+    if (left.cut.length === 2) line(left.cut);
   };
-  let count = 0;
-  visit(() => count++);
-  if (count > MOST_FACES) return null;
-
-  const [mx, my, mz] = [nx + 1, ny + 1, nz + 1];
-  const number = new Int32Array(mx * my * mz).fill(-1);
-  const corner = new Uint32Array(4 * count);
-  const point = new Uint32Array(4 * count);
-  const rest = new Float32Array(12 * count);
-  let corners = 0;
-  const nodes = new Uint32Array(4 * count);
-  let face = 0;
-  visit((cell, side, i, j, k) => {
-    for (let c = 0; c < 4; c++) {
-      const [di, dj, dk] = CORNERS[side][c];
-      const node = i + di + mx * (j + dj + my * (k + dk));
-      if (number[node] < 0) {
-        number[node] = corners;
-        nodes[corners++] = node;
+  const far = Math.min(limit - 1, -limit);
+  for (let k = 0; k < nz; k++) {
+    for (let j = 0; j < ny; j++) {
+      for (let i = 0; i < nx; i++) {
+        const cell = i + nx * (j + ny * k);
+        if (pointOf[cell] < 0) continue;
+        const distance = plane ? at(i, j, k) : -Infinity;
+        if (distance >= limit) continue;
+        // most cells are far from the plane and inside of the body
+        const isFar = distance < far && i > 0 && j > 0 && k > 0 && i < nx - 1 && j < ny - 1 && k < nz - 1;
+        const isInside =
+          isFar &&
+          pointOf[cell - 1] >= 0 &&
+          pointOf[cell + 1] >= 0 &&
+          pointOf[cell - nx] >= 0 &&
+          pointOf[cell + nx] >= 0 &&
+          pointOf[cell - nx * ny] >= 0 &&
+          pointOf[cell + nx * ny] >= 0;
+        if (isInside) continue;
+        const isCut = Math.abs(distance) < limit;
+        for (const side of sides) {
+          const [a, b, c] = SIDES[side];
+          if (!there(i + a, j + b, k + c)) addSide(i, j, k, side, isCut);
+        }
+        if (isCut && sides.length > 1) {
+          const cap = capOf([i, j, k], at, plane.normal);
+          if (cap.length > 2) mesh.polygon(pointOf[cell], cap);
+        }
+        if (mesh.count > MOST_FACES) return null;
       }
-      const vertex = 4 * face + c;
-      corner[vertex] = number[node];
-      point[vertex] = grid.pointOf[cell];
-      rest[3 * vertex] = grid.low[0] + (i + di - 0.5) * grid.spacing;
-      rest[3 * vertex + 1] = grid.low[1] + (j + dj - 0.5) * grid.spacing;
-      rest[3 * vertex + 2] = grid.low[2] + (k + dk - 0.5) * grid.spacing;
-    }
-    face++;
-  });
-
-  // points around each corner
-  const around = new Int32Array(8 * corners).fill(-1);
-  for (let n = 0; n < corners; n++) {
-    const node = nodes[n];
-    const [i, j, k] = [node % mx, Math.floor(node / mx) % my, Math.floor(node / (mx * my))];
-    let slot = 8 * n;
-    for (let c = 0; c < 8; c++) {
-      const [a, b, d] = [i - (c & 1), j - ((c >> 1) & 1), k - (c >> 2)];
-      if (a < 0 || b < 0 || d < 0 || a >= nx || b >= ny || d >= nz) continue;
-      const p = grid.pointOf[a + nx * (b + ny * d)];
-      if (p >= 0) around[slot++] = p;
     }
   }
-  const index = new Uint32Array(6 * count);
-  for (let f = 0; f < count; f++) {
-    const v = 4 * f;
-    index.set([v, v + 1, v + 2, v, v + 2, v + 3], 6 * f);
-  }
-  return { count, corners, corner, point, rest, around, index };
+  return mesh.done();
 }
 
 /** A value for each vertex: that of its cell, or the mean of the finite values around its corner. */
 export function vertexValues(mesh, values, smooth, out) {
-  const { corner, point, around } = mesh;
+  const { from, to, part, point, around } = mesh;
   if (!smooth) {
     for (let v = 0; v < point.length; v++) {
       const value = values[point[v]];
@@ -171,12 +345,15 @@ export function vertexValues(mesh, values, smooth, out) {
     }
     means[n] = count > 0 ? sum / count : NO_VALUE;
   }
-  for (let v = 0; v < corner.length; v++) out[v] = means[corner[v]];
+  for (let v = 0; v < from.length; v++) {
+    const [a, b] = [means[from[v]], means[to[v]]];
+    out[v] = a > 1e38 ? b : b > 1e38 ? a : a + part[v] * (b - a);
+  }
 }
 
 /** The displacement of each vertex times `unit`; whether neighbours have stayed together. */
 export function vertexMotion(mesh, motion, spacing, unit, out) {
-  const { corner, around } = mesh;
+  const { from, to, part, around } = mesh;
   const means = new Float32Array(3 * mesh.corners);
   let together = true;
   for (let n = 0; n < mesh.corners; n++) {
@@ -193,30 +370,27 @@ export function vertexMotion(mesh, motion, spacing, unit, out) {
       if (!(high - low <= APART * spacing)) together = false;
     }
   }
-  for (let v = 0; v < corner.length; v++) {
-    out[3 * v] = means[3 * corner[v]];
-    out[3 * v + 1] = means[3 * corner[v] + 1];
-    out[3 * v + 2] = means[3 * corner[v] + 2];
+  for (let v = 0; v < from.length; v++) {
+    for (let axis = 0; axis < 3; axis++) {
+      const [a, b] = [means[3 * from[v] + axis], means[3 * to[v] + axis]];
+      out[3 * v + axis] = a + part[v] * (b - a);
+    }
   }
   return together;
 }
 
 /** Points that can be seen of a body with hidden ones: those at its surface and at the cut. */
-export function visiblePoints(grid, clip) {
+export function visiblePoints(grid, plane) {
   const [nx, ny] = grid.cells;
-  const limits = kept(grid, clip);
+  const { at } = distances(grid, plane);
+  const { there } = cellsOf(grid, null);
+  const kept = (i, j, k) => there(i, j, k) && at(i, j, k) <= 0;
   const found = [];
-  const { cellOf, pointOf } = grid;
+  const { cellOf } = grid;
   for (let p = 0; p < grid.count; p++) {
     const cell = cellOf[p];
-    const at = [cell % nx, Math.floor(cell / nx) % ny, Math.floor(cell / (nx * ny))];
-    if (at.some((x, axis) => x < limits[axis][0] || x > limits[axis][1])) continue;
-    const hidden = SIDES.every(([i, j, k], side) => {
-      const axis = side >> 1;
-      const edge = side & 1 ? at[axis] === limits[axis][1] : at[axis] === limits[axis][0];
-      return !edge && pointOf[cell + i + nx * (j + ny * k)] >= 0;
-    });
-    if (!hidden) found.push(p);
+    const [i, j, k] = [cell % nx, Math.floor(cell / nx) % ny, Math.floor(cell / (nx * ny))];
+    if (kept(i, j, k) && !SIDES.every(([a, b, c]) => kept(i + a, j + b, k + c))) found.push(p);
   }
   return Uint32Array.from(found);
 }

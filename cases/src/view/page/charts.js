@@ -1,6 +1,6 @@
 // Curves over time: probes, melt pools, reports, balances.
 
-import { number, ticks, unitFor } from "./units.js";
+import { number, ticks, toShown, toValue, unitFor, withUnit } from "./units.js";
 
 const [LEFT, RIGHT, TOP, BOTTOM] = [50, 8, 20, 22];
 
@@ -21,20 +21,32 @@ export class Charts {
     new ResizeObserver(() => this.draw()).observe(element);
   }
 
+  /** Colours of the curves. */
   get lines() {
     return this.palettes[document.documentElement.dataset.theme] ?? this.palettes.dark;
   }
 
-  /** Shows these series; what is open stays open. */
+  /**
+   * Shows these series; what is open stays open. Columns may have times of their own. Series of one name, of several logs, share
+   * their charts; those of other logs than the first one are dashed.
+   */
   show(all) {
-    const wanted = all.filter((series) => series.columns.length > 0 && series.times.length > 0);
-    const names = wanted.map((s) => s.kind + s.name).join("\n");
+    const merged = new Map();
+    for (const { kind, name, isotherm, times, columns, log = 0, file } of all) {
+      const key = kind + name;
+      if (!merged.has(key)) merged.set(key, { key, kind, name, isotherm, columns: [] });
+      const own = columns.map((c) => ({ times, ...c, log, label: log ? `${c.label} (${file})` : c.label }));
+      merged.get(key).columns.push(...own.filter((c) => c.times.length > 0));
+    }
+    const wanted = [...merged.values()].filter((series) => series.columns.length > 0);
+    const names = wanted.map((s) => s.key).join("\n");
     if (names !== this.names) {
       this.names = names;
+      const open = new Map([...this.#groups].map(([key, group]) => [key, group.details.open]));
       this.#groups.clear();
       this.element.replaceChildren();
       if (!wanted.length) this.#empty();
-      for (const series of wanted) this.#group(series);
+      for (const series of wanted) this.#group(series, open.get(series.key));
     }
     this.#panels = [];
     for (const series of wanted) this.#fill(series);
@@ -44,30 +56,31 @@ export class Charts {
   #empty() {
     const none = document.createElement("p");
     none.className = "none";
-    none.textContent = "No probe, report or balance is in the log. [[probes]] in the case file adds curves here.";
+    none.textContent =
+      "No probe, report or balance is in the log. [[probes]] in the case file adds curves here, and so does a click on a body.";
     this.element.append(none);
   }
 
-  #group(series) {
+  #group(series, open) {
     const details = document.createElement("details");
     const summary = document.createElement("summary");
     summary.textContent = series.name;
     if (series.isotherm) {
       const bound = document.createElement("span");
-      bound.textContent = ` above ${series.isotherm.name}, ${number(series.isotherm.temperature, 5)} K`;
+      bound.textContent = ` above ${series.isotherm.name}, ${withUnit(series.isotherm.temperature, "K", "K", 5)}`;
       summary.append(bound);
     }
     const inside = document.createElement("div");
     details.append(summary, inside);
-    details.open = series.kind === "pool" || series.kind === "probe";
+    details.open = open ?? ["pool", "probe", "point"].includes(series.kind);
     details.addEventListener("toggle", () => this.draw());
     this.element.append(details);
-    this.#groups.set(series.kind + series.name, { details, inside });
+    this.#groups.set(series.key, { details, inside });
   }
 
   /** One panel for each unit; of balances the errors only. */
   #fill(series) {
-    const { details, inside } = this.#groups.get(series.kind + series.name);
+    const { details, inside } = this.#groups.get(series.key);
     const columns = series.columns.filter((c) => series.kind !== "balance" || c.name.includes("error"));
     const units = [...new Set(columns.map((c) => c.unit))];
     if (inside.children.length !== units.length) {
@@ -76,7 +89,7 @@ export class Charts {
     }
     units.forEach((unit, i) => {
       const lines = columns.filter((c) => c.unit === unit);
-      this.#panels.push({ element: inside.children[i], details, times: series.times, lines, unit });
+      this.#panels.push({ element: inside.children[i], details, lines, unit });
     });
   }
 
@@ -104,7 +117,7 @@ export class Charts {
     for (const panel of this.#panels) if (panel.details.open) this.#draw(panel);
   }
 
-  #draw({ element, times, lines, unit }) {
+  #draw({ element, lines, unit }) {
     const [canvas, legend] = element.children;
     const ratio = window.devicePixelRatio || 1;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
@@ -120,7 +133,9 @@ export class Charts {
     const size = Math.max(Math.abs(low), Math.abs(high));
     const shown = unitFor(unit, size, lines[0].shown_unit);
     if (!(high - low > 1e-9 * size)) [low, high] = [low - (size || 1) * 0.05, high + (size || 1) * 0.05];
-    const [begin, end] = [times[0], times[times.length - 1] > times[0] ? times[times.length - 1] : times[0] + 1];
+    const begin = Math.min(...lines.map((line) => line.times[0]));
+    const last = Math.max(...lines.map((line) => line.times[line.times.length - 1]));
+    const end = last > begin ? last : begin + 1;
     const time = unitFor("s", Math.max(Math.abs(begin), Math.abs(end)));
     const [wide, tall] = [width - LEFT - RIGHT, height - TOP - BOTTOM];
     element.axis = { low: begin, high: end, wide };
@@ -132,8 +147,8 @@ export class Charts {
     context.strokeStyle = grid;
     context.textAlign = "right";
     context.textBaseline = "middle";
-    for (const tick of ticks(low * shown.factor, high * shown.factor, 4)) {
-      const at = Math.round(y(tick / shown.factor)) + 0.5;
+    for (const tick of ticks(toShown(low, shown), toShown(high, shown), 4)) {
+      const at = Math.round(y(toValue(tick, shown))) + 0.5;
       line(context, LEFT, at, LEFT + wide, at);
       context.fillText(number(tick), LEFT - 5, at);
     }
@@ -154,29 +169,42 @@ export class Charts {
     lines.forEach((column, n) => {
       context.strokeStyle = this.lines[n % this.lines.length];
       context.lineWidth = 1.6;
-      curve(context, times, column.values, x, y, wide);
+      context.setLineDash(column.log ? [5, 3] : []);
+      curve(context, column.times, column.values, x, y, wide);
     });
+    context.setLineDash([]);
     context.lineWidth = 1;
     if (this.time !== undefined) {
       context.strokeStyle = accent;
       const at = Math.round(x(Math.min(Math.max(this.time, begin), end))) + 0.5;
       line(context, at, TOP, at, TOP + tall);
     }
-    legend.replaceChildren(...lines.map((column, n) => this.#entry(column, n, times, shown)));
+    legend.replaceChildren(...lines.map((column, n) => this.#entry(column, n, shown)));
   }
 
   /** The name of a curve and its value at the time that is shown. */
-  #entry(column, n, times, { factor, unit }) {
+  #entry(column, n, shown) {
     const entry = document.createElement("span");
     const mark = document.createElement("i");
     mark.style.background = this.lines[n % this.lines.length];
     const value = document.createElement("b");
-    const row = nearest(times, this.time ?? times[times.length - 1]);
-    const at = column.values[row];
-    value.textContent = at === null ? "–" : `${number(at * factor)} ${unit}`;
+    const { times } = column;
+    const at = column.values[nearest(times, this.time ?? times[times.length - 1])];
+    value.textContent = at === null ? "–" : `${number(toShown(at, shown))} ${shown.unit}`;
     entry.append(mark, `${column.label} `, value);
     return entry;
   }
+}
+
+/** The state at or before a time, in rows with times. */
+export function rowAt(rows, time) {
+  let [low, high] = [-1, rows.length];
+  while (high - low > 1) {
+    const middle = (low + high) >> 1;
+    if (rows[middle].time <= time) low = middle;
+    else high = middle;
+  }
+  return rows[low] ?? null;
 }
 
 /** Number of the time next to one. */

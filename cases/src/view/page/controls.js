@@ -1,7 +1,9 @@
 // The settings beside the picture.
 
 import { VIEWS } from "./camera.js";
-import { number, unitFor } from "./units.js";
+import { WIDTHS } from "./capture.js";
+import { OBLIQUE, extent, normalOf, placeOf } from "./plane.js";
+import { number, toShown, toValue, unitFor } from "./units.js";
 
 const SCALES = [0, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
 
@@ -30,9 +32,9 @@ function check(label, checked, changed) {
 }
 
 /**
- * The panel. It changes `state` and tells by `changed(what)`: `field`, `range`, `shape` (what is drawn of the bodies) or
- * `look`; `view` is called with the name of a direction. `facing` tells whether the part beyond a cut across an axis is to be
- * kept for its face to be seen.
+ * The panel. It changes `state` and tells by `changed(what)`: `field`, `range`, `units`, `shape` (what is drawn of the bodies) or
+ * `look`; `view` is called with the name of a direction. `facing` tells whether the part beyond a cut is to be kept for its face
+ * to be seen.
  */
 export class Controls {
   constructor(element, run, state, { changed, view, facing }) {
@@ -44,6 +46,7 @@ export class Controls {
     this.#deformation();
     this.#clip();
     this.#camera();
+    this.#marks();
   }
 
   #section(title, ...rows) {
@@ -89,7 +92,12 @@ export class Controls {
       this.state.lines = on;
       this.changed("look");
     });
-    this.#section("Field", row("Field", this.field), components, this.smooth.element, this.lines.element);
+    this.celsius = check("Temperatures in °C", this.state.celsius, (on) => {
+      this.state.celsius = on;
+      this.changed("units");
+    });
+    const boxes = [this.smooth, this.lines, this.celsius].map((c) => c.element);
+    this.#section("Field", row("Field", this.field), components, ...boxes);
   }
 
   #range() {
@@ -100,6 +108,7 @@ export class Controls {
     });
     this.mode = select(
       [
+        ["auto", "automatic"],
         ["run", "whole run"],
         ["now", "this time"],
         ["hand", "by hand"],
@@ -113,7 +122,7 @@ export class Controls {
     this.ends = ["From", "To"].map((name, end) => {
       const input = make("input", { type: "text", inputMode: "decimal" });
       input.addEventListener("change", () => {
-        const value = Number(input.value.replace(",", ".").replace("−", "-")) / this.shown.factor;
+        const value = toValue(Number(input.value.replace(",", ".").replace("−", "-")), this.shown);
         if (input.value.trim() === "" || !Number.isFinite(value)) return this.showRange(this.state.shownRange, this.unit);
         this.state.hand = [...this.state.shownRange];
         this.state.hand[end] = value;
@@ -131,7 +140,7 @@ export class Controls {
     this.unit = { unit, shown_unit: shownUnit };
     this.shown = unitFor(unit, Math.max(...range.map(Math.abs)), shownUnit);
     this.ends.forEach(({ input, unit: label }, end) => {
-      if (document.activeElement !== input) input.value = number(range[end] * this.shown.factor, 5);
+      if (document.activeElement !== input) input.value = number(toShown(range[end], this.shown), 5);
       label.textContent = this.shown.unit;
     });
   }
@@ -151,12 +160,16 @@ export class Controls {
     );
     const boxes = this.run.bodies.map((body) => {
       const label = `${body.label}, ${body.points.toLocaleString("en").replaceAll(",", " ")} points`;
-      return check(label, !this.state.hidden.has(body.name), (on) => {
-        this.state.hidden[on ? "delete" : "add"](body.name);
+      return check(label, !this.state.hidden.has(body.key), (on) => {
+        this.state.hidden[on ? "delete" : "add"](body.key);
         this.changed("field");
       }).element;
     });
-    this.#section("Bodies", ...boxes, row("Drawn as", form));
+    this.edges = check("Edges", this.state.edges, (on) => {
+      this.state.edges = on;
+      this.changed("look");
+    });
+    this.#section("Bodies", ...boxes, row("Drawn as", form), this.edges.element);
   }
 
   #deformation() {
@@ -178,52 +191,67 @@ export class Controls {
 
   #clip() {
     const { clip } = this.state;
-    const changed = () => this.changed("shape");
+    const moved = () => {
+      this.showClip();
+      if (clip.on) this.changed("shape");
+    };
     this.clip = check("Cut the bodies", clip.on, (on) => {
       clip.on = on;
-      clip.flip = this.facing(clip.axis);
-      changed();
+      clip.flip = this.facing();
+      this.changed("shape");
     });
     const axes = select(
       [
         ["0", "x"],
         ["1", "y"],
         ["2", "z"],
+        [String(OBLIQUE), "oblique"],
       ],
       String(clip.axis),
       (axis) => {
         clip.axis = Number(axis);
-        clip.flip = this.facing(clip.axis);
-        if (clip.on) changed();
-        this.showClip();
+        clip.flip = this.facing();
+        moved();
       },
     );
     axes.className = "short";
     const flip = make("button", { textContent: "flip", title: "Other side (X)" });
     flip.addEventListener("click", () => {
       clip.flip = !clip.flip;
-      if (clip.on) changed();
+      moved();
     });
-    this.place = make("output");
-    const slider = make("input", { type: "range", min: 0, max: 1, step: 0.002, value: clip.part });
-    slider.ariaLabel = "Position of the cut";
-    slider.addEventListener("input", () => {
-      clip.part = Number(slider.value);
-      clip.on = this.clip.box.checked = true;
-      this.showClip();
-      changed();
-    });
-    this.#section("Cut", this.clip.element, row("Across", axes, flip), row("At", slider, this.place));
+    const slider = (label, key, min, max, step) => {
+      const input = make("input", { type: "range", min, max, step, value: clip[key] });
+      input.ariaLabel = label;
+      const text = make("output");
+      input.addEventListener("input", () => {
+        clip[key] = Number(input.value);
+        clip.on = this.clip.box.checked = true;
+        moved();
+      });
+      return { text, input };
+    };
+    const place = slider("Position of the cut", "part", 0, 1, 0.002);
+    const angles = [
+      slider("Angle of the cut around z", "azimuth", -180, 180, 1),
+      slider("Angle of the cut above the horizon", "elevation", -90, 90, 1),
+    ];
+    const rows = ["Around z", "Upwards"].map((name, n) => row(name, angles[n].input, angles[n].text));
+    this.cut = { place, angles, rows };
+    this.#section("Cut", this.clip.element, row("Across", axes, flip), ...rows, row("At", place.input, place.text));
   }
 
   /** Shows where the cut is. */
   showClip() {
-    const { axis, part } = this.state.clip;
-    const [low, high] = this.state.box;
-    const { factor, unit } = unitFor("m", Math.max(...low.map(Math.abs), ...high.map(Math.abs)));
-    const step = (high[axis] - low[axis]) / 1000;
-    const place = step > 0 ? Math.round((low[axis] + part * 1000 * step) / step) * step : low[axis];
-    this.place.textContent = `${number(place * factor, 3)} ${unit}`;
+    const { clip, box } = this.state;
+    const { place, angles, rows } = this.cut;
+    for (const row of rows) row.hidden = clip.axis !== OBLIQUE;
+    [clip.azimuth, clip.elevation].forEach((angle, n) => (angles[n].text.textContent = `${angle}°`));
+    const [low, high] = extent(box, normalOf(clip));
+    const { factor, unit } = unitFor("m", Math.max(Math.abs(low), Math.abs(high)));
+    const step = (high - low) / 1000;
+    const at = placeOf(clip, box);
+    place.text.textContent = `${number((step > 0 ? Math.round(at / step) * step : low) * factor, 3)} ${unit}`;
   }
 
   #camera() {
@@ -232,13 +260,41 @@ export class Controls {
       button.addEventListener("click", () => this.view(name));
       return button;
     });
-    const fit = make("button", { textContent: "fit", title: "Whole scene (F)" });
-    fit.addEventListener("click", () => this.view("fit"));
+    const more = [
+      ["torch", "From the side of the heat source (T)"],
+      ["fit", "Whole scene (F)"],
+    ].map(([name, title]) => {
+      const button = make("button", { textContent: name, title });
+      button.addEventListener("click", () => this.view(name));
+      return button;
+    });
     this.perspective = check("Perspective", this.state.perspective, (on) => {
       this.state.perspective = on;
       this.changed("look");
     });
-    this.#section("View", make("div", { className: "buttons" }, ...buttons, fit), this.perspective.element);
+    const widths = [...new Set([0, ...WIDTHS, this.state.picture])].sort((a, b) => a - b);
+    const picture = select(
+      widths.map((width) => [String(width), width ? `${width} px wide` : "as window"]),
+      String(this.state.picture),
+      (width) => {
+        this.state.picture = Number(width);
+        this.changed("look");
+      },
+    );
+    const where = make("div", { className: "buttons" }, ...buttons, ...more);
+    this.#section("View", where, this.perspective.element, row("Picture", picture));
+  }
+
+  #marks() {
+    this.torch = check("Heat source", this.state.torch, (on) => {
+      this.state.torch = on;
+      this.changed("look");
+    });
+    this.ruler = check("Ruler: click two places", Boolean(this.state.ruler), (on) => {
+      this.state.ruler = on ? { from: null, to: null } : null;
+      this.changed("look");
+    });
+    this.#section("Marks", this.torch.element, this.ruler.element);
   }
 }
 
@@ -247,15 +303,20 @@ const KEYS = [
   ["shift or right button", "move"],
   ["wheel, two fingers", "zoom"],
   ["point at a body", "values of the point"],
+  ["click on a body", "curve of the point; once more: without"],
   ["space", "play, pause"],
   ["← →", "previous, next state"],
   ["Home, End", "first, last state"],
   ["1 … 7", "oblique, front, right, top, back, left, bottom"],
   ["F", "fit into the window"],
+  ["T", "from the side of the heat source"],
   ["C", "cut on, off"],
   ["X", "other side of the cut"],
   ["I", "interpolate, or one colour for each point"],
   ["P", "perspective on, off"],
+  ["E", "edges on, off"],
+  ["U", "°C or K"],
+  ["M", "ruler on, off"],
   ["S", "picture"],
   ["R", "film"],
   ["D", "light, dark"],

@@ -20,7 +20,19 @@ async function ask(path, headers = {}) {
 }
 
 const json = async (path) => (await ask(path)).json();
-const address = (...parts) => "/" + parts.map(encodeURIComponent).join("/");
+const root = (log) => (log ? `/log/${log}` : "");
+/** Where something of a body is. */
+const address = (body, what, ...parts) => `${root(body.log)}/${[what, body.name, ...parts].map(encodeURIComponent).join("/")}`;
+
+function joined(runs) {
+  const ofLog = (run, log) => (body) => ({
+    ...body,
+    log,
+    key: log ? `${log}/${body.name}` : body.name,
+    label: runs.length > 1 ? `${body.label} (${run.file})` : body.label,
+  });
+  return { ...runs[0], logs: runs, bodies: runs.flatMap((run, log) => run.bodies.map(ofLog(run, log))) };
+}
 
 export class Data {
   #kept = new Map();
@@ -28,28 +40,36 @@ export class Data {
   /** the last positions of each body, with their tag */
   #points = new Map();
 
-  run = () => json("/run.json");
-  series = () => json("/series.json");
-  meltPool = (body) => json(address("melt-pool", body));
-  range = (body, scalar) => json(address("range", body, scalar));
-  point = (body, point, state) => json(address("point", body, point, state));
+  /** The runs of all logs as one: bodies have the `log` that they belong to, and a `key` of their own. */
+  async runs() {
+    const first = await json("/run.json");
+    const others = Array.from({ length: first.logs - 1 }, (_, n) => json(`${root(n + 1)}/run.json`));
+    return joined([first, ...(await Promise.all(others))]);
+  }
+
+  series = (log) => json(`${root(log)}/series.json`);
+  sources = (log) => json(`${root(log)}/sources.json`);
+  meltPool = (body) => json(address(body, "melt-pool"));
+  range = (body, scalar) => json(address(body, "range", scalar));
+  point = (body, point, state) => json(address(body, "point", point, state));
+  history = (body, scalar, place) => json(address(body, "history", scalar, place.join(",")));
 
   /** Positions at rest, m; the same object as long as they do not change. */
   async points(body, state) {
-    return this.#keep(address("points", body, state), async (path) => {
-      const known = this.#points.get(body);
+    return this.#keep(address(body, "points", state), async (path) => {
+      const known = this.#points.get(body.key);
       const response = await ask(path, known ? { "If-None-Match": known.tag } : {});
       if (response.status === 304) return known;
       const values = new Float32Array(await response.arrayBuffer());
       const points = { tag: response.headers.get("ETag"), values };
-      this.#points.set(body, points);
+      this.#points.set(body.key, points);
       return points;
     });
   }
 
   /** One number per point, with its range. */
   field(body, scalar, state) {
-    return this.#keep(address("field", body, scalar, state), async (path) => {
+    return this.#keep(address(body, "field", scalar, state), async (path) => {
       const response = await ask(path);
       const range = (response.headers.get("X-Range") || "").split(" ").filter(Boolean).map(Number);
       const values = new Float32Array(await response.arrayBuffer());
@@ -59,15 +79,9 @@ export class Data {
 
   /** Three numbers per point. */
   vector(body, field, state) {
-    return this.#keep(address("vector", body, field, state), async (path) => {
+    return this.#keep(address(body, "vector", field, state), async (path) => {
       return { values: new Float32Array(await (await ask(path)).arrayBuffer()) };
     });
-  }
-
-  forget() {
-    this.#kept.clear();
-    this.#points.clear();
-    this.#bytes = 0;
   }
 
   #keep(path, load) {

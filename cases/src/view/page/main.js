@@ -1,11 +1,13 @@
 // The page: wires what is shown to buttons, keys, time and the log as it grows.
 
-import { film, picture } from "./capture.js";
-import { control } from "./camera.js";
+import { address, settings, timeOf, viewOf } from "./address.js";
+import { film, painted, picture } from "./capture.js";
 import { Charts, nearest } from "./charts.js";
 import { Controls, keyList } from "./controls.js";
 import { Data } from "./data.js";
-import { number, setRules, unitFor, withUnit } from "./units.js";
+import { distanceText } from "./marks.js";
+import { pointer } from "./pointer.js";
+import { number, placeText, setCelsius, setRules, toShown, unitFor, withUnit } from "./units.js";
 import { QUICK, Viewer } from "./viewer.js";
 
 const SPEEDS = [1, 2, 5, 10, 20, 30];
@@ -16,6 +18,9 @@ const POLL_FINISHED = 10_000;
 
 /** A log that has changed within this time belongs to a run under way, s. */
 const RECENT = 60;
+
+/** Most points with a curve. */
+const MOST_POINTS = 6;
 
 const $ = (id) => document.getElementById(id);
 const data = new Data();
@@ -40,9 +45,20 @@ function failed(error) {
 /** What the page does, for tests. */
 function report(more = {}) {
   Object.assign(report.all, more);
+  const { field, state } = viewer ?? {};
+  const unit = field && unitFor(field.unit, Math.max(...state.shownRange.map(Math.abs)), field.shown_unit);
   const shown = viewer && {
-    drawn: viewer.scene.drawn(),
-    range: viewer.state.shownRange,
+    window: [viewer.panels[0].canvas.clientWidth, viewer.panels[0].canvas.clientHeight],
+    radius: viewer.panels[0].scene.radius,
+    drawn: viewer.panels.flatMap((panel) => panel.scene.drawn()),
+    points: state.points,
+    range: state.shownRange,
+    bar: unit && { range: state.shownRange.map((x) => toShown(x, unit)), unit: unit.unit },
+    coverage: viewer.coverage,
+    camera: { ...viewer.camera },
+    torches: state.torch ? viewer.panels.map((panel) => viewer.sources(panel)) : [],
+    ruler: state.ruler?.to ? distanceText(state.ruler.from.computed, state.ruler.to.computed) : null,
+    address: here(),
     time: viewer.time,
     index: viewer.index,
     states: viewer.times.length,
@@ -63,54 +79,59 @@ function theme(name) {
   if (viewer) {
     viewer.background = [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255);
     viewer.text = style.getPropertyValue("--text").trim();
+    viewer.ink = name === "dark" ? [0.8, 0.83, 0.87] : [0.4, 0.42, 0.45];
     viewer.stage = hex;
     viewer.draw();
   }
+  if (viewer && charts) viewer.pointColours = charts.lines;
   charts?.draw();
 }
 
-/** Settings of the address: `#field=stress.xx&time=2&view=top&cut=y0.5&scale=50&theme=light&form=points`. */
-function settings() {
-  const asked = new URLSearchParams(location.hash.slice(1));
-  const fields = run.bodies.flatMap((body) => body.fields);
-  const first = fields.find((f) => f.name === "temperature") ?? fields[0];
-  const wanted = asked.get("field");
-  const field = fields.find((f) => f.scalars.some((s) => s.name === wanted)) ?? first;
-  const size = run.bodies.reduce((sum, body) => sum + body.points * body.times.length, 0);
-  const cut = /^([xyz])([\d.]+)$/.exec(asked.get("cut") ?? "");
-  return {
-    asked,
-    state: {
-      field: field?.name ?? "",
-      scalar: (field?.scalars.find((s) => s.name === wanted) ?? field?.scalars[0])?.name ?? "",
-      map: "auto",
-      range: size <= QUICK ? "run" : "now",
-      hand: [0, 1],
-      shownRange: [0, 1],
-      smooth: asked.get("smooth") !== "no",
-      lines: true,
-      form: asked.get("form") ?? "auto",
-      hidden: new Set(),
-      scale: Number(asked.get("scale") ?? 1),
-      clip: { on: Boolean(cut), axis: cut ? "xyz".indexOf(cut[1]) : 1, part: cut ? Number(cut[2]) : 0.5, flip: cut?.[1] !== "z" },
-      perspective: run.bodies.some((body) => body.dimension === 3),
-    },
-  };
+/** Whether the newest state of a run under way is shown, and the next ones will be. */
+const follows = () => following && run.logs.some((log) => ending(log)[0] === "under way");
+
+/** What the address of the present picture has after its `#`. */
+function here() {
+  const time = follows() ? null : viewer.time;
+  return address(viewer.state, run, { camera: viewer.camera, time, theme: document.documentElement.dataset.theme });
+}
+
+/** Writes the settings into the address, once they have been at rest. */
+function remember() {
+  clearTimeout(remember.timer);
+  remember.timer = setTimeout(() => {
+    if (!report.all.ready || playing || filming) return;
+    history.replaceState(null, "", `#${here()}`);
+  }, 300);
+}
+
+/** How a run ended, and what tells so. */
+function ending(run) {
+  if (run.ending) return ["damaged", run.ending, "bad"];
+  const lost = run.damaged ? `${run.damaged} damaged parts of the log are left out` : "";
+  const live = !run.finished && run.seconds_since_change !== null && run.seconds_since_change < RECENT;
+  if (live) return ["under way", lost, lost ? "bad" : "live"];
+  const ends = run.end === null ? "the end of its case" : withUnit(run.end, "s");
+  if (run.stopped) return ["stopped", lost || `the run was stopped before ${ends}; \`perimelt resume\` continues it`, "bad"];
+  if (run.finished) return ["complete", lost || `the run has reached ${ends}`, lost ? "bad" : ""];
+  return ["unfinished", lost || "the run has not closed its log: it was killed, or it waits", lost ? "bad" : ""];
 }
 
 function header() {
-  $("title").textContent = run.title;
-  document.title = `${run.title} – Perimelt`;
-  const end = run.end !== null && run.time < run.end ? ` of ${withUnit(run.end, "s")}` : "";
-  const wall = run.wall_time ? `, computed in ${run.wall_time}` : "";
-  $("subtitle").textContent = run.time === null ? run.file : `${run.file}: ${withUnit(run.time, "s", "s", 4)}${end}${wall}`;
+  const { logs } = run;
+  $("title").textContent = [...new Set(logs.map((log) => log.title))].join(" | ");
+  document.title = `${$("title").textContent} – Perimelt`;
+  const summary = (log) => {
+    const end = log.end !== null && log.time < log.end ? ` of ${withUnit(log.end, "s")}` : "";
+    const wall = log.wall_time ? `, computed in ${log.wall_time}` : "";
+    return log.time === null ? log.file : `${log.file}: ${withUnit(log.time, "s", "s", 4)}${end}${wall}`;
+  };
+  $("subtitle").textContent = logs.map(summary).join(" | ");
+  const endings = logs.map(ending);
   const badge = $("badge");
-  const live = !run.finished && run.seconds_since_change !== null && run.seconds_since_change < RECENT;
-  badge.className = run.ending || run.damaged ? "badge bad" : live ? "badge live" : "badge";
-  badge.textContent = run.ending ? "damaged" : live ? "under way" : run.finished ? "complete" : "unfinished";
-  badge.title =
-    run.ending ??
-    (run.damaged ? `${run.damaged} damaged parts of the log are left out` : run.finished ? "the run has closed its log" : "");
+  badge.className = `badge ${["bad", "live"].find((kind) => endings.some((e) => e[2] === kind)) ?? ""}`;
+  badge.textContent = [...new Set(endings.map((e) => e[0]))].join(" | ");
+  badge.title = endings.map((e) => e[1]).join(" | ");
 }
 
 function timeline() {
@@ -146,6 +167,7 @@ async function go(index, step = 1) {
   following = viewer.index === last;
   timeline();
   charts.at(viewer.time);
+  remember();
   return true;
 }
 
@@ -177,16 +199,14 @@ function step(by) {
 }
 
 async function survey() {
-  if (viewer.state.range !== "run" || !viewer.state.field) return null;
   const busy = setTimeout(() => {
     $("busy").textContent = "range of the whole run …";
     $("busy").hidden = false;
   }, 700);
   try {
-    return await viewer.surveyRun();
+    await viewer.surveyRun();
   } catch (error) {
     failed(error);
-    return null;
   } finally {
     clearTimeout(busy);
     $("busy").hidden = true;
@@ -196,12 +216,28 @@ async function survey() {
 async function changed(what) {
   if (what === "field") await go(viewer.index);
   if (what === "field" || what === "range") await survey();
+  if (what === "field") await curves();
+  if (what === "units") units();
+  $("stage").classList.toggle("measuring", Boolean(viewer.state.ruler));
   viewer.shape();
+  const without = viewer.withoutCells();
+  if (without.length && what === "shape") {
+    notice(`${without.join(", ")}: drawn as points, which are on no lattice, or have too many faces`);
+  }
+  remember();
 }
 
+/** Shows temperatures in the unit that is chosen. */
+function units() {
+  setCelsius(viewer.state.celsius);
+  if (viewer.field) controls.showRange(viewer.state.shownRange, viewer.field);
+  charts.draw();
+}
+
+const pictureWidth = () => viewer.state.picture || Math.round($("stage").clientWidth * viewer.ratio);
+
 function takePicture() {
-  viewer.drawNow();
-  picture([$("gl"), $("overlay")], viewer.stage, name());
+  picture(viewer, pictureWidth(), name());
 }
 
 const name = () => `${run.file.replace(/\.mcap$/, "")}-${viewer.state.scalar || "body"}-${withUnit(viewer.time, "s").replace(" ", "")}`;
@@ -224,8 +260,8 @@ async function takeFilm() {
     await film({
       states: viewer.times.map((_, index) => index).filter((index) => !viewer.lost.has(viewer.times[index])),
       show,
-      layers: [$("gl"), $("overlay")],
-      background: () => viewer.stage,
+      viewer,
+      width: pictureWidth(),
       pause: 1000 / $("speed").value,
       stopped: () => !filming,
       name: name(),
@@ -238,66 +274,26 @@ async function takeFilm() {
   $("film").textContent = "Film";
 }
 
-function hover() {
-  const tip = $("tip");
-  const canvas = $("gl");
-  const dragging = control(canvas, viewer.camera, () => viewer.draw());
-  let [last, timer, mine] = [0, 0, 0];
-  const hide = () => {
-    clearTimeout(timer);
-    mine++;
-    tip.hidden = true;
-  };
-  canvas.addEventListener("pointerleave", hide);
-  canvas.addEventListener("pointerdown", () => {
-    touched = true;
-    hide();
-  });
-  canvas.addEventListener("dblclick", () => viewer.look("fit"));
-  canvas.addEventListener("pointermove", (event) => {
-    if (dragging() || playing || filming) return hide();
-    if (performance.now() - last < 50) return;
-    last = performance.now();
-    const found = viewer.at(event.clientX, event.clientY);
-    hide();
-    if (!found) return;
-    describe(tip, found, null);
-    const area = canvas.getBoundingClientRect();
-    const [x, y] = [event.clientX - area.left, event.clientY - area.top];
-    const place = () => {
-      tip.hidden = false;
-      tip.style.left = `${x + 16 + tip.offsetWidth > area.width ? Math.max(x - tip.offsetWidth - 12, 0) : x + 16}px`;
-      tip.style.top = `${Math.max(Math.min(y + 14, area.height - tip.offsetHeight - 8), 0)}px`;
-    };
-    place();
-    const now = ++mine;
-    timer = setTimeout(async () => {
-      const all = await data.point(found.body.name, found.point, found.state).catch(() => null);
-      if (!all || now !== mine) return;
-      describe(tip, found, all);
-      place();
-    }, 220);
-  });
-}
-
-/** Fills the table of a point. */
-function describe(tip, found, all) {
-  const { factor, unit } = unitFor("m", Math.max(...found.place.map(Math.abs)));
-  const head = document.createElement("strong");
-  head.textContent = `${found.body.label}, point ${found.point}`;
-  const table = document.createElement("table");
-  const add = (label, value) => {
-    const row = table.insertRow();
-    row.insertCell().textContent = label;
-    row.insertCell().textContent = value;
-  };
-  add("at", `${found.place.map((x) => number(x * factor, 4)).join(", ")} ${unit}`);
-  const field = viewer.field;
-  if (field && found.value !== null) add(field.title, withUnit(found.value, field.unit, field.shown_unit, 5));
-  for (const other of all?.fields ?? []) {
-    if (other.value !== null && other.label !== field?.title) add(other.label, withUnit(other.value, other.unit, other.shown_unit));
+/** Takes up what was clicked: an end of the ruler, or a point whose curve is shown, or no longer. */
+async function picked(found) {
+  const { state } = viewer;
+  if (!found) return;
+  if (state.ruler) {
+    const end = { computed: found.computed, drawn: found.drawn };
+    state.ruler = state.ruler.from && !state.ruler.to ? { ...state.ruler, to: end } : { from: end, to: null };
+  } else {
+    // the same place of bodies of one name in all logs
+    for (const body of run.bodies.filter((b) => b.name === found.body.name)) {
+      const isOther = (p) => p.key !== body.key || Math.hypot(...p.place.map((x, axis) => x - found.place[axis])) > 0.1 * body.spacing;
+      const others = state.points.filter(isOther);
+      if (others.length === state.points.length) others.push({ key: body.key, place: found.place });
+      state.points = others.slice(-MOST_POINTS);
+    }
+    viewer.draw();
+    await curves();
   }
-  tip.replaceChildren(head, table);
+  viewer.draw();
+  remember();
 }
 
 const views = ["oblique", "front", "right", "top", "back", "left", "bottom"];
@@ -319,6 +315,10 @@ const keys = {
   s: takePicture,
   r: takeFilm,
   d: () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"),
+  t: () => viewer.look("torch"),
+  e: () => flip(controls.edges.box),
+  u: () => flip(controls.celsius.box),
+  m: () => flip(controls.ruler.box),
   "?": () => ($("keys").hidden = !$("keys").hidden),
   Escape: () => ($("keys").hidden = true),
 };
@@ -333,6 +333,7 @@ function wire() {
     event.preventDefault();
     if (action) action();
     else viewer.look(view);
+    remember();
   });
   const click = { first: keys.Home, previous: keys.ArrowLeft, play: keys[" "], next: keys.ArrowRight, last: keys.End };
   Object.assign(click, { picture: takePicture, film: takeFilm, theme: keys.d, help: keys["?"], keys: keys["?"] });
@@ -344,35 +345,65 @@ function wire() {
   for (const speed of SPEEDS) $("speed").append(new Option(`${speed}/s`, speed));
   $("speed").value = 10;
   // at once: a canvas of another size is empty
-  new ResizeObserver(() => viewer.drawNow()).observe($("stage"));
+  new ResizeObserver(() => viewer.resized()).observe($("stage"));
   keyList($("keys"));
-  hover();
+  for (const panel of viewer.panels) {
+    pointer(viewer, panel, $("tip"), {
+      data,
+      busy: () => playing || filming,
+      touched: () => (touched = true),
+      picked,
+    });
+    panel.canvas.addEventListener("dblclick", () => viewer.look("fit"));
+  }
+  viewer.onMoved = remember;
+  // another link in the same window
+  window.addEventListener("hashchange", () => location.reload());
 }
 
-/** Probes and reports, and melt pools where they take no long time. */
+/** The field that is shown over time, at the points that were clicked. */
+async function clicked() {
+  const { field, state } = viewer;
+  if (!field || !state.points.length) return [];
+  const curve = async ({ key, place }) => {
+    const body = run.bodies.find((b) => b.key === key);
+    const history = await data.history(body, state.scalar, place).catch(() => null);
+    const { unit, shown_unit: shownUnit } = field;
+    return history && { ...history, label: `${body.label} at ${placeText(place)}`, unit, shown_unit: shownUnit };
+  };
+  const columns = (await Promise.all(state.points.map(curve))).filter(Boolean);
+  return [{ name: `${field.title} of clicked points`, kind: "point", times: [], columns }];
+}
+
+/** Clicked points, probes and reports, and melt pools where they take no long time. */
 async function curves() {
+  const { logs } = run;
   const melting = run.bodies.filter((b) => b.isotherms.length && b.times.length && b.points * b.times.length <= QUICK);
-  const [series, ...pools] = await Promise.all([data.series(), ...melting.map((body) => data.meltPool(body.name))]);
-  charts.show([...pools, ...series]);
+  const ofLog = (log) => (series) => ({ ...series, log, file: logs[log].file });
+  const pool = async (body) => ofLog(body.log)(await data.meltPool(body));
+  const series = async (log) => (await data.series(log)).map(ofLog(log));
+  const [points, ...all] = await Promise.all([clicked(), ...melting.map(pool), ...logs.map((_, log) => series(log))]);
+  charts.show([...points, ...all.flat()]);
   charts.at(viewer.time);
 }
 
 /** Whether a log has only grown since. */
 function continues(before, now) {
-  const same = before.started === now.started && before.bodies.length === now.bodies.length;
+  const same = before.logs.every((log, n) => log.started === now.logs[n].started) && before.bodies.length === now.bodies.length;
   return same && before.bodies.every((body, n) => body.times.every((time, i) => now.bodies[n].times[i] === time));
 }
 
 async function poll() {
   try {
-    const now = await data.run();
+    const now = await data.runs();
     if (!continues(run, now)) return location.reload();
-    const grown = now.time !== run.time || now.finished !== run.finished;
+    const grown = now.logs.some((log, n) => log.time !== run.logs[n].time || log.finished !== run.logs[n].finished);
     run = now;
     header();
     if (grown) {
       const follow = following && !playing && !filming;
       viewer.update(run);
+      await viewer.updateSources();
       timeline();
       if (follow) await go(viewer.times.length - 1);
       await Promise.all([curves(), survey()]);
@@ -383,35 +414,71 @@ async function poll() {
     if (!poll.failed) notice(error.message, 0);
     poll.failed = true;
   }
-  setTimeout(poll, run.finished ? POLL_FINISHED : POLL);
+  setTimeout(poll, run.logs.every((log) => log.finished) ? POLL_FINISHED : POLL);
+}
+
+/** A part of the window for each log. */
+function panels(count) {
+  const [first] = $("stage").getElementsByClassName("panel");
+  const others = Array.from({ length: count - 1 }, () => first.cloneNode());
+  first.after(...others);
+  return [first, ...others];
 }
 
 async function start() {
-  run = await data.run();
+  const asked = location.hash.slice(1);
+  run = await data.runs();
   setRules(run.units);
-  const { asked, state } = settings();
-  viewer = new Viewer(data, run, state, [$("gl"), $("overlay")]);
+  const state = settings(asked, run);
+  setCelsius(state.celsius);
+  viewer = new Viewer(data, run, state, panels(run.logs.length));
   const scheme = window.matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark";
-  theme(asked.get("theme") ?? scheme);
+  const wanted = new URLSearchParams(asked);
+  theme(["light", "dark"].includes(wanted.get("theme")) ? wanted.get("theme") : scheme);
   charts = new Charts($("charts"), run.lines, (time) => go(nearest(viewer.times, time)));
+  viewer.pointColours = charts.lines;
   header();
-  await viewer.frame();
-  controls = new Controls($("controls"), run, state, { changed, view: (name) => viewer.look(name), facing: (axis) => viewer.facing(axis) });
+  await Promise.all([viewer.frame(), viewer.updateSources()]);
+  controls = new Controls($("controls"), run, state, { changed, view: look, facing: () => viewer.facing() });
   controls.showClip();
   viewer.onRange = (range, field) => controls.showRange(range, field);
   viewer.onDraw = report;
   wire();
-  viewer.look(asked.get("view") ?? (state.perspective ? "oblique" : "top"));
-  const time = asked.get("time");
-  await go(time === null ? viewer.times.length - 1 : nearest(viewer.times, Number(time)));
-  if (!viewer.times.length) notice("no state is in the log yet", 0);
-  const [peak] = await Promise.all([survey(), curves()]);
-  // a finished run is shown when its field peaks, as `perimelt plot` does
-  if (peak !== null && run.finished && time === null && !touched) await go(peak);
-  if (asked.has("measure")) report(viewer.durations());
+  const [view, time, last] = [viewOf(asked), timeOf(asked), viewer.times.length - 1];
+  viewer.look(state.perspective ? "oblique" : "top");
+  await go(time === null ? last : nearest(viewer.times, time));
+  if (last < 0) notice("no state is in the log yet", 0);
+  await Promise.all([survey(), curves()]);
+  // a run under way is followed
+  const live = run.logs.some((log) => ending(log)[0] === "under way");
+  if (time === null && !live && !touched) await go(await viewer.opening());
+  if (Array.isArray(view)) {
+    viewer.camera.set(view);
+    viewer.fitted = false;
+  } else if (view !== null) viewer.look(view);
+  else if (state.perspective && !touched) viewer.look("torch");
+  if (wanted.has("measure")) report(viewer.durations());
+  if (wanted.has("take")) {
+    const taken = painted(viewer, pictureWidth());
+    report({ taken: { width: taken.width, height: taken.height, bytes: taken.toDataURL("image/png").length } });
+  }
+  for (const place of wanted.getAll("click")) await click(place);
   viewer.drawNow();
   report({ ready: true });
   setTimeout(poll, POLL);
+}
+
+/** A click at a place of the first panel, given by parts of its width and height: for tests. */
+async function click(place) {
+  const [panel] = viewer.panels;
+  const box = panel.canvas.getBoundingClientRect();
+  const [u, v] = place.split(",").map(Number);
+  await picked(viewer.at(panel, box.left + u * box.width, box.top + v * box.height));
+}
+
+function look(name) {
+  viewer.look(name);
+  remember();
 }
 
 window.addEventListener("error", (event) => failed(event.error ?? new Error(event.message)));

@@ -1,6 +1,6 @@
 // Text and scales over the picture: colour bar, axes, length, title.
 
-import { labelled, number, ticks, unitFor } from "./units.js";
+import { labelled, number, ticks, toShown, toValue, unitFor } from "./units.js";
 
 const MARGIN = 16;
 
@@ -43,16 +43,16 @@ function bar(context, width, height, look, legend) {
   context.strokeRect(x - 0.5, y - 0.5, wide + 1, long + 1);
   context.globalAlpha = 1;
   const [low, high] = look.range;
-  const { factor, unit } = unitFor(legend.unit, Math.max(Math.abs(low), Math.abs(high)), legend.shownUnit);
+  const known = unitFor(legend.unit, Math.max(Math.abs(low), Math.abs(high)), legend.shownUnit);
   context.fillStyle = legend.text;
   context.textAlign = "right";
   context.textBaseline = "bottom";
-  context.fillText(labelled(legend.label, unit), width - MARGIN, y - 12);
+  context.fillText(labelled(legend.label, known.unit), width - MARGIN, y - 12);
   context.textAlign = "left";
   context.textBaseline = "middle";
   const place = (value) => y + long - (long * (value - low)) / (high - low);
   const near = (value) => [low, high].some((end) => Math.abs(place(end) - place(value)) < 13);
-  const inner = ticks(low * factor, high * factor, 5).map((value) => value / factor);
+  const inner = ticks(toShown(low, known), toShown(high, known), 5).map((shown) => toValue(shown, known));
   for (const value of [low, high, ...inner.filter((v) => !near(v))]) {
     const at = Math.round(place(value)) + 0.5;
     context.strokeStyle = legend.text;
@@ -60,7 +60,7 @@ function bar(context, width, height, look, legend) {
     context.moveTo(x + wide, at);
     context.lineTo(x + wide + 5, at);
     context.stroke();
-    context.fillText(number(value * factor), x + wide + 9, at);
+    context.fillText(number(toShown(value, known)), x + wide + 9, at);
   }
   for (const level of legend.levels) {
     if (level.value <= low || level.value >= high) continue;

@@ -6,6 +6,9 @@ import * as shaders from "./shaders.js";
 /** Hidden points of larger bodies are left out. */
 const MANY_POINTS = 200_000;
 
+/** What is known of a picked pixel: point and body, place as computed, place as drawn. */
+const PICKED = 3;
+
 function program(gl, vertex, fragment) {
   const made = gl.createProgram();
   for (const [type, text] of [
@@ -43,6 +46,7 @@ export class Scene {
       cells: program(gl, shaders.CELLS_VERTEX, shaders.CELLS_FRAGMENT),
       points: program(gl, shaders.POINTS_VERTEX, shaders.POINTS_FRAGMENT),
     };
+    this.lines = program(gl, shaders.CELLS_VERTEX, shaders.LINES_FRAGMENT);
     this.picks = {
       cells: program(gl, shaders.CELLS_VERTEX, shaders.CELLS_PICK),
       points: program(gl, shaders.POINTS_VERTEX, shaders.POINTS_PICK),
@@ -84,12 +88,12 @@ export class Scene {
    * `auto`, `cells` or `points`.
    */
   set(info, { points, values, motion, spacings, form, smooth, clip }) {
-    let body = this.bodies.get(info.name);
+    let body = this.bodies.get(info.key);
     if (!body) {
       body = { info, number: this.bodies.size + 1, vao: this.gl.createVertexArray(), buffers: {}, scattered: false };
-      this.bodies.set(info.name, body);
+      this.bodies.set(info.key, body);
     }
-    const cut = clip ? `${clip.axis} ${clip.position} ${clip.flip}` : "";
+    const cut = clip ? `${clip.normal} ${clip.offset}` : "";
     if (body.points !== points || body.stale) {
       body.grid = info.has_spacings ? null : lattice(points, info.spacing);
       body.points = points;
@@ -116,15 +120,20 @@ export class Scene {
     this.#fill(body, values, motion, spacings, smooth);
   }
 
-  hide(name, hidden) {
-    const body = this.bodies.get(name);
+  hide(key, hidden) {
+    const body = this.bodies.get(key);
     if (body) body.hidden = hidden;
   }
 
   /** Points or faces that are drawn. */
   drawn() {
     const shown = [...this.bodies.values()].filter((body) => !body.hidden);
-    return shown.map((body) => ({ body: body.info.name, form: body.mesh ? "cells" : "points", count: body.count }));
+    return shown.map(({ info, mesh, count }) => ({
+      body: info.name,
+      form: mesh ? "cells" : "points",
+      count,
+      edges: mesh ? mesh.edges.length / 2 : 0,
+    }));
   }
 
   #attribute(body, slot, size, data, integer = false) {
@@ -158,6 +167,9 @@ export class Scene {
       gl.bindVertexArray(body.vao);
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, body.buffers.index.buffer);
       gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.index, gl.STATIC_DRAW);
+      body.buffers.edges ??= { buffer: gl.createBuffer() };
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, body.buffers.edges.buffer);
+      gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.edges, gl.STATIC_DRAW);
       body.count = mesh.count;
       return;
     }
@@ -207,7 +219,8 @@ export class Scene {
   }
 
   /**
-   * Draws. `look` has `matrices`, `range`, `scale` (of the displacements), `levels`, `clip`, `background` and `plain`.
+   * Draws. `look` has `matrices`, `range`, `scale` (of the displacements), `levels`, `clip`, `edges` (whether edges are drawn),
+   * `ratio` (pixels for one of the window), and the colours `background`, `plain` (of what has no value) and `ink` (of edges).
    */
   draw(look) {
     const gl = this.gl;
@@ -221,9 +234,11 @@ export class Scene {
       gl.uniform1i(set("map"), 0);
       gl.uniform2f(set("range"), ...look.range);
       gl.uniform3f(set("plain"), ...look.plain);
+      gl.uniform1f(set("ratio"), look.ratio);
       gl.uniform1fv(set("levels[0]"), [...look.levels, 0, 0, 0, 0].slice(0, 4));
       gl.uniform1i(set("level_count"), Math.min(look.levels.length, 4));
     });
+    if (look.edges) this.#edges(look);
   }
 
   #bodies(programs, look, prepare) {
@@ -231,16 +246,12 @@ export class Scene {
     for (const body of this.bodies.values()) {
       if (body.hidden || !body.count) continue;
       const { made, place } = body.mesh ? programs.cells : programs.points;
-      gl.useProgram(made);
-      gl.bindVertexArray(body.vao);
-      for (const [slot, value] of Object.entries(body.constants ?? {})) gl.vertexAttrib3f(Number(slot), ...value);
-      gl.uniformMatrix4fv(place("view"), false, look.matrices.view);
-      gl.uniformMatrix4fv(place("projection"), false, look.matrices.projection);
-      gl.uniform1f(place("scale"), look.scale);
+      this.#use(made, place, body, look);
       gl.uniform1ui(place("body"), body.number);
       prepare(place);
       if (body.mesh) {
-        gl.drawElements(gl.TRIANGLES, 6 * body.count, gl.UNSIGNED_INT, 0);
+        gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, body.buffers.index.buffer);
+        gl.drawElements(gl.TRIANGLES, body.mesh.index.length, gl.UNSIGNED_INT, 0);
       } else {
         gl.uniform1f(place("diameter"), (1.3 * body.info.spacing) / this.radius);
         gl.uniform1f(place("pixels"), this.canvas.height);
@@ -250,17 +261,50 @@ export class Scene {
     }
   }
 
-  #plane(clip) {
-    const plane = [0, 0, 0, -1];
-    if (clip) {
-      const sign = clip.flip ? -1 : 1;
-      plane[clip.axis] = sign;
-      plane[3] = (-sign * (clip.position - this.centre[clip.axis])) / this.radius;
-    }
-    return plane;
+  #use(made, place, body, look) {
+    const gl = this.gl;
+    gl.useProgram(made);
+    gl.bindVertexArray(body.vao);
+    for (const [slot, value] of Object.entries(body.constants ?? {})) gl.vertexAttrib3f(Number(slot), ...value);
+    gl.uniformMatrix4fv(place("view"), false, look.matrices.view);
+    gl.uniformMatrix4fv(place("projection"), false, look.matrices.projection);
+    gl.uniform1f(place("scale"), look.scale);
+    gl.uniform2f(place("shift"), 0, 0);
+    gl.uniform1f(place("nearer"), 0);
   }
 
-  /** The body and the point that are drawn at a pixel, from the lower left corner; `null` for the background. */
+  /** Lines of more than a pixel are drawn several times beside each other: WebGL has no wider ones. */
+  #edges(look) {
+    const gl = this.gl;
+    const { made, place } = this.lines;
+    const wide = Math.max(Math.round(look.ratio), 1);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    for (const body of this.bodies.values()) {
+      if (body.hidden || !body.mesh?.edges.length) continue;
+      this.#use(made, place, body, look);
+      gl.uniform1f(place("nearer"), 4e-3);
+      gl.uniform3f(place("ink"), ...look.ink);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, body.buffers.edges.buffer);
+      for (let n = 0; n < wide * wide; n++) {
+        const at = (m) => 2 * m - wide + 1;
+        gl.uniform2f(place("shift"), at(n % wide) / this.canvas.width, at(Math.floor(n / wide)) / this.canvas.height);
+        gl.drawElements(gl.LINES, body.mesh.edges.length, gl.UNSIGNED_INT, 0);
+      }
+    }
+    gl.disable(gl.BLEND);
+  }
+
+  #plane(clip) {
+    if (!clip) return [0, 0, 0, -1];
+    const along = clip.normal.reduce((sum, x, axis) => sum + x * this.centre[axis], 0);
+    return [...clip.normal, (along - clip.offset) / this.radius];
+  }
+
+  /**
+   * The body and the point that are drawn at a pixel, from the lower left corner, with the place of its surface as computed and as
+   * drawn, m; `null` for the background.
+   */
   pick(look, x, y) {
     const gl = this.gl;
     const { width, height } = this.canvas;
@@ -269,32 +313,42 @@ export class Scene {
     gl.viewport(0, 0, width, height);
     gl.enable(gl.SCISSOR_TEST);
     gl.scissor(x, y, 1, 1);
-    gl.clearBufferuiv(gl.COLOR, 0, new Uint32Array(4));
+    for (let n = 0; n < PICKED; n++) gl.clearBufferuiv(gl.COLOR, n, new Uint32Array(4));
     gl.clearBufferfi(gl.DEPTH_STENCIL, 0, 1, 0);
     this.#bodies(this.picks, look, () => {});
-    const found = new Uint32Array(4);
-    gl.readPixels(x, y, 1, 1, gl.RGBA_INTEGER, gl.UNSIGNED_INT, found);
+    const found = new Uint32Array(4 * PICKED);
+    for (let n = 0; n < PICKED; n++) {
+      gl.readBuffer(gl.COLOR_ATTACHMENT0 + n);
+      gl.readPixels(x, y, 1, 1, gl.RGBA_INTEGER, gl.UNSIGNED_INT, found, 4 * n);
+    }
+    gl.readBuffer(gl.COLOR_ATTACHMENT0);
     gl.disable(gl.SCISSOR_TEST);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     const body = [...this.bodies.values()].find((b) => b.number === found[1]);
-    return body ? { body: body.info, point: found[0] } : null;
+    if (!body) return null;
+    const place = new Float32Array(found.buffer);
+    const metres = (first) => [0, 1, 2].map((axis) => this.centre[axis] + this.radius * place[first + axis]);
+    return { body: body.info, point: found[0], computed: metres(4), drawn: metres(8) };
   }
 
   #target(width, height) {
     const gl = this.gl;
     if (this.target) {
       gl.deleteFramebuffer(this.target.frame);
-      gl.deleteRenderbuffer(this.target.colour);
-      gl.deleteRenderbuffer(this.target.depth);
+      for (const buffer of [...this.target.colours, this.target.depth]) gl.deleteRenderbuffer(buffer);
     }
-    const [frame, colour, depth] = [gl.createFramebuffer(), gl.createRenderbuffer(), gl.createRenderbuffer()];
+    const [frame, depth] = [gl.createFramebuffer(), gl.createRenderbuffer()];
+    const colours = Array.from({ length: PICKED }, () => gl.createRenderbuffer());
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-    gl.bindRenderbuffer(gl.RENDERBUFFER, colour);
-    gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA32UI, width, height);
-    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.RENDERBUFFER, colour);
+    colours.forEach((colour, n) => {
+      gl.bindRenderbuffer(gl.RENDERBUFFER, colour);
+      gl.renderbufferStorage(gl.RENDERBUFFER, gl.RGBA32UI, width, height);
+      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0 + n, gl.RENDERBUFFER, colour);
+    });
     gl.bindRenderbuffer(gl.RENDERBUFFER, depth);
     gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH24_STENCIL8, width, height);
     gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_STENCIL_ATTACHMENT, gl.RENDERBUFFER, depth);
-    this.target = { frame, colour, depth, width, height };
+    gl.drawBuffers(colours.map((_, n) => gl.COLOR_ATTACHMENT0 + n));
+    this.target = { frame, colours, depth, width, height };
   }
 }
