@@ -10,6 +10,7 @@ fn both() -> Vec<Check> {
             let t = kelvin - 273.15;
             1e-6 * (16.0 + 4.79e-3 * t - 1.243e-6 * t * t)
         }),
+        constant("expansion_reference", 293.15),
         constant("poissons_ratio", 0.3),
         celsius(
             "youngs_modulus",

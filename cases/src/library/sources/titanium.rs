@@ -54,9 +54,13 @@ pub(super) fn ti_6al_4v() -> Vec<Check> {
             &[
                 (373.15, 8.6e-6),
                 (573.15, 9.2e-6),
-                (1871.62, elongation / (1871.62 - 295.75)),
+                (
+                    1871.62,
+                    (elongation + 8.6e-6 * (295.75 - 273.15)) / (1871.62 - 273.15),
+                ),
             ],
         ),
+        constant("expansion_reference", 273.15),
         constant("poissons_ratio", 0.342),
         // Fukuhara and Sanpei (1993)
         rows(
