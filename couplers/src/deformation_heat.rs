@@ -89,7 +89,8 @@ impl Coupler for DeformationHeat {
                 liquid_fraction: liquid_fraction.map_or(0.0, |f| f[point]),
             };
             let coefficient = expansion[material[point] as usize].instantaneous(state);
-            -coefficient.expect("the reference is checked at set-up") * self.linearised_at.unwrap_or(temperature[point])
+            -coefficient.expect("the reference is checked at set-up")
+                * self.linearised_at.unwrap_or(temperature[point])
         };
         p.heat.add(world, factor, step.size);
         Ok(())
@@ -127,7 +128,10 @@ mod tests {
     fn the_heat_takes_the_instantaneous_coefficient() {
         let mut world = World::new(vec![block([1, 1, 1], 1, STEEL)]);
         let message = refusal(&mut world, &mut read::<DeformationHeat>(""));
-        assert!(message.contains("add `expansion_reference` [K]"), "{message}");
+        assert!(
+            message.contains("add `expansion_reference` [K]"),
+            "{message}"
+        );
 
         let metal = format!("{STEEL}\nexpansion_reference = 300");
         let mut world = World::new(vec![block([1, 1, 1], 1, &metal)]);
@@ -142,7 +146,10 @@ mod tests {
         set(&mut world, &keys::CONJUGATE_STRESS, |_| 1e9);
         apply(&world, &mut coupler, 0.0);
         let heat = values(&world, &keys::HEAT_SOURCE)[0];
-        assert!((heat / (-20e-6 * 800.0 * 1e9) - 1.0).abs() < 1e-12, "{heat}");
+        assert!(
+            (heat / (-20e-6 * 800.0 * 1e9) - 1.0).abs() < 1e-12,
+            "{heat}"
+        );
     }
 
     #[test]

@@ -195,10 +195,19 @@ mod tests {
             setup.consume(0, &keys::EIGENSTRAIN).expect("free");
         })
         .expect("valid");
-        set(&mut world, &keys::TEMPERATURE, |i| [473.0, 873.0, 1900.0, 873.0][i]);
-        set(&mut world, &keys::BIRTH_TEMPERATURE, |i| [0.0, 0.0, 0.0, 1900.0][i]);
+        set(&mut world, &keys::TEMPERATURE, |i| {
+            [473.0, 873.0, 1900.0, 873.0][i]
+        });
+        set(&mut world, &keys::BIRTH_TEMPERATURE, |i| {
+            [0.0, 0.0, 0.0, 1900.0][i]
+        });
         apply(&world, &mut expansion, 0.0);
-        let expected = [(473.0, 473.0), (473.0, 873.0), (473.0, 1273.0), (1273.0, 873.0)];
+        let expected = [
+            (473.0, 473.0),
+            (473.0, 873.0),
+            (473.0, 1273.0),
+            (1273.0, 873.0),
+        ];
         let found = values(&world, &keys::EIGENSTRAIN);
         for (found, (from, to)) in found.iter().zip(expected) {
             let expected = elongation(to) - elongation(from);

@@ -108,9 +108,14 @@ impl Coupler for PhaseExpansion {
             return Err(SetupError::value("cutoff_temperature", message, expected));
         }
         if let (None, Some(temperature)) = (self.contraction, self.contraction_temperature) {
-            let message = format!("`contraction_temperature` is {temperature} K without `contraction`");
+            let message =
+                format!("`contraction_temperature` is {temperature} K without `contraction`");
             let expected = "`contraction` at that temperature, or neither of both keys";
-            return Err(SetupError::value("contraction_temperature", message, expected));
+            return Err(SetupError::value(
+                "contraction_temperature",
+                message,
+                expected,
+            ));
         }
         let body = setup.find_body(self.body.as_deref())?;
         self.prepared = Some(State {
@@ -197,11 +202,16 @@ mod tests {
             ("contraction = 0.01\ncontraction_temperature = 300", 0.01),
             ("", 9.2e-3 - 5e-6 * (300.0 - 293.15)),
         ] {
-            let text = format!("reference_temperature = 1100\nreference_austenite = 1\n{coefficients}\n{keys}");
+            let text = format!(
+                "reference_temperature = 1100\nreference_austenite = 1\n{coefficients}\n{keys}"
+            );
             let coupler: PhaseExpansion = read(&text);
             assert!(coupler.strain(1100.0, 1.0).abs() < 1e-18, "{keys}");
             let contraction = coupler.strain(300.0, 0.0) - coupler.strain(300.0, 1.0);
-            assert!((contraction - contraction_at_300).abs() < 1e-16, "{keys}: {contraction}");
+            assert!(
+                (contraction - contraction_at_300).abs() < 1e-16,
+                "{keys}: {contraction}"
+            );
             let cooled = coupler.strain(300.0, 1.0);
             assert!((cooled + 20e-6 * 800.0).abs() < 1e-16, "{keys}: {cooled}");
         }

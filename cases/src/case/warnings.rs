@@ -129,7 +129,6 @@ impl Case {
         });
         Ok(cold.collect())
     }
-
 }
 
 /// Whether a plugin provides a field of a body; a field that is only read, where provided, has no values.
@@ -224,7 +223,9 @@ fn adiabatic_stiffening(body: &Body, temperature: f64) -> f64 {
         let moduli = Moduli::new(at("youngs_modulus")?, ratio, body.dimension, Plane::Stress);
         let capacity = material.reference_density().ok()? * at("specific_heat")?;
         let expansion = Expansion::of(material).ok()??;
-        let expansion = expansion.instantaneous(ThermalState::solid(temperature)).ok()?;
+        let expansion = expansion
+            .instantaneous(ThermalState::solid(temperature))
+            .ok()?;
         Some(expansion * expansion * temperature * d * d * moduli.bulk / capacity)
     };
     let materials = body.materials.iter().filter_map(of_material);

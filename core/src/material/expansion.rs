@@ -270,9 +270,13 @@ mod tests {
             let expansion = expansion(text);
             for from in [200.0, 300.0, 500.0, 1300.0] {
                 for to in [200.0, 500.0, 900.0] {
-                    let found = expansion.strain(ThermalState::solid(from), ThermalState::solid(to));
+                    let found =
+                        expansion.strain(ThermalState::solid(from), ThermalState::solid(to));
                     let expected = elongation(to) - elongation(from);
-                    assert!((found - expected).abs() < 1e-16, "{text}: {from} to {to}: {found}");
+                    assert!(
+                        (found - expected).abs() < 1e-16,
+                        "{text}: {from} to {to}: {found}"
+                    );
                 }
             }
         }
@@ -288,7 +292,10 @@ mod tests {
                 let found = expansion.instantaneous(ThermalState::solid(temperature));
                 let found = found.expect("the reference is given");
                 // rounding of a strain of 1e-2 over 2e-3 K
-                assert!((found / difference - 1.0).abs() < 1e-8, "{text} at {temperature}");
+                assert!(
+                    (found / difference - 1.0).abs() < 1e-8,
+                    "{text} at {temperature}"
+                );
             }
         }
     }
@@ -315,7 +322,10 @@ mod tests {
         let expansion = expansion(table);
         assert!(expansion.lacks_reference());
         let state = ThermalState::solid(800.0);
-        assert_eq!(expansion.instantaneous(state), Err(ExpansionError::NoReference));
+        assert_eq!(
+            expansion.instantaneous(state),
+            Err(ExpansionError::NoReference)
+        );
         let given = expansion.with_default_reference(300.0);
         assert!(!given.lacks_reference());
         let coefficient = given.instantaneous(state).expect("given");
@@ -327,7 +337,10 @@ mod tests {
         let expansion = expansion(
             "thermal_elongation.solid = { temperature = [300, 1300], value = [0, 0.02] }\nthermal_elongation.liquid = { temperature = [1300, 2300], value = [0.03, 0.06] }",
         );
-        let state = |temperature, liquid_fraction| ThermalState { temperature, liquid_fraction };
+        let state = |temperature, liquid_fraction| ThermalState {
+            temperature,
+            liquid_fraction,
+        };
         for (to, expected) in [
             (state(1300.0, 0.0), 0.02),
             (state(1300.0, 0.5), 0.025),
@@ -342,7 +355,10 @@ mod tests {
     #[test]
     fn contradictory_expansions_are_refused() {
         for (text, part) in [
-            ("thermal_expansion = 1e-5\ninstantaneous_expansion = 1e-5", "both state the thermal expansion"),
+            (
+                "thermal_expansion = 1e-5\ninstantaneous_expansion = 1e-5",
+                "both state the thermal expansion",
+            ),
             (
                 "instantaneous_expansion = 1e-5\nexpansion_reference = 300",
                 "belongs to the mean coefficient",
@@ -352,7 +368,10 @@ mod tests {
                 "thermal_elongation = { temperature = [300], value = [0] }",
                 "table of two rows or more",
             ),
-            ("instantaneous_expansion = { solid = 1e-5, liquid = 2e-5 }", "not one for each phase"),
+            (
+                "instantaneous_expansion = { solid = 1e-5, liquid = 2e-5 }",
+                "not one for each phase",
+            ),
             (
                 "thermal_expansion = 1e-5\nexpansion_reference = { temperature = [300, 400], value = [300, 400] }",
                 "must be one number",
@@ -369,13 +388,21 @@ mod tests {
         let library = material(THREE_KINDS[0]).expect("valid");
         for (text, lacks_reference, strain) in [
             ("", false, 7.44e-3 - 2.16e-3),
-            ("expansion_reference = 200", false, 1.24e-5 * 700.0 - 1.08e-5 * 300.0),
+            (
+                "expansion_reference = 200",
+                false,
+                1.24e-5 * 700.0 - 1.08e-5 * 300.0,
+            ),
             (
                 "thermal_expansion = { temperature = [500, 900], value = [1e-5, 2e-5] }",
                 true,
                 2e-5 * 400.0,
             ),
-            ("thermal_elongation = { temperature = [500, 900], value = [0, 1e-2] }", false, 1e-2),
+            (
+                "thermal_elongation = { temperature = [500, 900], value = [0, 1e-2] }",
+                false,
+                1e-2,
+            ),
             ("instantaneous_expansion = 1e-5", false, 4e-3),
         ] {
             let section: MaterialSection = toml::from_str(text).expect("known keys");

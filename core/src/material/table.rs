@@ -206,11 +206,18 @@ mod tests {
             (4.0, 0.0, -5.0, 20.0),
             (6.0, 0.0, -5.0, 10.0),
         ] {
-            let found = (ramp().slope(x), ramp().continued_slope(x), ramp().continued(x));
+            let found = (
+                ramp().slope(x),
+                ramp().continued_slope(x),
+                ramp().continued(x),
+            );
             assert_eq!(found, (clamped, continued, value), "at {x}");
         }
         let one = Table::new(vec![300.0], vec![7.0]).expect("valid row");
-        assert_eq!((one.continued(9.0), one.continued_slope(9.0), one.slope(9.0)), (7.0, 0.0, 0.0));
+        assert_eq!(
+            (one.continued(9.0), one.continued_slope(9.0), one.slope(9.0)),
+            (7.0, 0.0, 0.0)
+        );
     }
 
     #[test]

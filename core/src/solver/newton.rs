@@ -4,17 +4,17 @@
 //! `s = 1, 1/2, 1/4, ...` for which the residual decreases, or, for forces ([`Rhs::is_force`]), the work along `d`:
 //!
 //! ```text
-//! |f(y + s d)| <= (1 - 1e-4 s) |f(y)|   or   |f(y + s d) . d| <= 0.8 |f(y) . d|
+//! |f(y + s d)| <= (1 - 1e-4 s) |f(y)|   or   -0.8 <= f(y + s d) . d / f(y) . d <= 1
 //! ```
 //!
-//! For forces with an energy `E` the second is a step towards its minimum along `d`, where `dE/ds = -f . d` is zero. Plastic
-//! flow needs it: the first tangent of a step is elastic, and the flow that begins raises the norm of the forces while
-//! the energy falls. The sign is that of a restoring force or of diffusion: for
+//! For forces with an energy `E` the second is a step down to its minimum along `d`, where `dE/ds = -f . d` is zero, or not
+//! far beyond. Plastic flow needs it: the first tangent of a step is elastic, and the flow that begins raises the norm of
+//! the forces while the energy falls; near the limit load it falls along the whole step. The sign is that of a restoring force or of diffusion: for
 //! them `-J` is positive (semi-)definite and conjugate gradients may be chosen. Where that holds
 //! only for `-diag(w) J`, the system is multiplied by the weights of [`Rhs::weights`].
 //!
 //! Sources: Knoll & Keyes (2004), J. Comput. Phys. 193, 357-397; line search by the work: Matthies & Strang (1979), Int. J.
-//! Numer. Methods Eng. 14, 1613-1626, with their factor of 0.8; accuracy of the linear solves after Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16-32, choice 2.
+//! Numer. Methods Eng. 14, 1613-1626, who ask for 0.8 of the work on both sides; accuracy of the linear solves after Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16-32, choice 2.
 
 use super::error::SolverError;
 use super::krylov::{Hints, Krylov, KrylovMethod, KrylovOptions};
@@ -87,8 +87,8 @@ pub struct Newton {
 /// Fraction of the full step below which a line search gives up.
 const SHORTEST_STEP: f64 = 1.0 / 1024.0;
 
-/// Part of the work along a direction that a step may leave.
-const REMAINING_WORK: f64 = 0.8;
+/// Part of the work along a direction that may be left beyond the point where it is zero.
+const WORK_BEYOND: f64 = 0.8;
 
 impl Newton {
     /// A solver that sizes its work vectors at first use.
@@ -217,7 +217,7 @@ impl Newton {
             report.krylov_iterations += linear_report.iterations;
 
             let before = report.residual;
-            let work = rhs.is_force().then(|| dot(value, step).abs());
+            let work = rhs.is_force().then(|| dot(value, step));
             let mut fraction = 1.0;
             report.residual = loop {
                 update(trial, [state, step], |_, [y, d]| y + fraction * d);
@@ -225,7 +225,8 @@ impl Newton {
                 report.evaluations += 1;
                 weigh(weights, trial_value);
                 let residual = norm(trial_value);
-                let works_less = |work| dot(trial_value, step).abs() <= REMAINING_WORK * work;
+                let works_less =
+                    |work| (-WORK_BEYOND..=1.0).contains(&(dot(trial_value, step) / work));
                 if residual <= (1.0 - 1e-4 * fraction) * before || work.is_some_and(works_less) {
                     break residual;
                 }
@@ -425,7 +426,10 @@ mod tests {
     #[test]
     fn springs_that_yield_together_are_brought_to_equilibrium_by_the_work() {
         let solve = |is_force| {
-            let mut chain = YieldingChain { load: 1.2, is_force };
+            let mut chain = YieldingChain {
+                load: 1.2,
+                is_force,
+            };
             let mut newton = Newton::new(NewtonOptions {
                 krylov: KrylovMethod::ConjugateGradient,
                 ..Default::default()
@@ -440,7 +444,10 @@ mod tests {
         for i in 0..u.len() {
             let expected = if i % 2 == 1 { 3.0 } else { 1.2 };
             // residual 1e-8 on a chain of flexibility 10 at most
-            assert!((YieldingChain::extension(&u, i) - expected).abs() < 1e-5, "{i}");
+            assert!(
+                (YieldingChain::extension(&u, i) - expected).abs() < 1e-5,
+                "{i}"
+            );
         }
         assert!(solve(false).0.is_err(), "the norm alone finds no step");
     }

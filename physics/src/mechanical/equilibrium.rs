@@ -202,7 +202,7 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<Work, S
 }
 
 /// The error of a body that flows: no equilibrium exists above its limit load, whatever the step.
-fn about_flow(error: SolverError) -> SolverError {
+pub(super) fn about_flow(error: SolverError) -> SolverError {
     match error {
         SolverError::NotConverged {
             method,

@@ -164,7 +164,13 @@ pub(super) fn radial_tangent(
 ) -> Option<Matrix6<f64>> {
     let flows = increment > 0.0;
     // part of the slope that is left, with a stiffness against flow
-    let left = |stiffness: f64| if flows { hardening / (stiffness + hardening) } else { 1.0 };
+    let left = |stiffness: f64| {
+        if flows {
+            hardening / (stiffness + hardening)
+        } else {
+            1.0
+        }
+    };
     match state {
         StressState::Plane => None,
         StressState::Uniaxial => {
