@@ -30,7 +30,7 @@ use super::elastic::StrainedPoints;
 use super::moduli::{Moduli, Plane};
 pub(super) use return_mapping::elastic_strain;
 pub use return_mapping::{FlowStress, StressState, return_to_yield};
-use return_mapping::{flow_along_deviator, radial_tangent, relieved_strain};
+use return_mapping::{Flowed, flow_along_deviator, radial_tangent, relieved_strain};
 
 /// Plastic flow by the material properties `yield_stress` and, if given, `hardening_modulus`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -235,11 +235,11 @@ impl Plasticity {
             let settled = &settled[i];
             let flow = flow_stress(&self.flow[i], self.table.as_ref());
             let trial = points.stress(i, &law.with_inelastic(state, settled.strain));
-            let flowed = (
-                self.transformation.get(i).copied().unwrap_or(0.0),
-                tried[i].equivalent - settled.equivalent,
-                flow.slope(tried[i].equivalent),
-            );
+            let flowed = Flowed {
+                transformation: self.transformation.get(i).copied().unwrap_or(0.0),
+                increment: tried[i].equivalent - settled.equivalent,
+                hardening: flow.slope(tried[i].equivalent),
+            };
             if let Some(tangent) = radial_tangent(state, &trial, &law.moduli, flowed) {
                 return (i, tangent);
             }

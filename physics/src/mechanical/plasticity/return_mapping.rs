@@ -148,10 +148,19 @@ pub fn flow_along_deviator(
     (stress, std::array::from_fn(|c| g * deviator(c)))
 }
 
+/// How a point flowed in a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Flowed {
+    /// Flow along the deviator before the return, see [`flow_along_deviator`], 1/Pa.
+    pub(super) transformation: f64,
+    /// Increment of the equivalent plastic strain by the return.
+    pub(super) increment: f64,
+    /// Derivative of the flow stress by the equivalent plastic strain after it, Pa.
+    pub(super) hardening: f64,
+}
+
 /// The consistent tangent of the return along the trial deviator: the derivative of the inelastic strain of a step by the
-/// strain (xx, yy, zz, xy, yz, zx), from the trial stress (Pa). The point flowed by `g` (1/Pa) times its deviator, see
-/// [`flow_along_deviator`], then by `increment` of equivalent plastic strain, where its flow stress rises by `hardening`
-/// (Pa). `None` in plane stress, whose flow is not along the trial deviator.
+/// strain (xx, yy, zz, xy, yz, zx), from the trial stress (Pa). `None` in plane stress, whose flow is not along the trial deviator.
 ///
 /// In 3D and plane strain (Simo & Hughes (1998), section 3.3.2), with the trial deviator s, n = s/|s|, the equivalent stress
 /// q of the trial and Q(q) after the step:
@@ -160,8 +169,13 @@ pub(super) fn radial_tangent(
     state: StressState,
     trial: &[f64; 6],
     moduli: &Moduli,
-    (g, increment, hardening): (f64, f64, f64),
+    flowed: Flowed,
 ) -> Option<Matrix6<f64>> {
+    let Flowed {
+        transformation: g,
+        increment,
+        hardening,
+    } = flowed;
     let flows = increment > 0.0;
     // part of the slope that is left, with a stiffness against flow
     let left = |stiffness: f64| {
