@@ -21,7 +21,7 @@ use crate::body::{Body, Region};
 use crate::error::{Problem, SetupError};
 use crate::family::Cut;
 use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write, keys};
-use crate::material::{EnthalpyCurve, Material, MaterialError, Property};
+use crate::material::{EnthalpyCurve, Expansion, Material, MaterialError, Property};
 use crate::world::{BodyIndex, PhaseChange, World};
 
 use exchanges::DeclaredExchange;
@@ -310,21 +310,38 @@ impl<'w> Setup<'w> {
     /// # Errors
     /// When a material lacks it.
     pub fn property(&self, body: BodyIndex, name: &str) -> Result<Vec<Property>, SetupError> {
+        self.of_materials(body, name, |m| Ok(m.get(name).cloned()))
+    }
+
+    /// The thermal expansion of each material of a body.
+    ///
+    /// # Errors
+    /// When a material states none.
+    pub fn expansions(&self, body: BodyIndex) -> Result<Vec<Expansion>, SetupError> {
+        self.of_materials(body, "thermal_expansion", Expansion::of)
+    }
+
+    /// What each material of a body has; `property` names what is missing where it has none.
+    fn of_materials<T>(
+        &self,
+        body: BodyIndex,
+        property: &str,
+        of: impl Fn(&Material) -> Result<Option<T>, MaterialError>,
+    ) -> Result<Vec<T>, SetupError> {
         let body = self.body(body);
-        let missing = |material: &str| {
-            SetupError::new(
-                "",
-                Problem::MissingProperty {
-                    material: material.into(),
-                    body: body.name.clone(),
-                    property: name.into(),
-                },
-            )
+        let missing = |material: &Material| {
+            let problem = Problem::MissingProperty {
+                material: material.name().into(),
+                body: body.name.clone(),
+                property: property.into(),
+            };
+            SetupError::new("", problem)
         };
-        body.materials
-            .iter()
-            .map(|m| m.get(name).cloned().ok_or_else(|| missing(m.name())))
-            .collect()
+        let materials = body.materials.iter().map(|material| {
+            let found = of(material).map_err(|e| SetupError::other("", e))?;
+            found.ok_or_else(|| missing(material))
+        });
+        materials.collect()
     }
 
     /// The property `name` of each material of a body, as a number.

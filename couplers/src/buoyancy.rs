@@ -1,14 +1,17 @@
 //! Buoyancy of a fluid whose density hardly changes with temperature (Boussinesq):
-//! `body_force -= rho0 beta (T - T_ref) g`, with `beta` three times the linear thermal expansion.
+//! `body_force -= 3 rho0 (e(T) - e(T_ref)) g` with the linear thermal expansion e, `rho0 beta (T - T_ref) g` for a constant
+//! coefficient of volume beta.
 //!
 //! Gao (2020), eqs. 5.128 to 5.136. The weight at the reference temperature is balanced by a hydrostatic pressure and is
 //! left out. A reference temperature in the middle of the range of temperatures keeps pressures small.
 
 use nalgebra::Vector3;
-use perimelt_core::material::Property;
+use perimelt_core::material::{Expansion, ThermalState};
 use perimelt_core::{Coupler, Read, RunError, Setup, SetupError, Step, World, Write, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::expansion::expansions_from;
 
 /// Lift of the hot fluid; needs the material properties `density` and `thermal_expansion`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -32,8 +35,8 @@ struct BuoyancyState {
     body: usize,
     /// By material, kg/m³.
     density: Vec<f64>,
-    /// Linear thermal expansion by material, 1/K.
-    expansion: Vec<Property>,
+    /// By material.
+    expansion: Vec<Expansion>,
     temperature: Read<f64>,
     body_force: Write<Vector3<f64>>,
 }
@@ -45,7 +48,7 @@ impl Coupler for Buoyancy {
         self.prepared = Some(BuoyancyState {
             body,
             density: setup.reference_densities(body)?,
-            expansion: setup.property(body, "thermal_expansion")?,
+            expansion: expansions_from(setup, body, self.reference_temperature)?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             body_force: setup.add(body, &keys::BODY_FORCE)?,
         });
@@ -61,10 +64,15 @@ impl Coupler for Buoyancy {
         let gravity = Vector3::from(self.gravity);
         let material = &world.body(p.body).material_of_point;
         let temperature = world.read(p.temperature);
+        let liquid = |temperature| ThermalState {
+            temperature,
+            liquid_fraction: 1.0,
+        };
+        let reference = liquid(self.reference_temperature);
         let mut body_force = world.write(p.body_force);
         for ((sum, &t), &m) in body_force.iter_mut().zip(&*temperature).zip(material) {
-            let expansion = 3.0 * p.expansion[m as usize].at(t, 1.0);
-            *sum -= p.density[m as usize] * expansion * (t - self.reference_temperature) * gravity;
+            let strain = p.expansion[m as usize].strain(reference, liquid(t));
+            *sum -= 3.0 * p.density[m as usize] * strain * gravity;
         }
         Ok(())
     }

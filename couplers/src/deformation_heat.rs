@@ -15,11 +15,11 @@
 //! step. With `time.iteration` both are consistent at the end of the step, and energy is kept to the
 //! order of the integrator.
 //!
-//! Alpha is the coefficient at the temperature of the point. The heat needs the tangent coefficient,
-//! thermal expansion the secant coefficient; in a steep table the two differ. Not for plastic or
-//! viscous heat.
+//! Alpha is the instantaneous coefficient at the temperature of the point, `de/dT` of the elongation e by which
+//! `thermal_expansion` strains the body; a table of mean coefficients must say from which temperature they count
+//! (`expansion_reference`). Not for plastic or viscous heat.
 
-use perimelt_core::material::Property;
+use perimelt_core::material::{Expansion, ExpansionError, MaterialError, ThermalState};
 use perimelt_core::{
     Coupler, Read, ReadIfProvided, Report, RunError, Setup, SetupError, Step, World, keys,
 };
@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::rate::WorkHeat;
 
-/// Heat from the rate of deformation; needs the material property `thermal_expansion`.
+/// Heat from the rate of deformation; needs the thermal expansion of the material.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DeformationHeat {
@@ -47,7 +47,7 @@ pub struct DeformationHeat {
 #[derive(Debug)]
 struct DeformationHeatState {
     body: usize,
-    expansion: Vec<Property>,
+    expansion: Vec<Expansion>,
     temperature: Read<f64>,
     liquid_fraction: ReadIfProvided<f64>,
     /// From the rate of the conjugate stress.
@@ -58,9 +58,18 @@ struct DeformationHeatState {
 impl Coupler for DeformationHeat {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        let expansion = setup.expansions(body)?;
+        let mut materials = setup.body(body).materials.iter().zip(&expansion);
+        if let Some((material, _)) = materials.find(|(_, e)| e.lacks_reference()) {
+            let error = MaterialError::Expansion {
+                material: material.name().to_string(),
+                source: ExpansionError::NoReference,
+            };
+            return Err(SetupError::other("", error));
+        }
         self.prepared = Some(DeformationHeatState {
             body,
-            expansion: setup.property(body, "thermal_expansion")?,
+            expansion,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             liquid_fraction: setup.read_if_provided(body, &keys::LIQUID_FRACTION)?,
             heat: WorkHeat::prepare(setup, body, &keys::CONJUGATE_STRESS)?,
@@ -75,9 +84,13 @@ impl Coupler for DeformationHeat {
         let liquid_fraction = liquid_fraction.as_deref();
         let (expansion, material) = (&p.expansion, &world.body(p.body).material_of_point);
         let factor = |point: usize| {
-            let liquid = liquid_fraction.map_or(0.0, |f| f[point]);
-            let expansion = expansion[material[point] as usize].at(temperature[point], liquid);
-            -expansion * self.linearised_at.unwrap_or(temperature[point])
+            let state = ThermalState {
+                temperature: temperature[point],
+                liquid_fraction: liquid_fraction.map_or(0.0, |f| f[point]),
+            };
+            let coefficient = expansion[material[point] as usize].instantaneous(state);
+            -coefficient.expect("the reference is checked at set-up")
+                * self.linearised_at.unwrap_or(temperature[point])
         };
         p.heat.add(world, factor, step.size);
         Ok(())
@@ -107,7 +120,37 @@ perimelt_core::register_coupler!("deformation_heat", DeformationHeat);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{apply, block, prepare, read, set, values};
+    use crate::testing::{STEEL, apply, block, prepare, read, refusal, set, values};
+
+    /// Mean coefficients of 10e-6 to 20e-6 from 300 to 1300 K, which count from 300 K: their elongation rises by 20e-6 per
+    /// kelvin at 800 K.
+    #[test]
+    fn the_heat_takes_the_instantaneous_coefficient() {
+        let mut world = World::new(vec![block([1, 1, 1], 1, STEEL)]);
+        let message = refusal(&mut world, &mut read::<DeformationHeat>(""));
+        assert!(
+            message.contains("add `expansion_reference` [K]"),
+            "{message}"
+        );
+
+        let metal = format!("{STEEL}\nexpansion_reference = 300");
+        let mut world = World::new(vec![block([1, 1, 1], 1, &metal)]);
+        let mut coupler: DeformationHeat = read("");
+        prepare(&mut world, &mut coupler, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.own(0, &keys::CONJUGATE_STRESS).expect("free");
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        })
+        .expect("valid");
+        set(&mut world, &keys::TEMPERATURE, |_| 800.0);
+        set(&mut world, &keys::CONJUGATE_STRESS, |_| 1e9);
+        apply(&world, &mut coupler, 0.0);
+        let heat = values(&world, &keys::HEAT_SOURCE)[0];
+        assert!(
+            (heat / (-20e-6 * 800.0 * 1e9) - 1.0).abs() < 1e-12,
+            "{heat}"
+        );
+    }
 
     #[test]
     fn extension_cools_in_proportion_to_the_temperature_or_to_the_given_one() {

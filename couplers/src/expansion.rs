@@ -1,13 +1,14 @@
 //! Thermal expansion: temperature gives every point an isotropic stress-free strain
 //!
 //! ```text
-//! eigenstrain += alpha(T) (T - T_ref)
+//! eigenstrain += e(T) - e(T_ref)
 //! ```
 //!
-//! with the mean (secant) coefficient alpha from the stress-free temperature T_ref. A bond of a
-//! bond-based solid has the mean of the strains of its ends, alpha (theta + theta')/2 (Wang (2025),
-//! eq. 7.5). A table of alpha must refer to the same T_ref; a table for another reference temperature
-//! is not converted.
+//! with the elongation e of the material, which states it by mean coefficients, instantaneous coefficients or a table of e
+//! itself ([`Expansion`]), and the stress-free temperature T_ref. Mean (secant) coefficients alpha count from a temperature T_0
+//! of their own, `expansion_reference` of the material: e(T) = alpha(T) (T - T_0); where the material does not give it, T_0 =
+//! T_ref. A bond of a bond-based solid has the mean of the strains of its ends, alpha (theta + theta')/2 (Wang (2025),
+//! eq. 7.5).
 //!
 //! Above a cut-off temperature T_cut the strain is that of T_cut. It belongs with an annealing
 //! temperature of the plasticity (`plasticity.annealing_temperature`), above which metal has no
@@ -16,12 +17,12 @@
 //! cut-off all points contract from the same strain.
 //!
 //! Material that is deposited during the run is free of stress at the temperature of its birth, which takes the place of
-//! T_ref: the strain is `alpha(T) (T - T_ref) - alpha(T_birth) (T_birth - T_ref)`.
+//! T_ref: the strain is `e(T) - e(T_birth)`.
 //!
 //! Not for a change of the stress-free state by melting: relief of strain in the melt needs a plastic
 //! or viscous solid.
 
-use perimelt_core::material::Property;
+use perimelt_core::material::{Expansion, ThermalState};
 use perimelt_core::{
     Coupler, Read, ReadIfProvided, RunError, Setup, SetupError, Step, World, Write, keys,
 };
@@ -29,7 +30,8 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Strain from temperature; needs the material property `thermal_expansion`.
+/// Strain from temperature; needs the material property `thermal_expansion`, `instantaneous_expansion` or
+/// `thermal_elongation`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ThermalExpansion {
@@ -50,7 +52,7 @@ pub struct ThermalExpansion {
 #[derive(Debug)]
 struct ExpansionState {
     body: usize,
-    expansion: Vec<Property>,
+    expansion: Vec<Expansion>,
     temperature: Read<f64>,
     liquid_fraction: ReadIfProvided<f64>,
     /// K; zero at points that are there from the start.
@@ -58,14 +60,34 @@ struct ExpansionState {
     eigenstrain: Write<f64>,
 }
 
-/// `alpha(T) (T - T_ref)`, for temperatures in K.
-pub fn thermal_strain(
-    expansion: &Property,
-    temperature: f64,
-    liquid_fraction: f64,
-    reference_temperature: f64,
-) -> f64 {
-    expansion.at(temperature, liquid_fraction) * (temperature - reference_temperature)
+/// The thermal expansion of each material of a body. Mean coefficients whose reference temperature the material does not
+/// give count from `reference` (K), which the user is told.
+///
+/// # Errors
+/// When a material states no expansion.
+pub(crate) fn expansions_from(
+    setup: &mut Setup<'_>,
+    body: usize,
+    reference: f64,
+) -> Result<Vec<Expansion>, SetupError> {
+    let expansions = setup.expansions(body)?;
+    let materials = setup.body(body).materials.iter().zip(&expansions);
+    let lacking = materials.filter(|(_, expansion)| expansion.lacks_reference());
+    let warnings: Vec<String> = lacking
+        .map(|(material, _)| {
+            format!(
+                "the mean coefficients `thermal_expansion` of material `{}` are taken to count from the reference temperature \
+                 {reference} K of the coupler: give the temperature from which the table counts, `expansion_reference` [K], \
+                 often 293.15",
+                material.name()
+            )
+        })
+        .collect();
+    warnings.into_iter().for_each(|text| setup.warn(text));
+    let expansions = expansions.into_iter();
+    Ok(expansions
+        .map(|e| e.with_default_reference(reference))
+        .collect())
 }
 
 #[typetag::serialize(name = "thermal_expansion")]
@@ -84,7 +106,7 @@ impl Coupler for ThermalExpansion {
         }
         self.prepared = Some(ExpansionState {
             body,
-            expansion: setup.property(body, "thermal_expansion")?,
+            expansion: expansions_from(setup, body, self.reference_temperature)?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             liquid_fraction: setup.read_if_provided(body, &keys::LIQUID_FRACTION)?,
             birth_temperature: setup.read_if_provided(body, &keys::BIRTH_TEMPERATURE)?,
@@ -109,21 +131,18 @@ impl Coupler for ThermalExpansion {
         let mut eigenstrain = world.write(p.eigenstrain);
         let strain = |point: usize| {
             let expansion = &p.expansion[material[point] as usize];
-            let (temperature, liquid) = match cutoff {
-                Some(cutoff) if temperature[point] > cutoff => (cutoff, 0.0),
-                _ => (
-                    temperature[point],
-                    liquid_fraction.map_or(0.0, |f| f[point]),
-                ),
+            let free_of_stress = match birth_temperature.map_or(0.0, |t| t[point]) {
+                0.0 => reference,
+                birth => cutoff.map_or(birth, |cutoff| birth.min(cutoff)),
             };
-            let strain = thermal_strain(expansion, temperature, liquid, reference);
-            match birth_temperature.map_or(0.0, |t| t[point]) {
-                0.0 => strain,
-                birth => {
-                    let birth = cutoff.map_or(birth, |cutoff| birth.min(cutoff));
-                    strain - thermal_strain(expansion, birth, 0.0, reference)
-                }
-            }
+            let present = match cutoff {
+                Some(cutoff) if temperature[point] > cutoff => ThermalState::solid(cutoff),
+                _ => ThermalState {
+                    temperature: temperature[point],
+                    liquid_fraction: liquid_fraction.map_or(0.0, |f| f[point]),
+                },
+            };
+            expansion.strain(ThermalState::solid(free_of_stress), present)
         };
         let points = eigenstrain.par_iter_mut().enumerate();
         points.for_each(|(point, sum)| *sum += strain(point));
@@ -154,6 +173,45 @@ mod tests {
         let expected = [1.0 - 10e-6 * 100.0, 1.0, 1.0 + 15e-6 * 500.0];
         for (strain, expected) in values(&world, &keys::EIGENSTRAIN).iter().zip(expected) {
             assert!((strain - expected).abs() < 1e-15, "rounding of 1");
+        }
+    }
+
+    /// A bar of EN 1993-1-2 steel, e(T) = alpha(T) (T - 293.15 K), that is free of stress at another temperature: heated from
+    /// there, with a cut-off, and deposited. The table is exact at the rows.
+    #[test]
+    fn mean_coefficients_count_from_their_own_reference_temperature() {
+        let metal = "thermal_expansion = { temperature = [473, 873, 1273], value = [12.88e-6, 14.48e-6, 14.08e-6] }\nexpansion_reference = 293.15";
+        let elongation = |t: f64| {
+            let coefficient = [(473.0, 12.88e-6), (873.0, 14.48e-6), (1273.0, 14.08e-6)];
+            let row = coefficient.iter().find(|row| row.0 == t).expect("a row");
+            row.1 * (t - 293.15)
+        };
+        let mut world = World::new(vec![block([4, 1, 1], 1, metal)]);
+        let keys_given = "reference_temperature = 473\ncutoff_temperature = 1273";
+        let mut expansion: ThermalExpansion = read(keys_given);
+        prepare(&mut world, &mut expansion, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.own(0, &keys::BIRTH_TEMPERATURE).expect("free");
+            setup.consume(0, &keys::EIGENSTRAIN).expect("free");
+        })
+        .expect("valid");
+        set(&mut world, &keys::TEMPERATURE, |i| {
+            [473.0, 873.0, 1900.0, 873.0][i]
+        });
+        set(&mut world, &keys::BIRTH_TEMPERATURE, |i| {
+            [0.0, 0.0, 0.0, 1900.0][i]
+        });
+        apply(&world, &mut expansion, 0.0);
+        let expected = [
+            (473.0, 473.0),
+            (473.0, 873.0),
+            (473.0, 1273.0),
+            (1273.0, 873.0),
+        ];
+        let found = values(&world, &keys::EIGENSTRAIN);
+        for (found, (from, to)) in found.iter().zip(expected) {
+            let expected = elongation(to) - elongation(from);
+            assert!((found - expected).abs() < 1e-16, "{from} to {to}: {found}");
         }
     }
 

@@ -2,11 +2,12 @@
 //! them
 //!
 //! ```text
-//! eigenstrain += a (alpha_a (T - T_ref) - contraction) + (1 - a) alpha (T - T_ref) - (the same at the start)
+//! eigenstrain += e(T, a) - e(T_ref, a_ref)
+//! e(T, a) = a (alpha_a (T - T_0) - contraction) + (1 - a) alpha (T - T_0)
 //! ```
 //!
-//! with the share a of austenite, its mean coefficient alpha_a, that of all other constituents alpha, and the contraction
-//! from these to austenite at T_ref. A body of ferrite, pearlite, bainite or martensite is free of stress at T_ref; with
+//! with the share a of austenite, its coefficient alpha_a, that of all other constituents alpha, and the contraction from these
+//! to austenite at the temperature T_0, `contraction_temperature`. A body of ferrite, pearlite, bainite or martensite is free of stress at T_ref; with
 //! `reference_austenite = 1`, a body of austenite is.
 //!
 //! Coefficients and contraction when left out follow from the lattice of iron: 0.287 nm for ferrite and 0.357 nm for
@@ -39,9 +40,13 @@ pub struct PhaseExpansion {
     /// Mean coefficient of expansion of austenite (1/K).
     #[serde(default = "usual_austenite_expansion")]
     pub austenite_expansion: f64,
-    /// Linear contraction from the other constituents to austenite at the reference temperature.
-    #[serde(default = "usual_contraction")]
-    pub contraction: f64,
+    /// Linear contraction from the other constituents to austenite at `contraction_temperature`; 0.0092 when left out, which
+    /// is that at 20 °C.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contraction: Option<f64>,
+    /// Temperature at which the contraction is that given (K); the reference temperature when left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contraction_temperature: Option<f64>,
     /// Temperature above which the body expands no further (K), where it has lost its strength.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cutoff_temperature: Option<f64>,
@@ -58,9 +63,8 @@ fn usual_austenite_expansion() -> f64 {
     22.5e-6
 }
 
-fn usual_contraction() -> f64 {
-    9.2e-3
-}
+/// Contraction at a temperature (K).
+const USUAL_CONTRACTION: (f64, f64) = (9.2e-3, 293.15);
 
 #[derive(Debug)]
 struct State {
@@ -72,10 +76,20 @@ struct State {
 impl PhaseExpansion {
     /// Strain at a temperature (K) and a share of austenite.
     fn strain(&self, temperature: f64, austenite: f64) -> f64 {
-        let rise = temperature - self.reference_temperature;
-        let of_austenite = self.austenite_expansion * rise - self.contraction;
-        let at_reference = -self.reference_austenite * self.contraction;
-        austenite * of_austenite + (1.0 - austenite) * self.expansion * rise - at_reference
+        let (contraction, counted_from) = match self.contraction {
+            Some(given) => {
+                let at = self.contraction_temperature;
+                (given, at.unwrap_or(self.reference_temperature))
+            }
+            None => USUAL_CONTRACTION,
+        };
+        let elongation = |temperature: f64, austenite: f64| {
+            let rise = temperature - counted_from;
+            austenite * (self.austenite_expansion * rise - contraction)
+                + (1.0 - austenite) * self.expansion * rise
+        };
+        elongation(temperature, austenite)
+            - elongation(self.reference_temperature, self.reference_austenite)
     }
 }
 
@@ -92,6 +106,16 @@ impl Coupler for PhaseExpansion {
             let expected = format!("a temperature above {} K", self.reference_temperature);
             let message = format!("the cut-off temperature is {cutoff} K");
             return Err(SetupError::value("cutoff_temperature", message, expected));
+        }
+        if let (None, Some(temperature)) = (self.contraction, self.contraction_temperature) {
+            let message =
+                format!("`contraction_temperature` is {temperature} K without `contraction`");
+            let expected = "`contraction` at that temperature, or neither of both keys";
+            return Err(SetupError::value(
+                "contraction_temperature",
+                message,
+                expected,
+            ));
         }
         let body = setup.find_body(self.body.as_deref())?;
         self.prepared = Some(State {
@@ -168,6 +192,31 @@ mod tests {
         }
     }
 
+    /// The contraction grows by the difference of the coefficients with the temperature at which it takes place; the usual one
+    /// is that at 20 °C, wherever the body is free of stress.
+    #[test]
+    fn the_contraction_counts_from_its_own_temperature() {
+        let coefficients = "expansion = 15e-6\naustenite_expansion = 20e-6";
+        for (keys, contraction_at_300) in [
+            ("contraction = 0.01", 0.01 - 5e-6 * (300.0 - 1100.0)),
+            ("contraction = 0.01\ncontraction_temperature = 300", 0.01),
+            ("", 9.2e-3 - 5e-6 * (300.0 - 293.15)),
+        ] {
+            let text = format!(
+                "reference_temperature = 1100\nreference_austenite = 1\n{coefficients}\n{keys}"
+            );
+            let coupler: PhaseExpansion = read(&text);
+            assert!(coupler.strain(1100.0, 1.0).abs() < 1e-18, "{keys}");
+            let contraction = coupler.strain(300.0, 0.0) - coupler.strain(300.0, 1.0);
+            assert!(
+                (contraction - contraction_at_300).abs() < 1e-16,
+                "{keys}: {contraction}"
+            );
+            let cooled = coupler.strain(300.0, 1.0);
+            assert!((cooled + 20e-6 * 800.0).abs() < 1e-16, "{keys}: {cooled}");
+        }
+    }
+
     #[test]
     fn mistakes_are_refused() {
         let mut world = World::new(vec![block([2, 1, 1], 1, STEEL)]);
@@ -176,6 +225,7 @@ mod tests {
             "cutoff_temperature = 200",
             "cutoff_temperature = 300",
             "cutoff_temperature = nan",
+            "contraction_temperature = 300",
         ] {
             let mut coupler: PhaseExpansion = read(&format!("reference_temperature = 300\n{keys}"));
             let key = keys.split(' ').next().expect("a key");

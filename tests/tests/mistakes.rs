@@ -43,6 +43,58 @@ fn the_case_itself_is_right() {
     assert_eq!(warnings, [""; 0]);
 }
 
+/// A body whose temperature nobody computes does not heat up, nor is it cold, whatever its material.
+#[test]
+fn pure_mechanics_is_not_told_to_expand() {
+    const BODY: &str = "[bodies.bar]\nshape.box = { min = [0, 0, 0], max = [0.01, 0.004, 0.004] }\nspacing = 1e-3\nmaterial = \"S355\"\n";
+    const MECHANICS: &str =
+        "[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\n";
+    const WALL: &str = "[[couplers]]\ntype = \"symmetry\"\nface = \"x-\"\n[time]\nend = 1\nstep = 1\n[log]\ninterval = 1\n";
+    let told = |physics: &str| {
+        let text = format!("[case]\ntitle = \"bar\"\n{BODY}{physics}{WALL}");
+        warnings(text).unwrap_or_else(|e| panic!("{physics}: {e}"))
+    };
+    assert_eq!(told(MECHANICS), [""; 0]);
+    let heat = "initial.temperature = 300\n[[physics]]\ntype = \"thermal\"\n";
+    let melting = "[[couplers]]\ntype = \"phase_change\"\n";
+    let both = told(&format!("{heat}{MECHANICS}{melting}"));
+    assert!(both[0].contains("does not expand"), "{both:?}");
+    let expansion = "[[couplers]]\ntype = \"thermal_expansion\"\nreference_temperature = 473\n";
+    assert_eq!(
+        told(&format!("{heat}{MECHANICS}{melting}{expansion}")),
+        [""; 0]
+    );
+}
+
+/// Mean coefficients that count from an unknown temperature are told.
+#[test]
+fn mean_coefficients_without_their_reference_temperature_are_told() {
+    let told = |property: &str| {
+        let elastic = "youngs_modulus = 2e11\npoissons_ratio = 0.3";
+        let text = changed(
+            "thermal_expansion = 1.2e-5",
+            &format!("{elastic}\n{property}"),
+        );
+        let plugins = "[[physics]]\ntype = \"mechanical\"\nformulation = \"correspondence\"\n[[couplers]]\ntype = \"thermal_expansion\"\nreference_temperature = 400\n[[physics]]\ntype = \"thermal\"";
+        let text = text.replace("[[physics]]\ntype = \"thermal\"", plugins);
+        warnings(text).unwrap_or_else(|e| panic!("{property}: {e}"))
+    };
+    let table = "thermal_expansion = { temperature = [300, 1300], value = [1e-5, 2e-5] }";
+    let found = told(table);
+    assert!(
+        found[0].contains("give the temperature from which the table counts"),
+        "{found:?}"
+    );
+    for property in [
+        format!("{table}\nexpansion_reference = 293.15"),
+        "thermal_expansion = 1e-5".to_string(),
+        table.replace("thermal_expansion", "instantaneous_expansion"),
+        table.replace("thermal_expansion", "thermal_elongation"),
+    ] {
+        assert_eq!(told(&property), [""; 0], "{property}");
+    }
+}
+
 /// What may be a mistake is told and does not stop the run.
 #[test]
 fn doubtful_numbers_are_told() {

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use perimelt_core::material::{Material, Property};
+use perimelt_core::material::{EXPANSION_KINDS, Expansion, Material, Property, ThermalState};
 use perimelt_core::shape::Shape;
 use perimelt_core::{Body, Simulation};
 use perimelt_physics::mechanical::moduli::{Moduli, Plane};
@@ -77,7 +77,7 @@ impl Case {
         if bodies.iter().all(melts) {
             found.extend(self.cold_surroundings()?);
         }
-        found.extend(self.no_expansion(simulation)?);
+        found.extend(no_expansion(simulation));
         found.extend(self.late_heat(simulation)?);
         Ok(found)
     }
@@ -137,40 +137,30 @@ impl Case {
         });
         Ok(cold.collect())
     }
+}
 
-    /// Bodies that heat up and deform, of a material that expands, without the coupler that says so.
-    fn no_expansion(&self, simulation: &Simulation) -> Result<Option<String>, CaseError> {
-        let couplers = self.plugin_tables("couplers")?;
-        let expansions = ["thermal_expansion", "phase_expansion"];
-        if couplers
-            .iter()
-            .any(|c| expansions.contains(&c.kind.as_str()))
-        {
-            return Ok(None);
-        }
-        let physics = self.plugin_tables("physics")?;
-        if !physics.iter().any(|p| p.kind == "mechanical") {
-            return Ok(None);
-        }
-        let fields = simulation.world().fields();
-        let bodies = simulation.world().bodies().iter().enumerate();
-        let both = |index: usize| {
-            fields.find(index, "temperature").is_some()
-                && fields.find(index, "displacement").is_some()
-        };
-        let expands = |body: &Body| {
-            body.materials
-                .iter()
-                .any(|m| m.get("thermal_expansion").is_some())
-        };
-        let mut silent = bodies.filter(|(index, body)| both(*index) && expands(body));
-        Ok(silent.next().map(|(_, body)| {
-            format!(
-                "body `{}` heats up and deforms, and does not expand: there is no coupler `thermal_expansion`",
-                body.name
-            )
-        }))
-    }
+/// Whether a plugin provides a field of a body; a field that is only read, where provided, has no values.
+fn provides(simulation: &Simulation, body: usize, name: &str) -> bool {
+    let mut fields = simulation.lasting();
+    fields.any(|field| field.body == body && field.name == name)
+}
+
+/// Bodies whose temperature is computed and that deform, of a material that expands, without a coupler that strains them.
+fn no_expansion(simulation: &Simulation) -> Option<String> {
+    let world = simulation.world();
+    let is_silent = |(index, body): &(usize, &Body)| {
+        let has = |name| provides(simulation, *index, name);
+        let mut materials = body.materials.iter();
+        has("temperature")
+            && has("displacement")
+            && world.fields().find(*index, "eigenstrain").is_none()
+            && materials.any(|m| EXPANSION_KINDS.iter().any(|kind| m.get(kind).is_some()))
+    };
+    let (_, body) = world.bodies().iter().enumerate().find(is_silent)?;
+    Some(format!(
+        "body `{}` heats up and deforms, and does not expand: there is no coupler `thermal_expansion`",
+        body.name
+    ))
 }
 
 impl Case {
@@ -240,7 +230,10 @@ fn adiabatic_stiffening(body: &Body, temperature: f64) -> f64 {
         let ratio = at("poissons_ratio").unwrap_or(0.25);
         let moduli = Moduli::new(at("youngs_modulus")?, ratio, body.dimension, Plane::Stress);
         let capacity = material.reference_density().ok()? * at("specific_heat")?;
-        let expansion = at("thermal_expansion")?;
+        let expansion = Expansion::of(material).ok()??;
+        let expansion = expansion
+            .instantaneous(ThermalState::solid(temperature))
+            .ok()?;
         Some(expansion * expansion * temperature * d * d * moduli.bulk / capacity)
     };
     let materials = body.materials.iter().filter_map(of_material);
@@ -297,7 +290,8 @@ fn lowest_temperature(simulation: &Simulation, body: usize) -> Option<f64> {
 }
 
 fn cold_start(simulation: &Simulation, index: usize) -> Option<String> {
-    let lowest = lowest_temperature(simulation, index).filter(|t| *t < COLD)?;
+    let is_cold = |t: &f64| *t < COLD && provides(simulation, index, "temperature");
+    let lowest = lowest_temperature(simulation, index).filter(is_cold)?;
     let name = &simulation.world().body(index).name;
     Some(format!(
         "the initial temperature of body `{name}` is {} K; {CELSIUS}",

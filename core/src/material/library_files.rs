@@ -105,6 +105,7 @@ fn every_property_stays_within_what_such_materials_have() {
         ("youngs_modulus", 1e8, 2.2e11),
         ("poissons_ratio", 0.25, 0.5),
         ("thermal_expansion", 3e-6, 6e-5),
+        ("expansion_reference", 273.15, 298.15),
         ("yield_stress", 1e5, 1.3e9),
         ("emissivity", 0.05, 0.97),
         ("absorptivity", 0.04, 0.7),

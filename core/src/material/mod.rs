@@ -8,9 +8,11 @@
 //!   reported where they are;
 //! - [`Material`]: the checked set that physics and couplers read;
 //! - [`EnthalpyCurve`]: heat content against temperature with melting, and back;
+//! - [`Expansion`]: the thermal strain between two states;
 //! - [`HeatPotential`]: the integral of the conductivity over the temperature.
 
 mod enthalpy;
+mod expansion;
 mod potential;
 mod property;
 mod section;
@@ -23,6 +25,7 @@ mod library_files;
 pub use enthalpy::{
     EnthalpyCurve, EnthalpyError, LatentHeat, LatentHeatForm, MushyCapacity, REFERENCE_TEMPERATURE,
 };
+pub use expansion::{Expansion, ExpansionError, KINDS as EXPANSION_KINDS, ThermalState};
 pub use potential::HeatPotential;
 pub use property::Property;
 pub use section::MaterialSection;
@@ -92,6 +95,14 @@ pub enum MaterialError {
         /// Name of the property.
         property: String,
     },
+    /// The properties give no thermal expansion.
+    #[error("material `{material}`: {source}")]
+    Expansion {
+        /// Name of the material.
+        material: String,
+        /// Why.
+        source: ExpansionError,
+    },
     /// The properties give no enthalpy curve.
     #[error("material `{material}`: {source}")]
     Enthalpy {
@@ -119,10 +130,11 @@ fn described(property: &str) -> String {
 impl Material {
     /// Builds a material from its section, starting from `library` where the section names one.
     ///
-    /// Keys of the section replace those of the library entry.
+    /// Keys of the section replace those of the library entry. A thermal expansion of the section replaces that of the
+    /// library entry as a whole, with its kind and its reference temperature.
     ///
     /// # Errors
-    /// An unknown property, a value out of its range, or a liquidus below the solidus.
+    /// An unknown property, a value out of its range, a liquidus below the solidus, or contradictory thermal expansions.
     pub fn new(
         name: impl Into<String>,
         section: MaterialSection,
@@ -135,6 +147,11 @@ impl Material {
                 .or_else(|| library.and_then(|entry| entry.description.clone())),
             properties: library.map_or_else(BTreeMap::new, |entry| entry.properties.clone()),
         };
+        let states_expansion = |name: &str| section.properties.contains_key(name);
+        if EXPANSION_KINDS.into_iter().any(states_expansion) {
+            let old = EXPANSION_KINDS.into_iter().chain([expansion::REFERENCE]);
+            old.for_each(|name| drop(material.properties.remove(name)));
+        }
         for (property, value) in section.properties {
             check_range(known(&property)?, &value)?;
             material.properties.insert(property, value);
@@ -149,6 +166,7 @@ impl Material {
                 liquidus,
             });
         }
+        Expansion::of(&material)?;
         Ok(material)
     }
 

@@ -122,15 +122,41 @@ impl Table {
         self.y[i] + fraction * (self.y[above] - self.y[i])
     }
 
-    /// Value and slope at `x`; the slope is zero outside, and that of the row behind at a row.
+    /// Value and slope at `x`.
     pub fn with_slope(&self, x: f64) -> (f64, f64) {
-        let above = self.x.partition_point(|&row| row <= x);
-        if above == 0 || above == self.x.len() {
-            return (self.at(x), 0.0);
+        (self.at(x), self.slope(x))
+    }
+
+    /// Slope at `x`; at a row that of the rows after it, zero where the value is clamped.
+    pub fn slope(&self, x: f64) -> f64 {
+        match self.x.partition_point(|&row| row <= x) {
+            0 => 0.0,
+            above if above == self.x.len() => 0.0,
+            above => self.slope_before(above),
         }
-        let i = above - 1;
-        let slope = (self.y[above] - self.y[i]) / (self.x[above] - self.x[i]);
-        (self.at(x), slope)
+    }
+
+    /// Value at `x`, continued outside by the slopes of the first and the last two rows.
+    pub fn continued(&self, x: f64) -> f64 {
+        let (first, last) = self.range();
+        let beyond = (x - last).max(0.0) + (x - first).min(0.0);
+        self.at(x) + beyond * self.continued_slope(x)
+    }
+
+    /// Slope of [`Self::continued`] at `x`; zero for a table of one row.
+    pub fn continued_slope(&self, x: f64) -> f64 {
+        match self.x.len() {
+            1 => 0.0,
+            rows => {
+                let above = self.x.partition_point(|&row| row <= x);
+                self.slope_before(above.clamp(1, rows - 1))
+            }
+        }
+    }
+
+    /// Slope between a row and the one before it.
+    fn slope_before(&self, row: usize) -> f64 {
+        (self.y[row] - self.y[row - 1]) / (self.x[row] - self.x[row - 1])
     }
 
     /// Exact integral of the clamped function from `from` to `to`; negative when `to < from`.
@@ -173,6 +199,30 @@ mod tests {
             assert_eq!(ramp().at(x), expected, "at {x}");
         }
         assert!(ramp().at(f64::NAN).is_nan());
+    }
+
+    #[test]
+    fn slopes_are_those_of_the_rows_after() {
+        for (x, clamped, continued, value) in [
+            (0.0, 0.0, 20.0, -10.0),
+            (1.0, 20.0, 20.0, 10.0),
+            (1.5, 20.0, 20.0, 20.0),
+            (2.0, -5.0, -5.0, 30.0),
+            (4.0, 0.0, -5.0, 20.0),
+            (6.0, 0.0, -5.0, 10.0),
+        ] {
+            let found = (
+                ramp().slope(x),
+                ramp().continued_slope(x),
+                ramp().continued(x),
+            );
+            assert_eq!(found, (clamped, continued, value), "at {x}");
+        }
+        let one = Table::new(vec![300.0], vec![7.0]).expect("valid row");
+        assert_eq!(
+            (one.continued(9.0), one.continued_slope(9.0), one.slope(9.0)),
+            (7.0, 0.0, 0.0)
+        );
     }
 
     #[test]

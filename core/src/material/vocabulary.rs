@@ -140,7 +140,25 @@ pub const COMMON_PROPERTIES: &[PropertyKey] = &[
     key(
         "thermal_expansion",
         "1/K",
-        "mean (secant) coefficient of linear thermal expansion from the reference temperature",
+        "mean (secant) coefficient of linear thermal expansion from `expansion_reference`",
+        ValueRange::Any,
+    ),
+    key(
+        "expansion_reference",
+        "K",
+        "temperature from which the mean coefficients of `thermal_expansion` count; a constant coefficient needs none",
+        ValueRange::Positive,
+    ),
+    key(
+        "instantaneous_expansion",
+        "1/K",
+        "instantaneous (tangent) coefficient of linear thermal expansion, in place of `thermal_expansion`",
+        ValueRange::Any,
+    ),
+    key(
+        "thermal_elongation",
+        "1",
+        "table of the thermal elongation, relative to the length at any one temperature, in place of `thermal_expansion`",
         ValueRange::Any,
     ),
     key("yield_stress", "Pa", "yield stress", ValueRange::Positive),

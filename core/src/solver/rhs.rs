@@ -67,6 +67,14 @@ pub trait Rhs {
         slope.fill(1.0);
     }
 
+    /// Whether the rate is a force on the state, so that rate times change of the state is a work (with the
+    /// [`Rhs::weights`]). [`Newton`] then also accepts a step that brings the work along its direction down.
+    ///
+    /// [`Newton`]: super::Newton
+    fn is_force(&self) -> bool {
+        false
+    }
+
     /// Positive weights `w` for which `diag(w) df/dy` is symmetric, as the volumes of points of
     /// several sizes are; `None` where `df/dy` is symmetric itself or symmetry is not needed. Norms of
     /// residuals include them.

@@ -190,11 +190,35 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<Work, S
             newton_from_linear(newton, &mut residual, step.end(), state, hints).or(Err(error))
         }
         report => report,
-    }?;
+    };
+    let report = report.map_err(|error| match is_plastic {
+        true => about_flow(error),
+        false => error,
+    })?;
     Ok(Work {
         iterations: report.krylov_iterations,
         evaluations: report.evaluations + usize::from(is_guessed),
     })
+}
+
+/// The error of a body that flows: no equilibrium exists above its limit load, whatever the step.
+pub(super) fn about_flow(error: SolverError) -> SolverError {
+    match error {
+        SolverError::NotConverged {
+            method,
+            iterations,
+            residual,
+            tolerance,
+            ..
+        } => SolverError::NotConverged {
+            method,
+            iterations,
+            residual,
+            tolerance,
+            advice: "the body flows, and its load may be above the limit load, for which there is no equilibrium: lower the load, prescribe a displacement in its place, or give the material its `hardening_modulus`",
+        },
+        other => other,
+    }
 }
 
 /// Newton's method from the equilibrium of small displacements; `state` holds the held components.

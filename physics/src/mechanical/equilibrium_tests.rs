@@ -127,3 +127,31 @@ fn a_displacement_of_many_spacings_in_one_step_ends_as_in_many_steps() {
         }
     }
 }
+
+/// Smaller steps do not help above the limit load, and are not advised.
+#[test]
+fn a_body_that_flows_is_told_of_its_limit_load() {
+    use perimelt_core::solver::SolverError;
+    let stopped = || SolverError::NotConverged {
+        method: "Newton's method",
+        iterations: 50,
+        residual: 1.0,
+        tolerance: 0.1,
+        advice: "take a smaller step",
+    };
+    let text = super::equilibrium::about_flow(stopped()).to_string();
+    assert!(
+        text.contains("limit load") && !text.contains("smaller"),
+        "{text}"
+    );
+    assert!(
+        text.contains("50 iterations at a residual of 1e0"),
+        "{text}"
+    );
+    let other = SolverError::NotFinite {
+        what: "the residual",
+        iteration: 1,
+    };
+    let text = super::equilibrium::about_flow(other).to_string();
+    assert!(text.starts_with("the residual is not finite"), "{text}");
+}

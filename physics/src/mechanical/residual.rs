@@ -91,6 +91,10 @@ impl Rhs for Residual<'_> {
         self.volumes
     }
 
+    fn is_force(&self) -> bool {
+        true
+    }
+
     /// Called once in each iteration, right after the rate of its state.
     fn tangent_diagonal(&mut self, _: At<'_>, out: &mut [f64]) -> Result<bool, SolverError> {
         if self.tangent == Tangent::Plastic {

@@ -82,6 +82,7 @@ pub(super) fn a6061() -> Vec<Check> {
             let t = kelvin - 273.15;
             (0.1e-7 * t * t + 22.5e-6 * t - 4.5e-4) / (t - 20.0)
         }),
+        constant("expansion_reference", 293.15),
         constant_bulk_modulus(0.33, kelvin(STIFFNESS_6061, (550.0, 3.5))),
         celsius("youngs_modulus", 1e9, STIFFNESS_6061).floor(823.0),
         celsius(

@@ -83,6 +83,7 @@ pub(super) fn in625() -> Vec<Check> {
                 (927.0, 16.2),
             ],
         ),
+        constant("expansion_reference", 294.15),
         constant("viscosity", 7.0e-3),
         // the ends of the table of Special Metals
         celsius("youngs_modulus", 1e9, &[(21.0, 207.5), (871.0, 147.5)]).floor(1563.0),
@@ -174,6 +175,7 @@ pub(super) fn in718() -> Vec<Check> {
                 (fahrenheit(1400.0), 16.0e-6),
             ],
         ),
+        constant("expansion_reference", 298.15),
         rows("youngs_modulus", &stiffness_718()).floor(1533.0),
         constant_bulk_modulus(0.30, stiffness_718().into_iter().chain([(1533.0, 10e9)])),
         rows(

@@ -26,6 +26,7 @@ fn both() -> Vec<Check> {
             let t = kelvin - 273.15;
             1e-6 * (16.0 + 4.79e-3 * t - 1.243e-6 * t * t)
         }),
+        constant("expansion_reference", 293.15),
         constant_bulk_modulus(0.3, kelvin(STIFFNESS, (1200.0, 0.05))),
         celsius("youngs_modulus", 200e9, STIFFNESS).floor(1473.0),
         constant("emissivity", 0.4),

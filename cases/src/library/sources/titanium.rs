@@ -68,9 +68,13 @@ pub(super) fn ti_6al_4v() -> Vec<Check> {
             &[
                 (373.15, 8.6e-6),
                 (573.15, 9.2e-6),
-                (1871.62, elongation / (1871.62 - 295.75)),
+                (
+                    1871.62,
+                    (elongation + 8.6e-6 * (295.75 - 273.15)) / (1871.62 - 273.15),
+                ),
             ],
         ),
+        constant("expansion_reference", 273.15),
         constant_bulk_modulus(0.342, STIFFNESS.iter().copied().chain([(1877.0, 5e9)])),
         // Fukuhara and Sanpei (1993)
         rows("youngs_modulus", STIFFNESS).floor(1877.0),

@@ -30,7 +30,7 @@ use super::elastic::StrainedPoints;
 use super::moduli::{Moduli, Plane};
 pub(super) use return_mapping::elastic_strain;
 pub use return_mapping::{FlowStress, StressState, return_to_yield};
-use return_mapping::{flow_along_deviator, relieved_strain};
+use return_mapping::{Flowed, flow_along_deviator, radial_tangent, relieved_strain};
 
 /// Plastic flow by the material properties `yield_stress` and, if given, `hardening_modulus`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
@@ -219,7 +219,7 @@ impl Plasticity {
     }
 
     /// Derivatives of the inelastic strains of the trial state by the strains, for points that flow: the consistent
-    /// tangent of the return mapping, by central differences.
+    /// tangent of the return mapping, in plane stress by central differences.
     pub(super) fn linearise(&mut self, points: StrainedPoints<'_>) {
         /// Step of the differences in yield strains: errors of 1e-8 from the curvature, and less from
         /// the return, which is found to rounding.
@@ -235,6 +235,14 @@ impl Plasticity {
             let settled = &settled[i];
             let flow = flow_stress(&self.flow[i], self.table.as_ref());
             let trial = points.stress(i, &law.with_inelastic(state, settled.strain));
+            let flowed = Flowed {
+                transformation: self.transformation.get(i).copied().unwrap_or(0.0),
+                increment: tried[i].equivalent - settled.equivalent,
+                hardening: flow.slope(tried[i].equivalent),
+            };
+            if let Some(tangent) = radial_tangent(state, &trial, &law.moduli, flowed) {
+                return (i, tangent);
+            }
             let step = STEP * flow.yield_stress / (2.0 * law.moduli.shear);
             let returned = |change: &[f64; 6], factor: f64| {
                 let stress = std::array::from_fn(|c| trial[c] + factor * change[c]);

@@ -1,5 +1,6 @@
 //! Return of a trial stress to the flow stress, and relief by annealing: the law of one point.
 
+use nalgebra::{Matrix6, Vector6};
 use perimelt_core::material::Table;
 
 use crate::mechanical::moduli::{Moduli, Plane};
@@ -51,6 +52,12 @@ impl FlowStress<'_> {
     pub fn at(&self, equivalent: f64) -> f64 {
         let factor = self.table.map_or(1.0, |t| t.at(equivalent));
         self.yield_stress * factor + self.modulus * equivalent
+    }
+
+    /// Its derivative by the equivalent plastic strain, Pa.
+    pub fn slope(&self, equivalent: f64) -> f64 {
+        let slope = self.table.map_or(0.0, |t| t.slope(equivalent));
+        self.yield_stress * slope + self.modulus
     }
 }
 
@@ -139,6 +146,75 @@ pub fn flow_along_deviator(
     };
     let deviator = |c: usize| if c < 3 { stress[c] - mean } else { stress[c] };
     (stress, std::array::from_fn(|c| g * deviator(c)))
+}
+
+/// How a point flowed in a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Flowed {
+    /// Flow along the deviator before the return, see [`flow_along_deviator`], 1/Pa.
+    pub(super) transformation: f64,
+    /// Increment of the equivalent plastic strain by the return.
+    pub(super) increment: f64,
+    /// Derivative of the flow stress by the equivalent plastic strain after it, Pa.
+    pub(super) hardening: f64,
+}
+
+/// The consistent tangent of the return along the trial deviator: the derivative of the inelastic strain of a step by the
+/// strain (xx, yy, zz, xy, yz, zx), from the trial stress (Pa). `None` in plane stress, whose flow is not along the trial deviator.
+///
+/// In 3D and plane strain (Simo & Hughes (1998), section 3.3.2), with the trial deviator s, n = s/|s|, the equivalent stress
+/// q of the trial and Q(q) after the step:
+/// `(1 - Q/q) (I - n (x) n) + (1 - dQ/dq) n (x) n`, I the projection on deviators.
+pub(super) fn radial_tangent(
+    state: StressState,
+    trial: &[f64; 6],
+    moduli: &Moduli,
+    flowed: Flowed,
+) -> Option<Matrix6<f64>> {
+    let Flowed {
+        transformation: g,
+        increment,
+        hardening,
+    } = flowed;
+    let flows = increment > 0.0;
+    // part of the slope that is left, with a stiffness against flow
+    let left = |stiffness: f64| {
+        if flows {
+            hardening / (stiffness + hardening)
+        } else {
+            1.0
+        }
+    };
+    match state {
+        StressState::Plane => None,
+        StressState::Uniaxial => {
+            let slope = left(moduli.bulk) / (1.0 + 2.0 / 3.0 * moduli.bulk * g);
+            let along = [1.0, -0.5, -0.5, 0.0, 0.0, 0.0];
+            let column = Vector6::from(along) * (1.0 - slope);
+            Some(column * Vector6::x().transpose())
+        }
+        StressState::Full => {
+            let [xx, yy, zz, xy, yz, zx] = *trial;
+            let mean = (xx + yy + zz) / 3.0;
+            let deviator = [xx - mean, yy - mean, zz - mean, xy, yz, zx];
+            let q = equivalent_stress(&deviator);
+            if q == 0.0 {
+                return Some(Matrix6::zeros());
+            }
+            let softened = 1.0 / (1.0 + 2.0 * moduli.shear * g);
+            let ratio = softened - 3.0 * moduli.shear * increment / q;
+            let slope = left(3.0 * moduli.shear) * softened;
+            let size = q / 1.5f64.sqrt();
+            let normal = Vector6::from(deviator) / size;
+            // n : e counts the shear components twice
+            let twice = Vector6::new(1.0, 1.0, 1.0, 2.0, 2.0, 2.0);
+            let along = normal * normal.component_mul(&twice).transpose();
+            let mut projection = Matrix6::identity();
+            let mut volumetric = projection.fixed_view_mut::<3, 3>(0, 0);
+            volumetric.add_scalar_mut(-1.0 / 3.0);
+            Some(projection * (1.0 - ratio) + along * (ratio - slope))
+        }
+    }
 }
 
 /// `sqrt(3/2 s : s)` of a deviator.
