@@ -44,7 +44,7 @@ impl Outcome {
         }
     }
 
-    /// Sentences about sources and temperatures, and warnings.
+    /// Sentences about sources and temperatures, and warnings, also of states outside the validity of models.
     pub fn sentences(&self, simulation: &Simulation) -> (Vec<String>, Vec<String>) {
         let (mut facts, mut warnings) = (Vec::new(), Vec::new());
         for (label, reports) in simulation.reports() {
@@ -75,6 +75,8 @@ impl Outcome {
             let waiting = simulation.unfinished().into_iter();
             warnings.extend(waiting.map(|(label, message)| format!("{label}: {message}")));
         }
+        let remarks = simulation.remarks().into_iter();
+        warnings.extend(remarks.map(|(label, message)| format!("{label}: {message}")));
         for (body, peak) in simulation.world().bodies().iter().zip(&self.peaks) {
             let Some(peak) = peak else {
                 continue;
