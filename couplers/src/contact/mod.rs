@@ -29,11 +29,13 @@
 //! for oscillations. Between pieces of one body J_n keeps angular momentum, too; other impulses act across the line between two
 //! points and keep it only in the mean.
 
+mod friction;
 mod impactor;
 mod normals;
 #[cfg(test)]
 mod tests;
 
+use friction::{Rubbing, Springs};
 pub use impactor::Impactor;
 use normals::Neighbourhoods;
 
@@ -73,9 +75,6 @@ pub struct Contact {
 fn fifteen() -> f64 {
     15.0
 }
-
-/// Stiffness of the spring of points that stick, over that along the normal: the usual one of grains (Silbert et al. (2001)).
-const TANGENTIAL: f64 = 2.0 / 7.0;
 
 /// Points that a thread takes at a time.
 const POINTS: usize = 1024;
@@ -120,9 +119,6 @@ struct ContactState {
     /// Size of the last step, s.
     step: f64,
 }
-
-/// Springs between a point and those that it touches, m.
-type Springs = Vec<(u32, [f64; 3])>;
 
 /// Surfaces of two bodies.
 #[derive(Debug, Default)]
@@ -200,16 +196,6 @@ struct Touch {
     impulse: f64,
     /// Along the normal, N/m.
     stiffness: f64,
-}
-
-/// What a step of a contact with friction needs besides the points.
-#[derive(Clone, Copy)]
-struct Rubbing {
-    coefficient: f64,
-    /// Size of the step, s.
-    dt: f64,
-    /// Length of the spring before, m.
-    spring: Vector3<f64>,
 }
 
 impl ContactState {
@@ -302,52 +288,6 @@ impl ContactState {
         ];
         let weight = (1.0 - across * across).max(0.0).powi(2) / sum[self.dimension - 1];
         (normal, spacing - gap, weight)
-    }
-
-    fn load_velocities(&mut self, world: &World) {
-        let mut rest = &mut self.velocity[..];
-        for side in &self.sides {
-            let velocity = world.read(side.velocity);
-            let (own, others) = rest.split_at_mut(velocity.len());
-            own.copy_from_slice(&velocity);
-            rest = others;
-        }
-    }
-
-    fn count_contacts(&mut self) {
-        let mut contacts = std::mem::take(&mut self.contacts);
-        let points = contacts.par_iter_mut().enumerate().with_min_len(POINTS);
-        points.for_each(|(i, count)| {
-            *count = 0.0;
-            self.for_each_touch(i, 1.0, |_, _| *count += 1.0);
-        });
-        self.contacts = contacts;
-    }
-
-    /// Friction between points i and j, N s on i, and the length of their spring after the step, m.
-    fn friction(
-        &self,
-        (i, j): (usize, usize),
-        touch: &Touch,
-        rubbing: Rubbing,
-    ) -> (Vector3<f64>, Vector3<f64>) {
-        let Rubbing {
-            coefficient, dt, ..
-        } = rubbing;
-        let across = |vector: Vector3<f64>| vector - touch.normal * touch.normal.dot(&vector);
-        let velocity = across(self.velocity[i] - self.velocity[j]);
-        let spring = across(rubbing.spring);
-        let inverse = |p: usize| self.contacts[p] / self.points[p].mass;
-        let stop = velocity / (inverse(i) + inverse(j));
-        let of_length = dt * TANGENTIAL * touch.stiffness;
-        let sticking = -(stop + spring * of_length);
-        let (size, limit) = (sticking.norm(), coefficient * touch.impulse);
-        // a step without duration gives no impulse along the normal either
-        if size <= limit || dt == 0.0 {
-            return (sticking.cap_magnitude(limit), spring + velocity * dt);
-        }
-        let sliding = sticking * (limit / size);
-        (sliding, sliding / -of_length)
     }
 
     /// Impulses of a step of `dt` (s).

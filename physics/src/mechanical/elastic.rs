@@ -128,19 +128,6 @@ impl ElasticPoints {
         }
     }
 
-    /// Energy density (J/m³) that an inelastic strain `across` the plane of plane strain keeps when the in-plane stress is
-    /// zero.
-    pub(super) fn energy_across(&self, point: usize, across: f64) -> f64 {
-        match self.is_plane_strain() {
-            true => {
-                let Moduli { lame, shear, .. } = self.moduli(point);
-                let relieved = lame * lame / (lame + shear);
-                0.5 * (lame + 2.0 * shear - relieved) * across * across
-            }
-            false => 0.0,
-        }
-    }
-
     /// The in-plane strain that is prescribed at points, with components; `None` if it is the eigenstrain.
     pub(super) fn prescribed_tensor(&self) -> Option<Vec<[f64; 6]>> {
         if self.prescribed.is_empty() {

@@ -6,14 +6,15 @@ use perimelt_core::{Body, BrokenBonds, Correction, Family};
 use rayon::prelude::*;
 
 use super::inputs::Inputs;
-use crate::mechanical::classical::symmetric;
+use crate::mechanical::classical::{diagonal, image_of, symmetric};
 use crate::mechanical::elastic::ElasticPoints;
 use crate::mechanical::layer_forces::LayerForces;
+use crate::mechanical::plasticity::Plasticity;
 use crate::mechanical::solid::StrainKind;
 use crate::mechanical::specialise::specialise;
 use crate::mechanical::stretch::{
-    Dilation, Directions, ElasticDilation, ElasticExpansion, Expansion, INPUTS, PLASTIC_INPUTS,
-    PRESSURE, TotalWeight,
+    Dilation, Directions, ElasticDilation, ElasticExpansion, Expansion, INPUTS, PRESSURE,
+    TotalWeight,
 };
 
 /// Dilatation and pressure of the points of a body.
@@ -36,15 +37,41 @@ pub(super) struct Dilatation {
 /// The law by which the pressure of a point follows its dilatation.
 pub(super) struct PressureLaw<'a> {
     pub(super) elastic: &'a ElasticPoints,
+    pub(super) plasticity: Option<&'a Plasticity>,
     pub(super) layers: &'a LayerForces,
+    pub(super) strain: StrainKind,
 }
 
 impl PressureLaw<'_> {
-    /// `p = 2 a N theta`, Pa, from `theta / N`.
-    fn pressure(&self, point: usize, normaliser: f64, dilation: f64) -> f64 {
+    /// Inelastic strain of a point; `None` if there is none.
+    fn inelastic(&self, point: usize) -> Option<[f64; 6]> {
+        let plasticity = self.plasticity?;
+        match self.strain {
+            StrainKind::Elastic => Some(plasticity.tried[point].strain),
+            StrainKind::Change => Some(plasticity.change[point]),
+            StrainKind::Total => None,
+        }
+    }
+
+    /// `p = 2 a N theta`, Pa, from `theta / N`. The stress of an inelastic strain is `lame tr + 2 mu strain`; bonds contribute
+    /// `mu` of the trace instead of `lame`, and the pressure contributes the difference.
+    fn pressure(
+        &self,
+        point: usize,
+        normaliser: f64,
+        dilation: f64,
+        inelastic: Option<[f64; 6]>,
+    ) -> f64 {
         let dimension = self.elastic.dimension;
-        let stiffness = self.elastic.moduli(point).dilatation_stiffness(dimension);
-        2.0 * stiffness * normaliser * normaliser * dilation
+        let moduli = self.elastic.moduli(point);
+        let pressure = 2.0 * moduli.dilatation_stiffness(dimension);
+        let relieved = inelastic
+            .zip(self.plasticity)
+            .map_or(0.0, |(strain, plasticity)| {
+                let in_plane: f64 = strain[..dimension].iter().sum();
+                moduli.lame * plasticity.stress_state.trace(&strain) - moduli.shear * in_plane
+            });
+        normaliser * (pressure * normaliser * dilation - relieved)
     }
 }
 
@@ -88,32 +115,17 @@ impl Dilatation {
         broken: Option<&BrokenBonds>,
     ) {
         let Self { sums, parts, .. } = self;
-        let is_total = strain == StrainKind::Total || inputs.is_free_of_eigenstrain();
+        let has_eigenstrain = strain == StrainKind::Elastic && !inputs.is_free_of_eigenstrain();
         if parts.is_empty() {
-            specialise!(FINITE = finite => match (strain, inputs.is_plastic()) {
-                (StrainKind::Elastic, true) => {
-                    inputs.sum_plastic(ElasticDilation::<FINITE>, broken, sums);
-                }
-                (StrainKind::Change, _) => {
-                    inputs.sum_plastic_change(ElasticDilation::<FINITE>, broken, sums);
-                }
-                _ if is_total => inputs.sum(&Dilation::<FINITE>, broken, sums),
-                _ => inputs.sum::<INPUTS, 1>(&ElasticDilation::<FINITE>, broken, sums),
+            specialise!(FINITE = finite => match has_eigenstrain {
+                true => inputs.sum::<INPUTS, 1>(&ElasticDilation::<FINITE>, broken, sums),
+                false => inputs.sum::<3, 1>(&Dilation::<FINITE>, broken, sums),
             });
             return;
         }
-        specialise!(FINITE = finite => match (strain, inputs.is_plastic()) {
-            (StrainKind::Elastic, true) => {
-                let kernel = ElasticExpansion::<FINITE>;
-                inputs.sum_over::<PLASTIC_INPUTS, 4>(&kernel, inputs.plastic(), broken, parts);
-            }
-            (StrainKind::Change, _) => {
-                let kernel = ElasticExpansion::<FINITE>;
-                let of_change = inputs.plastic_change();
-                inputs.sum_over::<PLASTIC_INPUTS, 4>(&kernel, of_change, broken, parts);
-            }
-            _ if is_total => inputs.sum::<3, 4>(&Expansion::<FINITE>, broken, parts),
-            _ => inputs.sum::<INPUTS, 4>(&ElasticExpansion::<FINITE>, broken, parts),
+        specialise!(FINITE = finite => match has_eigenstrain {
+            true => inputs.sum::<INPUTS, 4>(&ElasticExpansion::<FINITE>, broken, parts),
+            false => inputs.sum::<3, 4>(&Expansion::<FINITE>, broken, parts),
         });
         let sums = sums.par_iter_mut().zip(parts).with_min_len(4096);
         sums.for_each(|(sum, [x, y, z, eigenstrain])| *sum = [*x + *y + *z - *eigenstrain]);
@@ -130,7 +142,7 @@ impl Dilatation {
         let (normaliser, sums) = (&self.normaliser, &self.sums);
         let pressures = self.pressure.par_iter_mut().enumerate();
         pressures.for_each(|(i, pressure)| {
-            *pressure = law.pressure(i, normaliser[i], sums[i][0]);
+            *pressure = law.pressure(i, normaliser[i], sums[i][0], law.inelastic(i));
         });
         let bent = continuation.is_bent();
         let of_image = |image: &Image| [self.pressure_of_image(law, image, bent)];
@@ -154,7 +166,11 @@ impl Dilatation {
             sums[0] += image.bend.dot(&directions);
         }
         let dilation = sums.iter().sum::<f64>() - eigenstrain;
-        law.pressure(point, self.normaliser[point], dilation)
+        let inelastic = law.inelastic(point).map(|strain| {
+            let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
+            image_of(&scale, &strain, &mirror)
+        });
+        law.pressure(point, self.normaliser[point], dilation, inelastic)
     }
 
     /// Sums what bent layers need.
@@ -177,12 +193,23 @@ impl Dilatation {
 
     /// Energy density of the dilatation of a point (J/m³), from the stretches that were summed last. Its derivative is the
     /// pressure of [`PressureLaw`].
-    pub(super) fn energy(&self, elastic: &ElasticPoints, point: usize) -> f64 {
-        let stiffness = elastic
-            .moduli(point)
-            .dilatation_stiffness(elastic.dimension);
+    pub(super) fn energy(
+        &self,
+        elastic: &ElasticPoints,
+        plasticity: Option<&Plasticity>,
+        point: usize,
+    ) -> f64 {
+        let (moduli, d) = (elastic.moduli(point), elastic.dimension);
         let dilatation = self.of(point);
-        stiffness * dilatation * dilatation
+        let mut energy = moduli.dilatation_stiffness(d) * dilatation * dilatation;
+        if let Some(plasticity) = plasticity {
+            let strain = &plasticity.tried[point].strain;
+            let in_plane: f64 = strain[..d].iter().sum();
+            let trace = plasticity.stress_state.trace(strain);
+            let relieved = moduli.lame * trace - moduli.shear * in_plane;
+            energy -= relieved * (dilatation - 0.5 * in_plane);
+        }
+        energy
     }
 
     /// Contribution of `sum_j w s` to the stress conjugate to the eigenstrain, Pa.

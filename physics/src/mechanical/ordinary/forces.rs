@@ -39,7 +39,9 @@ impl Ordinary {
         dilatation.sum_directions(&self.continuation, &self.inputs, broken);
         let law = PressureLaw {
             elastic: &self.elastic,
+            plasticity: self.plastic.as_ref().map(|p| &p.state),
             layers: &self.layer_forces,
+            strain,
         };
         dilatation.load_pressure(&law, &self.family, &mut self.inputs, &self.continuation);
     }
@@ -49,16 +51,10 @@ impl Ordinary {
         let Some(plastic) = &self.plastic else {
             return;
         };
-        let (state, elastic) = (&plastic.state, &self.elastic);
-        let strain_of = |i: usize| {
-            let mut strain = match strain {
-                StrainKind::Change => state.change[i],
-                StrainKind::Elastic | StrainKind::Total => state.tried[i].strain,
-            };
-            // bonds see what strains across the plane do within it
-            let in_plane = elastic.in_plane(i, strain[2]);
-            strain[..2].iter_mut().for_each(|e| *e += in_plane);
-            strain
+        let state = &plastic.state;
+        let strain_of = |i: usize| match strain {
+            StrainKind::Change => state.change[i],
+            StrainKind::Elastic | StrainKind::Total => state.tried[i].strain,
         };
         self.inputs.load_inelastic(&self.continuation, strain_of);
     }

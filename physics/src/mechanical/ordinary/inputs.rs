@@ -84,11 +84,6 @@ impl Inputs {
         self.uniform.is_some_and(|point| point[EIGENSTRAIN] == 0.0)
     }
 
-    /// Whether there is an inelastic strain.
-    pub(super) fn is_plastic(&self) -> bool {
-        !self.inelastic[0].is_empty()
-    }
-
     /// The displacement along each axis.
     pub(super) fn displacement(&self) -> [&[f64]; 3] {
         self.first()
@@ -123,17 +118,6 @@ impl Inputs {
         sums: &mut [[f64; O]],
     ) {
         self.family.sum_unbroken(kernel, self.first(), broken, sums);
-    }
-
-    /// Sums a kernel of given inputs over unbroken bonds.
-    pub(super) fn sum_over<const I: usize, const O: usize>(
-        &self,
-        kernel: &impl BondKernel<I, O>,
-        inputs: [&[f64]; I],
-        broken: Option<&BrokenBonds>,
-        sums: &mut [[f64; O]],
-    ) {
-        self.family.sum_unbroken(kernel, inputs, broken, sums);
     }
 
     /// Sums a kernel of forces, loading only those inputs in which points differ.

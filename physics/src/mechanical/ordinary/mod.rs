@@ -334,7 +334,7 @@ impl Solid for Ordinary {
         if let Some(dilatation) = &mut self.dilatation {
             dilatation.sum((StrainKind::Total, finite), inputs, broken);
             for (i, [density, conjugate]) in energy.iter_mut().enumerate() {
-                *density += dilatation.energy(elastic, i);
+                *density += dilatation.energy(elastic, None, i);
                 *conjugate += dilatation.conjugate_stress(elastic, i, dilatation.sums[i]);
             }
         }
@@ -360,10 +360,7 @@ impl Solid for Ordinary {
         if let Some(dilatation) = &mut self.dilatation {
             dilatation.sum((StrainKind::Elastic, finite), inputs, broken);
             for (i, [density, _]) in energy.iter_mut().enumerate() {
-                *density += dilatation.energy(elastic, i);
-                if let Some(plastic) = plastic {
-                    *density += elastic.energy_across(i, plastic.tried[i].strain[2]);
-                }
+                *density += dilatation.energy(elastic, plastic, i);
             }
         }
         energy

@@ -12,8 +12,7 @@
 //! Without correction of the bonds, `N = d M / integral of w dV` over a full horizon, as published.
 //!
 //! `w` is the weight of the bond in the family of the owner of the force state (`c` and `p` are free
-//! of horizons, since the weights contain the moment of the family), `e` the eigenstrain (thermal expansion, and the plastic
-//! strain along the bond), `mu` the shear modulus, `a` the dilatation stiffness, `d` the dimension. Wang (2025) subtracts the
+//! of horizons, since the weights contain the moment of the family), `e` the eigenstrain (thermal expansion), `mu` the shear modulus, `a` the dilatation stiffness, `d` the dimension. Wang (2025) subtracts the
 //! eigenstrain of the point, `e_i` and `d e_i`; in a one-sided family that leaves stress where the eigenstrain is linear, which
 //! a free body takes up without stress. In a bond-based solid `a` and `p` are zero, and a bond takes the mean of c at its ends.
 //! Forces are the derivative of the energy `sum_i V_i (a theta_i^2 + c_i/4 sum_j w_ij |xi| (s - e)^2)`, with single and dual

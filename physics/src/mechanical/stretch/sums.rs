@@ -2,7 +2,7 @@
 
 use perimelt_core::{Bond, BondKernel, BrokenBonds, Family};
 
-use super::{EIGENSTRAIN, INPUTS, PLASTIC_INPUTS, dyad, elastic_stretch, stretched, stretched_by};
+use super::{EIGENSTRAIN, INPUTS, dyad, elastic_stretch, stretched, stretched_by};
 use crate::mechanical::specialise::specialise;
 
 /// `sum_j w s`.
@@ -14,8 +14,7 @@ pub struct ElasticDilation<const FINITE: bool>;
 /// The contributions of the axes to [`Dilation`], and zero.
 pub struct Expansion<const FINITE: bool>;
 
-/// The contributions of the axes to [`ElasticDilation`], those of a plastic strain included, and `sum_j w e` of the
-/// eigenstrain alone.
+/// The contributions of the axes to [`Dilation`], and `sum_j w e`.
 pub struct ElasticExpansion<const FINITE: bool>;
 
 /// `sum_j w`.
@@ -88,28 +87,6 @@ impl<const FINITE: bool> BondKernel<INPUTS, 4> for ElasticExpansion<FINITE> {
         let [x, y, z] = stretched::<FINITE, 3, _>(bond, (&own, &other)).parts();
         let eigenstrain = 0.5 * (own[EIGENSTRAIN] + other[EIGENSTRAIN]);
         [x, y, z, eigenstrain].map(|part| bond.weight * part)
-    }
-}
-
-impl<const FINITE: bool> BondKernel<PLASTIC_INPUTS, 4> for ElasticExpansion<FINITE> {
-    #[inline(always)]
-    fn bond(
-        &self,
-        bond: &Bond,
-        own: [f64; PLASTIC_INPUTS],
-        other: [f64; PLASTIC_INPUTS],
-    ) -> [f64; 4] {
-        let parts = stretched::<FINITE, 3, _>(bond, (&own, &other)).parts();
-        let mean = |i: usize| 0.5 * (own[i] + other[i]);
-        let [xx, yy, zz, xy, yz, zx] = std::array::from_fn(|c| mean(INPUTS + c));
-        let [x, y, z] = bond.xi.map(|xi| xi * bond.inverse_length);
-        [
-            parts[0] - x * (xx * x + xy * y + zx * z),
-            parts[1] - y * (xy * x + yy * y + yz * z),
-            parts[2] - z * (zx * x + yz * y + zz * z),
-            mean(EIGENSTRAIN),
-        ]
-        .map(|part| bond.weight * part)
     }
 }
 
