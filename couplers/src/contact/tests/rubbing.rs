@@ -1,4 +1,4 @@
-//! Rigid bodies on an incline that stick, slide and roll.
+//! Rigid bodies on an incline that stick and slide.
 
 use super::*;
 
@@ -105,24 +105,6 @@ fn brick() -> Vec<Vector3<f64>> {
     rows.map(|(x, y)| Vector3::new(x, y + 0.5, 0.5)).collect()
 }
 
-/// Radius of the disc, m.
-const RADIUS: f64 = 40.0;
-
-/// Rings of points a metre apart.
-fn disc() -> Vec<Vector3<f64>> {
-    let mut points = Vec::new();
-    for ring in 0..RADIUS as usize {
-        let radius = ring as f64 + 0.5;
-        let count = (std::f64::consts::TAU * radius).round();
-        for n in 0..count as usize {
-            let angle = std::f64::consts::TAU * n as f64 / count;
-            let (sin, cos) = angle.sin_cos();
-            points.push(Vector3::new(radius * sin, RADIUS - radius * cos, 0.5));
-        }
-    }
-    points
-}
-
 /// A block stays where mu > tan(angle), and slides with `g (sin - mu cos)` elsewhere.
 #[test]
 fn a_block_on_an_incline_sticks_or_slides_by_coulombs_law() {
@@ -144,17 +126,4 @@ fn a_block_on_an_incline_sticks_or_slides_by_coulombs_law() {
             "mu {friction}: {found} {expected}"
         );
     }
-}
-
-/// A disc rolls with two thirds of the acceleration without friction while it does not slide. Its points touch half a spacing
-/// below the outermost ones, at which friction acts: 1 % less; it rolls over points, which takes as much.
-#[test]
-fn a_disc_rolls_down_an_incline() {
-    let angle = 0.1f64.atan();
-    let mut disc = Rolling::new(&disc(), 0.5);
-    disc.run(3.0, angle, true);
-    let [x, _, turned] = disc.place;
-    let found = x / (0.5 * disc.time.powi(2)) / (GRAVITY * angle.sin());
-    assert!((found / (2.0 / 3.0) - 1.0).abs() < 0.03, "{found}");
-    assert!((-turned * RADIUS / x - 1.0).abs() < 0.02, "{turned} {x}");
 }
