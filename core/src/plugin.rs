@@ -323,9 +323,16 @@ pub trait Physics {
         None
     }
 
-    /// Magnitudes of owned fields (by name) beyond which the run has blown up.
+    /// Magnitudes of owned fields (by name) beyond which the run may have blown up: [`Physics::find_blow_up`] decides.
     fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {
         Vec::new()
+    }
+
+    /// The point at which the run has blown up, asked when the value of an owned field (by name) at the point `first` is
+    /// beyond its plausible magnitude; `None` where large values are no sign of it, such as the displacement of a body
+    /// that flies. Values that are not finite always end a run.
+    fn find_blow_up(&mut self, _world: &World, _field: &str, first: usize) -> Option<usize> {
+        Some(first)
     }
 
     /// Advances its state fields over `step`.
@@ -352,6 +359,12 @@ pub trait Physics {
 
     /// Numbers for the progress log, of the last state that was observed.
     fn report(&self) -> Vec<Report> {
+        Vec::new()
+    }
+
+    /// States outside the validity of its model among those that were logged, as sentences without a full stop, asked at the
+    /// end of the run.
+    fn remarks(&self, _world: &World) -> Vec<String> {
         Vec::new()
     }
 

@@ -56,7 +56,7 @@ impl Outcome {
         }
     }
 
-    /// Sentences about sources and temperatures, and warnings.
+    /// Sentences about sources and temperatures, and warnings, also of states outside the validity of models.
     pub fn sentences(&self, simulation: &Simulation) -> (Vec<String>, Vec<String>) {
         let (mut facts, mut warnings) = (Vec::new(), Vec::new());
         for (label, reports) in simulation.reports() {
@@ -87,6 +87,8 @@ impl Outcome {
         if simulation.is_finished() {
             told.extend(simulation.unfinished());
         }
+        let remarks = simulation.remarks().into_iter();
+        told.extend(remarks);
         warnings.extend(
             told.into_iter()
                 .map(|(label, message)| format!("{label}: {message}")),

@@ -6,6 +6,7 @@ use super::{ReadOff, largest, plugins_of};
 use crate::case::sections::ProbeKind;
 use crate::probe::is_line;
 use crate::run::case_of;
+use crate::run::record::REPORTS;
 
 /// Largest displacement in the last logged state before each time at which clamps are released or material is cut off.
 pub(super) fn before_release(
@@ -81,6 +82,24 @@ pub(super) fn stress_along_lines(log: &Log, found: &mut Vec<ReadOff>) {
                 let stress = ReadOff::new(&probe.name, quantity, value, "Pa");
                 stress.at(end).along(distance)
             }));
+        }
+    }
+}
+
+/// Largest von Mises stress over the yield stress of elastic bodies that exceed it, of all logged states.
+pub(super) fn beyond_yield(log: &Log, found: &mut Vec<ReadOff>) {
+    let Some(reports) = log.probes().get(REPORTS) else {
+        return;
+    };
+    for column in &reports.columns {
+        let Some(physics) = column.name.strip_suffix(".stress.over_yield") else {
+            continue;
+        };
+        let states = reports.times.iter().zip(&column.values);
+        let largest = states.max_by(|a, b| a.1.total_cmp(b.1));
+        if let Some((time, ratio)) = largest.filter(|(_, ratio)| **ratio > 1.0) {
+            let quantity = "largest von Mises stress over the yield stress, without plasticity";
+            found.push(ReadOff::new(physics, quantity, *ratio, "1").at(*time));
         }
     }
 }

@@ -147,6 +147,7 @@ pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, Log
         extreme("martensite", "largest share of martensite at the end", "1");
     }
     mechanics::stress_along_lines(log, &mut found);
+    mechanics::beyond_yield(log, &mut found);
     sources(log, &mut found);
     found.extend(errors(log));
     Ok(found)

@@ -65,7 +65,7 @@ pub trait BondKernel<const I: usize, const O: usize>: Sync {
 
     /// How many of the sums, from the first, the bond adds to at both of its ends ([`BondKernel::ends`]). On a
     /// lattice, where the machine has fused multiply-adds, it is then visited from one end only, to which it adds the
-    /// others. Without weight, and from inputs of zero, it must add nothing to both.
+    /// others.
     const PAIRED: usize = 0;
 
     /// The contributions of one bond.

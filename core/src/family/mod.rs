@@ -195,6 +195,11 @@ impl Family {
         &self.spec
     }
 
+    /// Number of points.
+    pub fn points(&self) -> usize {
+        self.points
+    }
+
     /// Number of directed bonds.
     pub fn bonds(&self) -> usize {
         self.bonds

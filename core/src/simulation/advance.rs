@@ -188,7 +188,7 @@ impl Simulation {
         self.apply_rest(step)
     }
 
-    fn check_state(&self, p: usize, step: Step) -> Result<(), RunError> {
+    fn check_state(&mut self, p: usize, step: Step) -> Result<(), RunError> {
         for &index in &self.plan.owned[p] {
             let field = self.world.fields.field(index);
             let limit = self.plausible[p]
@@ -196,16 +196,28 @@ impl Simulation {
                 .find(|(f, _)| *f == index)
                 .map_or(f64::MAX, |(_, l)| *l);
             let data = field.data();
-            if max_abs(data.flat()) <= limit {
+            let largest = max_abs(data.flat());
+            if largest <= limit {
                 continue;
             }
             let components = data.components();
+            let beyond = |v: &f64| match largest.is_finite() {
+                true => v.abs() > limit,
+                false => !v.is_finite(),
+            };
+            let mut at = data.flat().iter().position(beyond).unwrap_or(0);
+            if largest.is_finite() {
+                let (name, first) = (field.name.clone(), at / components);
+                drop(data);
+                let plugin = &mut self.physics[p].plugin;
+                let Some(point) = plugin.find_blow_up(&self.world, &name, first) else {
+                    continue;
+                };
+                at = components * point + at % components;
+            }
+            let field = self.world.fields.field(index);
+            let data = field.data();
             let body = &self.world.bodies[field.body];
-            let at = data
-                .flat()
-                .iter()
-                .position(|v| !(v.abs() <= limit))
-                .unwrap_or(0);
             return Err(RunError::BlowUp {
                 physics: self.physics[p].label.clone(),
                 field: field.name.clone(),

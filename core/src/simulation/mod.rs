@@ -439,6 +439,15 @@ impl Simulation {
             .collect()
     }
 
+    /// What physics say of states outside the validity of their models: their names and a sentence.
+    pub fn remarks(&self) -> Vec<(&str, String)> {
+        let physics = self.physics.iter();
+        let remarks = |p: &'_ Named<dyn Physics>| p.plugin.remarks(&self.world);
+        physics
+            .flat_map(|p| remarks(p).into_iter().map(|r| (p.label.as_str(), r)))
+            .collect()
+    }
+
     /// Fields that somebody provides: state or derived values, not sums that are rebuilt in
     /// every step.
     pub fn lasting(&self) -> impl Iterator<Item = &crate::field::Field> {

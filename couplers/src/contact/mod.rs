@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! J_n = dt k (d_ij - g_ij) w_ij V_i V_j   where positive,   k = 15 c / horizon
-//! J_t = min(mu J_n, m_ij |v_t|)           against the relative velocity v_t across the normal (Coulomb)
+//! J_t = -(dt k_t s_ij + m_ij v_t)          across the normal, at most mu J_n (Coulomb),   k_t = 2/7 k w_ij V_i V_j
+//! ds_ij / dt = v_t                          while the points stick
 //! ```
 //!
 //! with the bond constant c of a horizon of 3 spacings at Young's modulus of the points (Silling and Askari (2005),
@@ -17,19 +18,24 @@
 //!   of a surface are then felt as a plane: with the line between points a block would hold on to a lattice below it without any
 //!   friction.
 //!
-//! The bound of the friction impulse, with `1 / m_ij = n_i / m_i + n_j / m_j` for points in n contacts, takes just the
-//! relative velocity: contacts stick.
+//! Points stick by a spring of the length `s_ij` of their relative displacement since they touched (Cundall and Strack (1979)): it
+//! holds what the whole body pushes with, its weight on an incline or what turns a wheel, while points do not move. The term of the
+//! relative velocity `v_t`, with `1 / m_ij = n_i / m_i + n_j / m_j` for points in n contacts, damps the spring; by itself it would
+//! take the velocity of the points in contact only, and a body would creep at the velocity that its force gives these in a step.
+//! Points that slide keep the length of the spring that has the force of friction.
 //!
 //! Both bodies get the impulses J of a step at its beginning, where both are at one time: equal and opposite,
 //! whatever steps they take. A repulsive force applied so is that of the symplectic Euler scheme: it keeps energy but
 //! for oscillations. Between pieces of one body J_n keeps angular momentum, too; other impulses act across the line between two
 //! points and keep it only in the mean.
 
+mod friction;
 mod impactor;
 mod normals;
 #[cfg(test)]
 mod tests;
 
+use friction::{Rubbing, Springs};
 pub use impactor::Impactor;
 use normals::Neighbourhoods;
 
@@ -81,6 +87,9 @@ const CLOSE: f64 = 0.9;
 const WIDTH: f64 = 2.0;
 /// Largest deviation of a plane from flat, by dimension: a plane has 1, 0.6 and 0.38, an edge 0.94 and 0.6.
 const FLAT: [f64; 3] = [f64::INFINITY, 0.75, 0.48];
+/// Largest cosine between the outward normals of two flat surfaces that face each other. The side of a block that stands on
+/// a floor does not face it: with a normal halfway between both it would be held back where it slides.
+const FACING_COSINE: f64 = -0.3;
 /// Contacts along the normal that a point may have at a time, by dimension: for the stable step.
 const FACING: [f64; 3] = [1.0, 2.0, 4.0];
 
@@ -100,6 +109,10 @@ struct ContactState {
     velocity: Vec<Vector3<f64>>,
     /// Number of contacts; of friction only.
     contacts: Vec<f64>,
+    /// The points that each point touches, and the lengths of their springs (m); of friction only.
+    springs: Vec<Springs>,
+    /// Those of the step before.
+    last_springs: Vec<Springs>,
     /// N s/m³.
     impulse: Vec<Vector3<f64>>,
     dimension: usize,
@@ -181,6 +194,8 @@ struct Touch {
     normal: Vector3<f64>,
     /// N s.
     impulse: f64,
+    /// Along the normal, N/m.
+    stiffness: f64,
 }
 
 impl ContactState {
@@ -213,35 +228,47 @@ impl ContactState {
             let j = j as usize;
             let apart = positions[i] - positions[j];
             let square = apart.norm_squared();
-            if square >= limit || square == 0.0 {
+            if square >= limit {
                 continue;
             }
             let other = &self.points[j];
-            let (normal, overlap) = match &self.surfaces {
+            let (normal, overlap, weight) = match &self.surfaces {
                 None => {
                     let distance = square.sqrt();
-                    (apart / distance, limit.sqrt() - distance)
+                    (apart / distance, limit.sqrt() - distance, 1.0)
                 }
                 Some(surfaces) => self.overlap(surfaces, (i, j), &apart),
             };
-            if overlap > 0.0 {
-                let stiffness = 0.5 * (point.stiffness + other.stiffness);
-                let impulse = dt * stiffness * overlap * point.volume * other.volume;
-                receive(j, Touch { normal, impulse });
+            // points in one place may have no normal between them
+            if normal.x.is_nan() {
+                continue;
+            }
+            if overlap > 0.0 && weight > 0.0 {
+                let mean = 0.5 * (point.stiffness + other.stiffness);
+                let stiffness = mean * weight * point.volume * other.volume;
+                let touch = Touch {
+                    normal,
+                    impulse: dt * stiffness * overlap,
+                    stiffness,
+                };
+                receive(j, touch);
             }
         }
     }
 
-    /// Normal between the surfaces of two bodies, from point j to point i, and how far they overlap along it, times the
-    /// weight of the pair, m.
+    /// Normal between the surfaces of two bodies, from point j to point i, how far they overlap along it (m), and the
+    /// weight of the pair.
     fn overlap(
         &self,
         surfaces: &Surfaces,
         (i, j): (usize, usize),
         apart: &Vector3<f64>,
-    ) -> (Vector3<f64>, f64) {
+    ) -> (Vector3<f64>, f64, f64) {
         let [(own, own_edge), (other, other_edge)] = [surfaces.normals[i], surfaces.normals[j]];
         let is_flat = |edge: f64| edge < FLAT[self.dimension - 1];
+        if is_flat(own_edge) && is_flat(other_edge) && own.dot(&other) > FACING_COSINE {
+            return (own, 0.0, 0.0);
+        }
         // an edge that meets a plane is met by the plane, edges meet along the line between them
         let along = match (is_flat(own_edge), is_flat(other_edge)) {
             (true, true) => other - own,
@@ -260,40 +287,7 @@ impl ContactState {
             std::f64::consts::PI / 3.0 * WIDTH * WIDTH,
         ];
         let weight = (1.0 - across * across).max(0.0).powi(2) / sum[self.dimension - 1];
-        (normal, (spacing - gap).max(0.0) * weight)
-    }
-
-    fn load_velocities(&mut self, world: &World) {
-        let mut rest = &mut self.velocity[..];
-        for side in &self.sides {
-            let velocity = world.read(side.velocity);
-            let (own, others) = rest.split_at_mut(velocity.len());
-            own.copy_from_slice(&velocity);
-            rest = others;
-        }
-    }
-
-    fn count_contacts(&mut self) {
-        let mut contacts = std::mem::take(&mut self.contacts);
-        let points = contacts.par_iter_mut().enumerate().with_min_len(POINTS);
-        points.for_each(|(i, count)| {
-            *count = 0.0;
-            self.for_each_touch(i, 1.0, |_, _| *count += 1.0);
-        });
-        self.contacts = contacts;
-    }
-
-    /// Friction between points i and j, N s on i.
-    fn friction(&self, (i, j): (usize, usize), touch: &Touch, coefficient: f64) -> Vector3<f64> {
-        let relative = self.velocity[i] - self.velocity[j];
-        let across = relative - touch.normal * touch.normal.dot(&relative);
-        let speed = across.norm();
-        if speed == 0.0 {
-            return across;
-        }
-        let inverse = |p: usize| self.contacts[p] / self.points[p].mass;
-        let stops = speed / (inverse(i) + inverse(j));
-        across * (-(coefficient * touch.impulse).min(stops) / speed)
+        (normal, spacing - gap, weight)
     }
 
     /// Impulses of a step of `dt` (s).
@@ -309,19 +303,30 @@ impl ContactState {
             self.load_velocities(world);
             self.count_contacts();
         }
+        std::mem::swap(&mut self.springs, &mut self.last_springs);
         let mut impulse = std::mem::take(&mut self.impulse);
-        let points = impulse.par_iter_mut().enumerate().with_min_len(POINTS);
-        points.for_each(|(i, sum)| {
+        let mut springs = std::mem::take(&mut self.springs);
+        let points = impulse.par_iter_mut().zip(&mut springs).enumerate();
+        points.with_min_len(POINTS).for_each(|(i, (sum, springs))| {
             *sum = Vector3::zeros();
+            springs.clear();
             self.for_each_touch(i, dt, |j, touch| {
                 *sum += touch.normal * touch.impulse;
                 if friction > 0.0 {
-                    *sum += self.friction((i, j), &touch, friction);
+                    let last = self.last_springs[i].iter().find(|(p, _)| *p == j as u32);
+                    let rubbing = Rubbing {
+                        coefficient: friction,
+                        dt,
+                        spring: last.map_or_else(Vector3::zeros, |(_, s)| (*s).into()),
+                    };
+                    let (rub, spring) = self.friction((i, j), &touch, rubbing);
+                    *sum += rub;
+                    springs.push((j as u32, spring.into()));
                 }
             });
             *sum /= self.points[i].volume;
         });
-        self.impulse = impulse;
+        (self.impulse, self.springs) = (impulse, springs);
     }
 
     /// `2 / omega` of two points of the stiffest contact.
@@ -413,6 +418,8 @@ impl Coupler for Contact {
             surfaces: (bodies.len() == 2).then_some(surfaces),
             velocity: vec![Vector3::zeros(); points.len()],
             contacts: vec![0.0; points.len()],
+            springs: vec![Springs::new(); points.len()],
+            last_springs: vec![Springs::new(); points.len()],
             impulse: vec![Vector3::zeros(); points.len()],
             dimension: setup.body(bodies[0]).dimension,
             step: 0.0,
@@ -437,6 +444,30 @@ impl Coupler for Contact {
 
     fn stable_step(&mut self, _world: &World) -> Option<f64> {
         self.state.as_ref().map(ContactState::stable_step)
+    }
+
+    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
+        let springs = self.state.as_ref().map(|state| &state.springs);
+        let touching = |springs: &'_ &Vec<Springs>| springs.iter().any(|s| !s.is_empty());
+        Box::new(springs.filter(touching))
+    }
+
+    fn load(
+        &mut self,
+        saved: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        let springs: Option<Vec<Springs>> = erased_serde::deserialize(saved)?;
+        let Some(state) = &mut self.state else {
+            return Ok(());
+        };
+        let points = state.points.len();
+        let springs = springs.unwrap_or_else(|| vec![Springs::new(); points]);
+        if springs.len() != points {
+            let message = format!("springs of {} points, not {points}", springs.len());
+            return Err(serde::de::Error::custom(message));
+        }
+        state.springs = springs;
+        Ok(())
     }
 
     fn report(&self) -> Vec<Report> {

@@ -6,6 +6,8 @@ use perimelt_core::shape::{BoxShape, Shape};
 use super::*;
 use crate::testing::{block, prepare, read, refusal, values};
 
+mod rubbing;
+
 const ELASTIC: &str = "density = 1000\nyoungs_modulus = 1e6";
 
 fn own(setup: &mut Setup<'_>, bodies: usize) {
@@ -214,7 +216,7 @@ fn lone_points(dimension: usize, friction: f64) -> ([f64; 2], f64) {
 }
 
 /// `J_n = dt k overlap w V V` with `w = 1`, `1 / (16/15 2)` and `1 / (pi/3 4)` at the middle of the weight, and
-/// `J_t = min(mu J_n, m v)`, with the reduced mass m.
+/// `J_t = min(mu J_n, m v)` in the first step, with the reduced mass m.
 #[test]
 fn lone_points_repel_each_other_and_rub() {
     let sums = [1.0, 32.0 / 15.0, 4.0 * std::f64::consts::PI / 3.0];

@@ -23,6 +23,8 @@ pub(super) struct ElasticPoints {
     pub(super) eigenstrain: Vec<f64>,
     /// Stress-free strain with components of each point (xx, yy, zz, xy, yz, zx); empty if there is none.
     pub(super) stress_free: Vec<[f64; 6]>,
+    /// The part of it that is prescribed at points, not found from their own strain; empty if there is none.
+    pub(super) prescribed: Vec<[f64; 6]>,
     /// Largest factor by which moduli rose since it was taken, at least one.
     stiffening: f64,
 }
@@ -43,6 +45,7 @@ impl ElasticPoints {
             elasticity,
             eigenstrain: vec![0.0; body.points.len()],
             stress_free: Vec::new(),
+            prescribed: Vec::new(),
             stiffening: 1.0,
         }
     }
@@ -114,6 +117,32 @@ impl ElasticPoints {
         true
     }
 
+    /// In-plane isotropic strain that has the in-plane stress of a strain `across` the plane of plane strain; zero otherwise.
+    pub(super) fn in_plane(&self, point: usize, across: f64) -> f64 {
+        match self.is_plane_strain() {
+            true => {
+                let Moduli { lame, shear, .. } = self.moduli(point);
+                0.5 * across * lame / (lame + shear)
+            }
+            false => 0.0,
+        }
+    }
+
+    /// The in-plane strain that is prescribed at points, with components; `None` if it is the eigenstrain.
+    pub(super) fn prescribed_tensor(&self) -> Option<Vec<[f64; 6]>> {
+        if self.prescribed.is_empty() {
+            return None;
+        }
+        let of_point = |point: usize| {
+            let mut strain = self.prescribed[point];
+            let isotropic = self.eigenstrain[point] + self.in_plane(point, strain[2]);
+            strain[..3].iter_mut().for_each(|e| *e += isotropic);
+            strain
+        };
+        let points = (0..self.eigenstrain.len()).into_par_iter();
+        Some(points.map(of_point).collect())
+    }
+
     /// The points with their displacement gradients.
     pub(super) fn strained<'a>(&'a self, gradient: &'a Gradient) -> StrainedPoints<'a> {
         StrainedPoints {
@@ -149,8 +178,8 @@ impl StrainedPoints<'_> {
 
     /// Stress of a point by the law `law`, Pa: without the rotation of the point.
     pub(super) fn stress(&self, point: usize, law: &Point) -> [f64; 6] {
-        let gradient = &self.gradient.values[point];
-        let stress = law.material_stress(gradient, self.elastic.finite);
+        let gradient = self.gradient.elastic(point, self.elastic.finite);
+        let stress = law.material_stress(&gradient, self.elastic.finite);
         law.components(&stress, self.elastic.is_plane_strain())
     }
 

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! with the thermo-elastic stretch `s - e`, in tension only; `s_c`, `kappa` and `e` are the means of both
-//! ends. The limits follow from the fracture energy G, which is the energy to break all bonds across a plane:
+//! ends, but for bonds between materials and across [`interfaces`](super::interfaces). The limits follow from the fracture energy G, which is the energy to break all bonds across a plane:
 //!
 //! ```text
 //! G = s_c^2 horizon { 2 (d + 2) mu A + 2 a B },   kappa = 2 G, pi/2 G, 4/3 G  in 1D, 2D, 3D
@@ -25,6 +25,7 @@ use perimelt_core::{Body, Bond, Family, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::interfaces::{Crossings, Interfaces, Limit, OneOrMany};
 use super::moduli::Moduli;
 use super::stretch::TotalWeight;
 
@@ -36,6 +37,11 @@ pub struct FractureSection {
     pub criterion: Criterion,
     /// Regions whose bonds never break, such as those under loads.
     pub no_fail: Vec<String>,
+    /// Strength of an interface, or of a list of them, such as
+    /// `interface = { between = ["steel", "glue"], fracture_energy = 100 }`. Without, a bond between two materials has the
+    /// smaller limit of both.
+    #[schemars(with = "OneOrMany")]
+    pub interface: Interfaces,
     /// In each step break all bonds beyond their limit, and find no equilibrium without them: an indicator of where damage
     /// starts. By default, the bonds under the largest loads break and equilibrium is found again, until none is beyond
     /// its limit. Not for the explicit solver.
@@ -64,6 +70,8 @@ pub struct Fracture {
     /// m, by point.
     horizon: Vec<f64>,
     unbreakable: Vec<bool>,
+    /// Bonds with limits of their own.
+    crossings: Crossings,
     /// `A` of the energy of stretched bonds.
     crossing: f64,
     /// Critical stretch, or kappa in J/m², of each point at its present temperature.
@@ -97,7 +105,7 @@ pub struct NewBreaks {
 
 /// How the bonds of a body are loaded.
 pub struct BondLoads<R, C> {
-    /// Load over limit of a bond, from the slots of both ends.
+    /// Load of a bond over the mean limit of its ends, from the slots of both.
     pub ratio: R,
     /// Stress conjugate to the eigenstrain that the bond of a point with a slot carries, Pa.
     pub conjugate: C,
@@ -123,13 +131,15 @@ impl Fracture {
     /// Takes the strengths of the materials of a body.
     ///
     /// # Errors
-    /// A material without strength, an unknown region.
+    /// A material without strength, an unknown region or interface.
     pub fn of(
         section: &FractureSection,
-        setup: &Setup<'_>,
+        setup: &mut Setup<'_>,
         body: usize,
         family: &Family,
     ) -> Result<Self, SetupError> {
+        let bonds = (body, family);
+        let crossings = Crossings::of(&section.interface, section.criterion, setup, bonds)?;
         let this = setup.body(body);
         let strength = this.materials.iter().map(|material| {
             let of = |name| material.get(name).cloned();
@@ -165,6 +175,7 @@ impl Fracture {
             strength,
             horizon: this.points.horizons(spec.horizon),
             unbreakable,
+            crossings,
             crossing: match this.dimension {
                 1 => moment(3) / (4.0 * moment(2)),
                 2 => moment(4) / (std::f64::consts::PI * moment(3)),
@@ -200,7 +211,7 @@ impl Fracture {
         &mut self,
         body: &Body,
         temperature: Option<&[f64]>,
-        moduli: impl Fn(usize) -> Moduli,
+        moduli: impl Fn(usize) -> Moduli + Sync,
     ) {
         for i in 0..self.critical.len() {
             if self.unbreakable[i] {
@@ -212,16 +223,47 @@ impl Fracture {
                 self.criterion,
             ) {
                 (Strength::Stretch(stretch), _) => at(stretch),
-                (Strength::Energy(energy), Criterion::Energy) => {
-                    let factors = [2.0, std::f64::consts::FRAC_PI_2, 4.0 / 3.0];
-                    factors[self.dimension - 1] * at(energy)
-                }
-                (Strength::Energy(energy), Criterion::Stretch) => {
-                    let of_square = self.energy_of_square(&moduli(i)) * self.horizon[i];
-                    (at(energy) / of_square).sqrt()
-                }
+                (Strength::Energy(energy), _) => self.limit_of_energy(at(energy), [i; 2], &moduli),
             };
         }
+        let mut crossings = std::mem::take(&mut self.crossings);
+        crossings.load(&self.critical, |limit, ends| match limit {
+            Limit::Stretch(stretch) => stretch,
+            Limit::Energy(energy) => self.limit_of_energy(energy, ends, &moduli),
+        });
+        self.crossings = crossings;
+    }
+
+    /// Limit of a bond whose fracture energy is given, J/m², with the mean stiffness of both ends.
+    fn limit_of_energy(
+        &self,
+        energy: f64,
+        ends: [usize; 2],
+        moduli: &impl Fn(usize) -> Moduli,
+    ) -> f64 {
+        if self.compares_energy() {
+            let factors = [2.0, std::f64::consts::FRAC_PI_2, 4.0 / 3.0];
+            return factors[self.dimension - 1] * energy;
+        }
+        let of_square = |i: usize| self.energy_of_square(&moduli(i)) * self.horizon[i];
+        let [own, other] = ends.map(of_square);
+        (energy / (0.5 * (own + other))).sqrt()
+    }
+
+    /// Adds what bonds with limits of their own exceed them by; `ratio` is the load over the mean limit of the ends of a
+    /// bond, from the slots of both.
+    pub(super) fn add_excess_of_crossings(
+        &mut self,
+        family: &Family,
+        ratio: impl Fn(&Bond, usize, usize) -> f64 + Sync,
+    ) {
+        if self.crossings.is_empty() {
+            return;
+        }
+        let broken = &self.state.broken;
+        let is_broken = |point: usize, bond: usize| broken.is_broken(point, bond);
+        self.crossings
+            .add_excess(family, is_broken, ratio, &mut self.excess);
     }
 
     /// Energy of a crack over horizon and square of the critical stretch, Pa.
@@ -232,7 +274,7 @@ impl Fracture {
             + 2.0 * moduli.dilatation_stiffness(self.dimension) * dilatation
     }
 
-    /// Breaks the bonds of which `ratio` (load over limit) is at least 1 and at least `fraction` of the largest;
+    /// Breaks the bonds of which the load over their limit, from `ratio`, is at least 1 and at least `fraction` of the largest;
     /// adds the fraction of the weight of its bonds that a point lost to `damage`. `ratio` takes a bond and the
     /// slots of both ends; `conjugate` is the stress conjugate to the eigenstrain that the bond of a point with a
     /// slot carries, Pa. Only the bonds of points with an excess are examined.
@@ -250,7 +292,8 @@ impl Fracture {
             let here = family.slot_of(point);
             family.for_each_bond(point, |bond, geometry, other| {
                 if !self.state.broken.is_broken(point, bond) {
-                    let ratio = ratio(geometry, here, other);
+                    let factor = self.crossings.factor(point, bond);
+                    let ratio = factor * ratio(geometry, here, other);
                     if ratio >= 1.0 {
                         exceeding.push((ratio, point, other));
                     }

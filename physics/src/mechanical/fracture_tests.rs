@@ -20,13 +20,13 @@ fn strength(dimension: usize, material: &str, spec: &FamilySpec, criterion: Crit
     let cells = std::array::from_fn(|a| if a < dimension { 9 } else { 1 });
     let body = block(cells, dimension, 1e-3, Store::Lattice, material);
     let mut world = World::new(vec![body]);
-    let setup = Setup::new(&mut world, std::path::Path::new("."));
+    let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     let family = Family::build(setup.body(0), spec).expect("valid");
     let section = FractureSection {
         criterion,
         ..FractureSection::default()
     };
-    let mut fracture = Fracture::of(&section, &setup, 0, &family).expect("strong");
+    let mut fracture = Fracture::of(&section, &mut setup, 0, &family).expect("strong");
     let material = &setup.body(0).materials[0];
     let of = |name| material.constant(name).expect("given");
     let plane = Plane::Stress;

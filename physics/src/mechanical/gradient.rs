@@ -9,8 +9,12 @@
 //! neighbours were not deposited yet.
 
 use nalgebra::{Matrix3, Vector3};
+use perimelt_core::family::Continuation;
 use perimelt_core::{Body, Bond, BondKernel, BrokenBonds, Family};
 use rayon::prelude::*;
+
+use super::elastic::ElasticPoints;
+use super::stress_free::{Prescribed, StressFreeDisplacement};
 
 /// `sum_j w (u_j - u_i) (x) xi` by rows, m.
 struct Moment<const D: usize>;
@@ -80,6 +84,10 @@ pub(super) struct Gradient {
     /// The last H.
     pub(super) values: Vec<Matrix3<f64>>,
     sums: Vec<f64>,
+    /// What prescribed strains do to H.
+    pub(super) stress_free: StressFreeDisplacement,
+    /// Whether `stress_free` is that of the present strains and bonds.
+    is_stress_free_current: bool,
 }
 
 impl Gradient {
@@ -107,6 +115,8 @@ impl Gradient {
             values: vec![Matrix3::zeros(); points],
             sums: vec![0.0; points * if dimension == 3 { 9 } else { 4 }],
             lost: vec![0; points],
+            stress_free: StressFreeDisplacement::default(),
+            is_stress_free_current: true,
         })
     }
 
@@ -119,6 +129,46 @@ impl Gradient {
         for (&point, inverse) in family.recalibrated().iter().zip(inverses) {
             self.inverse_shape[point as usize] = inverse;
         }
+        self.forget_families();
+    }
+
+    fn forget_families(&mut self) {
+        self.stress_free.forget_families();
+        self.is_stress_free_current = false;
+    }
+
+    /// Makes the next [`Gradient::follow_strains`] evaluate what the prescribed strains do.
+    pub(super) fn forget_strains(&mut self) {
+        self.is_stress_free_current = false;
+    }
+
+    /// Evaluates what prescribed strains do to H, if they or bonds changed; whether they did.
+    pub(super) fn follow_strains(
+        &mut self,
+        (family, broken): (&Family, Option<&BrokenBonds>),
+        continuation: &Continuation,
+        elastic: &ElasticPoints,
+    ) -> bool {
+        if self.is_stress_free_current {
+            return false;
+        }
+        self.is_stress_free_current = true;
+        let bonds = (family, broken);
+        let inverse = &self.inverse_shape;
+        let tensor = elastic.prescribed_tensor();
+        let strains = match &tensor {
+            Some(tensor) => Prescribed::Tensor(tensor),
+            None => Prescribed::Isotropic(&elastic.eigenstrain),
+        };
+        self.stress_free
+            .evaluate(bonds, continuation, inverse, strains);
+        true
+    }
+
+    /// The gradient of which the stress of a point follows: that of its displacement without what prescribed strains do
+    /// to it beyond their value at the point.
+    pub(super) fn elastic(&self, point: usize, finite: bool) -> Matrix3<f64> {
+        without(&self.values[point], self.stress_free.of(point), finite)
     }
 
     /// Whether a point has too few bonds for a strain of its own.
@@ -145,7 +195,11 @@ impl Gradient {
             *inverse = inverse_of(left, least, dimension).unwrap_or_default();
             true
         };
-        points.map(update).reduce(|| false, |any, one| any | one)
+        let changed = points.map(update).reduce(|| false, |any, one| any | one);
+        if changed {
+            self.forget_families();
+        }
+        changed
     }
 
     /// Makes the next update invert all shape tensors: other bonds may be broken than before.
@@ -189,6 +243,19 @@ impl Gradient {
             };
             *value = Matrix3::from_fn(entry) * inverse;
         });
+    }
+}
+
+/// `H - D`, or that of `F (1 - D)` in finite kinematics.
+pub(super) fn without(
+    gradient: &Matrix3<f64>,
+    correction: Option<&Matrix3<f64>>,
+    finite: bool,
+) -> Matrix3<f64> {
+    match correction {
+        None => *gradient,
+        Some(correction) if finite => gradient - correction - gradient * correction,
+        Some(correction) => gradient - correction,
     }
 }
 

@@ -270,7 +270,7 @@ impl Run {
         let displacement = world.read::<Vector3<f64>>(self.fields.displacement.into());
         self.solid
             .set_displacement(bytemuck::cast_slice(&displacement), rules);
-        self.solid.gradients().to_vec()
+        self.solid.gradients()
     }
 
     /// Sets the displacement of the points that are present now and were not before, from that of the others and its
@@ -419,15 +419,22 @@ impl Run {
         if birth.is_none() && inherent.is_none() {
             return;
         }
-        let fields = [birth.as_deref(), inherent.as_deref()];
-        let strain = |point: usize| {
-            let sum: Matrix3<f64> = fields.into_iter().flatten().map(|field| field[point]).sum();
-            COMPONENTS.map(|at| sum[at])
+        let sum_of = |fields: [Option<&[Matrix3<f64>]>; 2]| -> Vec<[f64; 6]> {
+            let strain = |point: usize| {
+                let sum: Matrix3<f64> =
+                    fields.into_iter().flatten().map(|field| field[point]).sum();
+                COMPONENTS.map(|at| sum[at])
+            };
+            let strains = (0..self.density.len()).into_par_iter().map(strain);
+            strains.collect()
         };
-        let strains = (0..self.density.len()).into_par_iter().map(strain);
-        let strains: Vec<[f64; 6]> = strains.collect();
+        let strains = sum_of([birth.as_deref(), inherent.as_deref()]);
+        let prescribed = match &inherent {
+            Some(_) => sum_of([inherent.as_deref(), None]),
+            None => Vec::new(),
+        };
         self.eigenstrain_size += max_abs(strains.as_flattened());
         self.note_stress_free(world, &strains);
-        self.solid.set_stress_free(strains);
+        self.solid.set_stress_free(strains, &prescribed);
     }
 }

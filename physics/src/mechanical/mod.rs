@@ -21,10 +21,13 @@
 //! | `growth` | material that is deposited or cut off |
 //! | `momentum`, `reports` | balances of momentum, and stresses for the log |
 //! | `energy`, `energy_watch` | energies of explicit motion, and a watch over them |
+//! | `validity` | warnings of states outside the validity of the model |
 //! | `layer_forces` | forces of bonds to layers that are no symmetric images |
 //! | [`solid`] | what the solvers need of a formulation |
 //! | [`ordinary`], [`stretch`] | bond-based and ordinary state-based solids, and their bond kernels |
 //! | [`correspondence`] | correspondence solids |
+//! | [`fracture`], [`interfaces`] | breaking bonds; strength between materials and across interfaces |
+//! | `stress_free` | stress-free strains that vary in space, as seen by the shape tensor |
 
 mod classical;
 #[cfg(test)]
@@ -47,6 +50,9 @@ pub mod fracture;
 mod fracture_tests;
 mod gradient;
 mod growth;
+#[cfg(test)]
+mod interface_tests;
+pub mod interfaces;
 pub mod keys;
 mod layer_forces;
 #[cfg(test)]
@@ -64,14 +70,20 @@ mod prepare;
 mod reports;
 mod residual;
 mod rigid;
+#[cfg(test)]
+mod rigid_motion_tests;
 pub mod section;
 pub mod solid;
 mod specialise;
 mod step;
+mod stress_free;
+#[cfg(test)]
+mod stress_free_tests;
 pub mod stretch;
 pub mod surface_stress;
 #[cfg(test)]
 mod tests;
+mod validity;
 
 use perimelt_core::{
     Balance, Clock, Physics, Report, RunError, Setup, SetupError, Step, Work, World,
@@ -80,6 +92,10 @@ use perimelt_core::{
 use fracture::FractureState;
 pub use keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
 use step::State;
+
+/// Stretch of a bond that shows an instability once displacements are ten times as large as the body: where its ends have
+/// moved so far relative to each other over a chain of bonds as long as the body, bonds have a stretch of eight or more.
+const IMPLAUSIBLE_STRETCH: f64 = 5.0;
 
 #[typetag::serialize(name = "mechanical")]
 impl Physics for Mechanical {
@@ -110,10 +126,22 @@ impl Physics for Mechanical {
         Some(2.0 / run.largest_frequency(world))
     }
 
+    /// Ten times the size of the body.
     fn plausible(&self, world: &World) -> Vec<(&'static str, f64)> {
         let body = self.run.as_ref().map_or(0, |r| r.body);
         let (min, max) = world.body(body).bounds();
         vec![("displacement", 10.0 * (max - min).norm())]
+    }
+
+    /// A body that flies, and its pieces, may be displaced by any distance; a bond that has become several times as long
+    /// is a sign of instability. Rigid motion does not stretch bonds, and broken bonds do not count.
+    fn find_blow_up(&mut self, world: &World, field: &str, first: usize) -> Option<usize> {
+        let run = self.run.as_mut().expect("prepared before the first step");
+        if field != "displacement" {
+            return Some(first);
+        }
+        run.load_displacement(world);
+        run.solid.find_overstretched(IMPLAUSIBLE_STRETCH)
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
@@ -166,6 +194,7 @@ impl Physics for Mechanical {
         let run = self.run.as_mut().expect("prepared before the first step");
         run.provide_conjugate_stress(world);
         run.provide_stress(world);
+        run.examine_validity(world);
         if matches!(self.solver, MechanicalSolver::Explicit { .. }) {
             run.logged_energy = Some(run.energy(world));
         }
@@ -184,7 +213,14 @@ impl Physics for Mechanical {
             value: 0.5 * fracture.state.broken.total() as f64,
         });
         let energies = run.logged_energy.iter().flat_map(|e| e.reports());
-        forces.chain(broken).chain(energies).collect()
+        let validity = run.validity.report();
+        let others = broken.into_iter().chain(validity);
+        forces.chain(others).chain(energies).collect()
+    }
+
+    fn remarks(&self, world: &World) -> Vec<String> {
+        let run = self.run.as_ref().expect("prepared before the end");
+        run.validity.remarks(world.body(run.body))
     }
 
     fn balance(&self, world: &World) -> Vec<Balance> {

@@ -20,6 +20,7 @@ use super::plasticity::Plasticity;
 use super::solid::{Constitution, Solid};
 use super::step::{Run, State};
 use super::surface_stress::{Extrapolation, SurfaceStress};
+use super::validity::{Validity, shear_warning};
 
 /// Prepares the run of the body that `keys` name.
 pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, SetupError> {
@@ -64,6 +65,8 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, Setup
         breaks: constitution.fracture.is_some(),
     };
     let is_linear = !(constitution.finite || features.is_plastic);
+    let kind = (!constitution.finite, features.is_plastic);
+    let validity = Validity::new(setup.body(body), kind);
     let solid = solid(keys, setup, body, family, constitution)?;
     let density = setup.density_at_points(body)?;
     let fields = Fields::declare(setup, body, features)?;
@@ -86,6 +89,7 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, Setup
         section_forces: vec![[0.0; 3]; keys.sections.len()],
         logged_energy: features.is_explicit.then(Energy::default),
         extrapolation,
+        validity,
         state: State {
             verlet: Verlet::new(damping.unwrap_or(0.0)),
             ..State::default()
@@ -113,6 +117,11 @@ fn family(
     let usual = Horizon::Spacings(if correspondence { 2.0 } else { 3.0 });
     let horizon = keys.horizon.unwrap_or(usual);
     horizon.check(setup.body(body))?;
+    if !correspondence {
+        let this = setup.body(body);
+        let warning = shear_warning(this, &this.points.horizons(horizon));
+        warning.into_iter().for_each(|warning| setup.warn(warning));
+    }
     if keys.correction == Correction::Balanced {
         let message = "`balanced` puts linear temperatures in equilibrium, not deformations";
         return Err(SetupError::value("correction", message, "\"point\""));
@@ -140,7 +149,7 @@ fn family(
 /// Elasticity, plasticity and strength of the body.
 fn constitution(
     keys: &Mechanical,
-    setup: &Setup<'_>,
+    setup: &mut Setup<'_>,
     body: BodyIndex,
     family: &Family,
 ) -> Result<Constitution, SetupError> {

@@ -53,19 +53,28 @@ pub trait Solid: Debug {
     fn set_eigenstrain(&mut self, eigenstrain: &[f64]);
 
     /// Takes the stress-free strain with components of each point (xx, yy, zz, xy, yz, zx), in addition to the
-    /// eigenstrain; empty if there is none. Of correspondence solids.
-    fn set_stress_free(&mut self, _strain: Vec<[f64; 6]>) {}
+    /// eigenstrain, and the part of it that is prescribed at points, other than from their own strain; each is empty if there
+    /// is none. Of correspondence solids.
+    fn set_stress_free(&mut self, _strain: Vec<[f64; 6]>, _prescribed: &[[f64; 6]]) {}
 
     /// Takes the points that have material, of a family that grows. Of correspondence solids.
     fn set_present(&mut self, _present: &[bool]) {}
 
-    /// Gradient of the displacement that was set, at each point; empty in formulations without.
-    fn gradients(&mut self) -> &[Matrix3<f64>] {
-        &[]
+    /// Gradient of the displacement that was set, at each point, of which its stress follows; empty in formulations without.
+    fn gradients(&mut self) -> Vec<Matrix3<f64>> {
+        Vec::new()
     }
 
     /// Takes displacements, m, and sets the mirrored layers by `rules`.
     fn set_displacement(&mut self, displacement: &[f64], rules: &[LayerRule]);
+
+    /// The point of which unbroken bonds exceed a stretch (or a compression) the most, in the displacement that was set;
+    /// `None` if no bond does.
+    fn find_overstretched(&self, limit: f64) -> Option<usize>;
+
+    /// Largest displacement of the ends of an unbroken bond relative to each other, over its length, in the displacement
+    /// that was set; `None` if it is not beyond `limit`.
+    fn relative_displacement_beyond(&self, limit: f64) -> Option<f64>;
 
     /// Largest horizon, m.
     fn horizon(&self) -> f64;

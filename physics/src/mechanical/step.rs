@@ -21,6 +21,7 @@ use super::momentum::{Balanced, Momentum};
 use super::plasticity::Inelastic;
 use super::solid::Solid;
 use super::surface_stress::Extrapolation;
+use super::validity::Validity;
 
 /// A body between set-up and the end of the run.
 #[derive(Debug)]
@@ -49,6 +50,7 @@ pub(super) struct Run {
     pub(super) scratch: Scratch,
     /// Of stresses near surfaces.
     pub(super) extrapolation: Option<Extrapolation>,
+    pub(super) validity: Validity,
     pub(super) state: State,
 }
 

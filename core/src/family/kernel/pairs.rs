@@ -370,7 +370,8 @@ fn sweep_box<const I: usize, const O: usize, K: BondKernel<I, O>>(
     }
 }
 
-/// Adds what the bonds ahead of a block give both of their ends; lanes that are no points give nothing.
+/// Adds what the bonds ahead of a block give both of their ends. Bonds without weight, and lanes that are no points,
+/// give nothing, whatever the kernel computes there.
 #[inline(always)]
 fn add_block<const I: usize, const O: usize, K: BondKernel<I, O>>(
     kernel: &K,
@@ -401,12 +402,12 @@ fn add_block<const I: usize, const O: usize, K: BondKernel<I, O>>(
             let other = std::array::from_fn(|i| other[i][lane]);
             let both = [&mut here, &mut there];
             kernel.add_ends(&bond, own, other, both);
-            for o in 0..K::PAIRED {
-                sums[o][lane] = here[o];
-                others[o][lane] = there[o];
-            }
-            // sums of both ends are nothing without weight, these need not be
+            // the inputs of a slot without a point may give anything, not a number included
             let counts = weights.is_none() || bond.weight + bond.dual != 0.0;
+            for o in 0..K::PAIRED {
+                sums[o][lane] = if counts { here[o] } else { sums[o][lane] };
+                others[o][lane] = if counts { there[o] } else { others[o][lane] };
+            }
             for o in K::PAIRED..O {
                 sums[o][lane] += if counts { here[o] } else { 0.0 };
             }

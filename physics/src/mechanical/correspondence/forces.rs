@@ -2,16 +2,17 @@
 
 use nalgebra::Matrix3;
 use perimelt_core::family::ByImage;
-use perimelt_core::{BrokenBonds, Image, SlotField};
+use perimelt_core::{Bond, BrokenBonds, Image, SlotField};
 use rayon::prelude::*;
 
 use super::Correspondence;
 use super::kernels::{DISPLACEMENT, Force};
 use crate::mechanical::classical::{Point, diagonal, image_of};
 use crate::mechanical::fracture::Fracture;
+use crate::mechanical::gradient::without;
 use crate::mechanical::solid::{StrainKind, flat, unflatten};
 use crate::mechanical::specialise::specialise;
-use crate::mechanical::stretch::Excess;
+use crate::mechanical::stretch::{EXCESS_INPUTS, Excess};
 
 impl Correspondence {
     pub(super) fn broken(&self) -> Option<&BrokenBonds> {
@@ -25,17 +26,49 @@ impl Correspondence {
         if self.gradient.evaluate(&self.family, axes, broken) {
             self.load_stabilisation();
         }
+        let broken = self.fracture.as_ref().map(Fracture::broken);
+        let bonds = (&*self.family, broken);
+        let elastic = &self.elastic;
+        let changed = (self.gradient).follow_strains(bonds, &self.continuation, elastic);
+        if changed && !self.elastic.finite {
+            let stiffness = &self.inputs.stabilisation[..];
+            let stress_free = &self.gradient.stress_free;
+            stress_free.spring_forces(bonds, stiffness, &mut self.spring_forces);
+        }
     }
 
-    /// `P K^-1 - g H` of a point with the law `point`, whose g is that of the point number `i`.
+    pub(super) fn has_spring_forces(&self) -> bool {
+        !self.spring_forces.is_empty()
+    }
+
+    /// Adds what prescribed strains that are not uniform give the springs against modes without strain. In finite kinematics
+    /// springs turn with the body, and keep these.
+    pub(super) fn add_spring_forces(&self, out: &mut [f64]) {
+        let (forces, _) = out.as_chunks_mut::<3>();
+        let points = forces.par_iter_mut().zip(&self.spring_forces);
+        points.with_min_len(4096).for_each(|(force, springs)| {
+            (0..self.dimension).for_each(|axis| force[axis] += springs[axis]);
+        });
+    }
+
+    /// `P K^-1 - g H` of a point with the law `point`, whose g is that of the point number `i`; `correction` is what
+    /// prescribed strains do to H.
     fn force_state_of(
         &self,
         (i, point): (usize, Point),
         finite: bool,
-        gradient: &Matrix3<f64>,
+        (gradient, correction): (&Matrix3<f64>, Option<&Matrix3<f64>>),
         inverse: &Matrix3<f64>,
     ) -> Matrix3<f64> {
-        point.piola(gradient, finite) * inverse - self.spring(i) * gradient
+        let elastic = without(gradient, correction, finite);
+        let stress = point.piola(&elastic, finite);
+        match correction {
+            // the stress conjugate to F, where F (1 - D) has an energy
+            Some(correction) if finite => {
+                (stress - stress * correction.transpose()) * inverse - self.spring(i) * gradient
+            }
+            _ => stress * inverse - self.spring(i) * elastic,
+        }
     }
 
     /// Evaluates the stress and loads the force states.
@@ -46,9 +79,14 @@ impl Correspondence {
         let mut states = std::mem::take(&mut self.force_state);
         let mut slots = std::mem::take(&mut self.inputs.force_state);
         let (values, inverse) = (&self.gradient.values, &self.gradient.inverse_shape);
+        let correction = |i: usize| match strain {
+            StrainKind::Elastic => self.gradient.stress_free.of(i),
+            StrainKind::Total | StrainKind::Change => None,
+        };
         states.par_iter_mut().enumerate().for_each(|(i, state)| {
             let point = self.point(i, strain);
-            *state = self.force_state_of((i, point), finite, &values[i], &inverse[i]);
+            let gradient = (&values[i], correction(i));
+            *state = self.force_state_of((i, point), finite, gradient, &inverse[i]);
         });
         let of_image = |image: &Image| {
             let (scale, mirror) = (diagonal(image.scale), diagonal(image.mirror));
@@ -63,7 +101,9 @@ impl Correspondence {
                 let inelastic = image_of(&scale, &point.inelastic, &mirror);
                 point = point.replace_inelastic(self.elastic.stress_state(), inelastic);
             }
-            let state = self.force_state_of((image.point, point), finite, &gradient, &inverse);
+            let correction = correction(image.point).map(|c| scale * c * mirror);
+            let gradient = (&gradient, correction.as_ref());
+            let state = self.force_state_of((image.point, point), finite, gradient, &inverse);
             std::array::from_fn::<_, 9, _>(|n| state[entry(n)])
         };
         let by_point = &states[..];
@@ -104,5 +144,19 @@ impl Correspondence {
         let (family, sums) = (&self.family, bytemuck::cast_slice_mut(&mut fracture.excess));
         specialise!(FINITE = finite =>
             family.sum_unbroken(&Excess::<FINITE>, inputs, broken, sums));
+        fracture.add_excess_of_crossings(family, stretch_ratio(finite, inputs));
+    }
+}
+
+/// Stretch of a bond over the mean critical one of its ends, from the slots of both.
+pub(super) fn stretch_ratio(
+    finite: bool,
+    inputs: [&[f64]; EXCESS_INPUTS],
+) -> impl Fn(&Bond, usize, usize) -> f64 + Sync {
+    move |bond: &Bond, own: usize, other: usize| {
+        let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
+        let (stretch, limit) = specialise!(FINITE = finite =>
+            Excess::<FINITE>::stretch_and_limit(bond, own, other));
+        stretch / limit
     }
 }

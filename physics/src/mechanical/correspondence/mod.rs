@@ -38,8 +38,7 @@ use super::layer_forces::LayerForces;
 use super::moduli::Moduli;
 use super::plasticity::Plasticity;
 use super::solid::{Constitution, LayeredDisplacement, Solid, StrainKind, continue_displacement};
-use super::specialise::specialise;
-use super::stretch::Excess;
+use super::stretch::{find_overstretched, relative_displacement_beyond};
 use inputs::Inputs;
 use kernels::{Block, Force, SquaredExtension};
 
@@ -60,6 +59,8 @@ pub struct Correspondence {
     inputs: Inputs,
     /// H of each point.
     gradient: Gradient,
+    /// What prescribed strains that are not uniform add to the forces of the springs, N/m³; empty if nothing.
+    spring_forces: Vec<[f64; 3]>,
     /// `P K^-1 - g H` of each point.
     force_state: Vec<Matrix3<f64>>,
     /// Sums with as many components as the dimension, in 2D.
@@ -99,6 +100,7 @@ impl Correspondence {
             inputs: Inputs::new(&family, dimension, fracture.is_some()),
             fracture,
             gradient: Gradient::new(body, &family)?,
+            spring_forces: Vec::new(),
             force_state: vec![Matrix3::zeros(); points],
             padded: vec![0.0; if dimension == 2 { 2 * points } else { 0 }],
             energy: vec![[0.0; 2]; points],
@@ -124,6 +126,7 @@ impl Correspondence {
         let spring = |point: usize| self.spring(point);
         slots.load(&self.family, spring, Mirrored::Scalar);
         self.inputs.stabilisation = slots;
+        self.gradient.forget_strains();
     }
 
     fn load_limits(&mut self, body: &Body, temperature: Option<&[f64]>) {
@@ -143,10 +146,20 @@ impl Correspondence {
         extension
     }
 
+    /// As [`Correspondence::squared_extension`], without the displacement of prescribed strains that are not uniform.
+    fn squared_elastic_extension(&self) -> Vec<[f64; 1]> {
+        let mut extension = vec![[0.0]; self.horizon.len()];
+        let displacement = std::array::from_fn(|axis| self.inputs.along(axis));
+        let bonds = (&*self.family, self.broken());
+        self.gradient
+            .stress_free
+            .squared_extension(bonds, displacement, &mut extension);
+        extension
+    }
+
     /// Energy density of the stabilisation, J/m³: `sum_j w |z|^2 = sum_j w |u_j - u_i|^2 - H : H K`, with K the inverse
     /// of its inverse.
-    fn energy_of_modes(&self, i: usize, extension: &[[f64; 1]]) -> f64 {
-        let gradient = &self.gradient.values[i];
+    fn energy_of_modes(&self, i: usize, gradient: &Matrix3<f64>, extension: &[[f64; 1]]) -> f64 {
         let mut shape = self.gradient.inverse_shape[i];
         (self.dimension..3).for_each(|a| shape[(a, a)] = 1.0);
         // a loose point has no shape tensor; it has no springs either
@@ -189,15 +202,23 @@ impl Solid for Correspondence {
     }
 
     fn set_eigenstrain(&mut self, eigenstrain: &[f64]) {
-        if self.elastic.set_eigenstrain(eigenstrain) && self.fracture.is_some() {
+        if !self.elastic.set_eigenstrain(eigenstrain) {
+            return;
+        }
+        self.gradient.forget_strains();
+        if self.fracture.is_some() {
             let [eigenstrain, _] = &mut self.inputs.strength;
             let values = &self.elastic.eigenstrain[..];
             eigenstrain.load(&self.family, values, Mirrored::Scalar);
         }
     }
 
-    fn set_stress_free(&mut self, strain: Vec<[f64; 6]>) {
+    fn set_stress_free(&mut self, strain: Vec<[f64; 6]>, prescribed: &[[f64; 6]]) {
         self.elastic.stress_free = strain;
+        if self.elastic.prescribed != prescribed {
+            self.elastic.prescribed = prescribed.to_vec();
+            self.gradient.forget_strains();
+        }
     }
 
     fn set_present(&mut self, present: &[bool]) {
@@ -210,9 +231,11 @@ impl Solid for Correspondence {
         self.load_stabilisation();
     }
 
-    fn gradients(&mut self) -> &[Matrix3<f64>] {
+    fn gradients(&mut self) -> Vec<Matrix3<f64>> {
         self.load_gradient();
-        &self.gradient.values
+        let points = (0..self.force_state.len()).into_par_iter();
+        let gradient = |i| self.gradient.elastic(i, self.elastic.finite);
+        points.map(gradient).collect()
     }
 
     fn set_displacement(&mut self, values: &[f64], rules: &[LayerRule]) {
@@ -233,6 +256,7 @@ impl Solid for Correspondence {
         }
         self.load_force_state(StrainKind::Elastic, self.elastic.finite);
         self.sum_forces(out);
+        self.add_spring_forces(out);
         self.sum_excess();
     }
 
@@ -307,15 +331,22 @@ impl Solid for Correspondence {
 
     fn elastic_energy(&mut self) -> &[[f64; 2]] {
         self.load_gradient();
-        let extension = self.squared_extension();
+        let finite = self.elastic.finite;
+        let extension = match self.has_spring_forces() {
+            true => self.squared_elastic_extension(),
+            false => self.squared_extension(),
+        };
         let mut energy = std::mem::take(&mut self.energy);
         for (i, energy) in energy.iter_mut().enumerate() {
             let point = self.point(i, StrainKind::Elastic);
-            let stress = point.material_stress(&self.gradient.values[i], self.elastic.finite);
-            *energy = [
-                point.energy_of(&stress) + self.energy_of_modes(i, &extension),
-                0.0,
-            ];
+            let gradient = self.gradient.elastic(i, finite);
+            let stress = point.material_stress(&gradient, finite);
+            let of_modes = match finite {
+                true => &self.gradient.values[i],
+                false => &gradient,
+            };
+            let modes = self.energy_of_modes(i, of_modes, &extension);
+            *energy = [point.energy_of(&stress) + modes, 0.0];
         }
         self.energy = energy;
         &self.energy
@@ -336,7 +367,7 @@ impl Solid for Correspondence {
                 strain -= symmetric(stress_free);
             }
             let stress = point.stress(&strain);
-            let modes = self.energy_of_modes(i, &extension);
+            let modes = self.energy_of_modes(i, gradient, &extension);
             let conjugate = (0..self.dimension).map(|a| stress[(a, a)]).sum::<f64>();
             *energy = [
                 0.5 * stress.dot(&strain) + modes,
@@ -345,6 +376,18 @@ impl Solid for Correspondence {
         }
         self.energy = energy;
         &self.energy
+    }
+
+    fn find_overstretched(&self, limit: f64) -> Option<usize> {
+        let displacement = std::array::from_fn(|axis| self.inputs.along(axis));
+        let finite = self.elastic.finite;
+        find_overstretched(&self.family, (displacement, self.broken()), (finite, limit))
+    }
+
+    fn relative_displacement_beyond(&self, limit: f64) -> Option<f64> {
+        let displacement = std::array::from_fn(|axis| self.inputs.along(axis));
+        let bonds = (&*self.family, self.broken());
+        relative_displacement_beyond(bonds, displacement, limit)
     }
 
     fn horizon(&self) -> f64 {
@@ -367,14 +410,7 @@ impl Solid for Correspondence {
 
     /// Broken bonds leave no frozen stress: the conjugate stress is that of points.
     fn break_bonds(&mut self, fraction: f64, damage: &mut [f64]) -> NewBreaks {
-        let finite = self.elastic.finite;
-        let inputs = self.inputs.of_excess();
-        let ratio = |bond: &Bond, own: usize, other: usize| {
-            let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
-            let (stretch, limit) = specialise!(FINITE = finite =>
-                Excess::<FINITE>::stretch_and_limit(bond, own, other));
-            stretch / limit
-        };
+        let ratio = forces::stretch_ratio(self.elastic.finite, self.inputs.of_excess());
         let Some(fracture) = &mut self.fracture else {
             return NewBreaks::default();
         };
@@ -404,9 +440,9 @@ impl Solid for Correspondence {
         let finite = self.elastic.finite;
         let mut tensors = std::mem::take(&mut self.tensors);
         for (i, tensor) in tensors.iter_mut().enumerate() {
-            let gradient = &self.gradient.values[i];
+            let gradient = self.gradient.elastic(i, finite);
             let point = self.point(i, StrainKind::Elastic);
-            let mut stress = point.piola(gradient, finite);
+            let mut stress = point.piola(&gradient, finite);
             if finite {
                 let deformation = Matrix3::identity() + gradient;
                 stress = stress * deformation.transpose() / deformation.determinant();

@@ -12,7 +12,10 @@ use crate::mechanical::layer_forces::LayerForces;
 use crate::mechanical::plasticity::Plasticity;
 use crate::mechanical::solid::StrainKind;
 use crate::mechanical::specialise::specialise;
-use crate::mechanical::stretch::{self, Directions, Expansion, INPUTS, PRESSURE, TotalWeight};
+use crate::mechanical::stretch::{
+    Dilation, Directions, ElasticDilation, ElasticExpansion, Expansion, INPUTS, PRESSURE,
+    TotalWeight,
+};
 
 /// Dilatation and pressure of the points of a body.
 #[derive(Debug)]
@@ -21,10 +24,11 @@ pub(super) struct Dilatation {
     pub(super) normaliser: Vec<f64>,
     /// Dilatation `N sum_j w` of each point under an isotropic strain of one; `d` unless bonds are not corrected.
     of_unit_strain: Vec<f64>,
-    /// `sum_j w s` of each point.
+    /// `sum_j w s` of each point, or of the elastic stretch.
     pub(super) sums: Vec<[f64; 1]>,
-    /// The parts of `sums` along the axes, which the images of points need; empty without layers.
-    parts: Vec<[f64; 3]>,
+    /// The parts of `sums` along the axes, and minus that of the eigenstrain, which the images of points need; empty
+    /// without layers.
+    parts: Vec<[f64; 4]>,
     /// `sum_j w n (x) n` of each point; empty until a layer is bent.
     directions: Vec<[f64; 6]>,
     pressure: Vec<f64>,
@@ -49,30 +53,25 @@ impl PressureLaw<'_> {
         }
     }
 
-    /// `p = 2 a N theta`, Pa, from `sum_j w s`. The stress of an inelastic strain is `lame tr + 2 mu strain`;
-    /// bonds contribute `mu` of the trace instead of `lame`, and the pressure contributes the difference.
+    /// `p = 2 a N theta`, Pa, from `theta / N`. The stress of an inelastic strain is `lame tr + 2 mu strain`; bonds contribute
+    /// `mu` of the trace instead of `lame`, and the pressure contributes the difference.
     fn pressure(
         &self,
         point: usize,
-        [normaliser, of_unit_strain]: [f64; 2],
+        normaliser: f64,
         dilation: f64,
         inelastic: Option<[f64; 6]>,
     ) -> f64 {
         let dimension = self.elastic.dimension;
         let moduli = self.elastic.moduli(point);
-        let dilatation = normaliser * dilation;
         let pressure = 2.0 * moduli.dilatation_stiffness(dimension);
-        let eigenstrain = match self.strain {
-            StrainKind::Elastic => self.elastic.eigenstrain[point],
-            StrainKind::Total | StrainKind::Change => 0.0,
-        };
         let relieved = inelastic
             .zip(self.plasticity)
             .map_or(0.0, |(strain, plasticity)| {
                 let in_plane: f64 = strain[..dimension].iter().sum();
                 moduli.lame * plasticity.stress_state.trace(&strain) - moduli.shear * in_plane
             });
-        normaliser * (pressure * (dilatation - of_unit_strain * eigenstrain) - relieved)
+        normaliser * (pressure * normaliser * dilation - relieved)
     }
 }
 
@@ -102,22 +101,34 @@ impl Dilatation {
             normaliser,
             of_unit_strain,
             sums: vec![[0.0]; points],
-            parts: vec![[0.0; 3]; parts],
+            parts: vec![[0.0; 4]; parts],
             directions: Vec::new(),
             pressure: vec![0.0; points],
         }
     }
 
-    /// Sums the stretches of the displacement that was loaded.
-    pub(super) fn sum(&mut self, finite: bool, inputs: &Inputs, broken: Option<&BrokenBonds>) {
+    /// Sums the stretches of the displacement that was loaded, of a kind of strain.
+    pub(super) fn sum(
+        &mut self,
+        (strain, finite): (StrainKind, bool),
+        inputs: &Inputs,
+        broken: Option<&BrokenBonds>,
+    ) {
         let Self { sums, parts, .. } = self;
+        let has_eigenstrain = strain == StrainKind::Elastic && !inputs.is_free_of_eigenstrain();
         if parts.is_empty() {
-            specialise!(FINITE = finite => inputs.sum(&stretch::Dilation::<FINITE>, broken, sums));
+            specialise!(FINITE = finite => match has_eigenstrain {
+                true => inputs.sum::<INPUTS, 1>(&ElasticDilation::<FINITE>, broken, sums),
+                false => inputs.sum::<3, 1>(&Dilation::<FINITE>, broken, sums),
+            });
             return;
         }
-        specialise!(FINITE = finite => inputs.sum(&Expansion::<FINITE>, broken, parts));
+        specialise!(FINITE = finite => match has_eigenstrain {
+            true => inputs.sum::<INPUTS, 4>(&ElasticExpansion::<FINITE>, broken, parts),
+            false => inputs.sum::<3, 4>(&Expansion::<FINITE>, broken, parts),
+        });
         let sums = sums.par_iter_mut().zip(parts).with_min_len(4096);
-        sums.for_each(|(sum, parts)| *sum = [parts.iter().sum()]);
+        sums.for_each(|(sum, [x, y, z, eigenstrain])| *sum = [*x + *y + *z - *eigenstrain]);
     }
 
     /// Loads the pressure of the dilatation that was summed last.
@@ -128,12 +139,10 @@ impl Dilatation {
         inputs: &mut Inputs,
         continuation: &Continuation,
     ) {
-        let (normaliser, of_unit_strain, sums) =
-            (&self.normaliser, &self.of_unit_strain, &self.sums);
+        let (normaliser, sums) = (&self.normaliser, &self.sums);
         let pressures = self.pressure.par_iter_mut().enumerate();
         pressures.for_each(|(i, pressure)| {
-            let factors = [normaliser[i], of_unit_strain[i]];
-            *pressure = law.pressure(i, factors, sums[i][0], law.inelastic(i));
+            *pressure = law.pressure(i, normaliser[i], sums[i][0], law.inelastic(i));
         });
         let bent = continuation.is_bent();
         let of_image = |image: &Image| [self.pressure_of_image(law, image, bent)];
@@ -144,7 +153,8 @@ impl Dilatation {
     /// Pressure of the mirror image of a point, Pa.
     fn pressure_of_image(&self, law: &PressureLaw<'_>, image: &Image, bent: bool) -> f64 {
         let point = image.point;
-        let sums = self.parts[point];
+        let [x, y, z, eigenstrain] = self.parts[point];
+        let sums = [x, y, z];
         // a state that gives way to other forces keeps the pressure of no strain where the layer is constant
         let mut sums: [f64; 3] = match law.layers.replace(image) {
             true => [0.0; 3],
@@ -155,12 +165,12 @@ impl Dilatation {
             let directions = mirror * symmetric(&self.directions[point]) * mirror;
             sums[0] += image.bend.dot(&directions);
         }
+        let dilation = sums.iter().sum::<f64>() - eigenstrain;
         let inelastic = law.inelastic(point).map(|strain| {
             let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
             image_of(&scale, &strain, &mirror)
         });
-        let factors = [self.normaliser[point], self.of_unit_strain[point]];
-        law.pressure(point, factors, sums.iter().sum(), inelastic)
+        law.pressure(point, self.normaliser[point], dilation, inelastic)
     }
 
     /// Sums what bent layers need.
@@ -181,17 +191,16 @@ impl Dilatation {
         self.normaliser[point] * self.sums[point][0]
     }
 
-    /// Energy density of the elastic dilatation of a point (J/m³), from the stretches that were summed last. Its
-    /// derivative is the pressure of [`PressureLaw`].
-    pub(super) fn elastic_energy(
+    /// Energy density of the dilatation of a point (J/m³), from the stretches that were summed last. Its derivative is the
+    /// pressure of [`PressureLaw`].
+    pub(super) fn energy(
         &self,
         elastic: &ElasticPoints,
         plasticity: Option<&Plasticity>,
         point: usize,
     ) -> f64 {
         let (moduli, d) = (elastic.moduli(point), elastic.dimension);
-        let swelling = self.of_unit_strain[point] * elastic.eigenstrain[point];
-        let dilatation = self.of(point) - swelling;
+        let dilatation = self.of(point);
         let mut energy = moduli.dilatation_stiffness(d) * dilatation * dilatation;
         if let Some(plasticity) = plasticity {
             let strain = &plasticity.tried[point].strain;

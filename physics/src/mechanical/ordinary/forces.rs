@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::Ordinary;
 use super::dilatation::PressureLaw;
+use super::inputs::Inputs;
 use crate::mechanical::fracture::{BondLoads, Fracture, NewBreaks};
 use crate::mechanical::solid::{StrainKind, flat, unflatten};
 use crate::mechanical::specialise::specialise;
@@ -34,7 +35,7 @@ impl Ordinary {
             return;
         };
         let broken = self.fracture.as_ref().map(Fracture::broken);
-        dilatation.sum(finite, &self.inputs, broken);
+        dilatation.sum((strain, finite), &self.inputs, broken);
         dilatation.sum_directions(&self.continuation, &self.inputs, broken);
         let law = PressureLaw {
             elastic: &self.elastic,
@@ -52,8 +53,8 @@ impl Ordinary {
         };
         let state = &plastic.state;
         let strain_of = |i: usize| match strain {
-            StrainKind::Change => &state.change[i],
-            StrainKind::Elastic | StrainKind::Total => &state.tried[i].strain,
+            StrainKind::Change => state.change[i],
+            StrainKind::Elastic | StrainKind::Total => state.tried[i].strain,
         };
         self.inputs.load_inelastic(&self.continuation, strain_of);
     }
@@ -68,6 +69,11 @@ impl Ordinary {
         plastic
             .gradient
             .evaluate(&self.family, displacement, broken);
+        let bonds = (&*self.family, broken);
+        let elastic = &self.elastic;
+        plastic
+            .gradient
+            .follow_strains(bonds, &self.continuation, elastic);
         plastic
             .state
             .try_strains(self.elastic.strained(&plastic.gradient));
@@ -83,6 +89,20 @@ impl Ordinary {
             }
             (Some(_), false, 2) => self.sum_breaking::<2>(out),
             (Some(_), false, _) => self.sum_breaking::<3>(out),
+        }
+        let load = self.load_kernel();
+        let Some(fracture) = &mut self.fracture else {
+            return;
+        };
+        match self.plastic.is_some() {
+            true => {
+                let ratio = plastic_ratio(load, &self.inputs);
+                fracture.add_excess_of_crossings(&self.family, ratio);
+            }
+            false => {
+                let ratio = elastic_ratio(load, &self.inputs);
+                fracture.add_excess_of_crossings(&self.family, ratio);
+            }
         }
     }
 
@@ -206,18 +226,29 @@ impl Ordinary {
             stress + dilatation.conjugate_stress(elastic, point, dilation)
         };
         if self.plastic.is_some() {
-            let (kernel, inputs) = (Plastic(load), self.inputs.plastic());
-            let ratio = |bond: &Bond, own: usize, other: usize| {
-                let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
-                kernel.bond(bond, own, other)[0]
-            };
+            let ratio = plastic_ratio(load, &self.inputs);
             let loads = BondLoads { ratio, conjugate };
             return fracture.break_bonds(family, fraction, damage, loads);
         }
-        let ratio = |bond: &Bond, own, other| {
-            let [own, other] = ends(own, other);
-            load.bond(bond, own, other)[0]
-        };
+        let ratio = elastic_ratio(load, &self.inputs);
         fracture.break_bonds(family, fraction, damage, BondLoads { ratio, conjugate })
+    }
+}
+
+/// Load of a bond over the mean limit of its ends, from the slots of both.
+fn elastic_ratio(load: Load, inputs: &Inputs) -> impl Fn(&Bond, usize, usize) -> f64 + Sync {
+    let inputs = inputs.first::<INPUTS>();
+    move |bond: &Bond, own: usize, other: usize| {
+        let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
+        load.bond(bond, own, other)[0]
+    }
+}
+
+/// As [`elastic_ratio`], with a plastic strain.
+fn plastic_ratio(load: Load, inputs: &Inputs) -> impl Fn(&Bond, usize, usize) -> f64 + Sync {
+    let (kernel, inputs) = (Plastic(load), inputs.plastic());
+    move |bond: &Bond, own: usize, other: usize| {
+        let [own, other] = [own, other].map(|slot| inputs.map(|i| i[slot]));
+        kernel.bond(bond, own, other)[0]
     }
 }

@@ -64,19 +64,24 @@ impl Inputs {
     }
 
     /// Takes the inelastic strain of each point; layers continue it as they do the strain.
-    pub(super) fn load_inelastic<'a>(
+    pub(super) fn load_inelastic(
         &mut self,
         continuation: &Continuation,
-        strain: impl Fn(usize) -> &'a [f64; 6] + Sync,
+        strain: impl Fn(usize) -> [f64; 6] + Sync,
     ) {
         let strain = &strain;
         let of_image = |image: &Image| {
             let [scale, mirror] = [image.scale, image.mirror].map(diagonal);
-            image_of(&scale, strain(image.point), &mirror)
+            image_of(&scale, &strain(image.point), &mirror)
         };
         let component = |c: usize| move |point: usize| strain(point)[c];
         let ghosts = ByImage(continuation, of_image);
         SlotField::load_all(&mut self.inelastic, &self.family, component, ghosts);
+    }
+
+    /// Whether there is no eigenstrain.
+    pub(super) fn is_free_of_eigenstrain(&self) -> bool {
+        self.uniform.is_some_and(|point| point[EIGENSTRAIN] == 0.0)
     }
 
     /// The displacement along each axis.

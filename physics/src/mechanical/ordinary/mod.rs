@@ -22,7 +22,7 @@ use super::solid::{Constitution, LayeredDisplacement, Solid, StrainKind, continu
 use super::specialise::specialise;
 use super::stretch::{
     Block, CRITICAL, EIGENSTRAIN, ElasticEnergy, Energy, Force, INPUTS, Plastic, STIFFNESS, Stress,
-    WeightOverLength,
+    WeightOverLength, find_overstretched, relative_displacement_beyond,
 };
 use dilatation::Dilatation;
 use forces::Sum;
@@ -180,6 +180,9 @@ impl Solid for Ordinary {
         if self.elastic.set_eigenstrain(eigenstrain) {
             self.inputs.load(EIGENSTRAIN, &self.elastic.eigenstrain[..]);
             self.find_uniform_inputs();
+            if let Some(plastic) = &mut self.plastic {
+                plastic.gradient.forget_strains();
+            }
         }
     }
 
@@ -192,6 +195,16 @@ impl Solid for Ordinary {
             &mut self.continuation,
         );
         self.layer_forces.follow(&self.family, &self.continuation);
+    }
+
+    fn find_overstretched(&self, limit: f64) -> Option<usize> {
+        let (displacement, finite) = (self.inputs.displacement(), self.elastic.finite);
+        find_overstretched(&self.family, (displacement, self.broken()), (finite, limit))
+    }
+
+    fn relative_displacement_beyond(&self, limit: f64) -> Option<f64> {
+        let bonds = (&*self.family, self.broken());
+        relative_displacement_beyond(bonds, self.inputs.displacement(), limit)
     }
 
     fn horizon(&self) -> f64 {
@@ -319,11 +332,9 @@ impl Solid for Ordinary {
         specialise!(FINITE = finite =>
             inputs.sum::<INPUTS, 2>(&Energy::<FINITE> { pairs }, broken, energy));
         if let Some(dilatation) = &mut self.dilatation {
-            dilatation.sum(finite, inputs, broken);
+            dilatation.sum((StrainKind::Total, finite), inputs, broken);
             for (i, [density, conjugate]) in energy.iter_mut().enumerate() {
-                let a = elastic.moduli(i).dilatation_stiffness(self.dimension);
-                let theta = dilatation.of(i);
-                *density += a * theta * theta;
+                *density += dilatation.energy(elastic, None, i);
                 *conjugate += dilatation.conjugate_stress(elastic, i, dilatation.sums[i]);
             }
         }
@@ -347,9 +358,9 @@ impl Solid for Ordinary {
                 inputs.sum::<INPUTS, 2>(&ElasticEnergy::<FINITE> { pairs }, broken, energy)),
         }
         if let Some(dilatation) = &mut self.dilatation {
-            dilatation.sum(finite, inputs, broken);
+            dilatation.sum((StrainKind::Elastic, finite), inputs, broken);
             for (i, [density, _]) in energy.iter_mut().enumerate() {
-                *density += dilatation.elastic_energy(elastic, plastic, i);
+                *density += dilatation.energy(elastic, plastic, i);
             }
         }
         energy

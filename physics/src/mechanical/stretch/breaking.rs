@@ -2,7 +2,10 @@
 
 use perimelt_core::{Bond, BondKernel};
 
-use super::{CRITICAL, EIGENSTRAIN, Ends, INPUTS, pull, stretched, stretched_by, stretched_in};
+use super::{
+    CRITICAL, EIGENSTRAIN, Ends, INPUTS, elastic_stretch, pull, stretched, stretched_by,
+    stretched_in,
+};
 
 /// The kernel `Force` along `D` axes, and the sum of the excess of bonds over their limits (of energy if `ENERGY`).
 pub struct Breaking<const D: usize, const FINITE: bool, const DILATATION: bool, const ENERGY: bool>;
@@ -52,7 +55,7 @@ fn load_and_limit(
     (stretch, force): (f64, f64),
     (own, other): Ends<'_>,
 ) -> (f64, f64) {
-    let elastic = stretch - 0.5 * (own[EIGENSTRAIN] + other[EIGENSTRAIN]);
+    let elastic = elastic_stretch(stretch, (own, other));
     let limit = 0.5 * (own[CRITICAL] + other[CRITICAL]);
     match energy {
         true => (

@@ -2,7 +2,7 @@
 
 use perimelt_core::{Bond, BondKernel};
 
-use super::{EIGENSTRAIN, INPUTS, PRESSURE, STIFFNESS, dyad, stretched, stretched_in};
+use super::{INPUTS, PRESSURE, STIFFNESS, dyad, elastic_stretch, stretched, stretched_in};
 
 /// Energy density `c/4 sum_j w |xi| s^2` (J/m³) of the bonds of a point at their total stretch, and the stress
 /// `c/2 sum_j w |xi| s` conjugate to the eigenstrain (Pa); in a bond-based solid with the mean c of both ends.
@@ -34,7 +34,7 @@ impl<const FINITE: bool> BondKernel<INPUTS, 2> for Energy<FINITE> {
 }
 
 /// Energy density `c/4 sum_j w |xi| (s - e)^2` (J/m³) of the bonds of a point at their elastic stretch, and zero; in a
-/// bond-based solid with the means of c, w and e of both ends.
+/// bond-based solid with the means of c and w of both ends.
 pub struct ElasticEnergy<const FINITE: bool> {
     /// Bonds take the means of their ends: a bond-based solid.
     pub pairs: bool,
@@ -44,14 +44,14 @@ impl<const FINITE: bool> BondKernel<INPUTS, 2> for ElasticEnergy<FINITE> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 2] {
         let stretch = stretched::<FINITE, 3, _>(bond, (&own, &other)).stretch();
-        let mean = |i: usize| 0.5 * (own[i] + other[i]);
-        let (stiffness, eigenstrain) = match self.pairs {
+        let stiffness = match self.pairs {
             // both ends have the mean weight together; at layers the own weight is that of the energy of the forces
-            true => (bond.weight * mean(STIFFNESS), mean(EIGENSTRAIN)),
-            false => (bond.weight * own[STIFFNESS], own[EIGENSTRAIN]),
+            true => 0.5 * (own[STIFFNESS] + other[STIFFNESS]),
+            false => own[STIFFNESS],
         };
-        let elastic = stretch - eigenstrain;
-        [0.25 * stiffness * bond.length * elastic * elastic, 0.0]
+        let elastic = elastic_stretch(stretch, (&own, &other));
+        let of_bond = bond.weight * stiffness * bond.length;
+        [0.25 * of_bond * elastic * elastic, 0.0]
     }
 }
 
@@ -61,9 +61,9 @@ impl BondKernel<INPUTS, 6> for Stress {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; INPUTS], other: [f64; INPUTS]) -> [f64; 6] {
         let change = stretched_in(self.finite, bond, (&own, &other));
+        let elastic = elastic_stretch(change.stretch(), (&own, &other));
         let carried = |weight: f64, point: &[f64; INPUTS]| {
-            let stretch = change.stretch() - point[EIGENSTRAIN];
-            weight * (0.5 * point[STIFFNESS] * stretch * bond.length + point[PRESSURE])
+            weight * (0.5 * point[STIFFNESS] * elastic * bond.length + point[PRESSURE])
         };
         let tension = match self.symmetric {
             true => 0.5 * (carried(bond.weight, &own) + carried(bond.dual, &other)),

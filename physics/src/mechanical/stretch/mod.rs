@@ -1,20 +1,22 @@
 //! Bond kernels of solids with forces along the bonds: bond-based and ordinary state-based.
 //!
 //! ```text
-//! T_ij = [ c_i/2 (s - e_i) + p_i / |xi| ] w_ij n         Wang (2025), eqs. 3.3, 3.10; spec 04, 1.3
+//! T_ij = [ c_i/2 (s - e) + p_i / |xi| ] w_ij n           Wang (2025), eqs. 3.3, 3.10
 //! f_i  = sum_j T_ij - T_ji
 //! s    = (|y_j - y_i| - |xi|) / |xi|                     finite kinematics, eq. 3.5
 //! s    = n . (u_j - u_i) / |xi|                          linear kinematics
-//! c = 2 (d + 2) mu,   p = 2 a N theta,   theta = N sum_j s w_ij - d e,   N = d / sum_j w_ij
+//! e    = (e_i + e_j) / 2
+//! c = 2 (d + 2) mu,   p = 2 a N theta,   theta = N sum_j (s - e) w_ij,   N = d / sum_j w_ij
 //! ```
 //!
 //! Without correction of the bonds, `N = d M / integral of w dV` over a full horizon, as published.
 //!
 //! `w` is the weight of the bond in the family of the owner of the force state (`c` and `p` are free
-//! of horizons, since the weights contain the moment of the family), `e` the eigenstrain (thermal expansion), `mu` the
-//! shear modulus, `a` the dilatation stiffness, `d` the dimension. In a bond-based solid `a` and `p`
-//! are zero, and a bond takes the means of c and e at its ends. Forces are the derivative of the energy `sum_i V_i (a theta_i^2 + c_i/4 sum_j w_ij
-//! |xi| (s - e_i)^2)`, with single and dual horizons.
+//! of horizons, since the weights contain the moment of the family), `e` the eigenstrain (thermal expansion), `mu` the shear modulus, `a` the dilatation stiffness, `d` the dimension. Wang (2025) subtracts the
+//! eigenstrain of the point, `e_i` and `d e_i`; in a one-sided family that leaves stress where the eigenstrain is linear, which
+//! a free body takes up without stress. In a bond-based solid `a` and `p` are zero, and a bond takes the mean of c at its ends.
+//! Forces are the derivative of the energy `sum_i V_i (a theta_i^2 + c_i/4 sum_j w_ij |xi| (s - e)^2)`, with single and dual
+//! horizons.
 
 mod adapters;
 mod breaking;
@@ -28,7 +30,10 @@ pub use adapters::{PLASTIC_INPUTS, Plastic, Uniform};
 pub use breaking::{Breaking, EXCESS_INPUTS, Excess, Load};
 pub use energy::{ElasticEnergy, Energy, Stress};
 pub use force::{Block, Force, Stiffness};
-pub use sums::{Dilation, Directions, Expansion, TotalWeight, WeightOverLength};
+pub use sums::{
+    Dilation, Directions, ElasticDilation, ElasticExpansion, Expansion, TotalWeight,
+    WeightOverLength, find_overstretched, relative_displacement_beyond,
+};
 
 /// Inputs of every kernel, in slot space; the first three are the displacement, m.
 pub const INPUTS: usize = 7;
@@ -52,11 +57,19 @@ fn pair_tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
     bond.mean() * mean(STIFFNESS) * (stretch - mean(EIGENSTRAIN))
 }
 
+/// Elastic stretch of a bond: without the eigenstrain, of which the bond has the mean of its ends. That of a linear
+/// eigenstrain is zero in a free body, whose bonds have just this stretch.
+#[inline(always)]
+fn elastic_stretch(stretch: f64, (own, other): Ends<'_>) -> f64 {
+    stretch - 0.5 * (own[EIGENSTRAIN] + other[EIGENSTRAIN])
+}
+
 /// Force density along the bond from the stretch of both ends, N/m³.
 #[inline(always)]
 fn tension(bond: &Bond, stretch: f64, (own, other): Ends<'_>) -> f64 {
-    // computed once if stiffness and eigenstrain are the same at both ends
-    let end = |point: &[f64; INPUTS]| 0.5 * point[STIFFNESS] * (stretch - point[EIGENSTRAIN]);
+    let elastic = elastic_stretch(stretch, (own, other));
+    // computed once if the stiffness is the same at both ends
+    let end = |point: &[f64; INPUTS]| 0.5 * point[STIFFNESS] * elastic;
     bond.weight * end(own) + bond.dual * end(other)
 }
 
@@ -103,7 +116,7 @@ fn stretched_by<const FINITE: bool, const FUSED: bool, const D: usize, const I: 
     let xi: [f64; D] = std::array::from_fn(|a| bond.xi[a]);
     if FINITE {
         let along: [f64; D] = std::array::from_fn(|a| xi[a] + relative[a]);
-        let length = dot::<FUSED, D>(along, along).sqrt();
+        let length = positive(dot::<FUSED, D>(along, along)).sqrt();
         // l - l0 = (l^2 - l0^2) / (l + l0) avoids cancellation at small stretches; one division serves both
         // the stretch and the direction
         let sum = (length + bond.length) * bond.length;
@@ -123,6 +136,17 @@ fn stretched_by<const FINITE: bool, const FUSED: bool, const D: usize, const I: 
             relative,
             inverse_length: bond.inverse_length,
         }
+    }
+}
+
+/// The square of a length, or the least positive number in place of zero: ends of a bond that coincide have a stretch of
+/// -1, and no direction for a force.
+#[inline(always)]
+fn positive(square: f64) -> f64 {
+    if square > f64::MIN_POSITIVE {
+        square
+    } else {
+        f64::MIN_POSITIVE
     }
 }
 

@@ -1,0 +1,71 @@
+//! Friction of points that stick by springs, or slide.
+
+use nalgebra::Vector3;
+use perimelt_core::World;
+use rayon::prelude::*;
+
+use super::{ContactState, POINTS, Touch};
+
+/// Stiffness of the spring of points that stick, over that along the normal: the usual one of grains (Silbert et al. (2001)).
+const TANGENTIAL: f64 = 2.0 / 7.0;
+
+/// Springs between a point and those that it touches, m.
+pub(super) type Springs = Vec<(u32, [f64; 3])>;
+
+/// What a step of a contact with friction needs besides the points.
+#[derive(Clone, Copy)]
+pub(super) struct Rubbing {
+    pub(super) coefficient: f64,
+    /// Size of the step, s.
+    pub(super) dt: f64,
+    /// Length of the spring before, m.
+    pub(super) spring: Vector3<f64>,
+}
+
+impl ContactState {
+    pub(super) fn load_velocities(&mut self, world: &World) {
+        let mut rest = &mut self.velocity[..];
+        for side in &self.sides {
+            let velocity = world.read(side.velocity);
+            let (own, others) = rest.split_at_mut(velocity.len());
+            own.copy_from_slice(&velocity);
+            rest = others;
+        }
+    }
+
+    pub(super) fn count_contacts(&mut self) {
+        let mut contacts = std::mem::take(&mut self.contacts);
+        let points = contacts.par_iter_mut().enumerate().with_min_len(POINTS);
+        points.for_each(|(i, count)| {
+            *count = 0.0;
+            self.for_each_touch(i, 1.0, |_, _| *count += 1.0);
+        });
+        self.contacts = contacts;
+    }
+
+    /// Friction between points i and j, N s on i, and the length of their spring after the step, m.
+    pub(super) fn friction(
+        &self,
+        (i, j): (usize, usize),
+        touch: &Touch,
+        rubbing: Rubbing,
+    ) -> (Vector3<f64>, Vector3<f64>) {
+        let Rubbing {
+            coefficient, dt, ..
+        } = rubbing;
+        let across = |vector: Vector3<f64>| vector - touch.normal * touch.normal.dot(&vector);
+        let velocity = across(self.velocity[i] - self.velocity[j]);
+        let spring = across(rubbing.spring);
+        let inverse = |p: usize| self.contacts[p] / self.points[p].mass;
+        let stop = velocity / (inverse(i) + inverse(j));
+        let of_length = dt * TANGENTIAL * touch.stiffness;
+        let sticking = -(stop + spring * of_length);
+        let (size, limit) = (sticking.norm(), coefficient * touch.impulse);
+        // a step without duration gives no impulse along the normal either
+        if size <= limit || dt == 0.0 {
+            return (sticking.cap_magnitude(limit), spring + velocity * dt);
+        }
+        let sliding = sticking * (limit / size);
+        (sliding, sliding / -of_length)
+    }
+}

@@ -1,0 +1,172 @@
+//! States outside the validity of the model, for warnings at the end of a run.
+
+use nalgebra::{Matrix3, Vector3};
+use perimelt_core::material::Property;
+use perimelt_core::{Body, Report, World};
+
+use super::step::Run;
+
+/// Displacement of the ends of a bond relative to each other, over its length, beyond which displacements are not small: a
+/// rotation by 0.2 is a strain of 2 % to linear kinematics.
+const SMALL: f64 = 0.2;
+
+/// What the logged states of a body showed.
+#[derive(Debug, Default)]
+pub(super) struct Validity {
+    /// Of each material of an elastic body, Pa; empty if no material has one, or if the body flows.
+    yield_stress: Vec<Option<Property>>,
+    is_linear: bool,
+    /// In the last logged state.
+    stress_over_yield: f64,
+    largest: Option<OverYield>,
+    /// Largest displacement of the ends of a bond relative to each other, over its length, beyond [`SMALL`].
+    relative_displacement: Option<f64>,
+}
+
+/// A von Mises stress beyond the yield stress.
+#[derive(Clone, Copy, Debug)]
+struct OverYield {
+    ratio: f64,
+    /// Pa.
+    stress: f64,
+    point: usize,
+}
+
+/// Von Mises stress, Pa.
+fn von_mises(stress: &Matrix3<f64>) -> f64 {
+    let deviator = stress - Matrix3::identity() * (stress.trace() / 3.0);
+    (1.5 * deviator.norm_squared()).sqrt()
+}
+
+impl Validity {
+    pub(super) fn new(body: &Body, (is_linear, is_plastic): (bool, bool)) -> Self {
+        let materials = body
+            .materials
+            .iter()
+            .map(|m| m.get("yield_stress").cloned());
+        let yield_stress: Vec<_> = materials.collect();
+        let is_given = !is_plastic && yield_stress.iter().any(Option::is_some);
+        Validity {
+            yield_stress: if is_given { yield_stress } else { Vec::new() },
+            is_linear,
+            ..Validity::default()
+        }
+    }
+
+    /// Largest von Mises stress over the yield stress.
+    fn over_yield(
+        &self,
+        body: &Body,
+        stress: &[Matrix3<f64>],
+        temperature: Option<&[f64]>,
+    ) -> Option<OverYield> {
+        let points = stress.iter().zip(&body.material_of_point).enumerate();
+        let ratios = points.filter_map(|(point, (stress, material))| {
+            let property = self.yield_stress[usize::from(*material)].as_ref()?;
+            let stress = von_mises(stress);
+            let limit = property.at(temperature.map_or(0.0, |t| t[point]), 0.0);
+            Some(OverYield {
+                ratio: stress / limit,
+                stress,
+                point,
+            })
+        });
+        ratios.max_by(|a, b| a.ratio.total_cmp(&b.ratio))
+    }
+
+    /// For the log: whether an elastic body is stressed beyond yield.
+    pub(super) fn report(&self) -> Option<Report> {
+        (!self.yield_stress.is_empty()).then(|| Report {
+            name: "stress.over_yield".into(),
+            unit: "1".into(),
+            value: self.stress_over_yield,
+        })
+    }
+
+    /// Sentences without a full stop.
+    pub(super) fn remarks(&self, body: &Body) -> Vec<String> {
+        let over_yield = self.largest.filter(|largest| largest.ratio > 1.0);
+        let over_yield = over_yield.map(|OverYield { ratio, stress, point }| {
+            let [x, y, z]: [f64; 3] = body.points.position[point].into();
+            let material = body.materials[usize::from(body.material_of_point[point])].name();
+            format!(
+                "body `{}` is elastic, but its von Mises stress reaches {:.4} MPa at ({x:.4e}, {y:.4e}, {z:.4e}) m, {ratio:.3} \
+                 times the yield stress of `{material}` (use `plasticity`, or do not read stress as that of the material)",
+                body.name,
+                1e-6 * stress,
+            )
+        });
+        let displaced = self.relative_displacement.map(|largest| {
+            format!(
+                "body `{}` has bonds whose ends are displaced by up to {largest:.3} times their length relative to each other, \
+                 and `kinematics = \"linear\"` assumes small rotations and strains (use `kinematics = \"finite\"`)",
+                body.name
+            )
+        });
+        over_yield.into_iter().chain(displaced).collect()
+    }
+}
+
+impl Run {
+    /// Takes note of a state that is logged, after its stress was provided.
+    pub(super) fn examine_validity(&mut self, world: &World) {
+        if self.validity.is_linear
+            && let Some(found) = self.solid.relative_displacement_beyond(SMALL)
+        {
+            let largest = &mut self.validity.relative_displacement;
+            *largest = Some(largest.unwrap_or(0.0).max(found));
+        }
+        if self.validity.yield_stress.is_empty() {
+            return;
+        }
+        let stress = world.read::<Matrix3<f64>>(self.fields.stress.into());
+        let temperature = world.read_if_provided(self.fields.temperature);
+        let body = world.body(self.body);
+        let found = self
+            .validity
+            .over_yield(body, &stress, temperature.as_deref());
+        let ratio = |over: Option<OverYield>| over.map_or(0.0, |o| o.ratio);
+        self.validity.stress_over_yield = ratio(found);
+        if ratio(found) > ratio(self.validity.largest) {
+            self.validity.largest = found;
+        }
+    }
+}
+
+/// Bonds of a lattice with a horizon below this number of spacings run along its axes only.
+const DIAGONAL: f64 = 1.41;
+
+/// A sentence about a lattice whose bonds do not resist shear, as their forces act along themselves; `horizon` in m.
+pub(super) fn shear_warning(body: &Body, horizons: &[f64]) -> Option<String> {
+    let spacings = horizons.iter().zip(&body.points.spacing);
+    let (point, spacings) = spacings
+        .map(|(horizon, spacing)| horizon / spacing)
+        .enumerate()
+        .min_by(|a, b| a.1.total_cmp(&b.1))?;
+    if body.dimension == 1 || body.lattice().is_none() || spacings >= DIAGONAL {
+        return None;
+    }
+    let at: Vector3<f64> = body.points.position[point];
+    Some(format!(
+        "with a horizon of {spacings:.3} spacings at ({:.4e}, {:.4e}, {:.4e}) m, body `{}` has bonds along the axes of its \
+         lattice only, which do not resist shear and have no Poisson's ratio: stiffness and displacements are wrong (use a \
+         horizon of 2 spacings or more, usually 3, or `formulation = \"correspondence\"`)",
+        at.x, at.y, at.z, body.name
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn von_mises_of_tension_shear_and_pressure() {
+        let tension = Matrix3::from_diagonal(&Vector3::new(3.0, 0.0, 0.0));
+        let mut shear = Matrix3::zeros();
+        (shear[(0, 1)], shear[(1, 0)]) = (2.0, 2.0);
+        let pressure = Matrix3::identity() * 5.0;
+        for (stress, expected) in [(tension, 3.0), (shear, 12f64.sqrt()), (pressure, 0.0)] {
+            assert!((von_mises(&stress) - expected).abs() < 1e-14);
+        }
+    }
+}
