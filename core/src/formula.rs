@@ -1,4 +1,8 @@
-//! Formulas in case files, such as `"0.04 * sin(2 * PI * x)"`.
+//! Formulas in case files, such as `"0.04 * sin(2 * pi * x)"`.
+//!
+//! Operators are `+ - * / ^` and parentheses, with the usual order: `-x^2` is `-(x^2)`. `a^b^c` is refused, because programs
+//! differ in what they take it for. Numbers may have exponents (`1e-3`). Constants are `pi` or `PI`, and `e` or `E` (Euler's
+//! number). Functions are [`FUNCTIONS`]; `log` is the natural logarithm, as `ln`.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -9,6 +13,13 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
 /// Variables of a formula in position and time.
 const VARIABLES: [&str; 4] = ["x", "y", "z", "t"];
+
+/// Functions of a formula.
+pub const FUNCTIONS: [&str; 29] = [
+    "abs", "signum", "sqrt", "cbrt", "exp", "ln", "log", "log2", "log10", "sin", "cos", "tan",
+    "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "floor",
+    "round", "ceil", "trunc", "fract", "min", "max",
+];
 
 literal_matcher_from_pattern!(
     ScientificNumber,
@@ -41,7 +52,7 @@ pub enum FormulaError {
     },
     /// An unknown name.
     #[error(
-        "`{name}` in the formula `{text}` is unknown; known are {known}, PI, E and functions such as sin, exp and sqrt"
+        "`{name}` in the formula `{text}` is unknown; known are {known}, pi, e and the functions {}", FUNCTIONS.join(", ")
     )]
     Variable {
         /// The formula.
@@ -50,6 +61,12 @@ pub enum FormulaError {
         name: String,
         /// Names of the variables.
         known: String,
+    },
+    /// A power of a power without parentheses.
+    #[error("`a^b^c` in the formula `{text}` has two meanings; write `(a^b)^c` or `a^(b^c)`")]
+    Powers {
+        /// The formula.
+        text: String,
     },
 }
 
@@ -74,9 +91,12 @@ impl Formula {
             text: text.into(),
             cause: e.msg().into(),
         };
+        if has_chained_powers(text) {
+            return Err(FormulaError::Powers { text: text.into() });
+        }
         let parsed = Expression::parse(&with_usual_signs(text)).map_err(syntax)?;
         let place = |name: &String| {
-            let known = variables.iter().position(|v| v == name);
+            let known = variables.iter().chain(&["pi"]).position(|v| v == name);
             known.ok_or_else(|| FormulaError::Variable {
                 text: text.into(),
                 name: name.clone(),
@@ -96,9 +116,24 @@ impl Formula {
         })
     }
 
+    /// As it was written.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
     /// Whether it is a formula in the time alone.
     pub fn is_of_time(&self) -> bool {
-        self.used.iter().all(|v| self.variables[*v] == "t")
+        !self.used.iter().any(|v| ["x", "y", "z"].contains(&self.name(*v)))
+    }
+
+    /// Whether it depends on the time.
+    pub fn depends_on_time(&self) -> bool {
+        self.used.iter().any(|v| self.name(*v) == "t")
+    }
+
+    /// Name of a variable; the parser takes `pi` for one.
+    fn name(&self, variable: usize) -> &str {
+        self.variables.get(variable).unwrap_or(&"pi")
     }
 
     /// The value at a position (m) and time (s).
@@ -108,9 +143,9 @@ impl Formula {
 
     /// The value for values of all its variables.
     pub fn of(&self, all: &[f64]) -> f64 {
-        let mut values = [0.0; 8];
+        let mut values = [0.0; 9];
         let used = values.iter_mut().zip(&self.used);
-        used.for_each(|(value, v)| *value = all[*v]);
+        used.for_each(|(value, v)| *value = all.get(*v).copied().unwrap_or(std::f64::consts::PI));
         self.parsed
             .eval(&values[..self.used.len()])
             .expect("there is a value for every variable")
@@ -137,6 +172,34 @@ fn with_usual_signs(text: &str) -> Cow<'_, str> {
         }
     }
     rewritten.into()
+}
+
+/// Whether an exponent is followed by another one, as in `a^b^c`.
+fn has_chained_powers(text: &str) -> bool {
+    // whether the operand follows `^`, by level of parentheses
+    let mut is_exponent = vec![false];
+    let mut before = [' ', ' '];
+    for c in text.chars().filter(|c| !c.is_whitespace()) {
+        let depth = is_exponent.len();
+        let level = is_exponent.last_mut();
+        match (c, level) {
+            ('(', _) => is_exponent.push(false),
+            (')', _) if depth > 1 => {
+                is_exponent.pop();
+            }
+            ('^', Some(true)) => return true,
+            ('^', Some(level)) => *level = true,
+            ('+' | '-' | '*' | '/' | ',', Some(level)) => {
+                let is_of_number =
+                    matches!(before[1], 'e' | 'E') && matches!(before[0], '0'..='9' | '.');
+                let is_sign = matches!(c, '+' | '-') && (before[1] == '^' || is_of_number);
+                *level = *level && is_sign;
+            }
+            _ => {}
+        }
+        before = [before[1], c];
+    }
+    false
 }
 
 impl PartialEq for Formula {
@@ -190,7 +253,7 @@ impl JsonSchema for Formula {
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         schemars::json_schema!({
             "type": ["string", "number"],
-            "description": "formula in x, y, z (m) and t (s), such as \"0.04 * sin(2 * PI * x)\""
+            "description": "formula in x, y, z (m) and t (s), such as \"0.04 * sin(2 * pi * x)\"; operators + - * / ^, constants pi and e, functions abs, sqrt, exp, ln, log10, sin, cos, tan, atan2(y, x), min(a, b), max(a, b) and others"
         })
     }
 }
@@ -224,6 +287,78 @@ mod tests {
         ] {
             let value = Formula::new(text).expect(text).at([3.0, 0.0, 0.0], 0.0);
             assert!((value - expected).abs() < 1e-14, "{text}: {value}");
+        }
+    }
+
+    /// Values at x = 3, y = 2, z = 5, t = 4.
+    #[test]
+    fn operators_constants_and_functions_have_their_usual_meaning() {
+        use std::f64::consts::{E, PI};
+        for (text, expected) in [
+            ("pi", PI),
+            ("PI", PI),
+            ("2*pi*x", 6.0 * PI),
+            ("e", E),
+            ("E", E),
+            ("e^2", E * E),
+            ("2*e-3", 2.0 * E - 3.0),
+            ("1e-3", 1e-3),
+            ("1E+3", 1e3),
+            ("1.5e3*x", 4500.0),
+            (".5*x", 1.5),
+            ("2.*x", 6.0),
+            ("x^-1e0", 1.0 / 3.0),
+            ("400 + -(1000*x)^2", 400.0 - 9e6),
+            ("-min(x, y)", -2.0),
+            ("2*max(x, y)^2", 18.0),
+            ("min(-x^2, -3)", -9.0),
+            ("1 - max(x, y) - 1", -3.0),
+            ("-sin(x)^2", -(3.0_f64.sin().powi(2))),
+            ("x/y/z", 0.3),
+            ("x/y*z", 7.5),
+            ("x*y/z", 1.2),
+            ("x - y - z", -4.0),
+            ("x - y + z", 6.0),
+            ("x + y - z", 0.0),
+            ("+x^2", 9.0),
+            ("(x^2)^3", 729.0),
+            ("2^(x^2)", 512.0),
+            ("x^2*y^3 - z^2", 47.0),
+            ("atan2(y, x)", 2.0_f64.atan2(3.0)),
+            ("log(x)", 3.0_f64.ln()),
+            ("ln(x)", 3.0_f64.ln()),
+            ("log10(x)", 3.0_f64.log10()),
+            ("t * exp(-2 * t)", 4.0 * (-8.0_f64).exp()),
+        ] {
+            let formula = Formula::new(text).expect(text);
+            let value = formula.at([3.0, 2.0, 5.0], 4.0);
+            assert!(
+                (value - expected).abs() < 1e-14 * expected.abs().max(1.0),
+                "{text}: {value} {expected}"
+            );
+        }
+        for function in FUNCTIONS {
+            let two = ["atan2", "min", "max"].contains(&function);
+            let text = format!("{function}({}x)", if two { "y, " } else { "" });
+            assert!(Formula::new(&text).is_ok(), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_power_of_a_power_needs_parentheses() {
+        for text in ["2^3^2", "2^-x^2", "exp(x^y^z)", "2^(x)^2"] {
+            let error = Formula::new(text).expect_err(text).to_string();
+            assert!(error.contains("two meanings"), "{error}");
+        }
+        for text in [
+            "x^2 + y^2",
+            "x^(y^2)",
+            "x^2*y^2",
+            "x^-2 - y^2",
+            "max(x^2, y^2)",
+            "(x^2)^2",
+        ] {
+            assert!(Formula::new(text).is_ok(), "{text}");
         }
     }
 

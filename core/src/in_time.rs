@@ -1,7 +1,8 @@
-//! A number, a formula in time, or a table of numbers in time.
+//! A value by time: a number, a formula, or a table of numbers, in place or in a file.
 
 use std::borrow::Cow;
 use std::fmt;
+use std::path::{Path, PathBuf};
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
@@ -9,8 +10,10 @@ use serde::de::{self, Deserializer, MapAccess, Visitor};
 use serde::ser::{SerializeMap, Serializer};
 use serde::{Deserialize, Serialize};
 
+use crate::folder;
 use crate::formula::Formula;
 use crate::material::Table;
+use crate::samples::{FieldFile, NumberTable, SamplesError, SamplesFault, Wanted};
 
 /// A number that may change in time: a formula, or piecewise linear through the rows of a table, constant
 /// before the first and after the last. A jump is two rows a moment apart.
@@ -19,6 +22,7 @@ use crate::material::Table;
 /// value = 300
 /// value = { time = [0, 10], value = [300, 500] }   # s
 /// value = "300 + 5 * t * exp(-2 * t)"              # t in s
+/// value = { file = "thermocouple.csv" }            # columns `time` (s) and `value`, or one that `column` names
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum InTime {
@@ -28,6 +32,8 @@ pub enum InTime {
     Table(Table),
     /// A formula in the time t (s).
     Formula(Formula),
+    /// The rows of a file.
+    File(FieldFile, Table),
 }
 
 impl InTime {
@@ -35,7 +41,7 @@ impl InTime {
     pub fn at(&self, time: f64) -> f64 {
         match self {
             InTime::Constant(value) => *value,
-            InTime::Table(table) => table.at(time),
+            InTime::Table(table) | InTime::File(_, table) => table.at(time),
             InTime::Formula(formula) => formula.at([0.0; 3], time),
         }
     }
@@ -44,7 +50,9 @@ impl InTime {
     pub fn next_event(&self, after: f64) -> Option<f64> {
         match self {
             InTime::Constant(_) | InTime::Formula(_) => None,
-            InTime::Table(table) => table.abscissae().iter().copied().find(|t| *t > after),
+            InTime::Table(table) | InTime::File(_, table) => {
+                table.abscissae().iter().copied().find(|t| *t > after)
+            }
         }
     }
 
@@ -65,10 +73,40 @@ impl InTime {
     pub fn values(&self) -> &[f64] {
         match self {
             InTime::Constant(value) => std::slice::from_ref(value),
-            InTime::Table(table) => table.values(),
+            InTime::Table(table) | InTime::File(_, table) => table.values(),
             InTime::Formula(_) => &[],
         }
     }
+
+    /// The rows of a file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or its mistake.
+    pub fn of_file(file: &FieldFile) -> Result<InTime, SamplesError> {
+        let path = folder::path(&file.file);
+        let rows = rows(&path, file.column.clone());
+        let rows = rows.map_err(|fault| SamplesError { path, fault })?;
+        Ok(InTime::File(file.clone(), rows))
+    }
+}
+
+fn rows(path: &Path, column: Option<String>) -> Result<Table, SamplesFault> {
+    let text = std::fs::read_to_string(path)?;
+    let table = NumberTable::new(&text);
+    let names = table.names();
+    let time = table
+        .find("time")
+        .ok_or_else(|| SamplesFault::NoTime(names.to_vec()))?;
+    let values: Vec<usize> = (0..names.len()).filter(|c| *c != time).collect();
+    let wanted = Wanted {
+        column,
+        field: "value".into(),
+    };
+    let chosen = wanted.choose(values.iter().map(|c| names[*c].clone()).collect())?;
+    Ok(Table::new(
+        table.column(time)?,
+        table.column(values[chosen])?,
+    )?)
 }
 
 /// The earlier of two events.
@@ -76,14 +114,15 @@ pub fn earlier(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     a.into_iter().chain(b).min_by(f64::total_cmp)
 }
 
-const FORMS: &str =
-    "a number, { time = [...], value = [...] } with times in seconds, or a formula in t (s)";
+const FORMS: &str = "a number, { time = [...], value = [...] } with times in seconds, { file = \"...\" }, or a formula in t (s)";
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Rows {
-    time: Vec<f64>,
-    value: Vec<f64>,
+    time: Option<Vec<f64>>,
+    value: Option<Vec<f64>>,
+    file: Option<PathBuf>,
+    column: Option<String>,
 }
 
 impl<'de> Deserialize<'de> for InTime {
@@ -129,9 +168,18 @@ impl<'de> Visitor<'de> for InTimeVisitor {
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<InTime, A::Error> {
         let rows = Rows::deserialize(MapAccessDeserializer::new(map))?;
-        Table::new(rows.time, rows.value)
-            .map(InTime::Table)
-            .map_err(de::Error::custom)
+        match (rows.time, rows.value, rows.file) {
+            (Some(time), Some(value), None) if rows.column.is_none() => Table::new(time, value)
+                .map(InTime::Table)
+                .map_err(de::Error::custom),
+            (None, None, Some(file)) => {
+                let column = rows.column;
+                InTime::of_file(&FieldFile { file, column }).map_err(de::Error::custom)
+            }
+            (None, Some(_), None) => Err(de::Error::missing_field("time")),
+            (Some(_), None, None) => Err(de::Error::missing_field("value")),
+            _ => Err(de::Error::custom(format_args!("expected {FORMS}"))),
+        }
     }
 }
 
@@ -146,6 +194,7 @@ impl Serialize for InTime {
                 map.serialize_entry("value", table.values())?;
                 map.end()
             }
+            InTime::File(file, _) => file.serialize(serializer),
         }
     }
 }
@@ -157,7 +206,7 @@ impl JsonSchema for InTime {
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "description": "A number, a formula in time, or a table of numbers in time",
+            "description": "A value by time: a number, a formula, or a table of numbers, in place or in a file",
             "anyOf": [
                 { "type": "number", "description": "The same at all times" },
                 { "type": "string", "description": "Formula in the time t (s), such as \"300 + 5 * t * exp(-2 * t)\"" },
@@ -175,6 +224,16 @@ impl JsonSchema for InTime {
                         }
                     },
                     "required": ["time", "value"],
+                    "additionalProperties": false
+                },
+                {
+                    "type": "object",
+                    "description": "Rows of a file (CSV), piecewise linear as well",
+                    "properties": {
+                        "file": { "type": "string", "description": "Table with a column `time` [s], relative to the case file" },
+                        "column": { "type": "string", "description": "Column of the values; default `value`, or the only one" }
+                    },
+                    "required": ["file"],
                     "additionalProperties": false
                 }
             ]
@@ -224,10 +283,45 @@ mod tests {
             ("inf", "not a finite number"),
             ("{ time = [0, 1], value = [1] }", "one value per row"),
             ("{ time = [0, 1] }", "missing field `value`"),
+            ("{ value = [0, 1] }", "missing field `time`"),
+            ("{ file = 'no.csv' }", "no.csv: the file cannot be read"),
+            (
+                "{ file = 'a.csv', value = [1] }",
+                "expected a number, { time =",
+            ),
             ("{ times = [0, 1] }", "unknown field `times`"),
         ] {
             let error = read(text).expect_err(text);
             assert!(error.message().contains(message), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_file_has_the_rows_of_a_table() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let write =
+            |text: &str| std::fs::write(folder.path().join("t.csv"), text).expect("written");
+        let read = |value: &str| folder::within(folder.path(), || read(value));
+        write("time;left;right\n0;300;300\n10;400;500");
+        let value = read("{ file = 't.csv', column = 'right' }").expect("valid");
+        assert_eq!((value.at(5.0), value.next_event(0.0)), (400.0, Some(10.0)));
+        let error = read("{ file = 't.csv' }")
+            .expect_err("two columns")
+            .to_string();
+        assert!(
+            error.contains("none of its columns `left`, `right` is called `value`"),
+            "{error}"
+        );
+        write("time,temperature\n0,300\n10,500");
+        assert_eq!(read("{ file = 't.csv' }").expect("valid").at(2.0), 340.0);
+        for (text, message) in [
+            ("t,value\n0,1", "no column `time`"),
+            ("time,value\n0,hot", "line 2: `hot` in the column `value`"),
+            ("time,value\n1,3\n0,4", "the table must increase"),
+        ] {
+            write(text);
+            let error = read("{ file = 't.csv' }").expect_err(text).to_string();
+            assert!(error.contains(message), "{error}");
         }
     }
 

@@ -21,7 +21,9 @@ use crate::body::{Body, Region};
 use crate::error::{Problem, SetupError};
 use crate::family::Cut;
 use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write, keys};
+use crate::in_space::InSpace;
 use crate::material::{EnthalpyCurve, Expansion, Material, MaterialError, Property};
+use crate::placed::Placed;
 use crate::world::{BodyIndex, PhaseChange, World};
 
 use exchanges::DeclaredExchange;
@@ -236,6 +238,28 @@ impl<'w> Setup<'w> {
     /// A path of the case file, relative to the file's folder.
     pub fn path(&self, path: &str) -> PathBuf {
         self.folder.join(path)
+    }
+
+    /// The values of the key `key` at positions (m) of a body, those at the start computed. A file has a column with the name of
+    /// the `field`, or only one.
+    ///
+    /// # Errors
+    /// A file that cannot be read or whose points lie elsewhere, or a value that is not finite.
+    pub fn placed(
+        &mut self,
+        (body, field): (BodyIndex, &str),
+        key: &str,
+        value: &InSpace,
+        positions: Vec<Vector3<f64>>,
+    ) -> Result<Placed, SetupError> {
+        let dimension = self.body(body).dimension;
+        let placed = value.at((field, &self.folder), positions, dimension);
+        let mut placed = placed.map_err(|e| SetupError::other(key, e))?;
+        placed.at(0.0).map_err(|e| SetupError::other(key, e))?;
+        if let Some(warning) = placed.warning() {
+            self.warn(format!("`{key}`: {warning}"));
+        }
+        Ok(placed)
     }
 
     /// The body called `name`, or the only one.

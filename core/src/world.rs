@@ -1,6 +1,7 @@
 //! The world: bodies, their fields, and how fields continue behind faces.
 
 use std::cell::{Ref, RefCell, RefMut};
+use std::sync::Arc;
 
 use nalgebra::Vector3;
 
@@ -210,6 +211,19 @@ impl World {
             LayerRule {
                 scale,
                 offset,
+                ..LayerRule::even(handle.face)
+            },
+        );
+    }
+
+    /// Sets the values behind one face of a scalar field by what is prescribed on the face in front of each point of the body:
+    /// `scale * mirrored value + (1 - scale) * value`.
+    pub fn set_layer_values(&self, handle: LayerHandle, scale: f64, values: Arc<[f64]>) {
+        self.set_rule(
+            handle,
+            LayerRule {
+                scale: [scale; 3],
+                values: Some(values),
                 ..LayerRule::even(handle.face)
             },
         );

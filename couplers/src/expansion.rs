@@ -24,7 +24,7 @@
 
 use perimelt_core::material::{Expansion, ThermalState};
 use perimelt_core::{
-    Coupler, Read, ReadIfProvided, RunError, Setup, SetupError, Step, World, Write, keys,
+    Coupler, InSpace, Read, ReadIfProvided, RunError, Setup, SetupError, Step, World, Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -38,8 +38,8 @@ pub struct ThermalExpansion {
     /// Body; may be left out when there is one only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    /// Temperature at which the body is free of stress (K).
-    pub reference_temperature: f64,
+    /// Temperature at which the body is free of stress (K): a number, or by place a formula in x, y, z (m) or a file.
+    pub reference_temperature: InSpace,
     /// Temperature above which the body expands no further (K), where it has lost its strength.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cutoff_temperature: Option<f64>,
@@ -58,6 +58,8 @@ struct ExpansionState {
     /// K; zero at points that are there from the start.
     birth_temperature: ReadIfProvided<f64>,
     eigenstrain: Write<f64>,
+    /// At each point, K.
+    reference: Vec<f64>,
 }
 
 /// The thermal expansion of each material of a body. Mean coefficients whose reference temperature the material does not
@@ -68,8 +70,9 @@ struct ExpansionState {
 pub(crate) fn expansions_from(
     setup: &mut Setup<'_>,
     body: usize,
-    reference: f64,
+    references: &[f64],
 ) -> Result<Vec<Expansion>, SetupError> {
+    let reference = references.first().copied().unwrap_or(0.0);
     let expansions = setup.expansions(body)?;
     let materials = setup.body(body).materials.iter().zip(&expansions);
     let lacking = materials.filter(|(_, expansion)| expansion.lacks_reference());
@@ -95,10 +98,28 @@ impl Coupler for ThermalExpansion {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         setup.follow_activity(body);
+        let positions = setup.body(body).points.position.clone();
+        let key = "reference_temperature";
+        let mut reference = setup.placed(
+            (body, "temperature"),
+            key,
+            &self.reference_temperature,
+            positions,
+        )?;
+        if reference.changes() {
+            let message = "the temperature at which the body is free of stress changes in time";
+            let expected = "a number, a formula in x, y and z, or a file with one time";
+            return Err(SetupError::value(key, message, expected));
+        }
+        let reference = reference
+            .at(0.0)
+            .map_err(|e| SetupError::other(key, e))?
+            .to_vec();
+        let highest = reference.iter().copied().fold(0.0, f64::max);
         if let Some(cutoff) = self.cutoff_temperature
-            && (cutoff.is_nan() || cutoff <= self.reference_temperature)
+            && (cutoff.is_nan() || cutoff <= highest)
         {
-            let expected = format!("a temperature above {} K", self.reference_temperature);
+            let expected = format!("a temperature above {highest} K");
             let message = format!(
                 "the cut-off temperature {cutoff} K is not above the reference temperature"
             );
@@ -106,11 +127,12 @@ impl Coupler for ThermalExpansion {
         }
         self.prepared = Some(ExpansionState {
             body,
-            expansion: expansions_from(setup, body, self.reference_temperature)?,
+            expansion: expansions_from(setup, body, &reference)?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             liquid_fraction: setup.read_if_provided(body, &keys::LIQUID_FRACTION)?,
             birth_temperature: setup.read_if_provided(body, &keys::BIRTH_TEMPERATURE)?,
             eigenstrain: setup.add(body, &keys::EIGENSTRAIN)?,
+            reference,
         });
         Ok(())
     }
@@ -125,12 +147,13 @@ impl Coupler for ThermalExpansion {
         let liquid_fraction = world.read_if_provided(p.liquid_fraction);
         let liquid_fraction = liquid_fraction.as_deref();
         let material = &world.body(p.body).material_of_point;
-        let (reference, cutoff) = (self.reference_temperature, self.cutoff_temperature);
+        let cutoff = self.cutoff_temperature;
         let birth_temperature = world.read_if_provided(p.birth_temperature);
         let birth_temperature = birth_temperature.as_deref();
         let mut eigenstrain = world.write(p.eigenstrain);
         let strain = |point: usize| {
             let expansion = &p.expansion[material[point] as usize];
+            let reference = p.reference[point];
             let free_of_stress = match birth_temperature.map_or(0.0, |t| t[point]) {
                 0.0 => reference,
                 birth => cutoff.map_or(birth, |cutoff| birth.min(cutoff)),
@@ -213,6 +236,28 @@ mod tests {
             let expected = elongation(to) - elongation(from);
             assert!((found - expected).abs() < 1e-16, "{from} to {to}: {found}");
         }
+    }
+
+    #[test]
+    fn the_reference_temperature_may_depend_on_the_place() {
+        let mut world = World::new(vec![block([3, 1, 1], 1, "thermal_expansion = 1e-5")]);
+        let mut expansion: ThermalExpansion = read("reference_temperature = '300 + 100 * x'");
+        prepare(&mut world, &mut expansion, |setup| {
+            setup.own(0, &keys::TEMPERATURE).expect("free");
+            setup.consume(0, &keys::EIGENSTRAIN).expect("free");
+        })
+        .expect("valid");
+        set(&mut world, &keys::TEMPERATURE, |_| 600.0);
+        apply(&world, &mut expansion, 0.0);
+        // points at x = 0.5, 1.5, 2.5 m
+        for (strain, expected) in values(&world, &keys::EIGENSTRAIN)
+            .iter()
+            .zip([2.5e-3, 1.5e-3, 0.5e-3])
+        {
+            assert!((strain - expected).abs() < 1e-15, "{strain} {expected}");
+        }
+        let mut expansion: ThermalExpansion = read("reference_temperature = '300 + t'");
+        assert!(refusal(&mut world, &mut expansion).contains("changes in time"));
     }
 
     #[test]

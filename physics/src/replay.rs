@@ -1,4 +1,4 @@
-//! A state that is read from the log of an earlier run.
+//! A state that is read from the log of an earlier run, or from files of another program.
 //!
 //! Between two logged states every field is interpolated linearly in time; before the first and after the
 //! last state it is constant. Steps end on the logged times, so that the logged states are reproduced
@@ -6,32 +6,56 @@
 //! digits are not enough.
 //!
 //! The body must have the same points as the logged body.
+//!
+//! `values` gives scalar fields in place of a log: by formulas, or by files of other programs and of measurements, one or one for each
+//! of several times, between whose points values are interpolated. Steps end on these times.
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Vector3};
+use perimelt_core::in_time::earlier;
 use perimelt_core::log::{CloudField, Log, LogError, LoggedCloud};
-use perimelt_core::{Key, Physics, Problem, RunError, Setup, SetupError, Step, Work, World, Write};
+use perimelt_core::{
+    InSpace, Key, Physics, Placed, Problem, RunError, Setup, SetupError, Step, Work, World, Write,
+    keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Fields read from the log of an earlier run, interpolated in time.
+/// Fields read from the log of an earlier run or from files of another program, interpolated in time.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Replay {
-    /// Log of the earlier run; a relative path starts at the case file's folder.
-    pub log: PathBuf,
+    /// Log of the earlier run; a relative path starts at the case file's folder. Or give `values`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log: Option<PathBuf>,
     /// Body that receives the fields; may be left out when there is only one.
     #[serde(default)]
     pub body: Option<String>,
     /// Body in the log; the same name when left out.
     #[serde(default)]
     pub logged_body: Option<String>,
-    /// Fields to read, such as `["temperature"]`.
+    /// Fields to read from the log, such as `["temperature"]`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fields: Vec<String>,
+    /// Scalar fields without a log, such as `values.temperature = { time = [0, 5], file = ["a.csv", "b.vtu"] }`,
+    /// `values.temperature = { file = "run.pvd" }` or `values.temperature = "300 + 200 * x * t"`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub values: BTreeMap<String, InSpace>,
     #[serde(skip)]
     #[schemars(skip)]
     run: Option<Run>,
+    #[serde(skip)]
+    #[schemars(skip)]
+    placed: Vec<PlacedField>,
+}
+
+/// A field without a log.
+#[derive(Debug)]
+struct PlacedField {
+    field: Write<f64>,
+    values: Placed,
 }
 
 struct Run {
@@ -166,7 +190,57 @@ fn values<'a>(cloud: &'a LoggedCloud, name: &str) -> &'a [f64] {
 impl Physics for Replay {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        let path = setup.path(&self.log.to_string_lossy());
+        match (&self.log, self.values.is_empty()) {
+            (Some(log), true) if !self.fields.is_empty() => {
+                self.prepare_log(setup, body, &log.clone())
+            }
+            (None, false) if self.fields.is_empty() && self.logged_body.is_none() => {
+                self.prepare_values(setup, body)
+            }
+            (Some(_), true) => Err(SetupError::value(
+                "fields",
+                "no field is read from the log",
+                "fields such as `[\"temperature\"]`",
+            )),
+            _ => {
+                let message = "a state comes from a log or from values";
+                let expected = "either `log` with `fields`, or `values`";
+                Err(SetupError::value("", message, expected))
+            }
+        }
+    }
+
+    fn start(&mut self, world: &World) -> Result<(), RunError> {
+        self.write(world, 0.0)
+    }
+
+    fn next_event(&self, after: f64) -> Option<f64> {
+        let of_log = self.run.as_ref().and_then(|run| {
+            run.log
+                .times(&run.body)
+                .iter()
+                .copied()
+                .find(|t| *t > after)
+        });
+        let of_values = self.placed.iter().map(|p| p.values.next_event(after));
+        of_values.fold(of_log, earlier)
+    }
+
+    fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
+        self.write(world, step.end())?;
+        Ok(Work::default())
+    }
+}
+
+impl Replay {
+    /// Opens the log and takes over its fields.
+    fn prepare_log(
+        &mut self,
+        setup: &mut Setup<'_>,
+        body: usize,
+        log: &Path,
+    ) -> Result<(), SetupError> {
+        let path = setup.path(&log.to_string_lossy());
         let log = Log::open(path).map_err(|e| SetupError::other("log", e))?;
         let here = setup.body(body);
         let name = self
@@ -243,28 +317,37 @@ impl Physics for Replay {
         Ok(())
     }
 
-    fn start(&mut self, world: &World) -> Result<(), RunError> {
-        self.write(world, 0.0)
+    /// Takes over the fields that are given by values.
+    fn prepare_values(&mut self, setup: &mut Setup<'_>, body: usize) -> Result<(), SetupError> {
+        for (name, value) in &self.values {
+            let key = format!("values.{name}");
+            let Some((_, unit, _)) = keys::ALL.iter().find(|(known, ..)| known == name) else {
+                let known = keys::ALL
+                    .iter()
+                    .map(|(name, ..)| name.to_string())
+                    .collect();
+                let (what, name) = ("field", name.clone());
+                return Err(SetupError::new(
+                    key,
+                    Problem::UnknownName { what, name, known },
+                ));
+            };
+            let positions = setup.body(body).points.position.clone();
+            let values = setup.placed((body, name), &key, value, positions)?;
+            let field = setup.own(body, &Key::named(name.clone(), unit.to_string()))?;
+            self.placed.push(PlacedField { field, values });
+        }
+        Ok(())
     }
 
-    fn next_event(&self, after: f64) -> Option<f64> {
-        let run = self.run.as_ref()?;
-        run.log
-            .times(&run.body)
-            .iter()
-            .copied()
-            .find(|t| *t > after)
-    }
-
-    fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
-        self.write(world, step.end())?;
-        Ok(Work::default())
-    }
-}
-
-impl Replay {
     fn write(&mut self, world: &World, time: f64) -> Result<(), RunError> {
-        let run = self.run.as_mut().expect("prepared before the start");
+        for PlacedField { field, values } in &mut self.placed {
+            let values = values.at(time).map_err(|e| e.during("replay", time))?;
+            world.write(*field).copy_from_slice(values);
+        }
+        let Some(run) = &mut self.run else {
+            return Ok(());
+        };
         run.write(world, time).map_err(|cause| RunError::Plugin {
             plugin: "replay".into(),
             time,

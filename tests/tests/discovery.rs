@@ -74,6 +74,10 @@ fn everything_that_a_case_can_name_is_explained() {
         ("correspondence", "mechanical.formulation"),
         ("balanced", "also: "),
         ("couplers.goldak.power", "W"),
+        ("spot", "gaussian_source.sigma"),
+        ("HAZ", "thermal_history"),
+        ("heat input", "goldak.efficiency"),
+        ("penetration", "probes.kind.melt_pool"),
     ] {
         let (done, text) = told(folder, &["explain", name]);
         assert!(done && text.contains(expected), "{name}: {text}");

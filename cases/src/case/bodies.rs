@@ -125,6 +125,7 @@ impl Case {
             section.dimension,
         );
         let zones = (!section.zones.is_empty()).then_some(&section.zones);
+        self.check_memory(name, section, shape)?;
         match (section.spacing, zones, &section.points) {
             (Some(spacing), None, None) => {
                 Ok(Body::fill(name, shape, dimension, spacing, thickness))

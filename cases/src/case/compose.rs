@@ -2,7 +2,7 @@
 
 use perimelt_core::material::MaterialError;
 use perimelt_core::simulation::{Culprit, TimeOptions};
-use perimelt_core::{Problem, RunError, SetupError, Simulation, World};
+use perimelt_core::{Problem, RunError, SetupError, Simulation, World, folder};
 
 use super::bodies::suggest;
 use super::error::{CaseError, Mistake, Mistakes};
@@ -35,7 +35,7 @@ impl Case {
     pub fn compose(&self) -> Result<Simulation, CaseError> {
         let table = self.table();
         let mut reader = Reader::new(&self.file, &table);
-        let plugins = reader.plugins();
+        let plugins = folder::within(&self.folder, || reader.plugins());
         let bodies = reader.mistakes.collect(self.fill_bodies());
         let bodies = bodies.unwrap_or_default();
         let (Plugins { couplers, physics }, bodies) = reader.finish((plugins, bodies))?;
@@ -71,6 +71,7 @@ impl Case {
         {
             mistakes.collect(self.check_initial_temperatures(&simulation, &physics_tables));
             mistakes.collect(self.check_temperatures(&simulation));
+            mistakes.collect(self.check_contradictions(&simulation));
         }
         mistakes.collect(self.check_logged(&simulation));
         mistakes.collect(self.build_probes(&simulation));
@@ -139,65 +140,6 @@ impl Case {
         };
         split_help(Mistake::new(&self.file, message.as_str(), span), &message)
             .within(table.value.span(), format!("in {}", table.title()))
-    }
-
-    fn set_initial(&self, simulation: &mut Simulation) -> Result<()> {
-        for (b, (name, section)) in self.bodies.iter().enumerate() {
-            for (field, initial) in &section.initial {
-                let known: Vec<String> = simulation
-                    .lasting()
-                    .filter(|f| f.body == b)
-                    .map(|f| f.name.clone())
-                    .collect();
-                if !known.contains(field) {
-                    let message = format!(
-                        "body `{name}` has no field `{field}` that can have an initial value"
-                    );
-                    let error = self.body_key_error(
-                        &[name, "initial", field],
-                        message,
-                        "no physics or coupler provides it",
-                    );
-                    return Err(suggest(
-                        error,
-                        field,
-                        &known.iter().map(String::as_str).collect::<Vec<_>>(),
-                    ));
-                }
-                let place = |e: Problem, path: &[&str]| {
-                    let message = e.to_string();
-                    split_help(self.body_error(path, message.as_str(), ""), &message)
-                };
-                let points = &simulation.world().body(b).points;
-                let count = points.len();
-                let positions = initial.varies().then(|| points.position.clone());
-                let mut set = |points, position| {
-                    simulation
-                        .set_initial(b, field, points, &initial.at(position))
-                        .map_err(|e| place(e, &[name, "initial", field]))
-                };
-                match &positions {
-                    None => set(0..count, [0.0; 3])?,
-                    Some(positions) => {
-                        for (point, position) in positions.iter().enumerate() {
-                            set(point..point + 1, (*position).into())?;
-                        }
-                    }
-                }
-                for (region, value) in initial.regions() {
-                    let path = [name.as_str(), "initial", field, "regions", region];
-                    let Some(points) = simulation.world().body(b).regions.get(region).cloned()
-                    else {
-                        return Err(self.unknown_region(&path, region, section));
-                    };
-                    let points = points.points.iter().map(|&p| p as usize);
-                    simulation
-                        .set_initial(b, field, points, value.as_slice())
-                        .map_err(|e| place(e, &path))?;
-                }
-            }
-        }
-        Ok(())
     }
 
     /// Bodies that heat up start at a temperature.

@@ -2,15 +2,17 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::path::PathBuf;
 
 use perimelt_core::Formula;
+use perimelt_core::samples::FieldFile;
 use schemars::JsonSchema;
 use serde::de::{self, Deserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
 use super::sections::{Components, ComponentsVisitor};
 
-/// An initial field: one value, one value with others in some regions, a gradient, or a formula.
+/// An initial field: one value, one value with others in some regions, a gradient, a formula, or a file.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[schemars(untagged)]
 #[serde(untagged)]
@@ -30,6 +32,8 @@ pub enum Initial {
     Formula(Formula),
     /// One formula for each component.
     Formulas(Vec<Formula>),
+    /// Values of another program or a measurement, such as `{ file = "temperature.csv" }`, interpolated between its points.
+    File(FieldFile),
 }
 
 /// A linear field: `value + gradient (x - origin)`.
@@ -60,13 +64,14 @@ impl Linear {
 }
 
 impl Initial {
-    /// The components outside of all regions at a reference position, m.
+    /// The components outside of all regions at a reference position, m; none of a file.
     pub fn at(&self, position: [f64; 3]) -> Vec<f64> {
         match self {
             Initial::Uniform(value) | Initial::ByRegion { value, .. } => value.as_slice().to_vec(),
             Initial::Linear(linear) => linear.at(position),
             Initial::Formula(formula) => vec![formula.at(position, 0.0)],
             Initial::Formulas(all) => all.iter().map(|f| f.at(position, 0.0)).collect(),
+            Initial::File(_) => Vec::new(),
         }
     }
 
@@ -91,7 +96,7 @@ impl<'de> Visitor<'de> for InitialVisitor {
     type Value = Initial;
 
     fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str("a number, or [x, y, z], or { value = ..., regions = { <region> = ... } }, or { gradient = [...] }, or formulas in x, y and z")
+        f.write_str("a number, or [x, y, z], or { value = ..., regions = { <region> = ... } }, or { gradient = [...] }, or formulas in x, y and z, or { file = \"...\" }")
     }
 
     fn visit_f64<E: de::Error>(self, value: f64) -> Result<Initial, E> {
@@ -140,8 +145,18 @@ impl<'de> Visitor<'de> for InitialVisitor {
             gradient: Option<Vec<[f64; 3]>>,
             #[serde(default)]
             origin: [f64; 3],
+            file: Option<PathBuf>,
+            column: Option<String>,
         }
         let table = Keys::deserialize(de::value::MapAccessDeserializer::new(map))?;
+        if let Some(file) = table.file {
+            if table.value.is_some() || table.regions.is_some() || table.gradient.is_some() {
+                let message = "a field from a file has no `value`, `regions` or `gradient`";
+                return Err(de::Error::custom(message));
+            }
+            let column = table.column;
+            return Ok(Initial::File(FieldFile { file, column }));
+        }
         match (table.value, table.regions, table.gradient) {
             (Some(value), Some(regions), None) => Ok(Initial::ByRegion { value, regions }),
             (value, None, Some(gradient)) => Ok(Initial::Linear(Linear {
@@ -206,5 +221,7 @@ mod tests {
         let both = read("{ value = 1, regions = { left = 2 }, gradient = [[1, 0, 0]] }");
         assert!(both.expect_err("both").message().contains("not both"));
         assert!(read("{ value = 1 }").is_err(), "neither");
+        assert!(matches!(read("{ file = 'a.vtu' }"), Ok(Initial::File(_))));
+        assert!(read("{ file = 'a.vtu', value = 1 }").is_err(), "both");
     }
 }

@@ -12,14 +12,18 @@
 mod bodies;
 pub mod change;
 mod compose;
+mod contradictions;
 mod error;
 mod initial;
+mod initial_fields;
 mod locate;
+mod memory;
 mod plugins;
 mod reader;
 mod reword;
 pub mod schema;
 pub mod sections;
+mod units;
 mod warnings;
 mod whole_schema;
 
@@ -28,6 +32,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use perimelt_core::folder;
 use perimelt_core::input;
 use perimelt_core::material::MaterialSection;
 use schemars::JsonSchema;
@@ -62,6 +67,8 @@ pub struct Case {
     pub probes: Vec<ProbeSection>,
     /// `[log]`.
     pub log: LogSection,
+    /// Memory that bodies may take, bytes; that of the machine, where it is known. `None` for any.
+    pub memory: Option<f64>,
 }
 
 /// The sections of a case file, in the order in which they are written.
@@ -116,6 +123,10 @@ impl Case {
         let file = Arc::new(CaseFile { name, text });
         let table = parse(&file)?;
         let mut reader = Reader::new(&file, &table);
+        reader.check_numbers();
+        if !reader.is_right() {
+            return Err(reader.mistakes.into());
+        }
         reader.check_sections();
         // without its plugins a case has other mistakes that are none, such as unknown material properties
         let materials = match reader.has_known_plugins() {
@@ -130,7 +141,7 @@ impl Case {
         let log = reader.optional("log");
         reader.check_times(time.as_ref(), log.as_ref());
         if !reader.is_right() {
-            reader.plugins();
+            folder::within(folder, || reader.plugins());
         }
         let time = reader.finish(time)?;
         Ok(Case {
@@ -142,6 +153,7 @@ impl Case {
             bodies,
             materials: materials.into_iter().collect(),
             probes,
+            memory: memory::available(),
         })
     }
 

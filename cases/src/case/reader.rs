@@ -8,6 +8,7 @@ use serde::de::DeserializeOwned;
 use toml::de::{DeValue, ValueDeserializer};
 
 use super::SECTIONS;
+use super::contradictions::wrong_numbers;
 use super::error::{CaseError, CaseFile, Mistake, Mistakes};
 use super::locate::{self, TomlTable, TomlValue};
 use super::reword::Section;
@@ -54,6 +55,22 @@ impl<'a, 'i> Reader<'a, 'i> {
             DeValue::Array(list) => list.is_empty(),
             _ => false,
         })
+    }
+
+    /// Refuses numbers that are not finite, or so large or small that no quantity in SI units has them, wherever they are.
+    pub(super) fn check_numbers(&mut self) {
+        let mut wrong = Vec::new();
+        for (key, value) in self.table.iter() {
+            wrong_numbers(value.get_ref(), key.get_ref(), value.span(), &mut wrong);
+        }
+        for (key, number, span) in wrong {
+            let expected = match number.is_finite() {
+                true => "expected zero, or a magnitude from 1e-100 to 1e100, in SI units",
+                false => "expected a finite number",
+            };
+            let mistake = Mistake::new(self.file, format!("`{key}` is {number}"), span);
+            self.add(mistake.expected(expected));
+        }
     }
 
     /// Refuses unknown sections, and a case without a body, a physics or a time. A section that is misspelt is not missing.

@@ -12,11 +12,12 @@ use toml::de::DeValue;
 use super::error::Mistakes;
 use super::locate::{TomlTable, TomlValue};
 use super::plugins::PluginTable;
+use super::units;
 use super::{Case, CaseError, Mistake, Result};
 use crate::plot::unit;
 
 /// Temperatures below this (K) are suspected to be meant in degrees Celsius.
-const COLD: f64 = 150.0;
+pub(super) const COLD: f64 = 150.0;
 
 /// Bodies larger than this (m) are suspected to be meant in millimetres.
 const HUGE: f64 = 10.0;
@@ -27,15 +28,12 @@ const FILLED: f64 = 0.01;
 /// Fraction of the volume of a shape by which that of the points may differ.
 const VOLUME: f64 = 0.03;
 
-/// Density times specific heat of solids and liquids, J/(m³ K).
-const HEAT_CAPACITY: Range<f64> = 1e5..2e7;
-
 /// Exponent of the growth of vibrations by late heat that is told: smooth motion has some 1e-5 of its amplitude in the
 /// modes of the lattice, which grow fastest.
 const LATE_HEAT: f64 = 10.0;
 
 /// The value of a dotted key below a table.
-fn value_at<'t, 'i>(table: &'t TomlValue<'i>, key: &str) -> Option<&'t TomlValue<'i>> {
+pub(super) fn value_at<'t, 'i>(table: &'t TomlValue<'i>, key: &str) -> Option<&'t TomlValue<'i>> {
     let below = |value: &'t TomlValue<'i>, name: &str| value.get_ref().get(name);
     key.split('.').try_fold(table, below)
 }
@@ -61,6 +59,9 @@ impl Case {
             .map(|w| format!("{}: {}", w.plugin, w.message))
             .collect();
         let bodies = simulation.world().bodies();
+        let lowest: Vec<Option<f64>> = (0..bodies.len())
+            .map(|body| provided_temperature(simulation, body))
+            .collect();
         for ((index, body), (_, section)) in bodies.iter().enumerate().zip(&self.bodies) {
             let box_not_filled = not_filled(body, &section.shape);
             if box_not_filled.is_none() {
@@ -68,17 +69,22 @@ impl Case {
                 found.extend(other_volume(body, &shape));
             }
             found.extend(box_not_filled);
-            found.extend(heat_capacity(body));
-            if melts(body) {
+            found.extend(units::of_material(body));
+            if units::are_si(body) {
                 found.extend(too_large(body));
-                found.extend(cold_start(simulation, index));
+                found.extend(units::cold_start(body, lowest[index]));
             }
         }
-        if bodies.iter().all(melts) {
-            found.extend(self.cold_surroundings()?);
+        if bodies.iter().all(units::are_si) {
+            found.extend(self.cold_surroundings(bodies.iter().all(melts))?);
+            found.extend(self.tables_in_celsius(&lowest));
         }
         found.extend(no_expansion(simulation));
+        found.extend(self.waits(simulation, &lowest)?);
+        found.extend(self.nothing_cools(simulation, &lowest)?);
+        found.extend(self.unused_columns(simulation));
         found.extend(self.late_heat(simulation)?);
+        found.extend(self.doubtful_conditions(simulation)?);
         Ok(found)
     }
 
@@ -123,12 +129,20 @@ impl Case {
         Ok(given)
     }
 
-    fn cold_surroundings(&self) -> Result<Vec<String>, CaseError> {
+    /// The lowest temperature (K) of what surrounds bodies.
+    pub(super) fn coldest_surroundings(&self) -> Result<Option<f64>, CaseError> {
+        let given = self.given_temperatures()?.into_iter();
+        let around = given.filter(|g| ["ambient", "value"].contains(&g.key));
+        Ok(around.flat_map(|g| g.numbers).reduce(f64::min))
+    }
+
+    /// Temperatures below those of anything around; zero is one for metals that melt only, else the start of a rise.
+    fn cold_surroundings(&self, all_melt: bool) -> Result<Vec<String>, CaseError> {
         let given = self.given_temperatures()?.into_iter();
         let cold = given.filter_map(|given| {
             let lowest = given.numbers.into_iter().reduce(f64::min)?;
             let (key, kind) = (given.key, given.kind);
-            (lowest < COLD).then(|| {
+            (lowest < COLD && (all_melt || lowest >= 1.0)).then(|| {
                 format!(
                     "`{key}` of `{kind}` is {} K; {CELSIUS}",
                     unit::number(lowest, 5)
@@ -251,16 +265,16 @@ struct GivenTemperature {
     span: Range<usize>,
 }
 
-const CELSIUS: &str = "temperatures are in kelvins (20 °C are 293.15 K)";
+pub(super) const CELSIUS: &str = "temperatures are in kelvins (20 °C are 293.15 K)";
 
 /// Whether a body is of real materials that melt; numbers without a scale have no such melting points.
-fn melts(body: &Body) -> bool {
+pub(super) fn melts(body: &Body) -> bool {
     let solidus = |m: &Material| m.constant("solidus").is_ok_and(|t| t > COLD);
     body.materials.iter().any(solidus)
 }
 
 /// All numbers of a value: of a table in time those of `value`.
-fn numbers(value: &DeValue<'_>) -> Vec<f64> {
+pub(super) fn numbers(value: &DeValue<'_>) -> Vec<f64> {
     match value {
         DeValue::Float(number) => number
             .as_str()
@@ -289,14 +303,13 @@ fn lowest_temperature(simulation: &Simulation, body: usize) -> Option<f64> {
     data.flat().iter().copied().reduce(f64::min)
 }
 
-fn cold_start(simulation: &Simulation, index: usize) -> Option<String> {
-    let is_cold = |t: &f64| *t < COLD && provides(simulation, index, "temperature");
-    let lowest = lowest_temperature(simulation, index).filter(is_cold)?;
-    let name = &simulation.world().body(index).name;
-    Some(format!(
-        "the initial temperature of body `{name}` is {} K; {CELSIUS}",
-        unit::number(lowest, 5)
-    ))
+/// The lowest temperature (K) of a body whose temperature somebody provides.
+fn provided_temperature(simulation: &Simulation, body: usize) -> Option<f64> {
+    let mut lasting = simulation.lasting();
+    let provided = lasting.any(|f| f.body == body && f.name == "temperature");
+    provided
+        .then(|| lowest_temperature(simulation, body))
+        .flatten()
 }
 
 fn too_large(body: &Body) -> Option<String> {
@@ -362,22 +375,4 @@ fn other_volume(body: &Body, shape: &Shape) -> Option<String> {
         unit::number(filled, 4),
         unit::number(asked, 4)
     ))
-}
-
-/// Materials that melt, with a density or a specific heat in other units.
-fn heat_capacity(body: &Body) -> Option<String> {
-    let at_room = |value: &Property| value.at(300.0, 0.0);
-    body.materials.iter().find_map(|material| {
-        material.get("solidus")?;
-        let density = material.reference_density().ok()?;
-        let capacity = at_room(material.get("specific_heat")?);
-        let product = density * capacity;
-        (!HEAT_CAPACITY.contains(&product)).then(|| {
-            format!(
-                "density times specific heat of material `{}` is {product:.3e} J/(m³ K), that of metals some 1e6 to 5e6: \
-                 densities are in kg/m³, specific heats in J/(kg K)",
-                material.name()
-            )
-        })
-    })
 }

@@ -2,13 +2,17 @@
 
 use std::io::Write;
 use std::path::PathBuf;
-use std::time::Instant;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use perimelt_core::body::Lattice;
 use perimelt_core::{Body, Simulation};
 
+use super::run::Machine;
 use super::{Done, threads};
 use crate::case::Case;
+use crate::case::change::Change;
 use crate::plot::unit::{length_text, time_text};
 use crate::run::display::{duration, warn};
 use crate::run::log_size::{LogSize, bytes};
@@ -19,13 +23,22 @@ use crate::run::{Failure, log_of};
 pub struct CheckArgs {
     /// The case file
     case: PathBuf,
+    /// Another value of a key, as TOML, such as `couplers.goldak.power=2000`; may be given several times
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<Change>,
+    #[command(flatten)]
+    machine: Machine,
 }
 
 pub fn run(args: &CheckArgs) -> Done {
-    let case = Case::read(&args.case)?;
+    args.machine.set_threads()?;
+    let case = args
+        .machine
+        .limited(Case::read(&args.case)?.changed(&args.set)?);
     let mut simulation = case.compose()?;
     case.start(&mut simulation).map_err(Failure::from)?;
-    let mut out = std::io::stdout().lock();
+    // not locked: the watchdog writes, too
+    let mut out = std::io::stdout();
     if !case.case.title.is_empty() {
         writeln!(out, "{}\n", case.case.title)?;
     }
@@ -39,10 +52,9 @@ pub fn run(args: &CheckArgs) -> Done {
     // of the initial state
     let mut warnings = case.warnings(&simulation)?;
     warnings.extend(size.warning(&log_of(&args.case)));
-    let mut outcome = Outcome::new(&simulation);
-    let measured = duration_of(&mut simulation, &mut out);
     warn(&warnings);
-    measured?;
+    let mut outcome = Outcome::new(&simulation);
+    watched(|| duration_of(&mut simulation, &mut out))?;
     outcome.observe(&simulation);
     warn(&outcome.sentences(&simulation).1);
     Ok(())
@@ -164,6 +176,27 @@ fn log_size(size: &LogSize, out: &mut impl Write) -> Done {
         bytes(size.checkpoint as f64)
     )?;
     Ok(())
+}
+
+/// Longest time for an estimate, s. A step of a static body may take hours.
+const LONGEST_ESTIMATE: f64 = 20.0;
+
+/// Does `work`, or ends the program in peace if that takes too long: a step cannot be interrupted.
+fn watched<T>(work: impl FnOnce() -> T) -> T {
+    let is_done = Arc::new(AtomicBool::new(false));
+    let watched = is_done.clone();
+    std::thread::spawn(move || {
+        std::thread::sleep(Duration::from_secs_f64(LONGEST_ESTIMATE));
+        if !watched.load(Ordering::Relaxed) {
+            println!(
+                "duration: not estimated, since one step takes longer than {LONGEST_ESTIMATE} s"
+            );
+            std::process::exit(0);
+        }
+    });
+    let result = work();
+    is_done.store(true, Ordering::Relaxed);
+    result
 }
 
 /// Wall time in which steps are measured, s.

@@ -10,7 +10,7 @@ use perimelt_core::{Coupler, Physics};
 use schemars::schema_for;
 use serde_json::Value;
 
-use super::{Done, list};
+use super::{Done, list, synonyms};
 use crate::case::sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
 use crate::case::{PLUGIN_NAME, schema};
 use crate::library;
@@ -21,6 +21,9 @@ pub struct ExplainArgs {
     /// A section of the case file; the type of a physics or coupler; a key or a choice of one of these, such as
     /// `goldak.toolpath.polyline`, `polyline` or `rkl2`; a field, a material property, or a material of the library
     name: String,
+    /// Also the keys of nested tables
+    #[arg(long)]
+    all: bool,
 }
 
 /// An unknown name.
@@ -63,10 +66,10 @@ pub fn run(args: &ExplainArgs) -> Done {
     if let Some((first, header, schema)) = known.iter().find(|(known, ..)| known == first) {
         let path: Vec<String> = name.split('.').skip(1).map(String::from).collect();
         if path.is_empty() {
-            return table(out, first, header, schema);
+            return table(out, first, header, &Keys::new(schema, args.all));
         }
         if let Some(key) = schema::at(schema, &path) {
-            return explain_key(out, name, schema, key);
+            return explain_key(out, name, &Keys::new(schema, args.all), key);
         }
         let last = path.last().map_or("", String::as_str);
         let siblings = schema::at(schema, &path[..path.len() - 1]);
@@ -87,6 +90,9 @@ pub fn run(args: &ExplainArgs) -> Done {
     // sections and plugins themselves before what they contain
     places.sort_by_key(|(path, ..)| path.split('.').count());
     let Some(((path, root, key), others)) = places.split_first() else {
+        if let Some(names) = synonyms::of(name) {
+            return meant(out, name, names, &known);
+        }
         let plugins = known.iter().map(|(name, ..)| name.clone());
         let fields = field::keys::ALL.iter().map(|(name, ..)| (*name).into());
         let properties = known_properties().map(|p| p.name.into());
@@ -105,7 +111,7 @@ pub fn run(args: &ExplainArgs) -> Done {
         };
         return Err(unknown(name, close, mentions));
     };
-    explain_key(out, path, root, key)?;
+    explain_key(out, path, &Keys::new(root, args.all), key)?;
     for (path, ..) in others {
         writeln!(out, "also: {path}")?;
     }
@@ -176,19 +182,74 @@ fn mentioning(text: &str, known: &[(String, String, Value)]) -> Vec<String> {
     found
 }
 
+/// What a word of the trade stands for.
+fn meant(
+    out: &mut impl Write,
+    word: &str,
+    names: &[&str],
+    known: &[(String, String, Value)],
+) -> Done {
+    writeln!(
+        out,
+        "`{word}` is not a name of a case file; it belongs to\n"
+    )?;
+    for name in names {
+        writeln!(
+            out,
+            "  {name}\n      {}",
+            meaning(name, known).unwrap_or_default()
+        )?;
+    }
+    Ok(writeln!(
+        out,
+        "\n`perimelt explain <name>` explains each of them."
+    )?)
+}
+
+/// One line on a field, a property, a plugin, a section or a key.
+fn meaning(name: &str, known: &[(String, String, Value)]) -> Option<String> {
+    let (first, rest) = name.split_once('.').unwrap_or((name, ""));
+    let path: Vec<String> = rest
+        .split('.')
+        .filter(|k| !k.is_empty())
+        .map(String::from)
+        .collect();
+    let of_schema = known
+        .iter()
+        .find(|(known, ..)| known == first)
+        .and_then(|(_, _, schema)| {
+            let key = schema::at(schema, &path)?;
+            Some(schema::one_line(schema, key))
+        });
+    let of_field = || {
+        field::keys::ALL
+            .iter()
+            .find(|(known, ..)| *known == name)
+            .map(|(.., meaning)| meaning.to_string())
+    };
+    let of_property = || {
+        known_properties()
+            .find(|p| p.name == name)
+            .map(|p| p.meaning.to_string())
+    };
+    of_schema.or_else(of_field).or_else(of_property)
+}
+
 /// A plugin or a section with its keys.
-fn table(out: &mut impl Write, name: &str, header: &str, schema: &Value) -> Done {
+fn table(out: &mut impl Write, name: &str, header: &str, listed: &Keys<'_>) -> Done {
+    let schema = listed.root;
     let description = schema["description"].as_str().unwrap_or("");
     writeln!(out, "{header}\n{description}\n")?;
     if header.starts_with("[[physics") || header.starts_with("[[couplers") {
         writeln!(out, "  type = \"{name}\"")?;
         writeln!(out, "  name = <text> (optional)\n      {PLUGIN_NAME}")?;
     }
-    keys(out, schema, schema, "")
+    listed.write(out, schema, name, "")
 }
 
 /// One key, and the keys of its value.
-fn explain_key(out: &mut impl Write, path: &str, root: &Value, key: &Value) -> Done {
+fn explain_key(out: &mut impl Write, path: &str, listed: &Keys<'_>, key: &Value) -> Done {
+    let root = listed.root;
     let choice = key["const"].as_str().zip(path.rsplit_once('.'));
     match choice {
         Some((choice, (path, _))) => writeln!(out, "{path} = \"{choice}\"")?,
@@ -201,7 +262,7 @@ fn explain_key(out: &mut impl Write, path: &str, root: &Value, key: &Value) -> D
     writeln!(out)?;
     match choice {
         Some(_) => Ok(()),
-        None => keys(out, root, key, ""),
+        None => listed.write(out, key, path, ""),
     }
 }
 
@@ -260,43 +321,131 @@ fn known() -> Vec<(String, String, Value)> {
     all
 }
 
-/// Prints the keys of `schema`, and below each key the keys or choices of its value.
-fn keys(out: &mut impl Write, root: &Value, schema: &Value, indent: &str) -> Done {
-    // shapes hold shapes
-    const DEEPEST: usize = 12;
-    if indent.len() > DEEPEST {
-        return Ok(());
+/// The keys of a schema, with those of nested tables or with a hint at them.
+struct Keys<'a> {
+    root: &'a Value,
+    all: bool,
+}
+
+impl<'a> Keys<'a> {
+    fn new(root: &'a Value, all: bool) -> Self {
+        Keys { root, all }
     }
-    for a in schema::alternatives(root, schema) {
-        let required = a["required"].as_array();
-        for (name, key) in a["properties"].as_object().into_iter().flatten() {
-            let is_required = required.is_some_and(|r| r.iter().any(|n| n == name));
-            let kind = schema::type_name(root, key);
-            let default = match key.get("default") {
-                Some(Value::Null) => " (optional)".to_string(),
-                Some(value) => format!(" (default {value})"),
-                None if is_required => String::new(),
-                None => " (optional)".to_string(),
-            };
-            writeln!(out, "{indent}  {name} = <{kind}>{default}")?;
-            let text = schema::one_line(root, key);
-            // a variant of a choice is explained at the variant
-            let text = if text.is_empty() {
-                schema::one_line(root, a)
-            } else {
-                text
-            };
-            if !text.is_empty() {
-                writeln!(out, "{indent}      {text}")?;
+
+    /// Prints the keys and choices of `schema`, to which `path` leads.
+    fn write(&self, out: &mut impl Write, schema: &Value, path: &str, indent: &str) -> Done {
+        // shapes hold shapes
+        const DEEPEST: usize = 12;
+        if indent.len() > DEEPEST {
+            return Ok(());
+        }
+        let root = self.root;
+        for a in schema::alternatives(root, schema) {
+            let required = a["required"].as_array();
+            for (name, key) in a["properties"].as_object().into_iter().flatten() {
+                let is_required = required.is_some_and(|r| r.iter().any(|n| n == name));
+                let kind = schema::type_name(root, key);
+                let default = match key.get("default") {
+                    Some(Value::Null) => " (optional)".to_string(),
+                    Some(value) => format!(" (default {value})"),
+                    None if is_required => String::new(),
+                    None => " (optional)".to_string(),
+                };
+                writeln!(out, "{indent}  {name} = <{kind}>{default}")?;
+                let text = schema::one_line(root, key);
+                // a variant of a choice is explained at the variant
+                let text = if text.is_empty() {
+                    schema::one_line(root, a)
+                } else {
+                    text
+                };
+                if !text.is_empty() {
+                    writeln!(out, "{indent}      {text}")?;
+                }
+                let path = format!("{path}.{name}");
+                if self.all {
+                    self.write(out, key, &path, &format!("{indent}    "))?;
+                } else {
+                    self.hint(out, key, &path, indent)?;
+                }
             }
-            keys(out, root, key, &format!("{indent}    "))?;
+            for choice in a["enum"].as_array().into_iter().flatten() {
+                writeln!(out, "{indent}  {choice}")?;
+            }
+            if let (Some(choice), text) = (a["const"].as_str(), schema::one_line(root, a)) {
+                writeln!(out, "{indent}  \"{choice}\": {text}")?;
+            }
         }
-        for choice in a["enum"].as_array().into_iter().flatten() {
-            writeln!(out, "{indent}  {choice}")?;
-        }
-        if let (Some(choice), text) = (a["const"].as_str(), schema::one_line(root, a)) {
-            writeln!(out, "{indent}  \"{choice}\": {text}")?;
-        }
+        Ok(())
     }
-    Ok(())
+
+    /// Names the keys and choices of a nested value.
+    fn hint(&self, out: &mut impl Write, schema: &Value, path: &str, indent: &str) -> Done {
+        let mut names = schema::keys(self.root, schema);
+        for a in schema::alternatives(self.root, schema) {
+            names.extend(a["const"].as_str());
+            names.extend(
+                a["enum"]
+                    .as_array()
+                    .into_iter()
+                    .flatten()
+                    .filter_map(Value::as_str),
+            );
+        }
+        if names.is_empty() {
+            return Ok(());
+        }
+        let names = names.join(", ");
+        Ok(writeln!(
+            out,
+            "{indent}      {names}: see `perimelt explain {path}`"
+        )?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn synonyms_lead_to_names_with_a_meaning() {
+        let known = known();
+        for (word, names) in synonyms::all() {
+            for name in *names {
+                let meaning = meaning(name, &known);
+                assert!(meaning.is_some_and(|m| !m.is_empty()), "{word}: {name}");
+            }
+            // a word that has become a name is explained as such
+            assert!(!known.iter().any(|(name, ..)| name == word), "{word}");
+        }
+        assert_eq!(
+            synonyms::of("Heat-affected zone"),
+            synonyms::of("heat affected zone")
+        );
+        assert_eq!(synonyms::of("nonsense"), None);
+    }
+
+    fn explained(name: &str, all: bool) -> String {
+        let (_, _, schema) = known()
+            .into_iter()
+            .find(|(known, ..)| known == name)
+            .expect(name);
+        let mut out = Vec::new();
+        Keys::new(&schema, all)
+            .write(&mut out, &schema, name, "")
+            .expect("written");
+        String::from_utf8(out).expect("text")
+    }
+
+    #[test]
+    fn keys_are_explained_in_two_levels() {
+        let (own, all) = (explained("goldak", false), explained("goldak", true));
+        assert!(
+            own.contains("see `perimelt explain goldak.toolpath`"),
+            "{own}"
+        );
+        assert!(!own.contains("  segments = "), "{own}");
+        assert!(all.contains("  segments = "), "{all}");
+        assert!(5 * own.lines().count() < all.lines().count(), "{own}");
+    }
 }

@@ -9,6 +9,7 @@ mod new;
 mod replay;
 mod run;
 mod summary;
+mod synonyms;
 mod trim;
 mod version;
 

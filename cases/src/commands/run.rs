@@ -46,11 +46,33 @@ pub struct ResumeArgs {
     common: Common,
 }
 
+/// What a command takes of the machine.
 #[derive(clap::Args, Debug)]
-struct Common {
+pub(super) struct Machine {
     /// Number of threads [default: all cores]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
+    /// Start also where a body will take more memory than is free
+    #[arg(long)]
+    any_memory: bool,
+}
+
+impl Machine {
+    pub(super) fn set_threads(&self) -> Done {
+        set_threads(self.threads)
+    }
+
+    /// The case with the limit of memory that holds here.
+    pub(super) fn limited(&self, case: Case) -> Case {
+        let memory = case.memory.filter(|_| !self.any_memory);
+        Case { memory, ..case }
+    }
+}
+
+#[derive(clap::Args, Debug)]
+struct Common {
+    #[command(flatten)]
+    machine: Machine,
     /// Stop at the first logged state at or after this simulated time, s
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = positive)]
     until: Option<f64>,
@@ -90,8 +112,11 @@ pub fn run(args: &RunArgs) -> Done {
     if args.case.extension().is_some_and(|e| e == "mcap") {
         return Err(ArgumentError::IsLog(args.case.clone()).into());
     }
-    set_threads(args.common.threads)?;
-    let case = Case::read(&args.case)?.changed(&args.set)?;
+    args.common.machine.set_threads()?;
+    let case = args
+        .common
+        .machine
+        .limited(Case::read(&args.case)?.changed(&args.set)?);
     let out = args.out.clone().unwrap_or_else(|| run::log_of(&args.case));
     if let (Ok(a), Ok(b)) = (out.canonicalize(), args.case.canonicalize())
         && a == b
@@ -107,10 +132,11 @@ pub fn run(args: &RunArgs) -> Done {
 }
 
 pub fn resume(args: &ResumeArgs) -> Done {
-    set_threads(args.common.threads)?;
+    args.common.machine.set_threads()?;
     let out = args.out.clone().unwrap_or_else(|| args.log.clone());
     let options = args.common.options(out);
     let case = args.case.as_deref().map(Case::read).transpose()?;
+    let case = case.map(|case| args.common.machine.limited(case));
     let summary = run::on_workers(|| run::resume(&args.log, case.as_ref(), &options))?;
     args.common.tell(&summary)
 }

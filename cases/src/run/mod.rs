@@ -246,6 +246,11 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
 pub fn case_of(log: &Log) -> Result<Case, CaseError> {
     let folder = Path::new(&log.run().case_folder);
     let case = Case::parse(log.case_name(), log.case_text().to_string(), folder);
+    // it has run on a machine
+    let case = case.map(|case| Case {
+        memory: None,
+        ..case
+    });
     case.map_err(|mistake| match missing_plugins(log) {
         missing if missing.is_empty() => mistake,
         missing => mistake.help(format!(

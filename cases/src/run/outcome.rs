@@ -8,6 +8,9 @@ use crate::tables;
 /// Share of the energy that may miss the body without a warning.
 const LOST: f64 = 0.05;
 
+/// No element is condensed above this temperature, K.
+const PLASMA: f64 = 1e4;
+
 /// Highest temperature (K) of each body whose temperature somebody provides. Elsewhere the field may exist, without values.
 pub(super) fn hottest(simulation: &Simulation) -> impl Iterator<Item = (usize, f64)> {
     let fields = simulation.lasting().filter(|f| f.name == "temperature");
@@ -116,6 +119,13 @@ impl Outcome {
                 "{}: highest logged temperature{since} {kelvins} K",
                 body.name
             ));
+            if boiling.is_none() && *peak > PLASMA {
+                warnings.push(format!(
+                    "{}: the highest temperature is {kelvins} K, at which no metal is condensed: the power, the size of the source, \
+                     or the units of the material may be wrong",
+                    body.name
+                ));
+            }
             if let Some(boiling) = boiling.filter(|b| peak > b) {
                 let boiling = unit::number(boiling, 5);
                 warnings.push(format!(
@@ -134,6 +144,49 @@ mod tests {
 
     use super::*;
     use crate::case::Case;
+
+    #[test]
+    fn temperatures_that_no_metal_has_are_told() {
+        let warnings = |initial: &str, boiling: &str| {
+            let text = format!(
+                r#"
+                [bodies.bar]
+                shape.box = {{ min = [0, 0, 0], max = [8, 1, 1] }}
+                dimension = 1
+                spacing = 1
+                material = "m"
+                initial.temperature = {initial}
+
+                [materials.m]
+                density = 1
+                conductivity = 1
+                specific_heat = 1
+                {boiling}
+
+                [[physics]]
+                type = "thermal"
+
+                [time]
+                end = 1
+                "#
+            );
+            let case = Case::parse("bar.toml", text, Path::new("")).expect("valid");
+            let mut simulation = case.compose().expect("complete");
+            simulation.start().expect("starts");
+            Outcome::new(&simulation)
+                .sentences(&simulation)
+                .1
+                .join("; ")
+        };
+        assert_eq!(warnings("9999", ""), "");
+        assert!(warnings("39e3", "").contains("39000 K, at which no metal is condensed"));
+        let of_boiling = warnings("39e3", "boiling_temperature = 3000");
+        assert!(
+            of_boiling.contains("above that of boiling, 3000 K")
+                && !of_boiling.contains("condensed"),
+            "{of_boiling}"
+        );
+    }
 
     /// The mechanics read a temperature if there is one; without `thermal` the field has no values.
     #[test]

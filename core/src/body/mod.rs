@@ -17,7 +17,7 @@ pub use cloud::{Cloud, Jitter};
 pub use face::{Face, SurfaceCell};
 pub use interpolate::weights_among;
 pub use lattice::{Lattice, NO_POINT};
-pub use table::PointTableError;
+pub use table::{POINT_COLUMNS, PointTableError};
 pub use zones::{Zone, ZoneError};
 
 use std::collections::BTreeMap;

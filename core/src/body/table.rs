@@ -1,7 +1,11 @@
 //! Bodies read from a table of points.
 
 use super::{Body, BodyError, Points, bounded};
+use crate::samples::NumberTable;
 use crate::shape::Shape;
+
+/// Columns of a table of points that describe the points; others are initial fields.
+pub const POINT_COLUMNS: [&str; 5] = ["x", "y", "z", "volume", "spacing"];
 
 /// Cells of points without a grid leave gaps: they are extended by this many spacings.
 const SLACK: f64 = 0.25;
@@ -31,8 +35,8 @@ pub enum PointTableError {
 
 impl Body {
     /// The points of a table that lie inside `shape`. Its first line names the columns, separated
-    /// by commas: `x`, `y`, `z` (m; those of missing axes may be left out) and `volume` (m³) or
-    /// `spacing` (m).
+    /// by commas, semicolons, tabs or blanks: `x`, `y`, `z` (m; those of missing axes may be left out) and `volume` (m³) or
+    /// `spacing` (m). Other columns are not read.
     ///
     /// # Errors
     /// [`BodyError::Table`] with the line at fault.
@@ -46,14 +50,8 @@ impl Body {
         let (min, max) = bounded(shape, dimension, thickness)?;
         let middle = 0.5 * (min + max);
         let depth = if dimension == 3 { 1.0 } else { thickness };
-        let mut lines = text
-            .lines()
-            .enumerate()
-            .filter(|(_, l)| !l.trim().is_empty());
-        let header: Vec<&str> = lines
-            .next()
-            .map_or(Vec::new(), |(_, l)| l.split(',').map(str::trim).collect());
-        let column = |name: &'static str| header.iter().position(|h| *h == name);
+        let table = NumberTable::new(text);
+        let column = |name: &'static str| table.find(name);
         let axes: Vec<usize> = ["x", "y", "z"][..dimension]
             .iter()
             .map(|axis| column(axis).ok_or(PointTableError::Column(axis)))
@@ -69,14 +67,13 @@ impl Body {
             spacing: Vec::new(),
             horizon_factor: Vec::new(),
         };
-        for (line, text) in lines {
-            let cells: Vec<&str> = text.split(',').map(str::trim).collect();
+        for (row, line) in table.lines().enumerate() {
             let number = |column: usize, expected: &'static str, least: f64| {
-                let text = cells.get(column).copied().unwrap_or("");
+                let text = table.text(row, column);
                 let value = text.parse::<f64>().ok();
                 let value = value.filter(|v| v.is_finite() && *v > least);
                 value.ok_or_else(|| PointTableError::Number {
-                    line: line + 1,
+                    line,
                     text: text.into(),
                     expected,
                 })

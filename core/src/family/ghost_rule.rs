@@ -70,11 +70,13 @@ impl GhostRule for ByRules<'_> {
                 let rule = rules.iter().find(|r| r.face == face);
                 let (scale, offset) =
                     rule.map_or((1.0, 0.0), |r| (r.scale[component], r.offset[component]));
+                let by_place = rule.filter(|r| r.values.is_some());
                 for ghost in ghosts {
+                    let offset = by_place.map_or(offset, |r| r.offset_of(component, ghost.point));
                     slots[ghost.slot as usize] = scale * slots[ghost.source as usize] + offset;
                 }
             }
-            if rules.iter().any(|r| r.offset[component] != 0.0) {
+            if rules.iter().any(|r| r.has_offset(component)) {
                 family.fill_corners(rules, component, slots);
             }
         }
@@ -205,7 +207,7 @@ impl SlotField {
     /// Transpose of the linear part of [`ByRules`]: adds the values of ghosts to those of the points that they follow, and
     /// clears them.
     pub fn fold_ghosts(&mut self, family: &Family, rules: &[LayerRule], component: usize) {
-        if rules.iter().any(|r| r.offset[component] != 0.0) {
+        if rules.iter().any(|r| r.has_offset(component)) {
             for corner in &family.corners {
                 if let Some(jump) = Jump::at(corner, rules, component) {
                     let value = std::mem::take(&mut self[corner.slot as usize]);

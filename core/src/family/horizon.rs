@@ -10,6 +10,9 @@ use serde::{Deserialize, Serialize, Serializer};
 use crate::body::Body;
 use crate::error::SetupError;
 
+/// Neighbours of a point beyond which a horizon is taken for a mistake.
+const MOST_NEIGHBOURS: f64 = 65_535.0;
+
 /// Radius of a family. In a case file `3` is in spacings of each point, `{ length = 0.03 }` in m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Horizon {
@@ -36,6 +39,26 @@ impl Horizon {
     /// A horizon below the (coarsest) spacing.
     pub fn check(self, body: &Body) -> Result<(), SetupError> {
         let points = &body.points;
+        // of whole neighbourhoods, before any bond is counted
+        let most = (0..points.len())
+            .map(|p| points.horizon(p, self) / points.spacing[p])
+            .fold(0.0, f64::max);
+        let neighbours = |m: f64| match body.dimension {
+            1 => 2.0 * m,
+            2 => std::f64::consts::PI * m * m,
+            _ => 4.0 / 3.0 * std::f64::consts::PI * m.powi(3),
+        };
+        if !(neighbours(most) <= MOST_NEIGHBOURS) {
+            let message = format!(
+                "`horizon` = {self} is {most:.3e} spacings, within which a point has {:.1e} neighbours",
+                neighbours(most)
+            );
+            return Err(SetupError::value(
+                "horizon",
+                message,
+                "some 2 to 6 spacings; at most 65535 neighbours of a point",
+            ));
+        }
         let reaches_a_neighbour = |p: usize| {
             // a length given in decimals may fall short by rounding
             points.horizon(p, self) >= points.spacing[p] * (1.0 - 1e-9)

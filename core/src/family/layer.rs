@@ -11,6 +11,8 @@
 //! normal, which the physics knows from the traction and the derivatives along the face. Exact for
 //! affine fields. Such an operator is not symmetric.
 
+use std::sync::Arc;
+
 use nalgebra::{Matrix3, Vector3};
 
 use crate::body::{Body, Face, Lattice};
@@ -22,7 +24,7 @@ use super::{Family, Ghost, SlotField};
 /// `value(layer point) = scale * value(mirror point) + offset`, component by component
 /// (scalars use the first). Prescribed value `b`: scale -1, offset 2 b (Wang (2025),
 /// eq. 7.17); constant layer: 0, b; insulated: 1, 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LayerRule {
     /// The face.
     pub face: Face,
@@ -30,6 +32,9 @@ pub struct LayerRule {
     pub scale: [f64; 3],
     /// Added to the mirrored components, in the unit of the field.
     pub offset: [f64; 3],
+    /// What is prescribed on the face in front of each point of the body, where that is not the same everywhere; of scalar
+    /// fields, in place of the offset.
+    pub values: Option<Arc<[f64]>>,
     /// Traction that bends the layer, of vector fields.
     pub traction: Option<Traction>,
 }
@@ -50,14 +55,28 @@ impl LayerRule {
             face,
             scale: [1.0; 3],
             offset: [0.0; 3],
+            values: None,
             traction: None,
         }
     }
 
-    /// The value on the face, where the rule prescribes one.
-    fn prescribed(&self, component: usize) -> Option<f64> {
-        let (scale, offset) = (self.scale[component], self.offset[component]);
-        (scale != 1.0).then(|| offset / (1.0 - scale))
+    /// The value on the face in front of a point, where the rule prescribes one.
+    fn prescribed(&self, component: usize, point: u32) -> Option<f64> {
+        let scale = self.scale[component];
+        (scale != 1.0).then(|| self.offset_of(component, point) / (1.0 - scale))
+    }
+
+    /// What is added to a component of the image of a point.
+    pub(super) fn offset_of(&self, component: usize, point: u32) -> f64 {
+        match &self.values {
+            Some(values) => (1.0 - self.scale[component]) * values[point as usize],
+            None => self.offset[component],
+        }
+    }
+
+    /// Whether it adds something to the image of a component.
+    pub(super) fn has_offset(&self, component: usize) -> bool {
+        self.values.is_some() || self.offset[component] != 0.0
     }
 
     /// The rule without what it prescribes: for differences of two fields.
@@ -67,9 +86,9 @@ impl LayerRule {
             difference: true,
         };
         LayerRule {
-            offset: [0.0; 3],
+            scale: self.scale,
             traction: self.traction.map(|_| none),
-            ..*self
+            ..LayerRule::even(self.face)
         }
     }
 }
@@ -109,11 +128,12 @@ impl Continuation {
             layout.rules[face] = Some((rule.scale, rule.traction.is_some()));
             for other in &self.rules[..i] {
                 let faces = [face.min(other.face as usize), face.max(other.face as usize)];
-                layout.disagree[faces[0]][faces[1]] =
-                    std::array::from_fn(|a| match (rule.prescribed(a), other.prescribed(a)) {
+                layout.disagree[faces[0]][faces[1]] = std::array::from_fn(|a| {
+                    match (rule.prescribed(a, 0), other.prescribed(a, 0)) {
                         (Some(value), Some(other)) => value != other,
                         _ => false,
-                    });
+                    }
+                });
             }
         }
         layout
@@ -143,7 +163,7 @@ impl Jump {
         let passed = |r: &&LayerRule| corner.passes[r.face as usize] > 0;
         let faces = || {
             let rules = rules.iter().filter(passed);
-            rules.filter_map(|r| Some((r.prescribed(component)?, r.scale[component])))
+            rules.filter_map(|r| Some((r.prescribed(component, corner.point)?, r.scale[component])))
         };
         let (first, _) = faces().next()?;
         if faces().all(|(value, _)| value == first) {

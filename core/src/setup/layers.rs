@@ -48,7 +48,7 @@ impl Setup<'_> {
     pub fn announce_layer(&mut self, layer: LayerHandle, rule: LayerRule) {
         let rules = self.world.layers[layer.layers].rules.get_mut();
         let own = rules.iter_mut().filter(|r| r.face == layer.face);
-        own.for_each(|own| *own = rule);
+        own.for_each(|own| *own = rule.clone());
     }
 
     /// How layers continue a field, as far as boundaries told at set-up.

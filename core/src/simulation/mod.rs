@@ -307,6 +307,11 @@ impl Simulation {
         &self.family_sizes
     }
 
+    /// Adds what the composer of the simulation noticed.
+    pub fn warn(&mut self, warning: Warning) {
+        self.warnings.push(warning);
+    }
+
     /// What may be a mistake: what plugins noticed at set-up, then gaps and jumps of spacing that families bridge.
     /// Looks through all families.
     pub fn warnings(&self) -> Vec<Warning> {

@@ -7,15 +7,15 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
+use perimelt_core::placed::{Placed, PlacedError};
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, Programme, RunError, Setup, SetupError, Step, World, Write, keys,
+    Coupler, Face, InSpace, Programme, RunError, Setup, SetupError, Step, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{LayerKind, Place, place};
-use crate::InTime;
 use crate::in_time::earlier;
 
 /// Displacement of a face or of the points of a region; components left out are free.
@@ -31,21 +31,29 @@ pub struct PrescribedDisplacement {
     /// Region whose points are held; or give `face`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
-    /// Displacement along x (m): a number, or `{ time = [...], value = [...] }`, times in s.
+    /// Displacement along x (m): a number, `{ time = [...], value = [...] }` with times in s, or a formula in t (s); of a region
+    /// also a formula in x, y, z (m) and t (s), or files.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub x: Option<InTime>,
+    pub x: Option<InSpace>,
     /// Displacement along y (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub y: Option<InTime>,
+    pub y: Option<InSpace>,
     /// Displacement along z (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub z: Option<InTime>,
+    pub z: Option<InSpace>,
     /// Values in the layer behind a face; default `mirrored`.
     #[serde(default)]
     pub layer: LayerKind,
     #[serde(skip)]
     #[schemars(skip)]
-    prepared: Option<DisplacementSink>,
+    prepared: Option<DisplacementState>,
+}
+
+#[derive(Debug)]
+struct DisplacementState {
+    /// At the points of the region, or one for a face.
+    values: [Option<Placed>; 3],
+    sink: DisplacementSink,
 }
 
 /// Where the prescribed displacement goes.
@@ -60,7 +68,7 @@ enum DisplacementSink {
 }
 
 impl PrescribedDisplacement {
-    fn components(&self) -> [Option<&InTime>; 3] {
+    fn components(&self) -> [Option<&InSpace>; 3] {
         [self.x.as_ref(), self.y.as_ref(), self.z.as_ref()]
     }
 }
@@ -89,8 +97,15 @@ impl Coupler for PrescribedDisplacement {
                 "components within the dimensions",
             ));
         }
-        let prepared = match place(setup, body, self.face, self.region.as_deref())? {
+        let mut positions = vec![Vector3::zeros()];
+        let sink = match place(setup, body, self.face, self.region.as_deref())? {
             Place::Face(face) => {
+                let by_place = |c: &Option<&InSpace>| c.is_some_and(|c| c.uniform().is_none());
+                if let Some(axis) = self.components().iter().position(by_place) {
+                    let message = "the displacement of a face is the same everywhere";
+                    let expected = "a value that does not depend on the position, or `region` in place of `face`";
+                    return Err(SetupError::value(["x", "y", "z"][axis], message, expected));
+                }
                 let layer = setup.layer(body, &keys::DISPLACEMENT, face, true)?;
                 let scale = given.map(|given| if given { self.layer.rule(0.0).0 } else { 1.0 });
                 let rule = LayerRule {
@@ -100,21 +115,42 @@ impl Coupler for PrescribedDisplacement {
                 setup.announce_layer(layer, rule);
                 DisplacementSink::Layer(layer)
             }
-            Place::Points(points) => DisplacementSink::Points {
-                points,
-                constraint: setup.add(body, &keys::CONSTRAINT)?,
-                held: setup.add(body, &keys::HELD_DISPLACEMENT)?,
-            },
+            Place::Points(points) => {
+                let position = &setup.body(body).points.position;
+                positions = points.iter().map(|p| position[*p as usize]).collect();
+                DisplacementSink::Points {
+                    points,
+                    constraint: setup.add(body, &keys::CONSTRAINT)?,
+                    held: setup.add(body, &keys::HELD_DISPLACEMENT)?,
+                }
+            }
         };
-        self.prepared = Some(prepared);
+        let mut values = [None, None, None];
+        for (axis, given) in self.components().into_iter().enumerate() {
+            let name = ["x", "y", "z"][axis];
+            let place = |given| setup.placed((body, name), name, given, positions.clone());
+            values[axis] = given.map(place).transpose()?;
+        }
+        self.prepared = Some(DisplacementState { values, sink });
         Ok(())
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let values = self.components().map(|c| c.map(|c| c.at(step.end())));
-        match self.prepared.as_ref().expect("prepared before the run") {
+        let time = step.end();
+        let error = |e: PlacedError| e.during("prescribed_displacement", time);
+        let DisplacementState { values, sink } =
+            self.prepared.as_mut().expect("prepared before the run");
+        let mut at_time: [Option<&[f64]>; 3] = [None; 3];
+        for (at_time, value) in at_time.iter_mut().zip(values) {
+            *at_time = value
+                .as_mut()
+                .map(|v| v.at(time))
+                .transpose()
+                .map_err(error)?;
+        }
+        match sink {
             DisplacementSink::Layer(layer) => {
-                let rules = values.map(|v| v.map_or((1.0, 0.0), |v| self.layer.rule(v)));
+                let rules = at_time.map(|v| v.map_or((1.0, 0.0), |v| self.layer.rule(v[0])));
                 world.set_layer(*layer, rules.map(|r| r.0), rules.map(|r| r.1));
             }
             DisplacementSink::Points {
@@ -123,9 +159,9 @@ impl Coupler for PrescribedDisplacement {
                 held,
             } => {
                 let (mut constraint, mut held) = (world.write(*constraint), world.write(*held));
-                for (axis, value) in values.into_iter().enumerate() {
-                    let Some(value) = value else { continue };
-                    for &point in points {
+                for (axis, values) in at_time.into_iter().enumerate() {
+                    let Some(values) = values else { continue };
+                    for (&point, value) in points.iter().zip(values) {
                         constraint[point as usize][axis] += 1.0;
                         held[point as usize][axis] += value;
                     }
@@ -136,8 +172,8 @@ impl Coupler for PrescribedDisplacement {
     }
 
     fn next_event(&self, after: f64) -> Option<f64> {
-        let events = self.components().into_iter().flatten();
-        events.map(|c| c.next_event(after)).fold(None, earlier)
+        let values = self.prepared.iter().flat_map(|p| p.values.iter().flatten());
+        values.map(|v| v.next_event(after)).fold(None, earlier)
     }
 
     fn programme(&self, _run_end: f64) -> Option<Programme> {
@@ -164,7 +200,7 @@ mod tests {
         })
         .expect("valid");
         apply(&world, &mut boundary, 0.0);
-        let rule = world.layer_rules(layers)[0];
+        let rule = &world.layer_rules(layers)[0];
         assert_eq!(
             (rule.scale, rule.offset),
             ([1.0, -1.0, 1.0], [0.0, 1e-3, 0.0])
@@ -193,8 +229,29 @@ mod tests {
     }
 
     #[test]
+    fn the_displacement_of_a_region_may_depend_on_the_place() {
+        let mut world = World::new(vec![block([2, 1, 1], 3, STEEL)]);
+        let mut boundary: PrescribedDisplacement = read("region = 'left'\nx = '2 * x * t'");
+        prepare(&mut world, &mut boundary, |setup| {
+            setup.consume(0, &keys::CONSTRAINT).expect("free");
+            setup.consume(0, &keys::HELD_DISPLACEMENT).expect("free");
+        })
+        .expect("valid");
+        apply(&world, &mut boundary, 2.0);
+        // at x = 0.5 m and the end of the step, 3 s
+        assert_eq!(
+            values(&world, &keys::HELD_DISPLACEMENT)[..3],
+            [3.0, 0.0, 0.0]
+        );
+    }
+
+    #[test]
     fn components_must_exist_and_be_given() {
         for (table, message) in [
+            (
+                "face = 'x-'\ny = 'x'",
+                "the displacement of a face is the same everywhere",
+            ),
             ("face = 'x-'", "no component is prescribed"),
             (
                 "face = 'x-'\nz = 0",

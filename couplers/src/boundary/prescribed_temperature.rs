@@ -1,18 +1,21 @@
 //! Prescribed temperature behind a face or at points.
 //!
 //! Behind a face, at the end of the step: `theta(layer) = 2 b(t) - theta(mirror)` (Wang (2025), eq. 7.17) or
-//! `b(t)`. The points of a region have the temperature b(t); they lie half a spacing inside the face of
-//! the body.
+//! `b(t)`. Where b depends on the position it is that of the face in front of the point that is mirrored. The points of a region
+//! have the temperature b(t) at their reference positions; they lie half a spacing inside the face of the body.
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use nalgebra::Vector3;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, Programme, RunError, Setup, SetupError, Step, World, Write, keys,
+    Body, Coupler, Face, InSpace, Placed, Programme, RunError, Setup, SetupError, Step, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{LayerKind, Place, place};
-use crate::InTime;
 
 /// Temperature of a face or of the points of a region.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -27,8 +30,9 @@ pub struct PrescribedTemperature {
     /// Region whose points are held; or give `face`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
-    /// Temperature (K): a number, `{ time = [...], value = [...] }` with times in s, or a formula in t (s).
-    pub value: InTime,
+    /// Temperature (K): a number, `{ time = [...], value = [...] }` with times in s, a formula in x, y, z (m) and t (s), or files of
+    /// a measurement or another program.
+    pub value: InSpace,
     /// Values in the layer behind a face; default `mirrored`.
     #[serde(default)]
     pub layer: LayerKind,
@@ -40,12 +44,48 @@ pub struct PrescribedTemperature {
 /// Where the prescribed temperature goes.
 #[derive(Debug)]
 enum TemperatureSink {
-    Layer(LayerHandle),
+    /// The same on the whole face.
+    Layer(LayerHandle, Placed),
+    LayerByPlace(LayerHandle, OnFace),
     Points {
         points: Vec<u32>,
+        value: Placed,
         constraint: Write<f64>,
         held: Write<f64>,
     },
+}
+
+/// Values at the places of a face that lie in front of points.
+#[derive(Debug)]
+struct OnFace {
+    places: Placed,
+    /// Place of each point of the body.
+    place: Vec<u32>,
+}
+
+/// The places of a face that lie in front of the points of a body, each once, and the place of each point. Points of a lattice
+/// have as many as one of its layers.
+fn in_front(body: &Body, face: Face) -> (Vec<Vector3<f64>>, Vec<u32>) {
+    let (min, max) = body.bounds();
+    let axis = face.axis();
+    let on_face = if face.is_upper() {
+        max[axis]
+    } else {
+        min[axis]
+    };
+    let grain = 1e-6 * body.finest_spacing();
+    let (mut places, mut known) = (Vec::new(), BTreeMap::new());
+    let place = body.points.position.iter().map(|position| {
+        let mut at = *position;
+        at[axis] = on_face;
+        let key: [i64; 3] = std::array::from_fn(|a| (at[a] / grain).round() as i64);
+        *known.entry(key).or_insert_with(|| {
+            places.push(at);
+            places.len() as u32 - 1
+        })
+    });
+    let place = place.collect();
+    (places, place)
 }
 
 #[typetag::serialize(name = "prescribed_temperature")]
@@ -54,11 +94,25 @@ impl Coupler for PrescribedTemperature {
         let body = setup.find_body(self.body.as_deref())?;
         // `thermal` holds points with material only
         setup.follow_activity(body);
+        let field = (body, "temperature");
         let prepared = match place(setup, body, self.face, self.region.as_deref())? {
+            Place::Face(face) if self.value.uniform().is_some() => {
+                let centre = vec![Vector3::zeros()];
+                let value = setup.placed(field, "value", &self.value, centre)?;
+                TemperatureSink::Layer(setup.layer(body, &keys::TEMPERATURE, face, true)?, value)
+            }
             Place::Face(face) => {
-                TemperatureSink::Layer(setup.layer(body, &keys::TEMPERATURE, face, true)?)
+                let (places, place) = in_front(setup.body(body), face);
+                let places = setup.placed(field, "value", &self.value, places)?;
+                let layer = setup.layer(body, &keys::TEMPERATURE, face, true)?;
+                TemperatureSink::LayerByPlace(layer, OnFace { places, place })
             }
             Place::Points(points) => TemperatureSink::Points {
+                value: {
+                    let position = &setup.body(body).points.position;
+                    let positions = points.iter().map(|p| position[*p as usize]).collect();
+                    setup.placed(field, "value", &self.value, positions)?
+                },
                 points,
                 constraint: setup.add(body, &keys::TEMPERATURE_CONSTRAINT)?,
                 held: setup.add(body, &keys::HELD_TEMPERATURE)?,
@@ -69,19 +123,30 @@ impl Coupler for PrescribedTemperature {
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let value = self.value.at(step.end());
-        match self.prepared.as_ref().expect("prepared before the run") {
-            TemperatureSink::Layer(layer) => {
+        let time = step.end();
+        let error =
+            |e: perimelt_core::placed::PlacedError| e.during("prescribed_temperature", time);
+        match self.prepared.as_mut().expect("prepared before the run") {
+            TemperatureSink::Layer(layer, value) => {
+                let value = value.at(time).map_err(error)?[0];
                 let (scale, offset) = self.layer.rule(value);
                 world.set_layer(*layer, [scale; 3], [offset; 3]);
             }
+            TemperatureSink::LayerByPlace(layer, OnFace { places, place }) => {
+                let values = places.at(time).map_err(error)?;
+                let values: Arc<[f64]> = place.iter().map(|p| values[*p as usize]).collect();
+                let (scale, _) = self.layer.rule(0.0);
+                world.set_layer_values(*layer, scale, values);
+            }
             TemperatureSink::Points {
                 points,
+                value,
                 constraint,
                 held,
             } => {
+                let values = value.at(time).map_err(error)?;
                 let (mut constraint, mut held) = (world.write(*constraint), world.write(*held));
-                for &point in points {
+                for (&point, value) in points.iter().zip(values) {
                     constraint[point as usize] += 1.0;
                     held[point as usize] += value;
                 }
@@ -91,7 +156,10 @@ impl Coupler for PrescribedTemperature {
     }
 
     fn next_event(&self, after: f64) -> Option<f64> {
-        self.value.next_event(after)
+        let (TemperatureSink::Layer(_, value)
+        | TemperatureSink::LayerByPlace(_, OnFace { places: value, .. })
+        | TemperatureSink::Points { value, .. }) = self.prepared.as_ref()?;
+        value.next_event(after)
     }
 
     fn programme(&self, _run_end: f64) -> Option<Programme> {
@@ -144,6 +212,53 @@ mod tests {
             [1.0, 0.0, 0.0]
         );
         assert_eq!(values(&world, &keys::HELD_TEMPERATURE), [400.0, 0.0, 0.0]);
+    }
+
+    /// The value on the face is that at the place in front of the point, not at the point.
+    #[test]
+    fn a_value_may_depend_on_the_place() {
+        for (layer, factor) in [("mirrored", -1.0), ("constant", 0.0)] {
+            let mut world = World::new(vec![block([3, 2, 1], 2, STEEL)]);
+            let table = format!("face = 'x+'\nlayer = '{layer}'\nvalue = '100 * x + 10 * y + t'");
+            let mut boundary: PrescribedTemperature = read(&table);
+            let (layers, ..) = prepare(&mut world, &mut boundary, |setup| {
+                setup.own(0, &keys::TEMPERATURE).expect("free");
+                setup.layers(0, &keys::TEMPERATURE)
+            })
+            .expect("valid");
+            apply(&world, &mut boundary, 1.0);
+            let rule = &world.layer_rules(layers)[0];
+            assert_eq!(rule.scale[0], factor, "{layer}");
+            // at x = 3, y = 0.5 and 1.5 and the end of the step, 2 s
+            let values = rule.values.as_ref().expect("by place");
+            assert_eq!(
+                values[..],
+                [307.0, 307.0, 307.0, 317.0, 317.0, 317.0],
+                "{layer}"
+            );
+        }
+        let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
+        let mut boundary: PrescribedTemperature = read("region = 'left'\nvalue = '100 * x + 300'");
+        prepare(&mut world, &mut boundary, |setup| {
+            setup
+                .consume(0, &keys::TEMPERATURE_CONSTRAINT)
+                .expect("free");
+            setup.consume(0, &keys::HELD_TEMPERATURE).expect("free");
+        })
+        .expect("valid");
+        apply(&world, &mut boundary, 0.0);
+        assert_eq!(values(&world, &keys::HELD_TEMPERATURE), [350.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn a_value_that_is_not_finite_is_refused() {
+        let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
+        let mut boundary: PrescribedTemperature = read("face = 'x-'\nvalue = '300 + sqrt(x - 1)'");
+        let message = refusal(&mut world, &mut boundary);
+        assert!(
+            message.contains("value: `300 + sqrt(x - 1)` is NaN at [0, 0.5, 0.5] m"),
+            "{message}"
+        );
     }
 
     #[test]

@@ -68,7 +68,7 @@ mod tests {
         .expect("a case without temperature is fine");
         assert_eq!((faces, prescribed), (vec![Face::YMin], vec![]));
         apply(&world, &mut boundary, 0.0);
-        let rule = world.layer_rules(layers)[0];
+        let rule = &world.layer_rules(layers)[0];
         assert_eq!((rule.scale, rule.offset), ([1.0, -1.0, 1.0], [0.0; 3]));
     }
 }

@@ -12,15 +12,16 @@ use nalgebra::Vector3;
 use perimelt_core::activity::is_active;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::family::LayerRule;
+use perimelt_core::placed::PlacedError;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, InSpace, Programme, Report, RunError, Setup, SetupError, Step, World, Write,
-    keys,
+    Coupler, Face, InSpace, Placed, Programme, Report, RunError, Setup, SetupError, Step, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::InTime;
+use crate::in_time::earlier;
 use crate::surface::select;
 
 /// Force on the surface: give `traction` or `pressure`.
@@ -88,15 +89,32 @@ enum TractionSink {
 #[derive(Clone, Debug)]
 enum Load {
     Traction(Vector3<f64>),
-    Pressure(InSpace),
+    /// On each cell of the surface, at the centre of its face.
+    Pressure(Placed),
 }
 
 impl Load {
-    /// Force per area (Pa) on a face at a reference position (m) and time (s).
-    fn on(&self, face: Face, position: [f64; 3], time: f64) -> Vector3<f64> {
+    /// Forces per area on the cells at a time (s).
+    fn at(&mut self, time: f64) -> Result<CellLoads<'_>, PlacedError> {
+        Ok(match self {
+            Load::Traction(traction) => CellLoads::Traction(*traction),
+            Load::Pressure(pressure) => CellLoads::Pressure(pressure.at(time)?),
+        })
+    }
+}
+
+/// Forces per area (Pa) on the cells of the surface.
+#[derive(Clone, Copy, Debug)]
+enum CellLoads<'a> {
+    Traction(Vector3<f64>),
+    Pressure(&'a [f64]),
+}
+
+impl CellLoads<'_> {
+    fn on(&self, cell: usize, face: Face) -> Vector3<f64> {
         match self {
-            Load::Traction(traction) => *traction,
-            Load::Pressure(pressure) => -pressure.at(position, time) * face.normal(),
+            CellLoads::Traction(traction) => *traction,
+            CellLoads::Pressure(pressures) => -pressures[cell] * face.normal(),
         }
     }
 }
@@ -110,7 +128,11 @@ impl Traction {
             let message = "a traction layer needs a body with one spacing";
             return Err(SetupError::value("by", message, "\"body_force\""));
         }
-        if matches!(self.pressure, Some(InSpace::Formula(_))) {
+        if self
+            .pressure
+            .as_ref()
+            .is_some_and(|p| p.uniform().is_none())
+        {
             let message = "`by = \"layer\"` loads whole faces uniformly";
             let expected = "a number, or `by = \"body_force\"`";
             return Err(SetupError::value("pressure", message, expected));
@@ -148,9 +170,18 @@ impl Coupler for Traction {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         setup.follow_activity(body);
+        let cells = select(setup, body, &self.faces, self.region.as_deref())?;
         let load = match (self.traction, &self.pressure) {
             (Some(traction), None) => Load::Traction(traction.into()),
-            (None, Some(pressure)) => Load::Pressure(pressure.clone()),
+            (None, Some(pressure)) => {
+                let points = &setup.body(body).points;
+                let centre = |cell: &SurfaceCell| {
+                    let point = cell.point as usize;
+                    points.position[point] + 0.5 * points.spacing[point] * cell.face.normal()
+                };
+                let centres = cells.iter().map(centre).collect();
+                Load::Pressure(setup.placed((body, "pressure"), "pressure", pressure, centres)?)
+            }
             _ => {
                 let message = "`traction` and `pressure` are both given or both missing";
                 let expected = "either `traction` or `pressure`";
@@ -159,7 +190,7 @@ impl Coupler for Traction {
         };
         self.prepared = Some(TractionState {
             body,
-            cells: select(setup, body, &self.faces, self.region.as_deref())?,
+            cells,
             load,
             sink: self.sink(setup, body)?,
             force: Vector3::zeros(),
@@ -171,28 +202,31 @@ impl Coupler for Traction {
         let p = self.prepared.as_mut().expect("prepared before the run");
         let factor = self.factor.at(step.end());
         let points = &world.body(p.body).points;
-        let on_cell = |cell: &SurfaceCell| {
-            let point = cell.point as usize;
-            let centre = points.position[point] + 0.5 * points.spacing[point] * cell.face.normal();
-            p.load.on(cell.face, centre.into(), step.end()) * (factor * cell.face_area)
+        let loads = p.load.at(step.end());
+        let loads = loads.map_err(|e| e.during("traction", step.end()))?;
+        let on_cell = |(index, cell): (usize, &SurfaceCell)| {
+            loads.on(index, cell.face) * (factor * cell.face_area)
         };
         let activity = world.activity(p.body);
-        let is_there = |cell: &&SurfaceCell| {
+        let is_there = |(_, cell): &(usize, &SurfaceCell)| {
             let activity = activity.as_ref();
             activity.is_none_or(|a| is_active(a[cell.point as usize]))
         };
-        p.force = p.cells.iter().filter(is_there).map(on_cell).sum();
+        let cells = || p.cells.iter().enumerate().filter(is_there);
+        p.force = cells().map(on_cell).sum();
         match &p.sink {
             TractionSink::Points(body_force) => {
                 let mut body_force = world.write(*body_force);
-                for cell in p.cells.iter().filter(is_there) {
+                for (index, cell) in cells() {
                     let point = cell.point as usize;
-                    body_force[point] += on_cell(cell) / points.volume[point];
+                    body_force[point] += on_cell((index, cell)) / points.volume[point];
                 }
             }
             TractionSink::Layers(layers) => {
                 for (face, layer) in layers {
-                    let stress = factor * p.load.on(*face, [0.0; 3], step.end());
+                    let on_face = p.cells.iter().position(|cell| cell.face == *face);
+                    let load = on_face.map_or_else(Vector3::zeros, |cell| loads.on(cell, *face));
+                    let stress = factor * load;
                     world.set_traction_layer(*layer, stress.into());
                 }
             }
@@ -201,7 +235,11 @@ impl Coupler for Traction {
     }
 
     fn next_event(&self, after: f64) -> Option<f64> {
-        self.factor.next_event(after)
+        let pressure = self.prepared.as_ref().and_then(|p| match &p.load {
+            Load::Traction(_) => None,
+            Load::Pressure(pressure) => pressure.next_event(after),
+        });
+        earlier(self.factor.next_event(after), pressure)
     }
 
     fn programme(&self, _run_end: f64) -> Option<Programme> {

@@ -114,7 +114,7 @@ mod tests {
         })
         .expect("valid");
         apply(&world, &mut wall, 0.0);
-        world.layer_rules(layers)[0]
+        world.layer_rules(layers)[0].clone()
     }
 
     #[test]

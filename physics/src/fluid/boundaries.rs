@@ -16,14 +16,15 @@ pub(super) fn check_closed(
         let expected = "`form = \"conservative\"`, or a body that fills its box";
         return Err(SetupError::value("form", message, expected));
     }
-    check_faces(setup, body, walls)
+    check_faces(setup, body, walls, "`form = \"conservative\"`")
 }
 
-/// Refuses a body with a face that is neither a wall nor periodic.
+/// Refuses a body with a face that is neither a wall nor periodic; `otherwise` is a setting that needs none.
 pub(super) fn check_faces(
     setup: &Setup<'_>,
     body: BodyIndex,
     walls: &[Face],
+    otherwise: &str,
 ) -> Result<(), SetupError> {
     let this = setup.body(body);
     let is_open =
@@ -32,8 +33,9 @@ pub(super) fn check_faces(
         None => Ok(()),
         Some(face) => {
             let message = format!("face `{}` of the body has no boundary", face.name());
-            let expected = "a `wall` or `symmetry` there, a body that is `periodic` along that axis, or \
-                            `form = \"conservative\"`";
+            let expected = format!(
+                "a `wall` or `symmetry` there, a body that is `periodic` along that axis, or {otherwise}"
+            );
             Err(SetupError::value("body", message, expected))
         }
     }

@@ -31,7 +31,7 @@
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::family::Places;
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{BondKernel, Family, Setup, SetupError, SlotField, World};
+use perimelt_core::{Body, BondKernel, Family, Setup, SetupError, SlotField, World};
 
 use super::point_motion::LEAST_DISTORTION;
 use super::treatments::CompleteFamily;
@@ -166,13 +166,35 @@ impl Walls {
                 && asymmetry[point].norm() > 1e-6 * complete.content * spacing;
             let found = (content[point] + at_walls[point]) / complete.content;
             if is_alone || found < LEAST_CONTENT {
-                let message = format!(
-                    "beside the point at {:?} m there is neither fluid nor a wall: {:.0} % of its family is missing",
-                    x.as_slice(),
-                    100.0 * (1.0 - found)
-                );
-                let expected = "an Eulerian fluid without free surface and without a gap at bodies that are walls, each \
-                                at least as thick as the horizon of the fluid or two rows of its points";
+                let at = perimelt_core::text::position(*x);
+                let walls: Vec<&Body> = self
+                    .bodies
+                    .iter()
+                    .map(|wall| setup.body(wall.wall.other))
+                    .collect();
+                let other = walls
+                    .iter()
+                    .find(|wall| (wall.finest_spacing() - spacing).abs() > 1e-6 * spacing);
+                let message = match other {
+                    Some(wall) if at_walls[point] > 0.0 || found >= LEAST_CONTENT => format!(
+                        "the points of the wall `{}`, {} m apart, do not continue those of the fluid, {spacing} m apart, beside the point at \
+                         {at} m: its family holds {:.0} % of a complete one, and is not symmetric",
+                        wall.name,
+                        wall.finest_spacing(),
+                        100.0 * found
+                    ),
+                    _ => format!(
+                        "beside the point at {at} m there is neither fluid nor a wall: its family holds {:.0} % of a complete one{}",
+                        100.0 * found,
+                        if at_walls[point] == 0.0 {
+                            ", and no point of a wall"
+                        } else {
+                            ""
+                        }
+                    ),
+                };
+                let expected = "an Eulerian fluid without free surface and without a gap at bodies that are walls, whose points lie on \
+                                the lattice of the fluid and that are at least as thick as its horizon or two rows of its points";
                 return Err(SetupError::value("description", message, expected));
             }
         }

@@ -55,7 +55,9 @@ impl Run {
             check_closed(setup, body, &walls)?;
         }
         if fluid.surface == Surface::Closed {
-            check_faces(setup, body, &walls)?;
+            let otherwise =
+                "another `surface` than \"closed\": a fluid beyond a face is no boundary";
+            check_faces(setup, body, &walls, otherwise)?;
         }
         let medium = prepare_medium(fluid, setup, body)?;
         let temperature = match medium.viscosity.depends_on_temperature() {

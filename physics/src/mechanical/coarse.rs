@@ -74,7 +74,7 @@ impl<'a> Springs<'a> {
                 Some(_) => BENT,
                 None => rule.scale,
             },
-            ..*rule
+            ..rule.clone()
         });
         let rules: Vec<LayerRule> = rules.collect();
         let point_in = family.points_of_slots();

@@ -30,7 +30,7 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, Setup
     let (family, layers) = family(keys, setup, body)?;
     let mut rules = setup.announced_layers(layers).into_iter();
     let bent = rules.find(|rule| rule.traction.is_some());
-    if let (MechanicalSolver::Explicit { .. }, Some(rule)) = (&keys.solver, bent) {
+    if let (MechanicalSolver::Explicit { .. }, Some(rule)) = (&keys.solver, &bent) {
         let message = format!(
             "the traction on face `{}` acts by a layer, whose forces have no energy: a body in motion would gain energy \
              without bound",

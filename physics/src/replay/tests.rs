@@ -81,11 +81,13 @@ fn log(states: &[(f64, f64)], offset: f64) -> (TempDir, PathBuf) {
 
 fn replay(path: &Path, fields: &[&str]) -> Replay {
     Replay {
-        log: path.into(),
+        log: Some(path.into()),
         body: None,
         logged_body: Some("old".into()),
         fields: fields.iter().map(|f| (*f).into()).collect(),
+        values: BTreeMap::new(),
         run: None,
+        placed: Vec::new(),
     }
 }
 
@@ -151,6 +153,95 @@ fn all_kinds_of_fields_are_linear_between_two_states() {
                 }
             }
         }
+    }
+}
+
+fn of_keys(keys: &str) -> Replay {
+    toml::from_str(keys).expect(keys)
+}
+
+/// Six points at x = 0.5, 1.5, 2.5 m and y = 0.5, 1.5 m.
+#[test]
+fn fields_come_from_files_by_time_or_formulas() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, base: f64| {
+        // on a coarser grid of other points
+        let corners = [(0.0, 0.0), (3.0, 0.0), (0.0, 2.0), (3.0, 2.0)];
+        let line = |(x, y): (f64, f64)| format!("{x},{y},{}\n", base + 10.0 * x - 5.0 * y);
+        let text: String = corners.map(line).concat();
+        std::fs::write(folder.path().join(name), format!("x,y,T\n{text}")).expect("written");
+    };
+    write("a.csv", 300.0);
+    write("b.csv", 500.0);
+    for (keys, times) in [
+        (
+            "values.temperature = { time = [0.5, 1.0], file = ['a.csv', 'b.csv'] }",
+            vec![Some(0.5), Some(1.0), None],
+        ),
+        (
+            "values.temperature = '300 + 10 * x - 5 * y + 400 * (max(min(t, 1), 0.5) - 0.5)'",
+            vec![None],
+        ),
+    ] {
+        let mut world = World::new(vec![body()]);
+        let mut replay = of_keys(keys);
+        let mut setup = Setup::new(&mut world, folder.path());
+        setup.next_physics("replay");
+        replay.prepare(&mut setup).expect("valid");
+        setup.finish().expect("complete");
+        let mut after = 0.0;
+        for time in times {
+            assert_eq!(replay.next_event(after), time);
+            after = time.unwrap_or(after);
+        }
+        for (time, base) in [
+            (0.1, 300.0),
+            (0.5, 300.0),
+            (0.75, 400.0),
+            (1.0, 500.0),
+            (3.0, 500.0),
+            (0.2, 300.0),
+        ] {
+            replay
+                .advance(&world, Step::new(time - 0.1, 0.1))
+                .expect("reads");
+            let fields = world.fields();
+            let field = fields.field(fields.find(0, "temperature").expect("owned"));
+            let data = field.data();
+            for (value, at) in data.flat().iter().zip(&world.body(0).points.position) {
+                let expected = base + 10.0 * at.x - 5.0 * at.y;
+                assert!(
+                    (value - expected).abs() < 1e-9,
+                    "{keys} at {time} s: {value} {expected}"
+                );
+            }
+        }
+    }
+    for (keys, message) in [
+        ("values.temprature = 1", "did you mean `temperature`?"),
+        (
+            "values.temperature = { file = 'no.csv' }",
+            "no.csv: the file cannot be read",
+        ),
+        (
+            "values.temperature = { time = [0, 1], file = ['a.csv', 'no.csv'] }",
+            "no.csv: the file cannot be read",
+        ),
+        (
+            "values.temperature = 1\nlog = 'a.mcap'",
+            "either `log` with `fields`, or `values`",
+        ),
+        ("log = 'a.mcap'", "no field is read from the log"),
+        ("", "either `log` with `fields`, or `values`"),
+    ] {
+        let mut world = World::new(vec![body()]);
+        let mut setup = Setup::new(&mut world, folder.path());
+        setup.next_physics("replay");
+        let error = of_keys(keys)
+            .prepare(&mut setup)
+            .expect_err(keys)
+            .to_string();
+        assert!(error.contains(message), "{error}");
     }
 }
 

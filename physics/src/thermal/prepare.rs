@@ -387,7 +387,20 @@ impl Thermal {
     ) -> Result<CarriedHeat, SetupError> {
         let pddo = match pddo {
             Some(pddo) => pddo,
-            None => self.second_derivatives(setup, place)?,
+            None => {
+                let this = setup.body(place.body);
+                if !this.fills_box() {
+                    let message = format!(
+                        "heat that a flow carries is computed for flows that fill their box, but body `{}` has a hole, as of a body in the \
+                         stream; heat between an Eulerian flow and such a body is not supported",
+                        this.name
+                    );
+                    let expected =
+                        "a body of the fluid that fills its box, or no `thermal` of the fluid";
+                    return Err(SetupError::value("body", message, expected));
+                }
+                self.second_derivatives(setup, place)?
+            }
         };
         let fields = FlowFields {
             velocity: setup.read(place.body, &keys::VELOCITY)?,

@@ -177,10 +177,8 @@ fn turned(family: &Family, rules: &[LayerRule]) -> Vec<LayerRule> {
         let of_temperature = rules.iter().find(|r| r.face == *face);
         let scale = of_temperature.map_or(1.0, |r| r.scale[0]);
         LayerRule {
-            traction: None,
-            face: *face,
             scale: std::array::from_fn(|a| if a == face.axis() { -scale } else { scale }),
-            offset: [0.0; 3],
+            ..LayerRule::even(*face)
         }
     };
     faces.map(rule).collect()

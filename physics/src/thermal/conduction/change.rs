@@ -28,7 +28,8 @@ impl Conduction {
         change.collect_into_vec(&mut potential);
         let homogeneous = |rule: &LayerRule| LayerRule {
             offset: [0.0; 3],
-            ..*rule
+            values: None,
+            ..rule.clone()
         };
         let rules: Vec<LayerRule> = matter.rules.iter().map(homogeneous).collect();
         let slots = &mut self.potential_slots;

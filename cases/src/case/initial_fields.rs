@@ -1,0 +1,190 @@
+//! Sets initial fields: those of `initial`, and columns of a table of points that have the name of a field.
+
+use perimelt_core::body::POINT_COLUMNS;
+use perimelt_core::samples::{FieldFile, NumberTable};
+use perimelt_core::{InSpace, Problem, Simulation, Warning};
+
+use super::bodies::suggest;
+use super::initial::Initial;
+use super::reword::split_help;
+use super::sections::BodySection;
+use super::{Case, Mistake, Result};
+
+/// A body whose fields are set.
+#[derive(Clone, Copy)]
+struct Target<'a> {
+    index: usize,
+    name: &'a str,
+    section: &'a BodySection,
+}
+
+impl Case {
+    /// Sets the initial fields of all bodies.
+    pub(super) fn set_initial(&self, simulation: &mut Simulation) -> Result<()> {
+        for (index, (name, section)) in self.bodies.iter().enumerate() {
+            let target = Target {
+                index,
+                name,
+                section,
+            };
+            for column in self.other_columns(section) {
+                let is_field = names_of(simulation, index).contains(&column);
+                if is_field && !section.initial.contains_key(&column) {
+                    let file = section.points.clone().expect("it has the column");
+                    let values = FieldFile {
+                        file,
+                        column: Some(column.clone()),
+                    };
+                    self.set_from_file(simulation, target, &column, &values)
+                        .map_err(|e| self.body_error(&[name, "points"], e.to_string(), ""))?;
+                }
+            }
+            for (field, initial) in &section.initial {
+                self.set_field(simulation, target, field, initial)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn set_field(
+        &self,
+        simulation: &mut Simulation,
+        target: Target<'_>,
+        field: &str,
+        initial: &Initial,
+    ) -> Result<()> {
+        let Target {
+            index,
+            name,
+            section,
+        } = target;
+        let known = names_of(simulation, index);
+        if !known.iter().any(|k| k == field) {
+            let message =
+                format!("body `{name}` has no field `{field}` that can have an initial value");
+            let error = self.body_key_error(
+                &[name, "initial", field],
+                message,
+                "no physics or coupler provides it",
+            );
+            return Err(suggest(
+                error,
+                field,
+                &known.iter().map(String::as_str).collect::<Vec<_>>(),
+            ));
+        }
+        let place = |e: Problem, path: &[&str]| -> Box<Mistake> {
+            let message = e.to_string();
+            split_help(self.body_error(path, message.as_str(), ""), &message)
+        };
+        let path = [name, "initial", field];
+        if let Initial::File(file) = initial {
+            return self
+                .set_from_file(simulation, target, field, file)
+                .map_err(|e| self.body_error(&path, e.to_string(), ""));
+        }
+        let points = &simulation.world().body(index).points;
+        let count = points.len();
+        let positions = initial.varies().then(|| points.position.clone());
+        match &positions {
+            None => simulation
+                .set_initial(index, field, 0..count, &initial.at([0.0; 3]))
+                .map_err(|e| place(e, &path))?,
+            Some(positions) => {
+                for (point, position) in positions.iter().enumerate() {
+                    let value = initial.at((*position).into());
+                    if let Some(wrong) = value.iter().find(|v| !v.is_finite()) {
+                        let at = perimelt_core::text::position(*position);
+                        let message = format!("the initial `{field}` is {wrong} at {at} m");
+                        return Err(self.body_error(
+                            &path,
+                            message,
+                            "expected a finite number at every point",
+                        ));
+                    }
+                    simulation
+                        .set_initial(index, field, point..point + 1, &value)
+                        .map_err(|e| place(e, &path))?;
+                }
+            }
+        }
+        for (region, value) in initial.regions() {
+            let path = [name, "initial", field, "regions", region];
+            let Some(points) = simulation.world().body(index).regions.get(region).cloned() else {
+                return Err(self.unknown_region(&path, region, section));
+            };
+            let points = points.points.iter().map(|&p| p as usize);
+            simulation
+                .set_initial(index, field, points, value.as_slice())
+                .map_err(|e| place(e, &path))?;
+        }
+        Ok(())
+    }
+
+    /// Sets a scalar field from a file.
+    fn set_from_file(
+        &self,
+        simulation: &mut Simulation,
+        target: Target<'_>,
+        field: &str,
+        file: &FieldFile,
+    ) -> std::result::Result<(), Box<dyn std::error::Error>> {
+        let body = simulation.world().body(target.index);
+        let (positions, dimension) = (body.points.position.clone(), body.dimension);
+        let value = InSpace::File(file.clone());
+        let mut placed = value.at((field, &self.folder), positions, dimension)?;
+        let values = placed.at(0.0)?.to_vec();
+        for (point, value) in values.iter().enumerate() {
+            simulation.set_initial(target.index, field, point..point + 1, &[*value])?;
+        }
+        if let Some(message) = placed.warning() {
+            simulation.warn(Warning {
+                plugin: format!("`initial.{field}` of body `{}`", target.name),
+                message,
+            });
+        }
+        Ok(())
+    }
+
+    /// Columns of the table of points of a body that do not describe the points.
+    fn other_columns(&self, section: &BodySection) -> Vec<String> {
+        let text = section
+            .points
+            .as_ref()
+            .map(|path| std::fs::read_to_string(self.folder.join(path)));
+        let text = text.and_then(std::result::Result::ok).unwrap_or_default();
+        let table = NumberTable::new(&text);
+        let is_other = |name: &&String| !name.is_empty() && !POINT_COLUMNS.contains(&name.as_str());
+        table.names().iter().filter(is_other).cloned().collect()
+    }
+
+    /// Sentences about columns of tables of points that nothing reads.
+    pub(super) fn unused_columns(&self, simulation: &Simulation) -> Vec<String> {
+        let mut found = Vec::new();
+        for (index, (name, section)) in self.bodies.iter().enumerate() {
+            for column in self.other_columns(section) {
+                let reason = if section.initial.contains_key(&column) {
+                    format!("`initial.{column}` is given, too")
+                } else if names_of(simulation, index).contains(&column) {
+                    continue;
+                } else {
+                    let fields = names_of(simulation, index).join("`, `");
+                    format!(
+                        "the columns are `{}` and initial fields of the body: `{fields}`",
+                        POINT_COLUMNS.join("`, `")
+                    )
+                };
+                found.push(format!(
+                    "the column `{column}` of the points of body `{name}` is not used: {reason}"
+                ));
+            }
+        }
+        found
+    }
+}
+
+/// Names of the fields of a body that can have an initial value.
+fn names_of(simulation: &Simulation, body: usize) -> Vec<String> {
+    let fields = simulation.lasting().filter(|f| f.body == body);
+    fields.map(|f| f.name.clone()).collect()
+}
