@@ -26,7 +26,7 @@ mod whole_schema;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use perimelt_core::material::MaterialSection;
 use schemars::JsonSchema;
@@ -38,7 +38,7 @@ pub use error::{CaseError, CaseFile, Mistake};
 pub(crate) use plugins::plugin_names;
 pub use whole_schema::{NAME as PLUGIN_NAME, whole_schema};
 
-use locate::TomlTable;
+use locate::{Places, TomlTable};
 use reader::Reader;
 use sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
 
@@ -61,6 +61,8 @@ pub struct Case {
     pub probes: Vec<ProbeSection>,
     /// `[log]`.
     pub log: LogSection,
+    /// Where its keys are, once a mistake was found.
+    places: OnceLock<Places>,
 }
 
 /// The sections of a case file, in the order in which they are written.
@@ -141,6 +143,7 @@ impl Case {
             bodies,
             materials: materials.into_iter().collect(),
             probes,
+            places: OnceLock::new(),
         })
     }
 
@@ -172,7 +175,12 @@ impl Case {
 
     /// Place of the value at `path`, or of the deepest part that is there.
     fn place(&self, path: &[&str]) -> Option<Range<usize>> {
-        locate::find(&self.table(), path).map(|place| place.value)
+        self.places().find(path).map(|place| place.value)
+    }
+
+    /// Places of all keys: a thousand mistakes do not parse the text a thousand times.
+    fn places(&self) -> &Places {
+        self.places.get_or_init(|| Places::of(&self.table()))
     }
 
     /// The parsed text: parsed anew, because it borrows from the text.

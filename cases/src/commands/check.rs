@@ -25,7 +25,7 @@ pub fn run(args: &CheckArgs) -> Done {
     let case = Case::read(&args.case)?;
     let mut simulation = case.compose()?;
     case.start(&mut simulation).map_err(Failure::from)?;
-    let mut out = std::io::stdout().lock();
+    let mut out = crate::terminal::output();
     if !case.case.title.is_empty() {
         writeln!(out, "{}\n", case.case.title)?;
     }

@@ -4,7 +4,7 @@
 //! backends of `plotters` only take whole pixels and smooth few edges, so marks are drawn `SCALE`
 //! times as large; PNG is averaged down, SVG scaled by its header.
 
-use std::{fs, io::BufWriter, path::Path};
+use std::{io::Write, path::Path};
 
 use plotters::prelude::{
     BitMapBackend, DrawingArea, DrawingBackend, FontStyle, FontTransform, IntoDrawingArea,
@@ -15,6 +15,8 @@ use plotters::style::{Color, TextStyle, register_font};
 use plotters::{coord::Shift, drawing::DrawingAreaErrorKind};
 
 use super::{PictureFormat, PlotError, colour::Colour};
+use crate::output::write_whole;
+use crate::terminal::clean;
 
 const SCALE: u32 = 3;
 const FONT: &str = "sans-serif";
@@ -180,7 +182,9 @@ impl Picture {
                 drop(area);
                 let large = format!(r#"width="{}" height="{}""#, size.0, size.1);
                 let real = format!(r#"width="{}" height="{}""#, self.width, self.height);
-                fs::write(path, text.replacen(&large, &real, 1)).map_err(|source| PlotError::Io {
+                let text = clean(&text.replacen(&large, &real, 1));
+                let written = write_whole(path, |file| file.write_all(text.as_bytes()));
+                written.map_err(|source| PlotError::Io {
                     action: "write",
                     path: path.into(),
                     source,
@@ -208,19 +212,15 @@ impl Picture {
     }
 
     fn write_png(&self, path: &Path, pixels: &[u8]) -> Result<(), PlotError> {
-        let file = fs::File::create(path).map_err(|source| PlotError::Io {
-            action: "create",
-            path: path.into(),
-            source,
-        })?;
-        let mut encoder = png::Encoder::new(BufWriter::new(file), self.width, self.height);
-        encoder.set_color(png::ColorType::Rgb);
-        let write = || -> Result<(), png::EncodingError> {
+        let written = write_whole(path, |file| {
+            let mut encoder = png::Encoder::new(file, self.width, self.height);
+            encoder.set_color(png::ColorType::Rgb);
             let mut writer = encoder.write_header()?;
             writer.write_image_data(pixels)?;
-            writer.finish()
-        };
-        write().map_err(|source| PlotError::Png {
+            Ok(writer.finish()?)
+        });
+        written.map_err(|source| PlotError::Io {
+            action: "write",
             path: path.into(),
             source,
         })

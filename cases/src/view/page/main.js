@@ -107,10 +107,10 @@ function header() {
   const badge = $("badge");
   const live = !run.finished && run.seconds_since_change !== null && run.seconds_since_change < RECENT;
   badge.className = run.ending || run.damaged ? "badge bad" : live ? "badge live" : "badge";
-  badge.textContent = run.ending ? "damaged" : live ? "under way" : run.finished ? "complete" : "unfinished";
+  badge.textContent = run.ending ? "damaged" : live ? "under way" : !run.finished ? "unfinished" : run.stopped ? "stopped early" : "complete";
   badge.title =
     run.ending ??
-    (run.damaged ? `${run.damaged} damaged parts of the log are left out` : run.finished ? "the run has closed its log" : "");
+    (run.damaged ? `${run.damaged} damaged parts of the log are left out` : !run.finished ? "" : run.stopped ? "the run stopped before its end" : "the run has closed its log");
 }
 
 function timeline() {
