@@ -500,6 +500,18 @@ pub fn load_points<T: serde::de::DeserializeOwned>(
     Err(serde::de::Error::custom(message))
 }
 
+/// Whether a list from a checkpoint has the length that the case gives it.
+///
+/// # Errors
+/// It has another length.
+pub fn check_length(what: &str, found: usize, expected: usize) -> Result<(), erased_serde::Error> {
+    if found == expected {
+        return Ok(());
+    }
+    let message = format!("{what}: {found} values, expected {expected}");
+    Err(serde::de::Error::custom(message))
+}
+
 /// Builds a plugin of one kind from its table in a case file, keeping exact error positions.
 pub type FromToml<P> = fn(toml::de::ValueDeserializer<'_>) -> Result<Box<P>, toml::de::Error>;
 

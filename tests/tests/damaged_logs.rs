@@ -4,57 +4,16 @@
 //! `PERIMELT_DAMAGES=500 cargo test --release -p perimelt-tests --test damaged_logs` makes 500 truncations and 500 bit flips.
 #![cfg(unix)]
 
+mod limited;
 mod program;
 
-use std::io::Read;
 use std::path::Path;
-use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
+use limited::{Ended, run};
 use perimelt_core::log::Log;
 use program::command;
 
 const WELD: &str = include_str!("cases/weld.toml");
-const SLOWEST: Duration = Duration::from_secs(60);
-/// Address space of a command, KiB.
-const MEMORY: u32 = 1 << 20;
-
-struct Ended {
-    status: Option<i32>,
-    errors: String,
-}
-
-/// Runs a command with limited memory, until it ends or takes too long.
-fn run(folder: &Path, arguments: &[&str]) -> Ended {
-    let program = env!("CARGO_BIN_EXE_perimelt-tests");
-    let limited = format!("ulimit -v {MEMORY}; exec \"$0\" \"$@\"");
-    let mut child = Command::new("sh")
-        .current_dir(folder)
-        .args(["-c", &limited, program])
-        .args(arguments)
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("it starts");
-    let started = Instant::now();
-    let status = loop {
-        if let Some(status) = child.try_wait().expect("it can be waited for") {
-            break status;
-        }
-        if started.elapsed() > SLOWEST {
-            child.kill().expect("it can be killed");
-            panic!("{arguments:?} does not end");
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    };
-    let mut errors = String::new();
-    let pipe = child.stderr.as_mut().expect("it is piped");
-    pipe.read_to_string(&mut errors).expect("it is text");
-    Ended {
-        status: status.code(),
-        errors,
-    }
-}
 
 /// The last checkpoint of a log that can be opened.
 fn last_state(log: &Path) -> Option<Vec<u8>> {
@@ -76,7 +35,7 @@ fn survive(folder: &Path, log: &[u8], expected: &[u8], what: &str) -> bool {
     ];
     std::fs::write(&path, log).expect("writable");
     for call in calls {
-        let Ended { status, errors } = run(folder, call);
+        let Ended { status, errors, .. } = run(folder, call);
         assert!(
             matches!(status, Some(0..=2)) && !errors.contains("panicked"),
             "{what}: {call:?} ended with {status:?}\n{errors}"

@@ -7,7 +7,6 @@ use perimelt_core::shape::Shape;
 use perimelt_core::{Body, Problem, input};
 
 use super::error::{CaseError, Mistake, Mistakes};
-use super::locate;
 use super::reword::split_help;
 use super::sections::BodySection;
 use super::{Case, Result};
@@ -264,7 +263,7 @@ impl Case {
     ) -> Box<Mistake> {
         let mut error = self.body_error(path, message, expected);
         let whole = [&["bodies"], path].concat();
-        if let Some(place) = locate::find(&self.table(), &whole) {
+        if let Some(place) = self.places().find(&whole) {
             error.span = Some(place.key);
         }
         error

@@ -1,5 +1,6 @@
 //! Where keys are in a parsed case file.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use toml::Spanned;
@@ -19,6 +20,67 @@ pub struct KeyPlace {
     pub value: Range<usize>,
     /// How many of the names asked for were found.
     pub depth: usize,
+}
+
+/// Places of all keys and items of a table, by names and positions in lists.
+#[derive(Debug, Default)]
+pub struct Places(BTreeMap<String, Node>);
+
+#[derive(Debug)]
+struct Node {
+    key: Range<usize>,
+    value: Range<usize>,
+    below: Places,
+}
+
+impl Places {
+    /// Of a parsed table.
+    pub fn of(table: &TomlTable<'_>) -> Self {
+        let node = |(key, value): (&Spanned<_>, &TomlValue<'_>)| {
+            let name: &std::borrow::Cow<'_, str> = key.get_ref();
+            (name.to_string(), Node::new(key.span(), value))
+        };
+        Places(table.iter().map(node).collect())
+    }
+
+    /// As [`find`].
+    pub fn find(&self, path: &[&str]) -> Option<KeyPlace> {
+        let mut found = None;
+        let mut places = self;
+        for (depth, name) in (1..).zip(path) {
+            let Some(node) = places.0.get(*name) else {
+                break;
+            };
+            found = Some(KeyPlace {
+                key: node.key.clone(),
+                value: node.value.clone(),
+                depth,
+            });
+            places = &node.below;
+        }
+        found
+    }
+}
+
+impl Node {
+    fn new(key: Range<usize>, value: &TomlValue<'_>) -> Self {
+        let below = match value.get_ref() {
+            DeValue::Table(table) => Places::of(table),
+            DeValue::Array(list) => {
+                let items = list.iter().enumerate();
+                let node = |(i, item): (usize, &TomlValue<'_>)| {
+                    (i.to_string(), Node::new(item.span(), item))
+                };
+                Places(items.map(node).collect())
+            }
+            _ => Places::default(),
+        };
+        Node {
+            key,
+            value: value.span(),
+            below,
+        }
+    }
 }
 
 /// The deepest part of `path` (names, or positions in lists) that `table` holds.

@@ -30,7 +30,7 @@ mod whole_schema;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use perimelt_core::folder;
 use perimelt_core::input;
@@ -44,7 +44,7 @@ pub use error::{CaseError, CaseFile, Mistake};
 pub(crate) use plugins::plugin_names;
 pub use whole_schema::{NAME as PLUGIN_NAME, whole_schema};
 
-use locate::TomlTable;
+use locate::{Places, TomlTable};
 use reader::Reader;
 use sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
 
@@ -69,6 +69,8 @@ pub struct Case {
     pub log: LogSection,
     /// Memory that bodies may take, bytes; that of the machine, where it is known. `None` for any.
     pub memory: Option<f64>,
+    /// Where its keys are, once a mistake was found.
+    places: OnceLock<Places>,
 }
 
 /// The sections of a case file, in the order in which they are written.
@@ -154,6 +156,7 @@ impl Case {
             materials: materials.into_iter().collect(),
             probes,
             memory: memory::available(),
+            places: OnceLock::new(),
         })
     }
 
@@ -185,7 +188,12 @@ impl Case {
 
     /// Place of the value at `path`, or of the deepest part that is there.
     fn place(&self, path: &[&str]) -> Option<Range<usize>> {
-        locate::find(&self.table(), path).map(|place| place.value)
+        self.places().find(path).map(|place| place.value)
+    }
+
+    /// Places of all keys: a thousand mistakes do not parse the text a thousand times.
+    fn places(&self) -> &Places {
+        self.places.get_or_init(|| Places::of(&self.table()))
     }
 
     /// The parsed text: parsed anew, because it borrows from the text.

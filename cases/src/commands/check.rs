@@ -37,8 +37,7 @@ pub fn run(args: &CheckArgs) -> Done {
         .limited(Case::read(&args.case)?.changed(&args.set)?);
     let mut simulation = case.compose()?;
     case.start(&mut simulation).map_err(Failure::from)?;
-    // not locked: the watchdog writes, too
-    let mut out = std::io::stdout();
+    let mut out = crate::terminal::output();
     if !case.case.title.is_empty() {
         writeln!(out, "{}\n", case.case.title)?;
     }

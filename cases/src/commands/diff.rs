@@ -15,7 +15,7 @@ pub struct Different;
 
 pub fn run(args: &DiffArgs) -> Done {
     let comparison = diff(args)?;
-    print(&comparison, args, &mut std::io::stdout().lock())?;
+    print(&comparison, args, &mut crate::terminal::output())?;
     if comparison.is_equal(args.tolerance) {
         Ok(())
     } else {

@@ -45,7 +45,7 @@ fn hint(close: Option<&str>, mentions: &[String]) -> String {
 }
 
 pub fn run(args: &ExplainArgs) -> Done {
-    let out = &mut std::io::stdout().lock();
+    let out = &mut crate::terminal::output();
     let known = known();
     let name = args.name.as_str();
     match name {

@@ -18,7 +18,7 @@ pub struct InfoArgs {
 pub fn run(args: &InfoArgs) -> Done {
     let log = Log::open(&args.log)?;
     let logged = log.run();
-    let out = &mut std::io::stdout().lock();
+    let out = &mut crate::terminal::output();
     writeln!(
         out,
         "case {}, perimelt {}, {}",
@@ -27,13 +27,17 @@ pub fn run(args: &InfoArgs) -> Done {
         threads(logged.threads)
     )?;
     match log.ending() {
-        Ending::Finished => writeln!(out, "the log is complete{}", early_end(&log))?,
+        Ending::Finished => writeln!(out, "{}", closed(&log))?,
         Ending::Unfinished { at } => writeln!(out, "the log is unfinished: it ends at byte {at}")?,
         Ending::Damaged { at, what } => writeln!(out, "the log is damaged at byte {at}: {what}")?,
     }
     for damage in log.damage() {
-        let (at, what) = (damage.at, &damage.what);
-        writeln!(out, "a chunk at byte {at} is damaged and left out: {what}")?;
+        let (part, what) = (&damage.part, &damage.what);
+        let place = match damage.at {
+            0 => String::new(),
+            at => format!(" at byte {at}"),
+        };
+        writeln!(out, "{part}{place} is damaged and left out: {what}")?;
     }
     if let Some(last) = log.progress().last() {
         let wall = duration(last.wall_seconds);
@@ -115,12 +119,12 @@ pub fn run(args: &InfoArgs) -> Done {
     Ok(())
 }
 
-/// What to say of a run that stopped before the end of its case; empty for one that reached its end.
-fn early_end(log: &Log) -> String {
+/// What to say of a log that its writer closed: whether the run reached the end of its case.
+fn closed(log: &Log) -> String {
     match run::early_end(log) {
-        None => String::new(),
+        None => "the log is complete".into(),
         Some((time, end)) => format!(
-            "; the run stopped before its end, at t = {} of {}: `perimelt resume` continues it",
+            "the run stopped before its end, at t = {} of {}: `perimelt resume` continues it",
             time_text(time),
             time_text(end)
         ),

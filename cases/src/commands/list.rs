@@ -11,7 +11,7 @@ use super::Done;
 use crate::{case::schema, library};
 
 pub fn run() -> Done {
-    let out = &mut std::io::stdout().lock();
+    let out = &mut crate::terminal::output();
     writeln!(
         out,
         "Physics ([[physics]], type = ...; more by `perimelt explain <type>`)"

@@ -25,7 +25,8 @@ use perimelt_core::log::{Ending, Log, LogError};
 use crate::case::{self, CaseError};
 use crate::run::Failure;
 use crate::sweep::SweepError;
-use crate::{export, plot, sweep, verify, view};
+use crate::terminal::clean;
+use crate::{export, interrupt, plot, sweep, verify, view};
 
 /// Simulates welding and additive manufacturing with peridynamics.
 #[derive(Parser, Debug)]
@@ -85,6 +86,11 @@ pub fn main() -> ExitCode {
     let command = version::command(Arguments::command());
     let arguments = Arguments::from_arg_matches(&command.get_matches());
     let arguments = arguments.unwrap_or_else(|error| error.exit());
+    if let Err(error) = interrupt::watch() {
+        tell(&format!(
+            "warning: signals will end the program at once: {error}"
+        ));
+    }
     let failed = match arguments.command {
         Command::Diff(_) => ExitCode::from(diff::ERROR),
         _ => ExitCode::FAILURE,
@@ -103,10 +109,12 @@ pub fn main() -> ExitCode {
         Command::Resume(args) => run::resume(&args),
         Command::Trim(args) => trim::run(&args),
         Command::Diff(args) => diff::run(&args),
-        Command::Sweep(args) => sweep::sweep(&args, &mut std::io::stdout()),
+        Command::Sweep(args) => sweep::sweep(&args, &mut crate::terminal::output()),
         Command::Export(args) => export(&args),
         Command::Plot(args) => plot(&args),
-        Command::View(args) => view::view(&args, &mut std::io::stdout()).map_err(Into::into),
+        Command::View(args) => {
+            view::view(&args, &mut crate::terminal::output()).map_err(Into::into)
+        }
         Command::Verify(args) => verify::run(&args),
     };
     match result {
@@ -134,7 +142,11 @@ fn report(error: &(dyn Error + 'static)) {
         },
     };
     match in_case {
-        Some(mistakes) => tell(&mistakes.render(std::io::stderr().is_terminal())),
+        // colours are control characters; the library that sets them shows those of the text
+        Some(mistakes) if std::io::stderr().is_terminal() => {
+            let _ = writeln!(std::io::stderr(), "{}", mistakes.render(true));
+        }
+        Some(mistakes) => tell(&mistakes.render(false)),
         None => tell(&format!("error: {error}")),
     }
 }
@@ -161,8 +173,14 @@ pub(crate) fn tell_damage(log: &Log) {
         _ if lost > 0 => tell(&format!(
             "warning: {lost} of {all} states of {path} are damaged and left out; {list}"
         )),
-        count => tell(&format!(
+        count if log.damage().iter().all(|d| d.part == "a chunk") => tell(&format!(
             "warning: {count} chunks of {path} are damaged, and their rows of probes, balances or progress left out; {list}"
+        )),
+        1 => tell(&format!(
+            "warning: a part of {path} is damaged and left out; {list}"
+        )),
+        count => tell(&format!(
+            "warning: {count} parts of {path} are damaged and left out; {list}"
         )),
     }
     if let Ending::Damaged { at, .. } = log.ending() {
@@ -194,7 +212,7 @@ fn threads(count: usize) -> String {
 
 /// Prints a line where errors go, if anything can be written there.
 pub(crate) fn tell(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{line}");
+    let _ = writeln!(std::io::stderr(), "{}", clean(line));
 }
 
 /// Whether the reader of the output has closed it, as `head` does.
@@ -212,7 +230,7 @@ fn export(args: &export::ExportArgs) -> Done {
     let Some(last) = files.last() else {
         return Ok(());
     };
-    let out = &mut std::io::stdout();
+    let out = &mut crate::terminal::output();
     let (count, last) = (files.len(), last.display());
     writeln!(out, "{count} files, the last is {last}")?;
     if is_displaced {
@@ -229,7 +247,7 @@ fn export(args: &export::ExportArgs) -> Done {
 
 /// Draws pictures and prints their paths.
 fn plot(args: &plot::PlotArgs) -> Done {
-    let mut out = std::io::stdout().lock();
+    let mut out = crate::terminal::output();
     let plotted = plot::plot(args)?;
     for plot::Plotted { path, .. } in &plotted {
         writeln!(out, "{}", path.display())?;

@@ -32,7 +32,7 @@ enum NewError {
 }
 
 pub fn run(args: &NewArgs) -> Done {
-    let out = &mut std::io::stdout().lock();
+    let out = &mut crate::terminal::output();
     let processes = || BENCHMARKS.iter().filter(|b| b.folder != "verification");
     let Some(name) = &args.template else {
         for template in processes() {

@@ -111,7 +111,7 @@ impl ReplayArgs {
     }
 
     fn show(&self, log: &Log, index: usize, time: f64) -> Done {
-        let out = &mut std::io::stdout().lock();
+        let out = &mut crate::terminal::output();
         writeln!(out, "t = {}", unit::time_text(time))?;
         for body in log.bodies() {
             if index >= log.times(body).len() {

@@ -2,15 +2,11 @@
 
 use std::io::Write;
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize};
 
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::flag;
-
-use super::{Done, positive, tell};
+use super::{Done, positive};
 use crate::case::Case;
 use crate::case::change::Change;
+use crate::interrupt;
 use crate::plot::unit::time_text;
 use crate::run::display::{duration, warn};
 use crate::run::{self, End, Options, Summary};
@@ -42,6 +38,9 @@ pub struct ResumeArgs {
     /// Write a new log instead of replacing the old one
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Replace the file that `--out` names if it exists
+    #[arg(long)]
+    force: bool,
     #[command(flatten)]
     common: Common,
 }
@@ -79,6 +78,9 @@ struct Common {
     /// Show no progress
     #[arg(long)]
     quiet: bool,
+    /// End as at SIGTERM when the input ends: the command that started the run holds it open
+    #[arg(long, hide = true)]
+    end_with_input: bool,
 }
 
 /// Why a command cannot start.
@@ -92,11 +94,6 @@ enum ArgumentError {
     Threads(usize),
     #[error("the log would overwrite the case file {path}; give another `--out`", path = .0.display())]
     OverwritesCase(PathBuf),
-    #[error(
-        "{path} exists: `--force` replaces it, `perimelt resume {path}` continues its run, `--out` names another log",
-        path = .0.display()
-    )]
-    Exists(PathBuf),
 }
 
 /// More threads than any machine has cores take a minute to start.
@@ -123,10 +120,7 @@ pub fn run(args: &RunArgs) -> Done {
     {
         return Err(ArgumentError::OverwritesCase(out).into());
     }
-    if !args.force && out.is_file() {
-        return Err(ArgumentError::Exists(out).into());
-    }
-    let options = args.common.options(out);
+    let options = args.common.options(out, args.force);
     let summary = run::on_workers(|| run::run(&case, &options))?;
     args.common.tell(&summary)
 }
@@ -134,7 +128,7 @@ pub fn run(args: &RunArgs) -> Done {
 pub fn resume(args: &ResumeArgs) -> Done {
     args.common.machine.set_threads()?;
     let out = args.out.clone().unwrap_or_else(|| args.log.clone());
-    let options = args.common.options(out);
+    let options = args.common.options(out, args.force);
     let case = args.case.as_deref().map(Case::read).transpose()?;
     let case = case.map(|case| args.common.machine.limited(case));
     let summary = run::on_workers(|| run::resume(&args.log, case.as_ref(), &options))?;
@@ -142,19 +136,19 @@ pub fn resume(args: &ResumeArgs) -> Done {
 }
 
 impl Common {
-    fn options(&self, out: PathBuf) -> Options {
-        let stop = Arc::new(AtomicUsize::new(0));
-        // without a handler the run is killed, and the log is still good
-        if let Err(error) = handle_signals(&stop) {
-            tell(&format!(
-                "warning: Ctrl-C will end the run at once: {error}"
-            ));
+    fn options(&self, out: PathBuf, force: bool) -> Options {
+        if self.end_with_input {
+            std::thread::spawn(|| {
+                let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
+                interrupt::request_end();
+            });
         }
         Options {
             out,
+            force,
             until: self.until,
             quiet: self.quiet,
-            stop,
+            stop: interrupt::signal(),
         }
     }
 
@@ -170,7 +164,7 @@ impl Common {
     }
 
     fn print(&self, summary: &Summary) -> std::io::Result<()> {
-        let out = &mut std::io::stdout().lock();
+        let out = &mut crate::terminal::output();
         let log = summary.log.display();
         let how = match summary.end {
             End::Finished => "finished",
@@ -193,18 +187,6 @@ impl Common {
         }
         Ok(())
     }
-}
-
-/// Lets SIGINT and SIGTERM end the run after its step; a second SIGINT does not wait for that. Batch systems repeat SIGTERM.
-fn handle_signals(stop: &Arc<AtomicUsize>) -> std::io::Result<()> {
-    let impatient = Arc::new(AtomicBool::new(false));
-    // in this order: the first SIGINT finds the flag unset
-    flag::register_conditional_shutdown(SIGINT, 128 + SIGINT, impatient.clone())?;
-    flag::register(SIGINT, impatient)?;
-    for signal in [SIGINT, SIGTERM] {
-        flag::register_usize(signal, stop.clone(), signal as usize)?;
-    }
-    Ok(())
 }
 
 fn set_threads(threads: Option<usize>) -> Done {

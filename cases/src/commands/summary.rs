@@ -33,7 +33,7 @@ pub fn run(args: &SummaryArgs) -> Done {
         travel: args.travel,
     };
     let found = read_off(&log, &options)?;
-    let out = &mut std::io::stdout().lock();
+    let out = &mut crate::terminal::output();
     if args.json {
         serde_json::to_writer_pretty(&mut *out, &found)?;
         writeln!(out)?;

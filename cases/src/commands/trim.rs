@@ -1,16 +1,17 @@
 //! `perimelt trim`: cuts a time window out of a log.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use perimelt_core::log::{
-    CloudView, Column, FieldView, Log, LogError, LoggedCloud, Precision, Series, Writer,
+    CloudView, Column, Destination, FieldView, Log, LogError, LoggedCloud, Precision, Series,
+    Writer,
 };
 
 use super::{Done, open_log, tell};
 use crate::export::fit_f32;
 use crate::moment::sound;
-use crate::run::place::Place;
+use crate::output::{Existing, Place};
 
 #[derive(clap::Args, Debug)]
 pub struct TrimArgs {
@@ -57,8 +58,6 @@ enum TrimError {
     Empty(PathBuf),
     #[error("{} is the log to cut; give another `--out`", .0.display())]
     SameFile(PathBuf),
-    #[error("{} exists: `--force` replaces it, `--out` names another file", .0.display())]
-    Exists(PathBuf),
 }
 
 /// A logged item, in the order of the items of one time: a checkpoint comes last, as in a run.
@@ -87,12 +86,9 @@ pub fn run(args: &TrimArgs) -> Done {
     {
         return Err(TrimError::SameFile(args.out.clone()).into());
     }
-    let place = Place::new(&args.out)?;
-    if args.out.exists() && !args.force {
-        return Err(TrimError::Exists(args.out.clone()).into());
-    }
-    let part = place.begin();
-    let kept = copy(&log, window, part.path())?;
+    let place = Place::claim(&args.out, Existing::Keep.unless(args.force))?;
+    let mut part = place.begin()?;
+    let kept = copy(&log, window, part.destination())?;
     part.put_in_place()?;
     let (from, to) = kept.span.unwrap_or(window);
     let checkpoints = match kept.checkpoints {
@@ -101,7 +97,7 @@ pub fn run(args: &TrimArgs) -> Done {
         count => format!("{count} checkpoints"),
     };
     writeln!(
-        std::io::stdout(),
+        crate::terminal::output(),
         "{}: {} states from {from} to {to} s, {checkpoints}",
         args.out.display(),
         kept.states
@@ -180,8 +176,8 @@ fn items(log: &Log, window: (f64, f64)) -> Vec<(f64, Item)> {
 }
 
 /// Writes the items of the window into a new log, one point cloud in memory at a time.
-fn copy(log: &Log, window: (f64, f64), path: &Path) -> Result<Kept, LogError> {
-    let mut writer = Writer::create(path, log.run(), log.case_name(), log.case_text())?;
+fn copy(log: &Log, window: (f64, f64), to: Destination) -> Result<Kept, LogError> {
+    let mut writer = Writer::begin(to, log.run(), log.case_name(), log.case_text())?;
     let mut kept = Kept::default();
     let first_body = log.bodies().next().unwrap_or_default();
     for (time, item) in items(log, window) {

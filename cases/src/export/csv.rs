@@ -9,6 +9,7 @@ use perimelt_core::log::{LoggedCloud, Progress, Series};
 
 use super::fit_f32;
 use crate::component::{TENSOR, VECTOR};
+use crate::terminal::clean;
 
 /// Positions and fields, a line per point.
 pub(super) fn cloud(file: &mut impl Write, cloud: &LoggedCloud) -> io::Result<()> {
@@ -132,6 +133,7 @@ fn title(name: &str, unit: &str) -> String {
         "" | "1" => name.to_owned(),
         unit => format!("{name} [{unit}]"),
     };
+    let title = clean(&title);
     if title.contains([',', '"', '\n']) {
         format!("\"{}\"", title.replace('"', "\"\""))
     } else {

@@ -22,17 +22,19 @@ mod vtu;
 
 use std::{
     fs::File,
-    io::{self, BufWriter, Write},
-    path::{Path, PathBuf},
+    io::{self, BufWriter},
+    path::PathBuf,
 };
 
 use perimelt_core::log::{BodyInfo, Log, LogError};
 
 use crate::chosen::{self, UnknownBody, suggestion};
 use crate::commands::{open_log, tell};
+use crate::file_names::FileNames;
 use crate::moment::{MomentError, sound, states_at, tell_other_times};
+use crate::output::write_whole;
 use crate::plot::survey::Reference;
-use crate::plot::{beside, create_folder, file_name};
+use crate::plot::{beside, create_folder};
 use mesh::Mesh;
 
 /// What to export.
@@ -140,19 +142,22 @@ pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
     })?;
     let mut folder = Folder {
         path: out,
+        names: FileNames::default(),
         written: Vec::new(),
     };
 
     for (name, series) in log.probes() {
-        folder.write(&format!("probe-{name}.csv"), |file| {
+        folder.write((&format!("probe-{name}"), "csv"), |file| {
             csv::series(file, series)
         })?;
     }
     if !log.balance().columns.is_empty() {
-        folder.write("balance.csv", |file| csv::series(file, log.balance()))?;
+        folder.write(("balance", "csv"), |file| csv::series(file, log.balance()))?;
     }
     if !log.progress().is_empty() {
-        folder.write("progress.csv", |file| csv::progress(file, log.progress()))?;
+        folder.write(("progress", "csv"), |file| {
+            csv::progress(file, log.progress())
+        })?;
     }
     let mut collection = Vec::new();
     let mut is_displaced = false;
@@ -181,19 +186,19 @@ pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
             }
             let positions = reference.positions(&cloud);
             let shown = reference.is_of_solid().then_some(positions);
+            let state = format!("{}-{index:05}", body.name);
             let name = match args.format {
                 ExportFormat::Vtk => {
                     let mesh = Mesh::new(body, &cloud, positions);
-                    folder.write(&format!("{}-{index:05}.vtu", body.name), |file| {
+                    folder.write((&state, "vtu"), |file| {
                         vtu::write_cloud(file, &cloud, &mesh, shown)
                     })?
                 }
                 // returned above
                 ExportFormat::Exaca => continue,
-                ExportFormat::Csv => folder
-                    .write(&format!("{}-{index:05}.csv", body.name), |file| {
-                        csv::cloud(file, &cloud)
-                    })?,
+                ExportFormat::Csv => {
+                    folder.write((&state, "csv"), |file| csv::cloud(file, &cloud))?
+                }
             };
             collection.push(vtu::DataSet {
                 time: cloud.time,
@@ -202,7 +207,7 @@ pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
             });
         }
         if args.format == ExportFormat::Csv {
-            folder.write(&format!("{}-times.csv", body.name), |file| {
+            folder.write((&format!("{}-times", body.name), "csv"), |file| {
                 csv::times(file, times)
             })?;
         }
@@ -211,7 +216,7 @@ pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
         // readers need ascending times
         collection.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.part.cmp(&b.part)));
         let stem = args.log.file_stem().unwrap_or_default().to_string_lossy();
-        folder.write(&format!("{stem}.pvd"), |file| {
+        folder.write((&*stem, "pvd"), |file| {
             vtu::write_collection(file, &collection)
         })?;
     }
@@ -292,6 +297,7 @@ fn chosen_times(times: &[f64], args: &ExportArgs) -> Result<Vec<usize>, MomentEr
 /// Where the files go.
 struct Folder {
     path: PathBuf,
+    names: FileNames,
     written: Vec<PathBuf>,
 }
 
@@ -299,27 +305,18 @@ impl Folder {
     /// Writes a file; the name that it gets.
     fn write(
         &mut self,
-        name: &str,
-        write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
+        (name, extension): (&str, &str),
+        write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
     ) -> Result<String, ExportError> {
-        let name = file_name(name);
+        let name = self.names.of(name, extension);
         let path = self.path.join(&name);
-        written(&path, write).map_err(|source| ExportError::Io {
+        write_whole(&path, write).map_err(|source| ExportError::Io {
             path: path.clone(),
             source,
         })?;
         self.written.push(path);
         Ok(name)
     }
-}
-
-fn written(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
-) -> io::Result<()> {
-    let mut file = BufWriter::new(File::create(path)?);
-    write(&mut file)?;
-    file.flush()
 }
 
 /// Whether four bytes hold these numbers exactly, as they do if they were logged so.

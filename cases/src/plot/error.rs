@@ -90,14 +90,6 @@ pub enum PlotError {
         /// why not
         source: std::io::Error,
     },
-    /// A picture cannot be encoded.
-    #[error("cannot write {}: {source}", path.display())]
-    Png {
-        /// where
-        path: PathBuf,
-        /// why not
-        source: png::EncodingError,
-    },
     /// A picture cannot be drawn.
     #[error("cannot draw {}: {what}", path.display())]
     Drawing {

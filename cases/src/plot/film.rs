@@ -21,6 +21,7 @@ use super::{
     survey::survey,
 };
 use crate::moment::sound;
+use crate::output::WholeFile;
 
 /// File format of a film, by the end of its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -163,6 +164,7 @@ impl Plotter<'_> {
 /// A film being written.
 struct Film {
     path: PathBuf,
+    whole: WholeFile,
     format: Format,
     palette: Palette,
     /// number of pictures, pictures in a second
@@ -185,13 +187,16 @@ impl Film {
         (format, map): (Format, ColourMap),
         length: (usize, u16),
     ) -> Result<Self, PlotError> {
-        let file = File::create(path).map_err(|source| PlotError::Io {
+        let failed = |source| PlotError::Io {
             action: "create",
             path: path.into(),
             source,
-        })?;
+        };
+        let whole = WholeFile::begin(path).map_err(failed)?;
+        let file = whole.writable().map_err(failed)?;
         Ok(Self {
             path: path.into(),
+            whole,
             format,
             palette: Palette::new(map),
             length,
@@ -282,13 +287,19 @@ impl Film {
 
     fn finish(mut self) -> Result<(), PlotError> {
         match self.encoder.take() {
-            None => Err(PlotError::NoFilm),
+            None => return Err(PlotError::NoFilm),
             Some(Encoder::Gif(encoder)) => {
                 let flushed = encoder.into_inner().and_then(|mut file| Ok(file.flush()?));
-                flushed.map_err(|error| self.failed(error))
+                flushed.map_err(|error| self.failed(error))?;
             }
-            Some(Encoder::Png(writer)) => writer.finish().map_err(|error| self.failed(error)),
+            Some(Encoder::Png(writer)) => writer.finish().map_err(|error| self.failed(error))?,
         }
+        let Film { path, whole, .. } = self;
+        whole.put_in_place().map_err(|source| PlotError::Io {
+            action: "write",
+            path,
+            source,
+        })
     }
 
     fn failed(&self, what: impl std::fmt::Display) -> PlotError {

@@ -49,6 +49,7 @@ use crate::case::sections::ProbeKind;
 use crate::cell_grid::CellGrid;
 use crate::chosen;
 use crate::commands::open_log;
+use crate::file_names::FileNames;
 use crate::moment::{states_at, tell_other_times};
 use crate::probe::is_line;
 use crate::run::case_of;
@@ -115,6 +116,7 @@ pub fn plot(args: &PlotArgs) -> Result<Vec<Plotted>, PlotError> {
         title,
         out,
         layout_width,
+        names: FileNames::default(),
         written: Vec::new(),
     };
     check_scalars(&log, bodies.iter().map(|body| &*body.name), &args.field)?;
@@ -175,6 +177,7 @@ struct Plotter<'a> {
     out: PathBuf,
     /// width of the layout of pictures, pixels
     layout_width: u32,
+    names: FileNames,
     written: Vec<Plotted>,
 }
 
@@ -321,31 +324,12 @@ impl Plotter<'_> {
     }
 
     fn write(&mut self, name: &str, picture: &Picture) -> Result<(), PlotError> {
-        let path = self.out.join(format!(
-            "{}.{}",
-            file_name(name),
-            self.args.format.extension()
-        ));
+        let extension = self.args.format.extension();
+        let path = self.out.join(self.names.of(name, extension));
         let unchanged = !picture.write(&path, self.args.format)?;
         self.written.push(Plotted { path, unchanged });
         Ok(())
     }
-}
-
-/// A name without spaces and separators of folders; numbers stay together with their units.
-pub(crate) fn file_name(name: &str) -> String {
-    let mut file = String::new();
-    let mut signs = name.chars().peekable();
-    while let Some(sign) = signs.next() {
-        let is_unit = file.ends_with(|c: char| c.is_ascii_digit())
-            && signs.peek().is_some_and(|c| c.is_alphabetic() || *c == 'µ');
-        match sign {
-            ' ' if is_unit => {}
-            ' ' | '/' | '\\' => file.push('-'),
-            sign => file.push(sign),
-        }
-    }
-    file
 }
 
 /// The grid of a body's points, by the spacings that a cloud has logged with them.

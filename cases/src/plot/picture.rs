@@ -6,8 +6,7 @@
 //!
 //! Files contain a fingerprint of their picture, so that a file that shows it already is not written again.
 
-use std::io::{BufWriter, Cursor};
-use std::{fs, path::Path};
+use std::{io::Write, path::Path};
 
 use plotters::prelude::{
     BitMapBackend, DrawingArea, DrawingBackend, FontStyle, FontTransform, IntoDrawingArea,
@@ -18,6 +17,8 @@ use plotters::style::{Color, TextStyle, register_font};
 use plotters::{coord::Shift, drawing::DrawingAreaErrorKind};
 
 use super::{PictureFormat, PlotError, colour::Colour};
+use crate::output::write_whole;
+use crate::terminal::clean;
 
 /// Pixels that are drawn for one of the layout, at least.
 const SCALE: u32 = 3;
@@ -228,7 +229,9 @@ impl Picture {
                 let text = text.replacen(&large, &real, 1);
                 let end = format!("<metadata>{FINGERPRINT} {fingerprint}{END}");
                 let text = text.replacen("</svg>", &end, 1);
-                fs::write(path, text).map_err(|source| PlotError::Io {
+                let text = clean(&text);
+                let written = write_whole(path, |file| file.write_all(text.as_bytes()));
+                written.map_err(|source| PlotError::Io {
                     action: "write",
                     path: path.into(),
                     source,
@@ -267,27 +270,23 @@ impl Picture {
     }
 
     fn write_png(&self, path: &Path, pixels: &[u8], fingerprint: String) -> Result<(), PlotError> {
-        let file = fs::File::create(path).map_err(|source| PlotError::Io {
-            action: "create",
-            path: path.into(),
-            source,
-        })?;
         let (width, height) = self.size();
-        let mut encoder = png::Encoder::new(BufWriter::new(file), width, height);
-        encoder.set_color(png::ColorType::Rgb);
         let per_metre = (self.density() * DENSITY / 0.0254).round() as u32;
-        encoder.set_pixel_dims(Some(png::PixelDimensions {
-            xppu: per_metre,
-            yppu: per_metre,
-            unit: png::Unit::Meter,
-        }));
-        let write = || -> Result<(), png::EncodingError> {
-            encoder.add_text_chunk(FINGERPRINT.into(), fingerprint)?;
+        let written = write_whole(path, |file| {
+            let mut encoder = png::Encoder::new(file, width, height);
+            encoder.set_color(png::ColorType::Rgb);
+            encoder.set_pixel_dims(Some(png::PixelDimensions {
+                xppu: per_metre,
+                yppu: per_metre,
+                unit: png::Unit::Meter,
+            }));
+            encoder.add_text_chunk(FINGERPRINT.into(), fingerprint.clone())?;
             let mut writer = encoder.write_header()?;
             writer.write_image_data(pixels)?;
-            writer.finish()
-        };
-        write().map_err(|source| PlotError::Png {
+            Ok(writer.finish()?)
+        });
+        written.map_err(|source| PlotError::Io {
+            action: "write",
             path: path.into(),
             source,
         })

@@ -4,9 +4,9 @@
 //! can be replayed and resumed, even if the run was killed.
 
 pub mod display;
+pub mod inputs;
 pub mod log_size;
 pub mod outcome;
-pub mod place;
 pub mod record;
 
 use std::path::{Path, PathBuf};
@@ -15,14 +15,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use perimelt_core::log::{Log, LogError, Writer, check_unused};
-use perimelt_core::{RunError, Simulation, input};
+use perimelt_core::{RunError, Simulation};
 
 use crate::case::{Case, CaseError, SECTIONS, StartError, plugin_names};
 use crate::commands::open_log;
+use crate::interrupt;
+use crate::output::{Existing, Place, PlaceError, Placed};
 use display::Display;
 use log_size::LogSize;
 use outcome::Outcome;
-use place::{Place, PlaceError};
 use record::Recorder;
 
 /// How to run.
@@ -30,6 +31,8 @@ use record::Recorder;
 pub struct Options {
     /// The log.
     pub out: PathBuf,
+    /// Replace a file that is there.
+    pub force: bool,
     /// Stop at the first logged state at or after this time, s.
     pub until: Option<f64>,
     /// Show no progress.
@@ -116,6 +119,26 @@ pub enum Failure {
         /// End, s.
         time: f64,
     },
+    /// A file that the case names has changed.
+    #[error(
+        "{file}, which the case names, has changed since the run in {path} began; restore it, or start a new run",
+        path = path.display()
+    )]
+    ChangedInput {
+        /// The log.
+        path: PathBuf,
+        /// The file.
+        file: String,
+    },
+    /// The case in the log is damaged, and no other one is given.
+    #[error(
+        "the case file in {path} is damaged; give the case of the run by `--case`",
+        path = path.display()
+    )]
+    DamagedCase {
+        /// The log.
+        path: PathBuf,
+    },
     /// A case that is given to a resumed run is another one.
     #[error(
         "`{section}` of {file} differs from that of the run; a resumed run takes other {} only",
@@ -152,8 +175,7 @@ pub fn on_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// # Errors
 /// A mistake in the case (no file is written then), a step that fails, a log that cannot be written.
 pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
-    let place = Place::new(&options.out)?;
-    check_unused(&options.out)?;
+    let place = Place::claim(&options.out, Existing::KeepRun.unless(options.force))?;
     let mut simulation = case.compose()?;
     case.start(&mut simulation)?;
     if !options.quiet {
@@ -161,15 +183,16 @@ pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
         warnings.extend(LogSize::new(case, &simulation)?.warning(&options.out));
         display::warn(&warnings);
     }
-    let part = place.begin();
+    let mut part = place.begin()?;
     let info = record::run_info(case, &simulation);
-    let writer = Writer::create(part.path(), &info, &case.file_name(), &case.file.text)?;
+    let target = part.destination();
+    let writer = Writer::begin(target, &info, &case.file_name(), &case.file.text)?;
     let mut recorder = Recorder::new(case, &simulation, writer, 0.0)?;
     recorder.record(&simulation)?;
     recorder.checkpoint(&simulation)?;
-    part.put_in_place()?;
-    recorder.renamed(&options.out);
-    go_on(simulation, recorder, options)
+    let placed = part.put_in_place()?;
+    recorder.placed();
+    go_on(simulation, recorder, &placed, options)
 }
 
 /// Resumes from the last checkpoint of the log at `path`; the new log takes its place, or
@@ -178,16 +201,28 @@ pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
 /// # Errors
 /// As [`run`], or the log has no checkpoint or has reached its end, or the case describes another process.
 pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Summary, Failure> {
-    let place = Place::new(&options.out)?;
-    check_unused(&options.out)?;
+    let in_place = matches!(
+        (path.canonicalize(), options.out.canonicalize()),
+        (Ok(old), Ok(new)) if old == new
+    );
+    let place = Place::claim(
+        &options.out,
+        Existing::KeepRun.unless(options.force || in_place),
+    )?;
     let log = open_log(path)?;
-    let logged = case_of(&log)?;
-    let case = match case {
-        Some(case) => continuing(case, &logged)?,
-        None => {
+    let logged = match log.has_case() {
+        true => Some(case_of(&log)?),
+        false => None,
+    };
+    let case = match (case, &logged) {
+        (Some(case), Some(logged)) => continuing(case, logged)?,
+        // the checkpoint is compared with it
+        (Some(case), None) => case,
+        (None, Some(logged)) => {
             display::warn(changed_file(&log).as_slice());
-            &logged
+            logged
         }
+        (None, None) => return Err(Failure::DamagedCase { path: path.into() }),
     };
     let newest = log.last_checkpoint()?;
     let (last, state) = log.last_sound_checkpoint()?;
@@ -212,6 +247,12 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
             time,
         });
     }
+    if let Some(changed) = inputs::changed(&log.run().inputs, &case.folder) {
+        return Err(Failure::ChangedInput {
+            path: path.into(),
+            file: changed.path.clone(),
+        });
+    }
     let mut simulation = case.compose()?;
     simulation.load(&state)?;
     if !options.quiet {
@@ -227,16 +268,17 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
         .rev()
         .find(|p| p.time <= time)
         .map_or(0.0, |p| p.wall_seconds);
-    let part = place.begin();
+    let mut part = place.begin()?;
     let mut info = log.run().clone();
-    info.case_folder = record::run_info(case, &simulation).case_folder;
+    let now = record::run_info(case, &simulation);
+    (info.case_folder, info.inputs) = (now.case_folder, now.inputs);
     let described = (&info, &*case.file_name(), case.file.text.as_str());
-    let writer = Writer::continue_from(&log, part.path(), last, described)?;
+    let writer = Writer::continue_from(&log, part.destination(), last, described)?;
     let mut recorder = Recorder::new(case, &simulation, writer, wall)?.continuing(log.balance());
     drop(log);
-    part.put_in_place()?;
-    recorder.renamed(&options.out);
-    go_on(simulation, recorder, options)
+    let placed = part.put_in_place()?;
+    recorder.placed();
+    go_on(simulation, recorder, &placed, options)
 }
 
 /// The case of a log, as it was run.
@@ -300,12 +342,15 @@ fn continuing<'c>(case: &'c Case, logged: &Case) -> Result<&'c Case, Failure> {
     }
 }
 
-/// A sentence about the case file of a log, where it has changed since.
+/// A sentence about the case file of a log, where it has changed since. A log may name any path: only a regular file of the
+/// length of the case is read.
 fn changed_file(log: &Log) -> Option<String> {
     let file = Path::new(&log.run().case_folder).join(log.case_name());
-    let text = input::read_utf8(&file, input::LIMIT).ok()?;
+    let data = std::fs::metadata(&file).ok().filter(|d| d.is_file())?;
+    let is_same = data.len() == log.case_text().len() as u64
+        && std::fs::read(&file).ok()? == log.case_text().as_bytes();
     let file = file.display();
-    (text != log.case_text()).then(|| {
+    (!is_same).then(|| {
         format!("{file} differs from the case of the log, with which the run goes on (`--case {file}` takes the file)")
     })
 }
@@ -313,8 +358,10 @@ fn changed_file(log: &Log) -> Option<String> {
 fn go_on(
     mut simulation: Simulation,
     mut recorder: Recorder,
+    placed: &Placed,
     options: &Options,
 ) -> Result<Summary, Failure> {
+    interrupt::leave_to_run();
     let started = Instant::now();
     let until = options.until.unwrap_or(f64::INFINITY);
     let mut display = Display::new(&simulation, until, options.quiet);
@@ -343,6 +390,7 @@ fn go_on(
             }
             if recorder.is_checkpoint_due(&simulation) && !simulation.is_finished() {
                 recorder.checkpoint(&simulation)?;
+                placed.check()?;
             }
         }
         display.update(&simulation);
@@ -350,6 +398,7 @@ fn go_on(
     recorder.checkpoint(&simulation)?;
     recorder.finish()?;
     display.finish();
+    placed.check()?;
     let (facts, warnings) = outcome.sentences(&simulation);
     Ok(Summary {
         end,

@@ -13,7 +13,7 @@ use perimelt_core::log::{
 use perimelt_core::simulation::Progress as Counters;
 use perimelt_core::{Simulation, World};
 
-use super::Failure;
+use super::{Failure, inputs};
 use crate::case::Case;
 use crate::melt_pool::sources_of;
 use crate::probe::Probe;
@@ -244,9 +244,9 @@ impl Recorder {
         self.next_checkpoint = (done + 1.0 - 1e-3) * self.checkpoint_interval;
     }
 
-    /// Tells the writer that its file was renamed to `path`.
-    pub fn renamed(&mut self, path: &Path) {
-        self.writer.renamed(path);
+    /// Tells the writer that its file has its name.
+    pub fn placed(&mut self) {
+        self.writer.placed();
     }
 
     /// Closes the log.
@@ -335,6 +335,7 @@ pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
             .unwrap_or_else(|_| here.into())
             .display()
             .to_string(),
+        inputs: inputs::of(case),
         bodies: simulation
             .world()
             .bodies()

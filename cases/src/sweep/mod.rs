@@ -4,17 +4,18 @@ mod picture;
 mod table;
 mod variants;
 
-use std::io;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use perimelt_core::log::Log;
 
 use crate::case::{Case, CaseError};
 use crate::commands::tell;
 use crate::melt_pool::Travel;
+use crate::output::{Place, write_whole};
 use crate::plot::{PictureFormat, PlotError, create_folder};
 use crate::run::display::duration;
 use crate::run::early_end;
@@ -205,11 +206,18 @@ fn write_cases(folder: &Path, variants: &[Variant]) -> Result<(), SweepError> {
         let text = &variant.text;
         match std::fs::read_to_string(&path) {
             Ok(present) if present == *text => {}
-            Ok(_) => return Err(SweepError::OtherSweep(path)),
-            Err(_) => std::fs::write(&path, text).map_err(failed(&path))?,
+            // what is the beginning of it was cut off by a full disk
+            Ok(present) if !text.starts_with(&present) => {
+                return Err(SweepError::OtherSweep(path));
+            }
+            _ => write_text(&path, text.as_bytes()).map_err(failed(&path))?,
         }
     }
     Ok(())
+}
+
+fn write_text(path: &Path, text: &[u8]) -> io::Result<()> {
+    write_whole(path, |file| file.write_all(text))
 }
 
 /// Runs what is not at its end, several at a time; how many failed, and how many were interrupted.
@@ -263,6 +271,7 @@ impl From<io::Error> for RunFailure {
 /// Runs a variant in a process of its own, so that one that fails does not end the others.
 fn run_one(folder: &Path, variant: &Variant, threads: usize) -> Result<(), RunFailure> {
     let log = variant.log(folder);
+    wait_for(&log);
     let present = Log::open(&log).ok();
     if present.as_ref().is_some_and(|log| early_end(log).is_none()) {
         return Ok(());
@@ -280,16 +289,36 @@ fn run_one(folder: &Path, variant: &Variant, threads: usize) -> Result<(), RunFa
             .arg(&log),
     };
     command.args(["--quiet", "--threads", &threads.to_string()]);
+    // its input ends with this process, however that ends, and the run with it
+    command.arg("--end-with-input").stdin(Stdio::piped());
     command.stdout(Stdio::null()).stderr(Stdio::piped());
-    let output = command.output()?;
+    let mut child = command.spawn()?;
+    let _input = child.stdin.take();
+    let output = child.wait_with_output()?;
     let messages = log.with_extension("txt");
     if !output.stderr.is_empty() {
-        std::fs::write(&messages, &output.stderr)?;
+        write_text(&messages, &output.stderr)?;
     }
     match output.status.code() {
         Some(0) => Ok(()),
         // ended by a signal, or at the request of one: SIGINT or SIGTERM
         None | Some(130 | 143) => Err(RunFailure::Interrupted),
         Some(_) => Err(RunFailure::Failed(format!("see {}", messages.display()))),
+    }
+}
+
+/// Waits while a run writes a log, as that of a sweep that was ended a moment ago does until the end of its step.
+fn wait_for(log: &Path) {
+    const INTERVAL: Duration = Duration::from_millis(100);
+    let mut is_told = false;
+    while !Place::is_free(log) {
+        if !is_told {
+            tell(&format!(
+                "waiting for another run that writes {}",
+                log.display()
+            ));
+            is_told = true;
+        }
+        std::thread::sleep(INTERVAL);
     }
 }

@@ -1,10 +1,11 @@
 //! The numbers read off the runs of a sweep, side by side.
 
 use std::fmt;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::Path;
 
 use super::variants::Variant;
+use crate::output::write_whole;
 use crate::plot::unit;
 use crate::summary::ReadOff;
 
@@ -100,7 +101,10 @@ impl Table {
     /// # Errors
     /// The file cannot be written.
     pub fn write_csv(&self, path: &Path) -> io::Result<()> {
-        let mut file = BufWriter::new(std::fs::File::create(path)?);
+        write_whole(path, |file| self.write_lines(file))
+    }
+
+    fn write_lines(&self, file: &mut impl Write) -> io::Result<()> {
         let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
         let mut header = vec![quoted("run")];
         header.extend(self.keys.iter().map(|(key, _)| quoted(key)));
@@ -122,7 +126,7 @@ impl Table {
             line.extend(numbers.map(|value| value.map_or_else(String::new, |v| v.to_string())));
             writeln!(file, "{}", line.join(","))?;
         }
-        file.flush()
+        Ok(())
     }
 }
 

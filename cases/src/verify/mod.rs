@@ -204,7 +204,7 @@ pub fn run(args: &VerifyArgs) -> Result<(), Box<dyn std::error::Error>> {
     let started = Instant::now();
     let outcomes = verify_cases(args, cases)?;
     let wall = duration(started.elapsed().as_secs_f64());
-    let mut out = std::io::stdout().lock();
+    let mut out = crate::terminal::output();
     write!(out, "{}", OutcomeTable(&outcomes))?;
     results.add(Session::now(args.level()), &outcomes);
     if let Some(path) = &args.output {

@@ -9,9 +9,9 @@ use crate::melt_pool::{LoggedSources, MeltPool, SourceState, Travel};
 use crate::plot::colour::{ColourMap, LINES};
 use crate::plot::isotherm::Isotherm;
 use crate::plot::unit::{RULES, pretty_name, pretty_unit};
-use crate::run::case_of;
 use crate::run::display::duration;
 use crate::run::record::{REPORTS, SPACING};
+use crate::run::{case_of, early_end};
 
 /// `/run.json`.
 ///
@@ -38,7 +38,7 @@ pub(super) fn run(store: &Store) -> Result<Value, LogError> {
         "version": run.version,
         "started": run.started,
         "finished": log.finished(),
-        "stopped": log.finished() && is_early(last.map(|progress| progress.time), end),
+        "stopped": early_end(&log).is_some(),
         "ending": ending(&log),
         "damaged": log.damage().len(),
         "seconds_since_change": store.age().map(|age| age.as_secs_f64()),

@@ -1,21 +1,29 @@
 //! The part of HTTP that the page needs: requests without a body, one for each connection.
 //!
-//! A thread serves a connection and ends with it. Browsers open several connections and keep them; a pool of threads lets
+//! A thread serves a connection and ends with it. Each request has a time limit as a whole, and when there are too many connections
+//! those that wait for their clients are closed, the oldest first: slow clients keep nobody away.
+//! Browsers open several connections and keep them; a pool of threads lets
 //! requests wait behind idle connections for minutes (`tiny_http` 0.12 did in a test).
 
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Most bytes of a request.
 const LONGEST: usize = 1 << 14;
 
-/// Connections at a time; further ones are closed. A browser opens six.
+/// Connections at a time. A browser opens six. For a further one the oldest that waits for its client is closed.
 const MOST: usize = 64;
 
-/// Time for a client to send its request, and to take up a part of the answer.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// Time for a client to send its whole request. A browser takes milliseconds.
+const ASKING: Duration = Duration::from_secs(10);
+
+/// Time for a client to take up an answer, and more of it for each megabyte.
+const TAKING: Duration = Duration::from_secs(30);
+
+/// Time for what a client still sends after its request.
+const LEAVING: Duration = Duration::from_secs(1);
 
 /// A request.
 pub(super) struct Request {
@@ -27,7 +35,7 @@ pub(super) struct Request {
 
 impl Request {
     /// The request in a head; `None` if it is not one of HTTP/1.
-    fn parse(head: &str) -> Option<Request> {
+    pub(super) fn parse(head: &str) -> Option<Request> {
         let mut lines = head.split("\r\n");
         let mut first = lines.next()?.split(' ');
         let (method, target, version) = (first.next()?, first.next()?, first.next()?);
@@ -44,6 +52,12 @@ impl Request {
             target: target.into(),
             headers: lines.map(header).collect::<Option<_>>()?,
         })
+    }
+
+    /// How often a header is given, by its name in small letters.
+    #[cfg(any(feature = "live", test))]
+    pub(super) fn count(&self, name: &str) -> usize {
+        self.headers.iter().filter(|(n, _)| n == name).count()
     }
 
     /// Value of a header, by its name in small letters; empty if it is missing or there are several.
@@ -86,61 +100,143 @@ impl Reply {
             head += &format!("{name}: {value}\r\n");
         }
         head += "\r\n";
-        stream.write_all(head.as_bytes())?;
-        stream.write_all(&self.body)?;
+        let seconds = 1 + self.body.len() as u32 / (1 << 20);
+        let deadline = Instant::now() + TAKING * seconds;
+        for part in [head.as_bytes(), &self.body] {
+            let mut rest = part;
+            while !rest.is_empty() {
+                stream.set_write_timeout(Some(left(deadline)?))?;
+                match stream.write(rest)? {
+                    0 => return Err(io::ErrorKind::WriteZero.into()),
+                    written => rest = &rest[written..],
+                }
+            }
+        }
         stream.flush()
+    }
+}
+
+/// Time until a deadline; an error when it has passed.
+fn left(deadline: Instant) -> io::Result<Duration> {
+    let left = deadline.saturating_duration_since(Instant::now());
+    if left.is_zero() {
+        return Err(io::ErrorKind::TimedOut.into());
+    }
+    Ok(left)
+}
+
+/// The open connections, the oldest first.
+#[derive(Default)]
+struct Connections(Mutex<Vec<Open>>);
+
+struct Open {
+    number: u64,
+    stream: TcpStream,
+    /// Whether its answer is being made, not its client waited for.
+    is_answered: bool,
+}
+
+impl Connections {
+    fn change<T>(&self, change: impl FnOnce(&mut Vec<Open>) -> T) -> T {
+        change(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Takes up a connection, if need be in place of the oldest that waits for its client. False where all are being answered.
+    fn admit(&self, number: u64, stream: &TcpStream) -> bool {
+        let Ok(stream) = stream.try_clone() else {
+            return false;
+        };
+        self.change(|open| {
+            if open.len() >= MOST {
+                let Some(oldest) = open.iter().position(|o| !o.is_answered) else {
+                    return false;
+                };
+                let _ = open.remove(oldest).stream.shutdown(Shutdown::Both);
+            }
+            open.push(Open {
+                number,
+                stream,
+                is_answered: false,
+            });
+            true
+        })
+    }
+
+    fn set_answered(&self, number: u64, is_answered: bool) {
+        self.change(|open| {
+            let found = open.iter_mut().find(|o| o.number == number);
+            found.into_iter().for_each(|o| o.is_answered = is_answered);
+        });
+    }
+
+    fn close(&self, number: u64) {
+        self.change(|open| open.retain(|o| o.number != number));
     }
 }
 
 /// Answers all requests, without end.
 pub(super) fn serve(listener: &TcpListener, answer: impl Fn(Option<&Request>) -> Reply + Sync) {
-    let active = AtomicUsize::new(0);
+    let connections = Connections::default();
     std::thread::scope(|scope| {
-        for stream in listener.incoming() {
+        for (number, stream) in (0..).zip(listener.incoming()) {
             let Ok(stream) = stream else {
                 // a client that is gone, or too many open files, which takes a while to change
                 std::thread::sleep(Duration::from_millis(10));
                 continue;
             };
-            if active.fetch_add(1, Ordering::Relaxed) >= MOST {
-                active.fetch_sub(1, Ordering::Relaxed);
+            if !connections.admit(number, &stream) {
                 continue;
             }
-            let (active, answer) = (&active, &answer);
+            let (connections, answer) = (&connections, &answer);
             scope.spawn(move || {
+                let answered = |request: Option<&Request>| {
+                    connections.set_answered(number, true);
+                    let reply = answer(request);
+                    connections.set_answered(number, false);
+                    reply
+                };
                 // a client that goes away is no error of the server
-                let _ = converse(stream, answer);
-                active.fetch_sub(1, Ordering::Relaxed);
+                let _ = converse(stream, answered);
+                connections.close(number);
             });
         }
     });
 }
 
 fn converse(mut stream: TcpStream, answer: impl Fn(Option<&Request>) -> Reply) -> io::Result<()> {
-    stream.set_read_timeout(Some(PATIENCE))?;
-    stream.set_write_timeout(Some(PATIENCE))?;
-    let request = head(&mut stream)?.and_then(|head| Request::parse(&head));
+    let asked = head(&mut stream, Instant::now() + ASKING)?;
+    let request = asked.and_then(|(head, _)| Request::parse(&head));
     answer(request.as_ref()).send(&mut stream)?;
     stream.shutdown(Shutdown::Write)?;
     // what is closed with unread input loses the answer
-    stream.set_read_timeout(Some(Duration::from_secs(1)))?;
-    io::copy(&mut stream.take(LONGEST as u64), &mut io::sink())?;
+    let deadline = Instant::now() + LEAVING;
+    let mut part = [0; 2048];
+    for _ in 0..LONGEST / part.len() {
+        stream.set_read_timeout(Some(left(deadline)?))?;
+        if stream.read(&mut part)? == 0 {
+            break;
+        }
+    }
     Ok(())
 }
 
-/// What comes before the first empty line; `None` if it is too long or not UTF-8.
-fn head(stream: &mut TcpStream) -> io::Result<Option<String>> {
+/// What comes before the first empty line until a deadline, and what has come behind it; `None` if it is too long or not UTF-8.
+pub(super) fn head(
+    stream: &mut TcpStream,
+    deadline: Instant,
+) -> io::Result<Option<(String, Vec<u8>)>> {
     let mut bytes = Vec::new();
     let mut part = [0; 2048];
     loop {
         let end = bytes.windows(4).position(|w| w == b"\r\n\r\n");
         if let Some(end) = end {
-            bytes.truncate(end);
-            return Ok(String::from_utf8(bytes).ok());
+            let rest = bytes.split_off(end).split_off(4);
+            return Ok(String::from_utf8(bytes).ok().map(|head| (head, rest)));
         }
         if bytes.len() > LONGEST {
             return Ok(None);
         }
+        stream.set_read_timeout(Some(left(deadline)?))?;
         match stream.read(&mut part)? {
             0 => return Err(io::ErrorKind::UnexpectedEof.into()),
             read => bytes.extend_from_slice(&part[..read]),
@@ -151,6 +247,39 @@ fn head(stream: &mut TcpStream) -> io::Result<Option<String>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn slow_connections_keep_nobody_away() {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let address = listener.local_addr().expect("an address");
+        std::thread::spawn(move || {
+            serve(&listener, |_| Reply {
+                status: 200,
+                media_type: "text/plain",
+                body: b"here".to_vec(),
+                headers: Vec::new(),
+            });
+        });
+        // of more than are served at a time none ends its request
+        let slow: Vec<TcpStream> = (0..3 * MOST)
+            .map(|_| {
+                let mut stream = TcpStream::connect(address).expect("it listens");
+                // a connection that was closed for another one takes no more
+                let _ = stream.write_all(b"GET / HTTP/1.1\r\n");
+                stream
+            })
+            .collect();
+        let started = Instant::now();
+        let mut client = TcpStream::connect(address).expect("it listens");
+        client
+            .write_all(b"GET / HTTP/1.1\r\n\r\n")
+            .expect("it is served");
+        let mut answer = String::new();
+        client.read_to_string(&mut answer).expect("an answer");
+        assert!(answer.ends_with("here"), "{answer}");
+        assert!(started.elapsed() < ASKING / 2);
+        drop(slow);
+    }
 
     #[test]
     fn requests_are_parsed() {

@@ -4,6 +4,7 @@
 //! the log, byte by byte; checkpoints are left out. The clock of the viewer is the simulated time.
 
 use std::collections::BTreeMap;
+use std::net::{Ipv4Addr, TcpListener};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -14,7 +15,7 @@ use foxglove::{ChannelId, Context, FoxgloveError, PartialMetadata, RawChannel, S
 use foxglove::{SinkId, WebSocketServerHandle};
 use perimelt_core::log::{Channel, Follow, Log, LogError, RawMessage};
 
-use super::ViewError;
+use super::{ViewError, gate};
 use crate::commands::tell;
 
 /// Time between two looks at the file.
@@ -67,18 +68,27 @@ pub(super) fn serve(path: &Path, port: u16) -> Result<String, ViewError> {
         port,
         source: std::io::Error::other(error),
     };
+    let unused = |source| ViewError::Port { port, source };
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(unused)?;
+    let shown = listener.local_addr().map_err(unused)?.port();
+    let behind = gate::hidden_address();
     let context = Context::new();
     let subscriptions = Arc::new(Subscriptions::default());
     let server = context
         .websocket_server()
         .name("Perimelt")
-        .bind("127.0.0.1", port)
+        .bind(&behind, 0)
         .capabilities([Capability::Time])
         .message_backlog_size(BACKLOG)
         .listener(subscriptions.clone())
         .start_blocking()
         .map_err(unusable)?;
-    let address = format!("ws://127.0.0.1:{}", server.port());
+    let address = format!("ws://127.0.0.1:{shown}");
+    let behind = format!("{behind}:{}", server.port());
+    let behind = behind
+        .parse()
+        .map_err(|e| unused(std::io::Error::other(e)))?;
+    gate::serve(listener, behind).map_err(unused)?;
     let mut live = Live {
         path: path.into(),
         follow: Log::open(path)?.follow(),

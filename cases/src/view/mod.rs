@@ -21,11 +21,14 @@
 //!
 //! **Who may ask.** The server listens on 127.0.0.1 only, and answers only requests that name it as their host: the page of
 //! another site whose name was made to point to 127.0.0.1 gets nothing. Answers are not for other sites
-//! (no CORS header), and the page loads nothing from elsewhere (content security policy).
+//! (no CORS header), and the page loads nothing from elsewhere (content security policy). The server of `--live` is behind a gate
+//! that lets viewers in (`gate.rs`).
 
 mod answer;
 mod browser;
 mod describe;
+#[cfg(any(feature = "live", test))]
+mod gate;
 mod http;
 #[cfg(feature = "live")]
 mod live;

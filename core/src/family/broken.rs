@@ -21,6 +21,13 @@ impl BrokenBonds {
         self.count[point] as usize
     }
 
+    /// Whether `other` is of a family with as many points and bonds.
+    #[must_use]
+    pub fn is_of_same_family(&self, other: &BrokenBonds) -> bool {
+        let sizes = |b: &BrokenBonds| (b.stride, b.words.len(), b.count.len());
+        sizes(self) == sizes(other)
+    }
+
     /// Number of broken bonds, each end counted.
     pub fn total(&self) -> usize {
         self.count.iter().map(|c| *c as usize).sum()

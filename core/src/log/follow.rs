@@ -4,8 +4,8 @@ use mcap::records::{Record, op};
 
 use super::{
     LogError,
-    scan::{Channel, Channels},
-    source::Source,
+    channels::{Channel, Channels},
+    source::{Limit, Source},
     topic::Topic,
 };
 
@@ -50,7 +50,7 @@ impl Follow {
             && let Some((opcode, place)) = self.source.record(self.offset)?
         {
             self.is_finished = opcode == op::DATA_END;
-            let read = self.source.visit(place, |record| {
+            let read = self.source.visit(place, Limit::Points, |record| {
                 match record {
                     Record::Message { header, data } => {
                         if let Some(channel) = self.channels.get(header.channel_id)

@@ -30,11 +30,13 @@
 //! are switched on. Checkpoints are split likewise, byte by byte. The part on the topic without a
 //! number is written last: where it is present, the state is complete. [`Log`] joins the parts.
 
+mod channels;
 mod error;
 mod follow;
 mod foxglove_schema;
 mod point_cloud;
 mod reader;
+mod rescue;
 mod scan;
 mod series;
 mod source;
@@ -51,12 +53,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::body::Face;
 
+pub use channels::{Channel, Schema};
 pub use error::LogError;
 pub use follow::{Follow, RawMessage};
 pub use reader::Log;
-pub use scan::{Channel, Damage, Ending, Schema};
+pub use scan::{Damage, Ending};
 pub use series::{Column, Series};
-pub use writer::{Writer, check_unused};
+pub use writer::{Destination, Writer, check_unused, leads_to};
 
 /// One body at one time, as read back from a log.
 #[derive(Clone, Debug, PartialEq)]
@@ -128,10 +131,24 @@ pub struct RunInfo {
     /// folder from which relative paths in the case start
     #[serde(default)]
     pub case_folder: String,
+    /// files that the case names
+    #[serde(default)]
+    pub inputs: Vec<InputFile>,
     /// the bodies, in case-file order
     pub bodies: Vec<BodyInfo>,
     /// physics and couplers as composed, all defaults filled in
     pub plugins: serde_json::Value,
+}
+
+/// A file that a case names.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct InputFile {
+    /// path as in the case
+    pub path: String,
+    /// size, bytes
+    pub bytes: u64,
+    /// fingerprint of the content: FNV-1a of 64 bits, hexadecimal
+    pub hash: String,
 }
 
 /// A body of a run.

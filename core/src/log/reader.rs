@@ -7,13 +7,12 @@ use std::{
 };
 
 use mcap::records::{MessageHeader, Record};
-use serde_json::{Map, Value};
 
 use super::{
     CheckpointInfo, Damage, Ending, Follow, LogError, LoggedCloud, Progress, RunInfo, Series,
-    point_cloud,
-    scan::{Contents, MessagePlace},
-    source::Source,
+    point_cloud, rescue,
+    scan::{Contents, MessagePlace, is_of_checkpoint},
+    source::{Limit, Source},
     topic,
 };
 
@@ -43,19 +42,22 @@ impl Log {
         let mut source = Source::open(path)?;
         let (mut contents, ending) = Contents::scan(&mut source)?;
 
+        // what is lost of a log of ours is told; of another file it is the reason why it is none
+        let is_ours = contents.is_ours && contents.channels.bodies().next().is_some();
         let missing = |missing| LogError::NotARun {
             path: path.into(),
             missing,
             ending: ending.clone(),
         };
-        if contents.case_text.is_none() {
+        if contents.case_text.is_none() && !is_ours {
             return Err(missing("attachment `case.toml`"));
         }
-        let metadata = contents
-            .run
-            .take()
-            .ok_or_else(|| missing("metadata `run`"))?;
-        let (run, case_name) = describe(metadata).map_err(|source| LogError::RunInfo {
+        let metadata = match contents.run.take() {
+            None if !is_ours => return Err(missing("metadata `run`")),
+            metadata => metadata.unwrap_or_default(),
+        };
+        let described = rescue::describe(metadata, &mut contents);
+        let (run, case_name) = described.map_err(|source| LogError::RunInfo {
             path: path.into(),
             source,
         })?;
@@ -76,7 +78,7 @@ impl Log {
             .bodies
             .iter()
             .map(|body| (body.name.clone(), times_of(&body.name)));
-        Ok(Self {
+        let mut log = Self {
             path: path.into(),
             times: times.collect(),
             checkpoints: exact_of(topic::CHECKPOINT),
@@ -85,7 +87,27 @@ impl Log {
             ending,
             contents,
             source: Mutex::new(source),
-        })
+        };
+        log.describe_lost_bodies();
+        Ok(log)
+    }
+
+    /// Describes bodies whose description is lost by their first state.
+    fn describe_lost_bodies(&mut self) {
+        for index in 0..self.run.bodies.len() {
+            let body = &self.run.bodies[index];
+            if rescue::is_sound(body) {
+                continue;
+            }
+            let cloud = self.first_cloud(&body.name).ok();
+            self.run.bodies[index] = rescue::body(&body.name, cloud.as_ref());
+        }
+    }
+
+    /// Whether the case file is there as it was run. Where it is damaged, [`case_text`](Self::case_text) is empty.
+    #[must_use]
+    pub fn has_case(&self) -> bool {
+        self.contents.case_text.is_some()
     }
 
     /// The file.
@@ -259,7 +281,7 @@ impl Log {
         }
     }
 
-    /// Chunks of small messages that cannot be read: small states, rows of probes, balances, and progress are missing.
+    /// Parts that cannot be read: chunks of small states, rows of probes, balances and progress, the case file, the description of the run.
     #[must_use]
     pub fn damage(&self) -> &[Damage] {
         &self.contents.damage
@@ -271,8 +293,8 @@ impl Log {
         mut visit: impl FnMut(&str, &[u8], &MessageHeader, &[u8]) -> Result<(), LogError>,
     ) -> Result<(), LogError> {
         let mut source = self.source.lock().unwrap_or_else(PoisonError::into_inner);
-        for place in &self.contents.chunks {
-            let visited = source.visit(*place, |record| match record {
+        for (place, limit) in &self.contents.chunks {
+            let visited = source.visit(*place, *limit, |record| match record {
                 Record::Message { header, data } => {
                     match self.contents.channels.get(header.channel_id) {
                         Some(channel) => {
@@ -340,10 +362,15 @@ impl Log {
     }
 
     fn message(&self, wanted: MessagePlace) -> Result<Vec<u8>, LogError> {
+        let channel = self.contents.channels.get(wanted.channel);
+        let limit = match channel.is_some_and(|channel| is_of_checkpoint(&channel.topic)) {
+            true => Limit::Checkpoint,
+            false => Limit::Points,
+        };
         let mut source = self.source.lock().unwrap_or_else(PoisonError::into_inner);
         let mut message = Vec::new();
         let mut ordinal = 0;
-        source.visit(wanted.place, |record| {
+        source.visit(wanted.place, limit, |record| {
             if let Record::Message { header, data } = record
                 && header.channel_id == wanted.channel
             {
@@ -356,15 +383,4 @@ impl Log {
         })?;
         Ok(message)
     }
-}
-
-/// The run and the name of its case file, from the metadata: one JSON text per key.
-fn describe(metadata: BTreeMap<String, String>) -> Result<(RunInfo, String), serde_json::Error> {
-    let mut run = Map::new();
-    for (key, text) in metadata {
-        run.insert(key, serde_json::from_str(&text)?);
-    }
-    let case_name = run.remove("case_file").unwrap_or_default();
-    let case_name = case_name.as_str().unwrap_or_default().to_owned();
-    Ok((serde_json::from_value(Value::Object(run))?, case_name))
 }

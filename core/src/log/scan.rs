@@ -2,18 +2,28 @@
 //!
 //! Chunks with large messages only are not unpacked; the message indexes behind them are
 //! sufficient. The summary at the end of the file is not needed, so an unfinished log is read
-//! like any other, up to the first record that is incomplete or damaged. A damaged chunk of small messages is left out.
+//! like any other, up to the first record that is incomplete. What is damaged is left out, see [`Damage`].
 
-use std::collections::{BTreeMap, HashMap};
+use std::{
+    borrow::Cow,
+    collections::{BTreeMap, HashMap},
+};
 
 use mcap::records::{MessageHeader, MessageIndex, Record, op};
 use serde::Deserialize;
 
 use super::{
-    CheckpointInfo, LogError, Progress, Series, series,
-    source::{Place, Source},
+    CheckpointInfo, LogError, Progress, Series,
+    channels::Channels,
+    series,
+    source::{Limit, Place, SERIES_BYTES, Source},
     topic::{self, Topic},
 };
+
+const WRONG_LENGTH: &str = "the length of the record is wrong";
+
+/// Profile of the MCAP files that Perimelt writes.
+pub(super) const PROFILE: &str = "perimelt";
 
 /// How a log ends.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,9 +44,11 @@ pub enum Ending {
     },
 }
 
-/// A chunk that cannot be read; the log goes on behind it.
+/// A part of a log that cannot be read; the log goes on behind it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Damage {
+    /// what it is, such as `a chunk`
+    pub part: Cow<'static, str>,
     /// where it starts, bytes
     pub at: u64,
     /// what is wrong with it
@@ -52,66 +64,6 @@ pub(super) struct MessagePlace {
     pub(super) channel: u16,
     pub(super) ordinal: usize,
     pub(super) log_time: u64,
-}
-
-/// What the messages of a topic are.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Channel {
-    /// topic
-    pub topic: String,
-    /// encoding of its messages: `json`, `protobuf`
-    pub encoding: String,
-    /// form of its messages; empty for bytes of no form
-    pub schema: Schema,
-}
-
-/// A schema of messages.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Schema {
-    /// name, such as `foxglove.PointCloud`
-    pub name: String,
-    /// language of the schema: `jsonschema`, `protobuf`
-    pub encoding: String,
-    /// the schema
-    pub data: Vec<u8>,
-}
-
-/// The channels and schemas that were met so far, by number.
-#[derive(Default)]
-pub(super) struct Channels {
-    channels: HashMap<u16, Channel>,
-    schemas: HashMap<u16, Schema>,
-}
-
-impl Channels {
-    /// The channel of a number.
-    pub(super) fn get(&self, number: u16) -> Option<&Channel> {
-        self.channels.get(&number)
-    }
-
-    /// Takes a record if it is a schema or a channel.
-    pub(super) fn add(&mut self, record: Record) {
-        match record {
-            Record::Schema { header, data } => {
-                let schema = Schema {
-                    name: header.name,
-                    encoding: header.encoding,
-                    data: data.into_owned(),
-                };
-                self.schemas.insert(header.id, schema);
-            }
-            Record::Channel(channel) => {
-                let schema = self.schemas.get(&channel.schema_id).cloned();
-                let known = Channel {
-                    topic: channel.topic,
-                    encoding: channel.message_encoding,
-                    schema: schema.unwrap_or_default(),
-                };
-                self.channels.insert(channel.id, known);
-            }
-            _ => {}
-        }
-    }
 }
 
 /// A message of topic `/index`.
@@ -137,17 +89,21 @@ pub(super) struct Contents {
     pub(super) run: Option<BTreeMap<String, String>>,
     pub(super) case_text: Option<String>,
     pub(super) channels: Channels,
-    /// chunks (and messages outside chunks), in file order
-    pub(super) chunks: Vec<Place>,
+    /// whether the header says that Perimelt wrote it
+    pub(super) is_ours: bool,
+    /// chunks (and messages outside chunks), in file order, with what they may have
+    pub(super) chunks: Vec<(Place, Limit)>,
     /// by topic
     pub(super) large: BTreeMap<String, Vec<MessagePlace>>,
     pub(super) probes: BTreeMap<String, Series>,
     pub(super) balance: Series,
     pub(super) progress: Vec<Progress>,
-    /// chunks of small messages that are lost
+    /// parts that are lost
     pub(super) damage: Vec<Damage>,
     /// exact time and step of large messages, by topic and log time
     exact: HashMap<(String, u64), CheckpointInfo>,
+    /// starts of chunks by the summary of a finished log, in order
+    known_chunks: Vec<u64>,
 }
 
 impl Contents {
@@ -155,18 +111,30 @@ impl Contents {
     pub(super) fn scan(source: &mut Source) -> Result<(Self, Ending), LogError> {
         let mut contents = Self::default();
         contents.summary(source)?;
+        contents.known_chunks.sort_unstable();
         let mut offset = mcap::MAGIC.len() as u64;
         let mut pending: Option<(Place, Vec<MessageIndex>)> = None;
         let ending = loop {
             let Some((opcode, place)) = source.record(offset)? else {
+                let what = WRONG_LENGTH.to_owned();
+                if let Some(next) = contents.chunk_after(source, offset)? {
+                    contents.lose("a record", offset, what);
+                    offset = next;
+                    continue;
+                }
                 break match source.is_closed_after(offset)? {
+                    true => Ending::Damaged { at: offset, what },
                     false => Ending::Unfinished { at: offset },
-                    true => Ending::Damaged {
-                        at: offset,
-                        what: "the length of the record is wrong".into(),
-                    },
                 };
             };
+            // a record does not reach into a chunk that the summary names
+            if let Some(next) = contents.known_chunk_after(offset)
+                && next < place.end()
+            {
+                contents.lose("a record", offset, WRONG_LENGTH.into());
+                offset = next;
+                continue;
+            }
             if opcode != op::MESSAGE_INDEX
                 && let Some((chunk, indexes)) = pending.take()
             {
@@ -179,10 +147,10 @@ impl Contents {
                 }
                 op::DATA_END if source.ends_with_magic()? => break Ending::Finished,
                 op::MESSAGE => {
-                    contents.chunks.push(place);
+                    contents.chunks.push((place, Limit::Series));
                     contents.unpack(source, place)
                 }
-                _ => source.visit(place, |record| {
+                _ => source.visit(place, Limit::Series, |record| {
                     if let (Record::MessageIndex(index), Some((_, indexes))) =
                         (&record, &mut pending)
                     {
@@ -191,14 +159,50 @@ impl Contents {
                     contents.record(record)
                 }),
             };
-            if let Err(error) = taken {
-                break damage(error)?;
+            match taken {
+                Err(LogError::Damaged {
+                    offset: at,
+                    source: what,
+                    ..
+                }) => {
+                    let what = what.to_string();
+                    // a record of the right length is left out alone
+                    let next = match source.goes_on_at(place.end())? {
+                        true => Some(place.end()),
+                        false => contents.chunk_after(source, at)?,
+                    };
+                    let Some(next) = next else {
+                        break Ending::Damaged { at, what };
+                    };
+                    let part = match opcode {
+                        op::ATTACHMENT => "an attachment",
+                        op::METADATA => "a record of metadata",
+                        _ => "a record",
+                    };
+                    contents.lose(part, at, what);
+                    offset = next;
+                }
+                taken => {
+                    taken?;
+                    offset = place.end();
+                    // the library does not look at what is behind the entries of metadata
+                    if opcode == op::METADATA
+                        && !source.goes_on_at(offset)?
+                        && let Some(next) = contents.chunk_after(source, place.offset)?
+                    {
+                        contents.lose("a record of metadata", place.offset, WRONG_LENGTH.into());
+                        offset = next;
+                    }
+                }
             }
-            offset = place.end();
         };
-        // the indexes behind the last chunk of an unfinished log may not be complete
-        if let Some((chunk, _)) = pending {
-            contents.sound_chunk(source, chunk, &[])?;
+        // the indexes behind the last chunk of an unfinished log may not be complete; a chunk that is larger than those of time
+        // series has one state, and one index
+        if let Some((chunk, indexes)) = pending {
+            let size = source.unpacked_size(chunk).ok().flatten();
+            let is_large = size.is_some_and(|size| size > SERIES_BYTES);
+            let indexes = if is_large { &indexes[..] } else { &[] };
+            contents.sound_chunk(source, chunk, indexes)?;
         }
         Ok((contents, ending))
     }
@@ -210,8 +214,8 @@ impl Contents {
             return Ok(());
         };
         while let Some((opcode, place)) = source.record(offset)? {
-            if matches!(opcode, op::SCHEMA | op::CHANNEL) {
-                match source.visit(place, |record| self.record(record)) {
+            if matches!(opcode, op::SCHEMA | op::CHANNEL | op::CHUNK_INDEX) {
+                match source.visit(place, Limit::Series, |record| self.record(record)) {
                     Err(LogError::Damaged { .. }) => return Ok(()),
                     done => done?,
                 }
@@ -230,14 +234,39 @@ impl Contents {
     ) -> Result<(), LogError> {
         match self.chunk(source, place, indexes) {
             Err(LogError::Damaged { offset, source, .. }) => {
-                self.damage.push(Damage {
-                    at: offset,
-                    what: source.to_string(),
-                    states: self.states(indexes),
-                });
+                let states = self.states(indexes);
+                self.lose("a chunk", offset, source.to_string());
+                if let Some(lost) = self.damage.last_mut() {
+                    lost.states = states;
+                }
                 Ok(())
             }
             done => done,
+        }
+    }
+
+    /// Takes note of a part that cannot be read.
+    pub(super) fn lose(&mut self, part: impl Into<Cow<'static, str>>, at: u64, what: String) {
+        self.damage.push(Damage {
+            part: part.into(),
+            at,
+            what,
+            states: 0,
+        });
+    }
+
+    fn known_chunk_after(&self, offset: u64) -> Option<u64> {
+        let later = self.known_chunks.partition_point(|start| *start <= offset);
+        self.known_chunks.get(later).copied()
+    }
+
+    /// Start of the first chunk after `offset`: the summary names it. Without a summary it is looked for before the
+    /// first chunk only, where the case and the description of the run are.
+    fn chunk_after(&self, source: &mut Source, offset: u64) -> Result<Option<u64>, LogError> {
+        match self.known_chunk_after(offset) {
+            Some(start) => Ok(Some(start)),
+            None if self.chunks.is_empty() => source.find_chunk(offset),
+            None => Ok(None),
         }
     }
 
@@ -263,15 +292,20 @@ impl Contents {
                 .get(index.channel_id)
                 .is_some_and(|c| Topic::of(&c.topic).is_large())
         };
+        let mut limit = Limit::Series;
         if indexes.is_empty() || !indexes.iter().all(large) {
             self.unpack(source, place)?;
         } else {
+            limit = Limit::Points;
             for index in indexes {
                 let mut entries = index.records.clone();
                 entries.sort_by_key(|entry| entry.offset);
                 let Some(channel) = self.channels.get(index.channel_id) else {
                     continue;
                 };
+                if is_of_checkpoint(&channel.topic) {
+                    limit = Limit::Checkpoint;
+                }
                 let messages = self.large.entry(channel.topic.clone()).or_default();
                 messages.extend(
                     entries
@@ -286,13 +320,13 @@ impl Contents {
                 );
             }
         }
-        self.chunks.push(place);
+        self.chunks.push((place, limit));
         Ok(())
     }
 
     fn unpack(&mut self, source: &mut Source, place: Place) -> Result<(), LogError> {
         let mut counts = HashMap::new();
-        source.visit(place, |record| match record {
+        source.visit(place, Limit::Series, |record| match record {
             Record::Message { header, data } => {
                 let ordinal = counts.entry(header.channel_id).or_insert(0);
                 let message = MessagePlace {
@@ -302,7 +336,20 @@ impl Contents {
                     log_time: header.log_time,
                 };
                 *ordinal += 1;
-                self.message(message, &header, &data)
+                match self.message(message, &header, &data) {
+                    Err(error @ LogError::Json { .. }) => {
+                        // one line for all messages of a chunk
+                        if self
+                            .damage
+                            .last()
+                            .is_none_or(|lost| lost.at != place.offset)
+                        {
+                            self.lose("a message", place.offset, error.to_string());
+                        }
+                        Ok(())
+                    }
+                    done => done,
+                }
             }
             record => self.record(record),
         })
@@ -316,6 +363,8 @@ impl Contents {
             Record::Metadata(metadata) if metadata.name == "run" => {
                 self.run = Some(metadata.metadata);
             }
+            Record::Header(header) => self.is_ours = header.profile == PROFILE,
+            Record::ChunkIndex(index) => self.known_chunks.push(index.chunk_start_offset),
             record => self.channels.add(record),
         }
         Ok(())
@@ -386,15 +435,12 @@ impl Contents {
     }
 }
 
-/// Damage ends the log there; any other error is one of the reader's.
-fn damage(error: LogError) -> Result<Ending, LogError> {
-    match error {
-        LogError::Damaged { offset, source, .. } => Ok(Ending::Damaged {
-            at: offset,
-            what: source.to_string(),
-        }),
-        error => Err(error),
-    }
+/// Whether a topic has checkpoints or parts of them.
+pub(super) fn is_of_checkpoint(name: &str) -> bool {
+    matches!(
+        Topic::of(name),
+        Topic::Checkpoint | Topic::Part(topic::CHECKPOINT)
+    )
 }
 
 #[cfg(test)]

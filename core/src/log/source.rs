@@ -14,8 +14,35 @@ use mcap::{
 
 use super::LogError;
 
-/// No chunk is unpacked to more bytes than this: a damaged size must not take all memory.
-const MAX_RECORD_BYTES: usize = 1 << 33;
+/// Most bytes to which a record may be unpacked: a few bytes that were made to unpack to gigabytes must not take all memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Limit {
+    /// Time series, of which a writer puts about a megabyte into a chunk; all of them count together, see
+    /// [`SERIES_RATIO`].
+    Series,
+    /// A point cloud: positions do not shrink by the ratio that zeros do.
+    Points,
+    /// A checkpoint, which may consist of zeros: what a message can have.
+    Checkpoint,
+}
+
+/// Bytes of the largest chunk of time series.
+pub(super) const SERIES_BYTES: u64 = 1 << 26;
+
+/// All time series of a log may be unpacked to this many bytes, or to [`SERIES_RATIO`] times the file.
+const ALL_SERIES_BYTES: u64 = 1 << 28;
+
+/// Rows of JSON are packed by a factor below one hundred.
+const SERIES_RATIO: u64 = 1000;
+
+/// A point cloud of any ratio.
+const POINTS_BYTES: u64 = 1 << 28;
+
+/// Uniform fields on a regular grid are packed by a factor of some hundred.
+const POINTS_RATIO: u64 = 1000;
+
+/// A message of 2 GiB, with its head and what else its chunk has.
+const MESSAGE_BYTES: u64 = (1 << 31) + (1 << 16);
 
 /// Bytes of the opcode and the length before each record.
 const RECORD_HEAD: u64 = 9;
@@ -40,6 +67,8 @@ pub(super) struct Source {
     reader: BufReader<File>,
     position: u64,
     length: u64,
+    /// Bytes to which time series were unpacked so far.
+    series: u64,
 }
 
 impl Source {
@@ -60,6 +89,7 @@ impl Source {
             reader: BufReader::new(file),
             position: 0,
             length,
+            series: 0,
         };
         let mut magic = [0; mcap::MAGIC.len()];
         if length < magic.len() as u64 {
@@ -136,6 +166,7 @@ impl Source {
     pub(super) fn visit(
         &mut self,
         place: Place,
+        limit: Limit,
         mut visit: impl FnMut(Record) -> Result<(), LogError>,
     ) -> Result<(), LogError> {
         let path = self.path.clone();
@@ -144,13 +175,29 @@ impl Source {
             offset: place.offset,
             source,
         };
-        self.check_chunk(place)?;
+        let unpacked = self.unpacked_size(place)?.unwrap_or(place.length);
+        let most = match limit {
+            Limit::Series => {
+                let all = ALL_SERIES_BYTES.max(self.length.saturating_mul(SERIES_RATIO));
+                SERIES_BYTES.min(all.saturating_sub(self.series))
+            }
+            Limit::Points => POINTS_BYTES
+                .max(place.length.saturating_mul(POINTS_RATIO))
+                .min(MESSAGE_BYTES),
+            Limit::Checkpoint => MESSAGE_BYTES,
+        };
+        if unpacked > most {
+            return Err(damaged(McapError::ChunkTooLarge(unpacked)));
+        }
+        if limit == Limit::Series {
+            self.series += unpacked;
+        }
         let mut reader = LinearReader::new_with_options(
             LinearReaderOptions::default()
                 .with_skip_start_magic(true)
                 .with_skip_end_magic(true)
                 .with_prevalidate_chunk_crcs(true)
-                .with_record_length_limit(MAX_RECORD_BYTES),
+                .with_record_length_limit(most.max(place.length) as usize),
         );
         let mut done = 0;
         while let Some(event) = reader.next_event() {
@@ -172,18 +219,22 @@ impl Source {
         Ok(())
     }
 
-    /// Refuses a chunk whose records end elsewhere than the chunk; the library counts below zero there.
-    fn check_chunk(&mut self, place: Place) -> Result<(), LogError> {
+    /// Bytes of the records of a chunk, `None` for another record. Refuses a chunk whose records end elsewhere than the chunk;
+    /// the library counts below zero there.
+    pub(super) fn unpacked_size(&mut self, place: Place) -> Result<Option<u64>, LogError> {
         // two times, size of the records when unpacked, checksum, length of the name of the compression
         const FIXED: usize = RECORD_HEAD as usize + 8 + 8 + 8 + 4 + 4;
         let mut head = [0; FIXED];
         if place.length < FIXED as u64 {
-            return Ok(()); // too short for a chunk: the library says so
+            return Ok(None); // too short for a chunk: the library says so
         }
         self.read(place.offset, &mut head)?;
         if head[0] != op::CHUNK {
-            return Ok(());
+            return Ok(None);
         }
+        // after the two times
+        let unpacked = head[RECORD_HEAD as usize + 16..].first_chunk();
+        let unpacked = unpacked.map_or(u64::MAX, |bytes| u64::from_le_bytes(*bytes));
         let name = head
             .last_chunk()
             .map_or(0, |name| u32::from_le_bytes(*name));
@@ -195,13 +246,40 @@ impl Source {
         }
         let header = u64::from_le_bytes(size);
         if header == available {
-            return Ok(());
+            return Ok(Some(unpacked));
         }
         Err(LogError::Damaged {
             path: self.path.clone(),
             offset: place.offset,
             source: McapError::BadChunkLength { header, available },
         })
+    }
+
+    /// Start of the first complete chunk after `offset`, by the name of its compression.
+    pub(super) fn find_chunk(&mut self, offset: u64) -> Result<Option<u64>, LogError> {
+        /// Bytes that are looked through: case and description of a run take far less.
+        const MOST: u64 = 1 << 24;
+        /// Length and name.
+        const ZSTD: &[u8] = b"\x04\0\0\0zstd";
+        // two times, size of the records when unpacked, checksum
+        const BEFORE: u64 = RECORD_HEAD + 8 + 8 + 8 + 4;
+        let mut bytes = vec![0; self.length.saturating_sub(offset).min(MOST) as usize];
+        self.read(offset, &mut bytes)?;
+        for (at, name) in (0..).zip(bytes.windows(ZSTD.len())) {
+            if name == ZSTD && at > BEFORE {
+                let start = offset + at - BEFORE;
+                if matches!(self.record(start)?, Some((op::CHUNK, _))) {
+                    return Ok(Some(start));
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// Whether a record that is complete, or the end of the file, follows at `offset`.
+    pub(super) fn goes_on_at(&mut self, offset: u64) -> Result<bool, LogError> {
+        let follows = self.record(offset)?;
+        Ok(follows.is_some_and(|(opcode, _)| (op::HEADER..=op::DATA_END).contains(&opcode)))
     }
 
     /// Where the summary of a finished file starts, by its footer; `None` without one.

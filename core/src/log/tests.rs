@@ -19,7 +19,7 @@ const CASE: &str = "[case]\nname = \"test\"\n";
 /// The log of the same run from a checkpoint on.
 fn continued(old: &Log, path: impl AsRef<Path>, checkpoint: usize) -> Result<Writer, LogError> {
     let described = (old.run(), old.case_name(), old.case_text());
-    Writer::continue_from(old, path, checkpoint, described)
+    Writer::continue_from(old, Destination::create(path)?, checkpoint, described)
 }
 
 fn run_info() -> RunInfo {
@@ -29,6 +29,7 @@ fn run_info() -> RunInfo {
         components,
     };
     RunInfo {
+        inputs: Vec::new(),
         version: "0.1.0".into(),
         threads: 2,
         started: 1_700_000_000,

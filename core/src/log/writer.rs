@@ -1,11 +1,12 @@
 //! Writing the log of a run.
 
 mod channels;
+mod destination;
 mod resume;
 
 use std::{
     collections::BTreeMap,
-    fs::{File, TryLockError},
+    fs::File,
     io::{BufWriter, Write},
     ops::Range,
     path::{Path, PathBuf},
@@ -14,8 +15,13 @@ use std::{
 use mcap::{Compression, McapError, WriteOptions, records::MessageHeader};
 use serde_json::{Value, json};
 
+use destination::lock;
+pub use destination::{Destination, check_unused, leads_to};
+
 use super::{
-    CloudView, LogError, Precision, Progress, RunInfo, point_cloud, series,
+    CloudView, LogError, Precision, Progress, RunInfo, point_cloud,
+    scan::PROFILE,
+    series,
     topic::{self, Topic},
 };
 
@@ -73,33 +79,16 @@ impl Clock {
     }
 }
 
-/// Locks a log for the run that writes it, as long as the file is open. Readers need no lock.
-fn lock(file: &File, path: &Path) -> Result<(), LogError> {
-    match file.try_lock() {
-        Err(TryLockError::WouldBlock) => Err(LogError::InUse { path: path.into() }),
-        // some file systems have no locks
-        Ok(()) | Err(TryLockError::Error(_)) => Ok(()),
-    }
-}
-
-/// Refuses a log that a run is writing.
-///
-/// # Errors
-/// [`LogError::InUse`].
-pub fn check_unused(path: &Path) -> Result<(), LogError> {
-    // to open a pipe would wait for its reader
-    if !path.is_file() {
-        return Ok(());
-    }
-    match File::options().write(true).open(path) {
-        Ok(file) => lock(&file, path),
-        Err(_) => Ok(()),
+fn check_names(run: &RunInfo) -> Result<(), LogError> {
+    let mut names = run.bodies.iter().map(|body| &body.name);
+    match names.find(|name| !topic::is_body_name(name)) {
+        Some(name) => Err(LogError::BodyName { name: name.clone() }),
+        None => Ok(()),
     }
 }
 
 impl Writer {
-    /// Creates the log of a run (an existing file is overwritten) and writes what a reader of an
-    /// unfinished log needs: case, run, and the channels of every body.
+    /// Creates the log of a run (an existing file is overwritten), see [`begin`](Self::begin).
     ///
     /// # Errors
     /// The file cannot be written, or a body's name cannot be part of a topic.
@@ -109,29 +98,30 @@ impl Writer {
         case_file_name: &str,
         case_text: &str,
     ) -> Result<Self, LogError> {
-        let path = path.as_ref();
-        if let Some(body) = run
-            .bodies
-            .iter()
-            .find(|body| !topic::is_body_name(&body.name))
-        {
-            return Err(LogError::BodyName {
-                name: body.name.clone(),
-            });
-        }
-        let failed = |source| LogError::Io {
-            action: "create",
-            path: path.into(),
-            source,
-        };
+        check_names(run)?;
+        Self::begin(Destination::create(path)?, run, case_file_name, case_text)
+    }
+
+    /// Writes what a reader of an unfinished log needs: case, run, and the channels of every body.
+    ///
+    /// # Errors
+    /// The file cannot be written, or a body's name cannot be part of a topic.
+    pub fn begin(
+        Destination { path, file }: Destination,
+        run: &RunInfo,
+        case_file_name: &str,
+        case_text: &str,
+    ) -> Result<Self, LogError> {
+        check_names(run)?;
         // of a file that another run writes nothing may be cut off
-        let mut options = File::options();
-        let file = options.create(true).write(true).truncate(false).open(path);
-        let file = file.map_err(failed)?;
-        lock(&file, path)?;
-        file.set_len(0).map_err(failed)?;
+        lock(&file, &path)?;
+        file.set_len(0).map_err(|source| LogError::Io {
+            action: "create",
+            path: path.clone(),
+            source,
+        })?;
         let mcap = WriteOptions::new()
-            .profile("perimelt")
+            .profile(PROFILE)
             .library(concat!("perimelt/", env!("CARGO_PKG_VERSION")))
             .chunk_size(Some(CHUNK_BYTES))
             // whole chunks are appended: a killed run never leaves half a header behind
@@ -141,9 +131,9 @@ impl Writer {
             .compression_level(1)
             .compression_threads(0)
             .create(BufWriter::new(file))
-            .map_err(|source| write_error(path, false, source))?;
+            .map_err(|source| write_error(&path, false, source))?;
         let mut writer = Self {
-            path: path.into(),
+            path,
             is_resumable: false,
             mcap,
             channels: BTreeMap::new(),
@@ -294,9 +284,8 @@ impl Writer {
         closed.map_err(|source| write_error(path, is_resumable, McapError::Io(source)))
     }
 
-    /// Tells the writer that its file, which now has a checkpoint to resume from, was renamed to `path`.
-    pub fn renamed(&mut self, path: impl Into<PathBuf>) {
-        self.path = path.into();
+    /// Tells the writer that its file has its name and a checkpoint to resume from.
+    pub fn placed(&mut self) {
         self.is_resumable = true;
     }
 

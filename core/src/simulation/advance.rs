@@ -188,7 +188,7 @@ impl Simulation {
         self.apply_rest(step)
     }
 
-    fn check_state(&mut self, p: usize, step: Step) -> Result<(), RunError> {
+    pub(super) fn check_state(&mut self, p: usize, step: Step) -> Result<(), RunError> {
         for &index in &self.plan.owned[p] {
             let field = self.world.fields.field(index);
             let limit = self.plausible[p]

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::{ClockState, Named, Simulation};
 use crate::error::RunError;
 use crate::field::FieldIndex;
-use crate::plugin::{Coupler, Physics};
+use crate::plugin::{Coupler, Physics, Step, Update};
 
 /// Values of the owned fields of a physics, and its packed internal state.
 pub(super) type SavedPhysics = (Vec<Vec<f64>>, Vec<u8>);
@@ -127,9 +127,23 @@ impl Simulation {
         {
             return Err(misfit("it has other plugins".into()));
         }
+        self.check_clock(&saved.clock).map_err(misfit)?;
+        let named = |f: &SavedField| (f.body, f.name.clone());
+        let mut present: Vec<_> = saved.fields.iter().map(named).collect();
+        let mut expected: Vec<_> = self.lasting().map(|f| (f.body, f.name.clone())).collect();
+        present.sort();
+        expected.sort();
+        if let Some((_, name)) = expected.iter().find(|f| present.binary_search(f).is_err()) {
+            return Err(misfit(format!("it has no field `{name}`")));
+        }
+        if let Some(twice) = present.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(misfit(format!("it has field `{}` twice", twice[0].1)));
+        }
         for f in &saved.fields {
             let index = self.world.fields.find(f.body, &f.name);
             let field = index.map(|i| self.world.fields.field(i));
+            let is_expected = expected.binary_search(&named(f)).is_ok();
+            let field = field.filter(|_| is_expected);
             let field = field.ok_or_else(|| misfit(format!("it has a field `{}`", f.name)))?;
             let mut data = field.data_mut();
             let values = data.flat_mut();
@@ -143,7 +157,9 @@ impl Simulation {
                 *v = f64::from_le_bytes(bytes.try_into().expect("chunks of eight"));
             }
         }
-        if !self.world.find_rows_at(saved.rows_found_at) {
+        let positions = saved.rows_found_at.iter().flatten().flatten();
+        if !positions.copied().all(f64::is_finite) || !self.world.find_rows_at(saved.rows_found_at)
+        {
             return Err(misfit("it has other families of moving points".into()));
         }
         for (p, state) in self.physics.iter_mut().zip(&saved.physics) {
@@ -161,6 +177,55 @@ impl Simulation {
             self.world.set_times(owned, time);
         }
         self.find_steps();
+        // what a run checks after every pass
+        let step = Step::new(self.clock.time, 0.0);
+        (0..self.physics.len()).try_for_each(|p| self.check_state(p, step))
+    }
+
+    /// Whether a clock is one that a run of these physics can have; else what is wrong with it.
+    fn check_clock(&self, clock: &ClockState) -> Result<(), String> {
+        /// Counts up to here leave room for those of any run.
+        const MOST: u64 = 1 << 60;
+        let ClockState {
+            time,
+            advanced_to,
+            progress,
+            ..
+        } = clock;
+        let count = self.physics.len();
+        let lists = [
+            advanced_to.len(),
+            progress.sub_steps.len(),
+            progress.iterations.len(),
+            progress.evaluations.len(),
+        ];
+        if lists.iter().any(|found| *found != count) {
+            return Err(format!("its clock is not that of {count} physics"));
+        }
+        if !(time.is_finite() && *time >= 0.0 && progress.last_step >= 0.0) {
+            return Err(format!("its time is {time} s"));
+        }
+        for (physics, reached) in self.physics.iter().zip(advanced_to) {
+            let is_reached = match physics.plugin.clock().update {
+                Update::Step => reached == time,
+                // waits for the next logged state
+                Update::Log => (0.0..=*time).contains(reached),
+            };
+            if !is_reached {
+                let label = &physics.label;
+                return Err(format!("{label} is at {reached} s at the time {time} s"));
+            }
+        }
+        let lists = [
+            &progress.sub_steps,
+            &progress.iterations,
+            &progress.evaluations,
+        ];
+        let counts = lists.into_iter().flatten().copied();
+        let others = [progress.macro_steps, progress.passes, progress.unconverged];
+        if counts.chain(others).any(|count| count > MOST) {
+            return Err("its counts of steps are too large".into());
+        }
         Ok(())
     }
 }

@@ -72,6 +72,7 @@ pub use keys::{Fluid, Form, Scheme, Stress, Surface};
 pub use perimelt_core::Description;
 pub use state::{State, Tait};
 
+use perimelt_core::plugin::check_length;
 use perimelt_core::{
     Balance, Clock, PddoError, Physics, Report, RunError, Setup, SetupError, Step, Work, World,
 };
@@ -210,13 +211,18 @@ impl Physics for Fluid {
             (fullness, displacement),
         ) = erased_serde::deserialize(state)?;
         if let (Some(moving), Some(mass)) = (&mut run.moving, mass) {
+            check_length("masses", mass.len(), moving.mass.len())?;
             moving.mass = mass;
         }
         if let (Some(walls), Some(motions)) = (run.rates.walls_mut(), motions) {
             walls.set_motions(motions);
         }
         if let (Some(motion), Some(displacement)) = (run.rates.motion_mut(), displacement) {
+            check_length("displacements", displacement.len(), motion.state().len())?;
             motion.set_state(displacement);
+        }
+        if let (Some(own), Some(fullness)) = (run.rates.fullness(), &fullness) {
+            check_length("fullness", fullness.len(), own.len())?;
         }
         if let Some(fullness) = fullness {
             run.rates.set_fullness(fullness);

@@ -85,6 +85,7 @@ pub mod surface_stress;
 mod tests;
 mod validity;
 
+use perimelt_core::plugin::check_length;
 use perimelt_core::{
     Balance, Clock, Physics, Report, RunError, Setup, SetupError, Step, Work, World,
 };
@@ -242,6 +243,11 @@ impl Physics for Mechanical {
     ) -> Result<(), erased_serde::Error> {
         let run = self.run.as_mut().expect("prepared before a restart");
         let (state, broken): (State, Option<FractureState>) = erased_serde::deserialize(state)?;
+        if let (Some(own), Some(broken)) = (run.solid.fracture(), &broken) {
+            let is_own = own.state.broken.is_of_same_family(&broken.broken);
+            check_length("broken bonds", usize::from(is_own), 1)?;
+            check_length("frozen stress", broken.frozen.len(), own.state.frozen.len())?;
+        }
         run.state = state;
         run.scratch.note_load();
         run.restore_presence();

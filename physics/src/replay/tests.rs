@@ -44,6 +44,7 @@ fn log(states: &[(f64, f64)], offset: f64) -> (TempDir, PathBuf) {
         fields: FIELDS.map(field).into(),
     };
     let run = RunInfo {
+        inputs: Vec::new(),
         version: "test".into(),
         threads: 1,
         started: 0,

@@ -71,6 +71,11 @@ impl Growth {
         self.state.mass[0] = self.sum(&self.mass);
     }
 
+    /// Number of points in the state, and of the body.
+    pub(super) fn points(&self) -> [usize; 2] {
+        [self.state.born.len(), self.mass.len()]
+    }
+
     /// Whether a point is born.
     pub(super) fn is_born(&self, point: usize) -> bool {
         self.state.born[point]

@@ -67,6 +67,7 @@ mod tests;
 pub use crate::advection::Convection;
 pub use keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
 
+use perimelt_core::plugin::check_length;
 use perimelt_core::solver::reduce::{sum_of, weighted_sum};
 use perimelt_core::{
     Balance, Clock, Physics, Report, RunError, Setup, SetupError, Step, Work, World,
@@ -286,7 +287,11 @@ impl Physics for Thermal {
         let run = self.run_mut();
         match &mut run.growth {
             None => run.heat = erased_serde::deserialize(state)?,
-            Some(growth) => (run.heat, growth.state) = erased_serde::deserialize(state)?,
+            Some(growth) => {
+                (run.heat, growth.state) = erased_serde::deserialize(state)?;
+                let [found, expected] = growth.points();
+                check_length("born points", found, expected)?;
+            }
         }
         Ok(())
     }

@@ -120,11 +120,12 @@ def _fields(message: memoryview) -> Iterator[tuple[int, int | memoryview]]:
 def _varint(message: memoryview, at: int) -> tuple[int, int]:
     """An integer of seven bits a byte, and where it ends."""
     value = shift = 0
-    while at < len(message):
+    # 64 bits are ten bytes; a longer number has no end
+    while at < len(message) and shift < 70:
         byte = message[at]
         value |= (byte & 0x7F) << shift
         at += 1
         if byte < 0x80:
             return value, at
         shift += 7
-    raise LogError("a point cloud is not protobuf: it is cut off")
+    raise LogError("a point cloud is not protobuf: a number is cut off or has no end")

@@ -19,8 +19,6 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, BinaryIO
 
-import lz4.frame
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -35,6 +33,14 @@ from mcap.records import (
 )
 from mcap.stream_reader import StreamReader
 
+from ._unpack import (
+    ALL_SERIES_BYTES,
+    MAX_RATIO,
+    MESSAGE_BYTES,
+    POINTS_BYTES,
+    SERIES_BYTES,
+    decompressed,
+)
 from .errors import DamagedError, LogError
 
 if sys.platform != "win32":
@@ -51,8 +57,8 @@ CHUNK = struct.Struct("<QQQII")
 MESSAGE = struct.Struct("<HIQQ")
 # channel, bytes of the entries
 MESSAGE_INDEX = struct.Struct("<HI")
-# a damaged size must not take all memory
-MAX_CHUNK_BYTES = 1 << 33
+# largest record outside of chunks: case file, description of the run
+MAX_RECORD_BYTES = 1 << 28
 
 CHECKPOINT = "/checkpoint"
 INDEX = "/index"
@@ -148,6 +154,10 @@ class LogFile:
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._lock = Lock()
+        self._series_bytes = 0
+        if path.exists() and not path.is_file():
+            # to open a pipe would wait for its writer
+            raise LogError(f"{path} is no regular file, which a log must be")
         try:
             self._stream: BinaryIO = path.open("rb")
         except OSError as error:
@@ -182,6 +192,16 @@ class LogFile:
                 self._take(chunk)
             except DamagedError as error:
                 self.damage.append(Damage(error.offset, error.reason, self._content(chunk)))
+            except (
+                ValueError,
+                KeyError,
+                TypeError,
+                struct.error,
+                McapError,
+                RecursionError,
+            ) as error:
+                # a message that is not of the form of its topic
+                self.damage.append(Damage(chunk.offset, str(error), self._content(chunk)))
         for places in self.large.values():
             places.sort(key=lambda place: place.log_time)
 
@@ -214,7 +234,7 @@ class LogFile:
         Raises:
             DamagedError: the chunk with this message is damaged
         """
-        for opcode, record in self._records(place.chunk):
+        for opcode, record in self._records(place.chunk, POINTS_BYTES):
             if opcode == Opcode.MESSAGE:
                 channel, _, log_time, _ = MESSAGE.unpack_from(record)
                 if (channel, log_time) == (place.channel, place.log_time):
@@ -310,8 +330,8 @@ class LogFile:
                 break
             offset = body + length
         else:
-            if chunks:
-                # the last chunk may lack some of its indexes
+            # the last chunk may lack some of its indexes; that of a large state has one
+            if chunks and self._declared_size(chunks[-1].offset) <= SERIES_BYTES:
                 chunks[-1].indexes.clear()
         self.end = offset
         return chunks
@@ -326,6 +346,11 @@ class LogFile:
         """Takes the case from its attachment, or the description of the run from its metadata."""
         head = self._head(offset)
         if head is None:
+            return
+        if head[1] > MAX_RECORD_BYTES:
+            self.damage.append(
+                Damage(offset, f"it has {head[1]} bytes", "an attachment or metadata")
+            )
             return
         content = self._read(offset + HEAD.size, head[1])
         try:
@@ -360,7 +385,7 @@ class LogFile:
             for place in places:
                 self._note(place)
             return
-        for opcode, record in self._records(chunk.offset):
+        for opcode, record in self._records(chunk.offset, SERIES_BYTES):
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._declare(_parse(opcode, bytes(record)))
             elif opcode == Opcode.MESSAGE:
@@ -389,9 +414,9 @@ class LogFile:
     def _note(self, place: Place) -> None:
         self.large.setdefault(self._channels[place.channel].topic, []).append(place)
 
-    def _records(self, offset: int) -> Iterator[tuple[int, memoryview]]:
+    def _records(self, offset: int, limit: int) -> Iterator[tuple[int, memoryview]]:
         """Opcode and content of the records in the chunk at `offset`."""
-        data = memoryview(self._unpacked(offset))
+        data = memoryview(self._unpacked(offset, limit))
         at = 0
         while at < len(data):
             if len(data) - at < HEAD.size:
@@ -403,8 +428,16 @@ class LogFile:
             yield opcode, data[at : at + length]
             at += length
 
-    def _unpacked(self, offset: int) -> bytes:
-        """The records of a chunk, decompressed and compared with their checksum."""
+    def _declared_size(self, offset: int) -> int:
+        """Bytes of the records of the chunk at `offset`, as it says; 0 without a complete head."""
+        head = self._read(offset + HEAD.size, CHUNK.size)
+        return int(CHUNK.unpack(head)[2]) if len(head) == CHUNK.size else 0
+
+    def _unpacked(self, offset: int, limit: int) -> bytes:
+        """The records of a chunk, decompressed and compared with their size and checksum.
+
+        A chunk of states may have more bytes than `limit` as far as its packed size allows.
+        """
         head = self._head(offset)
         if head is None or head[0] != Opcode.CHUNK or head[1] < CHUNK.size:
             raise DamagedError(offset, "there is no complete chunk")
@@ -413,19 +446,17 @@ class LogFile:
         compression = bytes(record[CHUNK.size : CHUNK.size + name_length])
         # the length of the data, 8 bytes, is that of the remaining record
         packed = record[CHUNK.size + name_length + 8 :]
-        if size > MAX_CHUNK_BYTES:
-            raise DamagedError(offset, f"a chunk of {size} bytes")
-        try:
-            if compression == b"zstd":
-                data = zstandard.decompress(packed, max_output_size=size)
-            elif compression == b"lz4":
-                data = lz4.frame.decompress(packed)
-            elif compression == b"":
-                data = bytes(packed)
-            else:
-                raise DamagedError(offset, f"unknown compression {compression!r}")
-        except (zstandard.ZstdError, RuntimeError, MemoryError) as error:
-            raise DamagedError(offset, f"it cannot be decompressed: {error}") from error
+        if limit != SERIES_BYTES:
+            limit = min(max(limit, MAX_RATIO * len(packed)), MESSAGE_BYTES)
+        if size > limit:
+            raise DamagedError(offset, f"a chunk of {size} bytes, expected at most {limit}")
+        if limit == SERIES_BYTES:
+            self._series_bytes += size
+            if self._series_bytes > max(ALL_SERIES_BYTES, MAX_RATIO * self._size):
+                raise DamagedError(offset, "the time series of the log are too large")
+        data = decompressed(packed, compression, size, offset)
+        if len(data) != size:
+            raise DamagedError(offset, f"it does not unpack to the {size} bytes that it names")
         if checksum not in (0, zlib.crc32(data)):
             raise DamagedError(offset, "its checksum is wrong")
         return data

@@ -1,6 +1,6 @@
 //! Logs with damaged chunks.
 
-use super::super::source::{Place, Source};
+use super::super::source::{Limit, Place, Source};
 use super::*;
 
 /// Places of the chunks of a file: each record has an opcode and its length before it.
@@ -114,7 +114,11 @@ fn records_that_exceed_a_chunk_without_compression_are_damage() {
         offset: chunk.start as u64 - 9,
         length: chunk.len() as u64 + 9,
     };
-    let visited = || Source::open(&path).unwrap().visit(place, |_| Ok(()));
+    let visited = || {
+        Source::open(&path)
+            .unwrap()
+            .visit(place, Limit::Series, |_| Ok(()))
+    };
     visited().expect("a sound chunk");
     // times, size when unpacked, checksum, and the length of no name; then the size of the records
     let size_at = chunk.start + 8 + 8 + 8 + 4 + 4;

@@ -1,8 +1,6 @@
 //! Starting a log from an older one.
 
-use std::path::Path;
-
-use super::Writer;
+use super::{Destination, Writer, leads_to};
 use crate::log::{
     Log, LogError, RunInfo,
     scan::IndexLine,
@@ -12,7 +10,7 @@ use crate::log::{
 
 impl Writer {
     /// Starts the log of a run resumed from checkpoint number `checkpoint` of an older log:
-    /// describes the run and its case as [`Writer::create`] does, copies everything logged up to and including the time of that checkpoint, of the
+    /// describes the run and its case as [`Writer::begin`] does, copies everything logged up to and including the time of that checkpoint, of the
     /// checkpoints only that one and the one before, and continues from there. A step should
     /// therefore log its checkpoint last.
     ///
@@ -20,18 +18,16 @@ impl Writer {
     /// No such checkpoint, the old log is damaged, the new one cannot be written or is the old.
     pub fn continue_from(
         old: &Log,
-        path: impl AsRef<Path>,
+        destination: Destination,
         checkpoint: usize,
         (run, case_file_name, case_text): (&RunInfo, &str, &str),
     ) -> Result<Self, LogError> {
-        let path = path.as_ref();
-        if let (Ok(new), Ok(old)) = (path.canonicalize(), old.path().canonicalize())
-            && new == old
-        {
-            return Err(LogError::SameFile { path: path.into() });
+        if leads_to(old.path(), &destination.file) {
+            let path = destination.path;
+            return Err(LogError::SameFile { path });
         }
         let (end, oldest_checkpoint) = old.resume_range(checkpoint)?;
-        let mut writer = Self::create(path, run, case_file_name, case_text)?;
+        let mut writer = Self::begin(destination, run, case_file_name, case_text)?;
         old.visit_messages(|topic, schema, header, data| {
             let outdated = header.log_time < oldest_checkpoint
                 && match Topic::of(topic) {

@@ -1,0 +1,574 @@
+//! Files that the program writes: complete under their names, or not there at all.
+//!
+//! One mechanism decides for all commands. A file is written under a temporary name in the folder of its place. That name is
+//! created exclusively, so that neither a file of the user nor a link is written to. The file and its folder are
+//! handed to the disk before and after the rename that gives the file its name: after a power cut either the old or the new file
+//! is there. [`write_whole`] does this for exports, pictures and the files of a sweep.
+//!
+//! A log is written for hours, so its [`Place`] is claimed before the case is composed: an empty lock file beside it,
+//! `.<name>.lock`, is locked until the run has ended. Every command that would replace the log finds it locked. [`Placed`]
+//! tells whether the name still leads to the log that the run writes.
+
+use std::fs::{File, TryLockError};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use perimelt_core::log::{Destination, LogError, check_unused, leads_to};
+use tempfile::NamedTempFile;
+
+use crate::interrupt::Unfinished;
+
+/// Why a log cannot be written to a place.
+#[derive(Debug, thiserror::Error)]
+pub enum PlaceError {
+    /// A folder, a pipe or a device.
+    #[error("{path} is {what}, and a log is a regular file; give another `--out`", path = path.display())]
+    NotAFile {
+        /// As given.
+        path: PathBuf,
+        /// What it is.
+        what: &'static str,
+    },
+    /// It exists, and nobody asked to replace it.
+    #[error(
+        "{path} exists: `--force` replaces it, {}",
+        if *is_log {
+            format!("`perimelt resume {}` continues its run, `--out` names another log", path.display())
+        } else {
+            "`--out` names another file".into()
+        },
+        path = path.display()
+    )]
+    Exists {
+        /// As given.
+        path: PathBuf,
+        /// Whether it is the log of a run.
+        is_log: bool,
+    },
+    /// Another run writes there.
+    #[error(transparent)]
+    InUse(#[from] LogError),
+    /// The name of the log leads to no file or to another one.
+    #[error(
+        "the log {path} was removed or replaced during the run, and what the run wrote is lost; start the run again",
+        path = path.display()
+    )]
+    Lost {
+        /// The log.
+        path: PathBuf,
+    },
+    /// The operating system refuses.
+    #[error("could not create the log {path}: {source}", path = path.display())]
+    Io {
+        /// The log.
+        path: PathBuf,
+        /// Error of the operating system.
+        source: io::Error,
+    },
+}
+
+/// What to do with a file that is there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Existing {
+    /// Keep it; the command fails.
+    Keep,
+    /// The same; the user is told that the run of a log can be continued.
+    KeepRun,
+    /// Replace it: the user asked for that, or the new log contains what the old one does.
+    Replace,
+}
+
+impl Existing {
+    /// Replaces with the option `--force` only.
+    #[must_use]
+    pub fn unless(self, force: bool) -> Self {
+        if force { Self::Replace } else { self }
+    }
+}
+
+/// The place of a log, claimed until this is dropped. Links lead to the file that is replaced.
+#[derive(Debug)]
+pub struct Place {
+    given: PathBuf,
+    /// Without links.
+    file: PathBuf,
+    /// Removed when the place is given up.
+    _lock: LockFile,
+}
+
+impl Place {
+    /// Claims the place called `given`.
+    ///
+    /// # Errors
+    /// It exists and is no regular file or not to be replaced, its links lead in a circle, another run writes there, or
+    /// the folder takes no files.
+    pub fn claim(given: &Path, existing: Existing) -> Result<Self, PlaceError> {
+        let failed = |source| PlaceError::Io {
+            path: given.into(),
+            source,
+        };
+        let file = behind_links(given).map_err(failed)?;
+        let guard = || {
+            if let Some(what) = irregular(&file) {
+                let path = given.into();
+                return Err(PlaceError::NotAFile { path, what });
+            }
+            if existing != Existing::Replace && file.exists() {
+                return Err(PlaceError::Exists {
+                    path: given.into(),
+                    is_log: existing == Existing::KeepRun
+                        && given.extension().is_some_and(|e| e == "mcap"),
+                });
+            }
+            Ok(check_unused(&file).map_err(|_| in_use(given))?)
+        };
+        guard()?;
+        let lock = LockFile::take(&file).map_err(failed)?;
+        let lock = lock.ok_or_else(|| in_use(given))?;
+        // another run may have put its log there before it gave up the lock
+        guard()?;
+        remove_leftovers(&file);
+        Ok(Self {
+            given: given.into(),
+            file,
+            _lock: lock,
+        })
+    }
+
+    /// Whether no run has claimed or writes a place.
+    #[must_use]
+    pub fn is_free(given: &Path) -> bool {
+        let file = behind_links(given).unwrap_or_else(|_| given.into());
+        check_unused(&file).is_ok() && check_unused(&lock_path(&file)).is_ok()
+    }
+
+    /// The file to write at first. Unless it is put in place it is removed when it is dropped.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn begin(&self) -> Result<Part<'_>, PlaceError> {
+        let made = temporary(&self.file).and_then(|file| {
+            let writable = file.as_file().try_clone()?;
+            Ok(Part {
+                place: self,
+                _unfinished: Unfinished::new(file.path()),
+                writable: Some(writable),
+                file,
+            })
+        });
+        made.map_err(|source| self.failed(source))
+    }
+
+    fn failed(&self, source: io::Error) -> PlaceError {
+        PlaceError::Io {
+            path: self.given.clone(),
+            source,
+        }
+    }
+}
+
+fn in_use(given: &Path) -> PlaceError {
+    PlaceError::InUse(LogError::InUse { path: given.into() })
+}
+
+/// A log that is not in its place yet.
+#[derive(Debug)]
+pub struct Part<'a> {
+    place: &'a Place,
+    file: NamedTempFile,
+    writable: Option<File>,
+    _unfinished: Unfinished,
+}
+
+impl<'a> Part<'a> {
+    /// Where a writer of logs writes; its messages name the place.
+    ///
+    /// # Panics
+    /// When it is called twice.
+    pub fn destination(&mut self) -> Destination {
+        let file = self.writable.take();
+        Destination::new(
+            file.expect("a log has one writer"),
+            self.place.given.clone(),
+        )
+    }
+
+    /// Gives the file the name of the log, which it replaces, once all that was written is on the disk.
+    ///
+    /// # Errors
+    /// The operating system refuses.
+    pub fn put_in_place(self) -> Result<Placed<'a>, PlaceError> {
+        let place = self.place;
+        let file = put(self.file, &place.file).map_err(|source| place.failed(source))?;
+        Ok(Placed { place, file })
+    }
+}
+
+/// A log that has its name.
+#[derive(Debug)]
+pub struct Placed<'a> {
+    place: &'a Place,
+    file: File,
+}
+
+impl Placed<'_> {
+    /// Whether the name leads to this log.
+    ///
+    /// # Errors
+    /// It was removed or replaced.
+    pub fn check(&self) -> Result<(), PlaceError> {
+        if leads_to(&self.place.file, &self.file) {
+            return Ok(());
+        }
+        Err(PlaceError::Lost {
+            path: self.place.given.clone(),
+        })
+    }
+}
+
+/// Writes a file that takes its name when it is complete. A regular file or a link of that name is replaced.
+///
+/// # Errors
+/// Something else has the name, or what the operating system says.
+pub fn write_whole(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> io::Result<()> {
+    let part = WholeFile::begin(path)?;
+    let mut writer = BufWriter::new(part.file.as_file());
+    write(&mut writer)?;
+    writer.flush()?;
+    drop(writer);
+    part.put_in_place()
+}
+
+/// A file that takes its name when it is complete, for writers that want to own it.
+#[derive(Debug)]
+pub struct WholeFile {
+    path: PathBuf,
+    file: NamedTempFile,
+    _unfinished: Unfinished,
+}
+
+impl WholeFile {
+    /// Begins the file called `path`.
+    ///
+    /// # Errors
+    /// Something else has the name, or what the operating system says.
+    pub fn begin(path: &Path) -> io::Result<Self> {
+        // what a link leads to is not written to: the link is replaced
+        if std::fs::symlink_metadata(path).is_ok_and(|data| !data.is_symlink())
+            && let Some(what) = irregular(path)
+        {
+            return Err(io::Error::other(format!(
+                "this is {what}, expected a regular file"
+            )));
+        }
+        let file = temporary(path)?;
+        Ok(Self {
+            path: path.into(),
+            _unfinished: Unfinished::new(file.path()),
+            file,
+        })
+    }
+
+    /// Where to write.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn writable(&self) -> io::Result<File> {
+        self.file.as_file().try_clone()
+    }
+
+    /// Gives the file its name.
+    ///
+    /// # Errors
+    /// What the operating system says.
+    pub fn put_in_place(self) -> io::Result<()> {
+        put(self.file, &self.path).map(drop)
+    }
+}
+
+/// Renames a file to `path` between handing its data and its name to the disk.
+fn put(file: NamedTempFile, path: &Path) -> io::Result<File> {
+    file.as_file().sync_all()?;
+    let file = file.persist(path)?;
+    sync_folder(path)?;
+    Ok(file)
+}
+
+#[cfg(unix)]
+fn sync_folder(path: &Path) -> io::Result<()> {
+    match File::open(folder_of(path))?.sync_all() {
+        // some file systems cannot do this with folders
+        Err(error) if error.kind() == io::ErrorKind::InvalidInput => Ok(()),
+        done => done,
+    }
+}
+
+#[cfg(not(unix))]
+fn sync_folder(_: &Path) -> io::Result<()> {
+    Ok(())
+}
+
+fn folder_of(path: &Path) -> &Path {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    match folder.as_os_str().is_empty() {
+        true => Path::new("."),
+        false => folder,
+    }
+}
+
+/// A new file beside `path` with a name that nobody else has: `.<name>.<six characters>.part`.
+fn temporary(path: &Path) -> io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    let prefix = hidden(path) + ".";
+    builder.prefix(&prefix).suffix(PART);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // as of any new file; the system takes the user's mask from it
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder_of(path))
+}
+
+const PART: &str = ".part";
+
+/// `.<name>`, cut off where temporary names would become too long for file systems.
+fn hidden(path: &Path) -> String {
+    const LONGEST: usize = 200;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let end = (0..=name.len().min(LONGEST))
+        .rev()
+        .find(|at| name.is_char_boundary(*at));
+    format!(".{}", &name[..end.unwrap_or(0)])
+}
+
+/// Removes what killed runs left of this log; its place is claimed, so that nobody writes them.
+fn remove_leftovers(file: &Path) {
+    let prefix = hidden(file) + ".";
+    let Ok(entries) = std::fs::read_dir(folder_of(file)) else {
+        return;
+    };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let middle = name
+            .to_str()
+            .and_then(|name| name.strip_prefix(&prefix)?.strip_suffix(PART));
+        let is_ours =
+            middle.is_some_and(|m| m.len() == 6 && m.chars().all(|c| c.is_ascii_alphanumeric()));
+        if is_ours && entry.file_type().is_ok_and(|kind| kind.is_file()) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// An empty file that is locked while a log is written.
+#[derive(Debug)]
+struct LockFile {
+    path: PathBuf,
+    /// Has the lock while it is open.
+    _file: File,
+    /// Of an empty file; one with content is the user's and stays.
+    _unfinished: Option<Unfinished>,
+}
+
+fn lock_path(log: &Path) -> PathBuf {
+    log.with_file_name(hidden(log) + ".lock")
+}
+
+impl LockFile {
+    /// Locks the place of a log; `None` if another process has done so.
+    fn take(log: &Path) -> io::Result<Option<Self>> {
+        let path = lock_path(log);
+        loop {
+            let file = match File::create_new(&path) {
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+                    if !std::fs::symlink_metadata(&path).is_ok_and(|data| data.is_file()) {
+                        return Err(io::Error::other(format!(
+                            "{} is in the way; remove it",
+                            path.display()
+                        )));
+                    }
+                    // of a run that goes on, or one that was killed
+                    match File::options().write(true).open(&path) {
+                        Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+                        opened => opened?,
+                    }
+                }
+                created => created?,
+            };
+            match file.try_lock() {
+                Err(TryLockError::WouldBlock) => return Ok(None),
+                // some file systems have no locks
+                Ok(()) | Err(TryLockError::Error(_)) => {}
+            }
+            // the process that had it may have removed it meanwhile
+            if leads_to(&path, &file) {
+                let is_ours = file.metadata()?.len() == 0;
+                let _unfinished = is_ours.then(|| Unfinished::new(&path));
+                return Ok(Some(Self {
+                    path,
+                    _file: file,
+                    _unfinished,
+                }));
+            }
+        }
+    }
+}
+
+impl Drop for LockFile {
+    fn drop(&mut self) {
+        if self._unfinished.is_some() {
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// The file that a name stands for; it need not exist.
+fn behind_links(given: &Path) -> io::Result<PathBuf> {
+    /// Links that operating systems follow at most.
+    const MOST: usize = 40;
+    let mut file = given.to_path_buf();
+    for _ in 0..MOST {
+        match std::fs::read_link(&file) {
+            Ok(target) => {
+                let folder = file.parent().unwrap_or(Path::new(""));
+                file = folder.join(target);
+            }
+            Err(_) => return Ok(file),
+        }
+    }
+    Err(io::Error::other("its links lead in a circle"))
+}
+
+/// What something is that is no regular file. What has no name yet or cannot be looked at is refused when it is opened.
+fn irregular(file: &Path) -> Option<&'static str> {
+    match std::fs::metadata(file) {
+        Ok(data) if data.is_dir() => Some("a folder"),
+        Ok(data) if !data.is_file() => Some("a device or a pipe"),
+        _ => None,
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    fn claimed(path: &Path) -> Place {
+        Place::claim(path, Existing::Replace).expect("free")
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(folder).expect("a folder");
+        let mut names: Vec<String> = entries
+            .map(|e| e.expect("readable").file_name().to_string_lossy().into())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn links_lead_to_the_file_that_is_replaced() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("data")).expect("a folder");
+        // the second link leads to a file that does not exist yet
+        symlink("second", at("first")).expect("a link");
+        symlink("data/log", at("second")).expect("a link");
+        let place = claimed(&at("first"));
+        let part = place.begin().expect("writable");
+        part.file.as_file().write_all(b"log").expect("writable");
+        let placed = part.put_in_place().expect("renamed");
+        assert_eq!(std::fs::read(at("first")).expect("readable"), b"log");
+        assert!(at("second").is_symlink());
+        placed.check().expect("there");
+        drop(place);
+        assert_eq!(names(&at("data")), ["log"]);
+        symlink("circle", at("circle")).expect("a link");
+        let refused = Place::claim(&at("circle"), Existing::Keep);
+        let refused = refused.expect_err("a circle").to_string();
+        assert!(refused.contains("lead in a circle"), "{refused}");
+    }
+
+    #[test]
+    fn what_was_begun_and_failed_is_removed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let place = claimed(&folder.path().join("log"));
+        drop(place.begin().expect("writable"));
+        drop(place);
+        assert!(names(folder.path()).is_empty());
+        let refused = Place::claim(folder.path(), Existing::Replace);
+        let refused = refused.expect_err("a folder").to_string();
+        assert!(
+            refused.contains("is a folder, and a log is a regular file"),
+            "{refused}"
+        );
+    }
+
+    #[test]
+    fn a_place_is_claimed_once_and_its_leftovers_are_removed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        // of a run that was killed, and two files of the user
+        for name in [
+            ".log.lock",
+            ".log.Ab12xY.part",
+            ".log.mine.part",
+            "log.part",
+        ] {
+            std::fs::write(at(name), "").expect("writable");
+        }
+        let place = claimed(&at("log"));
+        let refused = Place::claim(&at("log"), Existing::Replace);
+        let refused = refused.expect_err("claimed").to_string();
+        assert!(
+            refused.contains("is being written by another run"),
+            "{refused}"
+        );
+        drop(place);
+        assert_eq!(names(folder.path()), [".log.mine.part", "log.part"]);
+        // a lock file with content is the user's
+        std::fs::write(at(".log.lock"), "precious").expect("writable");
+        drop(claimed(&at("log")));
+        assert_eq!(
+            std::fs::read(at(".log.lock")).expect("readable"),
+            b"precious"
+        );
+    }
+
+    #[test]
+    fn a_log_that_loses_its_name_is_told() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("log");
+        let place = claimed(&path);
+        let placed = place.begin().expect("writable").put_in_place();
+        let placed = placed.expect("renamed");
+        placed.check().expect("there");
+        std::fs::remove_file(&path).expect("removable");
+        std::fs::write(&path, "another").expect("writable");
+        let lost = placed.check().expect_err("replaced").to_string();
+        assert!(lost.contains("was removed or replaced"), "{lost}");
+    }
+
+    #[test]
+    fn files_are_whole_and_links_are_replaced_not_followed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("victim"), "precious").expect("writable");
+        symlink("victim", at("table.csv")).expect("a link");
+        write_whole(&at("table.csv"), |file| file.write_all(b"1")).expect("written");
+        assert_eq!(std::fs::read(at("victim")).expect("readable"), b"precious");
+        assert_eq!(std::fs::read(at("table.csv")).expect("readable"), b"1");
+        let half = write_whole(&at("table.csv"), |file| {
+            file.write_all(b"half")?;
+            Err(io::Error::other("interrupted"))
+        });
+        half.expect_err("interrupted");
+        assert_eq!(std::fs::read(at("table.csv")).expect("readable"), b"1");
+        assert_eq!(names(folder.path()), ["table.csv", "victim"]);
+    }
+}
