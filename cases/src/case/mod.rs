@@ -29,6 +29,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use perimelt_core::material::MaterialSection;
+use perimelt_core::simulation::LogTimes;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use toml::de::DeTable;
@@ -144,9 +145,12 @@ impl Case {
         })
     }
 
-    /// Simulated time between logged states, s.
-    pub fn log_interval(&self) -> f64 {
-        self.log.interval.unwrap_or(self.time.end / 100.0)
+    /// Times of logged states.
+    pub fn log_times(&self) -> LogTimes {
+        LogTimes {
+            stages: self.log.stages.clone(),
+            interval: self.log.interval.unwrap_or(self.time.end / 100.0),
+        }
     }
 
     /// Simulated time between checkpoints, s.

@@ -157,20 +157,20 @@ pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
             let Some(mut cloud) = sound(log.cloud(&body.name, index))? else {
                 continue;
             };
+            // spacings and displacements are needed for the cells, exported or not
+            let positions = reference.positions(&cloud).into_owned();
+            let shown = reference.is_of_solid().then_some(&positions[..]);
+            let mesh = Mesh::new(body, &cloud, &positions);
             if !args.field.is_empty() {
                 cloud
                     .fields
                     .retain(|field| args.field.contains(&field.name));
             }
-            let positions = reference.positions(&cloud);
-            let shown = reference.is_of_solid().then_some(positions);
             let name = match args.format {
-                ExportFormat::Vtk => {
-                    let mesh = Mesh::new(body, &cloud, positions);
-                    folder.write(&format!("{}-{index:05}.vtu", body.name), |file| {
+                ExportFormat::Vtk => folder
+                    .write(&format!("{}-{index:05}.vtu", body.name), |file| {
                         vtu::write_cloud(file, &cloud, &mesh, shown)
-                    })?
-                }
+                    })?,
                 ExportFormat::Csv => folder
                     .write(&format!("{}-{index:05}.csv", body.name), |file| {
                         csv::cloud(file, &cloud)

@@ -129,7 +129,7 @@ impl Answer {
         let log = self.store.log();
         let reference = self.store.reference(body(&log, name)?)?;
         let positions = reference.positions(&cloud);
-        let tag = format!("\"{:016x}\"", fingerprint(positions));
+        let tag = format!("\"{:016x}\"", fingerprint(&positions));
         if tag == known {
             return Ok(Reply {
                 status: 304,
