@@ -250,8 +250,9 @@ fn depths_around_a_pipe_lie_along_the_beam_within_its_wall() {
         let half = [8.2e-4, 16.0 * SPACING];
         let zone = girth(radii, is_outside, half);
         let penetration = zone.penetration.expect("a depth");
+        // both surfaces are stairs
         let off = penetration.depth - 12.0 * SPACING;
-        assert!(off.abs() < 0.8 * SPACING, "{is_outside}: {off:e}");
+        assert!(off.abs() < 1.5 * SPACING, "{is_outside}: {off:e}");
         assert!((penetration.fraction - 1.0).abs() < 1e-9);
         let root = zone.root.expect("the far side");
         // at the last centres before the far side, about half a cell before it
