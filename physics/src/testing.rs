@@ -5,7 +5,7 @@ use std::path::Path;
 use perimelt_core::body::{Body, Store};
 use perimelt_core::material::{Material, MaterialSection};
 use perimelt_core::shape::{BoxShape, Shape};
-use perimelt_core::simulation::{Named, Simulation, TimeOptions};
+use perimelt_core::simulation::{LogTimes, Named, Simulation, TimeOptions};
 use perimelt_core::{Coupler, Physics, StepSize, World};
 
 /// A block of `cells` cubic cells of edge `spacing` (m), of a material given in TOML.
@@ -61,7 +61,7 @@ pub fn simulation(
         step: StepSize::Auto,
         stages: Vec::new(),
         safety: 0.9,
-        log_interval: end,
+        log: LogTimes::every(end),
         iteration: None,
     };
     Simulation::prepare(

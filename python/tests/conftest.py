@@ -54,6 +54,13 @@ def rods(rods_path: Path) -> perimelt.Log:
     return perimelt.open(rods_path)
 
 
+@pytest.fixture(scope="session")
+def layers(tmp_path_factory: pytest.TempPathFactory) -> perimelt.Log:
+    """Log of a body that grows and moves, of which the case asks for the temperature only."""
+    out = tmp_path_factory.mktemp("layers") / "layers.mcap"
+    return perimelt.run(CASES / "layers.toml", out=out, quiet=True)
+
+
 def export(program: Path, log: Path) -> Path:
     """Folder with the tables of a log, written by the program."""
     folder = log.parent / f"{log.stem}-tables"

@@ -29,6 +29,25 @@ def test_a_rod_has_one_cell_across(rods: perimelt.Log) -> None:
         rod.grid.fill([1, 2, 3])
 
 
+def test_positions_and_grids_follow_a_body_that_grows(layers: perimelt.Log) -> None:
+    part = layers["part"]
+    counts = [state.points for state in part.states()]
+    assert counts[0] == 240
+    assert counts[-1] == 480
+    assert np.abs(part.field("displacement")).max() > 0.5 * part.spacing
+    for state in part.states():
+        assert state.reference_positions.shape == state["displacement"].shape
+        # the shape is that of the whole body at all times
+        filled = state.grid.fill(state["temperature"])
+        assert filled.shape == (10, 6, 8)
+        assert np.isfinite(filled).sum() == state.points
+        z = state.grid.fill(state.reference_positions[:, 2])
+        expected = np.broadcast_to(state.grid.z[None, None, :], z.shape)
+        npt.assert_allclose(z[np.isfinite(z)], expected[np.isfinite(z)], atol=1e-7)
+    with pytest.raises(perimelt.PerimeltError, match=r"480 values for the 240 .*state\.grid"):
+        part.grid.fill(part.field("temperature"))
+
+
 def test_cells_without_a_point_are_empty() -> None:
     grid = perimelt.Grid(np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0.0]]), 1.0)
     npt.assert_array_equal(grid.fill([1, 2, 3])[:, :, 0], [[1, np.nan], [np.nan] * 2, [2, 3]])

@@ -206,6 +206,8 @@ mistakes! {
     dimension_of_four: "spacing = 0.001\n" => "spacing = 0.001\ndimension = 4\n";
     end_before_start: "end = 1.5" => "end = -1";
     interval_of_zero: "interval = 0.02" => "interval = 0";
+    log_stages_in_disorder: "interval = 0.02" => "interval = 0.02\nstages = [{ until = 1, interval = 0.1 }, { until = 0.5, interval = 0.2 }]";
+    log_stage_without_an_interval: "interval = 0.02" => "interval = 0.02\nstages = [{ until = 1, interval = 0 }]";
     step_that_is_negative: "end = 1.5" => "end = 1.5\nstep = -0.1";
     power_that_is_negative: "power = 2000" => "power = -2000";
     width_of_zero: "half_width = 0.002" => "half_width = 0";

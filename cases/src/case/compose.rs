@@ -46,7 +46,7 @@ impl Case {
             step: self.time.step,
             stages: self.time.stages.clone(),
             safety: self.time.safety,
-            log_interval: self.log_interval(),
+            log: self.log_times(),
             iteration: self.time.iteration,
         };
         let world = World::new(bodies);

@@ -35,6 +35,7 @@ use std::sync::{Arc, OnceLock};
 use perimelt_core::folder;
 use perimelt_core::input;
 use perimelt_core::material::MaterialSection;
+use perimelt_core::simulation::LogTimes;
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use toml::de::DeTable;
@@ -160,9 +161,12 @@ impl Case {
         })
     }
 
-    /// Simulated time between logged states, s.
-    pub fn log_interval(&self) -> f64 {
-        self.log.interval.unwrap_or(self.time.end / 100.0)
+    /// Times of logged states.
+    pub fn log_times(&self) -> LogTimes {
+        LogTimes {
+            stages: self.log.stages.clone(),
+            interval: self.log.interval.unwrap_or(self.time.end / 100.0),
+        }
     }
 
     /// Simulated time between checkpoints, s.

@@ -136,6 +136,23 @@ impl<'a, 'i> Reader<'a, 'i> {
             }
             last = stage.from;
         }
+        let mut last = 0.0;
+        for stage in log.map_or(&[][..], |log| &log.stages) {
+            let at = "log.stages";
+            if !(stage.until > last && stage.until.is_finite()) {
+                let message = format!("a stage of `{at}` cannot last until {} s", stage.until);
+                let expected = "expected ends above 0 s, in the order of time";
+                self.add(self.mistake_at(at, message, expected));
+                break;
+            }
+            if !(stage.interval > 0.0 && stage.interval.is_finite()) {
+                let interval = stage.interval;
+                let message = format!("the interval of a stage of `{at}` cannot be {interval}");
+                self.add(self.mistake_at(at, message, "expected a time above 0 s"));
+                break;
+            }
+            last = stage.until;
+        }
         let safety = time.safety;
         if !(safety > 0.0 && safety <= 1.0) {
             let message = format!("`time.safety` cannot be {safety}");

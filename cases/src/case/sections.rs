@@ -9,7 +9,7 @@ use perimelt_core::StepSize;
 use perimelt_core::body::{Jitter, Store, Zone};
 use perimelt_core::log::Precision;
 use perimelt_core::shape::{BoxShape, Shape};
-use perimelt_core::simulation::{Iteration, Stage};
+use perimelt_core::simulation::{Iteration, LogStage, Stage};
 use schemars::JsonSchema;
 use serde::de::{self, Deserializer, SeqAccess, Visitor};
 use serde::{Deserialize, Serialize};
@@ -182,6 +182,11 @@ pub struct LogSection {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub interval: Option<f64>,
+    /// Other intervals in the first parts of the run, in the order of time, such as
+    /// `stages = [{ until = 10, interval = 0.1 }, { until = 100, interval = 5 }]`: many states while a torch welds, few while
+    /// the part cools. `interval` applies after the last one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<LogStage>,
     /// Fields in the point clouds; all but the enthalpy when left out.
     #[serde(default)]
     pub fields: Option<Vec<String>>,

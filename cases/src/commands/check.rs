@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use perimelt_core::body::Lattice;
 use perimelt_core::{Body, Simulation};
@@ -15,6 +15,7 @@ use crate::case::Case;
 use crate::case::change::Change;
 use crate::plot::unit::{length_text, time_text};
 use crate::run::display::{duration, warn};
+use crate::run::estimate::{Estimate, estimate};
 use crate::run::log_size::{LogSize, bytes};
 use crate::run::outcome::Outcome;
 use crate::run::{Failure, log_of};
@@ -53,7 +54,8 @@ pub fn run(args: &CheckArgs) -> Done {
     warnings.extend(size.warning(&log_of(&args.case)));
     warn(&warnings);
     let mut outcome = Outcome::new(&simulation);
-    watched(|| duration_of(&mut simulation, &mut out))?;
+    let measured = watched(|| estimate(&case, &mut simulation, &size));
+    duration_of(&measured?, simulation.is_finished(), &mut out)?;
     outcome.observe(&simulation);
     warn(&outcome.sentences(&simulation).1);
     Ok(())
@@ -146,20 +148,16 @@ fn steps(simulation: &Simulation, out: &mut impl Write) -> Done {
         writeln!(out, "physics {label}: {stable}, takes {step}")?;
     }
     let (macro_step, end) = (simulation.macro_step(), simulation.options().end);
-    let log = simulation.options().log_interval;
-    let per_log = (log / macro_step).ceil().max(1.0);
+    let log = simulation.next_log() - simulation.time();
+    let left = simulation.remaining();
     writeln!(
         out,
         "macro steps: up to {}, about {:.0} until {}",
         time_text(macro_step.min(log)),
-        (end / log * per_log).ceil(),
+        left.macro_steps,
         time_text(end)
     )?;
-    writeln!(
-        out,
-        "logged states: {:.0}\n",
-        (end / log - 1e-9).ceil() + 1.0
-    )?;
+    writeln!(out, "logged states: {:.0}\n", left.logs + 1.0)?;
     Ok(())
 }
 
@@ -198,65 +196,33 @@ fn watched<T>(work: impl FnOnce() -> T) -> T {
     result
 }
 
-/// Wall time in which steps are measured, s.
-const MEASURED_SECONDS: f64 = 4.0;
-
-/// Runs the case for some seconds, or to its end, and discards the results. The cost of a step grows while a body heats up and
-/// yields, so that the first steps say little: the remaining time is that of the steps in the last third of the
-/// measured time.
-fn duration_of(simulation: &mut Simulation, out: &mut impl Write) -> Done {
-    let started = Instant::now();
-    let elapsed = || started.elapsed().as_secs_f64();
-    // simulated time and wall time
-    let mut steps = vec![(simulation.time(), 0.0)];
-    while !simulation.is_finished() && elapsed() < MEASURED_SECONDS {
-        simulation.step()?;
-        steps.push((simulation.time(), elapsed()));
+/// Duration and memory of the run, from its first steps.
+fn duration_of(estimate: &Estimate, is_finished: bool, out: &mut impl Write) -> Done {
+    if let Some(memory) = estimate.memory {
+        writeln!(out, "memory of the program: {}", bytes(memory))?;
     }
-    let end = simulation.options().end;
-    let total = estimate(&steps, end);
-    let simulated = time_text(simulation.time());
     let threads = threads(rayon::current_num_threads());
-    match total {
-        Some(total) if simulation.is_finished() => writeln!(
+    let log = if estimate.with_log {
+        "with the log"
+    } else {
+        "without the log"
+    };
+    let time = duration(estimate.duration);
+    if is_finished {
+        writeln!(out, "duration: {time} on {threads}, {log}")?;
+        return Ok(());
+    }
+    let simulated = time_text(estimate.measured_until);
+    writeln!(
+        out,
+        "estimated duration: {time} on {threads}, {log}, from the steps up to t = {simulated}"
+    )?;
+    if !estimate.unmeasured.is_empty() {
+        let names = estimate.unmeasured.join(", ");
+        writeln!(
             out,
-            "duration: {} on {threads}, without the log",
-            duration(total)
-        )?,
-        Some(total) => writeln!(
-            out,
-            "estimated duration: {} on {threads}, without the log, from the steps up to t = {simulated}",
-            duration(total)
-        )?,
-        None => {}
+            "    without {names}: the first update needs longer than is measured here"
+        )?;
     }
     Ok(())
-}
-
-/// Wall time (s) of a run up to the simulated time `end` (s), from simulated and wall times (s) of its first steps.
-fn estimate(steps: &[(f64, f64)], end: f64) -> Option<f64> {
-    let &(time, wall) = steps.last()?;
-    let is_late = |step: &&(f64, f64)| step.1 >= 2.0 / 3.0 * wall;
-    // one step may take longer than all others
-    let index = steps.iter().position(|step| is_late(&step))?;
-    let (early_time, early_wall) = steps[index.min(steps.len().checked_sub(2)?)];
-    let rate = (wall - early_wall) / (time - early_time);
-    Some(wall + rate * (end - time)).filter(|total| total.is_finite())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_last_steps_tell_the_duration() {
-        // steps of 1 s take 0.1 s, later 0.5 s
-        let steps = [(0.0, 0.0), (1.0, 0.1), (2.0, 0.6), (3.0, 1.1), (4.0, 1.6)];
-        let total = estimate(&steps, 10.0).expect("an estimate");
-        assert!((total - 4.6).abs() < 1e-12, "{total}");
-        // finished
-        assert_eq!(estimate(&steps, 4.0), Some(1.6));
-        assert_eq!(estimate(&[(0.0, 0.0), (1.0, 9.0)], 10.0), Some(90.0));
-        assert_eq!(estimate(&[(0.0, 0.0)], 10.0), None);
-    }
 }

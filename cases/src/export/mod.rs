@@ -179,21 +179,20 @@ pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
             let Some(mut cloud) = sound(log.cloud(&body.name, index))? else {
                 continue;
             };
+            // spacings and displacements are needed for the cells, exported or not
+            let positions = reference.positions(&cloud).into_owned();
+            let shown = reference.is_of_solid().then_some(&positions[..]);
+            let mesh = Mesh::new(body, &cloud, &positions);
             if !args.field.is_empty() {
                 cloud
                     .fields
                     .retain(|field| args.field.contains(&field.name));
             }
-            let positions = reference.positions(&cloud);
-            let shown = reference.is_of_solid().then_some(positions);
             let state = format!("{}-{index:05}", body.name);
             let name = match args.format {
-                ExportFormat::Vtk => {
-                    let mesh = Mesh::new(body, &cloud, positions);
-                    folder.write((&state, "vtu"), |file| {
-                        vtu::write_cloud(file, &cloud, &mesh, shown)
-                    })?
-                }
+                ExportFormat::Vtk => folder.write((&state, "vtu"), |file| {
+                    vtu::write_cloud(file, &cloud, &mesh, shown)
+                })?,
                 // returned above
                 ExportFormat::Exaca => continue,
                 ExportFormat::Csv => {

@@ -16,7 +16,7 @@ impl CellValues<'_> {
     }
 
     /// Number of a cell inside the grid.
-    fn index(&self, cell: [i64; 3]) -> Option<usize> {
+    pub fn index(&self, cell: [i64; 3]) -> Option<usize> {
         let cells = self.grid.cells;
         let is_inside = (0..3).all(|a| cell[a] >= 0 && cell[a] < cells[a] as i64);
         let [i, j, k] = cell.map(|c| c as usize);
@@ -78,13 +78,13 @@ impl CellValues<'_> {
         (low <= high).then_some((low, high))
     }
 
-    /// Coordinate (m) along a unit vector of the surface of the material that a line from the centre of a cell against
-    /// that vector meets first.
-    pub fn surface(&self, from: usize, direction: [f64; 3]) -> f64 {
+    /// The last cell that a ray from the centre of a cell along a unit vector meets before it leaves the material, and the
+    /// distance to the place where it leaves, in cells.
+    pub fn ray(&self, from: usize, direction: [f64; 3]) -> (usize, f64) {
         let mut cell = self.cell(from);
-        let start = self.centre(cell);
+        let mut last = from;
         // distance to the next plane between cells along each axis, and between two such planes, in cells
-        let step = direction.map(|d| if d > 0.0 { -1 } else { 1 });
+        let step = direction.map(|d| if d > 0.0 { 1 } else { -1 });
         let between = direction.map(|d| match d.abs() {
             d if d > 1e-9 => 1.0 / d,
             _ => f64::INFINITY,
@@ -94,13 +94,35 @@ impl CellValues<'_> {
             let nearest = |a: usize, b: usize| if next[b] < next[a] { b } else { a };
             let axis = nearest(nearest(0, 1), 2);
             let away = next[axis];
+            if !away.is_finite() {
+                return (last, 0.0);
+            }
             cell[axis] += step[axis];
             next[axis] += between[axis];
-            if !away.is_finite() || self.value(cell).is_none() {
-                let away = if away.is_finite() { away } else { 0.0 };
-                return dot(start, direction) - away * self.grid.spacing;
+            match self.index(cell).filter(|&i| !self.values[i].is_nan()) {
+                Some(index) => last = index,
+                None => return (last, away),
             }
         }
+    }
+
+    /// The cells that have a face in common with a cell, along the axes that the grid has.
+    pub fn neighbours(&self, cell: [i64; 3]) -> impl Iterator<Item = [i64; 3]> + use<> {
+        let counts = self.grid.cells;
+        let axes = (0..3).filter(move |&axis| counts[axis] > 1);
+        axes.flat_map(move |axis| {
+            [-1, 1].map(|side| {
+                let mut beside = cell;
+                beside[axis] += side;
+                beside
+            })
+        })
+    }
+
+    /// Number of the cell around a place (m).
+    pub fn index_at(&self, place: [f64; 3]) -> Option<usize> {
+        let cell = |a: usize| ((place[a] - self.grid.origin[a]) / self.grid.spacing).round() as i64;
+        self.index([0, 1, 2].map(cell))
     }
 
     /// Volume at or above a level, in cells.

@@ -9,6 +9,9 @@ use crate::run::record::REPORTS;
 /// Cosine of the angle between two directions that count as parallel.
 const PARALLEL: f64 = 0.999;
 
+/// Cosine of the largest angle between directions of travel or of beams that count as one, 10 degrees.
+pub(super) const ONE_DIRECTION: f64 = 0.985;
+
 /// Directions of a melt pool, unit vectors: its length lies along `travel`, its depth along `beam`, its width along the
 /// direction normal to both.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,8 +37,14 @@ impl Directions {
         }
     }
 
+    /// Whether travel and beam lie within 10 degrees along those of `other`.
+    pub(crate) fn is_close(&self, other: &Directions) -> bool {
+        dot(self.travel, other.travel).abs() >= ONE_DIRECTION
+            && dot(self.beam, other.beam) >= ONE_DIRECTION
+    }
+
     /// Direction of the width, a unit vector.
-    pub(super) fn across(&self) -> [f64; 3] {
+    pub(crate) fn across(&self) -> [f64; 3] {
         let ([a, b, c], [x, y, z]) = (self.travel, self.beam);
         normalised([b * z - c * y, c * x - a * z, a * y - b * x]).unwrap_or([0.0; 3])
     }
@@ -110,7 +119,7 @@ impl SourceState {
     }
 
     /// The directions of this source, `otherwise` for those that it does not have.
-    pub(super) fn directions(&self, otherwise: Directions) -> Directions {
+    pub(crate) fn directions(&self, otherwise: Directions) -> Directions {
         let own = Directions {
             travel: self.travel.unwrap_or(otherwise.travel),
             beam: self.beam,

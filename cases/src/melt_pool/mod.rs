@@ -1,7 +1,7 @@
 //! Size of the melt pool: extents of the region above an isotherm, and its volume.
 //!
 //! The length lies along the direction of travel of the heat source that made the pool, the depth along its beam, counted from
-//! the surface of the material before the hottest point, and the width along the direction normal to both ([`Directions`]).
+//! the molten surface of the material (`depth`), and the width along the direction normal to both ([`Directions`]).
 //!
 //! The extent of the region `T >= isotherm` along an axis is that of the profile
 //! `P(s) = max over the other axes of T`, which needs no contour. The maximum between lattice
@@ -19,20 +19,21 @@
 //! halves, and its volume counts the mirror images. Where half of a body is simulated without that coupler, whose face is
 //! insulated, nothing says so and half of the width is measured.
 //!
-//! Not for several pools at a time: the pool is the one around the hottest point, but a second pool
-//! is included where the two overlap in a profile.
+//! Where there are several pools, it is the one around the hottest point; the volume is that of all.
 
 use perimelt_core::activity::is_active;
 use perimelt_core::{Body, Face, SetupError, World};
 
 use crate::cell_grid::CellGrid;
 use cells::CellValues;
+use depth::Region;
 pub(crate) use directions::LoggedSources;
 pub use directions::{Aim, Directions, SourceState, sources_of};
 pub(crate) use steady::steady;
-pub(crate) use zone::Zone;
+pub(crate) use zone::{Root, Zone};
 
 mod cells;
+mod depth;
 mod directions;
 mod steady;
 mod zone;
@@ -64,8 +65,8 @@ pub struct MeltPool {
     pub width: Option<f64>,
     /// smallest and largest coordinate across travel and beam within the body, m; `None` as for the width
     pub sides: Option<[f64; 2]>,
-    /// extent along the beam from the surface of the material before the hottest point, m; `None` if the body does not have
-    /// that direction
+    /// largest extent along the beam from the molten surface of the material, m; `None` if the body does not have that
+    /// direction
     pub depth: Option<f64>,
     /// volume, m³, with its mirror images: fractions of the cells above the isotherm, of all pools of the body
     pub volume: f64,
@@ -189,28 +190,26 @@ impl MeltPoolGauge {
         let present = (0..values.len()).filter(|&cell| !values[cell].is_nan());
         let hottest = present.max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
         let directions = aim.at(cells.centre(cells.cell(hottest)));
+        let region = Region::around(&cells, (hottest, self.isotherm), |_| true);
+        let alone = region.alone();
         let along = |direction: [f64; 3]| {
             let Some(axis) = axis_of(direction) else {
                 return cells.extent(hottest, self.isotherm, direction, |_| true);
             };
-            let (from, to) = self.in_cells(&values, axis)?;
+            let (from, to) = self.in_cells(&alone, axis)?;
             let coordinate = |cells: f64| grid.origin[axis] + cells * grid.spacing;
             Some(match direction[axis] > 0.0 {
                 true => (coordinate(from), coordinate(to)),
                 false => (-coordinate(to), -coordinate(from)),
             })
         };
-        let halves = self.halves(&values);
+        let halves = self.halves(&alone);
         let (rear, front) = along(directions.travel)?;
         let across = Some(directions.across()).filter(|d| self.has(*d));
         let sides = across.and_then(along).map(|(from, to)| [from, to]);
         let mirrored = across.and_then(axis_of).map_or(1.0, |axis| halves[axis]);
         let down = Some(directions.beam).filter(|d| self.has(*d));
-        // in a fillet, the body goes on beside the pool, before it along the beam
-        let depth = down.and_then(|direction| {
-            let (_, deepest) = along(direction)?;
-            Some(deepest - cells.surface(hottest, direction))
-        });
+        let penetration = down.and_then(|beam| region.penetration(hottest, beam));
         let cell = match self.dimension {
             3 => grid.spacing.powi(3),
             dimension => self.thickness * grid.spacing.powi(dimension as i32),
@@ -222,7 +221,7 @@ impl MeltPoolGauge {
             front,
             width: sides.map(|[from, to]| mirrored * (to - from)),
             sides,
-            depth,
+            depth: penetration.map(|p| p.depth),
             volume: copies * cell * cells.cells_above(self.isotherm),
             peak: there().fold(f64::NEG_INFINITY, f64::max),
             copies,
@@ -357,215 +356,4 @@ fn extent(profile: &[f64], level: f64) -> Option<(f64, f64)> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use std::f64::consts::PI;
-
-    const SPACING: f64 = 1e-4;
-
-    /// Cell centres of a box whose corner is at `from`, in cells.
-    fn lattice(from: [f64; 3], cells: [usize; 3]) -> Vec<[f64; 3]> {
-        let mut positions = Vec::new();
-        for k in 0..cells[2] {
-            for j in 0..cells[1] {
-                for i in 0..cells[0] {
-                    let cell = [i, j, k];
-                    positions.push([0, 1, 2].map(|a| (from[a] + cell[a] as f64 + 0.5) * SPACING));
-                }
-            }
-        }
-        positions
-    }
-
-    /// `T = 2000 - 500 r^2`, r = 1 on the ellipsoid with these half axes (m).
-    fn ellipsoid(positions: &[[f64; 3]], centre: [f64; 3], half_axes: [f64; 3]) -> Vec<f64> {
-        let term = |p: &[f64; 3], a: usize| ((p[a] - centre[a]) / half_axes[a]).powi(2);
-        let temperature = |p| 2000.0 - 500.0 * (term(p, 0) + term(p, 1) + term(p, 2));
-        positions.iter().map(temperature).collect()
-    }
-
-    fn gauge(positions: &[[f64; 3]], dimension: usize) -> MeltPoolGauge {
-        let grid = CellGrid::new(positions, SPACING).expect("a lattice");
-        MeltPoolGauge::on(grid, (dimension, 1.0), 1500.0)
-    }
-
-    fn measured(
-        positions: &[[f64; 3]],
-        dimension: usize,
-        travel: Travel,
-        temperature: &[f64],
-    ) -> Option<MeltPool> {
-        gauge(positions, dimension).measure(temperature, Aim::fixed(travel))
-    }
-
-    fn close(found: f64, expected: f64) {
-        // linear interpolation on a parabola: dx^2 T'' / (8 T') = dx^2 / (8 a), a >= 5 dx here
-        let tolerance = SPACING / 40.0 * 1.01;
-        assert!(
-            (found - expected).abs() < tolerance,
-            "{found} instead of {expected}"
-        );
-    }
-
-    /// Half a block, cut at the plane of symmetry y = 0, its surface at z = 0.
-    #[test]
-    fn isotherm_of_a_half_ellipsoid_is_found_within_a_fortieth_of_the_spacing() {
-        let positions = lattice([-30.0, 0.0, -10.0], [60, 12, 10]);
-        let (centre, half) = (3.3e-4, [17.2e-4, 8.1e-4, 5.4e-4]);
-        let temperature = ellipsoid(&positions, [centre, 0.0, 0.0], half);
-        let pool = measured(&positions, 3, Travel::X, &temperature);
-        let pool = pool.expect("a pool");
-        close(pool.front, centre + half[0]);
-        close(pool.rear, centre - half[0]);
-        close(pool.width.expect("3D"), half[1]);
-        close(pool.depth.expect("3D"), half[2]);
-        close(pool.length() / 2.0, half[0]);
-        assert_eq!(pool.copies, 1.0);
-
-        let symmetry = [Face::YMin, Face::XMin];
-        let gauge = gauge(&positions, 3).with_symmetry(&symmetry);
-        let whole = gauge
-            .measure(&temperature, Aim::fixed(Travel::X))
-            .expect("a pool");
-        close(0.5 * whole.width.expect("3D"), half[1]);
-        // the pool does not reach the other plane of symmetry
-        assert_eq!(whole.copies, 2.0);
-        assert_eq!((whole.rear, whole.depth), (pool.rear, pool.depth));
-        // a quarter of the ellipsoid; cells with linear values, five in the smallest half axis
-        let quarter = PI / 3.0 * half.iter().product::<f64>();
-        assert!(
-            (pool.volume / quarter - 1.0).abs() < 0.01,
-            "{}",
-            pool.volume / quarter
-        );
-        assert_eq!(whole.volume, 2.0 * pool.volume);
-    }
-
-    /// A whole block under a beam of any direction; the pool is turned with the source.
-    #[test]
-    fn extents_lie_along_travel_and_beam_and_not_along_the_axes() {
-        let positions = lattice([-30.0, -30.0, -30.0], [60, 60, 60]);
-        let half = [17.2e-4, 8.1e-4, 11.4e-4];
-        let (cos, sin) = (30_f64.to_radians().cos(), 30_f64.to_radians().sin());
-        for (travel, beam, across) in [
-            ([cos, sin, 0.0], [0.0, 0.0, -1.0], [-sin, cos, 0.0]),
-            ([0.0, 1.0, 0.0], [sin, 0.0, -cos], [cos, 0.0, sin]),
-            ([-1.0, 0.0, 0.0], [0.0, -sin, -cos], [0.0, cos, -sin]),
-        ] {
-            let temperature = |p: &[f64; 3]| {
-                let along = |d: [f64; 3]| (0..3).map(|a| p[a] * d[a]).sum::<f64>();
-                let parts = [
-                    along(travel) / half[0],
-                    along(across) / half[1],
-                    along(beam) / half[2],
-                ];
-                2000.0 - 500.0 * parts.iter().map(|x| x * x).sum::<f64>()
-            };
-            let temperature: Vec<f64> = positions.iter().map(temperature).collect();
-            let source = SourceState {
-                position: [0.0; 3],
-                travel: Some(travel),
-                beam,
-                power: 1.0,
-                path: 0.0,
-            };
-            let aim = Aim {
-                sources: &[source],
-                ..Aim::fixed(Travel::X)
-            };
-            let pool = gauge(&positions, 3)
-                .measure(&temperature, aim)
-                .expect("a pool");
-            // dx^2 / (8 R) on either side, R >= b^2 / a
-            let tolerance =
-                2.0 * SPACING.powi(2) * half[0] / (8.0 * half[1].powi(2)) + SPACING / 20.0;
-            assert!(
-                (pool.length() - 2.0 * half[0]).abs() < tolerance,
-                "{pool:?}"
-            );
-            assert!(
-                (pool.width.expect("3D") - 2.0 * half[1]).abs() < tolerance,
-                "{pool:?}"
-            );
-            // from the face z = 30 above the hottest point, along the beam
-            let surface = 30.0 * SPACING / -beam[2];
-            let depth = pool.depth.expect("3D") - surface;
-            assert!((depth - half[2]).abs() < tolerance + SPACING, "{pool:?}");
-        }
-    }
-
-    /// The centre line lies between the points, as it does in every block of even width.
-    #[test]
-    fn pool_between_lattice_lines_along_y_has_its_whole_width() {
-        let positions = lattice([-10.3, -20.0, -8.0], [21, 40, 8]);
-        let half = [7.2e-4, 13.7e-4, 5.1e-4];
-        let temperature = ellipsoid(&positions, [0.0; 3], half);
-        let pool = measured(&positions, 3, Travel::Y, &temperature);
-        let pool = pool.expect("a pool");
-        close(pool.front, half[1]);
-        close(pool.rear, -half[1]);
-        close(pool.width.expect("3D") / 2.0, half[0]);
-        close(pool.depth.expect("3D"), half[2]);
-    }
-
-    #[test]
-    fn plane_body_has_no_depth_and_a_bar_no_width() {
-        let positions = lattice([-20.0, -10.0, -0.5], [40, 20, 1]);
-        let temperature = ellipsoid(&positions, [0.0; 3], [12e-4, 6.3e-4, 1.0]);
-        let pool = measured(&positions, 2, Travel::X, &temperature);
-        let pool = pool.expect("a pool");
-        close(pool.width.expect("2D") / 2.0, 6.3e-4);
-        assert_eq!(pool.depth, None);
-
-        let positions = lattice([-20.0, -0.5, -0.5], [40, 1, 1]);
-        let temperature = ellipsoid(&positions, [0.0; 3], [12e-4, 1.0, 1.0]);
-        let pool = measured(&positions, 1, Travel::X, &temperature);
-        let pool = pool.expect("a pool");
-        close(pool.front, 12e-4);
-        assert_eq!((pool.width, pool.depth), (None, None));
-    }
-
-    #[test]
-    fn pool_ends_at_the_faces_of_the_body() {
-        let positions = lattice([0.0, 0.0, -4.0], [10, 6, 4]);
-        let temperature = vec![1800.0; positions.len()];
-        let pool = measured(&positions, 3, Travel::X, &temperature);
-        let pool = pool.expect("a pool");
-        // rounding only
-        assert!((pool.length() - 10.0 * SPACING).abs() < 1e-15);
-        assert!((pool.width.expect("3D") - 6.0 * SPACING).abs() < 1e-15);
-        assert!((pool.depth.expect("3D") - 4.0 * SPACING).abs() < 1e-15);
-        assert_eq!(pool.peak, 1800.0);
-    }
-
-    #[test]
-    fn depth_counts_from_the_surface_above_the_pool() {
-        // a base of four layers, and a web on one of its sides
-        let mut positions = lattice([0.0, 0.0, -4.0], [10, 12, 4]);
-        positions.extend(lattice([0.0, 0.0, 0.0], [10, 3, 8]));
-        let hot = |p: &[f64; 3]| p[1] > 6.0 * SPACING && p[2] > -2.0 * SPACING;
-        let temperature: Vec<f64> = positions
-            .iter()
-            .map(|p| if hot(p) { 1800.0 } else { 1200.0 })
-            .collect();
-        let pool = measured(&positions, 3, Travel::X, &temperature).expect("a pool");
-        // the parabola around the largest temperature overshoots at a step
-        assert!((pool.depth.expect("3D") - 2.0 * SPACING).abs() < 0.2 * SPACING);
-    }
-
-    #[test]
-    fn temperature_that_is_not_a_number_shows_in_every_extent() {
-        let positions = lattice([0.0; 3], [4, 4, 4]);
-        let mut temperature = vec![1800.0; positions.len()];
-        temperature[7] = f64::NAN;
-        let pool = measured(&positions, 3, Travel::X, &temperature).expect("not cold");
-        assert!(pool.length().is_nan() && pool.depth.is_some_and(f64::is_nan));
-    }
-
-    #[test]
-    fn cold_body_has_no_pool() {
-        let positions = lattice([0.0; 3], [4, 4, 4]);
-        let cold = vec![300.0; positions.len()];
-        assert_eq!(measured(&positions, 3, Travel::X, &cold), None);
-    }
-}
+mod tests;

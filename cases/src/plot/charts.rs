@@ -40,6 +40,7 @@ pub(super) fn balance_chart(balance: &Series) -> Chart {
         logarithmic: true,
         lines: lines.to_vec(),
         limit: Some(("limit".into(), LIMIT)),
+        ..Panel::default()
     };
     Chart {
         title: "Errors of the balances, relative to what was stored or supplied".into(),

@@ -3,7 +3,7 @@
 use perimelt_core::log::{Column, Series};
 
 use super::{
-    axes::{ChartAxis, Frame, TICK, look},
+    axes::{ChartAxis, Frame, LABEL, TICK, look},
     colour::{GREY, LINES},
     heading::{ROW, draw_heading, draw_rows, heading_height, rows},
     picture::{Anchor, Picture},
@@ -14,6 +14,8 @@ const LEFT: f64 = 125.0;
 const RIGHT: f64 = 30.0;
 const BOTTOM: f64 = 72.0;
 const GAP: f64 = 50.0;
+/// Height of the title of a panel, pixels.
+const TITLE: f64 = 30.0;
 
 /// Curves over one axis, in panels one above the other.
 #[derive(Clone, Debug, Default)]
@@ -27,6 +29,10 @@ pub(crate) struct Chart {
 /// Curves with the same unit.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Panel {
+    /// what it shows, above the panel, where that is too long for the vertical axis; may be empty
+    pub title: String,
+    /// whether values have dots, as those of single runs
+    pub has_dots: bool,
     /// name of the vertical axis with its unit
     pub label: String,
     pub logarithmic: bool,
@@ -104,10 +110,18 @@ impl Chart {
                 draw_limit(&mut picture, &frame, name, *value);
             }
             for (line, (_, values)) in placed.panel.lines.iter().enumerate() {
-                self.draw_line(&mut picture, &frame, values, line);
+                self.draw_line(&mut picture, &frame, (values, placed.panel.has_dots), line);
             }
             frame.draw(&mut picture, index + 1 == count as usize);
-            let corner = [right, top - placed.above + 18.0 - ROW];
+            if !placed.panel.title.is_empty() {
+                let at = [LEFT, top - placed.above + ROW - TITLE];
+                picture.text(&*placed.panel.title, at, look(LABEL, Anchor::Left));
+            }
+            let title = match placed.panel.title.is_empty() {
+                true => 0.0,
+                false => TITLE + ROW,
+            };
+            let corner = [right, top - placed.above + 18.0 - ROW + title];
             let sample = |picture: &mut Picture, piece: Vec<[f64; 2]>, line: usize| {
                 picture.line(piece, 3.0, LINES[line % LINES.len()]);
             };
@@ -129,7 +143,13 @@ impl Chart {
         }
     }
 
-    fn draw_line(&self, picture: &mut Picture, frame: &Frame, values: &[f64], line: usize) {
+    fn draw_line(
+        &self,
+        picture: &mut Picture,
+        frame: &Frame,
+        (values, has_dots): (&[f64], bool),
+        line: usize,
+    ) {
         let colour = LINES[line % LINES.len()];
         let mut points: Vec<[f64; 2]> = Vec::new();
         let mut pieces = Vec::new();
@@ -142,6 +162,9 @@ impl Chart {
         }
         pieces.push(points);
         for piece in pieces {
+            if has_dots {
+                piece.iter().for_each(|p| picture.dot(*p, 5.0, colour));
+            }
             match piece[..] {
                 [] => {}
                 [point] => picture.dot(point, 4.0, colour),
@@ -174,7 +197,11 @@ impl<'a> Placed<'a> {
             lines => lines.iter().map(|(name, _)| name.clone()).collect(),
         };
         let legend = rows(&names, room);
-        let above = ROW * legend.len().saturating_sub(1) as f64;
+        // a title has a row of its own above the legend
+        let has_title = !panel.title.is_empty();
+        let spare = usize::from(!has_title);
+        let title = if has_title { TITLE } else { 0.0 };
+        let above = title + ROW * legend.len().saturating_sub(spare) as f64;
         Some(Self {
             panel,
             vertical,

@@ -9,7 +9,7 @@ use super::{
     charts::line_chart,
     curves::Chart,
     grid_of,
-    isotherm::Isotherm,
+    isotherm::{Isotherm, of_highest_temperatures},
     picture::Picture,
     scalar::{Scalar, scalar},
     scale::ColourScale,
@@ -19,12 +19,15 @@ use super::{
     unit::{self, Shown},
 };
 
+/// The field whose isotherms are the macrograph of a weld.
+pub(super) const HIGHEST_TEMPERATURES: &str = "peak_temperature";
+
 /// What all pictures of a field of a body have in common.
 #[derive(Clone, Debug)]
 pub(super) struct FieldPlot<'a> {
     pub body: &'a BodyInfo,
     pub field: &'a str,
-    pub isotherms: &'a [Isotherm],
+    pub isotherms: Vec<Isotherm>,
     pub reference: Reference,
     pub cuts: Vec<Cut>,
     /// range of the colours in all pictures; by time without
@@ -46,17 +49,19 @@ impl Plotter<'_> {
         &self,
         body: &'a BodyInfo,
         field: &'a str,
-        isotherms: &'a [Isotherm],
+        isotherms: &[Isotherm],
         survey: &Survey,
     ) -> Result<FieldPlot<'a>, LogError> {
         let reference = Reference::new(self.log, body)?;
         Ok(FieldPlot {
             body,
             field,
-            isotherms: if field == "temperature" {
-                isotherms
-            } else {
-                &[]
+            isotherms: match field {
+                "temperature" => isotherms.to_vec(),
+                HIGHEST_TEMPERATURES => {
+                    of_highest_temperatures(self.log, &body.name, &self.isotherms())
+                }
+                _ => Vec::new(),
             },
             reference,
             cuts: self.cuts(survey.middle()),
@@ -99,7 +104,7 @@ impl Plotter<'_> {
             return Ok(Some(Drawn::Chart(chart)));
         }
         let positions = plot.reference.positions(cloud);
-        let grid = grid_of(body, cloud, positions).ok_or_else(|| PlotError::Scattered {
+        let grid = grid_of(body, cloud, &positions).ok_or_else(|| PlotError::Scattered {
             body: body.name.clone(),
             time: cloud.time,
         })?;
@@ -125,7 +130,7 @@ impl Plotter<'_> {
             label: &scalar.label,
             shown,
             scale,
-            isotherms: plot.isotherms,
+            isotherms: &plot.isotherms,
             name_all: plot.is_film,
             displacement: displacement.as_deref(),
             extent: plot.extent,

@@ -59,6 +59,7 @@ pub(crate) fn write_log(path: &Path, cells: [usize; 3]) {
             thickness: 1e-3,
             points: cells.iter().product(),
             symmetry: Vec::new(),
+            lattice: None,
             fields: vec![field("temperature", "K", 1), field("displacement", "m", 3)],
         });
     }
@@ -144,12 +145,13 @@ fn state(cells: [usize; 3], dimension: usize, time: f64) -> (Vec<[f64; 3]>, Vec<
                 let heat = (-0.9 * r2.sqrt().powf(1.5)).exp() * (time / 0.2).min(1.0);
                 temperature.push(300.0 + 2100.0 * heat);
                 let stretch = 6e-5 * time;
-                displacement.extend([
+                let [u, v, w] = [
                     stretch * (x * 150.0).sin(),
                     -2e-2 * stretch,
                     2.0 * stretch * heat,
-                ]);
-                positions.push([x, y, z]);
+                ];
+                displacement.extend([u, v, w]);
+                positions.push([x + u, y + v, z + w]);
             }
         }
     }

@@ -2,8 +2,10 @@
 
 use perimelt_core::log::Log;
 use perimelt_core::material::Material;
+use perimelt_physics::metallurgy::composition::Composition;
 
 use crate::run::case_of;
+use crate::summary::plugins_of;
 
 /// An isotherm to draw.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,6 +51,35 @@ pub(crate) fn isotherms(log: &Log, body: &str, asked: &[f64]) -> Vec<Isotherm> {
         .iter()
         .find_map(melting)
         .unwrap_or_default()
+}
+
+/// The isotherms asked for (K), or else those of the macrograph: the fusion line, and `Ac1` of a steel.
+pub(crate) fn of_highest_temperatures(log: &Log, body: &str, asked: &[f64]) -> Vec<Isotherm> {
+    if !asked.is_empty() {
+        return isotherms(log, body, asked);
+    }
+    let line = isotherms(log, body, &[]).into_iter().next();
+    let line = line.map(|isotherm| Isotherm {
+        name: format!("fusion line ({})", isotherm.name),
+        ..isotherm
+    });
+    let border = ac1(log, body).map(|temperature| Isotherm {
+        name: "Ac1".into(),
+        temperature,
+    });
+    line.into_iter().chain(border).collect()
+}
+
+/// Temperature (K) at which the steel of a body begins to become austenite: that of its physics `metallurgy`, or else of the
+/// composition of its first steel.
+pub(crate) fn ac1(log: &Log, body: &str) -> Option<f64> {
+    let mut metallurgy = plugins_of(log, "physics", "metallurgy", body);
+    let of_physics = metallurgy.find_map(|physics| physics["austenite"]["start"].as_f64());
+    of_physics.or_else(|| {
+        let materials = case_of(log).ok()?.materials_of(body).ok()?;
+        let steel = |material| Composition::of(material).ok().flatten();
+        Some(materials.iter().find_map(steel)?.ac1())
+    })
 }
 
 fn melting(material: &Material) -> Vec<Isotherm> {

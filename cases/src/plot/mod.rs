@@ -206,7 +206,12 @@ impl Plotter<'_> {
         let middle = survey.middle().map(|hottest| hottest.index);
         let half_way = |field: &str| middle.filter(|_| field == "temperature");
         for field in &fields {
-            let mut wanted: Vec<usize> = if self.args.at.is_empty() {
+            let mut wanted: Vec<usize> = if !self.args.at.is_empty() {
+                states_at(times, &self.args.at)?
+            } else if field == fields::HIGHEST_TEMPERATURES {
+                // the macrograph is complete at the end only
+                vec![times.len() - 1]
+            } else {
                 survey
                     .peak
                     .get(field)
@@ -215,8 +220,6 @@ impl Plotter<'_> {
                     .chain(half_way(field))
                     .chain([times.len() - 1])
                     .collect()
-            } else {
-                states_at(times, &self.args.at)?
             };
             wanted.sort_unstable();
             wanted.dedup();
@@ -244,7 +247,7 @@ impl Plotter<'_> {
         let there = |name: &&str| scalar(cloud, name).is_some();
         let asked: Vec<&str> = self.args.field.iter().map(String::as_str).collect();
         let wanted = if asked.is_empty() {
-            vec!["temperature", "displacement"]
+            vec!["temperature", fields::HIGHEST_TEMPERATURES, "displacement"]
         } else {
             asked
         };

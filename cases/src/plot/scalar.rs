@@ -85,14 +85,31 @@ pub(crate) fn scalar(cloud: &LoggedCloud, name: &str) -> Option<Scalar> {
     Some(made(field, label, number))
 }
 
+/// Fields of what happens to some points only; they are zero where it has not happened.
+const OF_EVENTS: [&str; 4] = [
+    "cooling_time",
+    "cooling_rate",
+    "thermal_gradient",
+    "solidification_speed",
+];
+
 fn made(field: &CloudField, label: String, number: Number) -> Scalar {
+    let is_of_events = OF_EVENTS.contains(&&*field.name);
+    // a cooling time that was never reached is no cooling time of zero
+    let happened = |value: f64| {
+        if is_of_events && value == 0.0 {
+            f64::NAN
+        } else {
+            value
+        }
+    };
     Scalar {
         label,
         unit: field.unit.clone(),
         values: field
             .values
             .chunks_exact(field.components)
-            .map(|value| number.of(value))
+            .map(|value| happened(number.of(value)))
             .collect(),
     }
 }

@@ -1,12 +1,15 @@
 //! One pass over the clouds of a body: when its fields peak, and how its melt pool grows.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use perimelt_core::log::{BodyInfo, CloudField, Log, LogError, LoggedCloud};
+use perimelt_core::log::{BodyInfo, FieldInfo, LatticeInfo, Log, LogError, LoggedCloud};
 
 use super::scalar::scalar;
 use crate::melt_pool::{Aim, LoggedSources, MeltPool, MeltPoolGauge, Travel};
 use crate::moment::sound;
+
+const DISPLACEMENT: &str = "displacement";
 
 /// Result of the pass.
 #[derive(Clone, Debug, Default)]
@@ -116,7 +119,7 @@ pub(crate) fn survey(
         }
         let heat = scalar(&cloud, "temperature").or_else(|| scalar(&cloud, fields.first()?));
         survey.hottest.extend(heat.and_then(|heat| {
-            let (value, place) = highest(&heat.values, reference.positions(&cloud))?;
+            let (value, place) = highest(&heat.values, &reference.positions(&cloud))?;
             Some(Hottest {
                 value,
                 place,
@@ -137,39 +140,35 @@ pub(crate) fn survey(
     Ok(survey)
 }
 
-/// Reference positions of a body; its deformed positions do not form a lattice.
+/// Reference positions of a body, whose deformed positions do not form a lattice.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Reference {
+    /// of the points of the first state; `None` of a body without displacements
     first: Option<Vec<[f64; 3]>>,
+    lattice: Option<LatticeInfo>,
+    spacing: f64,
 }
 
 impl Reference {
-    /// From the first cloud of a body that is a solid, that is one with displacements: its positions without them.
+    /// Of the body of a log.
     pub(crate) fn new(log: &Log, body: &BodyInfo) -> Result<Self, LogError> {
         if log.times(&body.name).is_empty() {
             return Ok(Self::default());
         }
-        let LoggedCloud {
-            mut positions,
-            fields,
-            ..
-        } = log.first_cloud(&body.name)?;
-        let of_solid = |field: &&CloudField| field.name == "displacement" && field.components == 3;
-        let Some(displacement) = fields.iter().find(of_solid) else {
+        let first = log.first_cloud(&body.name)?;
+        // the states may be without the displacements
+        let is_displacement = |f: &FieldInfo| f.name == DISPLACEMENT && f.components == 3;
+        if displacement(&first).is_none() && !body.fields.iter().any(is_displacement) {
             return Ok(Self::default());
-        };
-        // a log that was cut does not begin with the undeformed body
-        for (position, u) in positions
-            .iter_mut()
-            .zip(displacement.values.chunks_exact(3))
-        {
-            for axis in 0..3 {
-                position[axis] -= u[axis];
-            }
         }
-        Ok(Self {
-            first: Some(positions),
-        })
+        let mut reference = Self {
+            first: None,
+            lattice: body.lattice.clone(),
+            spacing: body.spacing,
+        };
+        let at_rest = reference.at_rest(&first);
+        reference.first = Some(at_rest.unwrap_or(first.positions));
+        Ok(reference)
     }
 
     /// Whether the body has displacements, so that its positions are not those of the undeformed body.
@@ -177,12 +176,49 @@ impl Reference {
         self.first.is_some()
     }
 
-    /// Reference positions (m) of the points of a cloud; for a fluid, the current ones.
-    pub(crate) fn positions<'a>(&'a self, cloud: &'a LoggedCloud) -> &'a [[f64; 3]] {
-        match &self.first {
-            Some(first) if first.len() == cloud.positions.len() => first,
-            _ => &cloud.positions,
+    /// Reference positions (m) of the points of a state; for a fluid, the current ones. Points may get or lose their material
+    /// from state to state: the positions are those of the state less its displacements. A state without displacements has those
+    /// of the first state.
+    pub(crate) fn positions<'a>(&'a self, cloud: &'a LoggedCloud) -> Cow<'a, [[f64; 3]]> {
+        let Some(first) = &self.first else {
+            return Cow::Borrowed(&cloud.positions);
+        };
+        match self.at_rest(cloud) {
+            Some(at_rest) if !self.are_equal(&at_rest, first) => Cow::Owned(at_rest),
+            None if first.len() != cloud.positions.len() => Cow::Borrowed(&cloud.positions),
+            _ => Cow::Borrowed(first),
         }
+    }
+
+    /// The positions less the displacements, at the centre of a cell where the body has cells; `None` without displacements.
+    fn at_rest(&self, cloud: &LoggedCloud) -> Option<Vec<[f64; 3]>> {
+        let points = cloud.positions.iter().zip(displacement(cloud)?);
+        let at_rest = |(x, u): (&[f64; 3], &[f64])| self.centred([0, 1, 2].map(|a| x[a] - u[a]));
+        Some(points.map(at_rest).collect())
+    }
+
+    /// The centre of the cell in which a reference position (m) with the rounding of single precision lies. Other positions
+    /// stay as they are.
+    fn centred(&self, position: [f64; 3]) -> [f64; 3] {
+        let Some(LatticeInfo {
+            origin, spacing, ..
+        }) = &self.lattice
+        else {
+            return position;
+        };
+        let centre = [0, 1, 2].map(|a| {
+            let cell = ((position[a] - origin[a]) / spacing).round();
+            origin[a] + cell * spacing
+        });
+        match is_near(&centre, &position, *spacing) {
+            true => centre,
+            false => position,
+        }
+    }
+
+    fn are_equal(&self, some: &[[f64; 3]], others: &[[f64; 3]]) -> bool {
+        let mut both = some.iter().zip(others);
+        some.len() == others.len() && both.all(|(a, b)| is_near(a, b, self.spacing))
     }
 
     /// The region around the highest of the temperatures (K) that is above the isotherm (K).
@@ -202,15 +238,117 @@ impl Reference {
         (body, cloud): (&BodyInfo, &LoggedCloud),
         isotherm: f64,
     ) -> Option<MeltPoolGauge> {
-        let grid = super::grid_of(body, cloud, self.positions(cloud))?;
+        let grid = super::grid_of(body, cloud, &self.positions(cloud))?;
         let gauge = MeltPoolGauge::on(grid, (body.dimension, body.thickness), isotherm);
         Some(gauge.with_symmetry(&body.symmetry))
     }
 }
 
+/// Whether two reference positions differ by the rounding of single precision only.
+fn is_near(a: &[f64; 3], b: &[f64; 3], spacing: f64) -> bool {
+    /// a body of 10^5 cells along an axis has half of this
+    const ROUNDING: f64 = 0.02;
+    (0..3).all(|axis| (a[axis] - b[axis]).abs() <= ROUNDING * spacing)
+}
+
+/// Logged displacement of each point, m.
+fn displacement(cloud: &LoggedCloud) -> Option<std::slice::ChunksExact<'_, f64>> {
+    let mut fields = cloud.fields.iter();
+    let field = fields.find(|field| field.name == DISPLACEMENT && field.components == 3)?;
+    Some(field.values.chunks_exact(3))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    use perimelt_core::log::{CloudView, FieldView, Precision, RunInfo, Writer};
+
+    const SPACING: f64 = 1e-3;
+
+    /// A bar along x whose cells with these numbers have material in each state, each displaced by 0.8 of a spacing along z and
+    /// by less along x.
+    fn growing(path: &std::path::Path, states: &[&[usize]], with_lattice: bool) -> (Log, BodyInfo) {
+        let lattice = LatticeInfo {
+            origin: [0.5 * SPACING, 0.0, 0.0],
+            spacing: SPACING,
+            cells: [8, 1, 1],
+        };
+        let body = BodyInfo {
+            name: "bar".into(),
+            dimension: 3,
+            spacing: SPACING,
+            points: 8,
+            lattice: with_lattice.then_some(lattice),
+            fields: vec![FieldInfo {
+                name: DISPLACEMENT.into(),
+                unit: "m".into(),
+                components: 3,
+            }],
+            ..BodyInfo::default()
+        };
+        let run = RunInfo {
+            bodies: vec![body.clone()],
+            ..RunInfo::default()
+        };
+        let mut writer = Writer::create(path, &run, "bar.toml", "").expect("a new file");
+        for (time, cells) in states.iter().enumerate() {
+            let displaced = |cell: usize| [1e-4 * (cell as f64).sin(), 0.0, 0.8 * SPACING];
+            let place = |cell: usize| [(cell as f64 + 0.5) * SPACING, 0.0, 0.0];
+            let moved = |cell: &usize| {
+                let (x, u) = (place(*cell), displaced(*cell));
+                [0, 1, 2].map(|a| x[a] + u[a] * time as f64)
+            };
+            let positions: Vec<[f64; 3]> = cells.iter().map(moved).collect();
+            let values: Vec<f64> = cells
+                .iter()
+                .flat_map(|cell| displaced(*cell).map(|u| u * time as f64))
+                .collect();
+            let fields = [FieldView {
+                name: DISPLACEMENT,
+                components: 3,
+                values: &values,
+            }];
+            let cloud = CloudView {
+                time: time as f64,
+                positions: &positions,
+                fields: &fields,
+            };
+            writer
+                .points("bar", Precision::F32, &cloud)
+                .expect("written");
+        }
+        writer.finish().expect("written");
+        (Log::open(path).expect("a log"), body)
+    }
+
+    #[test]
+    fn reference_positions_follow_points_that_get_and_lose_material() {
+        let folder = tempfile::tempdir().expect("a folder");
+        // points are added before others, and as many are removed as added
+        let states: [&[usize]; 4] = [&[2, 3, 5], &[2, 3, 4, 5], &[0, 3, 4, 7], &[0, 7]];
+        for with_lattice in [true, false] {
+            let path = folder.path().join(format!("{with_lattice}.mcap"));
+            let (log, body) = growing(&path, &states, with_lattice);
+            let reference = Reference::new(&log, &body).expect("readable");
+            for (state, cells) in states.iter().enumerate() {
+                let cloud = log.cloud("bar", state).expect("a cloud");
+                let found = reference.positions(&cloud);
+                let expected = cells
+                    .iter()
+                    .map(|c| [(*c as f64 + 0.5) * SPACING, 0.0, 0.0]);
+                assert_eq!(found.len(), cells.len());
+                for (found, expected) in found.iter().zip(expected) {
+                    assert!(is_near(found, &expected, SPACING), "{found:?} {expected:?}");
+                    // cells are those of the body, without the rounding of the log
+                    let exact = (found[0] - expected[0]).abs() < 1e-15;
+                    assert!(exact || !with_lattice, "{found:?}");
+                }
+                let grid = super::super::grid_of(&body, &cloud, &found).expect("a grid");
+                assert_eq!(grid.cells[1..], [1, 1]);
+            }
+        }
+    }
 
     #[test]
     fn the_highest_of_equal_values_is_in_their_middle() {

@@ -35,7 +35,7 @@ const fn rule(si: &'static str, from: f64, factor: f64, unit: &'static str) -> R
 
 /// The first rule of an SI unit that holds applies. A size of zero counts as one; units without a rule are shown as
 /// they are. Lengths are in millimetres for the sizes of workpieces.
-pub(crate) const RULES: [Rule; 22] = [
+pub(crate) const RULES: [Rule; 23] = [
     rule("m", 2.0, 1.0, "m"),
     rule("m", 5e-5, 1e3, "mm"),
     rule("m", 5e-7, 1e6, "µm"),
@@ -46,6 +46,7 @@ pub(crate) const RULES: [Rule; 22] = [
     rule("s", 1e-10, 1e9, "ns"),
     rule("s", 1e-13, 1e12, "ps"),
     rule("s", 0.0, 1e15, "fs"),
+    rule("rad", 0.0, 180.0 / std::f64::consts::PI, "°"),
     rule("m/s", 0.5, 1.0, "m/s"),
     rule("m/s", 0.0, 1e3, "mm/s"),
     rule("m2", 1e-2, 1.0, "m²"),

@@ -44,13 +44,16 @@ impl LogSize {
         });
         let probes = case.build_probes(simulation)?;
         let columns: usize = probes.iter().map(|p| p.columns.len()).sum();
-        let left = simulation.options().end - simulation.time();
-        let number = |interval: f64| (left / interval - 1e-9).ceil() + 1.0;
+        let options = simulation.options();
+        let left = options.end - simulation.time();
+        let checkpoints = (left / case.checkpoint_interval() - 1e-9).ceil() + 1.0;
+        let states = options.log.left(simulation.time(), options.end) + 1;
         Ok(LogSize {
-            states: number(simulation.options().log_interval),
+            states: states as f64,
             // digits of a number as text, and its name
             state: bodies.sum::<usize>() + 40 * columns,
-            checkpoints: number(case.checkpoint_interval()),
+            // they are written with states
+            checkpoints: checkpoints.min(states as f64),
             checkpoint: simulation.save()?.len(),
         })
     }

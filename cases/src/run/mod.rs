@@ -4,6 +4,7 @@
 //! can be replayed and resumed, even if the run was killed.
 
 pub mod display;
+pub mod estimate;
 pub mod inputs;
 pub mod log_size;
 pub mod outcome;

@@ -6,12 +6,13 @@ use std::path::Path;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use perimelt_core::activity::is_active;
-use perimelt_core::field::FieldIndex;
+use perimelt_core::field::{FieldIndex, keys};
 use perimelt_core::log::{
-    BodyInfo, CloudView, Column, FieldInfo, FieldView, Precision, Progress, RunInfo, Series, Writer,
+    BodyInfo, CloudView, Column, FieldInfo, FieldView, LatticeInfo, Precision, Progress, RunInfo,
+    Series, Writer,
 };
 use perimelt_core::simulation::Progress as Counters;
-use perimelt_core::{Simulation, World};
+use perimelt_core::{Body, Simulation, World};
 
 use super::{Failure, inputs};
 use crate::case::Case;
@@ -255,11 +256,15 @@ impl Recorder {
     }
 }
 
-/// Fields in the point cloud of each body.
+/// Fields in the point cloud of each body. The displacement of a body whose points get or lose material is always one of
+/// them: without it, no reader knows the reference positions of the points in a state.
 pub fn logged_fields(case: &Case, simulation: &Simulation) -> Vec<Vec<FieldIndex>> {
     let chosen = |body: usize| {
+        let changes = simulation.world().activity(body).is_some();
         let wanted = |name: &str| match &case.log.fields {
-            Some(fields) => fields.iter().any(|f| f == name),
+            Some(fields) => {
+                fields.iter().any(|f| f == name) || (changes && name == keys::DISPLACEMENT.name)
+            }
             None => !NOT_BY_DEFAULT.contains(&name),
         };
         let fields = simulation
@@ -295,6 +300,19 @@ impl Present {
     }
 }
 
+fn lattice_info(body: &Body) -> Option<LatticeInfo> {
+    let lattice = body.lattice()?;
+    let (cell, place) = (
+        lattice.cell_of_point.first()?,
+        body.points.position.first()?,
+    );
+    Some(LatticeInfo {
+        origin: [0, 1, 2].map(|a| place[a] - f64::from(cell[a]) * lattice.spacing),
+        spacing: lattice.spacing,
+        cells: lattice.cells,
+    })
+}
+
 /// What does not change during a run.
 pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
     let body = |(index, body): (usize, &perimelt_core::Body)| BodyInfo {
@@ -304,6 +322,7 @@ pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
         thickness: body.thickness,
         points: body.points.len(),
         symmetry: simulation.world().symmetry(index).to_vec(),
+        lattice: lattice_info(body),
         fields: simulation
             .lasting()
             .filter(|f| f.body == index)

@@ -8,14 +8,19 @@ use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
 use crate::melt_pool::{LoggedSources, MeltPool, SourceState, Travel, steady};
 use crate::plot::isotherm::isotherms;
 use crate::plot::scalar::scalar;
-use crate::plot::survey::survey;
+use crate::plot::survey::{Survey, survey};
 use crate::plot::unit;
 use crate::run::case_of;
-use crate::run::record::{RELATIVE_ERROR, REPORTS};
+use crate::run::record::RELATIVE_ERROR;
 use crate::tables;
 
+mod distortion;
+mod fillet;
+mod heat;
 mod history;
 mod mechanics;
+mod passes;
+mod stress;
 #[cfg(test)]
 mod testing;
 mod zones;
@@ -55,6 +60,9 @@ pub struct ReadOff {
     /// Why it is left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_out: Option<String>,
+    /// Why it cannot be relied on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub warning: Option<String>,
 }
 
 /// What the numbers are read off with.
@@ -80,6 +88,7 @@ impl ReadOff {
             place: None,
             distance: None,
             left_out: None,
+            warning: None,
         }
     }
 
@@ -120,6 +129,7 @@ impl ReadOff {
 pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, LogError> {
     let mut found = Vec::new();
     let logged_sources = LoggedSources::of_log(log);
+    let passes = passes::passes(log);
     for body in &log.run().bodies {
         let times = log.times(&body.name);
         let (Some(&end), Some(last)) = (times.last(), times.len().checked_sub(1)) else {
@@ -129,10 +139,15 @@ pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, Log
         let isotherm = isotherm.first().map(|i| i.temperature);
         let last = log.cloud(&body.name, last)?;
         let sources = &logged_sources;
-        temperatures((log, sources), (body, &last), isotherm, options, &mut found)?;
+        let survey = temperatures((log, sources), (body, &last), isotherm, options, &mut found)?;
+        if let Some(survey) = survey {
+            passes::of_body(log, (body, &survey), &passes, &mut found)?;
+        }
         zones::zones((log, sources), (body, &last), isotherm, options, &mut found)?;
         history::history(log, (body, &last), &mut found);
         mechanics::before_release(log, body, &mut found)?;
+        fillet::fillet((log, sources), (body, &last), &mut found)?;
+        distortion::distortion((log, sources), (body, &last), options.travel, &mut found)?;
         let mut extreme = |field: &str, quantity: &str, unit: &str| {
             found.extend(largest(body, &last, field).map(|(value, place)| {
                 ReadOff::new(&body.name, quantity, value, unit)
@@ -141,20 +156,21 @@ pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, Log
             }));
         };
         extreme("displacement", "largest displacement at the end", "m");
-        extreme("stress", "largest von Mises stress at the end", "Pa");
         extreme("damage", "largest damage at the end", "1");
         extreme("hardness", "largest hardness at the end", "HV");
         extreme("martensite", "largest share of martensite at the end", "1");
+        stress::stresses(log, (body, &last), &mut found);
     }
     mechanics::stress_along_lines(log, &mut found);
     mechanics::beyond_yield(log, &mut found);
-    sources(log, &mut found);
+    heat::sources(log, &mut found)?;
+    passes::heat_input(log, &passes, &mut found);
     found.extend(errors(log));
     Ok(found)
 }
 
 /// The plugins of a type as the run had them, of those that act on a body.
-fn plugins_of<'a>(
+pub(crate) fn plugins_of<'a>(
     log: &'a Log,
     section: &str,
     kind: &'a str,
@@ -186,9 +202,9 @@ fn temperatures(
     isotherm: Option<f64>,
     options: &SummaryOptions,
     found: &mut Vec<ReadOff>,
-) -> Result<(), LogError> {
+) -> Result<Option<Survey>, LogError> {
     let Some(at_end) = largest(body, last, "temperature") else {
-        return Ok(());
+        return Ok(None);
     };
     let fields = ["temperature".into()];
     let survey = survey(log, body, &fields, isotherm, options.travel)?;
@@ -237,7 +253,7 @@ fn temperatures(
             found.push(median(&body.name, quantity, middle, "m", 0.0));
         }
     }
-    Ok(())
+    Ok(Some(survey))
 }
 
 /// The ends (K) of tables of material properties that the highest temperature (K) lies beyond.
@@ -274,59 +290,6 @@ fn median(of: &str, quantity: String, mut values: Vec<f64>, unit: &str, outside:
     ReadOff {
         range: Some([at(outside), at(1.0 - outside)]),
         ..ReadOff::new(of, quantity, at(0.5), unit)
-    }
-}
-
-/// Energies of the heat sources, and energy per length of their paths.
-fn sources(log: &Log, found: &mut Vec<ReadOff>) {
-    let Some(reports) = log.probes().get(REPORTS) else {
-        return;
-    };
-    let column = |name: &str| {
-        let column = reports.columns.iter().find(|c| c.name == name)?;
-        Some(&column.values[..])
-    };
-    for name in reports.columns.iter().map(|c| &c.name) {
-        let Some(source) = name.strip_suffix(".energy.asked") else {
-            continue;
-        };
-        let last = |what: &str| column(&format!("{source}.{what}"))?.last().copied();
-        let mirrored = last("energy.mirrored").filter(|energy| *energy > 0.0);
-        for (part, energy) in [
-            ("asked", last("energy.asked")),
-            ("deposited", last("energy.deposited")),
-            ("deposited in the mirrored part of the body", mirrored),
-            ("lost", last("energy.lost")),
-        ] {
-            found.extend(energy.map(|e| ReadOff::new(source, format!("energy {part}"), e, "J")));
-        }
-        if let (Some(energy), Some(path)) = (last("energy.deposited"), last("path"))
-            && path > 0.0
-        {
-            let energy = energy + mirrored.unwrap_or(0.0);
-            found.push(ReadOff::new(
-                source,
-                "length of the path with power",
-                path,
-                "m",
-            ));
-            let quantity = "energy deposited per length of the path";
-            found.push(ReadOff::new(source, quantity, energy / path, "J/m"));
-        }
-        for pass in 1.. {
-            let Some(start) = last(&format!("pass.{pass}.start")) else {
-                break;
-            };
-            let temperature = last(&format!("pass.{pass}.temperature"));
-            if !start.is_finite() {
-                break;
-            }
-            let quantity = format!("start of pass {pass}");
-            found.push(ReadOff::new(source, quantity, start, "s"));
-            let quantity = format!("interpass temperature before pass {pass}");
-            let temperature = temperature.filter(|t| t.is_finite());
-            found.extend(temperature.map(|t| ReadOff::new(source, quantity, t, "K").at(start)));
-        }
     }
 }
 
@@ -375,6 +338,9 @@ pub fn print(found: &[ReadOff], out: &mut impl Write) -> std::io::Result<()> {
             None => print_value(read_off, out)?,
         }
         writeln!(out)?;
+        if let Some(warning) = &read_off.warning {
+            writeln!(out, "  {:widest$}  warning: {warning}", "")?;
+        }
     }
     Ok(())
 }

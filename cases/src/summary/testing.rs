@@ -22,6 +22,7 @@ material = "steel"
 [materials.steel]
 solidus = 1500
 liquidus = 1550
+yield_stress = 300e6
 carbon = 0.2
 silicon = 0.5
 
@@ -83,6 +84,7 @@ impl Plate<'_> {
             thickness: 1.0,
             points: positions.len(),
             symmetry: self.symmetry.clone(),
+            lattice: None,
             fields: fields.collect(),
         };
         let run = RunInfo {

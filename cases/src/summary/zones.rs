@@ -1,13 +1,12 @@
 //! Fusion zone and heat-affected zone, from the highest temperatures that `thermal_history` recorded.
 
 use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
-use perimelt_physics::metallurgy::composition::Composition;
 
-use super::{ReadOff, SummaryOptions, plugins_of};
-use crate::melt_pool::{Aim, LoggedSources, Zone};
+use super::{ReadOff, SummaryOptions};
+use crate::melt_pool::{Aim, LoggedSources, Root, Zone};
+use crate::plot::isotherm::ac1;
 use crate::plot::scalar::scalar;
 use crate::plot::survey::Reference;
-use crate::run::case_of;
 
 /// Reads off both zones. The isotherm (K) is that of the fusion zone.
 pub(super) fn zones(
@@ -37,6 +36,7 @@ pub(super) fn zones(
     let fusion = isotherm.and_then(measured);
     if let Some(zone) = &fusion {
         extents(zone, (body, "fusion zone"), found);
+        penetration(zone, body, found);
     }
     let Some((temperature, name)) = border(log, body, options.haz) else {
         return Ok(());
@@ -70,7 +70,7 @@ fn extents(zone: &Zone, (body, name): (&BodyInfo, &str), found: &mut Vec<ReadOff
     for (size, value, unit, reason) in [
         ("length", zone.length, "m", path),
         ("width", zone.width(), "m", sections),
-        ("depth", zone.depth, "m", ""),
+        ("depth", zone.depth(), "m", ""),
         ("area of the cross-section", zone.area(), "m2", sections),
     ] {
         let quantity = format!("{size} of the {name}");
@@ -85,20 +85,29 @@ fn extents(zone: &Zone, (body, name): (&BodyInfo, &str), found: &mut Vec<ReadOff
     }
 }
 
+/// How far the fusion zone goes through the metal, and its root where it goes through.
+fn penetration(zone: &Zone, body: &BodyInfo, found: &mut Vec<ReadOff>) {
+    let mut add = |quantity: &str, value: f64, unit: &str| {
+        found.push(ReadOff::new(&body.name, quantity, value, unit));
+    };
+    if let Some(penetration) = zone.penetration.filter(|p| p.fraction.is_finite()) {
+        let quantity = "largest depth of the fusion zone over the thickness of the metal there";
+        add(quantity, penetration.fraction, "1");
+    }
+    if let Some(Root { width, fraction }) = zone.root {
+        let quantity = "full penetration, fraction of the length of the fusion zone";
+        add(quantity, fraction, "1");
+        add("largest width of the root", width, "m");
+    }
+}
+
 /// Temperature (K) that bounds the heat-affected zone, and its name in brackets: the one asked for, or `Ac1` of the physics
 /// `metallurgy` or of the composition of the first steel of the body.
 fn border(log: &Log, body: &BodyInfo, asked: Option<f64>) -> Option<(f64, &'static str)> {
     if let Some(temperature) = asked {
         return Some((temperature, ""));
     }
-    let mut metallurgy = plugins_of(log, "physics", "metallurgy", &body.name);
-    let of_physics = metallurgy.find_map(|physics| physics["austenite"]["start"].as_f64());
-    let ac1 = of_physics.or_else(|| {
-        let materials = case_of(log).ok()?.materials_of(&body.name).ok()?;
-        let steel = |material| Composition::of(material).ok().flatten();
-        Some(materials.iter().find_map(steel)?.ac1())
-    });
-    Some((ac1?, " (Ac1)"))
+    Some((ac1(log, &body.name)?, " (Ac1)"))
 }
 
 #[cfg(test)]

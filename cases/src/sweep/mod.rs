@@ -20,7 +20,7 @@ use crate::plot::{PictureFormat, PlotError, create_folder};
 use crate::run::display::duration;
 use crate::run::early_end;
 use crate::summary::{SummaryOptions, read_off};
-use picture::Comparison;
+use picture::{Choice, Comparison};
 use table::{Outcome, Table};
 use variants::{Variant, variants};
 
@@ -41,6 +41,9 @@ pub struct SweepArgs {
     /// Draw a number read off with a formula in x, the value that varies, such as `cooling time=4e-4 * x`; SI units
     #[arg(long, value_name = "NUMBER=FORMULA")]
     compare: Vec<String>,
+    /// Draw only the numbers whose names contain this, such as `width of the fusion zone`; may be given several times
+    #[arg(long, value_name = "NUMBER")]
+    only: Vec<String>,
     /// Folder of cases, logs, table and picture [default: name of the case with -sweep, in the working directory]
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
@@ -78,6 +81,11 @@ pub enum SweepError {
         /// What is wrong with it.
         message: String,
     },
+    /// An `--only` that no number has.
+    #[error(
+        "`--only {0}`: no number with this name was read off; the names are those of the table"
+    )]
+    Only(String),
     /// The picture.
     #[error(transparent)]
     Picture(#[from] PlotError),
@@ -124,9 +132,8 @@ fn count_text(failed: usize, interrupted: usize, all: usize) -> String {
     }
 }
 
-/// Runs all variants that are not at their end yet, prints the table and writes it beside the logs, with a picture where one
-/// number varies. A sweep that was
-/// interrupted goes on where it was.
+/// Runs all variants that are not at their end yet, prints the table and writes it beside the logs, with a picture where a
+/// number varies. A sweep that was interrupted goes on where it was.
 ///
 /// # Errors
 /// A mistake before the first run, or runs that failed, once the others are done.
@@ -173,7 +180,11 @@ pub fn sweep(args: &SweepArgs, out: &mut dyn io::Write) -> Result<(), Box<dyn st
     })?;
     writeln!(out, "{}", path.display())?;
     let title = &case.case.title;
-    let chart = picture::chart(&table, "numbers read off the runs", &compared)?;
+    let choice = Choice {
+        compared,
+        only: args.only.clone(),
+    };
+    let chart = picture::chart(&table, "numbers read off the runs", &choice)?;
     if let Some(drawn) = chart.and_then(|chart| chart.draw(title, WIDTH)) {
         let path = folder.join("sweep.svg");
         drawn

@@ -50,6 +50,18 @@ pub(super) struct Row {
 }
 
 impl Table {
+    /// Of runs that have all reached their ends.
+    #[cfg(test)]
+    pub(super) fn of(keys: Vec<(String, Vec<String>)>, numbers: Vec<Row>) -> Self {
+        let runs = keys.first().map_or(0, |(_, values)| values.len());
+        Table {
+            runs,
+            keys,
+            numbers,
+            is_at_end: vec![true; runs],
+        }
+    }
+
     /// The values of the variants, and what their runs came to.
     pub fn new(variants: &[Variant], results: &[Outcome]) -> Self {
         let first = variants.first().map_or(&[][..], |v| &v.changes);

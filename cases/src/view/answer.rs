@@ -178,7 +178,7 @@ impl OfLog<'_> {
         let log = self.store.log();
         let reference = self.store.reference(body(&log, name)?)?;
         let positions = reference.positions(&cloud);
-        let tag = format!("\"{:016x}\"", fingerprint(positions));
+        let tag = format!("\"{:016x}\"", fingerprint(&positions));
         if tag == known {
             return Ok(Reply {
                 status: 304,

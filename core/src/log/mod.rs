@@ -167,8 +167,23 @@ pub struct BodyInfo {
     /// faces that are planes of symmetry: the body is a part of the whole
     #[serde(default)]
     pub symmetry: Vec<Face>,
+    /// cells of a body on a regular grid; `None` where points have several spacings or come from a table
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lattice: Option<LatticeInfo>,
     /// fields the body has, logged or not
     pub fields: Vec<FieldInfo>,
+}
+
+/// The regular grid of the cells of a body in its reference configuration. Points that get their material later, and cells
+/// that never have any, are part of it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LatticeInfo {
+    /// centre of cell (0, 0, 0), m
+    pub origin: [f64; 3],
+    /// edge of a cell, m
+    pub spacing: f64,
+    /// number of cells along x, y, z; 1 along axes that the body does not have
+    pub cells: [usize; 3],
 }
 
 /// A field of a body.

@@ -41,6 +41,7 @@ fn run_info() -> RunInfo {
             thickness: 1e-4,
             points: 40,
             symmetry: vec![Face::YMin],
+            lattice: None,
             fields: vec![
                 field("temperature", "K", 1),
                 field("velocity", "m/s", 3),

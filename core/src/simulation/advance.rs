@@ -1,5 +1,7 @@
 //! One pass over all physics: groups in order, sub-steps, couplers before them, and checks of the state.
 
+use std::time::Instant;
+
 use super::Simulation;
 use crate::error::RunError;
 use crate::plugin::{Step, Update};
@@ -113,6 +115,7 @@ impl Simulation {
         logging: bool,
         in_group: bool,
     ) -> Result<(), RunError> {
+        let begun = Instant::now();
         let start = self.clock.advanced_to[p];
         let count = self.steps_within((p, self.sub_step[p]), start, end)?;
         let size = (end - start) / count as f64;
@@ -146,6 +149,7 @@ impl Simulation {
                 self.check_state(p, step)?;
             }
         }
+        self.wall[p] += begun.elapsed().as_secs_f64();
         Ok(())
     }
 

@@ -15,12 +15,16 @@
 mod advance;
 mod checkpoint;
 mod iteration;
+mod log_times;
+mod remaining;
 mod steps;
 
 #[cfg(test)]
 mod tests;
 
 pub use iteration::{Iteration, Unconverged};
+pub use log_times::{LogStage, LogTimes};
+pub use remaining::Remaining;
 
 use std::path::Path;
 
@@ -64,8 +68,8 @@ pub struct TimeOptions {
     pub stages: Vec<Stage>,
     /// Automatic steps are this share of the largest stable one.
     pub safety: f64,
-    /// Simulated time between logged states, s.
-    pub log_interval: f64,
+    /// Times of logged states.
+    pub log: LogTimes,
     /// Repetition of passes, if any.
     pub iteration: Option<Iteration>,
 }
@@ -121,6 +125,8 @@ pub struct Simulation {
     requests: Vec<(String, usize, FamilySpec)>,
     warnings: Vec<Warning>,
     notes: Vec<Warning>,
+    /// Wall time of the sub-steps of each physics so far, with their couplers, s; not a part of the state.
+    wall: Vec<f64>,
 }
 
 /// Size of a family, for `check`.
@@ -259,6 +265,7 @@ impl Simulation {
             requests,
             warnings,
             notes,
+            wall: vec![0.0; count],
         })
     }
 
@@ -285,6 +292,11 @@ impl Simulation {
     /// Counters of the work done.
     pub fn progress(&self) -> &Progress {
         &self.clock.progress
+    }
+
+    /// Wall time of the sub-steps of each physics since this simulation was prepared, with the couplers before them, s.
+    pub fn wall_seconds(&self) -> &[f64] {
+        &self.wall
     }
 
     /// The order of couplers.

@@ -107,8 +107,13 @@ impl Simulation {
 
     /// Largest macro step, s: as asked for, or the longest sub-step that physics and couplers allow.
     pub fn macro_step(&self) -> f64 {
+        self.macro_step_at(self.clock.time)
+    }
+
+    /// Largest macro step in the stage of a time (s), s.
+    pub(super) fn macro_step_at(&self, time: f64) -> f64 {
         let stages = self.options.stages.iter();
-        let stage = stages.take_while(|s| s.from <= self.clock.time).last();
+        let stage = stages.take_while(|s| s.from <= time).last();
         if let StepSize::Fixed(step) = stage.map_or(self.options.step, |s| s.step) {
             return step;
         }
@@ -121,7 +126,7 @@ impl Simulation {
         let longest = if longest > 0.0 {
             longest
         } else {
-            self.options.log_interval
+            self.options.log.interval_at(time)
         };
         let physics = self.physics.iter().filter_map(|p| p.plugin.step_limit());
         let couplers = self.couplers.iter().filter_map(|c| c.plugin.step_limit());
@@ -130,28 +135,17 @@ impl Simulation {
 
     /// The next time at which the state is to be logged, s.
     pub fn next_log(&self) -> f64 {
-        ((self.clock.logs + 1) as f64 * self.options.log_interval).min(self.options.end)
+        let next = self.options.log.time(self.clock.logs + 1);
+        next.min(self.options.end)
     }
 
     /// Number of log times until a time (s) of a run that may have had another interval or end.
     pub(super) fn logs_until(&self, time: f64) -> u64 {
-        let intervals = time / self.options.log_interval;
-        // a log time is a product of floating-point numbers
-        (intervals * (1.0 + 1e-12)) as u64
+        self.options.log.until(time)
     }
 
-    /// Takes a macro step. Returns whether the state is now to be logged.
-    ///
-    /// # Errors
-    /// What stops the run.
-    pub fn step(&mut self) -> Result<bool, RunError> {
-        self.limit_steps();
-        let time = self.clock.time;
-        for c in &mut self.couplers {
-            c.plugin.begin_step(&self.world, time);
-        }
-        let log = self.next_log();
-        let limit = self.macro_step();
+    /// The time (s) on which the macro steps after `time` must land: the next log, or an event or a stage before it.
+    pub(super) fn next_target(&self, time: f64, log: f64, limit: f64) -> f64 {
         // an event within rounding of now, or of the log, is as good as reached
         let tolerance = 1e-9 * limit.min(log - time);
         let after = time + tolerance;
@@ -166,7 +160,22 @@ impl Simulation {
         let stages = self.options.stages.iter().map(|s| s.from);
         let stage = stages.filter(|from| *from > after).fold(log, f64::min);
         let event = couplers.chain(physics).fold(stage, f64::min);
-        let target = if log - event <= tolerance { log } else { event };
+        if log - event <= tolerance { log } else { event }
+    }
+
+    /// Takes a macro step. Returns whether the state is now to be logged.
+    ///
+    /// # Errors
+    /// What stops the run.
+    pub fn step(&mut self) -> Result<bool, RunError> {
+        self.limit_steps();
+        let time = self.clock.time;
+        for c in &mut self.couplers {
+            c.plugin.begin_step(&self.world, time);
+        }
+        let log = self.next_log();
+        let limit = self.macro_step();
+        let target = self.next_target(time, log, limit);
         let steps = ((target - time) / limit * (1.0 - 1e-9)).ceil().max(1.0);
         let end = if steps == 1.0 {
             target

@@ -221,7 +221,7 @@ fn quarters() -> TimeOptions {
         step: StepSize::Fixed(0.25),
         stages: Vec::new(),
         safety: 0.5,
-        log_interval: 1.0,
+        log: LogTimes::every(1.0),
         iteration: None,
     }
 }

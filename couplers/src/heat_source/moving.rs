@@ -338,6 +338,8 @@ impl<S: SourceShape> MovingSource<S> {
         self.account.is_on = p.path.is_on_after(step.end());
         p.position = p.path.pose(step.end()).position;
         let moves = p.speed > 0.0;
+        // a jump without power turns no melt pool
+        let pose = p.path.last_pose_with_power(step.middle());
         p.heading = Heading::new(&p.depositor, self.shape.surface(), &pose, moves);
         Ok(())
     }

@@ -244,6 +244,12 @@ impl TimedPath {
         }
     }
 
+    /// As [`Track::last_pose_with_power`], in time of the run.
+    pub(crate) fn last_pose_with_power(&self, time: f64) -> Pose {
+        let (TrackTime::Running(now) | TrackTime::Waiting(now)) = self.at(time);
+        self.track.last_pose_with_power(now)
+    }
+
     /// As [`Track::next_event`], in time of the run, as far as it is known: up to the next wait; and the switches of pulses.
     pub fn next_event(&self, after: f64) -> Option<f64> {
         self.next_of(after, |now| self.next_switch(now))

@@ -41,6 +41,7 @@ fn log(states: &[(f64, f64)], offset: f64) -> (TempDir, PathBuf) {
         thickness: 0.1,
         points: 6,
         symmetry: Vec::new(),
+        lattice: None,
         fields: FIELDS.map(field).into(),
     };
     let run = RunInfo {

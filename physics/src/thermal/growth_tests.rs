@@ -1,7 +1,7 @@
 use super::Thermal;
 use crate::testing::{block, read, set, simulation, values};
 use perimelt_core::body::Store;
-use perimelt_core::simulation::{Named, Simulation, TimeOptions};
+use perimelt_core::simulation::{LogTimes, Named, Simulation, TimeOptions};
 use perimelt_core::{
     Coupler, Physics, RunError, Setup, SetupError, Step, StepSize, World, Write, keys,
 };
@@ -255,7 +255,7 @@ fn what_takes_all_points_for_material_is_refused() {
             step: StepSize::Auto,
             stages: Vec::new(),
             safety: 0.9,
-            log_interval: 1.0,
+            log: LogTimes::every(1.0),
             iteration: None,
         };
         let named = |plugin: Box<dyn Physics>| Named {

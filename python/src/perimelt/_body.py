@@ -34,6 +34,8 @@ class Body:
         thickness: extent across the plane of a two-dimensional body, m
         points: number of points
         symmetry: faces that are planes of symmetry, such as `y-`: the body is a part of the whole
+        lattice: `origin` (centre of the first cell, m), `spacing` and `cells` of the regular grid
+            of the body; None where it has none, or where an older version wrote the log
         times: times of the logged states, s
         defined: fields that `define` added
     """
@@ -48,6 +50,7 @@ class Body:
         self.thickness: float = info["thickness"]
         self.points: int = info["points"]
         self.symmetry: tuple[str, ...] = tuple(info.get("symmetry", ()))
+        self.lattice: dict[str, Any] | None = info.get("lattice")
         log_times = (place.log_time for place in file.large.get(self._topic, ()))
         self.times: npt.NDArray[np.float64] = np.array(
             [file.exact.get((self._topic, time), time * 1e-9) for time in log_times], dtype=float
@@ -199,7 +202,10 @@ class Body:
 
     @cached_property
     def reference_positions(self) -> Array:
-        """Positions of the undeformed body, m, shape (n, 3): those of the first state."""
+        """Positions of the undeformed body, m, shape (n, 3): those of the first state.
+
+        Where points get or lose material, each state has its own: `state.reference_positions`.
+        """
         return self._first.reference_positions
 
     @cached_property
@@ -213,10 +219,13 @@ class Body:
     def grid(self) -> Grid:
         """The regular grid of the points, to have fields as arrays of (nx, ny, nz).
 
+        It is that of the first state. Where points get or lose material, each state has its own, of
+        the same shape: `state.grid`.
+
         Raises:
             PerimeltError: the points have several spacings or lie on no grid
         """
-        return Grid(self.reference_positions, self.spacing)
+        return self._first.grid
 
     def nearest(self, position: npt.ArrayLike) -> int:
         """Number of the point whose reference position is nearest to a position, m.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,12 @@ class Grid:
         temperature = grid.fill(body.field("temperature", 2.0))      # shape (nx, ny, nz)
         plt.pcolormesh(grid.x, grid.y, temperature[:, :, -1].T)      # the top layer
 
+    The grids of all states of a body have one shape. Where points get or lose material, each state
+    has other points: take the grid of the state.
+
+        state = body.state(2.0)
+        temperature = state.grid.fill(state["temperature"])          # NaN where nothing is yet
+
     Attributes:
         x: coordinates of the cell centres along x, m
         y: along y
@@ -28,14 +35,26 @@ class Grid:
         cells: cell of each point along x, y and z, shape (n, 3)
     """
 
-    def __init__(self, positions: Array, spacing: float) -> None:
+    def __init__(
+        self, positions: Array, spacing: float, lattice: Mapping[str, Any] | None = None
+    ) -> None:
         exact = positions.astype(float)
-        start = exact.min(axis=0)
-        steps = (exact - start) / spacing
-        self.cells: npt.NDArray[np.intp] = np.rint(steps).astype(np.intp)
-        counts = self.cells.max(axis=0) + 1
-        if np.abs(steps - self.cells).max() > TOLERANCE:
-            raise PerimeltError("the points do not lie on one regular grid")
+        self.cells: npt.NDArray[np.intp] = np.empty((0, 3), np.intp)
+        counts = np.zeros(3, np.intp)
+        start = np.zeros(3)
+        if lattice is not None:
+            start = np.array(lattice["origin"], dtype=float)
+            counts = np.array(lattice["cells"], dtype=np.intp)
+        if len(exact) > 0:
+            steps = (exact - start) / spacing
+            # a window that moves leaves the cells in which it began
+            if np.rint(steps).min() < 0 or (np.rint(steps).max(axis=0) >= counts).any():
+                start = exact.min(axis=0)
+                steps = (exact - start) / spacing
+                counts = np.rint(steps).astype(np.intp).max(axis=0) + 1
+            self.cells = np.rint(steps).astype(np.intp)
+            if np.abs(steps - self.cells).max() > TOLERANCE:
+                raise PerimeltError("the points do not lie on one regular grid")
         self.x, self.y, self.z = (
             start[axis] + spacing * np.arange(counts[axis]) for axis in range(3)
         )
@@ -53,7 +72,8 @@ class Grid:
         of_points = np.asarray(values)
         if len(of_points) != len(self.cells):
             raise PerimeltError(
-                f"there are {len(of_points)} values for the {len(self.cells)} points of the grid"
+                f"there are {len(of_points)} values for the {len(self.cells)} points of the grid; "
+                "where points get or lose material, each state has its own `state.grid`"
             )
         kind = np.result_type(of_points.dtype, np.float32)
         filled = np.full((*self.shape, *of_points.shape[1:]), empty, dtype=kind)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ._cloud import POSITIONS
 from ._components import Array, of_components
+from ._grid import Grid
 from .errors import LogError, PerimeltError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -83,15 +84,28 @@ class State(Mapping[str, Array]):
 
     @cached_property
     def reference_positions(self) -> Array:
-        """Positions without the displacements, if they are logged, m, shape (n, 3).
+        """Positions without the displacements, m, shape (n, 3).
 
-        Those of all states are equal unless points are added or removed. Precision as logged.
+        Those of all states are equal unless points get or lose material. Precision as logged. Where
+        the displacements are not logged, they are the positions of the first state.
         """
         positions = self.positions
         if "displacement" in self.logged:
             positions = positions - self["displacement"]
+        elif "displacement" in self.body.unlogged and self.number > 0:
+            first = self.body.reference_positions
+            positions = first if len(first) == self.points else positions
         positions.flags.writeable = False
         return positions
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The regular grid of the points of this state; those of all states have one shape.
+
+        Raises:
+            PerimeltError: the points have several spacings or lie on no grid
+        """
+        return Grid(self.reference_positions, self.body.spacing, self.body.lattice)
 
     def nearest(self, position: npt.ArrayLike) -> int:
         """Number of the point whose reference position is nearest to a position, m."""

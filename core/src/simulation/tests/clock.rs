@@ -82,7 +82,7 @@ fn steps_too_small_to_add_to_the_time_are_refused() {
     physics.limit = Some((0.5, 1e-20));
     let options = TimeOptions {
         step: StepSize::Auto,
-        log_interval: 0.5,
+        log: LogTimes::every(0.5),
         ..quarters()
     };
     let failed = run(vec![physics], vec![], options).expect_err("it never ends");
@@ -98,7 +98,7 @@ fn a_physics_for_the_log_is_advanced_once_for_each_logged_state() {
     let mut physics = ruled("x", |_, _| 1.0);
     physics.update = Update::Log;
     let options = TimeOptions {
-        log_interval: 0.5,
+        log: LogTimes::every(0.5),
         ..quarters()
     };
     let progress = run(vec![physics], vec![], options).expect("it runs");
@@ -132,7 +132,7 @@ fn macro_steps_are_those_asked_for_or_the_longest_that_all_allow() {
     };
     let auto = || TimeOptions {
         step: StepSize::Auto,
-        log_interval: 0.5,
+        log: LogTimes::every(0.5),
         ..quarters()
     };
     let limited = |limit| Seen {
@@ -207,9 +207,9 @@ fn an_event_within_rounding_of_a_step_or_of_a_log_time_adds_no_step() {
 
 #[test]
 fn log_times_are_counted_from_the_time() {
-    let with = |log_interval, end| {
+    let with = |interval, end| {
         let options = TimeOptions {
-            log_interval,
+            log: LogTimes::every(interval),
             end,
             ..quarters()
         };

@@ -206,6 +206,19 @@ impl Track {
         }
     }
 
+    /// The pose at `time` (s) where the source has power, else that at the end of the last move with power, whose directions
+    /// the melt pool keeps. Before the first power, the pose at `time`.
+    pub(crate) fn last_pose_with_power(&self, time: f64) -> Pose {
+        let pose = self.pose(time);
+        if pose.power > 0.0 {
+            return pose;
+        }
+        let over = self.moves.partition_point(|m| m.end <= time);
+        let mut over = self.moves[..over].iter().rev();
+        let last = over.find(|m| m.power.iter().any(|power| *power > 0.0));
+        last.map_or(pose, |last| last.rest(last.end))
+    }
+
     /// At rest without power at the end of the move before `time` (s), where a path waits.
     pub(crate) fn rest_before(&self, time: f64) -> Pose {
         let next = self.moves.partition_point(|m| m.end < time);

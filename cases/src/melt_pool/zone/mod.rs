@@ -10,14 +10,15 @@
 //! source in each logged state, through its position, and only the part of the section that is connected with the place
 //! of the source counts. A section that reaches a corner, or a part of the path with another direction, is left out: it cuts
 //! that part lengthwise. There is no length. The resolution is that of the logged states.
+//!
+//! Depths lie along the beam, from the molten surface (`depth`). Where the beam turns, as around a pipe, each section has the
+//! depth along its own beam, and the largest one counts.
 
 use super::cells::{CellValues, area_within_cell};
-use super::directions::{SourceState, dot};
+use super::depth::{Penetration, Region};
+use super::directions::{ONE_DIRECTION, SourceState, dot};
 use super::steady::STRAIGHT;
-use super::{Aim, Directions, MeltPoolGauge, axis_of};
-
-/// Cosine of the largest angle between directions of travel or of beams that count as one, 10 degrees.
-const ONE_DIRECTION: f64 = 0.985;
+use super::{Aim, Directions, MeltPool, MeltPoolGauge, axis_of};
 
 /// Most sections across a path that turns; more states than these are thinned.
 const MOST_SECTIONS: usize = 500;
@@ -27,10 +28,21 @@ const MOST_SECTIONS: usize = 500;
 pub(crate) struct Zone {
     /// extent along the direction of travel, m; `None` on a path that turns
     pub length: Option<f64>,
-    /// as for a melt pool, m
-    pub depth: Option<f64>,
+    /// along the beam from the molten surface; the largest one of the sections where the beam turns
+    pub penetration: Option<Penetration>,
+    /// where the beam pierces the metal
+    pub root: Option<Root>,
     /// the largest section, or those of the logged states on a path that turns; `None` for one that is left out
     sections: Vec<Option<Section>>,
+}
+
+/// The side of a zone that lies on the far side of the metal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Root {
+    /// largest extent across, m
+    pub width: f64,
+    /// fraction of the length of the zone in which the beam pierces the metal
+    pub fraction: f64,
 }
 
 /// A section normal to the direction of travel.
@@ -42,6 +54,10 @@ struct Section {
     width: Option<f64>,
     /// m², with its mirror images; `None` for a body that is not three-dimensional
     area: Option<f64>,
+    /// along the beam of the section
+    penetration: Option<Penetration>,
+    /// width of the root, m; `None` where the beam does not pierce the metal
+    root: Option<f64>,
 }
 
 impl Zone {
@@ -58,6 +74,11 @@ impl Zone {
     /// Largest area of the sections, m².
     pub(crate) fn area(&self) -> Option<f64> {
         self.largest(|section| section.area)
+    }
+
+    /// Largest depth along the beam, m.
+    pub(crate) fn depth(&self) -> Option<f64> {
+        self.penetration.map(|penetration| penetration.depth)
     }
 
     fn largest(&self, size: impl Fn(&Section) -> Option<f64>) -> Option<f64> {
@@ -88,25 +109,46 @@ impl MeltPoolGauge {
         };
         let fractions = cells.fractions_above(self.isotherm);
         let fractions = fractions.filter(|(_, fraction)| *fraction > 0.0).collect();
+        let present = (0..values.len()).filter(|&cell| !values[cell].is_nan());
+        let hottest = present.max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
         let cut = Cut {
             gauge: self,
+            hottest,
             cells,
             fractions,
             halves: self.halves(&values),
         };
-        if !turns(aim.sources) || pool.peak.is_nan() {
-            let area = || match pool.peak.is_nan() {
-                true => f64::NAN,
-                false => cut.largest_area(pool.travel),
-            };
-            let section = Section {
-                sides: pool.sides,
-                width: pool.width,
-                area: (self.dimension == 3).then(area),
-            };
+        let unknown = pool.depth.map(|depth| Penetration {
+            depth,
+            fraction: f64::NAN,
+        });
+        if pool.peak.is_nan() {
             return Some(Zone {
                 length: Some(pool.length()),
-                depth: pool.depth,
+                penetration: unknown,
+                root: None,
+                sections: vec![Some(Section::of_pool(&pool, self, f64::NAN))],
+            });
+        }
+        let whole = Region::above(&cut.cells, self.isotherm);
+        let directions = aim.at(cut.hottest_place());
+        let beam = Some(directions.beam).filter(|beam| self.has(*beam));
+        let penetration = beam.and_then(|beam| whole.penetration(cut.hottest, beam));
+        let across = Some(directions.across()).filter(|across| self.has(*across));
+        if !turns(aim.sources) {
+            let section = Section::of_pool(&pool, self, cut.largest_area(pool.travel));
+            let root = beam.zip(across).and_then(|(beam, across)| {
+                let [width, length] = whole.root(beam, across, directions.travel)?;
+                let mirrored = axis_of(across).map_or(1.0, |axis| cut.halves[axis]);
+                Some(Root {
+                    width: mirrored * width,
+                    fraction: (length / pool.length()).min(1.0),
+                })
+            });
+            return Some(Zone {
+                length: Some(pool.length()),
+                penetration,
+                root,
                 sections: vec![Some(section)],
             });
         }
@@ -116,11 +158,37 @@ impl MeltPoolGauge {
             let directions = aim.sources[state].directions(aim.otherwise);
             cut.across(aim.sources, state, directions)
         });
+        let sections: Vec<Option<Section>> = sections.collect();
+        let there = || sections.iter().flatten();
+        let roots = there().filter_map(|section| section.root);
+        let width = roots.clone().fold(0.0, f64::max);
+        let fraction = roots.count() as f64 / there().count().max(1) as f64;
+        // along one direction, the whole region has a depth
+        let deepest = match has_one_beam(aim.sources) {
+            true => penetration,
+            false => there()
+                .filter_map(|section| section.penetration)
+                .max_by(|a, b| a.depth.total_cmp(&b.depth)),
+        };
         Some(Zone {
             length: None,
-            depth: pool.depth,
-            sections: sections.collect(),
+            penetration: deepest,
+            root: (fraction > 0.0).then_some(Root { width, fraction }),
+            sections,
         })
+    }
+}
+
+impl Section {
+    /// The section of a zone along a straight path, with its largest area (m²).
+    fn of_pool(pool: &MeltPool, gauge: &MeltPoolGauge, area: f64) -> Self {
+        Section {
+            sides: pool.sides,
+            width: pool.width,
+            area: (gauge.dimension == 3).then_some(area),
+            penetration: None,
+            root: None,
+        }
     }
 }
 
@@ -128,6 +196,7 @@ impl MeltPoolGauge {
 struct Cut<'a> {
     gauge: &'a MeltPoolGauge,
     cells: CellValues<'a>,
+    hottest: usize,
     /// of the cells that are not below the isotherm as a whole
     fractions: Vec<(usize, f64)>,
     /// by axis, 2 where a plane of symmetry normal to it cuts the region
@@ -135,6 +204,11 @@ struct Cut<'a> {
 }
 
 impl Cut<'_> {
+    /// Centre of the hottest cell, m.
+    fn hottest_place(&self) -> [f64; 3] {
+        self.cells.centre(self.cells.cell(self.hottest))
+    }
+
     fn along(&self, cell: usize, direction: [f64; 3]) -> f64 {
         dot(self.cells.centre(self.cells.cell(cell)), direction)
     }
@@ -210,10 +284,14 @@ impl Cut<'_> {
         });
         let copies = mirrored * self.mirrored(travel, axis);
         let area = copies * areas.sum::<f64>() * spacing.powi(2);
+        let region = Region::around(cells, (nearest, self.gauge.isotherm), within);
+        let root = region.root(d.beam, across, travel);
         Some(Section {
             sides: Some([from, to]),
             width: Some(mirrored * (to - from)),
             area: (self.gauge.dimension == 3).then_some(area),
+            penetration: region.penetration(nearest, d.beam),
+            root: root.map(|[width, _]| mirrored * width),
         })
     }
 
@@ -254,6 +332,12 @@ fn turns(path: &[SourceState]) -> bool {
     rest.iter().any(is_other)
 }
 
+/// Whether all beams are within 10 degrees.
+fn has_one_beam(path: &[SourceState]) -> bool {
+    let mut pairs = path.iter().zip(path.first().into_iter().cycle());
+    pairs.all(|(state, first)| dot(state.beam, first.beam) >= ONE_DIRECTION)
+}
+
 /// Whether another part of the path, or a corner between two logged states, is nearer (m) than the end of a section.
 fn meets_another(path: &[SourceState], state: usize, reach: f64) -> bool {
     let here = &path[state];
@@ -271,184 +355,4 @@ fn meets_another(path: &[SourceState], state: usize, reach: f64) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::cell_grid::CellGrid;
-    use crate::melt_pool::Travel;
-    use perimelt_core::Face;
-    use std::f64::consts::PI;
-
-    const SPACING: f64 = 1e-4;
-
-    /// Half axes of the section of the zone, m.
-    const HALF: [f64; 2] = [8.2e-4, 5.3e-4];
-
-    /// Cell centres of a plate whose surface is at z = 0, its corner at `from`, in cells.
-    fn plate(from: [i32; 2], cells: [i32; 3]) -> Vec<[f64; 3]> {
-        let mut positions = Vec::new();
-        for k in -cells[2]..0 {
-            for j in from[1]..from[1] + cells[1] {
-                for i in from[0]..from[0] + cells[0] {
-                    positions.push([i, j, k].map(|x| (f64::from(x) + 0.5) * SPACING));
-                }
-            }
-        }
-        positions
-    }
-
-    /// 1500 K at a distance from a segment in the plane z = 0: half an ellipse in each section, with round ends.
-    fn around(p: [f64; 3], [from, to]: [[f64; 2]; 2], half: [f64; 2]) -> f64 {
-        let along = [to[0] - from[0], to[1] - from[1]];
-        let length = along[0].hypot(along[1]);
-        let unit = along.map(|x| x / length);
-        let (x, y) = (p[0] - from[0], p[1] - from[1]);
-        let nearest = (x * unit[0] + y * unit[1]).clamp(0.0, length);
-        let away = (x - nearest * unit[0]).hypot(y - nearest * unit[1]);
-        2000.0 - 500.0 * ((away / half[0]).powi(2) + (p[2] / half[1]).powi(2))
-    }
-
-    fn gauge(positions: &[[f64; 3]], symmetry: &[Face]) -> MeltPoolGauge {
-        let grid = CellGrid::new(positions, SPACING).expect("a lattice");
-        MeltPoolGauge::on(grid, (3, 1.0), 1500.0).with_symmetry(symmetry)
-    }
-
-    fn state(position: [f64; 2], travel: [f64; 2]) -> SourceState {
-        SourceState {
-            position: [position[0], position[1], 0.0],
-            travel: Some([travel[0], travel[1], 0.0]),
-            beam: [0.0, 0.0, -1.0],
-            power: 1.0,
-            path: 0.0,
-        }
-    }
-
-    fn measured(gauge: &MeltPoolGauge, highest: &[f64], path: &[SourceState]) -> Zone {
-        let aim = Aim {
-            sources: path,
-            ..Aim::fixed(Travel::X)
-        };
-        gauge.zone(highest, aim).expect("a zone")
-    }
-
-    /// Fractions of cells with linear values, five and more cells in each half axis.
-    const TOLERANCE: f64 = 0.01;
-
-    fn close(found: Option<f64>, expected: f64) {
-        let ratio = found.expect("measured") / expected;
-        assert!((ratio - 1.0).abs() < TOLERANCE, "{ratio} times {expected}");
-    }
-
-    #[test]
-    fn the_area_of_a_straight_zone_is_that_of_half_an_ellipse() {
-        let line = [[-10e-4, 0.0], [10e-4, 0.0]];
-        let of = |positions: &[[f64; 3]], symmetry: &[Face]| {
-            let highest: Vec<f64> = positions.iter().map(|p| around(*p, line, HALF)).collect();
-            measured(&gauge(positions, symmetry), &highest, &[])
-        };
-        let area = 0.5 * PI * HALF[0] * HALF[1];
-        let whole = of(&plate([-25, -12], [50, 24, 8]), &[]);
-        close(whole.area(), area);
-        assert!(!whole.turns());
-        // the plane of symmetry that the zone reaches, and one that it does not reach
-        let half = of(&plate([-25, 0], [50, 12, 8]), &[Face::YMin, Face::YMax]);
-        close(half.area(), area);
-        close(half.width(), 2.0 * HALF[0]);
-        // without the plane of symmetry, the half that is there
-        close(of(&plate([-25, 0], [50, 12, 8]), &[]).area(), 0.5 * area);
-    }
-
-    #[test]
-    fn the_area_across_an_oblique_path_is_that_of_half_an_ellipse() {
-        let positions = plate([-25, -25], [50, 50, 8]);
-        for degrees in [20.0_f64, 45.0, 70.0] {
-            let (sin, cos) = degrees.to_radians().sin_cos();
-            let line = [[-10e-4 * cos, -10e-4 * sin], [10e-4 * cos, 10e-4 * sin]];
-            let highest: Vec<f64> = positions.iter().map(|p| around(*p, line, HALF)).collect();
-            let path = [state(line[0], [cos, sin]), state(line[1], [-cos, -sin])];
-            let zone = measured(&gauge(&positions, &[]), &highest, &path);
-            close(zone.area(), 0.5 * PI * HALF[0] * HALF[1]);
-            close(zone.width(), 2.0 * HALF[0]);
-        }
-    }
-
-    #[test]
-    fn the_width_beside_an_inner_zone_is_that_of_the_wider_side() {
-        let positions = plate([-25, -16], [50, 40, 8]);
-        let line = |y: f64| [[-10e-4, y], [10e-4, y]];
-        let of = |y: f64, half: [f64; 2]| {
-            let highest: Vec<f64> = positions
-                .iter()
-                .map(|p| around(*p, line(y), half))
-                .collect();
-            measured(&gauge(&positions, &[]), &highest, &[])
-        };
-        let (inner, outer) = (of(0.0, HALF), of(3e-4, [14.1e-4, 7.7e-4]));
-        // their sides are at 8.2 and 17.1
-        close(outer.width_beside(&inner), 8.9e-4);
-    }
-
-    /// A seam along x that turns by an angle, and its states, one each 4e-4 m.
-    fn corner(positions: &[[f64; 3]], degrees: f64) -> (Vec<f64>, Vec<SourceState>) {
-        const LEG: f64 = 44e-4;
-        let (sin, cos) = degrees.to_radians().sin_cos();
-        let legs = [[[-LEG, 0.0], [0.0; 2]], [[0.0; 2], [LEG * cos, LEG * sin]]];
-        let highest = |p: &[f64; 3]| around(*p, legs[0], HALF).max(around(*p, legs[1], HALF));
-        let along = |step: i32| 4e-4 * f64::from(step);
-        let first = (-11..=0).map(|step| state([along(step), 0.0], [1.0, 0.0]));
-        let second = (1..=11).map(|step| {
-            let at = along(step);
-            state([at * cos, at * sin], [cos, sin])
-        });
-        (
-            positions.iter().map(highest).collect(),
-            first.chain(second).collect(),
-        )
-    }
-
-    #[test]
-    fn sections_follow_the_direction_of_a_path_that_turns() {
-        let positions = plate([-56, -14], [112, 70, 8]);
-        for degrees in [30.0, 60.0, 90.0, 120.0] {
-            let (highest, path) = corner(&positions, degrees);
-            let zone = measured(&gauge(&positions, &[]), &highest, &path);
-            assert!(zone.turns(), "{degrees}");
-            close(zone.width(), 2.0 * HALF[0]);
-            close(zone.area(), 0.5 * PI * HALF[0] * HALF[1]);
-            close(zone.depth, HALF[1]);
-        }
-    }
-
-    #[test]
-    fn a_section_that_ends_at_a_plane_of_symmetry_is_doubled() {
-        // the first leg lies in the plane
-        let positions = plate([-56, 0], [112, 56, 8]);
-        let (highest, path) = corner(&positions, 90.0);
-        // of the second leg only the state at the corner, through which no section counts
-        let zone = measured(&gauge(&positions, &[Face::YMin]), &highest, &path[..13]);
-        close(zone.width(), 2.0 * HALF[0]);
-        close(zone.area(), 0.5 * PI * HALF[0] * HALF[1]);
-    }
-
-    #[test]
-    fn a_torch_that_is_inclined_anew_turns_the_path() {
-        let upright = state([0.0; 2], [1.0, 0.0]);
-        let inclined = |degrees: f64| {
-            let (sin, cos) = degrees.to_radians().sin_cos();
-            let beam = [0.0, sin, -cos];
-            SourceState { beam, ..upright }
-        };
-        assert!(!turns(&[upright, inclined(8.0)]));
-        assert!(turns(&[upright, inclined(12.0)]));
-    }
-
-    #[test]
-    fn a_path_with_no_section_across_has_no_width() {
-        let positions = plate([-56, -14], [112, 70, 8]);
-        let (highest, path) = corner(&positions, 90.0);
-        // the ends of the legs only: the corner lies somewhere between
-        let ends = [path[0], path[22]];
-        let zone = measured(&gauge(&positions, &[]), &highest, &ends);
-        assert_eq!((zone.length, zone.width(), zone.area()), (None, None, None));
-        close(zone.depth, HALF[1]);
-    }
-}
+mod tests;

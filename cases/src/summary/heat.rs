@@ -1,0 +1,188 @@
+//! Energies of heat sources and of deposited metal, and heat input per length.
+
+use perimelt_core::log::{Log, LogError, Series};
+use perimelt_core::material::Material;
+use serde_json::Value;
+
+use super::{ReadOff, plugins_of};
+use crate::plot::scalar::scalar;
+use crate::run::case_of;
+use crate::run::record::REPORTS;
+
+/// Energies of the heat sources, and energy per length of their paths.
+pub(super) fn sources(log: &Log, found: &mut Vec<ReadOff>) -> Result<(), LogError> {
+    let Some(reports) = log.probes().get(REPORTS) else {
+        return Ok(());
+    };
+    let deposits = deposits(log, reports)?;
+    let names = || reports.columns.iter().map(|c| &c.name);
+    let number = names()
+        .filter(|name| name.ends_with(".energy.asked"))
+        .count();
+    let column = |name: &str| {
+        let column = reports.columns.iter().find(|c| c.name == name)?;
+        Some(&column.values[..])
+    };
+    for name in names() {
+        let Some(source) = name.strip_suffix(".energy.asked") else {
+            continue;
+        };
+        let last = |what: &str| column(&format!("{source}.{what}"))?.last().copied();
+        let mirrored = last("energy.mirrored").filter(|energy| *energy > 0.0);
+        for (part, energy) in [
+            ("asked", last("energy.asked")),
+            ("deposited", last("energy.deposited")),
+            ("deposited in the mirrored part of the body", mirrored),
+            ("lost", last("energy.lost")),
+        ] {
+            found.extend(energy.map(|e| ReadOff::new(source, format!("energy {part}"), e, "J")));
+        }
+        if let (Some(energy), Some(path)) = (last("energy.deposited"), last("path"))
+            && path > 0.0
+        {
+            let energy = energy + mirrored.unwrap_or(0.0);
+            found.push(ReadOff::new(
+                source,
+                "length of the path with power",
+                path,
+                "m",
+            ));
+            let quantity = "energy deposited per length of the path";
+            found.push(ReadOff::new(source, quantity, energy / path, "J/m"));
+            let of_path = |d: &&Deposited| match &d.source {
+                Some(name) => name == source,
+                None => number == 1,
+            };
+            let deposited: Vec<&Deposited> = deposits.iter().filter(of_path).collect();
+            let heat: f64 = deposited.iter().map(|d| d.heat).sum();
+            if heat > 0.0 {
+                let quantity = "heat of the deposited metal above the temperature at the start";
+                found.push(ReadOff::new(source, quantity, heat, "J"));
+                let quantity = "total energy per length of the path, with the deposited metal";
+                found.push(ReadOff::new(
+                    source,
+                    quantity,
+                    (energy + heat) / path,
+                    "J/m",
+                ));
+            }
+        }
+        for pass in 1.. {
+            let Some(start) = last(&format!("pass.{pass}.start")) else {
+                break;
+            };
+            let temperature = last(&format!("pass.{pass}.temperature"));
+            if !start.is_finite() {
+                break;
+            }
+            let quantity = format!("start of pass {pass}");
+            found.push(ReadOff::new(source, quantity, start, "s"));
+            let quantity = format!("interpass temperature before pass {pass}");
+            let temperature = temperature.filter(|t| t.is_finite());
+            found.extend(temperature.map(|t| ReadOff::new(source, quantity, t, "K").at(start)));
+        }
+    }
+    Ok(())
+}
+
+/// Metal that a coupler `deposit` brought.
+struct Deposited {
+    /// The heat source whose path it follows, if it has no path of its own.
+    source: Option<String>,
+    /// Heat above the lowest temperature of the first state, J.
+    heat: f64,
+}
+
+/// The metal of all couplers `deposit` with a constant temperature, in the order of the case.
+fn deposits(log: &Log, reports: &Series) -> Result<Vec<Deposited>, LogError> {
+    let mut deposits = Vec::new();
+    let Ok(case) = case_of(log) else {
+        return Ok(deposits);
+    };
+    // those of `deposit` report points, volume and mass
+    let labels = reports.columns.iter();
+    let mut labels = labels.filter_map(|c| c.name.strip_suffix(".volume"));
+    for body in &log.run().bodies {
+        for deposit in plugins_of(log, "couplers", "deposit", &body.name) {
+            let volume = labels.next().and_then(|label| {
+                let name = format!("{label}.volume");
+                let column = reports.columns.iter().find(|c| c.name == name)?;
+                column.values.last().copied()
+            });
+            let first = match log.times(&body.name).is_empty() {
+                true => None,
+                false => scalar(&log.first_cloud(&body.name)?, "temperature"),
+            };
+            let coldest = first.and_then(|t| t.values.into_iter().min_by(f64::total_cmp));
+            let melts = plugins_of(log, "couplers", "phase_change", &body.name)
+                .next()
+                .is_some();
+            let materials = case.materials_of(&body.name).unwrap_or_default();
+            let temperature = deposit["temperature"].as_f64();
+            let heat = temperature.zip(coldest).and_then(|(hot, cold)| {
+                let material = materials.first()?;
+                Some(volume? * (enthalpy(material, hot, melts)? - enthalpy(material, cold, melts)?))
+            });
+            deposits.extend(heat.map(|heat| Deposited {
+                source: match &deposit["source"] {
+                    Value::String(name) => Some(name.clone()),
+                    _ => None,
+                },
+                heat,
+            }));
+        }
+    }
+    Ok(deposits)
+}
+
+/// Enthalpy of a material at a temperature (K) above that at 0 K with the specific heat of its coldest row, J/m³.
+fn enthalpy(material: &Material, temperature: f64, melts: bool) -> Option<f64> {
+    /// the specific heat of a table is linear between its rows; this resolves rows that are 10 K apart
+    const STEP: f64 = 2.0;
+    let density = material.reference_density().ok()?;
+    let capacity = material.get("specific_heat")?;
+    let constant = |name: &str| material.get(name)?.constant();
+    let melting = || {
+        Some([
+            constant("solidus")?,
+            constant("liquidus")?,
+            constant("latent_heat")?,
+        ])
+    };
+    let melting = melting().filter(|_| melts);
+    let liquid = |t: f64| match melting {
+        Some([_, liquidus, _]) if t >= liquidus => 1.0,
+        Some([solidus, liquidus, _]) => ((t - solidus) / (liquidus - solidus)).max(0.0),
+        None => 0.0,
+    };
+    let steps = (temperature / STEP).ceil().max(1.0);
+    let size = temperature / steps;
+    let sensible = (0..steps as usize).map(|step| {
+        let middle = (step as f64 + 0.5) * size;
+        capacity.at(middle, liquid(middle)) * size
+    });
+    let latent = melting.map_or(0.0, |[.., latent]| latent * liquid(temperature));
+    Some(density * (sensible.sum::<f64>() + latent))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use perimelt_core::material::MushyCapacity;
+
+    #[test]
+    fn the_enthalpy_is_that_of_the_solver() {
+        for name in ["S355", "316L", "Ti-6Al-4V"] {
+            let material = crate::library::find(name).expect("in the library");
+            let latent = material
+                .latent_heat(MushyCapacity::LatentPlusSensible, Default::default())
+                .expect("it melts");
+            let curve = material.enthalpy_curve(Some(latent)).expect("a curve");
+            let expected = curve.enthalpy(2000.0) - curve.enthalpy(300.0);
+            let at = |t: f64| enthalpy(&material, t, true).expect("known");
+            let ratio = (at(2000.0) - at(300.0)) / expected;
+            // specific heats with a peak, by the midpoint rule
+            assert!((ratio - 1.0).abs() < 2e-3, "{name}: {ratio}");
+        }
+    }
+}
