@@ -65,18 +65,13 @@ impl Sampled<'_> {
     pub fn bounds(&self) -> [Vector3<f64>; 2] {
         let frame = &self.frame;
         let [along, across, depth] = self.reach;
-        let mut bounds = [frame.origin; 2];
-        for a in 0..3 {
-            let lateral = frame.along[a].abs() * along + frame.across[a].abs() * across;
-            let deep = frame.axis[a] * depth;
-            let (up, down) = match self.is_even {
-                true => (deep.abs(), deep.abs()),
-                false => (deep.max(0.0), (-deep).max(0.0)),
-            };
-            bounds[0][a] -= lateral + down;
-            bounds[1][a] += lateral + up;
-        }
-        bounds
+        let lateral = frame.along.abs() * along + frame.across.abs() * across;
+        let deep = frame.axis * depth;
+        let (up, down) = match self.is_even {
+            true => (deep.abs(), deep.abs()),
+            false => (deep.map(|d| d.max(0.0)), deep.map(|d| (-d).max(0.0))),
+        };
+        [frame.origin - lateral - down, frame.origin + lateral + up]
     }
 
     /// The density at a position.

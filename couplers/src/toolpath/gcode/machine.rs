@@ -350,11 +350,12 @@ impl<'a> Machine<'a> {
             let is_known = "XYZIJKRFS".contains(letter)
                 || OTHER_AXES.contains(letter)
                 || DROPPED.contains(letter)
-                || (letter == 'P' && (is_arc || has(64)));
+                || (letter == 'P' && is_arc)
+                || ("PQ".contains(letter) && has(64));
             if letter == 'O' {
                 return Err(format!("`O` {SUBPROGRAM}"));
             }
-            if !is_known && !(letter == 'Q' && has(64)) {
+            if !is_known {
                 return Err(format!(
                     "`{letter}` has no meaning in this block, expected words of X, Y, Z, I, J, R, F and S"
                 ));

@@ -177,10 +177,10 @@ impl Layout {
             columns.push(Column { quantity, unit });
         }
         let has = |quantity: &Quantity| columns.iter().any(|c| c.quantity == *quantity);
-        if let Some(missing) = self.needed.iter().find(|q| !has(*q)) {
+        if let Some(missing) = self.needed.iter().find(|q| !has(q)) {
             return Err(format!("the column of `{missing:?}` is missing").to_lowercase());
         }
-        match [Power, Factor].iter().filter(|q| has(*q)).count() {
+        match [Power, Factor].iter().filter(|q| has(q)).count() {
             0 if self.needs_power => Err("the column of the power is missing".into()),
             2 => Err("both a power and a factor of the power are given".into()),
             _ => Ok(columns),
