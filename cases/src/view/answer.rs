@@ -262,7 +262,8 @@ impl OfLog<'_> {
                 Err(LogError::Damaged { .. }) => continue,
                 cloud => cloud?,
             };
-            let point = nearest(&reference.positions(&cloud), place, body.spacing);
+            let positions = reference.positions(&cloud);
+            let point = nearest(positions.iter(), place, body.spacing);
             let value = point.and_then(|point| scalar(&at_point(&cloud, point), of));
             times.push(cloud.time);
             values.push(value.and_then(|s| s.values.first().copied()));
@@ -272,10 +273,14 @@ impl OfLog<'_> {
 }
 
 /// Number of the point next to a place (m), if there is one within a spacing (m).
-fn nearest(positions: &[[f64; 3]], place: [f64; 3], spacing: f64) -> Option<usize> {
+fn nearest<'a>(
+    positions: impl Iterator<Item = &'a [f64; 3]>,
+    place: [f64; 3],
+    spacing: f64,
+) -> Option<usize> {
     let distance =
         |x: &[f64; 3]| -> f64 { x.iter().zip(place).map(|(x, p)| (x - p).powi(2)).sum() };
-    let distances = positions.iter().map(distance).enumerate();
+    let distances = positions.map(distance).enumerate();
     let (point, squared) = distances.min_by(|a, b| a.1.total_cmp(&b.1))?;
     (squared <= spacing * spacing).then_some(point)
 }
