@@ -123,7 +123,10 @@ impl Formula {
 
     /// Whether it is a formula in the time alone.
     pub fn is_of_time(&self) -> bool {
-        !self.used.iter().any(|v| ["x", "y", "z"].contains(&self.name(*v)))
+        !self
+            .used
+            .iter()
+            .any(|v| ["x", "y", "z"].contains(&self.name(*v)))
     }
 
     /// Whether it depends on the time.

@@ -10,7 +10,8 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Body, Coupler, Face, InSpace, Placed, Programme, RunError, Setup, SetupError, Step, World, Write, keys,
+    Body, Coupler, Face, InSpace, Placed, Programme, RunError, Setup, SetupError, Step, World,
+    Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -15,7 +15,8 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::placed::PlacedError;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, InSpace, Placed, Programme, Report, RunError, Setup, SetupError, Step, World, Write, keys,
+    Coupler, Face, InSpace, Placed, Programme, Report, RunError, Setup, SetupError, Step, World,
+    Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
