@@ -58,6 +58,7 @@ fn flow(body: &Body, family: &Family, axis: usize) -> Vec<f64> {
         .into_iter()
         .filter(|face| face.axis() == axis)
         .map(|face| LayerRule {
+            values: None,
             traction: None,
             face,
             scale: [-1.0; 3],

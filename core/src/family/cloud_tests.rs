@@ -151,6 +151,7 @@ fn a_uniform_cloud_has_the_sums_of_its_lattice() {
                         ..FamilySpec::new(0.3)
                     };
                     let rule_of = |face: &Face| LayerRule {
+                        values: None,
                         traction: None,
                         face: *face,
                         scale: [if face.is_upper() { -1.0 } else { 1.0 }; 3],
@@ -308,6 +309,7 @@ fn what_flows_through_an_audited_layer_is_what_the_body_lacks() {
         .map(|x| 1.0 + x.x + x.y)
         .collect();
     let cold = LayerRule {
+        values: None,
         traction: None,
         face: Face::XMin,
         scale: [-1.0; 3],
