@@ -119,8 +119,13 @@ impl<'a> Region<'a> {
             if !self.is_inside[surface] {
                 continue;
             }
-            let (_, down) = self.cells.ray(index, beam);
-            let below = self.end_below(index, beam).min(down);
+            let (last, down) = self.cells.ray(index, beam);
+            // of the last cell, the metal ends where the ray leaves it
+            let below = match self.end_below(index, beam) {
+                Some(below) => below.min(down),
+                None if last == index => down,
+                None => down.min(0.5),
+            };
             add(Penetration {
                 depth: (up + below) * spacing,
                 fraction: (up + below) / (up + down),
@@ -154,8 +159,8 @@ impl<'a> Region<'a> {
     }
 
     /// How far the region reaches from the centre of one of its cells along the beam, in cells: up to where the value,
-    /// linear between this centre and the next ones, falls to the isotherm.
-    fn end_below(&self, index: usize, beam: [f64; 3]) -> f64 {
+    /// linear between this centre and the next ones, falls to the isotherm; `None` where it does not fall below.
+    fn end_below(&self, index: usize, beam: [f64; 3]) -> Option<f64> {
         let (cell, value) = (self.cells.cell(index), self.cells.values[index]);
         // change of the value along the beam, from the neighbours before it
         let mut change = 0.0;
@@ -169,12 +174,11 @@ impl<'a> Region<'a> {
             is_last |= next < self.isotherm;
             change += beam[axis].abs() * (value - next);
         }
-        match is_last && change > 0.0 {
+        is_last.then(|| match change > 0.0 {
             // a neighbour along the beam is a cell away at least
             true => ((value - self.isotherm) / change).min(1.0),
-            false if is_last => 0.0,
-            false => 0.5,
-        }
+            false => 0.0,
+        })
     }
 
     /// Largest depth (m) along an axis: the columns of cells, moved so that their surfaces are at one level, have a profile like

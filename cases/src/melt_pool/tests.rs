@@ -241,11 +241,15 @@ fn metal_over_a_pool_that_is_not_molten_is_no_depth() {
 
 #[test]
 fn the_depth_in_a_fillet_lies_along_its_beam() {
-    // base and web, the torch between them at 45 degrees
+    // base and web with the metal of the fillet, whose face is normal to the torch at 45 degrees
     let mut positions = lattice([0.0, -10.0, -10.0], [20, 40, 10]);
     positions.extend(lattice([0.0, -10.0, 0.0], [20, 10, 30]));
-    let half = [8e-4, 9e-4, 4.2e-4];
-    let (s, corner) = (0.5_f64.sqrt(), [10e-4, 0.0, 0.0]);
+    let is_metal = |p: &[f64; 3]| p[1] + p[2] < 16.5 * SPACING;
+    let fillet = lattice([0.0, 0.0, 0.0], [20, 16, 16]).into_iter();
+    positions.extend(fillet.filter(is_metal));
+    let half = [8e-4, 7e-4, 9.2e-4];
+    // in the middle of the face
+    let (s, corner) = (0.5_f64.sqrt(), [10e-4, 8.25e-4, 8.25e-4]);
     let temperature = |p: &[f64; 3]| {
         let along = |d: [f64; 3]| (0..3).map(|a| (p[a] - corner[a]) * d[a]).sum::<f64>();
         let parts = [
@@ -271,6 +275,6 @@ fn the_depth_in_a_fillet_lies_along_its_beam() {
         .measure(&temperature, aim)
         .expect("a pool");
     let depth = pool.depth.expect("3D");
-    // the corner is the surface in the middle; cells have a diagonal of 1.4 spacings
+    // the face is a stair of cells, whose diagonal has 1.4 spacings
     assert!((depth - half[2]).abs() < SPACING, "{depth}");
 }

@@ -227,6 +227,22 @@ class Body:
         """
         return self._first.grid
 
+    @cached_property
+    def cells(self) -> Mapping[str, Any] | None:
+        """`origin` and `cells` of the grid of all states: `lattice`, or the extent of the points.
+
+        Without `lattice` it is the extent of the points of the first and of the last state.
+        """
+        if self.lattice is not None:
+            return self.lattice
+        ends = [state.reference_positions for state in (self._first, self.state())]
+        points = np.concatenate(ends).astype(float)
+        if len(points) == 0:
+            return None
+        start = points.min(axis=0)
+        steps = np.rint((points.max(axis=0) - start) / self.spacing).astype(int)
+        return {"origin": start.tolist(), "cells": (steps + 1).tolist()}
+
     def nearest(self, position: npt.ArrayLike) -> int:
         """Number of the point whose reference position is nearest to a position, m.
 

@@ -105,7 +105,7 @@ class State(Mapping[str, Array]):
         Raises:
             PerimeltError: the points have several spacings or lie on no grid
         """
-        return Grid(self.reference_positions, self.body.spacing, self.body.lattice)
+        return Grid(self.reference_positions, self.body.spacing, self.body.cells)
 
     def nearest(self, position: npt.ArrayLike) -> int:
         """Number of the point whose reference position is nearest to a position, m."""
