@@ -48,7 +48,7 @@ impl Coupler for Buoyancy {
         self.prepared = Some(BuoyancyState {
             body,
             density: setup.reference_densities(body)?,
-            expansion: expansions_from(setup, body, self.reference_temperature)?,
+            expansion: expansions_from(setup, body, &[self.reference_temperature])?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             body_force: setup.add(body, &keys::BODY_FORCE)?,
         });

@@ -63,10 +63,10 @@ struct ExpansionState {
 }
 
 /// The thermal expansion of each material of a body. Mean coefficients whose reference temperature the material does not
-/// give count from `reference` (K), which the user is told.
+/// give count from the reference temperatures of the coupler (K), which the user is told.
 ///
 /// # Errors
-/// When a material states no expansion.
+/// When a material states no expansion, or none from one temperature.
 pub(crate) fn expansions_from(
     setup: &mut Setup<'_>,
     body: usize,
@@ -74,6 +74,17 @@ pub(crate) fn expansions_from(
 ) -> Result<Vec<Expansion>, SetupError> {
     let reference = references.first().copied().unwrap_or(0.0);
     let expansions = setup.expansions(body)?;
+    let lacks_reference = expansions.iter().any(Expansion::lacks_reference);
+    if lacks_reference && references.iter().any(|r| *r != reference) {
+        let message = "the reference temperature depends on the place, and a table of mean coefficients does not say from \
+                       which temperature it counts";
+        let expected = "`expansion_reference` [K] in the material, often 293.15";
+        return Err(SetupError::value(
+            "reference_temperature",
+            message,
+            expected,
+        ));
+    }
     let materials = setup.body(body).materials.iter().zip(&expansions);
     let lacking = materials.filter(|(_, expansion)| expansion.lacks_reference());
     let warnings: Vec<String> = lacking

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use perimelt_core::material::{EXPANSION_KINDS, Expansion, Material, Property, ThermalState};
+use perimelt_core::material::{EXPANSION_KINDS, Expansion, Material, ThermalState};
 use perimelt_core::shape::Shape;
 use perimelt_core::{Body, Simulation};
 use perimelt_physics::mechanical::moduli::{Moduli, Plane};

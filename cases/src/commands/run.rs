@@ -62,9 +62,9 @@ impl Machine {
     }
 
     /// The case with the limit of memory that holds here.
-    pub(super) fn limited(&self, case: Case) -> Case {
-        let memory = case.memory.filter(|_| !self.any_memory);
-        Case { memory, ..case }
+    pub(super) fn limited(&self, mut case: Case) -> Case {
+        case.memory = case.memory.filter(|_| !self.any_memory);
+        case
     }
 }
 

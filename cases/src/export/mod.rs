@@ -236,7 +236,7 @@ fn export_events(log: &Log, bodies: &[&BodyInfo], folder: &mut Folder) -> Result
             let Some(cloud) = sound(log.cloud(&body.name, index))? else {
                 continue;
             };
-            is_told |= events.take(&cloud, reference.positions(&cloud)).is_some();
+            is_told |= events.take(&cloud, &reference.positions(&cloud)).is_some();
         }
         if !is_told {
             continue;
@@ -249,7 +249,7 @@ fn export_events(log: &Log, bodies: &[&BodyInfo], folder: &mut Folder) -> Result
                 body.name, events.lost
             ));
         }
-        folder.write(&format!("{}-solidification.csv", body.name), |file| {
+        folder.write((&format!("{}-solidification", body.name), "csv"), |file| {
             events.write(file)
         })?;
     }

@@ -6,7 +6,8 @@
 //!
 //! Files contain a fingerprint of their picture, so that a file that shows it already is not written again.
 
-use std::{io::Write, path::Path};
+use std::io::{Cursor, Write};
+use std::{fs, path::Path};
 
 use plotters::prelude::{
     BitMapBackend, DrawingArea, DrawingBackend, FontStyle, FontTransform, IntoDrawingArea,

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-use perimelt_core::log::{Log, LogError, Writer, check_unused};
+use perimelt_core::log::{Log, LogError, Writer};
 use perimelt_core::{RunError, Simulation};
 
 use crate::case::{Case, CaseError, SECTIONS, StartError, plugin_names};
@@ -290,9 +290,9 @@ pub fn case_of(log: &Log) -> Result<Case, CaseError> {
     let folder = Path::new(&log.run().case_folder);
     let case = Case::parse(log.case_name(), log.case_text().to_string(), folder);
     // it has run on a machine
-    let case = case.map(|case| Case {
-        memory: None,
-        ..case
+    let case = case.map(|mut case| {
+        case.memory = None;
+        case
     });
     case.map_err(|mistake| match missing_plugins(log) {
         missing if missing.is_empty() => mistake,

@@ -57,18 +57,6 @@ pub(super) fn run(store: &Store) -> Result<Value, LogError> {
     }))
 }
 
-/// Whether a run has closed its log at a time (s) before the end (s) of its case: by a signal, or by `--until`.
-fn is_early(last: Option<f64>, end: Option<f64>) -> bool {
-    /// part of the time that is rounding
-    const ROUNDING: f64 = 1e-9;
-    match (last, end) {
-        (Some(last), Some(end)) => last < end - ROUNDING * end.abs(),
-        // a log that was closed before its first step
-        (None, Some(_)) => true,
-        _ => false,
-    }
-}
-
 /// `/sources.json`: the moving heat sources at the times of the states.
 pub(super) fn sources(log: &Log) -> Value {
     let sources = LoggedSources::of_log(log);

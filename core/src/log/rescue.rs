@@ -126,6 +126,7 @@ pub(super) fn body(name: &str, cloud: Option<&LoggedCloud>) -> BodyInfo {
         thickness: spacing,
         points: positions.len(),
         symmetry: Vec::new(),
+        lattice: None,
         fields: fields.iter().map(field).collect(),
     }
 }

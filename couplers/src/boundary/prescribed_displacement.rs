@@ -178,7 +178,7 @@ impl Coupler for PrescribedDisplacement {
 
     fn programme(&self, _run_end: f64) -> Option<Programme> {
         let named = ["x", "y", "z"].into_iter().zip(self.components());
-        Programme::of_values(named.filter_map(|(key, value)| Some((key, value?))))
+        Programme::of_values(named.filter_map(|(key, value)| Some((key, value?.uniform()?))))
     }
 }
 

@@ -164,7 +164,7 @@ impl Coupler for PrescribedTemperature {
     }
 
     fn programme(&self, _run_end: f64) -> Option<Programme> {
-        Programme::of_values([("value", &self.value)])
+        Programme::of_values(self.value.uniform().map(|value| ("value", value)))
     }
 }
 
