@@ -115,11 +115,6 @@ fn who_follows_the_advice_gets_on() {
             ),
         ],
     );
-    let block = "\n[bodies.block]\nshape.box = { min = [0.1, 0.08, 0], max = [0.14, 0.12, 0.01] }\ndimension = 2\nspacing = 0.01";
-    let fine = changed(
-        BODY_IN_A_STREAM,
-        &[(block, &block.replace("spacing = 0.01", "spacing = 0.008"))],
-    );
     let hole = ", subtract = { box = { min = [0.1, 0.08, 0], max = [0.14, 0.12, 0.01] } } }";
     for (what, text, reason, followed) in [
         (
@@ -133,12 +128,6 @@ fn who_follows_the_advice_gets_on() {
             heated.clone(),
             "heat that a flow carries is computed for flows that fill their box",
             changed(&heated, &[(HEAT, ""), ("initial.temperature = 300\n", "")]),
-        ),
-        (
-            "points of a wall that do not continue those of the fluid",
-            fine.clone(),
-            "whose points lie on the lattice of the fluid",
-            changed(&fine, &[("spacing = 0.008", "spacing = 0.01")]),
         ),
         (
             "a gap between a fluid and a wall",

@@ -77,7 +77,7 @@ fn everything_that_a_case_can_name_is_explained() {
         ("spot", "gaussian_source.sigma"),
         ("HAZ", "thermal_history"),
         ("heat input", "goldak.efficiency"),
-        ("penetration", "probes.kind.melt_pool"),
+        ("penetration", "super_gaussian.penetration"),
     ] {
         let (done, text) = told(folder, &["explain", name]);
         assert!(done && text.contains(expected), "{name}: {text}");
@@ -233,8 +233,8 @@ fn a_sweep_runs_all_combinations_and_goes_on_where_it_was() {
         let (done, message) = told(folder, &["sweep", "weld.toml", "--set", set]);
         assert!(!done && message.contains(expected), "{set}: {message}");
     }
-    // two keys vary: there is no one axis
-    assert!(!folder.join("weld-sweep/sweep.svg").exists());
+    // two keys vary: a line for each value of the second
+    assert!(folder.join("weld-sweep/sweep.svg").exists());
     a_sweep_of_one_number_is_drawn_with_formulas(folder);
 
     let run = ["run", "weld.toml", "--set", "time.end=0.04", "--quiet"];

@@ -36,10 +36,15 @@ pub(super) fn available() -> Option<f64> {
     Some(of_group.map_or(free, |(most, used)| free.min(most - used)))
 }
 
+/// Largest number of cells of a body.
+const MOST_CELLS: f64 = 4e9;
+
 /// Cells of a box with corners (m), and of those the ones in the shape, by samples.
 fn cells(shape: &Shape, dimension: usize, spacing: f64) -> Option<(f64, f64)> {
     let (min, max) = shape.bounds()?;
     let extent = max - min;
+    // a wrong dimension is refused later
+    let dimension = dimension.min(3);
     let box_cells: f64 = (0..dimension)
         .map(|a| (extent[a] / spacing).max(1.0))
         .product();
@@ -80,7 +85,7 @@ impl Case {
             }
             _ => {
                 let of_zone = |zone: &perimelt_core::body::Zone| {
-                    let axes = 0..section.dimension;
+                    let axes = 0..section.dimension.min(3);
                     axes.map(|a| ((zone.max[a] - zone.min[a]) / zone.spacing).max(1.0))
                         .product::<f64>()
                 };
@@ -89,8 +94,8 @@ impl Case {
             }
         };
         let needed = BYTES_PER_CELL * boxes + BYTES_PER_POINT * points;
-        // smaller ones are not worth an estimate
-        if needed <= available || needed < 1e9 {
+        // smaller ones are not worth an estimate, and more points than an index can count are refused later
+        if needed <= available || needed < 1e9 || boxes > MOST_CELLS {
             return Ok(());
         }
         let message = format!(
