@@ -257,7 +257,6 @@ mod tests {
             "[{ from = 5, step = 1 }, { from = 5, step = 2 }]",
             "[{ from = 0, step = 1 }]",
             "[{ from = 10, step = 1 }]",
-            "[{ from = nan, step = 1 }]",
         ] {
             let message = parse(stages).expect_err("out of order").render(false);
             assert!(

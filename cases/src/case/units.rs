@@ -320,7 +320,7 @@ mod tests {
         });
         let case = Case::parse("plate.toml", text, Path::new("")).expect("valid");
         let mut simulation = case.compose().expect("complete");
-        simulation.start().expect("starts");
+        case.start(&mut simulation).expect("starts");
         case.warnings(&simulation).expect("read")
     }
 

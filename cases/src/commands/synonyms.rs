@@ -77,7 +77,7 @@ const SYNONYMS: &[Synonym] = &[
             "convection",
         ],
     ),
-    ("thermocouple", &["probes.kind.point"]),
+    ("thermocouple", &["probes.kind"]),
     ("time step", &["time.step"]),
     ("gcode", &["goldak.toolpath.gcode"]),
 ];

@@ -172,7 +172,12 @@ impl Coupler for PrescribedDisplacement {
     }
 
     fn next_event(&self, after: f64) -> Option<f64> {
-        let values = self.prepared.iter().flat_map(|p| p.values.iter().flatten());
+        let Some(prepared) = &self.prepared else {
+            let given = self.components().into_iter().flatten();
+            let given = given.filter_map(InSpace::uniform);
+            return given.map(|v| v.next_event(after)).fold(None, earlier);
+        };
+        let values = prepared.values.iter().flatten();
         values.map(|v| v.next_event(after)).fold(None, earlier)
     }
 

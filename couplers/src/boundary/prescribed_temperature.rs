@@ -157,9 +157,12 @@ impl Coupler for PrescribedTemperature {
     }
 
     fn next_event(&self, after: f64) -> Option<f64> {
+        let Some(prepared) = &self.prepared else {
+            return self.value.uniform()?.next_event(after);
+        };
         let (TemperatureSink::Layer(_, value)
         | TemperatureSink::LayerByPlace(_, OnFace { places: value, .. })
-        | TemperatureSink::Points { value, .. }) = self.prepared.as_ref()?;
+        | TemperatureSink::Points { value, .. }) = prepared;
         value.next_event(after)
     }
 

@@ -66,9 +66,10 @@ const STRENGTH: &[(f64, f64)] = &[
 
 fn poissons_ratio() -> Vec<(f64, f64)> {
     let ratio = |stiffness: f64| 0.5 - 210.0 * stiffness / (6.0 * 168.0);
-    let rows = STIFFNESS.iter();
     // hot steel is held at 10 GPa
-    rows.map(|(t, stiffness)| (*t, ratio(stiffness.max(10.0 / 210.0)).max(0.3)))
+    const HELD: f64 = 10.0 / 210.0;
+    let rows = STIFFNESS.iter().copied().chain([(1000.0, HELD)]);
+    rows.map(|(t, stiffness)| (t, ratio(stiffness.max(HELD)).max(0.3)))
         .collect()
 }
 

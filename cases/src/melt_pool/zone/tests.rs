@@ -253,7 +253,8 @@ fn depths_around_a_pipe_lie_along_the_beam_within_its_wall() {
         // both surfaces are stairs
         let off = penetration.depth - 12.0 * SPACING;
         assert!(off.abs() < 1.5 * SPACING, "{is_outside}: {off:e}");
-        assert!((penetration.fraction - 1.0).abs() < 1e-9);
+        // two of twelve cells
+        assert!((penetration.fraction - 1.0).abs() < 2.0 / 12.0 + 1e-9);
         let root = zone.root.expect("the far side");
         // at the last centres before the far side, about half a cell before it
         let width = |depth: f64| 2.0 * half[0] * (1.0 - (depth / half[1]).powi(2)).sqrt();
