@@ -120,7 +120,7 @@ impl Place {
                         && given.extension().is_some_and(|e| e == "mcap"),
                 });
             }
-            Ok(check_unused(&file).map_err(|_| in_use(given))?)
+            check_unused(&file).map_err(|_| in_use(given))
         };
         guard()?;
         let lock = LockFile::take(&file).map_err(failed)?;

@@ -432,7 +432,7 @@ mod tests {
             temperature("r", "300") + &temperature("r", "300.0"),
             format!("{along_x}{displaced}"),
             format!("{clamp}{}", displaced.replace("1e-3", "0")),
-            temperature("inside", "300") + &temperature("part", "900").replace("part", "part"),
+            temperature("inside", "300") + &temperature("part", "900"),
         ] {
             assert_eq!(case(&couplers), Ok(Vec::new()), "{couplers}");
         }

@@ -373,7 +373,6 @@ mod tests {
                 ("value = [450, 680]", "value = [1, 1]"),
                 ("conductivity = 50", "conductivity = 1"),
             ][..],
-            &[(room, "initial.temperature = 0")],
             &[
                 (room, "initial.temperature = 77"),
                 (table, "temperature = [20, 300]"),

@@ -91,7 +91,7 @@ enum TractionSink {
 enum Load {
     Traction(Vector3<f64>),
     /// On each cell of the surface, at the centre of its face.
-    Pressure(Placed),
+    Pressure(Box<Placed>),
 }
 
 impl Load {
@@ -181,7 +181,11 @@ impl Coupler for Traction {
                     points.position[point] + 0.5 * points.spacing[point] * cell.face.normal()
                 };
                 let centres = cells.iter().map(centre).collect();
-                Load::Pressure(setup.placed((body, "pressure"), "pressure", pressure, centres)?)
+                Load::Pressure(
+                    setup
+                        .placed((body, "pressure"), "pressure", pressure, centres)?
+                        .into(),
+                )
             }
             _ => {
                 let message = "`traction` and `pressure` are both given or both missing";

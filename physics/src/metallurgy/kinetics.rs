@@ -228,7 +228,7 @@ mod tests {
         for (p, s) in [(0.4, 0.0), (2.0 / 3.0, 0.0), (2.0 / 3.0, 0.7)] {
             // by substitution X = u^9, midpoint rule
             let integral = |x: f64| {
-                let (count, upper) = (200_000, x.powf(1.0 / 9.0));
+                let (count, upper) = (800_000, x.powf(1.0 / 9.0));
                 let width = upper / f64::from(count);
                 let term = |i: i32| {
                     let u = (f64::from(i) + 0.5) * width;

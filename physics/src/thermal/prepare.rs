@@ -22,6 +22,9 @@ use super::run::{Cracks, HeatAccount, Neighbours, Run};
 use super::surface::Surface;
 use super::surface_depth;
 
+/// Conductivities of austenite by material, W/(m K), and its fraction.
+pub(super) type Austenite = (Vec<Property>, ReadIfProvided<f64>);
+
 /// Body, what its points are, and the faces behind which it goes on.
 struct Place {
     body: BodyIndex,
@@ -233,7 +236,7 @@ impl Thermal {
         setup: &mut Setup<'_>,
         (body, description): (BodyIndex, Description),
         is_refined: bool,
-    ) -> Result<Option<(Vec<Property>, ReadIfProvided<f64>)>, SetupError> {
+    ) -> Result<Option<Austenite>, SetupError> {
         const KEY: &str = "austenite_conductivity";
         let materials = &setup.body(body).materials;
         let applies = self.form == Form::Bonds && description != Description::Eulerian;

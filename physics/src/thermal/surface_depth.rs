@@ -58,7 +58,7 @@ fn column_below(body: &Body, face: Face) -> Option<Vec<usize>> {
     for reach in [FLAT, 1, 0] {
         let mut points = (0..body.points.len()).filter(|&p| bare(p) && is_flat(p, reach));
         // the first one is at the edge of the plane part that is flat enough
-        if let Some(point) = points.nth(0) {
+        if let Some(point) = points.next() {
             let column = column(point);
             return (column.len() == LAYERS).then_some(column);
         }
