@@ -186,7 +186,7 @@ impl FreeFaces {
     }
 
     /// The part of a cell face that is free, from 0 to 1, and what covers the rest.
-    pub fn free(&self, world: &World, body: &Body, cell: &SurfaceCell) -> (f64, Option<Covered>) {
+    fn free(&self, world: &World, body: &Body, cell: &SurfaceCell) -> (f64, Option<Covered>) {
         let point = cell.point as usize;
         let spacing = body.points.spacing[point];
         let centre = body.points.position[point] + cell.face.normal() * (0.5 * spacing);
@@ -210,6 +210,22 @@ impl FreeFaces {
         }
         // rounding of overlaps
         let free = if free < 1e-9 { 0.0 } else { free };
+        (free, by)
+    }
+
+    /// The free part of a cell face, if any, and what covers the rest.
+    pub fn free_cell(
+        &self,
+        world: &World,
+        body: &Body,
+        cell: &SurfaceCell,
+    ) -> (Option<SurfaceCell>, Option<Covered>) {
+        let (fraction, by) = self.free(world, body, cell);
+        let free = (fraction > 0.0).then_some(SurfaceCell {
+            area: fraction * cell.area,
+            face_area: fraction * cell.face_area,
+            ..*cell
+        });
         (free, by)
     }
 }

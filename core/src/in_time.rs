@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::folder;
 use crate::formula::Formula;
+use crate::input;
 use crate::material::Table;
 use crate::samples::{FieldFile, NumberTable, SamplesError, SamplesFault, Wanted};
 
@@ -91,7 +92,7 @@ impl InTime {
 }
 
 fn rows(path: &Path, column: Option<String>) -> Result<Table, SamplesFault> {
-    let text = std::fs::read_to_string(path)?;
+    let text = input::read_text(path, input::LIMIT)?;
     let table = NumberTable::new(&text);
     let names = table.names();
     let time = table

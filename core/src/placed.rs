@@ -10,6 +10,7 @@ use crate::folder;
 use crate::formula::Formula;
 use crate::in_space::InSpace;
 use crate::in_time::InTime;
+use crate::input;
 use crate::samples::{FieldFile, NumberTable, SamplesError, States};
 use crate::text::{number, position};
 
@@ -240,7 +241,7 @@ fn rows_in_time(file: &FieldFile, case_folder: &Path) -> Result<Option<InTime>, 
         return Ok(None);
     }
     // a file that cannot be read is told by the reader of values by place
-    let Ok(text) = std::fs::read_to_string(&path) else {
+    let Ok(text) = input::read_text(&path, input::LIMIT) else {
         return Ok(None);
     };
     let header = text.lines().take(100).collect::<Vec<_>>().join("\n");

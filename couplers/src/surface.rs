@@ -191,14 +191,7 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
             .free
             .get_or_insert_with(|| FreeFaces::new(world, index));
         let bare = body.surface_of(here, &self.faces, active).into_iter();
-        cells.extend(bare.filter_map(|cell| {
-            let (fraction, _) = free.free(world, body, &cell);
-            (fraction > 0.0).then_some(SurfaceCell {
-                area: fraction * cell.area,
-                face_area: fraction * cell.face_area,
-                ..cell
-            })
-        }));
+        cells.extend(bare.filter_map(|cell| free.free_cell(world, body, &cell).0));
         // faces of a point stay in the order of `faces`
         cells.sort_by_key(|cell| cell.point);
         self.exchange.set_cells(cells);
@@ -216,7 +209,8 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{STEEL, Uniform, block};
+    use crate::boundary::PrescribedFlux;
+    use crate::testing::{STEEL, block};
     use perimelt_core::keys;
     use std::path::Path;
 
@@ -257,7 +251,7 @@ mod tests {
         let mut setup = Setup::new(&mut world, Path::new("."));
         setup.next_plugin("heat");
         let faces = [Face::ZMax, Face::XMin];
-        let law = Uniform(1.0);
+        let law = PrescribedFlux(1.0);
         let surface = SurfaceHeat::prepare(&mut setup, 0, (&faces, None), law);
         let mut surface = surface.expect("valid");
         setup.next_plugin("deposit");
@@ -294,7 +288,7 @@ mod tests {
         let mut world = World::new(bodies);
         let mut setup = Setup::new(&mut world, Path::new("."));
         setup.next_plugin("heat");
-        let law = Uniform(1.0);
+        let law = PrescribedFlux(1.0);
         let surface = SurfaceHeat::prepare(&mut setup, 0, (&Face::ALL, None), law);
         boundaries(&mut setup);
         setup.next_plugin("thermal");

@@ -4,7 +4,8 @@ use std::path::Path;
 use std::rc::Rc;
 
 use nalgebra::Vector3;
-use perimelt_core::exchange::{Exchange, SurfaceFlux, SurfaceLaw};
+use perimelt_core::body::Zone;
+use perimelt_core::exchange::Exchange;
 use perimelt_core::field::Value;
 use perimelt_core::material::Material;
 use perimelt_core::shape::{BoxShape, Shape};
@@ -34,6 +35,28 @@ pub fn block(cells: [usize; 3], dimension: usize, material: &str) -> Body {
         max: [1.0, max[1], max[2]],
     });
     body.regions.insert("left".into(), body.points_in(&left));
+    body
+}
+
+/// A body of 20 x 20 x 8 m with a fine part in the middle between coarse ends.
+pub fn zones(dimension: usize) -> Body {
+    let shape = Shape::Box(BoxShape {
+        min: [0.0; 3],
+        max: [20.0, 20.0, 8.0],
+    });
+    let zone = |from: f64, to: f64, spacing: f64| Zone {
+        min: [from, 0.0, 0.0],
+        max: [to, 20.0, 8.0],
+        spacing,
+        horizon_factor: 1.0,
+    };
+    let zones = [
+        zone(0.0, 8.0, 2.0),
+        zone(8.0, 14.0, 1.0),
+        zone(14.0, 20.0, 2.0),
+    ];
+    let mut body = Body::fill_zones("block", &shape, dimension, 8.0, &zones).expect("valid");
+    body.materials = block([1, 1, 1], 3, STEEL).materials;
     body
 }
 
@@ -101,23 +124,6 @@ pub fn set_vector(world: &mut World, key: &Key<Vector3<f64>>, value: Vector3<f64
     let index = world.fields().find(0, &key.name).expect("a known field");
     let points = world.values_mut(index).chunks_exact_mut(3);
     points.for_each(|v| v.copy_from_slice(value.as_slice()));
-}
-
-/// A flux (W/m²) that does not depend on the temperature.
-#[derive(Debug)]
-pub struct Uniform(pub f64);
-
-impl SurfaceLaw for Uniform {
-    fn flux(&self, _: usize, _: f64) -> SurfaceFlux {
-        SurfaceFlux {
-            flux: self.0,
-            slope: 0.0,
-        }
-    }
-
-    fn stiffness(&self, _: f64) -> f64 {
-        0.0
-    }
 }
 
 /// Prepares a boundary that exchanges heat with the first body, and plays its heat physics: the exchange.

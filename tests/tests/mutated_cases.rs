@@ -194,7 +194,9 @@ fn changed_cases_are_composed_or_refused() {
 #[test]
 fn a_thousand_bodies_without_physics_are_refused_at_once() {
     use std::fmt::Write;
-    let mut text = String::from("[time]\nend = 1\n\n[materials.m]\ndensity = 1\n");
+    let mut text = String::from(
+        "[time]\nend = 1\n\n[materials.m]\ndensity = 1\n\n[[physics]]\ntype = \"thermal\"\nbody = \"b0\"\n",
+    );
     for body in 0..1000 {
         write!(
             text,

@@ -1,6 +1,7 @@
 //! Sets initial fields: those of `initial`, and columns of a table of points that have the name of a field.
 
 use perimelt_core::body::POINT_COLUMNS;
+use perimelt_core::input;
 use perimelt_core::samples::{FieldFile, NumberTable};
 use perimelt_core::{InSpace, Problem, Simulation, Warning};
 
@@ -151,7 +152,7 @@ impl Case {
         let text = section
             .points
             .as_ref()
-            .map(|path| std::fs::read_to_string(self.folder.join(path)));
+            .map(|path| input::read_text(&self.folder.join(path), input::LIMIT));
         let text = text.and_then(std::result::Result::ok).unwrap_or_default();
         let table = NumberTable::new(&text);
         let is_other = |name: &&String| !name.is_empty() && !POINT_COLUMNS.contains(&name.as_str());

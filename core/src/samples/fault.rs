@@ -20,7 +20,7 @@ pub struct SamplesError {
 pub enum SamplesFault {
     /// It cannot be read.
     #[error("the file cannot be read: {0}")]
-    Read(#[from] std::io::Error),
+    Read(#[from] crate::input::InputError),
     /// A file of VTK.
     #[error(transparent)]
     Vtk(#[from] VtkError),

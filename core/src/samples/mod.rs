@@ -17,8 +17,10 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::input;
 pub use fault::{SamplesError, SamplesFault};
 pub use number_table::{NotANumber, NumberTable};
+
 use tree::Tree;
 pub use vtu::VtkError;
 
@@ -212,7 +214,8 @@ impl States {
         // a file that is missing is told before the run
         for state in &self.states {
             if let State::File(path) = state {
-                std::fs::metadata(path).map_err(|e| error(path, e.into()))?;
+                std::fs::metadata(path)
+                    .map_err(|e| error(path, input::InputError::from(e).into()))?;
             }
         }
         self.samples(0)?;
@@ -262,18 +265,21 @@ fn read_states(path: &Path, wanted: &Wanted) -> Result<Vec<(f64, State)>, Sample
     match extension.as_str() {
         "vtu" | "vtp" => Ok(vec![(
             0.0,
-            State::Known(Arc::new(Samples::of_vtk(&std::fs::read(path)?, wanted)?)),
+            State::Known(Arc::new(Samples::of_vtk(
+                &input::read_bytes(path, input::LIMIT)?,
+                wanted,
+            )?)),
         )]),
         "pvd" => {
             let folder = path.parent().unwrap_or(Path::new(""));
-            let files = vtu::collection(&std::fs::read_to_string(path)?)?;
+            let files = vtu::collection(&input::read_text(path, input::LIMIT)?)?;
             Ok(files
                 .into_iter()
                 .map(|(time, file)| (time, State::File(folder.join(file))))
                 .collect())
         }
         _ => {
-            let text = std::fs::read_to_string(path)?;
+            let text = input::read_text(path, input::LIMIT)?;
             let states = Samples::of_table(&NumberTable::new(&text), wanted)?;
             Ok(states
                 .into_iter()

@@ -127,17 +127,11 @@ impl Setup<'_> {
         let mut covered: BTreeMap<Covered, f64> = BTreeMap::new();
         let mut cells = Vec::new();
         for cell in exchange.cells().iter() {
-            let (fraction, by) = free.free(self.world, body, cell);
+            let (part, by) = free.free_cell(self.world, body, cell);
             if let Some(by) = by {
-                *covered.entry(by).or_default() += (1.0 - fraction) * cell.area;
+                *covered.entry(by).or_default() += cell.area - part.map_or(0.0, |p| p.area);
             }
-            if fraction > 0.0 {
-                cells.push(SurfaceCell {
-                    area: fraction * cell.area,
-                    face_area: fraction * cell.face_area,
-                    ..*cell
-                });
-            }
+            cells.extend(part);
         }
         (cells, covered)
     }

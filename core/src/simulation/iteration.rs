@@ -99,6 +99,7 @@ impl Simulation {
         let before = self.save_physics()?;
         let couplers_before = self.save_couplers()?;
         let advanced_to = self.clock.advanced_to.clone();
+        let all: Vec<usize> = (0..self.physics.len()).collect();
         let mut guess: Option<State> = None;
         let mut aitken = Aitken::default();
         let mut change = f64::INFINITY;
@@ -119,7 +120,7 @@ impl Simulation {
                 self.advance_group(g, end, logging)?;
             }
             self.clock.progress.passes += 1;
-            let result = self.owned_state();
+            let result = self.state_of(&all);
             let Some(old) = guess else {
                 guess = Some(result);
                 continue;
@@ -132,10 +133,7 @@ impl Simulation {
                 break;
             }
             let relaxed = aitken.relax(&result, &old);
-            for (&f, values) in self.plan.owned.iter().flatten().zip(&relaxed) {
-                let field = self.world.fields.field(f);
-                field.data_mut().flat_mut().copy_from_slice(values);
-            }
+            self.set_state(&all, &relaxed);
             guess = Some(relaxed);
         }
         self.clock.progress.unconverged += 1;
@@ -178,11 +176,7 @@ impl Simulation {
                 break;
             }
             let relaxed = aitken.relax(&new, &old);
-            let fields = members.iter().flat_map(|&p| &self.plan.owned[p]);
-            for (&f, values) in fields.zip(&relaxed) {
-                let field = self.world.fields.field(f);
-                field.data_mut().flat_mut().copy_from_slice(values);
-            }
+            self.set_state(&members, &relaxed);
         }
         for &p in &members {
             self.set_time(p, end);
@@ -198,18 +192,20 @@ impl Simulation {
         }
     }
 
-    fn state_of(&self, members: &[usize]) -> State {
-        let fields = members.iter().flat_map(|&p| &self.plan.owned[p]);
+    /// Values of the fields that some physics own.
+    fn state_of(&self, physics: &[usize]) -> State {
+        let fields = physics.iter().flat_map(|&p| &self.plan.owned[p]);
         fields
             .map(|&f| self.world.fields.field(f).data().flat().to_vec())
             .collect()
     }
 
-    fn owned_state(&self) -> State {
-        let fields = self.plan.owned.iter().flatten();
-        fields
-            .map(|&f| self.world.fields.field(f).data().flat().to_vec())
-            .collect()
+    fn set_state(&self, physics: &[usize], state: &State) {
+        let fields = physics.iter().flat_map(|&p| &self.plan.owned[p]);
+        for (&f, values) in fields.zip(state) {
+            let field = self.world.fields.field(f);
+            field.data_mut().flat_mut().copy_from_slice(values);
+        }
     }
 }
 

@@ -30,7 +30,7 @@ pub struct HeatFlux {
 
 /// A flux that does not depend on the temperature, W/m².
 #[derive(Debug)]
-struct PrescribedFlux(f64);
+pub(crate) struct PrescribedFlux(pub f64);
 
 impl SurfaceLaw for PrescribedFlux {
     fn flux(&self, _: usize, _: f64) -> SurfaceFlux {

@@ -25,6 +25,8 @@ pub use crack::InsulatedCrack;
 pub use gravity::Gravity;
 pub use growing_crack::GrowingCrack;
 pub use heat_flux::HeatFlux;
+#[cfg(test)]
+pub(crate) use heat_flux::PrescribedFlux;
 pub use insulated::Insulated;
 pub use prescribed_displacement::PrescribedDisplacement;
 pub use prescribed_temperature::PrescribedTemperature;

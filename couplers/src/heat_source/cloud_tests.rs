@@ -1,13 +1,13 @@
 //! Heat sources on bodies without a lattice: the power is exact, and on a uniform cloud it is that of the lattice.
 
 use nalgebra::Vector3;
-use perimelt_core::body::{Jitter, Zone};
+use perimelt_core::body::Jitter;
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::{Body, Coupler, PointMover, Setup, World, keys};
 use proptest::prelude::*;
 
 use super::*;
-use crate::testing::{STEEL, apply, block, prepare, read, refusal, set, total, values};
+use crate::testing::{STEEL, apply, block, prepare, read, refusal, set, total, values, zones};
 
 fn ready(body: Body, source: &mut dyn Coupler) -> World {
     let mut world = World::new(vec![body]);
@@ -20,28 +20,6 @@ fn ready(body: Body, source: &mut dyn Coupler) -> World {
 
 fn cloud(body: Body, amplitude: f64) -> Body {
     body.jittered(Jitter { amplitude, seed: 2 }).expect("valid")
-}
-
-/// 20 x 20 x 8 m, of a fine part in the middle between coarse ends.
-fn zones(dimension: usize) -> Body {
-    let shape = Shape::Box(BoxShape {
-        min: [0.0; 3],
-        max: [20.0, 20.0, 8.0],
-    });
-    let zone = |from: f64, to: f64, spacing: f64| Zone {
-        min: [from, 0.0, 0.0],
-        max: [to, 20.0, 8.0],
-        spacing,
-        horizon_factor: 1.0,
-    };
-    let zones = [
-        zone(0.0, 8.0, 2.0),
-        zone(8.0, 14.0, 1.0),
-        zone(14.0, 20.0, 2.0),
-    ];
-    let mut body = Body::fill_zones("block", &shape, dimension, 8.0, &zones).expect("valid");
-    body.materials = block([1, 1, 1], 3, STEEL).materials;
-    body
 }
 
 fn report(source: &dyn Coupler, name: &str) -> f64 {

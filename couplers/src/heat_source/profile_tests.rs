@@ -1,12 +1,10 @@
 //! Sources by formula, powers by voltage and current, and pulses.
 
 use nalgebra::Vector3;
-use perimelt_core::body::Zone;
-use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::{Body, Coupler, Setup, World, keys};
 
 use super::*;
-use crate::testing::{STEEL, apply, block, prepare, read, refusal, total, values};
+use crate::testing::{STEEL, apply, block, prepare, read, refusal, total, values, zones};
 
 fn ready(body: Body, source: &mut dyn Coupler) -> World {
     let mut world = World::new(vec![body]);
@@ -63,26 +61,6 @@ fn a_formula_is_the_source_that_it_describes() {
 
 #[test]
 fn the_power_of_a_formula_is_exact_on_every_body_and_under_every_torch() {
-    let shape = Shape::Box(BoxShape {
-        min: [0.0; 3],
-        max: [20.0, 20.0, 8.0],
-    });
-    let zones = |dimension: usize| {
-        let zone = |from: f64, to: f64, spacing: f64| Zone {
-            min: [from, 0.0, 0.0],
-            max: [to, 20.0, 8.0],
-            spacing,
-            horizon_factor: 1.0,
-        };
-        let zones = [
-            zone(0.0, 8.0, 2.0),
-            zone(8.0, 14.0, 1.0),
-            zone(14.0, 20.0, 2.0),
-        ];
-        let mut body = Body::fill_zones("block", &shape, dimension, 8.0, &zones).expect("valid");
-        body.materials = block([1, 1, 1], 3, STEEL).materials;
-        body
-    };
     let tilted = "heated_surface.direction = [0, 1, -2]";
     let side = "heated_surface = { face = 'y+', level = 20 }";
     let formula = "exp(-(x / 2)^2 - (y / 1.5)^2) * (3.5 - z)";

@@ -214,16 +214,18 @@ impl<'a> Surroundings<'a> {
 }
 
 impl Run {
-    /// Takes up points that became active or inactive since the last step.
-    pub(super) fn follow_activity(&mut self, world: &World) {
+    /// Takes up points that became active or inactive since the last step; whether there are any.
+    pub(super) fn follow_activity(&mut self, world: &World) -> bool {
         let Some(active) = world.activity(self.body).map(|a| mask(&a)) else {
-            return;
+            return false;
         };
-        if active != self.state.present {
+        let has_changed = active != self.state.present;
+        if has_changed {
             self.change_presence(world, active);
         }
         let rules = world.layer_rules(self.layers);
         self.state.layers = rules.iter().map(|r| [r.scale, r.offset]).collect();
+        has_changed
     }
 
     /// Lets other points be present. Layers are as in the last step: what they prescribe for the end of this one strains

@@ -95,8 +95,6 @@ impl Run {
 
     /// Takes the present loads and moduli, and writes held components into `displacement`.
     pub(super) fn load(&mut self, world: &World, step: Step) {
-        self.follow_activity(world);
-        self.note_loads(world);
         let body = world.body(self.body);
         let temperature = world.read_if_provided(self.fields.temperature);
         self.solid.set_moduli(body, temperature.as_deref());
@@ -106,7 +104,14 @@ impl Run {
             self.solid.set_eigenstrain(&eigenstrain);
             self.eigenstrain_size = max_abs(&eigenstrain);
         }
+        let of_eigenstrain = self.eigenstrain_size;
         self.load_stress_free(world);
+        // the strain of births depends on what prescribed strains do to gradients
+        if self.follow_activity(world) {
+            self.eigenstrain_size = of_eigenstrain;
+            self.load_stress_free(world);
+        }
+        self.note_loads(world);
         self.load_plasticity(world, temperature.as_deref());
         if let Some(hold) = self.fields.hold
             && self.stop_held_points(world, hold, step.size)

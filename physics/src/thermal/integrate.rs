@@ -78,6 +78,11 @@ impl Integrator {
         &mut self.row_sums
     }
 
+    /// Whether steps are limited by stability.
+    pub(super) fn is_explicit(&self) -> bool {
+        matches!(self.method, Method::Explicit)
+    }
+
     /// Sets the largest stable explicit step, s.
     pub(super) fn set_stable_step(&mut self, stable_step: f64) {
         self.stable_step = stable_step;

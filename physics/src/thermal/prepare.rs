@@ -101,7 +101,7 @@ impl Run {
             true => [0.5; 6],
             false => {
                 let family = neighbours.at_setup(setup);
-                surface_depth::depths(setup.body(body), &family, 1.0)
+                surface_depth::depths(setup.body(body), &family)
             }
         };
         let surface = Surface::new(exchanges, depth);

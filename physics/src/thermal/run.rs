@@ -315,13 +315,19 @@ impl Run {
         let mut stable = f64::INFINITY;
         let mut least = f64::INFINITY;
         let volumes = self.heated_volumes(world);
-        let fields = (&temperature[..], &volumes[..]);
-        let of_layers = surface.visit_stiffness(fields, conductivity, |point, at_point| {
+        let mut of_body = 0.0;
+        let of_layer = surface.visit_stiffness(&temperature, conductivity, |point, at_point| {
             let capacity = self.curves[material[point] as usize].minimum_capacity();
             least = least.min(capacity);
+            of_body += at_point * volumes[point];
             stable = stable.min(capacity / (row_sums[point][0] + at_point));
         });
-        let time = least / of_layers;
+        if self.integrator.is_explicit() {
+            return stable;
+        }
+        // layers along several axes cool at once
+        let volume: f64 = volumes.iter().sum();
+        let time = least / of_layer.max(of_body / volume);
         self.exchange_time = time;
         stable
     }

@@ -56,6 +56,21 @@ struct ExposedFace {
     parts: [u32; 2],
 }
 
+impl ExposedFace {
+    /// Its parts among those of all faces.
+    fn parts<'a>(&self, all: &'a [Part]) -> &'a [Part] {
+        &all[self.parts[0] as usize..self.parts[1] as usize]
+    }
+
+    /// That of the matter between the point and the surface, W/(m² K); infinite where the point is at the surface.
+    fn conductance(&self, conductivity: impl FnOnce() -> f64) -> f64 {
+        match self.depth > 0.0 {
+            true => conductivity() / self.depth,
+            false => f64::INFINITY,
+        }
+    }
+}
+
 /// What one law does at a face.
 #[derive(Clone, Copy, Debug)]
 struct Part {
@@ -184,12 +199,9 @@ impl Surface {
         let faces = self.heat.par_iter_mut().zip(&self.faces).with_min_len(512);
         faces.for_each(|(heat, face)| {
             let point = face.point as usize;
-            let parts = &parts[face.parts[0] as usize..face.parts[1] as usize];
-            let conductance = match face.depth > 0.0 {
-                true => conductivity(point) / face.depth,
-                false => f64::INFINITY,
-            };
-            let through = balance((parts, &laws, is_linear), temperature[point], conductance);
+            let all = (face.parts(parts), &laws[..], is_linear);
+            let conductance = face.conductance(|| conductivity(point));
+            let through = balance(all, temperature[point], conductance);
             *heat = FaceHeat {
                 heat: face.area_over_volume * through.flux,
                 gain: face.area_over_volume * through.gain,
@@ -247,11 +259,8 @@ impl Surface {
             let laws: Vec<&dyn SurfaceLaw> = borrowed.iter().map(|law| &**law).collect();
             for face in &self.faces {
                 let point = face.point as usize;
-                let parts = &self.parts[face.parts[0] as usize..face.parts[1] as usize];
-                let conductance = match face.depth > 0.0 {
-                    true => conductivity(point) / face.depth,
-                    false => f64::INFINITY,
-                };
+                let parts = face.parts(&self.parts);
+                let conductance = face.conductance(|| conductivity(point));
                 let all = (parts, &laws[..], self.is_linear);
                 let surface = balance(all, temperature[point], conductance).temperature;
                 for part in parts {
@@ -272,23 +281,23 @@ impl Surface {
     }
 
     /// Calls `visit` with each point at the surface and a bound of what draws it to the surroundings, the sum over its faces
-    /// over its volume (W/(m³ K)). Returns the same of whole layers and of the whole body: the rate at which they take up the
-    /// temperature of the surroundings, times their capacity.
+    /// over its volume (W/(m³ K)). Returns the same of the layer that is drawn most: the rate at which it takes up the
+    /// temperature of the surroundings, times its capacity.
     pub(super) fn visit_stiffness(
         &self,
-        (temperature, volume): (&[f64], &[f64]),
+        temperature: &[f64],
         conductivity: impl Fn(usize) -> f64,
         mut visit: impl FnMut(usize, f64),
     ) -> f64 {
         let hottest = self.hottest(temperature);
         let laws = self.exchanges.iter().map(|e| e.law().stiffness(hottest));
         let laws: Vec<f64> = laws.collect();
-        let (mut of_body, mut of_layer) = (0.0, 0.0_f64);
+        let mut of_layer = 0.0_f64;
         for faces in self.faces.chunk_by(|a, b| a.point == b.point) {
             let point = faces[0].point as usize;
             let mut at_point = 0.0;
             for face in faces {
-                let parts = &self.parts[face.parts[0] as usize..face.parts[1] as usize];
+                let parts = face.parts(&self.parts);
                 let coefficient = |p: &Part| p.fraction * laws[p.exchange as usize];
                 let coefficient: f64 = parts.iter().map(coefficient).sum();
                 if coefficient > 0.0 {
@@ -297,12 +306,9 @@ impl Surface {
                     of_layer = of_layer.max(face.sides / (resistance * face.thickness));
                 }
             }
-            of_body += at_point * volume[point];
             visit(point, at_point);
         }
-        // layers along several axes cool at once
-        let volume: f64 = volume.iter().sum();
-        of_layer.max(of_body / volume)
+        of_layer
     }
 }
 

@@ -20,11 +20,11 @@ const FLAT: usize = 3;
 
 /// Distances of the surface from the outermost points by direction, in spacings; half a spacing where no column of points
 /// below a plane surface is deep enough.
-pub(super) fn depths(body: &Body, family: &Family, calibration: f64) -> [f64; 6] {
+pub(super) fn depths(body: &Body, family: &Family) -> [f64; 6] {
     let mut depths = [0.5; 6];
     for face in Face::ALL.into_iter().filter(|f| f.axis() < body.dimension) {
         if let Some(column) = column_below(body, face) {
-            let deviation = deviation(body, family, (face, &column), calibration);
+            let deviation = deviation(body, family, (face, &column));
             // a family so long that the outermost points are warmer than the surface
             depths[face as usize] = deviation.map_or(0.5, |c| (0.5 - c).clamp(0.0, 1.5));
         }
@@ -67,12 +67,7 @@ fn column_below(body: &Body, face: Face) -> Option<Vec<usize>> {
 }
 
 /// The deviation c of the outermost point of a column.
-fn deviation(
-    body: &Body,
-    family: &Family,
-    (face, column): (Face, &[usize]),
-    calibration: f64,
-) -> Option<f64> {
+fn deviation(body: &Body, family: &Family, (face, column): (Face, &[usize])) -> Option<f64> {
     let spacing = body.points.spacing[column[0]];
     let axis = face.axis();
     let top = body.points.position[column[0]][axis];
@@ -89,7 +84,7 @@ fn deviation(
     for (row, &point) in column.iter().enumerate() {
         family.for_each_bond(point, |_, bond, slot| {
             let other = layer_of_slot[slot].max(0.0) as usize;
-            let c = calibration * coefficient(bond);
+            let c = coefficient(bond);
             rest[row] += c * (linear(other) - linear(row));
             matrix[(row, row)] -= c;
             if other < LAYERS {

@@ -285,7 +285,7 @@ fn the_surface_lies_where_the_linear_temperature_below_meets_it() {
         let expected = (surface - t[39]) / slope;
         let run = wall.physics.run();
         let family = run.neighbours.now(&wall.world);
-        let found = depths(wall.world.body(0), &family, 1.0)[Face::XMax as usize];
+        let found = depths(wall.world.body(0), &family)[Face::XMax as usize];
         assert!(
             (found - expected).abs() < 2e-3,
             "horizon {horizon}, {surfaces}: {found} {expected}"
