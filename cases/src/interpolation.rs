@@ -2,12 +2,14 @@
 //! cloud. Probes and checks read fields at positions in this way only.
 //!
 //! Beyond the outermost points the field continues as its mirror image at the face, so that the
-//! value on a face is `(9 T1 - T2) / 8` from the two outermost points (cubic) or `T1` (linear).
+//! value on a face is `(9 T1 - T2) / 8` from the two outermost points (cubic) or `T1` (linear). Where the value `Ts` on the
+//! face is known, by a boundary or from the heat that flows through it, the field at the distance `d` behind the face is
+//! `T(d) + 2 (Ts - T1) d / d1` with the distance `d1` of the outermost point: linear fields are exact up to the face.
 
 use nalgebra::Vector3;
 use perimelt_core::activity::is_active;
 use perimelt_core::body::{Discretisation, Lattice};
-use perimelt_core::{Body, SetupError, World, text};
+use perimelt_core::{Body, Face, SetupError, World, text};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -26,8 +28,22 @@ pub enum Interpolation {
 }
 
 /// Points and their weights; the weighted sum of a field over them is its value at a position.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Weights(pub Vec<(usize, f64)>);
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Weights {
+    points: Vec<(usize, f64)>,
+    /// Factors on the difference between the value on the face of a point and that of the point.
+    faces: Vec<(usize, Face, f64)>,
+}
+
+/// A cell along an axis.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    cell: i64,
+    weight: f64,
+    /// Where it is the mirror image of a cell behind a face: the face, the cell in front of it, and the factor on the
+    /// difference between the values on the face and in that cell.
+    behind: Option<(Face, i64, f64)>,
+}
 
 impl Weights {
     /// The weights at `position` (m) in the reference configuration. Mistakes are reported at
@@ -61,82 +77,152 @@ impl Weights {
                 ));
             }
             Discretisation::Cloud(_) if !is_within(body, position) => None,
-            Discretisation::Cloud(cloud) => {
-                cloud.weights(&body.points, body.dimension, &position.into())
-            }
+            Discretisation::Cloud(cloud) => cloud
+                .weights(&body.points, body.dimension, &position.into())
+                .map(Weights::of_points),
         };
-        found
-            .map(Weights)
-            .ok_or_else(|| off_body(body, position, key))
+        found.ok_or_else(|| off_body(body, position, key))
+    }
+
+    /// A weighted sum over points.
+    pub(crate) fn of_points(points: Vec<(usize, f64)>) -> Weights {
+        Weights {
+            points,
+            faces: Vec::new(),
+        }
     }
 
     /// The value of a field at the position. Points without material are left out and the other weights scaled up; not a
     /// number where they have less than half of the weight.
     pub(crate) fn value(&self, component: Component, world: &World) -> f64 {
-        let terms = self.0.iter();
-        if let Some(activity) = component.activity(world) {
-            let there = terms.clone().filter(|(p, _)| is_active(activity[*p]));
-            if there.clone().count() < self.0.len() {
-                let total: f64 = there.clone().map(|(_, weight)| weight).sum();
-                if total < 0.5 {
-                    return f64::NAN;
-                }
-                let sum = there.map(|&(point, weight)| weight * component.at(world, point));
-                return sum.sum::<f64>() / total;
+        let activity = component.activity(world);
+        let is_there = |point: usize| activity.as_ref().is_none_or(|a| is_active(a[point]));
+        let there = self.points.iter().filter(|(p, _)| is_there(*p));
+        let mut total = 1.0;
+        if there.clone().count() < self.points.len() {
+            total = there.clone().map(|(_, weight)| weight).sum();
+            if total < 0.5 {
+                return f64::NAN;
             }
         }
-        terms
+        let sum: f64 = there
             .map(|&(point, weight)| weight * component.at(world, point))
-            .sum()
+            .sum();
+        let to_face = |&(point, face, factor): &(usize, Face, f64)| {
+            let on_face = component.on_face(world, (point, face))?;
+            Some(factor * (on_face - component.at(world, point)))
+        };
+        let faces = self.faces.iter().filter(|(p, ..)| is_there(*p));
+        (sum + faces.filter_map(to_face).sum::<f64>()) / total
     }
 }
 
-/// Points and weights on a lattice; `None` where there are not enough points.
+/// Weights on a lattice; `None` where there are not enough points.
 fn on_lattice(
     lattice: &Lattice,
     dimension: usize,
     position: [f64; 3],
     interpolation: Interpolation,
-) -> Option<Vec<(usize, f64)>> {
+) -> Option<Weights> {
     let relative = (Vector3::from(position) - lattice.origin) / lattice.spacing;
-    let mut axes: [Vec<(i64, f64)>; 3] = std::array::from_fn(|_| vec![(0, 1.0)]);
+    let alone = Node {
+        cell: 0,
+        weight: 1.0,
+        behind: None,
+    };
+    let mut axes: [Vec<Node>; 3] = std::array::from_fn(|_| vec![alone]);
     for axis in 0..dimension {
-        axes[axis] = along(relative[axis] - 0.5, lattice.cells[axis], interpolation)?;
+        axes[axis] = along(
+            relative[axis] - 0.5,
+            (axis, lattice.cells[axis]),
+            interpolation,
+        )?;
     }
     let [xs, ys, zs] = &axes;
-    let mut weights = Vec::new();
+    let mut weights = Weights::default();
     let mut left_out = false;
-    for (z, wz) in zs {
-        for (y, wy) in ys {
-            for (x, wx) in xs {
-                match lattice.point([*x, *y, *z]) {
-                    Some(point) => weights.push((point, wx * wy * wz)),
-                    None if interpolation == Interpolation::Linear => left_out = true,
+    for z in zs {
+        for y in ys {
+            for x in xs {
+                let nodes = [x, y, z];
+                let cell = nodes.map(|n| n.cell);
+                let weight = nodes.iter().map(|n| n.weight).product::<f64>();
+                match lattice.point(cell) {
+                    Some(point) => weights.points.push((point, weight)),
+                    None if interpolation == Interpolation::Linear => {
+                        left_out = true;
+                        weights.face_missing(lattice, &axes, cell, weight);
+                    }
                     None => return None,
+                }
+                for (axis, node) in nodes.iter().enumerate() {
+                    let Some((face, cell_in_front, factor)) = node.behind else {
+                        continue;
+                    };
+                    let mut in_front = cell;
+                    in_front[axis] = cell_in_front;
+                    let point = lattice.point(in_front);
+                    weights
+                        .faces
+                        .extend(point.map(|point| (point, face, weight * factor)));
                 }
             }
         }
     }
     if left_out {
-        let total: f64 = weights.iter().map(|(_, weight)| weight).sum();
+        let total: f64 = weights.points.iter().map(|(_, weight)| weight).sum();
         // also where there is no point at all
         if total < 1e-6 {
             return None;
         }
-        weights.iter_mut().for_each(|(_, weight)| *weight /= total);
+        let points = weights.points.iter_mut();
+        points.for_each(|(_, weight)| *weight /= total);
     }
     Some(weights)
 }
 
+impl Weights {
+    /// Takes a cell without a point for one behind the faces of its neighbours along the axes.
+    fn face_missing(
+        &mut self,
+        lattice: &Lattice,
+        axes: &[Vec<Node>; 3],
+        cell: [i64; 3],
+        weight: f64,
+    ) {
+        let mut in_front = Vec::new();
+        for (axis, nodes) in axes.iter().enumerate() {
+            let others = nodes.iter().map(|n| n.cell).filter(|c| *c != cell[axis]);
+            for other in others {
+                let mut neighbour = cell;
+                neighbour[axis] = other;
+                let face = Face::ALL[2 * axis + usize::from(other < cell[axis])];
+                in_front.extend(lattice.point(neighbour).map(|point| (point, face)));
+            }
+        }
+        let factor = 2.0 * weight / in_front.len() as f64;
+        let faces = in_front.iter().map(|&(point, face)| (point, face, factor));
+        self.faces.extend(faces);
+    }
+}
+
 /// Cells and weights along an axis; `at` counts cells from the first centre.
-fn along(at: f64, cells: usize, interpolation: Interpolation) -> Option<Vec<(i64, f64)>> {
+fn along(
+    at: f64,
+    (axis, cells): (usize, usize),
+    interpolation: Interpolation,
+) -> Option<Vec<Node>> {
     let last = cells as i64 - 1;
     if !(at > -0.5 - 1e-6 && at < last as f64 + 0.5 + 1e-6) {
         return None;
     }
     // a position on a cell centre, but for rounding, is that point alone
     if (at - at.round()).abs() < 1e-6 {
-        return Some(vec![(at.round() as i64, 1.0)]);
+        return Some(vec![Node {
+            cell: at.round() as i64,
+            weight: 1.0,
+            behind: None,
+        }]);
     }
     let low = at.floor();
     let t = at - low;
@@ -154,12 +240,24 @@ fn along(at: f64, cells: usize, interpolation: Interpolation) -> Option<Vec<(i64
         let folded = cell.rem_euclid(period);
         folded.min(period - 1 - folded)
     };
-    Some(
-        nodes
-            .into_iter()
-            .map(|(step, weight)| (mirrored(low as i64 + step), weight))
-            .collect(),
-    )
+    let behind = |cell: i64| {
+        // by cells behind the face: 1, 3, ... half cells
+        let odd = |steps: i64| 2.0 * (2 * steps + 1) as f64;
+        match cell {
+            ..0 => Some((Face::ALL[2 * axis], 0, odd(-1 - cell))),
+            _ if cell > last => Some((Face::ALL[2 * axis + 1], last, odd(cell - last - 1))),
+            _ => None,
+        }
+    };
+    let node = |(step, weight): (i64, f64)| {
+        let cell = low as i64 + step;
+        Node {
+            cell: mirrored(cell),
+            weight,
+            behind: behind(cell),
+        }
+    };
+    Some(nodes.into_iter().map(node).collect())
 }
 
 /// Whether a position (m) lies within the bounding box of the cells, but for rounding.
@@ -205,7 +303,7 @@ mod tests {
     ) -> f64 {
         let weights = Weights::at(body, position, kind, "key").expect("on the body");
         weights
-            .0
+            .points
             .iter()
             .map(|&(p, w)| w * field(&body.points.position[p]))
             .sum()
@@ -255,7 +353,7 @@ mod tests {
         let body = block();
         for kind in [Interpolation::Cubic, Interpolation::Linear] {
             let centre = Weights::at(&body, [0.125; 3], kind, "key").expect("on the body");
-            assert_eq!(centre.0, [(0, 1.0)]);
+            assert_eq!(centre, Weights::of_points(vec![(0, 1.0)]));
             for outside in [-0.01, f64::NAN] {
                 let error = Weights::at(&body, [outside, 1.0, 1.0], kind, "key");
                 assert_eq!(error.expect_err("off the body").key, "key");

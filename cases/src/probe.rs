@@ -7,7 +7,7 @@ use perimelt_core::activity::is_active;
 use perimelt_core::error::Problem;
 use perimelt_core::field::FieldIndex;
 use perimelt_core::refinement::Level;
-use perimelt_core::{Axis, Body, SetupError, Simulation, World};
+use perimelt_core::{Axis, Body, Face, SetupError, Simulation, World};
 
 use crate::case::sections::{LineProbe, MeltPoolProbe, ProbeKind, ProbeSection, Statistic};
 use crate::component::Number;
@@ -297,6 +297,14 @@ impl Component {
     /// By point of its body, whether there is material; `None` where all have some.
     pub(crate) fn activity(self, world: &World) -> Option<Ref<'_, [f64]>> {
         world.activity(world.fields().field(self.field).body)
+    }
+
+    /// Its value on the cell face in front of a point, where that is known.
+    pub(crate) fn on_face(self, world: &World, (point, face): (usize, Face)) -> Option<f64> {
+        let Number::Entry(component) = self.number else {
+            return None;
+        };
+        world.value_on_face(self.field, component, (point as u32, face))
     }
 
     pub(crate) fn at(self, world: &World, point: usize) -> f64 {

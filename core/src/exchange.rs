@@ -63,6 +63,8 @@ pub struct Exchange {
     cells: RefCell<Vec<SurfaceCell>>,
     version: Cell<u64>,
     power: Cell<f64>,
+    /// Of the surface at each cell face when last observed, K; empty before.
+    temperatures: RefCell<Vec<f64>>,
 }
 
 impl Exchange {
@@ -81,6 +83,7 @@ impl Exchange {
             cells: RefCell::new(cells),
             version: Cell::new(0),
             power: Cell::new(0.0),
+            temperatures: RefCell::default(),
         }
     }
 
@@ -105,14 +108,25 @@ impl Exchange {
         self.version.get()
     }
 
-    /// Heat that entered the body when last evaluated, W.
+    /// Heat that entered the body when last observed, W.
     pub fn power(&self) -> f64 {
         self.power.get()
     }
 
-    /// Tells the heat that enters the body, W; called by the physics.
-    pub fn set_power(&self, power: f64) {
+    /// Temperature of the surface in front of a point in this direction when last observed, K.
+    pub fn surface_temperature(&self, point: u32, face: Face) -> Option<f64> {
+        let cells = self.cells.borrow();
+        let first = cells.partition_point(|c| c.point < point);
+        let of_point = cells[first..].iter().take_while(|c| c.point == point);
+        let place = of_point.into_iter().position(|c| c.face == face)?;
+        self.temperatures.borrow().get(first + place).copied()
+    }
+
+    /// Tells the heat that enters the body, W, and the temperature of the surface at each cell face, K; called by the physics
+    /// before a state is logged.
+    pub fn set_observed(&self, power: f64, temperatures: Vec<f64>) {
         self.power.set(power);
+        *self.temperatures.borrow_mut() = temperatures;
     }
 }
 

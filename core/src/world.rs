@@ -1,6 +1,7 @@
 //! The world: bodies, their fields, and how fields continue behind faces.
 
 use std::cell::{Ref, RefCell, RefMut};
+use std::rc::Rc;
 use std::sync::Arc;
 
 use nalgebra::Vector3;
@@ -8,8 +9,9 @@ use nalgebra::Vector3;
 use crate::body::{Body, Face};
 use crate::configuration::Configurations;
 use crate::error::SetupError;
+use crate::exchange::{Exchange, SurfaceDepth};
 use crate::family::{LayerRule, Traction};
-use crate::field::{Fields, Read, ReadIfProvided, Value, Write};
+use crate::field::{FieldIndex, Fields, Read, ReadIfProvided, Value, Write, keys};
 use crate::material::{EnthalpyCurve, LatentHeatForm, Material, MaterialError, MushyCapacity};
 use crate::refinement::Refinement;
 use crate::solver::reduce::weighted_sum;
@@ -91,6 +93,8 @@ pub struct World {
     broken: Vec<RefCell<BrokenPairs>>,
     /// Bodies with a window of finer points that moves.
     pub(crate) refinements: Vec<Refinement>,
+    /// Heat that surfaces exchange with their surroundings.
+    pub(crate) exchanges: Vec<Rc<Exchange>>,
 }
 
 impl World {
@@ -187,6 +191,31 @@ impl World {
     /// Integral of a scalar field over the reference volume of a body.
     pub fn integral(&self, body: BodyIndex, handle: Read<f64>) -> f64 {
         weighted_sum(&self.read(handle), &self.bodies[body].points.volume)
+    }
+
+    /// A component of a field on the cell face in front of a point, where a boundary prescribes it or, of the temperature, where
+    /// the surface exchanges heat: as of the last observation.
+    pub fn value_on_face(
+        &self,
+        field: FieldIndex,
+        component: usize,
+        (point, face): (u32, Face),
+    ) -> Option<f64> {
+        let field = self.fields.field(field);
+        let of_field = |l: &&Layers| l.body == field.body && l.field == field.name;
+        let prescribed = self.layers.iter().filter(of_field).find_map(|layers| {
+            let rules = layers.rules.borrow();
+            let mut on_face = rules.iter().filter(|rule| rule.face == face);
+            on_face.find_map(|rule| rule.prescribed(component, point))
+        });
+        let exchanged = || {
+            let mut own = self.exchanges.iter().filter(|e| {
+                let is_here = e.body == field.body && e.depth == SurfaceDepth::Face;
+                is_here && field.name == keys::TEMPERATURE.name
+            });
+            own.find_map(|e| e.surface_temperature(point, face))
+        };
+        prescribed.or_else(exchanged).filter(|value| value.is_finite())
     }
 
     /// Values of a field, if anybody provides it.

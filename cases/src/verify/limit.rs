@@ -27,6 +27,8 @@ pub enum Limit {
     FractionOfPeakAbove(f64),
     /// The measured value lies between these numbers; the reference is only printed.
     Between([f64; 2]),
+    /// None: the relative deviation from a measurement is the result. Only a value that is not finite fails.
+    Recorded,
 }
 
 impl Limit {
@@ -36,6 +38,7 @@ impl Limit {
         match self {
             Limit::Absolute(limit) => (difference, limit),
             Limit::Relative(limit) => (difference / reference.abs(), limit),
+            Limit::Recorded => (difference / reference.abs(), f64::MAX),
             Limit::FractionOfPeak(limit) => (difference / peak, limit),
             // these limits apply to all values together
             Limit::MeanRelative(_) | Limit::MeanRelativeAbove(_) => {
@@ -63,6 +66,7 @@ mod tests {
             (Limit::Relative(0.1), (0.3, 0.1)),
             (Limit::FractionOfPeak(0.1), (0.03, 0.1)),
             (Limit::Between([10.0, 20.0]), (2.0, 5.0)),
+            (Limit::Recorded, (0.3, f64::MAX)),
         ];
         for (limit, (error, most)) in cases {
             let judged = limit.judge(13.0, 10.0, 100.0);

@@ -188,6 +188,12 @@ impl Outcome {
                 String::new(),
                 format!("{} to {}", number(low), number(high)),
             ),
+            Limit::Recorded => (
+                number(self.reference),
+                // with its sign
+                percent((self.measured - self.reference) / self.reference.abs()),
+                "recorded".into(),
+            ),
         };
         let limit = match self.limit {
             Limit::RmsAbove(_) | Limit::MeanRelativeAbove(_) | Limit::FractionOfPeakAbove(_) => {

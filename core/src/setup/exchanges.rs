@@ -77,6 +77,7 @@ impl Setup<'_> {
                 mistakes.push((plugin, SetupError::value("body", message, expected)));
                 continue;
             }
+            self.world.exchanges.push(exchange.clone());
             if exchange.depth == SurfaceDepth::Plane {
                 continue;
             }

@@ -30,6 +30,8 @@ struct OverYield {
     /// Pa.
     stress: f64,
     point: usize,
+    /// K.
+    temperature: Option<f64>,
 }
 
 /// Von Mises stress, Pa.
@@ -64,11 +66,13 @@ impl Validity {
         let ratios = points.filter_map(|(point, (stress, material))| {
             let property = self.yield_stress[usize::from(*material)].as_ref()?;
             let stress = von_mises(stress);
-            let limit = property.at(temperature.map_or(0.0, |t| t[point]), 0.0);
+            let temperature = temperature.map(|t| t[point]);
+            let limit = property.at(temperature.unwrap_or(0.0), 0.0);
             Some(OverYield {
                 ratio: stress / limit,
                 stress,
                 point,
+                temperature,
             })
         });
         ratios.max_by(|a, b| a.ratio.total_cmp(&b.ratio))
@@ -86,14 +90,16 @@ impl Validity {
     /// Sentences without a full stop.
     pub(super) fn remarks(&self, body: &Body) -> Vec<String> {
         let over_yield = self.largest.filter(|largest| largest.ratio > 1.0);
-        let over_yield = over_yield.map(|OverYield { ratio, stress, point }| {
+        let over_yield = over_yield.map(|OverYield { ratio, stress, point, temperature }| {
+            let there = temperature.map_or_else(String::new, |t| format!(" at {t:.0} K"));
             let [x, y, z]: [f64; 3] = body.points.position[point].into();
             let material = body.materials[usize::from(body.material_of_point[point])].name();
             format!(
-                "body `{}` is elastic, but its von Mises stress reaches {:.4} MPa at ({x:.4e}, {y:.4e}, {z:.4e}) m, {ratio:.3} \
-                 times the yield stress of `{material}` (use `plasticity`, or do not read stress as that of the material)",
+                "body `{}` is elastic, but its von Mises stress reaches {:.4} MPa at ({x:.4e}, {y:.4e}, {z:.4e}) m, where \
+                 `{material}` yields at {:.4} MPa{there} (use `plasticity`, or do not read stress as that of the material)",
                 body.name,
                 1e-6 * stress,
+                1e-6 * stress / ratio,
             )
         });
         let displaced = self.relative_displacement.map(|largest| {

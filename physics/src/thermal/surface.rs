@@ -251,9 +251,11 @@ impl Surface {
         }
     }
 
-    /// Tells each exchange the heat that it brings into the body at these temperatures, W.
+    /// Tells each exchange the heat that it brings into the body at these temperatures, and those of the surface.
     pub(super) fn report(&self, temperature: &[f64], conductivity: impl Fn(usize) -> f64) {
         let mut power = vec![0.0; self.exchanges.len()];
+        let cells = self.exchanges.iter().map(|e| vec![f64::NAN; e.cells().len()]);
+        let mut temperatures: Vec<Vec<f64>> = cells.collect();
         {
             let borrowed: Vec<_> = self.exchanges.iter().map(|e| e.law()).collect();
             let laws: Vec<&dyn SurfaceLaw> = borrowed.iter().map(|law| &**law).collect();
@@ -264,14 +266,17 @@ impl Surface {
                 let all = (parts, &laws[..], self.is_linear);
                 let surface = balance(all, temperature[point], conductance).temperature;
                 for part in parts {
-                    let law = laws[part.exchange as usize];
-                    let flux = law.flux(part.cell as usize, surface).flux;
-                    power[part.exchange as usize] += flux * part.area;
+                    let (exchange, cell) = (part.exchange as usize, part.cell as usize);
+                    let flux = laws[exchange].flux(cell, surface).flux;
+                    power[exchange] += flux * part.area;
+                    temperatures[exchange][cell] = surface;
                 }
             }
         }
-        let pairs = self.exchanges.iter().zip(power);
-        pairs.for_each(|(exchange, power)| exchange.set_power(power));
+        let observed = power.into_iter().zip(temperatures);
+        for (exchange, (power, temperatures)) in self.exchanges.iter().zip(observed) {
+            exchange.set_observed(power, temperatures);
+        }
     }
 
     /// Highest temperature of a point at the surface, K.

@@ -276,7 +276,7 @@ fn passing(world: &World, body: usize, component: Component, at: &[[f64; 3]]) ->
     let size = body.finest_spacing();
     let value = |at: &[f64; 3]| {
         let weights = weights_among(&positions, body.dimension, &Vector3::from(*at), size);
-        weights.map_or(f64::NAN, |w| Weights(w).value(component, world))
+        weights.map_or(f64::NAN, |w| Weights::of_points(w).value(component, world))
     };
     at.iter().map(value).collect()
 }
