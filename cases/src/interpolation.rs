@@ -92,6 +92,14 @@ impl Weights {
         }
     }
 
+    /// Turns the value at a position into the difference to that at another one.
+    pub(crate) fn subtract(&mut self, other: &Weights) {
+        self.points
+            .extend(other.points.iter().map(|(p, w)| (*p, -w)));
+        self.faces
+            .extend(other.faces.iter().map(|(p, face, w)| (*p, *face, -w)));
+    }
+
     /// The value of a field at the position. Points without material are left out and the other weights scaled up; not a
     /// number where they have less than half of the weight.
     pub(crate) fn value(&self, component: Component, world: &World) -> f64 {

@@ -215,7 +215,9 @@ impl World {
             });
             own.find_map(|e| e.surface_temperature(point, face))
         };
-        prescribed.or_else(exchanged).filter(|value| value.is_finite())
+        prescribed
+            .or_else(exchanged)
+            .filter(|value| value.is_finite())
     }
 
     /// Values of a field, if anybody provides it.

@@ -27,6 +27,8 @@ struct Part {
     rotation: f64,
 }
 
+const ANGULAR: (&str, &str) = ("distortion.angular", "angular distortion at the end");
+
 /// Reads off the distortion of a body of a straight path.
 ///
 /// # Errors
@@ -49,12 +51,7 @@ pub(super) fn distortion(
         .all(|state| state.directions(directions).is_close(&directions))
     {
         let reason = "the path turns, which leaves no two sides of one weld";
-        found.push(ReadOff::left_out(
-            &body.name,
-            "angular distortion at the end",
-            "rad",
-            reason,
-        ));
+        found.push(ReadOff::left_out(&body.name, ANGULAR, "rad", reason));
         return Ok(());
     }
     let reference = Reference::new(log, body)?;
@@ -82,8 +79,7 @@ pub(super) fn distortion(
             true => 2.0 * one.rotation,
             false => other.rotation - one.rotation,
         };
-        let quantity = "angular distortion at the end";
-        found.push(ReadOff::new(&body.name, quantity, turned.abs(), "rad"));
+        found.push(ReadOff::new(&body.name, ANGULAR, turned.abs(), "rad"));
         // of flat plates: those of a fillet do not lie opposite to each other
         if plates.is_flat() {
             let approach = |part: &Part| {
@@ -94,13 +90,16 @@ pub(super) fn distortion(
                 true => 2.0 * approach(one),
                 false => approach(one) + approach(other),
             };
-            let quantity = "transverse shrinkage at the end";
-            found.push(ReadOff::new(&body.name, quantity, shrinkage, "m"));
+            let name = ("distortion.transverse", "transverse shrinkage at the end");
+            found.push(ReadOff::new(&body.name, name, shrinkage, "m"));
         }
     }
     if let Some(shortening) = plates.shortening() {
-        let quantity = "longitudinal shrinkage along the weld at the end";
-        found.push(ReadOff::new(&body.name, quantity, shortening, "m"));
+        let name = (
+            "distortion.longitudinal",
+            "longitudinal shrinkage along the weld at the end",
+        );
+        found.push(ReadOff::new(&body.name, name, shortening, "m"));
     }
     Ok(())
 }

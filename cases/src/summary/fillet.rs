@@ -54,18 +54,23 @@ pub(super) fn fillet(
         return Ok(());
     }
     let spacing = lattice.spacing;
-    let mut add = |quantity: String, of: &dyn Fn(&Section) -> f64| {
+    let mut add = |name: (String, String), of: &dyn Fn(&Section) -> f64| {
         let values = sections.iter().map(of).collect();
-        found.push(median(&body.name, quantity, values, "m", super::OUTSIDE));
+        found.push(median(&body.name, name, values, "m", super::OUTSIDE));
     };
     let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
     for (number, along) in [u, v].into_iter().enumerate() {
-        let quantity = format!("leg of the deposited fillet along {}", AXES[along]);
-        add(quantity, &|section| section.legs[number] * spacing);
+        let name = (
+            format!("fillet.leg.{}", AXES[along]),
+            format!("leg of the deposited fillet along {}", AXES[along]),
+        );
+        add(name, &|section| section.legs[number] * spacing);
     }
-    add("throat of the deposited fillet".into(), &|s| {
-        s.throat() * spacing
-    });
+    let name = (
+        "fillet.throat".into(),
+        "throat of the deposited fillet".into(),
+    );
+    add(name, &|s| s.throat() * spacing);
     Ok(())
 }
 

@@ -29,26 +29,30 @@ pub(super) fn sources(log: &Log, found: &mut Vec<ReadOff>) -> Result<(), LogErro
         };
         let last = |what: &str| column(&format!("{source}.{what}"))?.last().copied();
         let mirrored = last("energy.mirrored").filter(|energy| *energy > 0.0);
-        for (part, energy) in [
-            ("asked", last("energy.asked")),
-            ("deposited", last("energy.deposited")),
-            ("deposited in the mirrored part of the body", mirrored),
-            ("lost", last("energy.lost")),
+        for (id, part, energy) in [
+            ("energy.asked", "asked", last("energy.asked")),
+            ("energy.deposited", "deposited", last("energy.deposited")),
+            (
+                "energy.mirrored",
+                "deposited in the mirrored part of the body",
+                mirrored,
+            ),
+            ("energy.lost", "lost", last("energy.lost")),
         ] {
-            found.extend(energy.map(|e| ReadOff::new(source, format!("energy {part}"), e, "J")));
+            let name = (id, format!("energy {part}"));
+            found.extend(energy.map(|e| ReadOff::new(source, name, e, "J")));
         }
         if let (Some(energy), Some(path)) = (last("energy.deposited"), last("path"))
             && path > 0.0
         {
             let energy = energy + mirrored.unwrap_or(0.0);
-            found.push(ReadOff::new(
-                source,
-                "length of the path with power",
-                path,
-                "m",
-            ));
-            let quantity = "energy deposited per length of the path";
-            found.push(ReadOff::new(source, quantity, energy / path, "J/m"));
+            let name = ("path.length", "length of the path with power");
+            found.push(ReadOff::new(source, name, path, "m"));
+            let name = (
+                "path.energy_per_length",
+                "energy deposited per length of the path",
+            );
+            found.push(ReadOff::new(source, name, energy / path, "J/m"));
             let of_path = |d: &&Deposited| match &d.source {
                 Some(name) => name == source,
                 None => number == 1,
@@ -56,15 +60,17 @@ pub(super) fn sources(log: &Log, found: &mut Vec<ReadOff>) -> Result<(), LogErro
             let deposited: Vec<&Deposited> = deposits.iter().filter(of_path).collect();
             let heat: f64 = deposited.iter().map(|d| d.heat).sum();
             if heat > 0.0 {
-                let quantity = "heat of the deposited metal above the temperature at the start";
-                found.push(ReadOff::new(source, quantity, heat, "J"));
-                let quantity = "total energy per length of the path, with the deposited metal";
-                found.push(ReadOff::new(
-                    source,
-                    quantity,
-                    (energy + heat) / path,
-                    "J/m",
-                ));
+                let name = (
+                    "deposited_metal.heat",
+                    "heat of the deposited metal above the temperature at the start",
+                );
+                found.push(ReadOff::new(source, name, heat, "J"));
+                let name = (
+                    "path.total_energy_per_length",
+                    "total energy per length of the path, with the deposited metal",
+                );
+                let total = (energy + heat) / path;
+                found.push(ReadOff::new(source, name, total, "J/m"));
             }
         }
         for pass in 1.. {
@@ -75,11 +81,17 @@ pub(super) fn sources(log: &Log, found: &mut Vec<ReadOff>) -> Result<(), LogErro
             if !start.is_finite() {
                 break;
             }
-            let quantity = format!("start of pass {pass}");
-            found.push(ReadOff::new(source, quantity, start, "s"));
-            let quantity = format!("interpass temperature before pass {pass}");
+            let name = (
+                format!("pass.{pass}.start"),
+                format!("start of pass {pass}"),
+            );
+            found.push(ReadOff::new(source, name, start, "s"));
+            let name = (
+                format!("pass.{pass}.interpass_temperature"),
+                format!("interpass temperature before pass {pass}"),
+            );
             let temperature = temperature.filter(|t| t.is_finite());
-            found.extend(temperature.map(|t| ReadOff::new(source, quantity, t, "K").at(start)));
+            found.extend(temperature.map(|t| ReadOff::new(source, name, t, "K").at(start)));
         }
     }
     Ok(())

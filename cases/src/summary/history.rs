@@ -31,15 +31,21 @@ pub(super) fn history(
         if happened.is_empty() {
             continue;
         }
-        let quantity = quantity.to_string();
         let unit = &scalar.unit;
         if field == "time_above"
             && let Some((value, place)) = largest(body, last, field)
         {
-            let longest = ReadOff::new(&body.name, format!("largest {quantity}"), value, unit);
+            let name = (format!("{field}.largest"), format!("largest {quantity}"));
+            let longest = ReadOff::new(&body.name, name, value, unit);
             found.push(longest.within(place));
         }
-        found.push(median(&body.name, quantity, happened, unit, OUTSIDE));
+        found.push(median(
+            &body.name,
+            (field, quantity),
+            happened,
+            unit,
+            OUTSIDE,
+        ));
     }
 }
 

@@ -40,8 +40,11 @@ pub(super) fn before_release(
             let displaced = largest(body, &cloud, "displacement");
             found.extend(displaced.map(|(value, place)| {
                 let number = number_of(index);
-                let quantity = format!("largest displacement before {event}{number}");
-                let displacement = ReadOff::new(&body.name, quantity, value, "m");
+                let name = (
+                    format!("displacement.before_{coupler}.{}", index + 1),
+                    format!("largest displacement before {event}{number}"),
+                );
+                let displacement = ReadOff::new(&body.name, name, value, "m");
                 displacement.at(cloud.time).within(place)
             }));
         }
@@ -78,8 +81,11 @@ pub(super) fn stress_along_lines(log: &Log, found: &mut Vec<ReadOff>) {
         let smallest = values.min_by(|a, b| a.0.total_cmp(&b.0));
         for (which, value) in [("largest", largest), ("smallest", smallest)] {
             found.extend(value.map(|(value, distance)| {
-                let quantity = format!("{which} stress {component} at the end");
-                let stress = ReadOff::new(&probe.name, quantity, value, "Pa");
+                let name = (
+                    format!("stress.{component}.{which}"),
+                    format!("{which} stress {component} at the end"),
+                );
+                let stress = ReadOff::new(&probe.name, name, value, "Pa");
                 stress.at(end).along(distance)
             }));
         }
@@ -98,8 +104,11 @@ pub(super) fn beyond_yield(log: &Log, found: &mut Vec<ReadOff>) {
         let states = reports.times.iter().zip(&column.values);
         let largest = states.max_by(|a, b| a.1.total_cmp(b.1));
         if let Some((time, ratio)) = largest.filter(|(_, ratio)| **ratio > 1.0) {
-            let quantity = "largest von Mises stress over the yield stress, without plasticity";
-            found.push(ReadOff::new(physics, quantity, *ratio, "1").at(*time));
+            let name = (
+                "stress.over_yield",
+                "largest von Mises stress over the yield stress, without plasticity",
+            );
+            found.push(ReadOff::new(physics, name, *ratio, "1").at(*time));
         }
     }
 }

@@ -39,6 +39,8 @@ const FEWEST: usize = 8;
 pub struct ReadOff {
     /// Body or source that it belongs to; empty for the run.
     pub of: String,
+    /// Name for programs, such as "pool.width.steady", which stays as it is when the wording of `quantity` changes.
+    pub id: String,
     /// What it is.
     pub quantity: String,
     /// In the SI unit; not a number where it is left out.
@@ -77,9 +79,15 @@ pub struct SummaryOptions {
 }
 
 impl ReadOff {
-    fn new(of: &str, quantity: impl Into<String>, value: f64, unit: &str) -> Self {
+    fn new(
+        of: &str,
+        (id, quantity): (impl Into<String>, impl Into<String>),
+        value: f64,
+        unit: &str,
+    ) -> Self {
         ReadOff {
             of: of.into(),
+            id: id.into(),
             quantity: quantity.into(),
             value,
             unit: unit.into(),
@@ -93,10 +101,15 @@ impl ReadOff {
     }
 
     /// A quantity that has no value, for a reason.
-    fn left_out(of: &str, quantity: impl Into<String>, unit: &str, reason: &str) -> Self {
+    fn left_out(
+        of: &str,
+        name: (impl Into<String>, impl Into<String>),
+        unit: &str,
+        reason: &str,
+    ) -> Self {
         ReadOff {
             left_out: Some(reason.into()),
-            ..ReadOff::new(of, quantity, f64::NAN, unit)
+            ..ReadOff::new(of, name, f64::NAN, unit)
         }
     }
 
@@ -150,7 +163,7 @@ pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, Log
         distortion::distortion((log, sources), (body, &last), options.travel, &mut found)?;
         let mut extreme = |field: &str, quantity: &str, unit: &str| {
             found.extend(largest(body, &last, field).map(|(value, place)| {
-                ReadOff::new(&body.name, quantity, value, unit)
+                ReadOff::new(&body.name, (format!("{field}.end"), quantity), value, unit)
                     .at(end)
                     .within(place)
             }));
@@ -212,7 +225,8 @@ fn temperatures(
         let cloud = log.cloud(&body.name, index)?;
         let peak = largest(body, &cloud, "temperature");
         found.extend(peak.map(|(peak, place)| {
-            ReadOff::new(&body.name, "highest logged temperature", peak, "K")
+            let name = ("temperature.largest", "highest logged temperature");
+            ReadOff::new(&body.name, name, peak, "K")
                 .at(cloud.time)
                 .within(place)
         }));
@@ -221,9 +235,8 @@ fn temperatures(
                 .flat_map(|(peak, _)| left_tables(log, body, peak)),
         );
     }
-    found.push(
-        ReadOff::new(&body.name, "highest temperature at the end", at_end.0, "K").at(last.time),
-    );
+    let name = ("temperature.end", "highest temperature at the end");
+    found.push(ReadOff::new(&body.name, name, at_end.0, "K").at(last.time));
     let states: Vec<_> = survey
         .pools
         .iter()
@@ -238,19 +251,28 @@ fn temperatures(
             .filter_map(|(index, (time, pool, _))| Some((index, *time, size(pool.as_ref()?)?)))
             .collect();
         if let Some(&(_, time, value)) = sizes.iter().max_by(|a, b| a.2.total_cmp(&b.2)) {
-            let quantity = format!("largest {name} of the melt pool");
-            found.push(ReadOff::new(&body.name, quantity, value, "m").at(time));
+            let name = (
+                format!("pool.{name}.largest"),
+                format!("largest {name} of the melt pool"),
+            );
+            found.push(ReadOff::new(&body.name, name, value, "m").at(time));
         }
         let of_steady = sizes.iter().filter(|(index, ..)| is_steady.contains(index));
         let of_steady: Vec<f64> = of_steady.map(|(.., value)| *value).collect();
         if of_steady.len() >= FEWEST_STEADY {
-            let quantity = format!("{name} of the melt pool, steady part");
-            found.push(median(&body.name, quantity, of_steady, "m", 0.0));
+            let name = (
+                format!("pool.{name}.steady"),
+                format!("{name} of the melt pool, steady part"),
+            );
+            found.push(median(&body.name, name, of_steady, "m", 0.0));
         } else if sizes.len() >= FEWEST {
             let middle = sizes.len() / 4..sizes.len() - sizes.len() / 4;
             let middle: Vec<f64> = sizes[middle].iter().map(|(.., value)| *value).collect();
-            let quantity = format!("{name} of the melt pool, middle half of its time");
-            found.push(median(&body.name, quantity, middle, "m", 0.0));
+            let name = (
+                format!("pool.{name}.middle"),
+                format!("{name} of the melt pool, middle half of its time"),
+            );
+            found.push(median(&body.name, name, middle, "m", 0.0));
         }
     }
     Ok(Some(survey))
@@ -269,7 +291,8 @@ fn left_tables(log: &Log, body: &BodyInfo, peak: f64) -> Vec<ReadOff> {
             "end of the table `{}` of {}, which the run left",
             table.property, table.material
         );
-        ReadOff::new(&body.name, quantity, table.rows[1], "K")
+        let id = format!("table_end.{}.{}", table.material, table.property);
+        ReadOff::new(&body.name, (id, quantity), table.rows[1], "K")
     };
     left.into_iter().map(read_off).collect()
 }
@@ -284,12 +307,18 @@ const SIZES: [(&str, Size); 3] = [
 ];
 
 /// The median of some values and their range without the outermost parts.
-fn median(of: &str, quantity: String, mut values: Vec<f64>, unit: &str, outside: f64) -> ReadOff {
+fn median(
+    of: &str,
+    name: (impl Into<String>, impl Into<String>),
+    mut values: Vec<f64>,
+    unit: &str,
+    outside: f64,
+) -> ReadOff {
     values.sort_by(f64::total_cmp);
     let at = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize];
     ReadOff {
         range: Some([at(outside), at(1.0 - outside)]),
-        ..ReadOff::new(of, quantity, at(0.5), unit)
+        ..ReadOff::new(of, name, at(0.5), unit)
     }
 }
 
@@ -307,7 +336,11 @@ fn errors(log: &Log) -> impl Iterator<Item = ReadOff> + '_ {
         let size = change.max(last("supplied")?.abs());
         let logged = last(&RELATIVE_ERROR[1..]);
         let error = logged.unwrap_or(column.values.last()?.abs() / size);
-        (size > 0.0).then(|| ReadOff::new("", format!("relative error of {quantity}"), error, "1"))
+        let name = (
+            format!("error.{quantity}"),
+            format!("relative error of {quantity}"),
+        );
+        (size > 0.0).then(|| ReadOff::new("", name, error, "1"))
     })
 }
 

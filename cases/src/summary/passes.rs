@@ -152,8 +152,11 @@ pub(super) fn heat_input(log: &Log, passes: &[Pass], found: &mut Vec<ReadOff>) {
         };
         let energy = energy + within("energy.mirrored").unwrap_or(0.0);
         if let Some(path) = within("path").filter(|path| *path > 0.0) {
-            let quantity = format!("pass {}: energy deposited per length", pass.number);
-            found.push(ReadOff::new(source, quantity, energy / path, "J/m"));
+            let name = (
+                format!("pass.{}.energy_per_length", pass.number),
+                format!("pass {}: energy deposited per length", pass.number),
+            );
+            found.push(ReadOff::new(source, name, energy / path, "J/m"));
         }
     }
 }
@@ -169,9 +172,18 @@ pub(super) fn of_body(
     found: &mut Vec<ReadOff>,
 ) -> Result<(), LogError> {
     let sources = |pass: &Pass| passes.iter().any(|other| other.source != pass.source);
-    let label = |pass: &Pass, quantity: &str| match sources(pass) {
-        true => format!("{}, pass {}: {quantity}", pass.source, pass.number),
-        false => format!("pass {}: {quantity}", pass.number),
+    let label = |pass: &Pass, (id, quantity): (&str, &str)| {
+        let number = pass.number;
+        match sources(pass) {
+            true => (
+                format!("{}.pass.{number}.{id}", pass.source),
+                format!("{}, pass {number}: {quantity}", pass.source),
+            ),
+            false => (
+                format!("pass.{number}.{id}"),
+                format!("pass {number}: {quantity}"),
+            ),
+        }
     };
     let cooling = cooling_times(log, body, passes)?;
     for (index, pass) in passes.iter().enumerate() {
@@ -179,8 +191,11 @@ pub(super) fn of_body(
         if index > 0 && !pass.waited && passes[index - 1].source == pass.source {
             let before = temperature_before(log, body, pass)?;
             found.extend(before.map(|(time, temperature)| {
-                let quantity = label(pass, "temperature at its start, before it");
-                ReadOff::new(&body.name, quantity, temperature, "K").at(time)
+                let name = (
+                    "interpass_temperature",
+                    "temperature at its start, before it",
+                );
+                ReadOff::new(&body.name, label(pass, name), temperature, "K").at(time)
             }));
         }
         let in_pass = |time: &f64| *time > start && *time <= end;
@@ -188,14 +203,19 @@ pub(super) fn of_body(
             let pools = survey.pools.iter().filter(|(time, ..)| in_pass(time));
             let sizes: Vec<f64> = pools.filter_map(|(_, p, _)| size(p.as_ref()?)).collect();
             if sizes.len() >= FEWEST_STATES {
-                let quantity = label(pass, &format!("{name} of the melt pool"));
-                found.push(median(&body.name, quantity, sizes, "m", 0.0));
+                let (id, quantity) = (format!("pool.{name}"), format!("{name} of the melt pool"));
+                let name = label(pass, (&id, &quantity));
+                found.push(median(&body.name, name, sizes, "m", 0.0));
             }
         }
         if !cooling[index].is_empty() {
-            let quantity = label(pass, "cooling time (t8/5 unless the case says otherwise)");
+            let name = (
+                "cooling_time",
+                "cooling time (t8/5 unless the case says otherwise)",
+            );
             let times = cooling[index].clone();
-            found.push(median(&body.name, quantity, times, "s", super::OUTSIDE));
+            let name = label(pass, name);
+            found.push(median(&body.name, name, times, "s", super::OUTSIDE));
         }
     }
     Ok(())

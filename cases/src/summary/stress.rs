@@ -30,16 +30,17 @@ pub(super) fn stresses(
             }
         })
     };
-    let mut add = |quantity: &str, value: Option<(usize, f64)>, warning: Option<String>| {
-        found.extend(value.map(|(point, value)| {
-            let quantity = format!("{quantity} at the end");
-            let stress = ReadOff::new(&body.name, quantity, value, "Pa").at(last.time);
-            ReadOff {
-                warning,
-                ..stress.within(last.positions[point])
-            }
-        }));
-    };
+    let mut add =
+        |(id, quantity): (&str, &str), value: Option<(usize, f64)>, warning: Option<String>| {
+            found.extend(value.map(|(point, value)| {
+                let name = (id, format!("{quantity} at the end"));
+                let stress = ReadOff::new(&body.name, name, value, "Pa").at(last.time);
+                ReadOff {
+                    warning,
+                    ..stress.within(last.positions[point])
+                }
+            }));
+        };
     let yields = Yield::of(log, body);
     let von_mises = extreme("von_mises", |a, b| a > b);
     let of_elastic = von_mises.and_then(|(point, value)| {
@@ -51,7 +52,8 @@ pub(super) fn stresses(
             "the yield stress of {limit} is exceeded in a computation without plastic flow: give `plasticity` in `mechanical`"
         )
     });
-    add("largest von Mises stress", von_mises, of_elastic);
+    let name = ("stress.von_mises.end", "largest von Mises stress");
+    add(name, von_mises, of_elastic);
     let hydrostatic = extreme("hydrostatic", |a, b| a.abs() > b.abs());
     let too_large = hydrostatic.and_then(|(point, value)| {
         let limit = (value.abs(), MOST_HYDROSTATIC);
@@ -65,15 +67,17 @@ pub(super) fn stresses(
              do not rely on the stresses near this place"
         )
     });
-    add(
+    let name = (
+        "stress.hydrostatic.end",
         "largest hydrostatic stress (by size)",
-        hydrostatic,
-        too_large,
     );
+    add(name, hydrostatic, too_large);
     let largest = extreme("principal_1", |a, b| a > b);
-    add("largest principal stress", largest, None);
+    let name = ("stress.principal_1.end", "largest principal stress");
+    add(name, largest, None);
     let smallest = extreme("principal_3", |a, b| a < b);
-    add("smallest principal stress", smallest, None);
+    let name = ("stress.principal_3.end", "smallest principal stress");
+    add(name, smallest, None);
 }
 
 fn temperature_at(last: &LoggedCloud, point: usize) -> Option<f64> {

@@ -35,7 +35,7 @@ pub(super) fn zones(
     };
     let fusion = isotherm.and_then(measured);
     if let Some(zone) = &fusion {
-        extents(zone, (body, "fusion zone"), found);
+        extents(zone, (body, ("fusion_zone", "fusion zone")), found);
         penetration(zone, body, found);
     }
     let Some((temperature, name)) = border(log, body, options.haz) else {
@@ -50,35 +50,50 @@ pub(super) fn zones(
     let Some(zone) = measured(temperature) else {
         return Ok(());
     };
-    let quantity = format!("border of the heat-affected zone{name}");
-    found.push(ReadOff::new(&body.name, quantity, temperature, "K"));
+    let border = (
+        "heat_affected_zone.border",
+        format!("border of the heat-affected zone{name}"),
+    );
+    found.push(ReadOff::new(&body.name, border, temperature, "K"));
     extents(&zone, (body, HEAT_AFFECTED), found);
     let beside = fusion.as_ref().and_then(|inner| zone.width_beside(inner));
     found.extend(beside.map(|width| {
-        let quantity = "width of the heat-affected zone beside the fusion zone";
-        ReadOff::new(&body.name, quantity, width, "m")
+        let name = (
+            "heat_affected_zone.width_beside",
+            "width of the heat-affected zone beside the fusion zone",
+        );
+        ReadOff::new(&body.name, name, width, "m")
     }));
     Ok(())
 }
 
-const HEAT_AFFECTED: &str = "heat-affected zone, fusion zone included";
+const HEAT_AFFECTED: (&str, &str) = (
+    "heat_affected_zone",
+    "heat-affected zone, fusion zone included",
+);
 
-fn extents(zone: &Zone, (body, name): (&BodyInfo, &str), found: &mut Vec<ReadOff>) {
+fn extents(zone: &Zone, (body, (id, name)): (&BodyInfo, (&str, &str)), found: &mut Vec<ReadOff>) {
     let is_flat = body.dimension < 3;
     let path = "the path turns, which leaves no single direction of travel";
     let sections = "no section follows one direction of the path alone";
-    for (size, value, unit, reason) in [
-        ("length", zone.length, "m", path),
-        ("width", zone.width(), "m", sections),
-        ("depth", zone.depth(), "m", ""),
-        ("area of the cross-section", zone.area(), "m2", sections),
+    for (part, size, value, unit, reason) in [
+        ("length", "length", zone.length, "m", path),
+        ("width", "width", zone.width(), "m", sections),
+        ("depth", "depth", zone.depth(), "m", ""),
+        (
+            "area",
+            "area of the cross-section",
+            zone.area(),
+            "m2",
+            sections,
+        ),
     ] {
-        let quantity = format!("{size} of the {name}");
+        let name = (format!("{id}.{part}"), format!("{size} of the {name}"));
         match value {
-            Some(value) => found.push(ReadOff::new(&body.name, quantity, value, unit)),
+            Some(value) => found.push(ReadOff::new(&body.name, name, value, unit)),
             // a body of fewer dimensions does not have all sizes
             None if zone.turns() && !reason.is_empty() && !(is_flat && unit == "m2") => {
-                found.push(ReadOff::left_out(&body.name, quantity, unit, reason));
+                found.push(ReadOff::left_out(&body.name, name, unit, reason));
             }
             None => {}
         }
@@ -87,17 +102,23 @@ fn extents(zone: &Zone, (body, name): (&BodyInfo, &str), found: &mut Vec<ReadOff
 
 /// How far the fusion zone goes through the metal, and its root where it goes through.
 fn penetration(zone: &Zone, body: &BodyInfo, found: &mut Vec<ReadOff>) {
-    let mut add = |quantity: &str, value: f64, unit: &str| {
-        found.push(ReadOff::new(&body.name, quantity, value, unit));
+    let mut add = |name: (&str, &str), value: f64, unit: &str| {
+        found.push(ReadOff::new(&body.name, name, value, unit));
     };
     if let Some(penetration) = zone.penetration.filter(|p| p.fraction.is_finite()) {
-        let quantity = "largest depth of the fusion zone over the thickness of the metal there";
-        add(quantity, penetration.fraction, "1");
+        let name = (
+            "fusion_zone.penetration",
+            "largest depth of the fusion zone over the thickness of the metal there",
+        );
+        add(name, penetration.fraction, "1");
     }
     if let Some(Root { width, fraction }) = zone.root {
-        let quantity = "full penetration, fraction of the length of the fusion zone";
-        add(quantity, fraction, "1");
-        add("largest width of the root", width, "m");
+        let name = (
+            "root.length_fraction",
+            "full penetration, fraction of the length of the fusion zone",
+        );
+        add(name, fraction, "1");
+        add(("root.width", "largest width of the root"), width, "m");
     }
 }
 

@@ -254,7 +254,10 @@ impl Surface {
     /// Tells each exchange the heat that it brings into the body at these temperatures, and those of the surface.
     pub(super) fn report(&self, temperature: &[f64], conductivity: impl Fn(usize) -> f64) {
         let mut power = vec![0.0; self.exchanges.len()];
-        let cells = self.exchanges.iter().map(|e| vec![f64::NAN; e.cells().len()]);
+        let cells = self
+            .exchanges
+            .iter()
+            .map(|e| vec![f64::NAN; e.cells().len()]);
         let mut temperatures: Vec<Vec<f64>> = cells.collect();
         {
             let borrowed: Vec<_> = self.exchanges.iter().map(|e| e.law()).collect();

@@ -148,9 +148,9 @@ def summary(
     """What goes into a report, as measured by `perimelt summary`: a row for each quantity.
 
     Melt pool, fusion zone, heat-affected zone, cooling times, distortion, stress, energies of the
-    sources, errors of balances. Columns are `of` (body, plugin or probe), `quantity`, `value`,
-    `unit`, and for some `time` (s), `place` (m), `distance` from the start of a line (m) and
-    `left_out`, the reason why there is no value.
+    sources, errors of balances. Columns are `of` (body, plugin or probe), `id`, which stays when
+    the wording changes, `quantity`, `value`, `unit`, and for some `time` (s), `place` (m),
+    `distance` from the start of a line (m) and `left_out`, the reason why there is no value.
 
     Args:
         log: the log
@@ -175,7 +175,7 @@ def summary(
         lines = done.stderr.splitlines(keepends=True)
         raise RunError(_message(lines, done.returncode), done.returncode)
     rows: list[dict[str, Any]] = json.loads(done.stdout)
-    columns = ["of", "quantity", "value", "unit", "time", "place", "distance", "left_out"]
+    columns = ["of", "id", "quantity", "value", "unit", "time", "place", "distance", "left_out"]
     return pd.DataFrame(rows, columns=columns)
 
 

@@ -142,8 +142,9 @@ fn field(m: &FieldMeasure, simulation: &Simulation) -> Result<Sampler, SetupErro
     let subtracted = m.from.map(weights).transpose()?;
     let difference = |&at: &[f64; 3]| {
         let mut weights = weights(at)?;
-        let subtracted = subtracted.iter().flat_map(|from| &from.0);
-        weights.0.extend(subtracted.map(|(point, w)| (*point, -w)));
+        if let Some(from) = &subtracted {
+            weights.subtract(from);
+        }
         Ok(weights)
     };
     Ok(Sampler::Field {
