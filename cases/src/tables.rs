@@ -49,12 +49,12 @@ pub fn left_by(
     for material in materials {
         let constant = |name: &str| material.constant(name).ok();
         let solidus = constant("solidus").unwrap_or(f64::INFINITY);
-        let liquidus = constant("liquidus").unwrap_or(solidus);
         let properties = material.properties().iter();
         for (name, property) in properties.filter(|(name, _)| is_used(name)) {
             let parts = match property {
                 Property::ByPhase { solid, liquid } => vec![
-                    (format!("{name}.solid"), &**solid, [0.0, liquidus]),
+                    // in the interval of melting its end stands for it
+                    (format!("{name}.solid"), &**solid, [0.0, solidus]),
                     (
                         format!("{name}.liquid"),
                         &**liquid,

@@ -347,6 +347,14 @@ mod tests {
                 "the initial temperature of body `plate` is 20 K",
             ),
             (
+                // also where the density is in other units
+                &[
+                    (room, "initial.temperature = 20"),
+                    ("density = 7800", "density = 7.8"),
+                ],
+                "the initial temperature of body `plate` is 20 K",
+            ),
+            (
                 &[(table, "temperature = [20, 1400]")],
                 "the table `specific_heat` of material `steel` has temperatures from 20 to 1400",
             ),

@@ -69,8 +69,10 @@ impl Case {
                 found.extend(other_volume(body, &shape));
             }
             found.extend(box_not_filled);
-            found.extend(units::of_material(body));
-            if units::are_si(body) {
+            let of_material = units::of_material(body);
+            let has_scale = units::are_si(body) || of_material.is_some();
+            found.extend(of_material);
+            if has_scale {
                 found.extend(too_large(body));
                 found.extend(units::cold_start(body, lowest[index]));
             }

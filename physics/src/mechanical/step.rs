@@ -95,6 +95,7 @@ impl Run {
 
     /// Takes the present loads and moduli, and writes held components into `displacement`.
     pub(super) fn load(&mut self, world: &World, step: Step) {
+        self.validity.has_begun = true;
         let body = world.body(self.body);
         let temperature = world.read_if_provided(self.fields.temperature);
         self.solid.set_moduli(body, temperature.as_deref());

@@ -16,6 +16,8 @@ pub(super) struct Validity {
     /// Of each material of an elastic body, Pa; empty if no material has one, or if the body flows.
     yield_stress: Vec<Option<Property>>,
     is_linear: bool,
+    /// Whether a step has begun: before, displacements need not be in equilibrium with anything.
+    pub(super) has_begun: bool,
     /// In the last logged state.
     stress_over_yield: f64,
     largest: Option<OverYield>,
@@ -116,6 +118,9 @@ impl Validity {
 impl Run {
     /// Takes note of a state that is logged, after its stress was provided.
     pub(super) fn examine_validity(&mut self, world: &World) {
+        if !self.validity.has_begun {
+            return;
+        }
         if self.validity.is_linear
             && let Some(found) = self.solid.relative_displacement_beyond(SMALL)
         {

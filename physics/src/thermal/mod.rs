@@ -96,7 +96,10 @@ impl Thermal {
 
 /// A temperature below absolute zero.
 #[derive(Debug, thiserror::Error)]
-#[error("body `{body}` has {value:.4} K at {position:?} m, below absolute zero ({solver}); {cure}")]
+#[error(
+    "body `{body}` has {value:.4} K at {} m, below absolute zero ({solver}); {cure}",
+    perimelt_core::text::position(*position)
+)]
 struct BelowZero {
     body: String,
     value: f64,
