@@ -11,12 +11,15 @@
 //! strain of any point measured from the configuration in which its material was deposited, as inactive elements are
 //! activated in welding codes.
 //!
-//! Points that were there before get other neighbours by a birth or a cut, and from the same displacement another H. Their
-//! stress does not change by that:
+//! Points that were there before get further neighbours by a birth, and from the displacement that was made up for them another H.
+//! Their stress does not change by that:
 //!
 //! ```text
 //! e0 += e(H with the new neighbours) - e(H with the old ones)
 //! ```
+//!
+//! A cut leaves the displacement as it is. H of a point that loses neighbours becomes the mean over those that remain, and e0
+//! stays: a strain at which the rest is free of stress is not shifted.
 //!
 //! Of H_j the rotation is continued, and the strain up to that of elastic metal: fresh metal does not take over how the layer
 //! below has shrunk.
@@ -25,8 +28,7 @@
 //! until it has cooled below for the first time: e0 follows its strain, and there is no plastic strain. Metal that melts
 //! again is annealed as any other.
 //!
-//! Births and cuts hence change no stress of any other point; what is unbalanced afterwards is what the material
-//! that is gone carried.
+//! Births hence change no stress of any other point; what is unbalanced after a cut is what the material that is gone carried.
 //!
 //! A body in motion (`explicit`) gets its material at the velocity of what is around it. The balance of momentum counts what
 //! comes and goes with material as given.
@@ -257,11 +259,24 @@ impl Run {
             return;
         };
         let mut birth_strain = world.write(birth_strain);
-        for &point in self.solid.family().recalibrated() {
+        let family = self.solid.family();
+        let point_in = family.points_of_slots();
+        let is_born = |point: usize| present[point] && !was_present[point];
+        let has_gained = |point: usize| {
+            let mut gained = is_born(point);
+            family.for_each_bond(point, |_, bond, slot| {
+                gained |= bond.weight > 0.0 && is_born(point_in[slot] as usize);
+            });
+            gained
+        };
+        for &point in family.recalibrated() {
             let point = point as usize;
             let strain = |gradient: &Matrix3<f64>| Point::strain(gradient, finite);
             match self.state.present[point] {
-                true => birth_strain[point] += strain(&after[point]) - strain(&before[point]),
+                true if has_gained(point) => {
+                    birth_strain[point] += strain(&after[point]) - strain(&before[point]);
+                }
+                true => {}
                 false => birth_strain[point] = Matrix3::zeros(),
             }
         }
