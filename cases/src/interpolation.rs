@@ -356,6 +356,28 @@ mod tests {
         assert_eq!(linear, 1.0 + 0.125 * 0.125, "the outermost point");
     }
 
+    /// The outermost point and the difference to the value on its face give that value; of a linear field also in between.
+    #[test]
+    fn known_values_on_faces_make_linear_fields_exact() {
+        let body = block();
+        let field = |p: &Vector3<f64>| 3.0 - 2.0 * p.x;
+        for kind in [Interpolation::Linear, Interpolation::Cubic] {
+            for x in [0.0, 0.05, 0.2, 3.97, 4.0] {
+                let position = [x, 1.125, 1.125];
+                let weights = Weights::at(&body, position, kind, "key").expect("on the body");
+                let to_faces = weights.faces.iter().map(|&(point, face, factor)| {
+                    let half_cell = 0.125 * face.normal();
+                    let place = body.points.position[point];
+                    factor * (field(&(place + half_cell)) - field(&place))
+                });
+                let found = value(&body, position, kind, field) + to_faces.sum::<f64>();
+                // rounding of some ten terms
+                let expected = field(&position.into());
+                assert!((found - expected).abs() < 1e-13, "{kind:?} at {x}: {found}");
+            }
+        }
+    }
+
     #[test]
     fn a_cell_centre_is_that_point_and_a_position_outside_is_refused() {
         let body = block();
@@ -371,9 +393,8 @@ mod tests {
 
     #[test]
     fn a_single_row_of_cells_is_its_own_mirror_image() {
-        assert_eq!(
-            along(0.3, 1, Interpolation::Linear),
-            Some(vec![(0, 0.7), (0, 0.3)])
-        );
+        let nodes = along(0.3, (0, 1), Interpolation::Linear).expect("within the cell");
+        let weights: Vec<_> = nodes.iter().map(|n| (n.cell, n.weight)).collect();
+        assert_eq!(weights, [(0, 0.7), (0, 0.3)]);
     }
 }

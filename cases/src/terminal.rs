@@ -5,7 +5,7 @@
 //! direction of a line. All output of the program goes through it.
 
 use std::fmt::Write as _;
-use std::io::{self, StdoutLock, Write};
+use std::io::{self, Stdout, Write};
 
 /// Whether a character is written in another form.
 fn is_hidden(c: char) -> bool {
@@ -72,9 +72,9 @@ impl<W: Write> Write for Clean<W> {
     }
 }
 
-/// Where commands print.
-pub(crate) fn output() -> Clean<StdoutLock<'static>> {
-    Clean::new(io::stdout().lock())
+/// Where commands print. Not locked: the thread that ends a long estimate prints, too.
+pub(crate) fn output() -> Clean<Stdout> {
+    Clean::new(io::stdout())
 }
 
 #[cfg(test)]

@@ -145,5 +145,13 @@ fn logs_that_cannot_be_used_are_explained() {
         })
         .collect();
     let calls: Vec<&str> = calls.iter().map(String::as_str).collect();
-    insta::assert_snapshot!(told(folder.path(), &calls));
+    // sizes of compressed records differ from run to run
+    let told = told(folder.path(), &calls);
+    let mut parts = told.split("damaged at byte ");
+    let mut text = parts.next().unwrap_or_default().to_string();
+    for part in parts {
+        text += "damaged at byte N";
+        text += part.trim_start_matches(|c: char| c.is_ascii_digit());
+    }
+    insta::assert_snapshot!(text);
 }

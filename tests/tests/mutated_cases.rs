@@ -195,9 +195,9 @@ fn changed_cases_are_composed_or_refused() {
 fn a_thousand_bodies_without_physics_are_refused_at_once() {
     use std::fmt::Write;
     let mut text = String::from(
-        "[time]\nend = 1\n\n[materials.m]\ndensity = 1\n\n[[physics]]\ntype = \"thermal\"\nbody = \"b0\"\n",
+        "[time]\nend = 1\n\n[materials.m]\ndensity = 1\nspecific_heat = 1\nconductivity = 1\n\n[[physics]]\ntype = \"thermal\"\nbody = \"b0\"\n",
     );
-    for body in 0..1000 {
+    for body in 0..=1000 {
         write!(
             text,
             "\n[bodies.b{body}]\nshape.box = {{ min = [0, 0, 0], max = [1, 1, 1] }}\nspacing = 1\nmaterial = \"m\"\n\

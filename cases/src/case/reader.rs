@@ -68,7 +68,8 @@ impl<'a, 'i> Reader<'a, 'i> {
                 true => "expected zero, or a magnitude from 1e-100 to 1e100, in SI units",
                 false => "expected a finite number",
             };
-            let mistake = Mistake::new(self.file, format!("`{key}` is {number}"), span);
+            let message = format!("`{key}` is {}", perimelt_core::text::number(number, 6));
+            let mistake = Mistake::new(self.file, message, span);
             self.add(mistake.expected(expected));
         }
     }

@@ -453,7 +453,7 @@ mod tests {
     #[test]
     fn a_median_has_a_range() {
         let values = (1..=101).map(f64::from).rev().collect();
-        let found = median("a", "b".into(), values, "s", 0.1);
+        let found = median("a", ("b", "b"), values, "s", 0.1);
         assert_eq!((found.value, found.range), (51.0, Some([11.0, 91.0])));
     }
 }
