@@ -133,10 +133,11 @@ fn logs_that_cannot_be_used_are_explained() {
     let mut version = log.clone();
     version[5] = b'9';
     write("version.mcap", &version);
-    let mut damaged = log.clone();
-    for byte in damaged.iter_mut().skip(60).step_by(50) {
-        *byte ^= 0x55;
-    }
+    // a length that reaches beyond the end, in the record behind the header: always at one place, unlike in compressed records
+    let mut header = [0; 8];
+    header.copy_from_slice(&log[9..17]);
+    let second = 17 + u64::from_le_bytes(header) as usize;
+    let damaged = [&log[..=second], &[0xff; 8], &[0x55; 200], &log[..8]].concat();
     write("damaged.mcap", &damaged);
     let calls: Vec<String> = ["empty", "text", "mark", "first", "version", "damaged"]
         .iter()
@@ -145,12 +146,5 @@ fn logs_that_cannot_be_used_are_explained() {
         })
         .collect();
     let calls: Vec<&str> = calls.iter().map(String::as_str).collect();
-    // what the damage hits differs from run to run, with the sizes of compressed records
-    let told = told(folder.path(), &calls);
-    let mut parts = told.split(" (the file is damaged at byte ");
-    let mut text = parts.next().unwrap_or_default().to_string();
-    for part in parts {
-        text += part.split_once(')').map_or("", |(_, rest)| rest);
-    }
-    insta::assert_snapshot!(text);
+    insta::assert_snapshot!(told(folder.path(), &calls));
 }
