@@ -213,3 +213,27 @@ fn a_thousand_bodies_with_a_wrong_key_are_refused_at_once() {
     let seconds = started.elapsed().as_secs_f64();
     assert!(seconds < 5.0, "{seconds} s");
 }
+
+/// Initial fields that nothing provides are told of all bodies, as wrong keys are.
+#[test]
+fn initial_fields_of_many_bodies_that_no_physics_provides_are_told_together() {
+    use std::fmt::Write;
+    let mut text = String::from(
+        "[time]\nend = 1\n\n[materials.m]\ndensity = 1\nspecific_heat = 1\nconductivity = 1\n\n\
+         [[physics]]\ntype = \"thermal\"\nbody = \"b0\"\n",
+    );
+    for body in 0..100 {
+        write!(
+            text,
+            "\n[bodies.b{body}]\nshape.box = {{ min = [0, 0, 0], max = [1, 1, 1] }}\nspacing = 0.5\nmaterial = \"m\"\n\
+             initial.temperature = 300\n"
+        )
+        .expect("memory");
+    }
+    let case = Case::parse("case.toml", text, Path::new("")).expect("the keys are right");
+    let refused = case
+        .compose()
+        .map(drop)
+        .expect_err("99 bodies have no temperature");
+    assert_eq!(refused.mistakes().len(), 99);
+}

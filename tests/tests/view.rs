@@ -125,7 +125,7 @@ fn the_server_answers_with_the_numbers_of_the_log() {
     let place = numbers(&row["sources"][0]["position"]);
     assert!((place[0] - 0.004 - 0.01 * cloud.time).abs() < 1e-9, "{row}");
     assert_eq!(numbers(&row["sources"][0]["beam"]), [0.0, 0.0, -1.0]);
-    assert_eq!(row["sources"][0]["power"], 2000.0);
+    assert_eq!(row["sources"][0]["on"], true);
 
     let series = view.get("/series.json").json();
     let base = series

@@ -6,10 +6,11 @@ use perimelt_core::samples::{FieldFile, NumberTable};
 use perimelt_core::{InSpace, Problem, Simulation, Warning};
 
 use super::bodies::suggest;
+use super::error::Mistakes;
 use super::initial::Initial;
 use super::reword::split_help;
 use super::sections::BodySection;
-use super::{Case, Mistake, Result};
+use super::{Case, CaseError, Mistake, Result};
 
 /// A body whose fields are set.
 #[derive(Clone, Copy)]
@@ -21,7 +22,14 @@ struct Target<'a> {
 
 impl Case {
     /// Sets the initial fields of all bodies.
-    pub(super) fn set_initial(&self, simulation: &mut Simulation) -> Result<()> {
+    ///
+    /// # Errors
+    /// The mistakes of all fields of all bodies.
+    pub(super) fn set_initial(
+        &self,
+        simulation: &mut Simulation,
+    ) -> std::result::Result<(), CaseError> {
+        let mut mistakes = Mistakes::default();
         for (index, (name, section)) in self.bodies.iter().enumerate() {
             let target = Target {
                 index,
@@ -36,15 +44,16 @@ impl Case {
                         file,
                         column: Some(column.clone()),
                     };
-                    self.set_from_file(simulation, target, &column, &values)
-                        .map_err(|e| self.body_error(&[name, "points"], e.to_string(), ""))?;
+                    let set = self.set_from_file(simulation, target, &column, &values);
+                    let path = [name, "points"];
+                    mistakes.collect(set.map_err(|e| self.body_error(&path, e.to_string(), "")));
                 }
             }
             for (field, initial) in &section.initial {
-                self.set_field(simulation, target, field, initial)?;
+                mistakes.collect(self.set_field(simulation, target, field, initial));
             }
         }
-        Ok(())
+        mistakes.finish(())
     }
 
     fn set_field(

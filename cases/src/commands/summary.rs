@@ -3,8 +3,10 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use super::{Done, open_log, positive};
+use super::{Done, open_log, positive, tell};
 use crate::melt_pool::Travel;
+use crate::plot::unit::time_text;
+use crate::run::early_end;
 use crate::summary::{SummaryOptions, print, read_off};
 
 #[derive(clap::Args, Debug)]
@@ -32,6 +34,13 @@ pub fn run(args: &SummaryArgs) -> Done {
         haz: args.haz,
         travel: args.travel,
     };
+    if let Some((time, end)) = early_end(&log) {
+        tell(&format!(
+            "warning: the run is not complete: the log ends at t = {} of {}",
+            time_text(time),
+            time_text(end)
+        ));
+    }
     let found = read_off(&log, &options)?;
     let out = &mut crate::terminal::output();
     if args.json {

@@ -78,8 +78,8 @@ pub struct SourceState {
     pub travel: Option<[f64; 3]>,
     /// Unit vector into the material.
     pub beam: [f64; 3],
-    /// Power asked for, W.
-    pub power: f64,
+    /// Whether its toolpath has power, pulses aside.
+    pub is_on: bool,
     /// Length of the path with power so far, m.
     pub path: f64,
 }
@@ -95,7 +95,7 @@ impl SourceState {
             position: vector("position")?,
             travel: normalised(vector("travel")?),
             beam: normalised(vector("beam")?)?,
-            power: value("power.asked")?,
+            is_on: value("on")? > 0.0,
             path: value("path")?,
         })
     }
@@ -109,12 +109,12 @@ impl SourceState {
 
     /// Of the sources that are on (of all, if none is) the one nearest to a place (m).
     pub(crate) fn nearest(sources: &[SourceState], place: [f64; 3]) -> Option<&SourceState> {
-        let is_any_on = sources.iter().any(|source| source.power > 0.0);
+        let is_any_on = sources.iter().any(|source| source.is_on);
         let distance = |source: &SourceState| {
             let away = [0, 1, 2].map(|axis| source.position[axis] - place[axis]);
             dot(away, away)
         };
-        let chosen = sources.iter().filter(|s| s.power > 0.0 || !is_any_on);
+        let chosen = sources.iter().filter(|s| s.is_on || !is_any_on);
         chosen.min_by(|a, b| distance(a).total_cmp(&distance(b)))
     }
 
@@ -181,7 +181,7 @@ impl LoggedSources {
                 .filter_map(move |states| states.get(source))
         };
         let all = (0..most).flat_map(of).copied();
-        all.filter(|state| state.power > 0.0 && state.travel.is_some())
+        all.filter(|state| state.is_on && state.travel.is_some())
             .collect()
     }
 

@@ -20,14 +20,14 @@ pub(crate) fn steady(states: &[Option<State<'_>>]) -> Vec<usize> {
             let last = part.last().is_none_or(|(_, (last, before))| {
                 dot(last.travel, pool.travel) > STRAIGHT && source.path > before.path
             });
-            last && source.power > 0.0 && source.travel.is_some()
+            last && source.is_on && source.travel.is_some()
         };
         match state {
             Some(state) if goes_on(state) => part.push((index, *state)),
             state => {
                 steady.extend(inside(&part));
                 part.clear();
-                let on = state.filter(|(_, s)| s.power > 0.0 && s.travel.is_some());
+                let on = state.filter(|(_, s)| s.is_on && s.travel.is_some());
                 part.extend(on.map(|state| (index, state)));
             }
         }
@@ -75,7 +75,7 @@ mod tests {
                 position: [0.0; 3],
                 travel: Some(travel),
                 beam: [0.0, 0.0, -1.0],
-                power: if index <= 20 { 100.0 } else { 0.0 },
+                is_on: index <= 20,
                 path: 1e-3 * index.min(20) as f64,
             };
             (pool, source)

@@ -108,7 +108,7 @@ fn extents_lie_along_travel_and_beam_and_not_along_the_axes() {
             position: [0.0; 3],
             travel: Some(travel),
             beam,
-            power: 1.0,
+            is_on: true,
             path: 0.0,
         };
         let aim = Aim {
@@ -264,7 +264,7 @@ fn the_depth_in_a_fillet_lies_along_its_beam() {
         position: corner,
         travel: Some([1.0, 0.0, 0.0]),
         beam: [0.0, -s, -s],
-        power: 1.0,
+        is_on: true,
         path: 0.0,
     };
     let aim = Aim {

@@ -13,7 +13,12 @@ const PLASMA: f64 = 1e4;
 
 /// Highest temperature (K) of each body whose temperature somebody provides. Elsewhere the field may exist, without values.
 pub(super) fn hottest(simulation: &Simulation) -> impl Iterator<Item = (usize, f64)> {
-    let fields = simulation.lasting().filter(|f| f.name == "temperature");
+    largest_of(simulation, "temperature")
+}
+
+/// The largest value of a field, by body.
+fn largest_of(simulation: &Simulation, field: &str) -> impl Iterator<Item = (usize, f64)> {
+    let fields = simulation.lasting().filter(move |f| f.name == field);
     fields.filter_map(|f| {
         let hottest = f.data().flat().iter().copied().reduce(f64::max)?;
         Some((f.body, hottest))
@@ -45,7 +50,9 @@ impl Outcome {
 
     /// Takes note of the present state.
     pub fn observe(&mut self, simulation: &Simulation) {
-        for (body, hottest) in hottest(simulation) {
+        // the highest temperatures also between the logged states, where they are recorded
+        let recorded = largest_of(simulation, "peak_temperature");
+        for (body, hottest) in hottest(simulation).chain(recorded) {
             let peak = &mut self.peaks[body];
             *peak = Some(peak.map_or(hottest, |peak| peak.max(hottest)));
         }
@@ -83,7 +90,14 @@ impl Outcome {
             ));
             if lost > LOST * asked {
                 let share = unit::number(100.0 * lost / asked, 3);
-                warnings.push(format!("{label}: {share} % of the energy missed the body"));
+                let until = match simulation.is_finished() {
+                    true => String::new(),
+                    false => format!(" until {} s", unit::number(simulation.time(), 4)),
+                };
+                warnings.push(format!(
+                    "{label}: {share} % of the energy missed the body{until}: cells without material, or a curved surface that falls \
+                     off from the plane of the source"
+                ));
             }
         }
         let mut told = simulation.unreached();

@@ -58,7 +58,12 @@ pub(super) fn sources(log: &Log, found: &mut Vec<ReadOff>) -> Result<(), LogErro
                 None => number == 1,
             };
             let deposited: Vec<&Deposited> = deposits.iter().filter(of_path).collect();
-            let heat: f64 = deposited.iter().map(|d| d.heat).sum();
+            // the source deposits mirror images of the metal as it heats those of the body
+            let copies = match last("energy.deposited") {
+                Some(body) if body > 0.0 => 1.0 + mirrored.unwrap_or(0.0) / body,
+                _ => 1.0,
+            };
+            let heat: f64 = copies * deposited.iter().map(|d| d.heat).sum::<f64>();
             if heat > 0.0 {
                 let name = (
                     "deposited_metal.heat",

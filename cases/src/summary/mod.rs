@@ -223,16 +223,20 @@ fn temperatures(
     let survey = survey(log, body, &fields, isotherm, options.travel)?;
     if let Some(&index) = survey.peak.get("temperature") {
         let cloud = log.cloud(&body.name, index)?;
-        let peak = largest(body, &cloud, "temperature");
-        found.extend(peak.map(|(peak, place)| {
-            let name = ("temperature.largest", "highest logged temperature");
-            ReadOff::new(&body.name, name, peak, "K")
-                .at(cloud.time)
-                .within(place)
-        }));
+        let logged = largest(body, &cloud, "temperature");
+        // also between the logged states
+        let recorded = largest(body, last, "peak_temperature");
+        let name = ("temperature.largest", "highest logged temperature");
+        let of = |(peak, place)| ReadOff::new(&body.name, name, peak, "K").within(place);
+        let hottest = match (logged, recorded) {
+            (Some(logged), Some(recorded)) if recorded.0 > logged.0 => Some(of(recorded)),
+            (logged, _) => logged.map(|logged| of(logged).at(cloud.time)),
+        };
+        let peak = hottest.as_ref().map(|hottest| hottest.value);
+        found.extend(hottest);
         found.extend(
             peak.into_iter()
-                .flat_map(|(peak, _)| left_tables(log, body, peak)),
+                .flat_map(|peak| left_tables(log, body, peak)),
         );
     }
     let name = ("temperature.end", "highest temperature at the end");

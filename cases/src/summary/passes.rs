@@ -32,6 +32,15 @@ pub(super) struct Pass {
     waited: bool,
 }
 
+/// Where a pass begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Begin {
+    /// s.
+    start: f64,
+    /// Whether the path waited for a temperature before it.
+    waited: bool,
+}
+
 /// Reports of one source.
 struct Reports<'a> {
     series: &'a Series,
@@ -64,15 +73,30 @@ impl Reports<'_> {
     }
 
     fn passes(&self) -> Vec<Pass> {
-        let Some(power) = self.column("power.asked") else {
+        let Some(is_on) = self.column("on") else {
             return Vec::new();
         };
         let times = &self.series.times;
         let end = times.last().copied().unwrap_or_default();
-        let on: Vec<usize> = (0..power.len()).filter(|&row| power[row] > 0.0).collect();
-        let known: Vec<f64> = (1..)
-            .map_while(|pass| self.column(&format!("pass.{pass}.start"))?.last().copied())
-            .take_while(|start| start.is_finite())
+        let on: Vec<usize> = (0..is_on.len()).filter(|&row| is_on[row] > 0.0).collect();
+        // the first pass, and those before which the path waited or the source was off: parts of a path that follow each
+        // other at once are one pass
+        let begins = |number: usize| {
+            let start = *self.column(&format!("pass.{number}.start"))?.last()?;
+            let waited = self.column(&format!("pass.{number}.temperature")).is_some();
+            start.is_finite().then_some(Begin { start, waited })
+        };
+        let was_off = |start: f64| {
+            let next = times.partition_point(|time| *time <= start);
+            [next.checked_sub(1), Some(next)]
+                .into_iter()
+                .flatten()
+                .any(|row| is_on.get(row).is_some_and(|on| *on == 0.0))
+        };
+        let known: Vec<Begin> = (1..)
+            .map_while(|number| Some((number, begins(number)?)))
+            .filter(|(number, begin)| *number == 1 || begin.waited || was_off(begin.start))
+            .map(|(_, begin)| begin)
             .collect();
         // rows with power of each pass
         let mut parts: Vec<Vec<usize>> = Vec::new();
@@ -83,7 +107,9 @@ impl Reports<'_> {
                     .and_then(|part| part.last())
                     .is_some_and(|&last| match known.len() {
                         0 | 1 => last + 1 == row,
-                        _ => !known.iter().any(|s| times[last] < *s && *s <= times[row]),
+                        _ => !known
+                            .iter()
+                            .any(|b| times[last] < b.start && b.start <= times[row]),
                     });
             match parts.last_mut() {
                 Some(part) if goes_on => part.push(row),
@@ -92,30 +118,29 @@ impl Reports<'_> {
         }
         let start_of = |part: &[usize]| {
             let first = times[part[0]];
-            let of_path = known.iter().rev().find(|start| **start <= first);
+            let of_path = known.iter().rev().find(|begin| begin.start <= first);
             let before = part[0].checked_sub(1).map_or(first, |row| times[row]);
-            of_path
-                .copied()
-                .filter(|_| known.len() > 1)
-                .unwrap_or(before)
+            let of_path = of_path.filter(|_| known.len() > 1).copied();
+            of_path.unwrap_or(Begin {
+                start: before,
+                waited: false,
+            })
         };
-        let starts: Vec<f64> = parts.iter().map(|part| start_of(part)).collect();
+        let begins: Vec<Begin> = parts.iter().map(|part| start_of(part)).collect();
         let pass = |(index, part): (usize, &Vec<usize>)| {
             let axis = |name| Some(self.column(&format!("position.{name}"))?[part[0]]);
             let place = || Some([axis("x")?, axis("y")?, axis("z")?]);
             let last = part[part.len() - 1];
-            let waited = known.iter().position(|start| *start == starts[index]);
-            let waited = waited.and_then(|p| self.column(&format!("pass.{}.temperature", p + 1)));
             Pass {
                 source: self.source.into(),
                 number: index + 1,
                 times: [
-                    starts[index],
+                    begins[index].start,
                     times.get(last + 1).copied().unwrap_or(end),
-                    starts.get(index + 1).copied().unwrap_or(end),
+                    begins.get(index + 1).map_or(end, |next| next.start),
                 ],
                 place: place(),
-                waited: waited.is_some(),
+                waited: begins[index].waited,
             }
         };
         let is_resolved = parts.iter().all(|part| part.len() >= FEWEST_STATES);
@@ -132,7 +157,7 @@ pub(super) fn passes(log: &Log) -> Vec<Pass> {
         return Vec::new();
     };
     let names = series.columns.iter();
-    let sources = names.filter_map(|c| c.name.strip_suffix(".power.asked"));
+    let sources = names.filter_map(|c| c.name.strip_suffix(".on"));
     let of = |source| Reports { series, source }.passes();
     sources.flat_map(of).collect()
 }
@@ -376,7 +401,11 @@ mod tests {
                 axes.map(move |(axis, x)| (format!("torch.{name}.{axis}"), "1", x))
             });
             let numbers = [
-                ("torch.power.asked".to_string(), "W", power),
+                (
+                    "torch.on".to_string(),
+                    "1",
+                    f64::from(u8::from(power > 0.0)),
+                ),
                 ("torch.path".into(), "m", path),
                 ("torch.energy.asked".into(), "J", energy),
                 ("torch.energy.deposited".into(), "J", 0.8 * energy),
@@ -431,9 +460,7 @@ mod tests {
         let of_power = |power: fn(usize) -> f64| {
             let mut rows = rows(false);
             for (state, row) in rows.iter_mut().enumerate() {
-                let column = row
-                    .iter_mut()
-                    .find(|(name, ..)| name == "torch.power.asked");
+                let column = row.iter_mut().find(|(name, ..)| name == "torch.on");
                 column.expect("there").2 = power(state);
             }
             found(rows)

@@ -252,7 +252,7 @@ mod tests {
                 axes.map(move |(axis, x)| (format!("torch.{name}.{axis}"), "1", x))
             });
             let numbers = [
-                ("torch.power.asked".into(), "W", 100.0),
+                ("torch.on".into(), "1", 1.0),
                 ("torch.path".into(), "m", 0.0),
             ];
             components.chain(numbers).collect::<Vec<_>>()

@@ -373,7 +373,7 @@ benchmarks!(
     "satoh-transformation-plasticity",
     "three-bar-residual-stress",
     "hill-cylinder", "hill-cylinder-ordinary", "hill-sphere", "hill-sphere-hardening",
-    "autofrettage", "autofrettage-ordinary", "quenched-ball-prescribed",
+    "autofrettage", "autofrettage-ordinary", "quenched-ball",
     "slotted-bar-load", "slotted-bar-load-ordinary", "slotted-bar-limit", "slotted-bar-limit-ordinary",
     "heated-disc",
     "source-on-moving-points",

@@ -67,7 +67,7 @@ pub(super) fn sources(log: &Log) -> Value {
         .collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
-    let source = |s: &SourceState| json!({ "position": s.position, "beam": s.beam, "travel": s.travel, "power": s.power });
+    let source = |s: &SourceState| json!({ "position": s.position, "beam": s.beam, "travel": s.travel, "on": s.is_on });
     let at = |time: &f64| {
         let sources: Vec<Value> = sources.at(*time).iter().map(source).collect();
         json!({ "time": time, "sources": sources })

@@ -42,6 +42,7 @@ use births::{Birth, Part};
 use checks::{check_bead, check_layers, direction};
 
 use crate::InTime;
+use crate::heat_source::{grid, mirror_copies};
 use crate::toolpath::{TimedPath, Toolpath, Track, TrackTime};
 
 /// Fraction of a spacing that a toolpath may move in a step.
@@ -185,7 +186,8 @@ impl Deposit {
         }
     }
 
-    /// Takes the heat of all material out of that of the source.
+    /// Takes the heat of all material out of that of the source, with the mirror images of the material that the source deposits
+    /// from planes of symmetry.
     fn take_heat(&self, world: &World) {
         let Some((p, path)) = self
             .prepared
@@ -198,12 +200,14 @@ impl Deposit {
         let curves = world.enthalpy_curves(p.body).unwrap_or_default();
         let body = world.body(p.body);
         let feed = self.feed_temperature.unwrap_or(FEED_TEMPERATURE);
+        let (grid, symmetry) = (grid(body), world.symmetry(p.body));
         let heat = |birth: &Birth| {
+            let copies = mirror_copies(&grid, symmetry, &path.track().pose(birth.time));
             let point = birth.point as usize;
             let curve = curves.get(usize::from(body.material_of_point[point]))?;
             let temperature = self.temperature.at(birth.time);
             let enthalpy = curve.enthalpy(temperature) - curve.enthalpy(feed);
-            Some(body.points.volume[point] * enthalpy)
+            Some(copies * body.points.volume[point] * enthalpy)
         };
         path.take(p.births.iter().filter_map(heat).sum());
     }

@@ -18,7 +18,7 @@ const ROUNDING: f64 = 1e-9;
 
 /// Number of equal parts, the body included, that a source at `pose` heats of a body with these planes of symmetry: two
 /// for each plane on which it is.
-pub(super) fn mirror_copies(grid: &CellGrid, symmetry: &[Face], pose: &Pose) -> f64 {
+pub(crate) fn mirror_copies(grid: &CellGrid, symmetry: &[Face], pose: &Pose) -> f64 {
     let is_on = |face: &&Face| {
         let axis = face.axis();
         let cells = if face.is_upper() { grid.dims[axis] } else { 0 };
@@ -37,17 +37,18 @@ pub(super) struct Account {
     energy: [f64; 4],
     /// Length of the path with power since the start, m.
     path: f64,
+    /// Whether the toolpath had power in the last step; between two pulses it has.
+    was_on: bool,
     /// Whether the source has power between now and the next event.
     pub is_on: bool,
 }
 
 impl Account {
-    /// Adds a deposit of the length `duration` (s) by a source that moves at a speed (m/s), with the [`mirror_copies`] that
-    /// it heats.
-    pub fn book(&mut self, deposit: &Deposit, copies: f64, duration: f64, speed: f64) {
-        if deposit.asked > 0.0 {
-            self.path += speed * duration;
-        }
+    /// Adds a deposit of the length `duration` (s), with the [`mirror_copies`] that it heats, by a source that moves at a speed
+    /// (m/s); without one where its toolpath has no power.
+    pub fn book(&mut self, deposit: &Deposit, copies: f64, duration: f64, speed: Option<f64>) {
+        self.was_on = speed.is_some();
+        self.path += speed.unwrap_or(0.0) * duration;
         let mirrored = (copies - 1.0) * deposit.deposited;
         let lost = deposit.lost - mirrored;
         let is_lost = mirrored == 0.0 || lost > ROUNDING * deposit.asked;
@@ -71,13 +72,17 @@ impl Account {
                 })
         };
         let powers = named("power", "W", self.power);
-        let mut all: Vec<_> = powers.chain(named("energy", "J", self.energy)).collect();
-        all.push(Report {
-            name: "path".into(),
-            unit: "m".into(),
-            value: self.path,
+        let rest = [
+            ("path", "m", self.path),
+            ("on", "1", f64::from(u8::from(self.was_on))),
+        ];
+        let rest = rest.map(|(name, unit, value)| Report {
+            name: name.into(),
+            unit: unit.into(),
+            value,
         });
-        all
+        let energies = named("energy", "J", self.energy);
+        powers.chain(energies).chain(rest).collect()
     }
 }
 
@@ -111,17 +116,21 @@ mod tests {
                 deposited,
                 lost,
             };
-            account.book(&deposit, copies, 2.0, 3.0);
+            let speed = (asked > 0.0).then_some(3.0);
+            account.book(&deposit, copies, 2.0, speed);
             let power = [asked, deposited, mirrored, left];
             assert_eq!(account.power, power);
             assert_eq!(account.energy, power.map(|p| 2.0 * p));
             assert_eq!(account.path, path);
-            account.book(&deposit, copies, 0.5, 3.0);
+            account.book(&deposit, copies, 0.5, speed);
             assert_eq!(account.energy, power.map(|p| 2.0 * p + 0.5 * p));
             let reports: Vec<f64> = account.report().iter().map(|r| r.value).collect();
             assert_eq!(reports[..4], power);
             assert_eq!(reports[4..8], account.energy);
-            assert_eq!(reports[8], 1.25 * path);
+            assert_eq!(
+                reports[8..],
+                [1.25 * path, f64::from(u8::from(asked > 0.0))]
+            );
         }
     }
 

@@ -19,7 +19,7 @@ pub(super) struct LatticeBody<'a> {
 
 /// The lattice of a body, or one of its finest spacing that covers it. Missing axes have one cell with the extent of the
 /// body: its thickness along z in 2D, a square of its cross-section in 1D.
-pub(super) fn grid(body: &Body) -> CellGrid {
+pub(crate) fn grid(body: &Body) -> CellGrid {
     let across = match body.dimension {
         1 => body.thickness.sqrt(),
         _ => body.thickness,

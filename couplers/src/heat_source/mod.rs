@@ -46,7 +46,9 @@ mod pulsed;
 mod step_positions;
 mod supply;
 
+pub(crate) use account::mirror_copies;
 pub use coupling::HasSource;
+pub(crate) use lattice::grid;
 pub use moving::{MovingSource, SourceShape};
 pub use pulsed::PulsedLaserSource;
 

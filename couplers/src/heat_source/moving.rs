@@ -333,7 +333,10 @@ impl<S: SourceShape> MovingSource<S> {
             }
         };
         let copies = mirror_copies(&p.grid, world.symmetry(p.body), &pose);
-        self.account.book(&deposit, copies, step.size, pose.speed);
+        // a pulsed source goes on between its pulses
+        let is_on = p.path.is_on_after(step.middle());
+        let speed = is_on.then_some(pose.speed);
+        self.account.book(&deposit, copies, step.size, speed);
         // the next step is limited if the next move has power
         self.account.is_on = p.path.is_on_after(step.end());
         p.position = p.path.pose(step.end()).position;

@@ -303,6 +303,12 @@ fn the_energy_of_pulses_is_exact() {
             (found - expected).abs() < 1e-9 * expected,
             "{pulse} {path}: {found} J"
         );
+        // the weld is as long as without pulses
+        let mut steady = ellipsoid(&format!("power = 100\n{path}"));
+        let world = ready(block([20, 20, 8], 3, STEEL), &mut steady);
+        energy(&mut steady, &world, 4.0);
+        let [length, whole] = [&source, &steady].map(|source| report(source, "path"));
+        assert!((length / whole - 1.0).abs() < 1e-9, "{length} {whole}");
     }
     // without power no switches
     let path = "toolpath.line = { start = [5, 10, 8], end = [7, 10, 8], speed = 2 }";

@@ -88,7 +88,7 @@ impl Coupler for PulsedLaserSource {
                     self.shape.add(&body, span, &mut heat_source)
                 }
             };
-            self.account.book(&deposit, 1.0, step.size, 0.0);
+            self.account.book(&deposit, 1.0, step.size, Some(0.0));
         }
         self.account.is_on = step.end() < self.end();
         Ok(())

@@ -314,17 +314,19 @@ impl Run {
         let row_sums = self.integrator.row_sums();
         let mut stable = f64::INFINITY;
         let mut least = f64::INFINITY;
-        let volumes = self.heated_volumes(world);
+        // explicit steps need no time of the exchange
+        let is_explicit = self.integrator.is_explicit();
+        let volumes = (!is_explicit).then(|| self.heated_volumes(world));
         let mut of_body = 0.0;
         let of_layer = surface.visit_stiffness(&temperature, conductivity, |point, at_point| {
             let capacity = self.curves[material[point] as usize].minimum_capacity();
             least = least.min(capacity);
-            of_body += at_point * volumes[point];
+            of_body += at_point * volumes.as_ref().map_or(0.0, |v| v[point]);
             stable = stable.min(capacity / (row_sums[point][0] + at_point));
         });
-        if self.integrator.is_explicit() {
+        let Some(volumes) = volumes else {
             return stable;
-        }
+        };
         // layers along several axes cool at once
         let volume: f64 = volumes.iter().sum();
         let time = least / of_layer.max(of_body / volume);

@@ -8,8 +8,8 @@
 //!
 //! On a path that turns, no single direction is the one across. Sections are taken normal to the direction of travel of the
 //! source in each logged state, through its position, and only the part of the section that is connected with the place
-//! of the source counts. A section that reaches a corner, or a part of the path with another direction, is left out: it cuts
-//! that part lengthwise. There is no length. The resolution is that of the logged states.
+//! of the source counts. A section that reaches a corner, or a part of the path whose sections have another direction, is left
+//! out: it cuts that part lengthwise. Sections around a pipe have one direction across, that of its axis. There is no length. The resolution is that of the logged states.
 //!
 //! Depths lie along the beam, from the molten surface (`depth`). Where the beam turns, as around a pipe, each section has the
 //! depth along its own beam, and the largest one counts.
@@ -274,17 +274,22 @@ impl Cut<'_> {
         } else {
             1.0
         };
-        let is_near = |cell: usize| {
-            let across = self.along(cell, across);
-            across >= from - spacing && across <= to + spacing
+        let region = Region::around(cells, (nearest, self.gauge.isotherm), within);
+        // the isotherm also crosses cells beside those of the region
+        let joins = |&&(cell, _): &&(usize, f64)| {
+            let beside = cells.neighbours(cells.cell(cell));
+            let mut beside = beside.filter_map(|next| cells.index(next));
+            region.is_inside[cell] || beside.any(|next| region.is_inside[next])
         };
-        let near = self.fractions.iter().filter(|(cell, _)| is_near(*cell));
-        let areas = near.map(|&(cell, fraction)| {
-            fraction * area_within_cell((at - self.along(cell, travel)) / spacing, travel)
-        });
+        let areas = self
+            .fractions
+            .iter()
+            .filter(joins)
+            .map(|&(cell, fraction)| {
+                fraction * area_within_cell((at - self.along(cell, travel)) / spacing, travel)
+            });
         let copies = mirrored * self.mirrored(travel, axis);
         let area = copies * areas.sum::<f64>() * spacing.powi(2);
-        let region = Region::around(cells, (nearest, self.gauge.isotherm), within);
         let root = region.root(d.beam, across, travel);
         Some(Section {
             sides: Some([from, to]),
@@ -313,12 +318,15 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     dot(away, away).sqrt()
 }
 
-/// Whether two states have directions of travel along different lines, by the cosine of the angle.
-fn is_turned(a: &SourceState, b: &SourceState, cosine: f64) -> bool {
-    match (a.travel, b.travel) {
-        (Some(a), Some(b)) => dot(a, b).abs() < cosine,
-        _ => false,
-    }
+/// Whether two unit vectors lie along different lines, by the cosine of the angle.
+fn is_turned(a: [f64; 3], b: [f64; 3], cosine: f64) -> bool {
+    dot(a, b).abs() < cosine
+}
+
+/// The direction across the path in a state; `None` for a source that never moves.
+fn across_path(state: &SourceState) -> Option<[f64; 3]> {
+    let (travel, beam) = (state.travel?, state.beam);
+    Some(Directions { travel, beam }.across())
 }
 
 /// Whether the directions of travel or of the beam change.
@@ -327,7 +335,9 @@ fn turns(path: &[SourceState]) -> bool {
         return false;
     };
     let is_other = |state: &SourceState| {
-        is_turned(first, state, ONE_DIRECTION) || dot(first.beam, state.beam) < ONE_DIRECTION
+        let travel = first.travel.zip(state.travel);
+        travel.is_some_and(|(a, b)| is_turned(a, b, ONE_DIRECTION))
+            || dot(first.beam, state.beam) < ONE_DIRECTION
     };
     rest.iter().any(is_other)
 }
@@ -338,19 +348,24 @@ fn has_one_beam(path: &[SourceState]) -> bool {
     pairs.all(|(state, first)| dot(state.beam, first.beam) >= ONE_DIRECTION)
 }
 
-/// Whether another part of the path, or a corner between two logged states, is nearer (m) than the end of a section.
+/// Whether another part of the path whose sections have another direction, or a corner between two logged states, is nearer (m)
+/// than the end of a section.
 fn meets_another(path: &[SourceState], state: usize, reach: f64) -> bool {
     let here = &path[state];
+    let cross = |a: &SourceState, b: &SourceState| {
+        let both = across_path(a).zip(across_path(b));
+        both.is_some_and(|(a, b)| is_turned(a, b, STRAIGHT))
+    };
     let is_at_corner = |other: usize| {
         let pair = |first: usize| match path.get(first..first + 2) {
-            Some([a, b]) => is_turned(a, b, STRAIGHT),
+            Some([a, b]) => cross(a, b),
             _ => false,
         };
         pair(other) || other.checked_sub(1).is_some_and(pair)
     };
     (0..path.len()).any(|other| {
         distance(path[other].position, here.position) <= reach
-            && (is_turned(here, &path[other], STRAIGHT) || is_at_corner(other))
+            && (cross(here, &path[other]) || is_at_corner(other))
     })
 }
 

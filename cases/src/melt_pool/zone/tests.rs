@@ -45,7 +45,7 @@ fn state(position: [f64; 2], travel: [f64; 2]) -> SourceState {
         position: [position[0], position[1], 0.0],
         travel: Some([travel[0], travel[1], 0.0]),
         beam: [0.0, 0.0, -1.0],
-        power: 1.0,
+        is_on: true,
         path: 0.0,
     }
 }
@@ -222,12 +222,28 @@ fn girth(radii: [f64; 2], is_outside: bool, half: [f64; 2]) -> Zone {
             position: [0.0, radius * cos, radius * sin],
             travel: Some([0.0, -sin, cos]),
             beam: [0.0, -inward * cos, -inward * sin],
-            power: 1.0,
+            is_on: true,
             path: 0.0,
         }
     };
     let path: Vec<SourceState> = (0..48).map(state).collect();
     measured(&gauge(&positions, &[]), &highest, &path)
+}
+
+/// Sections around a thin tube lie in one plane with its axis: the opposite wall is another section, and the path that turns away
+/// from the section does not cut it.
+#[test]
+fn sections_around_a_tube_are_those_of_one_wall() {
+    let half = [10.4 * SPACING, 14.0 * SPACING];
+    let zone = girth([6.0, 10.0], true, half);
+    assert!(zone.turns());
+    close(zone.width(), 2.0 * half[0]);
+    // half an ellipse down to the inner surface
+    let ratio = 4.0 * SPACING / half[1];
+    let area = half[0] * half[1] * (ratio * (1.0 - ratio * ratio).sqrt() + ratio.asin());
+    let found = zone.area().expect("a section");
+    // stairs of four cells
+    assert!((found / area - 1.0).abs() < 0.15, "{found:e} {area:e}");
 }
 
 #[test]

@@ -259,7 +259,7 @@ export class Viewer {
       const isHot = this.run.bodies.some((body) => this.#has(body, "temperature"));
       return (await (isHot ? this.peak("temperature") : this.peak(field, scalar))) ?? last;
     }
-    const rows = this.panels[0].sources.filter((row) => row.sources.some((source) => source.power > 0));
+    const rows = this.panels[0].sources.filter((row) => row.sources.some((source) => source.on));
     return rows.length ? nearest(this.times, rows[rows.length >> 1].time) : last;
   }
 
