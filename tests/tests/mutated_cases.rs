@@ -190,21 +190,25 @@ fn changed_cases_are_composed_or_refused() {
     }
 }
 
+/// A case of many bodies with a temperature, of which the first one has a thermal physics; `spacing` is a line.
+fn bodies(count: usize, spacing: &str) -> String {
+    let head = "[time]\nend = 1\n\n[materials.m]\ndensity = 1\nspecific_heat = 1\nconductivity = 1\n\n\
+                [[physics]]\ntype = \"thermal\"\nbody = \"b0\"\n";
+    let body = |body: usize| {
+        format!(
+            "\n[bodies.b{body}]\nshape.box = {{ min = [0, 0, 0], max = [1, 1, 1] }}\n{spacing}\nmaterial = \"m\"\n\
+             initial.temperature = 300\n"
+        )
+    };
+    std::iter::once(head.into())
+        .chain((0..count).map(body))
+        .collect()
+}
+
 /// A thousand mistakes take as long to find as one.
 #[test]
 fn a_thousand_bodies_with_a_wrong_key_are_refused_at_once() {
-    use std::fmt::Write;
-    let mut text = String::from(
-        "[time]\nend = 1\n\n[materials.m]\ndensity = 1\n\n[[physics]]\ntype = \"thermal\"\nbody = \"b0\"\n",
-    );
-    for body in 0..1000 {
-        write!(
-            text,
-            "\n[bodies.b{body}]\nshape.box = {{ min = [0, 0, 0], max = [1, 1, 1] }}\nspacng = 1\nmaterial = \"m\"\n\
-             initial.temperature = 300\n"
-        )
-        .expect("memory");
-    }
+    let text = bodies(1000, "spacng = 1");
     let started = std::time::Instant::now();
     let refused = Case::parse("case.toml", text, Path::new("")).expect_err("a wrong key");
     assert!(refused.mistakes().len() >= 1000);
@@ -217,20 +221,8 @@ fn a_thousand_bodies_with_a_wrong_key_are_refused_at_once() {
 /// Initial fields that nothing provides are told of all bodies, as wrong keys are.
 #[test]
 fn initial_fields_of_many_bodies_that_no_physics_provides_are_told_together() {
-    use std::fmt::Write;
-    let mut text = String::from(
-        "[time]\nend = 1\n\n[materials.m]\ndensity = 1\nspecific_heat = 1\nconductivity = 1\n\n\
-         [[physics]]\ntype = \"thermal\"\nbody = \"b0\"\n",
-    );
-    for body in 0..100 {
-        write!(
-            text,
-            "\n[bodies.b{body}]\nshape.box = {{ min = [0, 0, 0], max = [1, 1, 1] }}\nspacing = 0.5\nmaterial = \"m\"\n\
-             initial.temperature = 300\n"
-        )
-        .expect("memory");
-    }
-    let case = Case::parse("case.toml", text, Path::new("")).expect("the keys are right");
+    let case = bodies(100, "spacing = 0.5");
+    let case = Case::parse("case.toml", case, Path::new("")).expect("the keys are right");
     let refused = case
         .compose()
         .map(drop)

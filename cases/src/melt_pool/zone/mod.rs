@@ -9,7 +9,8 @@
 //! On a path that turns, no single direction is the one across. Sections are taken normal to the direction of travel of the
 //! source in each logged state, through its position, and only the part of the section that is connected with the place
 //! of the source counts. A section that reaches a corner, or a part of the path whose sections have another direction, is left
-//! out: it cuts that part lengthwise. Sections around a pipe have one direction across, that of its axis. There is no length. The resolution is that of the logged states.
+//! out: it cuts that part lengthwise. Sections around a pipe have one direction across, that of its axis. There is no length.
+//! The resolution is that of the logged states.
 //!
 //! Depths lie along the beam, from the molten surface (`depth`). Where the beam turns, as around a pipe, each section has the
 //! depth along its own beam, and the largest one counts.
@@ -277,9 +278,11 @@ impl Cut<'_> {
         let region = Region::around(cells, (nearest, self.gauge.isotherm), within);
         // the isotherm also crosses cells beside those of the region
         let joins = |&&(cell, _): &&(usize, f64)| {
-            let beside = cells.neighbours(cells.cell(cell));
+            let place = cells.cell(cell);
+            let beside = cells.neighbours(place);
             let mut beside = beside.filter_map(|next| cells.index(next));
-            region.is_inside[cell] || beside.any(|next| region.is_inside[next])
+            within(cells.centre(place))
+                && (region.is_inside[cell] || beside.any(|next| region.is_inside[next]))
         };
         let areas = self
             .fractions
