@@ -156,7 +156,7 @@ impl Configurations {
     /// The plugin that moves the points of a body or whose matter flows through them.
     pub(crate) fn owner(&self, body: BodyIndex) -> Option<usize> {
         let current = &self.bodies[body];
-        current.mover.or(current.flow.map(|(plugin, _)| plugin))
+        current.mover.or(self.flow_owner(body))
     }
 
     /// Whether a physics moves the points of a body through space, with matter or along walls.
@@ -178,6 +178,11 @@ impl Configurations {
         (plugin, description): (usize, Description),
     ) {
         self.bodies[body].flow = Some((plugin, description));
+    }
+
+    /// The plugin whose matter flows through the points of a body.
+    pub(crate) fn flow_owner(&self, body: BodyIndex) -> Option<usize> {
+        self.bodies[body].flow.map(|(plugin, _)| plugin)
     }
 
     /// A plugin that was told that the points are matter at rest.

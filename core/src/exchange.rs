@@ -12,6 +12,8 @@ use std::cell::{Cell, Ref, RefCell};
 use std::fmt;
 use std::rc::Rc;
 
+use nalgebra::Vector3;
+
 use crate::body::{Body, Face, SurfaceCell};
 use crate::cell_list::CellList;
 use crate::field::keys;
@@ -216,7 +218,7 @@ impl FreeFaces {
         let mut free = 1.0;
         let mut by = None;
         for cover in &self.covers {
-            let covered = cover.fraction(world, body.dimension, cell.face, centre.into(), spacing);
+            let covered = cover.fraction(world, body.dimension, cell, (centre, spacing));
             if covered > 0.0 {
                 free -= covered;
                 by = Some(Covered::Body(cover.name.clone()));
@@ -268,22 +270,24 @@ impl Cover {
         &self,
         world: &World,
         dimension: usize,
-        face: Face,
-        centre: [f64; 3],
-        spacing: f64,
+        cell: &SurfaceCell,
+        (at, spacing): (Vector3<f64>, f64),
     ) -> f64 {
         let other = world.body(self.body);
-        let (axis, outward) = (face.axis(), face.normal()[face.axis()]);
-        let at = centre.into();
+        let (axis, outward) = (cell.face.axis(), cell.face.normal()[cell.face.axis()]);
+        let opposite = Face::ALL[cell.face as usize ^ 1];
         let mut covered = 0.0;
-        self.cells.visit_near(&at, self.reach + spacing, |point| {
+        let farthest = cell.contact_distance([spacing, self.reach], true);
+        let reach = self.reach + spacing.max(farthest);
+        self.cells.visit_near(&at, reach, |point| {
             let half = self.half[point];
             let between = other.points.position[point] - at;
             // from the face to that of the other cell
             let gap = between[axis] * outward - half;
-            if gap.abs() > 0.5 * spacing.min(2.0 * half) * (1.0 + 1e-9)
-                || !world.has_material(self.body, point)
-            {
+            let distance = |is_step| cell.contact_distance([spacing, 2.0 * half], is_step);
+            let is_beside = gap.abs() <= distance(false)
+                || gap.abs() <= distance(true) && other.is_step(point, opposite);
+            if !is_beside || !world.has_material(self.body, point) {
                 return;
             }
             let along = (0..dimension).filter(|a| *a != axis).map(|a| {

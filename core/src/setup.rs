@@ -601,6 +601,12 @@ impl<'w> Setup<'w> {
         self.world.rigid[body] = true;
     }
 
+    /// Tells the distances of the surface of a body from its outermost points by direction, in spacings, which the sums of a physics
+    /// of heat make other than a half.
+    pub fn set_surface_depth(&mut self, body: BodyIndex, depth: [f64; 6]) {
+        self.world.surface_depth[body] = depth;
+    }
+
     /// Declares that a body goes on as its mirror image behind a face, so that measurements count both halves; called by
     /// the boundary that mirrors the fields.
     pub fn set_symmetry(&mut self, body: BodyIndex, face: Face) {

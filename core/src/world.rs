@@ -90,6 +90,8 @@ pub struct World {
     pub(crate) growing: Vec<bool>,
     /// By body: the faces that are planes of symmetry.
     pub(crate) symmetry: Vec<Vec<Face>>,
+    /// By body and direction: distance of the surface from the outermost points, as heat sees it, in spacings.
+    pub(crate) surface_depth: Vec<[f64; 6]>,
     broken: Vec<RefCell<BrokenPairs>>,
     /// Bodies with a window of finer points that moves.
     pub(crate) refinements: Vec<Refinement>,
@@ -106,6 +108,7 @@ impl World {
             rigid: vec![false; bodies.len()],
             growing: vec![false; bodies.len()],
             symmetry: vec![Vec::new(); bodies.len()],
+            surface_depth: vec![[0.5; 6]; bodies.len()],
             broken: bodies.iter().map(|_| RefCell::default()).collect(),
             bodies,
             ..World::default()
@@ -152,6 +155,12 @@ impl World {
     /// ([`crate::Setup::set_rigid`]).
     pub fn is_rigid(&self, body: BodyIndex) -> bool {
         self.rigid[body]
+    }
+
+    /// Distances of the surface of a body from its outermost points by direction ([`Face::ALL`]), in spacings: over these the
+    /// temperature of a point changes to that of the surface before it ([`crate::Setup::set_surface_depth`]).
+    pub fn surface_depth(&self, body: BodyIndex) -> &[f64; 6] {
+        &self.surface_depth[body]
     }
 
     /// Faces of a body that are planes of symmetry ([`crate::Setup::set_symmetry`]).

@@ -3,11 +3,12 @@
 //! Cell faces of the two bodies that lie against each other exchange
 //!
 //! ```text
-//! P_ij = A_ij (T_j - T_i) / (s_i / (2 k_i) + 1 / h + s_j / (2 k_j))     W
+//! P_ij = A_ij (T_j - T_i) / (d_i / k_i + 1 / h + d_j / k_j)     W
 //! ```
 //!
-//! over the area A_ij in which they overlap now: the resistances of half a cell of spacing s and conductivity k on either
-//! side, in series with that of the contact, of conductance h (W/(m² K)); without h the contact is perfect. The
+//! over the area A_ij in which they overlap now: the resistances from the points to the surface, of conductivity k, on either
+//! side, in series with that of the contact, of conductance h (W/(m² K)); without h the contact is perfect. The distance d is half a
+//! cell, or what the family of the body makes of it ([`World::surface_depth`]). The
 //! series is the harmonic mean of the conductivities, exact for steady flux across the interface. What one body loses the
 //! other one gets, pair by pair, at one time: heat is kept to rounding whatever steps the two bodies take.
 //!
@@ -28,6 +29,10 @@ use serde::{Deserialize, Serialize};
 /// Fraction of the time constant of the exchange that a step may take.
 const STEP_FRACTION: f64 = 0.5;
 
+/// Least distance of a surface from a point, in spacings: with long horizons the outermost points have the temperature of the
+/// surface, but the exchange needs a time.
+const LEAST_DEPTH: f64 = 0.1;
+
 /// Two bodies that touch exchange heat.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -40,7 +45,8 @@ pub struct HeatInterface {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub conductance: Option<f64>,
-    /// Largest distance of two surfaces in contact, m; left out: half of the smaller spacing.
+    /// Largest distance of two surfaces in contact, m; left out: half of the smaller spacing. Steps of inclined and curved
+    /// surfaces stand for what lies up to half a spacing of each body beside them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub gap: Option<f64>,
@@ -93,10 +99,11 @@ impl Side {
         let this = setup.body(body);
         let faces = Face::ALL.into_iter().filter(|f| f.axis() < this.dimension);
         let cells = this.surface(&faces.collect::<Vec<_>>());
+        let position = this.points.position.clone();
         Ok(Side {
             body,
-            centre: vec![Vector3::zeros(); cells.len()],
-            position: this.points.position.clone(),
+            centre: centres(this, &cells, &position).collect(),
+            position,
             cells,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
@@ -109,34 +116,39 @@ impl Side {
 
     /// Takes the positions of the moment.
     fn follow(&mut self, world: &World) {
-        let body = world.body(self.body);
         let now = world.configuration(self.body);
         self.moved |= now.positions() != self.position;
         if self.moved {
             self.position.copy_from_slice(now.positions());
-            for (centre, cell) in self.centre.iter_mut().zip(&self.cells) {
-                let point = cell.point as usize;
-                let half = 0.5 * body.points.spacing[point];
-                *centre = self.position[point] + half * cell.face.normal();
-            }
+            let body = world.body(self.body);
+            self.centre.clear();
+            self.centre
+                .extend(centres(body, &self.cells, &self.position));
         }
     }
 
-    /// Half a cell over its conductivity at its temperature, m² K/W.
-    fn resistance(&self, body: &Body, cell: u32, temperature: &[f64]) -> f64 {
-        let point = self.cells[cell as usize].point as usize;
+    /// From the point of a cell to its face at its temperature, m² K/W.
+    fn resistance(&self, world: &World, cell: u32, temperature: &[f64]) -> f64 {
+        let cell = &self.cells[cell as usize];
+        let (point, body) = (cell.point as usize, world.body(self.body));
         let (material, t) = (body.material_of_point[point] as usize, temperature[point]);
         let curve = self.curves.get(material);
         let liquid = curve.map_or(0.0, |c| c.liquid_fraction(t));
-        0.5 * body.points.spacing[point] / self.conductivity[material].at(t, liquid)
+        self.depth(world, cell) / self.conductivity[material].at(t, liquid)
     }
 
-    /// Least resistance of half a cell, m² K/W.
-    fn least_resistance(&self, body: &Body) -> f64 {
+    /// Distance of the surface from the point of a cell, m.
+    fn depth(&self, world: &World, cell: &SurfaceCell) -> f64 {
+        let depth = world.surface_depth(self.body)[cell.face as usize] * cell.cosine();
+        depth.max(LEAST_DEPTH) * world.body(self.body).points.spacing[cell.point as usize]
+    }
+
+    /// Least resistance from a point to its face, m² K/W.
+    fn least_resistance(&self, world: &World) -> f64 {
         let cell = |cell: &SurfaceCell| {
-            let point = cell.point as usize;
-            let conductivity = &self.conductivity[body.material_of_point[point] as usize];
-            0.5 * body.points.spacing[point] / max_abs(&conductivity.values())
+            let materials = &world.body(self.body).material_of_point;
+            let material = materials[cell.point as usize] as usize;
+            self.depth(world, cell) / max_abs(&self.conductivity[material].values())
         };
         self.cells.iter().map(cell).fold(f64::INFINITY, f64::min)
     }
@@ -157,19 +169,40 @@ impl Side {
     }
 }
 
+/// Centres of cell faces of a body, m.
+fn centres<'a>(
+    body: &'a Body,
+    cells: &'a [SurfaceCell],
+    position: &'a [Vector3<f64>],
+) -> impl Iterator<Item = Vector3<f64>> + 'a {
+    cells.iter().map(|cell| {
+        let point = cell.point as usize;
+        position[point] + 0.5 * body.points.spacing[point] * cell.face.normal()
+    })
+}
+
 impl Interface {
     /// Finds the cell faces that lie against each other, if any point has moved.
-    fn find_overlaps(&mut self, world: &World) {
+    fn follow(&mut self, world: &World) {
         self.sides.iter_mut().for_each(|side| side.follow(world));
-        if self.sides.iter().all(|side| !side.moved) {
-            return;
+        if self.sides.iter().any(|side| side.moved) {
+            self.find_overlaps([0, 1].map(|k| world.body(self.sides[k].body)));
+            self.sides.iter_mut().for_each(|side| side.moved = false);
         }
+    }
+
+    /// Finds the cell faces of the bodies that lie against each other.
+    fn find_overlaps(&mut self, bodies: [&Body; 2]) {
         let [first, second] = &self.sides;
-        let bodies = [first, second].map(|side| world.body(side.body));
         let spacing = |k: usize, cell: usize| {
             bodies[k].points.spacing[self.sides[k].cells[cell].point as usize]
         };
-        let reach = |k: usize, cell: usize| self.gap + spacing(k, cell);
+        let reach = |k: usize, cell: usize| {
+            let s = spacing(k, cell);
+            self.gap
+                .max(self.sides[k].cells[cell].contact_distance([s, s], true))
+                + s
+        };
         let reaches: Vec<f64> = (0..second.cells.len()).map(|c| reach(1, c)).collect();
         self.cells.update(&second.centre, &reaches);
         self.overlaps.clear();
@@ -181,10 +214,15 @@ impl Interface {
             let overlaps = &mut self.overlaps;
             self.cells.visit_near(&centre, reach(0, a), |b| {
                 let between = second.centre[b] - centre;
-                if second.cells[b].face != opposite || between[normal].abs() > self.gap {
+                let (sa, sb) = (spacing(0, a), spacing(1, b));
+                let is_step = cell.is_step && second.cells[b].is_step;
+                let gap = match is_step {
+                    true => self.gap.max(cell.contact_distance([sa, sb], true)),
+                    false => self.gap,
+                };
+                if second.cells[b].face != opposite || between[normal].abs() > gap {
                     return;
                 }
-                let (sa, sb) = (spacing(0, a), spacing(1, b));
                 let fraction = (0..self.dimension)
                     .filter(|axis| *axis != normal)
                     .map(|axis| {
@@ -205,7 +243,6 @@ impl Interface {
             });
             self.overlaps[start..].sort_unstable_by_key(|o| o.cells[1]);
         }
-        self.sides.iter_mut().for_each(|side| side.moved = false);
     }
 
     fn exchange(&mut self, world: &World) {
@@ -217,7 +254,7 @@ impl Interface {
         self.power = 0.0;
         for overlap in &self.overlaps {
             let resistance =
-                |k: usize| self.sides[k].resistance(bodies[k], overlap.cells[k], &temperatures[k]);
+                |k: usize| self.sides[k].resistance(world, overlap.cells[k], &temperatures[k]);
             let points: [usize; 2] = std::array::from_fn(|k| {
                 self.sides[k].cells[overlap.cells[k] as usize].point as usize
             });
@@ -277,7 +314,7 @@ impl Coupler for HeatInterface {
         }
         let spacings = [body, other].map(|b| setup.body(b).finest_spacing());
         let gap = self.gap.unwrap_or(0.5 * spacings[0].min(spacings[1]));
-        self.state = Some(Interface {
+        let mut interface = Interface {
             sides: [Side::new(setup, body)?, Side::new(setup, other)?],
             dimension: dimensions[0],
             resistance: self.conductance.map_or(0.0, |h| 1.0 / h),
@@ -285,13 +322,22 @@ impl Coupler for HeatInterface {
             cells: CellList::default(),
             overlaps: Vec::new(),
             power: 0.0,
-        });
+        };
+        interface.find_overlaps([body, other].map(|b| setup.body(b)));
+        if interface.overlaps.is_empty() {
+            setup.warn(format!(
+                "no faces of cells of `{}` and `{}` lie against each other at the start, within `gap`, {gap} m: the bodies exchange no heat \
+                 before they touch",
+                self.body, self.other
+            ));
+        }
+        self.state = Some(interface);
         Ok(())
     }
 
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
         let interface = self.state.as_mut().expect("prepared before the run");
-        interface.find_overlaps(world);
+        interface.follow(world);
         interface.exchange(world);
         Ok(())
     }
@@ -302,7 +348,7 @@ impl Coupler for HeatInterface {
         let bodies = interface.sides.each_ref().map(|s| world.body(s.body));
         let resistance: f64 = interface.resistance
             + (0..2)
-                .map(|k| interface.sides[k].least_resistance(bodies[k]))
+                .map(|k| interface.sides[k].least_resistance(world))
                 .sum::<f64>();
         let capacity = (0..2).map(|k| interface.sides[k].least_capacity(bodies[k]));
         let capacity = capacity.fold(f64::INFINITY, f64::min);
@@ -331,7 +377,7 @@ perimelt_core::register_coupler!("heat_interface", HeatInterface);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{STEEL, block, prepare, read, refusal};
+    use crate::testing::{STEEL, block, disc_in_plate, prepare, read, refusal};
     use perimelt_core::shape::{BoxShape, Shape};
 
     /// Two blocks of unit cells, the second one above the first and moved by `along` in x.
@@ -411,6 +457,25 @@ mod tests {
             let mut interface: HeatInterface = read(keys);
             let found = refusal(&mut two(0.0), &mut interface);
             assert!(found.contains(message), "{found}");
+        }
+    }
+
+    /// Steps of the cells of two bodies along a curved interface do not meet where spacings or grids differ.
+    #[test]
+    fn curved_interfaces_have_their_area_whatever_the_cells() {
+        for (spacings, offset) in [
+            ([0.05, 0.05], 0.0),
+            ([0.05, 0.05], 0.02),
+            ([0.05, 0.025], 0.0),
+            ([0.05, 0.025], 0.02),
+            ([0.04, 0.05], 0.0),
+            ([0.02, 0.05], 0.013),
+        ] {
+            let mut world = World::new(disc_in_plate(spacings, offset).into());
+            let table = "body = 'plate'\nother = 'disc'";
+            let interface = applied(&mut world, table, [300.0, 400.0]);
+            let area = interface.report()[1].value / std::f64::consts::PI;
+            assert!((area - 1.0).abs() < 0.02, "{spacings:?} {offset}: {area}");
         }
     }
 

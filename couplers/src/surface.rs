@@ -144,6 +144,7 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
                 face: Face::ZMax,
                 face_area: area,
                 area,
+                is_step: false,
             }
         };
         let cells = points.into_iter().map(cell).collect();
@@ -210,8 +211,8 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
 mod tests {
     use super::*;
     use crate::boundary::PrescribedFlux;
-    use crate::testing::{STEEL, block};
-    use perimelt_core::keys;
+    use crate::testing::{STEEL, block, disc_in_plate};
+    use perimelt_core::{Body, keys};
     use std::path::Path;
 
     #[test]
@@ -278,13 +279,21 @@ mod tests {
         area(9.0 + 12.0);
     }
 
-    /// Areas that are left of a block of 4 x 3 x 2 cells, with the notes and warnings of the set-up.
+    /// Area that is left of a block of 4 x 3 x 2 cells.
     fn free_area(
-        others: Vec<perimelt_core::Body>,
+        others: Vec<Body>,
         boundaries: impl FnOnce(&mut Setup<'_>),
     ) -> Result<f64, String> {
         let mut bodies = vec![block([4, 3, 2], 3, STEEL)];
         bodies.extend(others);
+        free_area_of(bodies, boundaries)
+    }
+
+    /// Area that is left of the first body.
+    fn free_area_of(
+        bodies: Vec<Body>,
+        boundaries: impl FnOnce(&mut Setup<'_>),
+    ) -> Result<f64, String> {
         let mut world = World::new(bodies);
         let mut setup = Setup::new(&mut world, Path::new("."));
         setup.next_plugin("heat");
@@ -299,6 +308,26 @@ mod tests {
             .map_err(|mistakes| mistakes[0].1.to_string())?;
         let cells = surface.expect("valid");
         Ok(cells.cells().iter().map(|c| c.area).sum())
+    }
+
+    /// Also where the steps of the cells do not meet.
+    #[test]
+    fn a_body_in_a_hole_covers_its_wall() {
+        for (spacings, offset) in [
+            ([0.05, 0.05], 0.0),
+            ([0.05, 0.025], 0.02),
+            ([0.025, 0.05], 0.013),
+        ] {
+            let bodies: Vec<Body> = disc_in_plate(spacings, offset).into();
+            let outside = 4.0 * (2.0 + offset);
+            let free = free_area_of(bodies.clone(), |_| ()).expect("its outside");
+            assert!((free / outside - 1.0).abs() < 0.02, "{spacings:?}: {free}");
+            let [plate, disc] = disc_in_plate(spacings, offset);
+            let of_disc = free_area_of(vec![disc, plate], |_| ());
+            // single faces may be left
+            let free = of_disc.unwrap_or(0.0);
+            assert!(free < 0.02 * std::f64::consts::PI, "{spacings:?}: {free}");
+        }
     }
 
     #[test]

@@ -38,6 +38,23 @@ pub fn block(cells: [usize; 3], dimension: usize, material: &str) -> Body {
     body
 }
 
+/// A plate of 2 x 2 m, 2D, with a round hole of 1 m in its middle, and a disc that fills the hole, of these spacings (m); the
+/// lower left corner of the plate lies at `-offset` (m) along both axes.
+pub fn disc_in_plate(spacings: [f64; 2], offset: f64) -> [Body; 2] {
+    let corner = -offset;
+    let disc = "sphere = { centre = [1, 1, 0.5], radius = 0.5 }";
+    let plate = format!(
+        "difference = {{ from = {{ box = {{ min = [{corner}, {corner}, 0], max = [2, 2, 1] }} }}, subtract = {{ {disc} }} }}"
+    );
+    let bodies = [("plate", &*plate, spacings[0]), ("disc", disc, spacings[1])];
+    bodies.map(|(name, shape, spacing)| {
+        let shape: Shape = toml::from_str(shape).expect("a shape");
+        let mut body = Body::fill(name, &shape, 2, spacing, 1.0).expect("valid");
+        body.materials = block([1, 1, 1], 3, STEEL).materials;
+        body
+    })
+}
+
 /// A body of 20 x 20 x 8 m with a fine part in the middle between coarse ends.
 pub fn zones(dimension: usize) -> Body {
     let shape = Shape::Box(BoxShape {

@@ -121,15 +121,6 @@ impl Flux {
         pddo.divergence(&self.slots, work, &mut self.divergence);
     }
 
-    /// Sets the flux to that given by point. Walls mirror it.
-    pub(crate) fn set(&mut self, (pddo, work): (&Pddo, &mut Derivatives), flux: &[Vector3<f64>]) {
-        for (axis, slots) in self.slots.iter_mut().enumerate() {
-            let along = |point: usize| flux[point][axis];
-            slots.load(pddo.family(), along, Mirrored::Vector(axis));
-        }
-        pddo.divergence(&self.slots, work, &mut self.divergence);
-    }
-
     /// The flux at a slot.
     pub(crate) fn at(&self, slot: usize) -> Vector3<f64> {
         Vector3::from_fn(|a, _| self.slots.get(a).map_or(0.0, |slots| slots[slot]))

@@ -16,6 +16,7 @@ pub mod mechanical;
 pub mod metallurgy;
 pub mod replay;
 pub mod rigid_body;
+mod shape_tensor;
 #[cfg(test)]
 mod testing;
 pub mod thermal;

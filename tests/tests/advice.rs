@@ -57,13 +57,6 @@ faces = ["y-", "y+"]
 end = 0.1
 "#;
 
-const HEAT: &str = r#"
-[[physics]]
-type = "thermal"
-body = "fluid"
-form = "bonds"
-"#;
-
 const CLOSED: &str = r#"
 [bodies.fluid]
 shape.box = { min = [0, 0, 0], max = [0.2, 0.1, 0.01] }
@@ -105,16 +98,6 @@ fn changed(text: &str, changes: &[(&str, &str)]) -> String {
 
 #[test]
 fn who_follows_the_advice_gets_on() {
-    let heated = changed(
-        BODY_IN_A_STREAM,
-        &[
-            ("[time]", &format!("{HEAT}\n[time]")),
-            (
-                "initial.velocity",
-                "initial.temperature = 300\ninitial.velocity",
-            ),
-        ],
-    );
     let hole = ", subtract = { box = { min = [0.1, 0.08, 0], max = [0.14, 0.12, 0.01] } } }";
     for (what, text, reason, followed) in [
         (
@@ -122,12 +105,6 @@ fn who_follows_the_advice_gets_on() {
             BODY_IN_A_STREAM.to_string(),
             "",
             String::new(),
-        ),
-        (
-            "heat between a flow and a body in it",
-            heated.clone(),
-            "heat that a flow carries is computed for flows that fill their box",
-            changed(&heated, &[(HEAT, ""), ("initial.temperature = 300\n", "")]),
         ),
         (
             "a gap between a fluid and a wall",

@@ -211,3 +211,111 @@ fn a_gap_between_the_lattice_and_a_wall_is_refused() {
         "{message}"
     );
 }
+
+/// A hot disc of finer points in a stream: the fluid takes up what the disc gives, and a uniform temperature stays as it is.
+#[test]
+fn heat_flows_around_a_body_in_a_stream() {
+    let disc = "{ sphere = { centre = [0.3, 0.3, 0.0125], radius = 0.1 } }";
+    let stream = |temperature: f64| {
+        format!(
+            "[bodies.oil]
+            shape.difference = {{ from = {{ box = {{ min = [0, 0, 0], max = [0.9, 0.6, 0.025] }} }}, subtract = {disc} }}
+            dimension = 2
+            thickness = 1
+            spacing = 0.025
+            material = 'oil'
+            periodic = ['x', 'y']
+            initial.velocity = [0.5, 0, 0]
+            initial.temperature = 300
+            [bodies.disc]
+            shape.union = [{disc}]
+            dimension = 2
+            thickness = 1
+            spacing = 0.0125
+            material = 'metal'
+            initial.temperature = {temperature}
+            [materials.oil]
+            density = 900
+            viscosity = 5
+            specific_heat = 100
+            conductivity = 90
+            [materials.metal]
+            density = 900
+            specific_heat = 100
+            conductivity = 900
+            [[physics]]
+            type = 'fluid'
+            body = 'oil'
+            description = 'eulerian'
+            form = 'conservative'
+            state.tait.sound_speed = 5
+            [[physics]]
+            type = 'thermal'
+            body = 'oil'
+            [[physics]]
+            type = 'thermal'
+            body = 'disc'
+            [[physics]]
+            type = 'rigid_body'
+            body = 'disc'
+            hold = ['x', 'y', 'rotation']
+            [[couplers]]
+            type = 'fluid_structure'
+            fluid = 'oil'
+            solid = 'disc'
+            [[couplers]]
+            type = 'heat_interface'
+            body = 'oil'
+            other = 'disc'
+            [time]
+            end = 0.5
+            [log]
+            interval = 0.5"
+        )
+    };
+    let field = |s: &Simulation, body: usize, name: &str| {
+        let fields = s.world().fields();
+        let field = fields.field(fields.find(body, name).expect("it is owned"));
+        field.data().flat().to_vec()
+    };
+    // heat of the mass at a point over its temperature, J/K
+    let heat = |s: &Simulation, body: usize| {
+        let volume = &s.world().body(body).points.volume;
+        let density = match body {
+            0 => field(s, 0, "density"),
+            _ => vec![900.0; volume.len()],
+        };
+        let all = field(s, body, "temperature").into_iter();
+        let all = all.zip(density).zip(volume);
+        all.map(|((t, rho), v)| 100.0 * rho * (t - 300.0) * v)
+            .sum::<f64>()
+    };
+    let mut uniform = compose(&stream(300.0));
+    let mut heated = compose(&stream(400.0));
+    let before = heat(&heated, 1);
+    for simulation in [&mut uniform, &mut heated] {
+        while !simulation.is_finished() {
+            simulation.step().expect("it runs");
+        }
+    }
+    let temperatures = field(&uniform, 0, "temperature");
+    // rounding
+    assert!(temperatures.iter().all(|t| (t - 300.0).abs() < 1e-9));
+    let (taken, given) = (heat(&heated, 0), before - heat(&heated, 1));
+    assert!(given > 0.2 * before, "{given} {before}");
+    // heat and flow take steps of their own while the sound of the sudden start passes
+    assert!((taken / given - 1.0).abs() < 2e-3, "{taken} {given}");
+    // heat goes with the stream
+    let places = &heated.world().body(0).points.position;
+    let side = |upstream: bool| {
+        let beside = places.iter().zip(field(&heated, 0, "temperature"));
+        let beside = beside.filter(|(x, _)| (x.x < 0.3) == upstream && x.x < 0.6);
+        beside.map(|(_, t)| t - 300.0).sum::<f64>()
+    };
+    assert!(
+        side(false) > 2.0 * side(true),
+        "{} {}",
+        side(false),
+        side(true)
+    );
+}

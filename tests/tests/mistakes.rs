@@ -66,6 +66,56 @@ fn pure_mechanics_is_not_told_to_expand() {
     );
 }
 
+/// Bodies between which no heat flows are told, also where the boxes around them touch.
+#[test]
+fn bodies_of_an_interface_that_do_not_touch_are_told() {
+    for (lower, gap, touches) in [
+        (0.01, "", true),
+        (0.0104, "", true),
+        (0.0106, "", false),
+        (0.0106, "gap = 7e-4", true),
+        (0.1, "", false),
+    ] {
+        let text = format!(
+            "[bodies.one]
+            shape.box = {{ min = [0, 0, 0], max = [0.02, 0.01, 0.001] }}
+            dimension = 2
+            spacing = 1e-3
+            material = 'steel'
+            initial.temperature = 300
+            [bodies.two]
+            shape.box = {{ min = [0, {lower}, 0], max = [0.02, {}, 0.001] }}
+            dimension = 2
+            spacing = 1e-3
+            material = 'steel'
+            initial.temperature = 400
+            [materials.steel]
+            density = 7800
+            specific_heat = 600
+            conductivity = 30
+            [[physics]]
+            type = 'thermal'
+            body = 'one'
+            [[physics]]
+            type = 'thermal'
+            body = 'two'
+            [[couplers]]
+            type = 'heat_interface'
+            body = 'one'
+            other = 'two'
+            {gap}
+            [time]
+            end = 0.1
+            [log]
+            interval = 0.1",
+            lower + 0.01
+        );
+        let told = warnings(text).unwrap_or_else(|e| panic!("{lower}: {e}"));
+        let of_gap = told.iter().filter(|w| w.contains("exchange no heat"));
+        assert_eq!(of_gap.count(), usize::from(!touches), "{lower}: {told:?}");
+    }
+}
+
 /// Mean coefficients that count from an unknown temperature are told.
 #[test]
 fn mean_coefficients_without_their_reference_temperature_are_told() {

@@ -1,10 +1,10 @@
-//! Conditions of a case that contradict each other: two values for the same points, heat through an insulated face, contact of bodies
-//! that are apart, a fluid faster than its sound.
+//! Conditions of a case that contradict each other: two values for the same points, heat through an insulated face, a fluid faster
+//! than its sound.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
 
-use perimelt_core::{Body, Simulation};
+use perimelt_core::Simulation;
 use toml::de::DeValue;
 
 use super::error::Mistakes;
@@ -88,7 +88,6 @@ impl Case {
                 .filter_map(|first| self.conflict(first, second, simulation, false));
             found.extend(conflicts.map(|mistake| mistake.message.clone()));
         }
-        found.extend(apart(&couplers, simulation));
         found.extend(self.fast_fluids(simulation)?);
         Ok(found)
     }
@@ -281,45 +280,6 @@ const DISPLACEMENTS: [(&str, &str); 3] = [
     ("y", "the displacement along y"),
     ("z", "the displacement along z"),
 ];
-
-/// Interfaces between bodies that do not touch at the start.
-fn apart(couplers: &[PluginTable<'_>], simulation: &Simulation) -> Vec<String> {
-    let bodies = simulation.world().bodies();
-    let interfaces = couplers.iter().filter(|c| c.kind == "heat_interface");
-    let find = |table: &PluginTable<'_>, key: &str| {
-        let name = text_of(table, key)?;
-        bodies.iter().find(|b| b.name == name)
-    };
-    let sentence = |table: &PluginTable<'_>| {
-        let (one, other) = (find(table, "body")?, find(table, "other")?);
-        let gap = table
-            .value
-            .get_ref()
-            .get("gap")
-            .map(|v| numbers(v.get_ref()));
-        let gap = gap.and_then(|g| g.first().copied()).unwrap_or(0.0);
-        let reach = gap.max(2.0 * one.coarsest_spacing().max(other.coarsest_spacing()));
-        let distance = distance(one, other);
-        (distance > reach).then(|| {
-            format!(
-                "the bodies `{}` and `{}` of a `heat_interface` are {} m apart at the start and exchange no heat before they touch",
-                one.name,
-                other.name,
-                unit::number(distance, 3)
-            )
-        })
-    };
-    interfaces.filter_map(sentence).collect()
-}
-
-/// Distance of the boxes around two bodies, m.
-fn distance(one: &Body, other: &Body) -> f64 {
-    let (low, high) = one.bounds();
-    let (from, to) = other.bounds();
-    let axes = 0..one.dimension.min(other.dimension);
-    let gaps = axes.map(|a| (from[a] - high[a]).max(low[a] - to[a]).max(0.0));
-    gaps.map(|g| g * g).sum::<f64>().sqrt()
-}
 
 /// Numbers of a case that no quantity in SI units has: not finite, or beyond these magnitudes. Squares and cubes of
 /// others are finite.

@@ -375,6 +375,8 @@ benchmarks!(
     "hill-cylinder", "hill-cylinder-ordinary", "hill-sphere", "hill-sphere-hardening",
     "autofrettage", "autofrettage-ordinary", "quenched-ball",
     "slotted-bar-load", "slotted-bar-load-ordinary", "slotted-bar-limit", "slotted-bar-limit-ordinary",
+    "heated-cylinder-re20",
+    "heated-cylinder-re40",
     "heated-disc",
     "source-on-moving-points",
     "quench-2.1-rod",

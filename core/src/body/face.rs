@@ -88,4 +88,32 @@ pub struct SurfaceCell {
     pub face_area: f64,
     /// Area of the true surface that the cell face stands for, m²: sums are those of the shape.
     pub area: f64,
+    /// Whether it is a step of an inclined or curved surface, which lies up to half a spacing beside it.
+    pub is_step: bool,
+}
+
+/// Least cosine of the angle between a step and its surface that counts in [`SurfaceCell::contact_distance`].
+const LEAST_COSINE: f64 = 0.25;
+
+impl SurfaceCell {
+    /// Distance between a point and the surface over that along the axis of the face: one, and less at steps.
+    pub fn cosine(&self) -> f64 {
+        match self.is_step {
+            true => self.area / self.face_area,
+            false => 1.0,
+        }
+    }
+
+    /// Largest distance (m) along the axis at which a cell face lies against one of another body, with these spacings (m): half of
+    /// the smaller one. Where both are steps of an inclined or curved surface they lie beside it by up to half of both spacings, across
+    /// the surface.
+    pub fn contact_distance(&self, spacings: [f64; 2], other_is_step: bool) -> f64 {
+        let [a, b] = spacings;
+        let distance = match self.is_step && other_is_step {
+            true => (a + b) / self.cosine().max(LEAST_COSINE),
+            false => a.min(b),
+        };
+        // rounding
+        0.5 * (1.0 + 1e-9) * distance
+    }
 }

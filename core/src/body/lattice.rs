@@ -44,10 +44,16 @@ impl Lattice {
         (point != NO_POINT).then_some(point as usize)
     }
 
-    /// The point in the cell behind a face of a point's cell.
-    pub(super) fn neighbour(&self, point: usize, face: Face) -> Option<usize> {
+    /// The point in the cell behind a face of a point's cell; the last cell along a periodic axis has the first one behind it.
+    pub(super) fn neighbour(&self, point: usize, face: Face, periodic: [bool; 3]) -> Option<usize> {
         let (cell, step) = (self.cell_of_point[point], face.step());
-        self.point(std::array::from_fn(|a| i64::from(cell[a]) + step[a]))
+        self.point(std::array::from_fn(|a| {
+            let at = i64::from(cell[a]) + step[a];
+            match periodic[a] {
+                true => at.rem_euclid(self.cells[a] as i64),
+                false => at,
+            }
+        }))
     }
 
     pub(super) fn bounds(&self) -> Bounds {

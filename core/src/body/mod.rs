@@ -370,14 +370,21 @@ impl Body {
         self.face_position(Face::ALL[2 * axis + 1]) - self.face_position(Face::ALL[2 * axis])
     }
 
-    /// The point whose cell touches the middle of a face of the cell of `point`.
+    /// The point whose cell touches the middle of a face of the cell of `point`, on a lattice also across periodic sides.
     pub fn neighbour(&self, point: usize, face: Face) -> Option<usize> {
         match &self.discretisation {
-            Discretisation::Lattice(lattice) => lattice.neighbour(point, face),
+            Discretisation::Lattice(lattice) => lattice.neighbour(point, face, self.periodic),
             Discretisation::Cloud(cloud) => {
                 cloud.behind(&self.points.spacing, point, face, [0.0; 3])
             }
         }
+    }
+
+    /// Whether the cell of a point has a bare face in a direction that is a step of an inclined or curved surface.
+    pub(crate) fn is_step(&self, point: usize, face: Face) -> bool {
+        let outline = self.outline.as_ref();
+        self.neighbour(point, face).is_none()
+            && outline.is_some_and(|o| o.fraction(&self.points, point, face).1)
     }
 
     /// Bare cell faces with a normal among `faces`; for a cloud, with the bare part of their area.
@@ -393,17 +400,18 @@ impl Body {
         faces: &[Face],
         has_material: impl Fn(usize) -> bool,
     ) -> Vec<SurfaceCell> {
-        let bare = |f: &&Face| f.axis() < self.dimension && !self.periodic[f.axis()];
-        let faces = faces.iter().filter(bare);
+        let faces = faces.iter().filter(|f| f.axis() < self.dimension);
         let mut surface = Vec::new();
         for point in points.filter(|&p| has_material(p)) {
             let whole = self.points.volume[point] / self.points.spacing[point];
             for &face in faces.clone() {
                 let bare = match &self.discretisation {
                     Discretisation::Lattice(lattice) => {
-                        let covers = lattice.neighbour(point, face);
+                        let covers = lattice.neighbour(point, face, self.periodic);
                         f64::from(u8::from(!covers.is_some_and(&has_material)))
                     }
+                    // it fills its box
+                    Discretisation::Cloud(_) if self.periodic[face.axis()] => 0.0,
                     Discretisation::Cloud(cloud) => {
                         cloud.bare_fraction(self.dimension, &self.points.spacing, point, face)
                     }
@@ -411,12 +419,14 @@ impl Body {
                 if bare > 0.0 {
                     let face_area = bare * whole;
                     let outline = self.outline.as_ref();
-                    let fraction = outline.map_or(1.0, |o| o.fraction(&self.points, point, face));
+                    let (fraction, is_step) =
+                        outline.map_or((1.0, false), |o| o.fraction(&self.points, point, face));
                     surface.push(SurfaceCell {
                         point: point as u32,
                         face,
                         face_area,
                         area: fraction * face_area,
+                        is_step,
                     });
                 }
             }

@@ -45,12 +45,13 @@ impl Outline {
         Some(outline)
     }
 
-    /// Area of the true surface over that of a cell face of a point.
-    pub fn fraction(&self, points: &Points, point: usize, face: Face) -> f64 {
+    /// Area of the true surface over that of a cell face of a point, and whether the face is a step of an inclined or curved one.
+    pub fn fraction(&self, points: &Points, point: usize, face: Face) -> (f64, bool) {
         let spacing = points.spacing[point];
         let at = points.position[point] + face.normal() * (0.5 * spacing);
         let (fraction, part) = self.projected(at, face, spacing);
-        fraction * part.map_or(1.0, |part| self.correction[part])
+        let correction = part.map_or(1.0, |part| self.correction[part]);
+        (fraction * correction, part.is_some())
     }
 
     /// The same without the correction, and the part of the surface, where it is inclined.
@@ -84,7 +85,7 @@ impl Outline {
         let faces = Face::ALL.into_iter().filter(|f| f.axis() < body.dimension);
         let faces: Vec<Face> = faces.collect();
         for point in 0..body.points.len() {
-            let bare = |f: &&Face| lattice.neighbour(point, **f).is_none();
+            let bare = |f: &&Face| lattice.neighbour(point, **f, body.periodic).is_none();
             for face in faces.iter().filter(bare) {
                 let at = body.points.position[point] + face.normal() * (0.5 * lattice.spacing);
                 let (area, part) = self.projected(at, *face, lattice.spacing);
@@ -197,6 +198,25 @@ mod tests {
 
     fn area(body: &Body) -> f64 {
         body.surface(&Face::ALL).iter().map(|cell| cell.area).sum()
+    }
+
+    /// Holes and grooves of a periodic body have all their faces; only what touches across a periodic side has none.
+    #[test]
+    fn a_periodic_body_has_the_surface_of_its_holes() {
+        let plate = "difference = { from = { box = { min = [0, 0, 0], max = [4, 2, 1] } }, \
+                     subtract = { cylinder = { start = [2, 1, -1], end = [2, 1, 2], radius = 0.5 } } }";
+        let groove = "difference = { from = { box = { min = [0, 0, 0], max = [4, 2, 1] } }, \
+                      subtract = { box = { min = [1, 1, -1], max = [2, 3, 2] } } }";
+        // per unit of thickness: the whole boundary, less the two sides that touch
+        let round = std::f64::consts::PI;
+        for (shape, expected) in [(plate, 8.0 + round), (groove, 8.0 + 2.0)] {
+            let mut body = body(shape, 2, 0.05);
+            let whole = area(&body);
+            body.repeat(&[crate::Axis::X]).expect("its sides are full");
+            let periodic = area(&body);
+            assert!((periodic / expected - 1.0).abs() < 0.01, "{periodic}");
+            assert!((whole - periodic - 4.0).abs() < 1e-9, "{whole} {periodic}");
+        }
     }
 
     /// Sums over the whole surface are those of the shape: within 2 % at ten points across, 1 % at twenty.

@@ -104,6 +104,15 @@ impl Setup<'_> {
         Ok(())
     }
 
+    /// The family over which the flow through the points of a body is summed: what a flow carries is kept to rounding by sums over
+    /// the same bonds. `None` where nothing flows through them.
+    pub fn flow_family(&self, body: BodyIndex) -> Option<Arc<Family>> {
+        let plugin = self.world.configurations.flow_owner(body)?;
+        let of_flow = |f: &&ObtainedFamily| f.body == body && f.plugin == plugin;
+        let family = self.families.iter().find(of_flow);
+        family.map(|f| f.family.clone())
+    }
+
     fn check_points_are_free(&self, body: BodyIndex) -> Result<(), SetupError> {
         if self.is_growing(body) {
             return Err(self.refused_growth(body));

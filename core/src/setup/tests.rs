@@ -375,11 +375,15 @@ fn points_are_moved_or_passed_by_one_physics() {
     setup.next_plugin("flow");
     setup.family(0, &spec()).expect("its own");
     assert_eq!(setup.description(0), Description::TotalLagrangian);
+    assert!(setup.flow_family(0).is_none());
     setup
         .flow_through(0, Description::Eulerian)
         .expect("nobody else");
     setup.next_plugin("heat");
     assert_eq!(setup.description(0), Description::Eulerian);
+    let of_flow = setup.flow_family(0).map(|f| f.spec().clone());
+    assert_eq!(of_flow, Some(spec()));
+    assert!(setup.flow_family(1).is_none());
     let refused = setup.move_points(0).expect_err("one physics").to_string();
     assert!(
         refused.contains("`flow` already decides where the points of body `plate` are"),

@@ -99,6 +99,9 @@ fn separates_cells(body: &Body, cut: &Cut) -> bool {
     positions.iter().enumerate().any(|(point, position)| {
         upper[..body.dimension].iter().any(|&face| {
             let neighbour = body.neighbour(point, face);
+            // not the one across a periodic side
+            let above = |n: &usize| positions[*n][face.axis()] > position[face.axis()];
+            let neighbour = neighbour.filter(above);
             neighbour.is_some_and(|n| cut.crosses(position, &positions[n]))
         })
     })

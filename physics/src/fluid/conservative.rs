@@ -12,8 +12,8 @@
 //! so that the work of the pressure is the energy of compression; behind walls both take mirror images, whether or not
 //! the fluid slips. A rigid motion has no divergence, therefore the forces and their moments add up to zero. Where a
 //! family is incomplete no pressure acts from outside: a free surface needs no condition. A family that is too thin to
-//! determine the velocity gradient across it (a splash, a single point) counts with at least the eigenvalue
-//! `SMALLEST`.
+//! determine the velocity gradient across it (a splash, a single point) counts with a least eigenvalue
+//! ([`crate::shape_tensor`]).
 //!
 //! Viscosity and diffusion of density are pairwise, `lap f = (2/a) sum_j w (f_j - f_i) V_j` with
 //! `A = a I` of a complete family, so that each pair exchanges equal and opposite amounts. Friction heats by the work
@@ -25,39 +25,19 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use perimelt_core::family::{Mirrored, Rising};
 use perimelt_core::pddo::largest_wave_number;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Body, Bond, BondKernel, Family, PddoError, SlotField, World};
 use rayon::prelude::*;
 
+use crate::shape_tensor::{COMPONENTS, CompleteFamily, components, inverted};
+
 use super::collision::FluidPoints;
 use super::medium::Medium;
 use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
-use super::treatments::CompleteFamily;
 use super::walls::{FluidAtWall, Walls};
-
-/// Least eigenvalue of `A / a`, that of a flat free surface: where a family has less, as at corners, the fluid is
-/// slightly softer, which does not matter at a surface without pressure.
-const SMALLEST: f64 = 0.5;
-
-/// Product of the eigenvalues of `A / a` from which a family counts as complete: the second row below a flat free
-/// surface has 0.84. Below, one eigenvalue may be as small as [`SMALLEST`].
-const COMPLETE: f64 = 0.85;
-
-/// Components of `A^-1`, in the order in which they are stored: those of a plane come first.
-pub(super) const COMPONENTS: [(usize, usize); 6] = [(0, 0), (1, 1), (0, 1), (2, 2), (1, 2), (0, 2)];
-
-/// Whether a component stands on the diagonal.
-pub(super) fn is_diagonal(component: usize) -> bool {
-    COMPONENTS[component].0 == COMPONENTS[component].1
-}
-
-/// Number of them.
-pub(super) const fn components(dimension: usize) -> usize {
-    dimension * (dimension + 1) / 2
-}
 
 /// Rates of the conservative form.
 #[derive(Debug)]
@@ -178,31 +158,6 @@ impl<const D: usize, const I: usize> BondKernel<I, D> for Push<D> {
         }
         sums
     }
-}
-
-/// `A^-1` from the components of `A`, with the eigenvalues of `A / complete` not below [`SMALLEST`], and whether they
-/// are those of a complete family.
-fn inverted<const D: usize>(sums: &[f64], complete: f64) -> (Matrix3<f64>, bool) {
-    // one along the axis that a plane body does not have
-    let mut shape = Matrix3::identity();
-    for (sum, &(a, b)) in sums.iter().zip(&COMPONENTS[..components(D)]) {
-        shape[(a, b)] = sum / complete;
-        shape[(b, a)] = sum / complete;
-    }
-    // the eigenvalues of a run that has blown up would be looked for without end
-    if !shape.iter().all(|x| x.is_finite()) {
-        return (Matrix3::identity() / complete, false);
-    }
-    if shape.determinant() > COMPLETE
-        && let Some(inverse) = shape.try_inverse()
-    {
-        return (inverse / complete, true);
-    }
-    let eigen = shape.symmetric_eigen();
-    let kept = eigen.eigenvalues.map(|value| 1.0 / value.max(SMALLEST));
-    let axes = eigen.eigenvectors;
-    let inverse = axes * Matrix3::from_diagonal(&kept) * axes.transpose();
-    (inverse / complete, false)
 }
 
 impl Conservative {

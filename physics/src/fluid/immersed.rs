@@ -33,8 +33,9 @@ use perimelt_core::family::Places;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Body, BondKernel, Family, Setup, SetupError, SlotField, World};
 
+use crate::shape_tensor::{CompleteFamily, Completion};
+
 use super::point_motion::LEAST_DISTORTION;
-use super::treatments::CompleteFamily;
 use super::walls::{WallBody, Walls};
 
 /// Largest displacement of a wall along its normal, in spacings of the fluid.
@@ -130,18 +131,6 @@ impl Walls {
         let fluid = setup.body(body);
         let points = &fluid.points;
         let spacing = fluid.finest_spacing();
-        // by fluid point: sum w V and sum w xi V over all members and over walls, distance from walls
-        let mut content = vec![0.0; points.len()];
-        let mut asymmetry = vec![Vector3::zeros(); points.len()];
-        for point in 0..points.len() {
-            family.for_each_bond(point, |_, bond, _| {
-                content[point] += bond.weight;
-                asymmetry[point] += bond.weight * Vector3::from(bond.xi);
-            });
-        }
-        let mut at_walls = vec![0.0; points.len()];
-        let mut towards = vec![Vector3::zeros(); points.len()];
-        let mut distance = vec![f64::INFINITY; points.len()];
         for wall in &mut self.bodies {
             let solid = setup.body(wall.wall.other);
             let places = [points, &solid.points].map(|points| Places {
@@ -149,11 +138,19 @@ impl Walls {
                 volumes: &points.volume,
             });
             wall.bonds.follow(places[0], places[1]);
+        }
+        let bonds = self.bodies.iter().map(|wall| &wall.bonds);
+        let completion = Completion::of(points.len(), family, bonds);
+        let Completion {
+            content, at_walls, ..
+        } = &completion;
+        let mut towards = vec![Vector3::zeros(); points.len()];
+        let mut distance = vec![f64::INFINITY; points.len()];
+        for wall in &self.bodies {
+            let solid = setup.body(wall.wall.other);
             for n in 0..wall.bonds.len() {
                 let (bond, point, ghost) = wall.bonds.bond(n);
-                at_walls[point] += bond.weight;
                 towards[point] += bond.weight * Vector3::from(bond.xi);
-                asymmetry[point] += bond.weight * Vector3::from(bond.xi);
                 let half = 0.5 * solid.points.spacing[ghost.point];
                 let beside = bond.xi.map(|x| (x.abs() - half).max(0.0));
                 let beside =
@@ -163,7 +160,7 @@ impl Walls {
         }
         for (point, x) in points.position.iter().enumerate() {
             let is_alone = at_walls[point] == 0.0
-                && asymmetry[point].norm() > 1e-6 * complete.content * spacing;
+                && completion.asymmetry(point) > 1e-6 * complete.content * spacing;
             let found = (content[point] + at_walls[point]) / complete.content;
             if is_alone || found < LEAST_CONTENT {
                 let at = perimelt_core::text::position(*x);
@@ -199,13 +196,7 @@ impl Walls {
             }
         }
         for wall in &mut self.bodies {
-            wall.bonds.for_each_mut(|point, bond| {
-                // members in the skin have weight zero
-                if at_walls[point] > 0.0 {
-                    let correction = asymmetry[point] / at_walls[point];
-                    (0..3).for_each(|a| bond.xi[a] -= correction[a]);
-                }
-            });
+            completion.correct(&mut wall.bonds);
             let solid = setup.body(wall.wall.other);
             let surface = (&distance[..], &towards[..]);
             wall.immersed = Some(Immersed::of(wall, surface, &solid.points.position, spacing));

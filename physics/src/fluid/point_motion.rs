@@ -32,9 +32,8 @@ use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::{Axis, Body, Bond, BondKernel, Face, Family, SetupError, SlotField};
 use rayon::prelude::*;
 
-use super::conservative::{COMPONENTS, components, is_diagonal};
 use super::rates::POINTS_PER_TASK;
-use super::treatments::CompleteFamily;
+use crate::shape_tensor::{COMPONENTS, CompleteFamily, components, is_diagonal};
 
 /// Pairs of sweeps, forth and back, in each step.
 const SWEEPS: usize = 2;

@@ -11,8 +11,8 @@ use super::medium::{Coefficient, Medium};
 use super::point_motion::PointMotion;
 use super::rates::{Rates, Terms};
 use super::state::{State, Tait};
-use super::treatments::CompleteFamily;
 use super::walls::Walls;
+use crate::shape_tensor::CompleteFamily;
 use crate::testing::block;
 
 /// A fluid in a box of 1 m, of which the faces `mirrored` are planes of symmetry and the others periodic.

@@ -10,6 +10,7 @@ use perimelt_core::{
 };
 
 use crate::advection::usual_horizon;
+use crate::shape_tensor::CompleteFamily;
 
 use super::boundaries::{check_closed, check_faces};
 use super::conservative::Conservative;
@@ -20,7 +21,7 @@ use super::medium::{Coefficient, Medium};
 use super::point_motion::PointMotion;
 use super::rates::{LargestSums, Rates};
 use super::run::{FluidTemperature, Moving, Run};
-use super::treatments::{CompleteFamily, Treatments};
+use super::treatments::Treatments;
 use super::walls::Walls;
 
 /// Where the points are: a family, and what moves them.

@@ -12,7 +12,8 @@ use perimelt_core::{
 
 use super::Fluid;
 use super::rates::{LargestSums, Stability};
-use super::treatments::{CompleteFamily, Treatments};
+use super::treatments::Treatments;
+use crate::shape_tensor::CompleteFamily;
 use crate::testing::{block, read, run, set, simulation, values};
 use crate::thermal::Thermal;
 

@@ -4,8 +4,10 @@
 //! opposite amounts.
 
 use nalgebra::{Matrix4, Vector3, Vector4};
-use perimelt_core::{Body, Bond, BondKernel, Family, SlotField};
+use perimelt_core::{Bond, BondKernel, Family, SlotField};
 use rayon::prelude::*;
+
+use crate::shape_tensor::CompleteFamily;
 
 use super::medium::Medium;
 use super::rates::POINTS_PER_TASK;
@@ -21,23 +23,6 @@ const TOO_FEW: f64 = 0.55;
 
 /// Fraction below which a point is not shifted: no shifting near free surfaces.
 const NEAR_SURFACE: f64 = 0.97;
-
-/// A complete family, or the fullest one.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct CompleteFamily {
-    /// The point that has it.
-    pub point: usize,
-    /// `sum w |xi|^2 V / dimension`, m.
-    pub moment: f64,
-    /// `sum w |xi|^4 V` over `sum w |xi|^2 V`, m².
-    pub mean_square: f64,
-    /// `sum w V` of the neighbours, 1/m.
-    pub content: f64,
-    /// Weight of a point in its own family over its volume, 1/m⁴ (3D).
-    pub own_weight: f64,
-    /// Weight of a point in its own family, 1/m.
-    pub own_content: f64,
-}
 
 /// The treatments with their work arrays.
 #[derive(Debug)]
@@ -87,37 +72,6 @@ impl<const D: usize> BondKernel<D, D> for Approach {
         let square = bond.length * bond.length + self.softening;
         let part = bond.weight * approach.min(0.0) / square;
         std::array::from_fn(|a| part * bond.xi[a])
-    }
-}
-
-impl CompleteFamily {
-    pub(super) fn of(body: &Body, family: &Family) -> Self {
-        let (mut square, mut content, mut point) = (0.0_f64, 0.0, 0);
-        for candidate in 0..body.points.len() {
-            let (mut own_square, mut own_content) = (0.0, 0.0);
-            family.for_each_bond(candidate, |_, bond, _| {
-                own_square += bond.weight * bond.length * bond.length;
-                own_content += bond.weight;
-            });
-            // so that rounding does not decide between equal families
-            if own_square > square * (1.0 + 1e-9) {
-                (square, content, point) = (own_square, own_content, candidate);
-            }
-        }
-        let mut fourth = 0.0;
-        family.for_each_bond(point, |_, bond, _| {
-            fourth += bond.weight * bond.length.powi(4);
-        });
-        let horizon = family.spec().horizon.of(body.finest_spacing());
-        let own_weight = 1.0 / family.spec().moment(body, horizon);
-        CompleteFamily {
-            point,
-            moment: square / body.dimension as f64,
-            mean_square: fourth / square,
-            content,
-            own_weight,
-            own_content: own_weight * body.points.volume[0],
-        }
     }
 }
 

@@ -1,48 +1,178 @@
 //! Heat that an Eulerian fluid carries through the points.
 //!
 //! ```text
-//! dh/dt = (h div m - div(m h*)) / rho,   h* = h + dt/2 dh/dt        Gao (2020), eq. 5.101; corrected, see spec 05, E7
+//! dh/dt = sum_j N_ij V_j (h_i - (h_i* + h_j*) / 2) / rho      N_ij = w (q_i + q_j) . xi,   q = A^-1 m,   A = sum_j w xi xi^T V_j
 //! ```
 //!
-//! with the flux m of mass by which the fluid advanced its density, so that the integral of `rho h` is kept to rounding,
-//! and the enthalpy h* in the middle of the step. Behind faces the enthalpy is that of the temperature there. The heat of
-//! short waves spreads by the diffusivity that they lack ([`Convection`]).
+//! over the family of the flow and its bonds to walls, with the flux m of mass by which the fluid advanced its density and the enthalpy h* in the middle
+//! of the step: `(h div m - div(m h*)) / rho` of Gao (2020), eq. 5.101, as a sum over bonds, opposite at the two ends of each, so
+//! that the integral of `rho h` is kept to rounding where the density follows the same sums. The gradient of h is exact for linear
+//! fields. Behind a wall, that is a body in the flow, `N_ij = w (q_i . xi - <q . xi>_j)` with the mean over the fluid around the wall
+//! point j: what enters a wall point leaves it with the mean enthalpy `<h>_j`. Behind faces the enthalpy is that of
+//! the temperature there. The heat of short waves spreads by the diffusivity that they lack ([`Convection`]).
 
 use std::sync::Arc;
 
-use nalgebra::Vector3;
-use perimelt_core::family::{ByImage, ByRules, Continuation};
-use perimelt_core::{Body, Derivatives, Image, Pddo, Read, SlotField};
+use nalgebra::{Matrix3, Vector3};
+use perimelt_core::family::{
+    ByImage, ByRules, Continuation, ForeignBonds, LayerRule, Mirrored, Places,
+};
+use perimelt_core::pddo::largest_wave_number;
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{
+    Body, Bond, BondKernel, Family, Image, Read, Setup, SetupError, SlotField, Wall, World, keys,
+};
 use rayon::prelude::*;
 
-use crate::advection::{Convection, Flux, ShortWaves};
+use crate::advection::Convection;
+use crate::shape_tensor::{self, CompleteFamily, Completion};
 
 use super::conduction::Matter;
 
 /// Least number of points that a thread takes at once.
 const POINTS_PER_TASK: usize = 1024;
 
+/// Mass, and heat, that flow out of a point: `sum_j N_ij V_j` and `sum_j N_ij (h_i + h_j) / 2 V_j`, from q and h.
+struct Outflow<const D: usize>;
+
+impl<const D: usize, const I: usize> BondKernel<I, 2> for Outflow<D> {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; 2] {
+        let along: f64 = (0..D).map(|a| (own[a] + other[a]) * bond.xi[a]).sum();
+        let mass = bond.weight * along;
+        [mass, 0.5 * mass * (own[D] + other[D])]
+    }
+}
+
+/// `lap f`.
+struct Laplacian {
+    /// `2 / a`, 1/m.
+    factor: f64,
+}
+
+impl BondKernel<1, 1> for Laplacian {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; 1], other: [f64; 1]) -> [f64; 1] {
+        [bond.weight * self.factor * (other[0] - own[0])]
+    }
+}
+
+/// A body in the flow.
+#[derive(Debug)]
+pub(super) struct WallInFlow {
+    velocity: Read<Vector3<f64>>,
+    bonds: ForeignBonds,
+    /// `N_ij V_j` by bond, kg/(m³ s).
+    flux: Vec<f64>,
+    /// Sums over the fluid around each point of the wall.
+    means: Vec<[f64; 2]>,
+    /// Mass and heat that flow out of each fluid point at the wall.
+    outflow: Vec<[f64; 2]>,
+}
+
+impl WallInFlow {
+    /// A wall for the flow through a body that is summed over `family`; its bonds are those of the reference positions.
+    pub(super) fn new(
+        setup: &mut Setup<'_>,
+        (body, family): (BodyIndex, &Family),
+        wall: Wall,
+    ) -> Result<WallInFlow, SetupError> {
+        let velocity = setup.read(wall.other, &keys::VELOCITY)?;
+        let [own, other] = [body, wall.other].map(|b| setup.body(b));
+        let mut bonds = ForeignBonds::new(own, family.spec());
+        let places = [own, other].map(|body| Places {
+            positions: &body.points.position,
+            volumes: &body.points.volume,
+        });
+        bonds.follow(places[0], places[1]);
+        Ok(WallInFlow {
+            velocity,
+            bonds,
+            flux: Vec::new(),
+            means: Vec::new(),
+            outflow: Vec::new(),
+        })
+    }
+
+    /// Finds the flux of mass of the bonds; `towards(point, v, xi)` is `q . xi` of a fluid point relative to a wall of velocity v.
+    fn find_flux(
+        &mut self,
+        velocity: &[Vector3<f64>],
+        towards: impl Fn(usize, Vector3<f64>, &[f64; 3]) -> f64 + Sync,
+    ) {
+        let bonds = &self.bonds;
+        let part = |n: usize| {
+            let (bond, point, ghost) = bonds.bond(n);
+            towards(point, ghost.reflect(velocity[ghost.point]), &bond.xi)
+        };
+        let weighted = |n: usize| {
+            let (bond, ..) = bonds.bond(n);
+            [bond.dual, bond.dual * part(n)]
+        };
+        bonds.sum_by_foreign(weighted, &mut self.means);
+        let of_bond = |n: usize| {
+            let (bond, _, ghost) = bonds.bond(n);
+            bond.weight * (part(n) - mean(&self.means[ghost.point]))
+        };
+        self.flux.clear();
+        self.flux.extend((0..bonds.len()).map(of_bond));
+    }
+
+    /// Adds the mass and the heat of this enthalpy that flow out through the wall.
+    fn add_outflow(&mut self, enthalpy: &[f64], outflow: &mut [[f64; 2]]) {
+        let bonds = &self.bonds;
+        let weighted = |n: usize| {
+            let (bond, point, _) = bonds.bond(n);
+            [bond.dual, bond.dual * enthalpy[point]]
+        };
+        bonds.sum_by_foreign(weighted, &mut self.means);
+        let part = |n: usize| {
+            let (_, _, ghost) = bonds.bond(n);
+            [self.flux[n], self.flux[n] * mean(&self.means[ghost.point])]
+        };
+        bonds.sum_by_owner(part, &mut self.outflow);
+        for (&owner, through) in bonds.owners().iter().zip(&self.outflow) {
+            let sums = &mut outflow[owner as usize];
+            (0..2).for_each(|k| sums[k] += through[k]);
+        }
+    }
+}
+
+/// Of a sum of weights and a weighted sum.
+fn mean([weights, sum]: &[f64; 2]) -> f64 {
+    match *weights > 0.0 {
+        true => sum / weights,
+        false => 0.0,
+    }
+}
+
 /// Convection of heat with its work arrays.
 #[derive(Debug)]
 pub(super) struct CarriedHeat {
-    pddo: Arc<Pddo>,
+    family: Arc<Family>,
+    walls: Vec<WallInFlow>,
+    /// `A^-1` by point, 1/m.
+    inverse_shape: Vec<Matrix3<f64>>,
+    /// `2 / a` of a complete family, 1/m.
+    laplacian_factor: f64,
     convection: Convection,
     pub(super) velocity: Read<Vector3<f64>>,
     pub(super) density: Read<f64>,
     pub(super) mass_flux: Read<Vector3<f64>>,
-    mass: Flux,
-    heat: Flux,
-    /// Of the heat, W/m³.
-    short_waves: ShortWaves,
     /// At the start of the step, kg/m³ and J/m³.
     start_density: Vec<f64>,
     start_enthalpy: Vec<f64>,
-    enthalpy_slots: SlotField,
-    temperature_slots: SlotField,
-    temperature_laplacian: Vec<f64>,
+    /// `A^-1 m` by slot, one array for each axis.
+    flux: Vec<SlotField>,
+    temperature: SlotField,
+    enthalpy: SlotField,
+    /// W/m³ by point and by slot: `d (T - mean T)` and its Laplacian.
+    short_waves: Vec<[f64; 1]>,
+    excess: SlotField,
+    rules: Vec<LayerRule>,
     middle_temperature: Vec<f64>,
     middle_enthalpy: Vec<f64>,
-    work: Derivatives,
+    outflow: Vec<[f64; 2]>,
     /// W/m³.
     rate: Vec<f64>,
     /// Sum of the weights of the Laplacian times the squared spacing.
@@ -72,33 +202,83 @@ pub(super) struct FlowFields {
     pub(super) mass_flux: Read<Vector3<f64>>,
 }
 
+/// `A^-1` of the families of all points with their bonds to walls, 1/m.
+fn inverse_shapes<const D: usize>(
+    points: usize,
+    (family, walls): (&Family, &[WallInFlow]),
+    moment: f64,
+) -> Vec<Matrix3<f64>> {
+    let components = &shape_tensor::COMPONENTS[..shape_tensor::components(D)];
+    let add = |sums: &mut [f64; 6], bond: &Bond| {
+        for (sum, &(a, b)) in sums.iter_mut().zip(components) {
+            *sum += bond.weight * bond.xi[a] * bond.xi[b];
+        }
+    };
+    let mut shapes = vec![[0.0; 6]; points];
+    for (point, sums) in shapes.iter_mut().enumerate() {
+        family.for_each_bond(point, |_, bond, _| add(sums, bond));
+    }
+    for wall in walls {
+        for n in 0..wall.bonds.len() {
+            let (bond, point, _) = wall.bonds.bond(n);
+            add(&mut shapes[point], bond);
+        }
+    }
+    let inverse = |sums: &[f64; 6]| shape_tensor::inverted::<D>(sums, moment).0;
+    shapes.iter().map(inverse).collect()
+}
+
 impl CarriedHeat {
+    /// By the flow that is summed over this family of the body and its bonds to walls.
     pub(super) fn new(
-        (body, pddo): (&Body, Arc<Pddo>),
+        (body, family): (&Body, Arc<Family>),
+        mut walls: Vec<WallInFlow>,
         convection: Convection,
         fields: FlowFields,
     ) -> Self {
-        let spacing = body.points.spacing[0];
+        let (spacing, points) = (body.finest_spacing(), body.points.len());
+        let bonds = walls.iter().map(|wall| &wall.bonds);
+        let completion = Completion::of(points, &family, bonds);
+        walls
+            .iter_mut()
+            .for_each(|wall| completion.correct(&mut wall.bonds));
+        let CompleteFamily {
+            point,
+            moment,
+            content,
+            ..
+        } = CompleteFamily::of(body, &family);
+        let wave_number = largest_wave_number(body.dimension, |receive| {
+            family.for_each_bond(point, |_, bond, _| {
+                receive(bond, bond.xi.map(|x| bond.weight * x / moment));
+            });
+        });
         CarriedHeat {
+            inverse_shape: match body.dimension {
+                2 => inverse_shapes::<2>(points, (&family, &walls), moment),
+                _ => inverse_shapes::<3>(points, (&family, &walls), moment),
+            },
+            laplacian_factor: 2.0 / moment,
             convection,
             velocity: fields.velocity,
             density: fields.density,
             mass_flux: fields.mass_flux,
-            mass: Flux::new(body.dimension),
-            heat: Flux::new(body.dimension),
-            short_waves: ShortWaves::default(),
             start_density: Vec::new(),
             start_enthalpy: Vec::new(),
-            enthalpy_slots: SlotField::default(),
-            temperature_slots: SlotField::default(),
-            temperature_laplacian: Vec::new(),
+            flux: vec![SlotField::default(); body.dimension],
+            temperature: SlotField::default(),
+            enthalpy: SlotField::default(),
+            short_waves: Vec::new(),
+            excess: SlotField::default(),
+            rules: Vec::new(),
             middle_temperature: Vec::new(),
             middle_enthalpy: Vec::new(),
-            work: Derivatives::default(),
+            outflow: vec![[0.0; 2]; points],
             rate: Vec::new(),
-            laplacian: pddo.laplacian_sum(0) * spacing * spacing,
-            wave_number: pddo.largest_wave_number(0) * spacing,
-            pddo,
+            laplacian: 2.0 / moment * content * spacing * spacing,
+            wave_number: wave_number * spacing,
+            family,
+            walls,
         }
     }
 
@@ -106,7 +286,7 @@ impl CarriedHeat {
     /// `conductivity` is that of a point, W/(m K).
     pub(super) fn start(
         &mut self,
-        body: &Body,
+        (world, body): (&World, &Body),
         (matter, carried): (&Matter<'_>, &Carried<'_>),
         conductivity: impl Fn(usize) -> f64 + Sync,
     ) {
@@ -114,8 +294,32 @@ impl CarriedHeat {
         self.start_density.extend_from_slice(carried.density);
         self.start_enthalpy.clear();
         self.start_enthalpy.extend_from_slice(carried.enthalpy);
-        let operator = (&*self.pddo, &mut self.work);
-        self.mass.set(operator, carried.mass_flux);
+        for (axis, slots) in self.flux.iter_mut().enumerate() {
+            let along = |i: usize| {
+                self.inverse_shape[i]
+                    .row(axis)
+                    .tr_dot(&carried.mass_flux[i])
+            };
+            slots.load(&self.family, along, Mirrored::Vector(axis));
+        }
+        let inverse = &self.inverse_shape;
+        for wall in &mut self.walls {
+            let velocity = world.read(wall.velocity);
+            wall.find_flux(&velocity, |i, v, xi| {
+                let relative = carried.mass_flux[i] - carried.density[i] * v;
+                (inverse[i] * relative).dot(&Vector3::from(*xi))
+            });
+        }
+        self.find_short_waves(body, (matter, carried), conductivity);
+    }
+
+    /// Finds the decay of short waves of the temperature.
+    fn find_short_waves(
+        &mut self,
+        body: &Body,
+        (matter, carried): (&Matter<'_>, &Carried<'_>),
+        conductivity: impl Fn(usize) -> f64 + Sync,
+    ) {
         let (convection, laplacian) = (self.convection, self.laplacian);
         // (J/(m³ K)) m⁴/s
         let missing = |i: usize| {
@@ -130,25 +334,34 @@ impl CarriedHeat {
         let points = (0..carried.density.len()).into_par_iter();
         let points = points.with_min_len(POINTS_PER_TASK);
         points.map(missing).collect_into_vec(&mut self.rate);
+        self.short_waves.clear();
         if self.rate.iter().all(|missing| *missing == 0.0) {
-            return self.short_waves.vanish();
+            return;
         }
-        self.load(matter, carried.temperature, carried.enthalpy);
-        let slots = &self.temperature_slots;
-        let laplacian = &mut self.temperature_laplacian;
-        self.pddo.laplacian(slots, &mut self.work, laplacian);
-        let difference = |i: usize| -self.rate[i] * self.temperature_laplacian[i];
-        let operator = (&*self.pddo, &mut self.work);
-        self.short_waves
-            .find(operator, (matter.rules, 0), difference);
+        self.short_waves.resize(carried.density.len(), [0.0]);
+        let kernel = Laplacian {
+            factor: self.laplacian_factor,
+        };
+        let ghosts = ByRules(matter.rules, 0);
+        self.temperature
+            .load(&self.family, carried.temperature, ghosts);
+        self.family
+            .sum(&kernel, [&self.temperature], &mut self.short_waves);
+        self.rules.clear();
+        let rules = matter.rules.iter().map(LayerRule::homogeneous);
+        self.rules.extend(rules);
+        let excess = |i: usize| -self.rate[i] * self.short_waves[i][0];
+        self.excess
+            .load(&self.family, excess, ByRules(&self.rules, 0));
+        self.family
+            .sum(&kernel, [&self.excess], &mut self.short_waves);
     }
 
     /// Adds what the flow carries in a step (s) to the rates of the enthalpy by conduction and sources, W/m³.
     pub(super) fn add(&mut self, matter: &Matter<'_>, dt: f64, rates: &mut [[f64; 1]]) {
-        let short_waves = &self.short_waves;
-        let points = rates.par_iter_mut().enumerate();
+        let points = rates.par_iter_mut().zip(&self.short_waves);
         let points = points.with_min_len(POINTS_PER_TASK);
-        points.for_each(|(i, [rate])| *rate += short_waves.rate(i));
+        points.for_each(|([rate], [short_waves])| *rate += short_waves);
         let mut temperature = std::mem::take(&mut self.middle_temperature);
         let mut enthalpy = std::mem::take(&mut self.middle_enthalpy);
         let points = self.start_enthalpy.par_iter().zip(matter.material);
@@ -174,27 +387,39 @@ impl CarriedHeat {
     /// Finds the rate by the flux of this enthalpy.
     fn find(&mut self, matter: &Matter<'_>, temperature: &[f64], enthalpy: &[f64]) {
         self.load(matter, temperature, enthalpy);
-        let operator = (&*self.pddo, &mut self.work);
-        self.heat.carry(operator, &self.mass, &self.enthalpy_slots);
-        let (mass, heat) = (&self.mass, &self.heat);
-        let (h, density) = (&self.start_enthalpy, &self.start_density);
-        let rate = |i: usize| heat.net(mass, i, h[i]) / density[i];
-        let points = (0..h.len()).into_par_iter().with_min_len(POINTS_PER_TASK);
+        match &self.flux[..] {
+            [x, y] => {
+                let inputs: [&[f64]; 3] = [x, y, &self.enthalpy];
+                self.family.sum(&Outflow::<2>, inputs, &mut self.outflow);
+            }
+            [x, y, z] => {
+                let inputs: [&[f64]; 4] = [x, y, z, &self.enthalpy];
+                self.family.sum(&Outflow::<3>, inputs, &mut self.outflow);
+            }
+            _ => unreachable!("a fluid has two or three dimensions"),
+        }
+        for wall in &mut self.walls {
+            wall.add_outflow(enthalpy, &mut self.outflow);
+        }
+        let start = self.start_enthalpy.par_iter().zip(&self.start_density);
+        let points = self.outflow.par_iter().zip(start);
+        let points = points.with_min_len(POINTS_PER_TASK);
+        let rate =
+            |([mass, heat], (h, density)): (&[f64; 2], (&f64, &f64))| (h * mass - heat) / density;
         points.map(rate).collect_into_vec(&mut self.rate);
     }
 
     /// Copies temperature and enthalpy to slots.
     fn load(&mut self, matter: &Matter<'_>, temperature: &[f64], enthalpy: &[f64]) {
-        let family = self.pddo.family();
-        let slots = &mut self.temperature_slots;
-        slots.load(family, temperature, ByRules(matter.rules, 0));
+        let slots = &mut self.temperature;
+        slots.load(&self.family, temperature, ByRules(matter.rules, 0));
         let images = Continuation::default();
         let behind = |image: &Image| {
             let material = matter.material[image.point] as usize;
             [matter.curves[material].enthalpy(slots[image.slot])]
         };
-        self.enthalpy_slots
-            .load(family, enthalpy, ByImage(&images, behind));
+        self.enthalpy
+            .load(&self.family, enthalpy, ByImage(&images, behind));
     }
 
     /// Largest stable explicit step (s) at a point of this spacing (m), for the largest speed (m/s): diffusion is

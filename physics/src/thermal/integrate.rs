@@ -263,7 +263,7 @@ impl Run {
                 let liquid = matter.curves[m as usize].liquid_fraction(t);
                 conduction.conductivity((i, m), t, liquid)
             };
-            carried.start(body, (&matter, &state), conductivity);
+            carried.start((world, body), (&matter, &state), conductivity);
         }
         let current = configuration.as_ref().zip(ratios.as_ref());
         let current = current.map(|(now, ratio)| CurrentVolumes {

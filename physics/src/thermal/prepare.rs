@@ -11,7 +11,7 @@ use perimelt_core::{
 
 use crate::advection::usual_horizon;
 
-use super::carried::{CarriedHeat, FlowFields};
+use super::carried::{CarriedHeat, FlowFields, WallInFlow};
 use super::conduction::{Conduction, calibration};
 use super::faces::HeatedFace;
 use super::growth::Growth;
@@ -60,7 +60,7 @@ impl Run {
             layers: thermal.continued_faces(setup.body(body), claimed),
             heated,
         };
-        let (neighbours, mut conduction, pddo) = thermal.operators(setup, &place)?;
+        let (neighbours, mut conduction) = thermal.operators(setup, &place)?;
         let refined = {
             let family = neighbours.at_setup(setup);
             Refined::prepare(
@@ -93,17 +93,19 @@ impl Run {
         };
         let austenite = thermal.austenite(setup, (body, description), refined.is_some())?;
         let carried = match description {
-            Description::Eulerian => Some(thermal.carried(setup, &place, pddo)?),
+            Description::Eulerian => Some(thermal.carried(setup, body)?),
             _ => None,
         };
         let exchanges = setup.exchanges(body);
-        let depth = match exchanges.is_empty() || !conduction.is_by_bonds() {
-            true => [0.5; 6],
-            false => {
+        let is_exchanged = !exchanges.is_empty() || heat_conductance.is_some();
+        let depth = match is_exchanged && conduction.is_by_bonds() {
+            false => [0.5; 6],
+            true => {
                 let family = neighbours.at_setup(setup);
                 surface_depth::depths(setup.body(body), &family)
             }
         };
+        setup.set_surface_depth(body, depth);
         let surface = Surface::new(exchanges, depth);
         let is_drawn = surface.as_ref().is_some_and(Surface::is_drawn);
         let is_at_rest = matches!(neighbours, Neighbours::AtRest(_));
@@ -310,20 +312,20 @@ impl Thermal {
         }
     }
 
-    /// The family and the operator of conduction, and that of second derivatives where it is used.
+    /// The family and the operator of conduction.
     fn operators(
         &self,
         setup: &mut Setup<'_>,
         place: &Place,
-    ) -> Result<(Neighbours, Conduction, Option<Arc<Pddo>>), SetupError> {
+    ) -> Result<(Neighbours, Conduction), SetupError> {
         let body = place.body;
         let conductivity = setup.property(body, "conductivity")?;
         let points = setup.body(body).points.len();
         if self.form == Form::SecondDerivatives {
             let pddo = self.second_derivatives(setup, place)?;
-            let conduction = Conduction::by_derivatives(pddo.clone(), conductivity, points);
             let neighbours = Neighbours::AtRest(pddo.family().clone());
-            return Ok((neighbours, conduction, Some(pddo)));
+            let conduction = Conduction::by_derivatives(pddo, conductivity, points);
+            return Ok((neighbours, conduction));
         }
         let mut spec = FamilySpec {
             horizon: place.horizon,
@@ -337,7 +339,7 @@ impl Thermal {
             let handle = setup.growing_family(body, &spec)?;
             let family = setup.current_growing_family(handle);
             let conduction = Conduction::by_bonds(&family, conductivity, points, 1.0);
-            return Ok((Neighbours::Growing(handle), conduction, None));
+            return Ok((Neighbours::Growing(handle), conduction));
         }
         if place.description != Description::UpdatedLagrangian {
             let family = setup.family(body, &spec)?;
@@ -345,7 +347,7 @@ impl Thermal {
             if self.form == Form::Ordinary {
                 conduction.set_states(setup.body(body).dimension, self.stabilisation);
             }
-            return Ok((Neighbours::AtRest(family), conduction, None));
+            return Ok((Neighbours::AtRest(family), conduction));
         }
         spec.correction = Correction::None;
         let handle = setup.moving_family(body, &spec)?;
@@ -355,10 +357,10 @@ impl Thermal {
             _ => calibration(&family, points, setup.body(body).dimension),
         };
         let conduction = Conduction::by_bonds(&family, conductivity, points, calibration);
-        Ok((Neighbours::Moving(handle), conduction, None))
+        Ok((Neighbours::Moving(handle), conduction))
     }
 
-    /// The operator of second derivatives, on the family of a fluid with the same horizon.
+    /// The operator of second derivatives.
     fn second_derivatives(
         &self,
         setup: &mut Setup<'_>,
@@ -382,35 +384,23 @@ impl Thermal {
             .map_err(|e| SetupError::other("horizon", e))
     }
 
-    fn carried(
-        &self,
-        setup: &mut Setup<'_>,
-        place: &Place,
-        pddo: Option<Arc<Pddo>>,
-    ) -> Result<CarriedHeat, SetupError> {
-        let pddo = match pddo {
-            Some(pddo) => pddo,
-            None => {
-                let this = setup.body(place.body);
-                if !this.fills_box() {
-                    let message = format!(
-                        "heat that a flow carries is computed for flows that fill their box, but body `{}` has a hole, as of a body in the \
-                         stream; heat between an Eulerian flow and such a body is not supported",
-                        this.name
-                    );
-                    let expected =
-                        "a body of the fluid that fills its box, or no `thermal` of the fluid";
-                    return Err(SetupError::value("body", message, expected));
-                }
-                self.second_derivatives(setup, place)?
-            }
-        };
+    /// Convection by the flow through the points, summed over its family.
+    fn carried(&self, setup: &mut Setup<'_>, body: BodyIndex) -> Result<CarriedHeat, SetupError> {
         let fields = FlowFields {
-            velocity: setup.read(place.body, &keys::VELOCITY)?,
-            density: setup.read(place.body, &keys::DENSITY)?,
-            mass_flux: setup.read(place.body, &keys::MASS_FLUX)?,
+            velocity: setup.read(body, &keys::VELOCITY)?,
+            density: setup.read(body, &keys::DENSITY)?,
+            mass_flux: setup.read(body, &keys::MASS_FLUX)?,
         };
-        let body = setup.body(place.body);
-        Ok(CarriedHeat::new((body, pddo), self.convection, fields))
+        let family = setup.flow_family(body);
+        let family = family.expect("the flow has obtained its family");
+        let walls = setup.walls(body).into_iter();
+        let walls = walls.map(|wall| WallInFlow::new(setup, (body, &family), wall));
+        let walls = walls.collect::<Result<Vec<_>, _>>()?;
+        Ok(CarriedHeat::new(
+            (setup.body(body), family),
+            walls,
+            self.convection,
+            fields,
+        ))
     }
 }

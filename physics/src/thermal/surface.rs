@@ -134,7 +134,7 @@ impl Surface {
             return;
         }
         self.versions = now.collect();
-        let mut all: Vec<(u32, Face, SurfaceDepth, Part)> = Vec::new();
+        let mut all: Vec<(u32, Face, SurfaceDepth, f64, Part)> = Vec::new();
         for (index, exchange) in self.exchanges.iter().enumerate() {
             let cells = exchange.cells();
             let here = cells.iter().enumerate();
@@ -147,28 +147,28 @@ impl Surface {
                             fraction: 1.0,
                             area: c.area,
                         };
-                        (c.point, c.face, exchange.depth, part)
+                        (c.point, c.face, exchange.depth, c.cosine(), part)
                     }),
             );
         }
-        all.sort_by_key(|(point, face, depth, part)| {
+        all.sort_by_key(|(point, face, depth, _, part)| {
             (*point, *depth == SurfaceDepth::Plane, *face, part.exchange)
         });
         (self.faces, self.parts) = (Vec::new(), Vec::new());
         for same in all.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
-            let (point, face, depth, _) = same[0];
-            let area = same.iter().map(|s| s.3.area).fold(0.0, f64::max);
+            let (point, face, depth, cosine, _) = same[0];
+            let area = same.iter().map(|s| s.4.area).fold(0.0, f64::max);
             if area == 0.0 {
                 continue;
             }
             let first = self.parts.len() as u32;
             self.parts.extend(same.iter().map(|s| Part {
-                fraction: s.3.area / area,
-                ..s.3
+                fraction: s.4.area / area,
+                ..s.4
             }));
             let i = point as usize;
             let depth = match depth {
-                SurfaceDepth::Face => self.depth[face as usize] * body.points.spacing[i],
+                SurfaceDepth::Face => self.depth[face as usize] * cosine * body.points.spacing[i],
                 SurfaceDepth::Plane => 0.0,
             };
             let (thickness, sides) = match depth == 0.0 && self.depth[face as usize] != 0.0 {

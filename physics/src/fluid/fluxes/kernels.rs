@@ -2,7 +2,7 @@
 
 use perimelt_core::{Bond, BondKernel};
 
-use crate::fluid::conservative::{COMPONENTS, components, is_diagonal};
+use crate::shape_tensor::{COMPONENTS, components, is_diagonal};
 
 /// `sum_j N_ij`, from `m + D s` and density.
 pub(super) struct Outflow {

@@ -37,11 +37,12 @@ use rayon::prelude::*;
 use kernels::{MappedViscosity, Outflow, Viscosity};
 use momentum::ShortWaveWork;
 
+use crate::shape_tensor::CompleteFamily;
+
 use super::immersed::ImmersedFlow;
 use super::medium::Medium;
 use super::point_motion::PointMotion;
 use super::rates::{POINTS_PER_TASK, Rates, Stability, Terms};
-use super::treatments::CompleteFamily;
 use super::walls::Walls;
 
 /// Rate of the Laplacian at walls over that of a complete family: values behind them are extrapolated.

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use perimelt_core::{Bond, BondKernel};
 
-use crate::fluid::conservative;
+use crate::shape_tensor::is_diagonal;
 
 use super::{FluidAtWall, WallBody};
 
@@ -89,7 +89,6 @@ impl WallBody {
         moment: f64,
     ) -> [f64; D] {
         let (bond, point, ghost): (&Bond, _, _) = self.bonds.bond(number);
-        let is_diagonal = |n: usize| conservative::is_diagonal(n);
         let other = std::array::from_fn(|i| match i {
             0 => self.points[ghost.point].pressure,
             _ if is_diagonal(i - 1) => 1.0 / moment,
