@@ -1,7 +1,8 @@
 //! Heat that an Eulerian fluid carries through the points.
 //!
 //! ```text
-//! dh/dt = sum_j N_ij V_j (h_i - (h_i* + h_j*) / 2) / rho      N_ij = w (q_i + q_j) . xi,   q = A^-1 m,   A = sum_j w xi xi^T V_j
+//! dh/dt = sum_j (h_i N_ij - H_ij) V_j / rho,   N_ij = w (q_i + q_j) . xi,   H_ij = w (q_i h_i* + q_j h_j*) . xi
+//! q     = A^-1 m,   A = sum_j w xi xi^T V_j
 //! ```
 //!
 //! over the family of the flow and its bonds to walls, with the flux m of mass by which the fluid advanced its density and the enthalpy h* in the middle
@@ -32,15 +33,18 @@ use super::conduction::Matter;
 /// Least number of points that a thread takes at once.
 const POINTS_PER_TASK: usize = 1024;
 
-/// Mass, and heat, that flow out of a point: `sum_j N_ij V_j` and `sum_j N_ij (h_i + h_j) / 2 V_j`, from q and h.
+/// Mass, and heat, that flow out of a point: `sum_j N_ij V_j` and `sum_j H_ij V_j`, from q and h.
 struct Outflow<const D: usize>;
 
 impl<const D: usize, const I: usize> BondKernel<I, 2> for Outflow<D> {
     #[inline(always)]
     fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; 2] {
-        let along: f64 = (0..D).map(|a| (own[a] + other[a]) * bond.xi[a]).sum();
-        let mass = bond.weight * along;
-        [mass, 0.5 * mass * (own[D] + other[D])]
+        let along = |q: &[f64; I]| bond.weight * (0..D).map(|a| q[a] * bond.xi[a]).sum::<f64>();
+        let (own_mass, other_mass) = (along(&own), along(&other));
+        [
+            own_mass + other_mass,
+            own_mass * own[D] + other_mass * other[D],
+        ]
     }
 }
 
