@@ -93,7 +93,7 @@ impl Run {
         };
         let austenite = thermal.austenite(setup, (body, description), refined.is_some())?;
         let carried = match description {
-            Description::Eulerian => Some(thermal.carried(setup, body)?),
+            Description::Eulerian => Some(thermal.carried(setup, &place)?),
             _ => None,
         };
         let exchanges = setup.exchanges(body);
@@ -372,27 +372,40 @@ impl Thermal {
                 "second derivatives need complete families, but the body does not fill its box";
             return Err(SetupError::value("form", message, "`form = \"bonds\"`"));
         }
+        let family = self.box_family(setup, place)?;
+        let pddo = Pddo::build(setup.body(place.body), family, 2);
+        pddo.map(Arc::new)
+            .map_err(|e| SetupError::other("horizon", e))
+    }
+
+    /// A complete family of a body that fills its box.
+    fn box_family(&self, setup: &mut Setup<'_>, place: &Place) -> Result<Arc<Family>, SetupError> {
+        let this = setup.body(place.body);
         let needs_layer = |f: &Face| f.axis() < this.dimension && !this.periodic[f.axis()];
         let spec = FamilySpec {
             partial_volume: self.partial_volume,
             layers: Face::ALL.into_iter().filter(needs_layer).collect(),
             ..Pddo::spec(place.horizon)
         };
-        let family: Arc<Family> = setup.family(place.body, &spec)?;
-        let pddo = Pddo::build(setup.body(place.body), family, 2);
-        pddo.map(Arc::new)
-            .map_err(|e| SetupError::other("horizon", e))
+        setup.family(place.body, &spec)
     }
 
-    /// Convection by the flow through the points, summed over its family.
-    fn carried(&self, setup: &mut Setup<'_>, body: BodyIndex) -> Result<CarriedHeat, SetupError> {
+    /// Convection by the flow through the points: over a family with the horizon of the heat, or around bodies over that of the flow,
+    /// which they complete.
+    fn carried(&self, setup: &mut Setup<'_>, place: &Place) -> Result<CarriedHeat, SetupError> {
+        let body = place.body;
         let fields = FlowFields {
             velocity: setup.read(body, &keys::VELOCITY)?,
             density: setup.read(body, &keys::DENSITY)?,
             mass_flux: setup.read(body, &keys::MASS_FLUX)?,
         };
-        let family = setup.flow_family(body);
-        let family = family.expect("the flow has obtained its family");
+        let family = match setup.body(body).fills_box() {
+            true => self.box_family(setup, place)?,
+            false => {
+                let family = setup.flow_family(body);
+                family.expect("the flow has obtained its family")
+            }
+        };
         let walls = setup.walls(body).into_iter();
         let walls = walls.map(|wall| WallInFlow::new(setup, (body, &family), wall));
         let walls = walls.collect::<Result<Vec<_>, _>>()?;
