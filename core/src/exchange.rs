@@ -275,7 +275,7 @@ impl Cover {
     ) -> f64 {
         let other = world.body(self.body);
         let (axis, outward) = (cell.face.axis(), cell.face.normal()[cell.face.axis()]);
-        let opposite = Face::ALL[cell.face as usize ^ 1];
+        let opposite = cell.face.opposite();
         let mut covered = 0.0;
         let farthest = cell.contact_distance([spacing, self.reach], true);
         let reach = self.reach + spacing.max(farthest);

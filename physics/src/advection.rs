@@ -5,7 +5,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::{ByRules, LayerRule, Mirrored};
-use perimelt_core::{Body, Derivatives, Description, Horizon, Pddo, SlotField};
+use perimelt_core::{Body, Bond, BondKernel, Derivatives, Description, Horizon, Pddo, SlotField};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -83,6 +83,20 @@ impl ShortWaves {
     /// `lap(d (f - mean f))` at a point.
     pub(crate) fn rate(&self, point: usize) -> f64 {
         self.rate.get(point).copied().unwrap_or(0.0)
+    }
+}
+
+/// `lap f` of several fields.
+pub(crate) struct Laplacian {
+    /// `2 / a`, 1/m.
+    pub(crate) laplacian: f64,
+}
+
+impl<const D: usize> BondKernel<D, D> for Laplacian {
+    #[inline(always)]
+    fn bond(&self, bond: &Bond, own: [f64; D], other: [f64; D]) -> [f64; D] {
+        let weight = bond.weight * self.laplacian;
+        std::array::from_fn(|a| weight * (other[a] - own[a]))
     }
 }
 

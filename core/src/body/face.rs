@@ -70,6 +70,11 @@ impl Face {
         normal
     }
 
+    /// The face across the box.
+    pub fn opposite(self) -> Face {
+        Face::ALL[self as usize ^ 1]
+    }
+
     pub(super) fn step(self) -> [i64; 3] {
         let mut step = [0; 3];
         step[self.axis()] = if self.is_upper() { 1 } else { -1 };
@@ -96,12 +101,10 @@ pub struct SurfaceCell {
 const LEAST_COSINE: f64 = 0.25;
 
 impl SurfaceCell {
-    /// Distance between a point and the surface over that along the axis of the face: one, and less at steps.
+    /// Area of the true surface over that of the cell face, which is also the distance of the surface from the point over that along
+    /// the axis of the face: one, and less at steps.
     pub fn cosine(&self) -> f64 {
-        match self.is_step {
-            true => self.area / self.face_area,
-            false => 1.0,
-        }
+        self.area / self.face_area
     }
 
     /// Largest distance (m) along the axis at which a cell face lies against one of another body, with these spacings (m): half of

@@ -406,8 +406,8 @@ impl Body {
             let whole = self.points.volume[point] / self.points.spacing[point];
             for &face in faces.clone() {
                 let bare = match &self.discretisation {
-                    Discretisation::Lattice(lattice) => {
-                        let covers = lattice.neighbour(point, face, self.periodic);
+                    Discretisation::Lattice(_) => {
+                        let covers = self.neighbour(point, face);
                         f64::from(u8::from(!covers.is_some_and(&has_material)))
                     }
                     // it fills its box

@@ -85,7 +85,7 @@ impl Outline {
         let faces = Face::ALL.into_iter().filter(|f| f.axis() < body.dimension);
         let faces: Vec<Face> = faces.collect();
         for point in 0..body.points.len() {
-            let bare = |f: &&Face| lattice.neighbour(point, **f, body.periodic).is_none();
+            let bare = |f: &&Face| body.neighbour(point, **f).is_none();
             for face in faces.iter().filter(bare) {
                 let at = body.points.position[point] + face.normal() * (0.5 * lattice.spacing);
                 let (area, part) = self.projected(at, *face, lattice.spacing);

@@ -94,6 +94,16 @@ pub struct Places<'a> {
     pub volumes: &'a [f64],
 }
 
+impl<'a> Places<'a> {
+    /// Those of the reference.
+    pub fn reference(body: &'a Body) -> Places<'a> {
+        Places {
+            positions: &body.points.position,
+            volumes: &body.points.volume,
+        }
+    }
+}
+
 impl ForeignBonds {
     /// Bonds as a family of `body` with points of one spacing would have them; none yet.
     pub fn new(body: &Body, spec: &FamilySpec) -> ForeignBonds {
@@ -352,6 +362,14 @@ impl ForeignBonds {
         owners.with_min_len(POINTS).map(sum).collect_into_vec(sums);
     }
 
+    /// Adds what [`ForeignBonds::sum_by_owner`] found to sums by point.
+    pub fn add_to_owners<const O: usize>(&self, found: &[[f64; O]], sums: &mut [[f64; O]]) {
+        for (&owner, found) in self.owners.iter().zip(found) {
+            let sums = &mut sums[owner as usize];
+            (0..O).for_each(|o| sums[o] += found[o]);
+        }
+    }
+
     /// For each foreign point, the sum of `part(number of the bond)` over its bonds and those of its images.
     pub fn sum_by_foreign<const O: usize>(
         &self,
@@ -391,13 +409,6 @@ mod tests {
         }
     }
 
-    fn places(body: &Body) -> Places<'_> {
-        Places {
-            positions: &body.points.position,
-            volumes: &body.points.volume,
-        }
-    }
-
     /// Moments of the family and of the foreign bonds of each point together.
     fn moments(body: &Body, family: &Family, foreign: Option<&ForeignBonds>) -> Vec<[f64; 4]> {
         let mut all = vec![[0.0; 4]; body.points.len()];
@@ -414,9 +425,7 @@ mod tests {
         if let Some(foreign) = foreign {
             let mut sums = Vec::new();
             foreign.sum_by_owner(|n| part(foreign.bond(n).0), &mut sums);
-            for (&owner, sum) in foreign.owners().iter().zip(&sums) {
-                (0..4).for_each(|o| all[owner as usize][o] += sum[o]);
-            }
+            foreign.add_to_owners(&sums, &mut all);
         }
         all
     }
@@ -437,7 +446,7 @@ mod tests {
             let spec = spec(sides[if is_periodic { 2 } else { 0 }..].to_vec());
             let family = |body: &Body| Family::moving(body, &spec).expect("valid");
             let mut foreign = ForeignBonds::new(&lower, &spec);
-            foreign.follow(places(&lower), places(&upper));
+            foreign.follow(Places::reference(&lower), Places::reference(&upper));
             let expected = moments(&whole, &family(&whole), None);
             let found = moments(&lower, &family(&lower), Some(&foreign));
             for (x, found) in lower.points.position.iter().zip(&found) {
@@ -463,7 +472,7 @@ mod tests {
         let mut lower = plate([0.0; 3], [0.8, 0.6, 0.1]);
         let mut upper = plate([0.0, 0.6, 0.0], [0.8, 1.2, 0.1]);
         let mut old = ForeignBonds::new(&lower, &spec(Vec::new()));
-        old.follow(places(&lower), places(&upper));
+        old.follow(Places::reference(&lower), Places::reference(&upper));
         let sums = |bonds: &ForeignBonds| {
             let mut sums = Vec::new();
             bonds.sum_by_foreign(|n| [bonds.bond(n).0.dual], &mut sums);
@@ -472,9 +481,9 @@ mod tests {
         for (along, down) in [(0.0, 0.02), (0.3, 0.1)] {
             lower.points.position.iter_mut().for_each(|x| x.x += along);
             upper.points.position.iter_mut().for_each(|x| x.y -= down);
-            old.follow(places(&lower), places(&upper));
+            old.follow(Places::reference(&lower), Places::reference(&upper));
             let mut new = ForeignBonds::new(&lower, &spec(Vec::new()));
-            new.follow(places(&lower), places(&upper));
+            new.follow(Places::reference(&lower), Places::reference(&upper));
             assert_eq!(sums(&old), sums(&new));
         }
     }

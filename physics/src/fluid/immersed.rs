@@ -133,11 +133,8 @@ impl Walls {
         let spacing = fluid.finest_spacing();
         for wall in &mut self.bodies {
             let solid = setup.body(wall.wall.other);
-            let places = [points, &solid.points].map(|points| Places {
-                positions: &points.position,
-                volumes: &points.volume,
-            });
-            wall.bonds.follow(places[0], places[1]);
+            wall.bonds
+                .follow(Places::reference(fluid), Places::reference(solid));
         }
         let bonds = self.bodies.iter().map(|wall| &wall.bonds);
         let completion = Completion::of(points.len(), family, bonds);
@@ -351,7 +348,7 @@ impl Walls {
             };
             let part = |n: usize| part(immersed, wall, n);
             wall.bonds.sum_by_owner(part, &mut found);
-            super::walls::add_to_owners(&wall.bonds, &found, sums);
+            wall.bonds.add_to_owners(&found, sums);
         }
     }
 }

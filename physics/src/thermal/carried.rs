@@ -5,12 +5,12 @@
 //! q     = A^-1 m,   A = sum_j w xi xi^T V_j
 //! ```
 //!
-//! over the family of the flow and its bonds to walls, with the flux m of mass by which the fluid advanced its density and the enthalpy h* in the middle
-//! of the step: `(h div m - div(m h*)) / rho` of Gao (2020), eq. 5.101, as a sum over bonds, opposite at the two ends of each, so
-//! that the integral of `rho h` is kept to rounding where the density follows the same sums. The gradient of h is exact for linear
-//! fields. Behind a wall, that is a body in the flow, `N_ij = w (q_i . xi - <q . xi>_j)` with the mean over the fluid around the wall
-//! point j: what enters a wall point leaves it with the mean enthalpy `<h>_j`. Behind faces the enthalpy is that of
-//! the temperature there. The heat of short waves spreads by the diffusivity that they lack ([`Convection`]).
+//! over a family of the body and its bonds to walls, with the flux m of mass by which the fluid advanced its density and the enthalpy h*
+//! in the middle of the step: `(h div m - div(m h*)) / rho` of Gao (2020), eq. 5.101, as a sum over bonds, opposite at the two ends of
+//! each, so that the integral of `rho h` is kept to rounding where the density follows the same sums. The gradient of h is exact for
+//! linear fields. Behind a wall, that is a body in the flow, `N_ij = w (q_i . xi - <q . xi>_j)` with the mean over the fluid around the
+//! wall point j: what enters a wall point leaves it with the mean enthalpy `<h>_j`. Behind faces the enthalpy is that of the
+//! temperature there. The heat of short waves spreads by the diffusivity that they lack ([`Convection`]).
 
 use std::sync::Arc;
 
@@ -25,7 +25,7 @@ use perimelt_core::{
 };
 use rayon::prelude::*;
 
-use crate::advection::Convection;
+use crate::advection::{Convection, Laplacian};
 use crate::shape_tensor::{self, CompleteFamily, Completion};
 
 use super::conduction::Matter;
@@ -45,19 +45,6 @@ impl<const D: usize, const I: usize> BondKernel<I, 2> for Outflow<D> {
             own_mass + other_mass,
             own_mass * own[D] + other_mass * other[D],
         ]
-    }
-}
-
-/// `lap f`.
-struct Laplacian {
-    /// `2 / a`, 1/m.
-    factor: f64,
-}
-
-impl BondKernel<1, 1> for Laplacian {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; 1], other: [f64; 1]) -> [f64; 1] {
-        [bond.weight * self.factor * (other[0] - own[0])]
     }
 }
 
@@ -84,11 +71,7 @@ impl WallInFlow {
         let velocity = setup.read(wall.other, &keys::VELOCITY)?;
         let [own, other] = [body, wall.other].map(|b| setup.body(b));
         let mut bonds = ForeignBonds::new(own, family.spec());
-        let places = [own, other].map(|body| Places {
-            positions: &body.points.position,
-            volumes: &body.points.volume,
-        });
-        bonds.follow(places[0], places[1]);
+        bonds.follow(Places::reference(own), Places::reference(other));
         Ok(WallInFlow {
             velocity,
             bonds,
@@ -105,21 +88,21 @@ impl WallInFlow {
         towards: impl Fn(usize, Vector3<f64>, &[f64; 3]) -> f64 + Sync,
     ) {
         let bonds = &self.bonds;
-        let part = |n: usize| {
+        let of_bond = |n: usize| {
             let (bond, point, ghost) = bonds.bond(n);
             towards(point, ghost.reflect(velocity[ghost.point]), &bond.xi)
         };
-        let weighted = |n: usize| {
-            let (bond, ..) = bonds.bond(n);
-            [bond.dual, bond.dual * part(n)]
-        };
-        bonds.sum_by_foreign(weighted, &mut self.means);
-        let of_bond = |n: usize| {
-            let (bond, _, ghost) = bonds.bond(n);
-            bond.weight * (part(n) - mean(&self.means[ghost.point]))
-        };
         self.flux.clear();
         self.flux.extend((0..bonds.len()).map(of_bond));
+        let weighted = |n: usize| {
+            let (bond, ..) = bonds.bond(n);
+            [bond.dual, bond.dual * self.flux[n]]
+        };
+        bonds.sum_by_foreign(weighted, &mut self.means);
+        for (n, flux) in self.flux.iter_mut().enumerate() {
+            let (bond, _, ghost) = bonds.bond(n);
+            *flux = bond.weight * (*flux - mean(&self.means[ghost.point]));
+        }
     }
 
     /// Adds the mass and the heat of this enthalpy that flow out through the wall.
@@ -135,10 +118,7 @@ impl WallInFlow {
             [self.flux[n], self.flux[n] * mean(&self.means[ghost.point])]
         };
         bonds.sum_by_owner(part, &mut self.outflow);
-        for (&owner, through) in bonds.owners().iter().zip(&self.outflow) {
-            let sums = &mut outflow[owner as usize];
-            (0..2).for_each(|k| sums[k] += through[k]);
-        }
+        bonds.add_to_owners(&self.outflow, outflow);
     }
 }
 
@@ -241,11 +221,12 @@ impl CarriedHeat {
         fields: FlowFields,
     ) -> Self {
         let (spacing, points) = (body.finest_spacing(), body.points.len());
-        let bonds = walls.iter().map(|wall| &wall.bonds);
-        let completion = Completion::of(points, &family, bonds);
-        walls
-            .iter_mut()
-            .for_each(|wall| completion.correct(&mut wall.bonds));
+        if !walls.is_empty() {
+            let bonds = walls.iter().map(|wall| &wall.bonds);
+            let completion = Completion::of(points, &family, bonds);
+            let bonds = walls.iter_mut().map(|wall| &mut wall.bonds);
+            bonds.for_each(|bonds| completion.correct(bonds));
+        }
         let CompleteFamily {
             point,
             moment,
@@ -344,7 +325,7 @@ impl CarriedHeat {
         }
         self.short_waves.resize(carried.density.len(), [0.0]);
         let kernel = Laplacian {
-            factor: self.laplacian_factor,
+            laplacian: self.laplacian_factor,
         };
         let ghosts = ByRules(matter.rules, 0);
         self.temperature

@@ -18,7 +18,7 @@ pub(super) struct HeatedFace {
 
 impl HeatedFace {
     pub(super) fn of(body: &Body, face: Face) -> HeatedFace {
-        let opposite = Face::ALL[face as usize ^ 1];
+        let opposite = face.opposite();
         let cell = |cell: SurfaceCell| {
             let next = body.neighbour(cell.point as usize, opposite)?;
             Some((cell.point, next as u32, cell.area))

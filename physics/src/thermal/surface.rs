@@ -372,7 +372,7 @@ fn thickness(
 ) -> (f64, f64) {
     /// Thicker layers warm up slowly anyway.
     const MOST_CELLS: usize = 400;
-    let inwards = Face::ALL[face as usize ^ 1];
+    let inwards = face.opposite();
     let mut thickness = body.points.spacing[point];
     let mut at = point;
     for _ in 0..MOST_CELLS {

@@ -34,7 +34,7 @@ pub(super) fn depths(body: &Body, family: &Family) -> [f64; 6] {
 
 /// Points below the middle of a plane part of the surface, from the outermost one inwards.
 fn column_below(body: &Body, face: Face) -> Option<Vec<usize>> {
-    let inwards = Face::ALL[face as usize ^ 1];
+    let inwards = face.opposite();
     let bare = |point: usize| body.neighbour(point, face).is_none();
     let sideways = Face::ALL.into_iter();
     let sideways: Vec<Face> = sideways

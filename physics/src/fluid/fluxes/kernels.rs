@@ -67,20 +67,6 @@ impl<const D: usize, const I: usize, const O: usize> BondKernel<I, O> for Viscos
     }
 }
 
-/// `lap f` of several fields.
-pub(super) struct Laplacian {
-    /// `2 / a`, 1/m.
-    pub(super) laplacian: f64,
-}
-
-impl<const D: usize> BondKernel<D, D> for Laplacian {
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; D], other: [f64; D]) -> [f64; D] {
-        let weight = bond.weight * self.laplacian;
-        std::array::from_fn(|a| weight * (other[a] - own[a]))
-    }
-}
-
 /// `-sum_j w/a (p_i + p_j) xi`, from the pressure.
 pub(super) struct Push {
     /// `1 / a`, 1/m.

@@ -5,8 +5,10 @@ use perimelt_core::family::{ByRules, LayerRule};
 use perimelt_core::{BondKernel, SlotField, World};
 use rayon::prelude::*;
 
+use crate::advection::Laplacian;
+
 use super::Fluxes;
-use super::kernels::{Carry, In, Laplacian, Push};
+use super::kernels::{Carry, In, Push};
 use crate::fluid::rates::{POINTS_PER_TASK, Terms};
 
 /// What the decay of short waves needs on the way.

@@ -269,7 +269,7 @@ impl Walls {
                 |n| wall.velocity_part::<D, I, O>(n, kernel, &own, &forces),
                 &mut found,
             );
-            add_to_owners(&wall.bonds, &found, sums);
+            wall.bonds.add_to_owners(&found, sums);
         }
     }
 
@@ -284,7 +284,7 @@ impl Walls {
                 [bond.weight * bond.length * rise.sqrt(), bond.weight * rise]
             };
             wall.bonds.sum_by_owner(part, &mut found);
-            add_to_owners(&wall.bonds, &found, sums);
+            wall.bonds.add_to_owners(&found, sums);
         }
     }
 
@@ -304,7 +304,7 @@ impl Walls {
                 [length, number, x, y, z, weight]
             };
             wall.bonds.sum_by_owner(part, &mut found);
-            add_to_owners(&wall.bonds, &found, sums);
+            wall.bonds.add_to_owners(&found, sums);
         }
     }
 
@@ -335,7 +335,7 @@ impl Walls {
         for wall in &self.bodies {
             wall.bonds
                 .sum_by_owner(|n| wall.pressure_part(n, kernel, &own, moment), &mut found);
-            add_to_owners(&wall.bonds, &found, sums);
+            wall.bonds.add_to_owners(&found, sums);
         }
     }
 
@@ -412,17 +412,6 @@ fn places(configuration: &Configuration) -> Places<'_> {
     Places {
         positions: configuration.positions(),
         volumes: configuration.volumes(),
-    }
-}
-
-pub(super) fn add_to_owners<const O: usize>(
-    bonds: &ForeignBonds,
-    found: &[[f64; O]],
-    sums: &mut [[f64; O]],
-) {
-    for (&owner, found) in bonds.owners().iter().zip(found) {
-        let sums = &mut sums[owner as usize];
-        (0..O).for_each(|o| sums[o] += found[o]);
     }
 }
 
