@@ -293,10 +293,10 @@ pub trait Physics {
         None
     }
 
-    /// Largest macro step (s) at which what others read from it is current enough, asked before each macro step;
-    /// automatic macro steps respect it. Sub-steps follow from stability, which may allow longer steps than an accurate
+    /// Largest macro step (s) from a time (s) on at which what others read from it is current enough, asked before each macro step
+    /// and, for an estimate, of times to come; automatic macro steps respect it. Sub-steps follow from stability, which may allow longer steps than an accurate
     /// exchange.
-    fn step_limit(&self) -> Option<f64> {
+    fn step_limit(&self, _time: f64) -> Option<f64> {
         None
     }
 
@@ -445,9 +445,10 @@ pub trait Coupler {
         false
     }
 
-    /// Largest step that still resolves its action, s, such as a source crossing a cell;
-    /// automatic macro steps respect it.
-    fn step_limit(&self) -> Option<f64> {
+    /// Largest step from a time (s) on that still resolves its action, s, such as a source crossing a cell, asked before each macro
+    /// step and, for an estimate, of times to come; automatic macro steps respect it. It must follow from the time and what
+    /// [`Coupler::save`] keeps.
+    fn step_limit(&self, _time: f64) -> Option<f64> {
         None
     }
 

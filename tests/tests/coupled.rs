@@ -399,7 +399,7 @@ impl Physics for Humidity {
         Ok(())
     }
 
-    fn step_limit(&self) -> Option<f64> {
+    fn step_limit(&self, _time: f64) -> Option<f64> {
         Some(self.interval)
     }
 

@@ -54,10 +54,14 @@ pub fn run(args: &CheckArgs) -> Done {
     warnings.extend(size.warning(&log_of(&args.case)));
     warn(&warnings);
     let mut outcome = Outcome::new(&simulation);
-    let measured = watched(|| estimate(&case, &mut simulation, &size));
-    duration_of(&measured?, simulation.is_finished(), &mut out)?;
-    outcome.observe(&simulation);
-    warn(&outcome.sentences(&simulation).1);
+    let mut warnings = Vec::new();
+    let observe = |simulation: &Simulation| {
+        outcome.observe(simulation);
+        warnings = outcome.sentences(simulation).1;
+    };
+    let estimate = watched(|| estimate(&case, simulation, &size, observe))?;
+    duration_of(&estimate, &mut out)?;
+    warn(&warnings);
     Ok(())
 }
 
@@ -196,8 +200,8 @@ fn watched<T>(work: impl FnOnce() -> T) -> T {
     result
 }
 
-/// Duration and memory of the run, from its first steps.
-fn duration_of(estimate: &Estimate, is_finished: bool, out: &mut impl Write) -> Done {
+/// Duration and memory of the run, from some of its steps.
+fn duration_of(estimate: &Estimate, out: &mut impl Write) -> Done {
     if let Some(memory) = estimate.memory {
         writeln!(out, "memory of the program: {}", bytes(memory))?;
     }
@@ -208,7 +212,7 @@ fn duration_of(estimate: &Estimate, is_finished: bool, out: &mut impl Write) -> 
         "without the log"
     };
     let time = duration(estimate.duration);
-    if is_finished {
+    if estimate.is_finished {
         writeln!(out, "duration: {time} on {threads}, {log}")?;
         return Ok(());
     }

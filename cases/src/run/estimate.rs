@@ -3,7 +3,9 @@
 //! The duration is a sum over the kinds of work: the sub-steps of each physics, which take up most of the time and of which
 //! `update = "log"` needs few, what else a macro step does, logged states, and checkpoints. Each kind has its measured time
 //! and its number of steps that are left ([`Remaining`]). The time of a step grows while a body heats up and yields: that of the
-//! last third of the measured time counts.
+//! last third of the measured time counts. A part that cools takes less work in a step than one that is welded: the clock then
+//! skips to the middle of each later phase of the run ([`Simulation::phases`]), and some steps are measured there, with the
+//! state that the first steps have left.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -26,6 +28,12 @@ const MOST_SECONDS: f64 = 20.0;
 /// Fewest updates of each physics that are measured. The first ones of a cold body take less time than later ones.
 const FEWEST_UPDATES: u64 = 4;
 
+/// Wall time in which steps of each later phase are measured, s.
+const PHASE_SECONDS: f64 = 1.0;
+
+/// Wall time after which no later phase is measured, s.
+const LAST_PHASE_SECONDS: f64 = 10.0;
+
 /// Largest log (bytes) that is written for the measurement.
 const LARGEST_LOG: f64 = 5e8;
 
@@ -34,6 +42,8 @@ const LARGEST_LOG: f64 = 5e8;
 struct Work {
     /// Number of steps so far and their wall time, s; both grow.
     samples: Vec<(f64, f64)>,
+    /// Wall time of a step before these, s.
+    before: f64,
 }
 
 impl Work {
@@ -43,16 +53,26 @@ impl Work {
         }
     }
 
+    /// Of the steps that follow.
+    fn next(&self) -> Work {
+        Work {
+            samples: self.samples.last().copied().into_iter().collect(),
+            before: self.per_step(),
+        }
+    }
+
     /// Wall time of one step in the last third of the measured time, s; zero without any.
     fn per_step(&self) -> f64 {
         let Some((&(steps, wall), before)) = self.samples.split_last() else {
-            return 0.0;
+            return self.before;
         };
         // one step may take longer than all others
-        let early = before.iter().find(|(_, w)| *w >= 2.0 / 3.0 * wall);
+        let begun = self.samples[0].1;
+        let late = begun + 2.0 / 3.0 * (wall - begun);
+        let early = before.iter().find(|(_, w)| *w >= late);
         match early.or(before.last()) {
             Some((early_steps, early_wall)) => (wall - early_wall) / (steps - early_steps),
-            None => 0.0,
+            None => self.before,
         }
     }
 }
@@ -86,13 +106,15 @@ impl Drop for TrialLog {
     }
 }
 
-/// What the first steps of a run tell about the whole.
+/// What some steps of a run tell about the whole.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// Wall time of the whole run, s.
     pub duration: f64,
-    /// Simulated time up to which steps were measured, s.
+    /// Simulated time up to which steps were measured one after the other, s.
     pub measured_until: f64,
+    /// Whether that is the end of the run.
+    pub is_finished: bool,
     /// Names of physics that were not updated in the measured time: the duration is without them.
     pub unmeasured: Vec<String>,
     /// Whether the time of writing the log is included.
@@ -101,83 +123,170 @@ pub struct Estimate {
     pub memory: Option<f64>,
 }
 
-/// Runs the case for some seconds, or to its end, and discards the results.
+/// Runs the case for some seconds, or to its end, and discards the results after `observe` has seen them.
 ///
 /// # Errors
 /// A step that fails.
 pub fn estimate(
     case: &Case,
-    simulation: &mut Simulation,
+    mut simulation: Simulation,
     size: &LogSize,
+    observe: impl FnOnce(&Simulation),
 ) -> Result<Estimate, Failure> {
-    let started = Instant::now();
-    let elapsed = || started.elapsed().as_secs_f64();
-    let mut log = TrialLog::new(case, simulation, size);
-    let mut physics = vec![Work::default(); simulation.wall_seconds().len()];
-    let mut steps = Work::default();
-    let mut states = Work::default();
-    let mut checkpoint_seconds = 0.0;
-    let (mut logged, mut log_seconds) = (0.0, 0.0);
-    let note = |simulation: &Simulation, physics: &mut [Work]| {
-        let counts = &simulation.progress().sub_steps;
-        let done = counts.iter().zip(simulation.wall_seconds());
-        for (work, (count, wall)) in physics.iter_mut().zip(done) {
-            work.add(*count as f64, *wall);
-        }
-    };
-    note(&*simulation, &mut physics[..]);
-    steps.add(0.0, 0.0);
-    states.add(0.0, 0.0);
-    if let Some(recorder) = log.as_mut().and_then(|log| log.recorder.as_mut()) {
-        let begun = Instant::now();
-        recorder.checkpoint(simulation)?;
-        checkpoint_seconds = begun.elapsed().as_secs_f64();
-    }
-    while !simulation.is_finished() {
-        let counts = &simulation.progress().sub_steps;
-        let are_measured = counts.iter().all(|count| *count >= FEWEST_UPDATES);
-        let seconds = if are_measured {
+    let mut measured = Measured::new(case, &simulation, size)?;
+    let end = simulation.options().end;
+    measured.steps_until(&mut simulation, end, |updates, seconds| {
+        let is_enough = updates.iter().all(|count| *count >= FEWEST_UPDATES);
+        let limit = if is_enough {
             MEASURED_SECONDS
         } else {
             MOST_SECONDS
         };
-        if elapsed() > seconds {
-            break;
+        seconds > limit
+    })?;
+    observe(&simulation);
+    let (measured_until, is_finished) = (simulation.time(), simulation.is_finished());
+    let mut duration = measured.seconds() + measured.checkpoint_seconds * (size.checkpoints - 1.0);
+    let mut left = vec![0.0; measured.physics.len()];
+    let mut from = measured_until;
+    let phases = if is_finished {
+        Vec::new()
+    } else {
+        simulation.phases()
+    };
+    for (k, to) in phases.into_iter().enumerate() {
+        if k > 0 && measured.seconds() < LAST_PHASE_SECONDS {
+            measured.next_phase();
+            simulation.skip_to(0.5 * (from + to));
+            let begun = measured.seconds();
+            let updated = simulation.progress().sub_steps.clone();
+            // a state from elsewhere may fail where that of the run does not: what was measured before then counts
+            let _ = measured.steps_until(&mut simulation, to, |updates, seconds| {
+                let is_enough = updates.iter().zip(&updated).all(|(now, then)| now > then);
+                seconds - begun > PHASE_SECONDS && (is_enough || seconds > LAST_PHASE_SECONDS)
+            });
         }
-        let logging = simulation.step()?;
-        note(&*simulation, &mut physics[..]);
-        if logging && let Some(recorder) = log.as_mut().and_then(|log| log.recorder.as_mut()) {
-            let begun = Instant::now();
-            recorder.record(simulation)?;
-            logged += 1.0;
-            log_seconds += begun.elapsed().as_secs_f64();
-            states.add(logged, log_seconds);
+        let steps = simulation.steps_between(from, to);
+        duration += measured.seconds_of(&steps);
+        for (left, steps) in left.iter_mut().zip(&steps.sub_steps) {
+            *left += steps;
         }
-        let of_physics: f64 = simulation.wall_seconds().iter().sum();
-        let rest = elapsed() - checkpoint_seconds - log_seconds - of_physics;
-        steps.add(simulation.progress().macro_steps as f64, rest);
+        from = to;
     }
-    let left = simulation.remaining();
     let labels = simulation.physics_labels().map(String::from);
-    let is_missing = |(work, left): &(&Work, &f64)| work.samples.len() < 2 && **left > 0.0;
-    let missing = physics.iter().zip(&left.sub_steps);
+    let is_missing = |(work, left): &(&Work, &f64)| work.per_step() == 0.0 && **left > 0.0;
+    let missing = measured.physics.iter().zip(&left);
     let unmeasured = labels.zip(missing).filter(|(_, work)| is_missing(work));
     Ok(Estimate {
         unmeasured: unmeasured.map(|(label, _)| label).collect(),
-        duration: elapsed()
-            + seconds_left(&left, (&physics, &steps, &states))
-            + checkpoint_seconds * (size.checkpoints - 1.0),
-        measured_until: simulation.time(),
-        with_log: log.as_ref().is_some_and(|log| log.recorder.is_some()),
+        duration,
+        measured_until,
+        is_finished,
+        with_log: measured.recorder().is_some(),
         memory: peak_memory(),
     })
 }
 
-/// Wall time of the steps that are left, by the kinds of work: physics, macro steps and logged states.
-fn seconds_left(left: &Remaining, (physics, steps, states): (&[Work], &Work, &Work)) -> f64 {
-    let of_physics = physics.iter().zip(&left.sub_steps);
-    let of_physics: f64 = of_physics.map(|(work, left)| work.per_step() * left).sum();
-    of_physics + steps.per_step() * left.macro_steps + states.per_step() * left.logs
+/// Wall times of the kinds of work.
+struct Measured {
+    started: Instant,
+    log: Option<TrialLog>,
+    physics: Vec<Work>,
+    /// What else a macro step does.
+    steps: Work,
+    states: Work,
+    /// Number of logged states and their wall time, s.
+    logged: (f64, f64),
+    /// Wall time of a checkpoint, s.
+    checkpoint_seconds: f64,
+}
+
+impl Measured {
+    fn new(case: &Case, simulation: &Simulation, size: &LogSize) -> Result<Measured, Failure> {
+        let mut measured = Measured {
+            started: Instant::now(),
+            log: TrialLog::new(case, simulation, size),
+            physics: vec![Work::default(); simulation.wall_seconds().len()],
+            steps: Work::default(),
+            states: Work::default(),
+            logged: (0.0, 0.0),
+            checkpoint_seconds: 0.0,
+        };
+        measured.note(simulation);
+        let begun = Instant::now();
+        if let Some(recorder) = measured.recorder() {
+            recorder.checkpoint(simulation)?;
+            measured.checkpoint_seconds = begun.elapsed().as_secs_f64();
+            measured.states.add(0.0, 0.0);
+            measured.record(simulation)?;
+        }
+        Ok(measured)
+    }
+
+    fn recorder(&mut self) -> Option<&mut Recorder> {
+        self.log.as_mut().and_then(|log| log.recorder.as_mut())
+    }
+
+    /// Wall time since the start, s.
+    fn seconds(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
+    }
+
+    /// Steps up to a time (s), or until there are enough of them: `is_enough(updates of each physics, wall time in s)`.
+    fn steps_until(
+        &mut self,
+        simulation: &mut Simulation,
+        time: f64,
+        is_enough: impl Fn(&[u64], f64) -> bool,
+    ) -> Result<(), Failure> {
+        while simulation.time() < time
+            && !is_enough(&simulation.progress().sub_steps, self.seconds())
+        {
+            if simulation.step()? {
+                self.record(simulation)?;
+            }
+            self.note(simulation);
+        }
+        Ok(())
+    }
+
+    /// Logs a state.
+    fn record(&mut self, simulation: &Simulation) -> Result<(), Failure> {
+        let begun = Instant::now();
+        if let Some(recorder) = self.recorder() {
+            recorder.record(simulation)?;
+            let (states, seconds) = &mut self.logged;
+            *states += 1.0;
+            *seconds += begun.elapsed().as_secs_f64();
+            self.states.add(*states, *seconds);
+        }
+        Ok(())
+    }
+
+    fn note(&mut self, simulation: &Simulation) {
+        let progress = simulation.progress();
+        let done = progress.sub_steps.iter().zip(simulation.wall_seconds());
+        for (work, (count, wall)) in self.physics.iter_mut().zip(done) {
+            work.add(*count as f64, *wall);
+        }
+        let of_physics: f64 = simulation.wall_seconds().iter().sum();
+        let rest = self.seconds() - self.checkpoint_seconds - self.logged.1 - of_physics;
+        self.steps.add(progress.macro_steps as f64, rest);
+    }
+
+    /// What is measured from now on counts; without any, what was measured before.
+    fn next_phase(&mut self) {
+        self.physics.iter_mut().for_each(|work| *work = work.next());
+        self.steps = self.steps.next();
+        self.states = self.states.next();
+    }
+
+    /// Wall time of these steps, by the kinds of work: physics, macro steps and logged states.
+    fn seconds_of(&self, left: &Remaining) -> f64 {
+        let of_physics = self.physics.iter().zip(&left.sub_steps);
+        let of_physics: f64 = of_physics.map(|(work, left)| work.per_step() * left).sum();
+        of_physics + self.steps.per_step() * left.macro_steps + self.states.per_step() * left.logs
+    }
 }
 
 /// Largest memory (bytes) that this program had so far.
@@ -221,9 +330,23 @@ mod tests {
             logs: 10.0,
             sub_steps: vec![100.0, 10.0],
         };
-        let none = work(&[]);
-        let total = seconds_left(&left, (&[steps.clone(), rare], &none, &steps));
+        let mut measured = Measured {
+            started: Instant::now(),
+            log: None,
+            physics: vec![steps.clone(), rare],
+            steps: work(&[]),
+            states: steps,
+            logged: (0.0, 0.0),
+            checkpoint_seconds: 0.0,
+        };
+        let total = measured.seconds_of(&left);
         assert!((total - (50.0 + 90.0 + 5.0)).abs() < 1e-9, "{total}");
+        // later steps of the first physics take 0.2 s
+        measured.next_phase();
+        measured.physics[0].add(5.0, 1.8);
+        measured.physics[0].add(6.0, 2.0);
+        let total = measured.seconds_of(&left);
+        assert!((total - (20.0 + 90.0 + 5.0)).abs() < 1e-9, "{total}");
     }
 
     #[cfg(target_os = "linux")]

@@ -19,18 +19,55 @@ pub struct Remaining {
 /// Log times and events after which the rest of the run is taken to be like its beginning.
 const MOST_TARGETS: usize = 200_000;
 
+/// Part of the time that is left below which a phase is not told apart.
+const SHORTEST_PHASE: f64 = 0.02;
+
 impl Simulation {
+    /// Times (s) at which the work of a step may change, the last one the end of the run: ends of the programmes of plugins, such as
+    /// toolpaths.
+    pub fn phases(&self) -> Vec<f64> {
+        let end = self.options.end;
+        let couplers = self.couplers.iter().map(|c| c.plugin.programme(end));
+        let physics = self.physics.iter().map(|p| p.plugin.programme(end));
+        let mut ends: Vec<f64> = couplers.chain(physics).flatten().map(|p| p.end).collect();
+        ends.sort_by(f64::total_cmp);
+        let shortest = SHORTEST_PHASE * (end - self.clock.time);
+        let mut phases = Vec::new();
+        for phase in ends {
+            let from = phases.last().copied().unwrap_or(self.clock.time);
+            if phase - from > shortest && end - phase > shortest {
+                phases.push(phase);
+            }
+        }
+        phases.push(end);
+        phases
+    }
+
+    /// Goes on at another time (s) with the present state. The results are of no use; the time that later steps take is.
+    pub fn skip_to(&mut self, time: f64) {
+        self.clock.time = time;
+        self.clock.logs = self.logs_until(time);
+        self.clock.advanced_to.fill(time);
+    }
+
     /// Steps that are left.
     pub fn remaining(&self) -> Remaining {
-        let now = self.clock.time;
-        let end = self.options.end;
+        self.steps_between(self.clock.time, self.options.end)
+    }
+
+    /// Steps from one time (s) to another, as they are now.
+    pub fn steps_between(&self, from: f64, end: f64) -> Remaining {
+        let logs = &self.options.log;
         let mut left = Remaining {
             macro_steps: 0.0,
-            logs: self.options.log.left(now, end) as f64,
+            logs: (logs.left(from, end)) as f64,
             sub_steps: vec![0.0; self.physics.len()],
         };
-        let (mut time, mut log) = (now, self.clock.logs + 1);
+        let (mut time, mut log) = (from, self.logs_until(from) + 1);
         let mut advanced_to = self.clock.advanced_to.clone();
+        if from != self.clock.time {
+            advanced_to.fill(from);
+        }
         for _ in 0..MOST_TARGETS {
             if time >= end {
                 return left;
@@ -46,17 +83,17 @@ impl Simulation {
                 if is_rare && !is_log {
                     continue;
                 }
-                let (from, steps) = match is_rare {
+                let (start, steps) = match is_rare {
                     true => (advanced_to[p], 1.0),
                     false => (time, steps),
                 };
-                left.sub_steps[p] += steps * self.sub_steps_within(p, (target - from) / steps);
+                left.sub_steps[p] += steps * self.sub_steps_within(p, (target - start) / steps);
                 advanced_to[p] = target;
             }
             log += u64::from(is_log);
             time = target;
         }
-        let rest = (end - now) / (time - now);
+        let rest = (end - from) / (time - from);
         left.macro_steps *= rest;
         left.sub_steps.iter_mut().for_each(|s| *s *= rest);
         left

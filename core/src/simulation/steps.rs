@@ -128,8 +128,14 @@ impl Simulation {
         } else {
             self.options.log.interval_at(time)
         };
-        let physics = self.physics.iter().filter_map(|p| p.plugin.step_limit());
-        let couplers = self.couplers.iter().filter_map(|c| c.plugin.step_limit());
+        let physics = self
+            .physics
+            .iter()
+            .filter_map(|p| p.plugin.step_limit(time));
+        let couplers = self
+            .couplers
+            .iter()
+            .filter_map(|c| c.plugin.step_limit(time));
         physics.chain(couplers).fold(longest, f64::min)
     }
 

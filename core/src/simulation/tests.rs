@@ -114,9 +114,9 @@ impl Physics for Ruled {
         (self.time >= from).then_some(step)
     }
 
-    fn step_limit(&self) -> Option<f64> {
+    fn step_limit(&self, time: f64) -> Option<f64> {
         let (from, step) = self.limit?;
-        (self.time >= from).then_some(step)
+        (time >= from).then_some(step)
     }
 
     fn next_event(&self, after: f64) -> Option<f64> {
@@ -194,7 +194,7 @@ impl Coupler for Seen {
         self.event.filter(|event| *event > after)
     }
 
-    fn step_limit(&self) -> Option<f64> {
+    fn step_limit(&self, _time: f64) -> Option<f64> {
         self.limit
     }
 

@@ -90,9 +90,6 @@ pub struct Deposit {
     #[serde(skip)]
     #[schemars(skip)]
     prepared: Option<DepositState>,
-    #[serde(skip)]
-    #[schemars(skip)]
-    done: Done,
     /// Whether the heat of the material was taken out of that of the source.
     #[serde(skip)]
     #[schemars(skip)]
@@ -106,8 +103,8 @@ pub enum DepositHeat {
     /// It comes on top of that of the heat source.
     #[default]
     Added,
-    /// It is a part of that of the heat source `source`, whose power is lower by the same fraction on the whole path: source and
-    /// material together bring the energy of the source.
+    /// It is a part of that of the heat source `source`, whose power is lower by one fraction in each pass: source and material
+    /// together bring the energy of the source.
     FromSource,
 }
 
@@ -130,13 +127,6 @@ struct DepositState {
     born: usize,
     /// Volume (m³) and mass (kg) of these.
     deposited: [f64; 2],
-}
-
-/// What has to be known after a restart.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct Done {
-    /// End of the last step, s.
-    until: f64,
 }
 
 impl Deposit {
@@ -207,9 +197,9 @@ impl Deposit {
             let curve = curves.get(usize::from(body.material_of_point[point]))?;
             let temperature = self.temperature.at(birth.time);
             let enthalpy = curve.enthalpy(temperature) - curve.enthalpy(feed);
-            Some(copies * body.points.volume[point] * enthalpy)
+            Some((birth.time, copies * body.points.volume[point] * enthalpy))
         };
-        path.take(p.births.iter().filter_map(heat).sum());
+        path.take(p.births.iter().filter_map(heat));
     }
 
     /// The path of the nozzle, if there is one: that of a heat source or an own one.
@@ -410,7 +400,6 @@ impl Coupler for Deposit {
             drop((active, birth_temperature));
             p.count(world, due);
         }
-        self.done.until = step.end();
         Ok(())
     }
 
@@ -441,10 +430,11 @@ impl Coupler for Deposit {
     }
 
     /// While a toolpath deposits.
-    fn step_limit(&self) -> Option<f64> {
+    fn step_limit(&self, time: f64) -> Option<f64> {
         let p = self.prepared.as_ref()?;
         let limit = p.step_limit?;
-        let TrackTime::Running(now) = p.at(self.done.until) else {
+        let path = p.path.as_ref()?;
+        let TrackTime::Running(now) = path.foreseen(time) else {
             return None;
         };
         let next = p.births.partition_point(|b| b.time <= now);
@@ -468,15 +458,10 @@ impl Coupler for Deposit {
         ]
     }
 
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(self.done)
-    }
-
     fn load(
         &mut self,
-        state: &mut dyn erased_serde::Deserializer<'_>,
+        _state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        self.done = Done::deserialize(state)?;
         if let Some(p) = &mut self.prepared {
             (p.born, p.deposited) = (0, [0.0; 2]);
         }

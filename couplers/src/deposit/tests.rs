@@ -96,7 +96,7 @@ fn a_bead_covers_what_lies_within_its_cross_section() {
     let volume = coupler.report()[1].value;
     let exact = 2.0 * 2.0 * (4.0 * 10.0 + std::f64::consts::PI * 4.0);
     assert!((volume / exact - 1.0).abs() < 0.05, "{volume} {exact}");
-    assert_eq!(coupler.step_limit(), None, "all is deposited");
+    assert_eq!(coupler.step_limit(until), None, "all is deposited");
     assert_eq!(coupler.next_event(0.1), Some(6.0), "the second bead");
 }
 
@@ -115,7 +115,6 @@ fn a_restored_coupler_goes_on_and_counts_the_same() {
         let saved = values(&world, key);
         crate::testing::set(&mut other, key, |point| saved[point]);
     }
-    second.done = first.done;
     for (world, coupler) in [(&world, &mut first), (&other, &mut second)] {
         apply(world, coupler, Step::new(3.0, 1.0));
     }
@@ -229,7 +228,7 @@ fn the_deposit_of_a_source_waits_with_it() {
     let (mut coupler, path) = following(&mut world);
     crate::testing::set(&mut world, &keys::TEMPERATURE, |_| 500.0);
     path.begin_step(&world, 0.0);
-    assert!(coupler.step_limit().is_some(), "the bead begins at once");
+    assert!(coupler.step_limit(0.0).is_some(), "the bead begins at once");
     for step in 0..20 {
         apply(
             &world,
@@ -247,13 +246,13 @@ fn the_deposit_of_a_source_waits_with_it() {
         "nothing is deposited during the wait"
     );
     assert_eq!(
-        (coupler.step_limit(), coupler.next_event(40.0)),
+        (coupler.step_limit(40.0), coupler.next_event(40.0)),
         (None, None)
     );
 
     crate::testing::set(&mut world, &keys::TEMPERATURE, |_| 399.0);
     path.begin_step(&world, 40.0);
-    assert!(coupler.step_limit().is_some());
+    assert!(coupler.step_limit(40.0).is_some());
     apply(&world, &mut coupler, Step::new(40.0, 0.25));
     assert!(active(&world).len() > first);
     let birth = values(&world, &keys::BIRTH_TEMPERATURE);
@@ -330,15 +329,52 @@ fn a_bead_follows_the_axis_of_an_inclined_torch() {
     }
 }
 
+const BEAD: &str =
+    "region = 'top'\nsource = 'torch'\nbead = { width = 3, height = 2 }\ntemperature = 900";
+
+/// What a torch asked for (J) and the points that were deposited, at these times of a run (s).
+fn weld(path: &str, keys: &str, is_half: bool, times: &[f64]) -> Vec<[f64; 2]> {
+    let shape = "power = 2e11\nefficiency = 0.8\nhalf_length = 2\nhalf_width = 2\ndepth = 2";
+    let mut world = World::new(vec![part([20, 9, 5], 3, 3.0)]);
+    let mut torch: crate::heat_source::EllipsoidSource = read(&format!("{shape}\n{path}"));
+    let mut coupler: Deposit = read(&format!("{BEAD}\n{keys}"));
+    let mut setup = Setup::new(&mut world, std::path::Path::new("."));
+    if is_half {
+        setup.set_symmetry(0, Face::YMin);
+    }
+    let path = torch.share(std::path::Path::new(".")).expect("valid");
+    setup.share("torch", path.expect("a path"));
+    setup.next_plugin("the torch");
+    torch.prepare(&mut setup).expect("valid");
+    setup.next_plugin("the deposit");
+    coupler.prepare(&mut setup).expect("valid");
+    setup.next_plugin("the physics");
+    setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+    setup.finish().expect("complete");
+    let mut at = 0.0;
+    let state = |until: &f64| {
+        while at < *until {
+            coupler.begin_step(&world, at);
+            torch.begin_step(&world, at);
+            let end = torch.next_event(at).unwrap_or(*until).min(*until);
+            let step = Step::new(at, end.min(at + 0.25) - at);
+            torch.apply(&world, step).expect("applies");
+            apply(&world, &mut coupler, step);
+            at = step.end();
+        }
+        let reports = torch.report();
+        let asked = reports.iter().find(|r| r.name == "energy.asked");
+        [asked.expect("reported").value, coupler.report()[0].value]
+    };
+    times.iter().map(state).collect()
+}
+
 /// Source and droplets together bring the energy of the source.
 #[test]
 fn heat_of_the_material_is_taken_out_of_that_of_the_source() {
     let line = |y: f64| {
         format!("toolpath.line = {{ start = [4.5, {y}, 5], end = [14.5, {y}, 5], speed = 2 }}")
     };
-    let bead =
-        "region = 'top'\nsource = 'torch'\nbead = { width = 3, height = 2 }\ntemperature = 900";
-    let shape = "power = 2e11\nefficiency = 0.8\nhalf_length = 2\nhalf_width = 2\ndepth = 2";
     // with the path in the middle of the body, or on a plane of symmetry, behind which there is as much material
     for (keys, pulse, feed, is_half) in [
         ("", "", None, false),
@@ -359,38 +395,9 @@ fn heat_of_the_material_is_taken_out_of_that_of_the_source() {
         ),
     ] {
         let line = line(if is_half { 0.0 } else { 4.5 });
-        let mut world = World::new(vec![part([20, 9, 5], 3, 3.0)]);
-        let mut torch: crate::heat_source::EllipsoidSource =
-            read(&format!("{shape}\n{pulse}\n{line}"));
-        let mut coupler: Deposit = read(&format!("{bead}\n{keys}"));
-        let mut setup = Setup::new(&mut world, std::path::Path::new("."));
-        if is_half {
-            setup.set_symmetry(0, Face::YMin);
-        }
-        let path = torch.share(std::path::Path::new(".")).expect("valid");
-        setup.share("torch", path.expect("a path"));
-        setup.next_plugin("the torch");
-        torch.prepare(&mut setup).expect("valid");
-        setup.next_plugin("the deposit");
-        coupler.prepare(&mut setup).expect("valid");
-        setup.next_plugin("the physics");
-        setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        setup.finish().expect("complete");
-        let mut at = 0.0;
         // the last material comes in the step after the end of the path
-        while at < 5.5 {
-            coupler.begin_step(&world, at);
-            torch.begin_step(&world, at);
-            let end = torch.next_event(at).unwrap_or(5.5).min(at + 0.25);
-            let step = Step::new(at, end - at);
-            torch.apply(&world, step).expect("applies");
-            apply(&world, &mut coupler, step);
-            at = end;
-        }
-        let reports = torch.report();
-        let asked = reports.iter().find(|r| r.name == "energy.asked");
-        let asked = asked.expect("reported").value;
-        let points = coupler.report()[0].value;
+        let states = weld(&format!("{pulse}\n{line}"), keys, is_half, &[5.5]);
+        let [asked, points] = states[0];
         let least = if is_half { 20.0 } else { 50.0 };
         assert!(points > least, "{points}");
         // 8000 kg/m³ and 500 J/(kg K) of a cubic metre each
@@ -408,9 +415,39 @@ fn heat_of_the_material_is_taken_out_of_that_of_the_source() {
         (format!("heat = 'from_source'\n{line}"), "heat"),
         (format!("feed_temperature = -3\n{line}"), "feed_temperature"),
     ] {
-        let bead = bead.replace("source = 'torch'\n", "");
+        let bead = BEAD.replace("source = 'torch'\n", "");
         let mut world = World::new(vec![part([20, 9, 5], 3, 3.0)]);
         let message = refusal(&mut world, &mut read::<Deposit>(&format!("{bead}\n{keys}")));
         assert!(message.starts_with(&format!("{key}: ")), "{message}");
+    }
+}
+
+/// Passes that leave much metal, none and little each bring their energy; slopes of the power belong to their pass.
+#[test]
+fn each_pass_brings_its_energy_whatever_metal_it_leaves() {
+    let pass = |y: f64, keys: &str| {
+        format!(
+            "{{ toolpath.line = {{ start = [4.5, {y}, 5], end = [14.5, {y}, 5], speed = 2{keys} }} }}"
+        )
+    };
+    let later = ", start_time = 1";
+    let first = "{ toolpath.line = { start = [4.5, 4.5, 5], end = [5.5, 4.5, 5], speed = 2, power = 1e10 } },
+        { toolpath.line = { start = [5.5, 4.5, 5], end = [14.5, 4.5, 5], speed = 2 } }";
+    for (first, energy) in [
+        (pass(4.5, ""), 0.8 * 2e11 * 5.0),
+        (first.into(), 0.8 * (2e11 * 4.5 + 1e10 * 0.5)),
+    ] {
+        let others = [pass(4.5, later), pass(3.0, later)].join(", ");
+        let path = format!("toolpath.sequence.passes = [{first}, {others}]");
+        let states = weld(&path, "heat = 'from_source'", false, &[5.75, 11.75, 17.5]);
+        let mut before = [0.0; 2];
+        let energies = [energy, 0.8 * 2e11 * 5.0, 0.8 * 2e11 * 5.0];
+        for (k, (now, energy)) in states.into_iter().zip(energies).enumerate() {
+            let [asked, points] = [0, 1].map(|i| now[i] - before[i]);
+            assert_eq!(points > 0.0, k != 1, "{points}");
+            let found = asked + points * 4e6 * (900.0 - 293.15);
+            assert!((found / energy - 1.0).abs() < 1e-9, "{k}: {found} {energy}");
+            before = now;
+        }
     }
 }

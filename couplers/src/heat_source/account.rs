@@ -39,8 +39,6 @@ pub(super) struct Account {
     path: f64,
     /// Whether the toolpath had power in the last step; between two pulses it has.
     was_on: bool,
-    /// Whether the source has power between now and the next event.
-    pub is_on: bool,
 }
 
 impl Account {

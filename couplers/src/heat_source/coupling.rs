@@ -78,8 +78,8 @@ macro_rules! couple_source {
                 $crate::heat_source::HasSource::moving(self).path_programme(run_end)
             }
 
-            fn step_limit(&self) -> ::std::option::Option<f64> {
-                $crate::heat_source::HasSource::moving(self).longest_step()
+            fn step_limit(&self, time: f64) -> ::std::option::Option<f64> {
+                $crate::heat_source::HasSource::moving(self).longest_step(time)
             }
 
             fn report(&self) -> ::std::vec::Vec<$crate::perimelt_core::Report> {

@@ -304,13 +304,13 @@ impl<S: SourceShape> MovingSource<S> {
         let p = self.prepared.as_mut().expect("prepared before the run");
         let body = world.body(p.body);
         let mut pose = p.path.pose(step.middle());
-        let left = p.path.left(p.depositor.efficiency());
+        let left = p.path.left(step.middle(), p.depositor.efficiency());
         if left < 0.0 {
             return Err(RunError::Plugin {
                 plugin: "deposit".into(),
                 time: step.start,
                 cause: format!(
-                    "the droplets take {:.3} times the heat of the source; expected less than 1",
+                    "the droplets take {:.3} times the heat of the source in this pass; expected less than 1",
                     1.0 - left
                 )
                 .into(),
@@ -337,8 +337,6 @@ impl<S: SourceShape> MovingSource<S> {
         let is_on = p.path.is_on_after(step.middle());
         let speed = is_on.then_some(pose.speed);
         self.account.book(&deposit, copies, step.size, speed);
-        // the next step is limited if the next move has power
-        self.account.is_on = p.path.is_on_after(step.end());
         p.position = p.path.pose(step.end()).position;
         let moves = p.speed > 0.0;
         // a jump without power turns no melt pool
@@ -356,7 +354,6 @@ impl<S: SourceShape> MovingSource<S> {
         self.positions.begin_step(world, p.body, time);
         if !p.path.track().passes().is_empty() {
             p.path.begin_step(world, time);
-            self.account.is_on = p.path.is_on_after(time);
         }
     }
 
@@ -377,10 +374,10 @@ impl<S: SourceShape> MovingSource<S> {
     }
 
     #[doc(hidden)]
-    pub fn longest_step(&self) -> Option<f64> {
+    pub fn longest_step(&self, time: f64) -> Option<f64> {
         let p = self.prepared.as_ref()?;
         let speed = p.speed + self.positions.speed;
-        (speed > 0.0 && self.account.is_on).then(|| p.longest_way / speed)
+        (speed > 0.0 && p.path.will_be_on(time)).then(|| p.longest_way / speed)
     }
 
     #[doc(hidden)]

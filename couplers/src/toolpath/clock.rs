@@ -28,10 +28,20 @@ pub struct TimedPath {
     pulses: Option<Pulses>,
     /// Axis of the torch where the track does not give it.
     torch: Option<Vector3<f64>>,
-    /// Fraction of its energy that something else takes out.
-    taken: Cell<f64>,
+    taken: RefCell<Vec<Taken>>,
     clock: RefCell<Clock>,
+    /// Start of the present step, s.
+    now: Cell<f64>,
     gauges: RefCell<Option<Gauges>>,
+}
+
+/// What something else takes out of the energy of the path from a time on.
+#[derive(Clone, Copy, Debug)]
+struct Taken {
+    /// Time of the track, s.
+    from: f64,
+    /// Fraction of the energy before any efficiency.
+    fraction: f64,
 }
 
 /// Where the conditions of the waits are measured.
@@ -80,8 +90,9 @@ impl TimedPath {
             track,
             pulses: None,
             torch: None,
-            taken: Cell::new(0.0),
+            taken: RefCell::default(),
             clock: RefCell::default(),
+            now: Cell::new(f64::NEG_INFINITY),
             gauges: RefCell::default(),
         }
     }
@@ -109,35 +120,49 @@ impl TimedPath {
         self.torch
     }
 
-    /// Takes an energy (J) out of that of the whole path, such as that of droplets; the fraction of it before any efficiency.
-    pub(crate) fn take(&self, energy: f64) -> f64 {
-        self.taken.set(energy / self.energy());
-        self.taken.get()
+    /// Takes energies (J) at times of the track (s), such as those of droplets, out of that of the path: one fraction from where the
+    /// power comes on for a pass to where it comes on for the next one.
+    pub(crate) fn take(&self, parts: impl Iterator<Item = (f64, f64)>) {
+        let starts = self.track.powered_passes();
+        let mut energies = vec![0.0; starts.len()];
+        for (time, energy) in parts {
+            energies[starts.partition_point(|start| *start <= time).max(1) - 1] += energy;
+        }
+        let fraction = |k: usize| match energies[k] {
+            0.0 => 0.0,
+            energy => energy / self.energy(starts[k], starts.get(k + 1).copied()),
+        };
+        let taken = |k: usize| Taken {
+            from: starts[k],
+            fraction: fraction(k),
+        };
+        *self.taken.borrow_mut() = (0..starts.len()).map(taken).collect();
     }
 
-    /// The fraction of the power that is left for a source with an efficiency.
-    pub(crate) fn left(&self, efficiency: f64) -> f64 {
-        match self.taken.get() {
+    /// The fraction of the power that is left at a time of the run (s) for a source with an efficiency.
+    pub(crate) fn left(&self, time: f64, efficiency: f64) -> f64 {
+        let taken = self.taken.borrow();
+        let (TrackTime::Running(now) | TrackTime::Waiting(now)) = self.at(time);
+        let begun = taken.partition_point(|t| t.from <= now).max(1);
+        match taken.get(begun - 1).map_or(0.0, |t| t.fraction) {
             0.0 => 1.0,
-            taken => 1.0 - taken / efficiency,
+            fraction => 1.0 - fraction / efficiency,
         }
     }
 
-    /// Energy of the whole path before any efficiency, J; infinite for one without an end.
-    fn energy(&self) -> f64 {
-        if self.track.end().is_none() {
+    /// Energy between two times of the track, without `to` up to its end, before any efficiency, J; infinite for a path without an end.
+    fn energy(&self, from: f64, to: Option<f64>) -> f64 {
+        let Some(end) = to.or(self.track.end()) else {
             return f64::INFINITY;
-        }
-        let next = |from: &f64| self.next_switch(*from);
-        let starts = std::iter::successors(Some(self.track.start()), next);
+        };
+        let next = |from: &f64| self.next_switch(*from).filter(|next| *next < end);
         let part = |from: f64| {
-            let to = self.next_switch(from).unwrap_or(from);
-            let factor = self
-                .pulses
-                .map_or(1.0, |pulses| pulses.factor(0.5 * (from + to)));
+            let to = self.next_switch(from).map_or(end, |next| next.min(end));
+            let middle = 0.5 * (from + to);
+            let factor = self.pulses.map_or(1.0, |pulses| pulses.factor(middle));
             factor * self.track.energy(from, to)
         };
-        starts.map(part).sum()
+        std::iter::successors(Some(from), next).map(part).sum()
     }
 
     /// As [`Track::next_event`], with the switches of pulses, in time of the track.
@@ -192,6 +217,7 @@ impl TimedPath {
 
     /// Begins the passes whose time has come and whose condition is met, with the state at the start of a step.
     pub(crate) fn begin_step(&self, world: &World, time: f64) {
+        self.now.set(time);
         let clock = &mut *self.clock.borrow_mut();
         let gauges = self.gauges.borrow();
         while let Some(pass) = self.track.passes().get(clock.begun.len()) {
@@ -272,9 +298,34 @@ impl TimedPath {
         Some(event + clock.delay)
     }
 
+    /// Time of the track at a time of the run (s) that may be to come: it is not known how long waits last, and those to come take
+    /// no time.
+    pub(crate) fn foreseen(&self, time: f64) -> TrackTime {
+        let now = self.now.get();
+        if time <= now {
+            return self.at(time);
+        }
+        let clock = self.clock.borrow();
+        let next = self.track.passes().get(clock.begun.len());
+        let waiting = next.filter(|pass| pass.time < now - clock.delay);
+        TrackTime::Running(match waiting {
+            Some(pass) => pass.time + (time - now),
+            None => time - clock.delay,
+        })
+    }
+
     /// Whether the source has power between `time` (s) and the next event.
     pub(crate) fn is_on_after(&self, time: f64) -> bool {
-        let TrackTime::Running(now) = self.at(time) else {
+        self.is_on(self.at(time))
+    }
+
+    /// Whether the source has power between a time (s) that may be to come and the event after it, as far as it is known.
+    pub(crate) fn will_be_on(&self, time: f64) -> bool {
+        self.is_on(self.foreseen(time))
+    }
+
+    fn is_on(&self, time: TrackTime) -> bool {
+        let TrackTime::Running(now) = time else {
             return false;
         };
         let until = self.track.next_event(now).unwrap_or(f64::INFINITY);

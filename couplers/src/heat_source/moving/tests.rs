@@ -149,12 +149,14 @@ fn steps_are_short_while_the_source_is_on_only() {
         ellipsoid("{ start = [5, 10, 8], end = [15, 10, 8], speed = 2, start_time = 3 }");
     let world = ready(&mut source);
     apply(&world, &mut source, 0.0);
-    assert_eq!(source.step_limit(), None);
+    assert_eq!(source.step_limit(1.0), None);
     apply(&world, &mut source, 2.0);
     // a cell is longer than the source: a quarter of 1 m at 2 m/s
-    assert_eq!(source.step_limit(), Some(0.125));
+    assert_eq!(source.step_limit(3.0), Some(0.125));
     apply(&world, &mut source, 7.0);
-    assert_eq!(source.step_limit(), None);
+    assert_eq!(source.step_limit(8.0), None);
+    // as it was, and as it will be
+    assert_eq!(source.step_limit(3.0), Some(0.125));
 }
 
 #[test]
@@ -169,7 +171,6 @@ fn energies_survive_a_save() {
         .load(&mut <dyn erased_serde::Deserializer<'_>>::erase(&mut json))
         .expect("reads");
     assert_eq!(resumed.account, source.account);
-    assert!(resumed.account.is_on);
 }
 
 #[test]
@@ -300,7 +301,14 @@ fn a_source_that_waits_is_off_and_goes_on_after_a_resume_as_without() {
         apply(&world, &mut source, f64::from(time));
     }
     assert_eq!(value(&source, "energy.deposited"), 500.0);
-    assert_eq!((source.step_limit(), source.next_event(7.0)), (None, None));
+    source.begin_step(&world, 7.0);
+    assert_eq!(
+        (source.step_limit(7.0), source.next_event(7.0)),
+        (None, None)
+    );
+    // the wait is foreseen to end at once, and the pass takes 5 s
+    assert!(source.step_limit(7.5).is_some() && source.step_limit(11.9).is_some());
+    assert_eq!(source.step_limit(12.1), None);
     assert!(source.unfinished(7.0).is_some());
     let saved = serde_json::to_string(&source.save()).expect("serialises");
     let mut resumed = waiting();
@@ -311,7 +319,7 @@ fn a_source_that_waits_is_off_and_goes_on_after_a_resume_as_without() {
     for (world, source) in [(&mut world, &mut source), (&mut other, &mut resumed)] {
         crate::testing::set(world, &keys::TEMPERATURE, |_| 399.0);
         source.begin_step(world, 7.25);
-        assert!(source.step_limit().is_some());
+        assert!(source.step_limit(7.25).is_some());
         assert_eq!(source.next_event(7.25), Some(12.25));
         apply(world, source, 7.25);
         assert_eq!(value(source, "pass.2.start"), 7.25);

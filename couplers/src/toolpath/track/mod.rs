@@ -234,6 +234,19 @@ impl Track {
         &self.passes
     }
 
+    /// When the source is switched on for each pass (s), the first one included; passes that follow each other with power and without
+    /// a wait are one.
+    pub(crate) fn powered_passes(&self) -> Vec<f64> {
+        let begin = |pass: &Pass| {
+            let on = self.moves.partition_point(|m| m.end <= pass.time);
+            let on = on + self.moves[on..].iter().position(|m| m.power != [0.0; 2])?;
+            let is_on_before = on > 0 && self.moves[on - 1].power != [0.0; 2];
+            (pass.wait.is_some() || !is_on_before).then_some(self.moves[on].start)
+        };
+        let later = self.passes.iter().skip(1).filter_map(begin);
+        std::iter::once(self.start()).chain(later).collect()
+    }
+
     /// What may be a mistake in the description of the path, as sentences without a full stop.
     pub fn warnings(&self) -> &[String] {
         &self.warnings
