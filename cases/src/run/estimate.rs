@@ -31,6 +31,10 @@ const FEWEST_UPDATES: u64 = 4;
 /// Wall time in which steps of each later phase are measured, s.
 const PHASE_SECONDS: f64 = 1.0;
 
+/// Fewest updates of each physics in a later phase that are measured: in the first one the metal of the melt pool, whose source is
+/// suddenly elsewhere or off, freezes.
+const FEWEST_PHASE_UPDATES: u64 = 3;
+
 /// Wall time after which no later phase is measured, s.
 const LAST_PHASE_SECONDS: f64 = 10.0;
 
@@ -162,7 +166,8 @@ pub fn estimate(
             let updated = simulation.progress().sub_steps.clone();
             // a state from elsewhere may fail where that of the run does not: what was measured before then counts
             let _ = measured.steps_until(&mut simulation, to, |updates, seconds| {
-                let is_enough = updates.iter().zip(&updated).all(|(now, then)| now > then);
+                let mut since = updates.iter().zip(&updated).map(|(now, then)| now - then);
+                let is_enough = since.all(|count| count >= FEWEST_PHASE_UPDATES);
                 seconds - begun > PHASE_SECONDS && (is_enough || seconds > LAST_PHASE_SECONDS)
             });
         }
@@ -194,8 +199,7 @@ struct Measured {
     physics: Vec<Work>,
     /// What else a macro step does.
     steps: Work,
-    states: Work,
-    /// Number of logged states and their wall time, s.
+    /// Number of logged states and their wall time, s. Few of them are written to the disk at once.
     logged: (f64, f64),
     /// Wall time of a checkpoint, s.
     checkpoint_seconds: f64,
@@ -208,7 +212,6 @@ impl Measured {
             log: TrialLog::new(case, simulation, size),
             physics: vec![Work::default(); simulation.wall_seconds().len()],
             steps: Work::default(),
-            states: Work::default(),
             logged: (0.0, 0.0),
             checkpoint_seconds: 0.0,
         };
@@ -217,7 +220,6 @@ impl Measured {
         if let Some(recorder) = measured.recorder() {
             recorder.checkpoint(simulation)?;
             measured.checkpoint_seconds = begun.elapsed().as_secs_f64();
-            measured.states.add(0.0, 0.0);
             measured.record(simulation)?;
         }
         Ok(measured)
@@ -258,7 +260,6 @@ impl Measured {
             let (states, seconds) = &mut self.logged;
             *states += 1.0;
             *seconds += begun.elapsed().as_secs_f64();
-            self.states.add(*states, *seconds);
         }
         Ok(())
     }
@@ -274,18 +275,19 @@ impl Measured {
         self.steps.add(progress.macro_steps as f64, rest);
     }
 
-    /// What is measured from now on counts; without any, what was measured before.
+    /// What is measured of steps from now on counts; without any, what was measured before.
     fn next_phase(&mut self) {
         self.physics.iter_mut().for_each(|work| *work = work.next());
         self.steps = self.steps.next();
-        self.states = self.states.next();
     }
 
     /// Wall time of these steps, by the kinds of work: physics, macro steps and logged states.
     fn seconds_of(&self, left: &Remaining) -> f64 {
         let of_physics = self.physics.iter().zip(&left.sub_steps);
         let of_physics: f64 = of_physics.map(|(work, left)| work.per_step() * left).sum();
-        of_physics + self.steps.per_step() * left.macro_steps + self.states.per_step() * left.logs
+        let (states, seconds) = self.logged;
+        let of_states = left.logs * seconds / states.max(1.0);
+        of_physics + self.steps.per_step() * left.macro_steps + of_states
     }
 }
 
@@ -335,8 +337,7 @@ mod tests {
             log: None,
             physics: vec![steps.clone(), rare],
             steps: work(&[]),
-            states: steps,
-            logged: (0.0, 0.0),
+            logged: (4.0, 2.0),
             checkpoint_seconds: 0.0,
         };
         let total = measured.seconds_of(&left);

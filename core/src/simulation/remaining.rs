@@ -22,24 +22,33 @@ const MOST_TARGETS: usize = 200_000;
 /// Part of the time that is left below which a phase is not told apart.
 const SHORTEST_PHASE: f64 = 0.02;
 
+/// Part of the time that is left above which a phase is divided.
+const LONGEST_PHASE: f64 = 0.25;
+
 impl Simulation {
-    /// Times (s) at which the work of a step may change, the last one the end of the run: ends of the programmes of plugins, such as
-    /// toolpaths.
+    /// Times (s) between which the work of a step may change, the last one the end of the run: ends of the programmes of plugins, such
+    /// as toolpaths, and some in between where these are far apart.
     pub fn phases(&self) -> Vec<f64> {
         let end = self.options.end;
         let couplers = self.couplers.iter().map(|c| c.plugin.programme(end));
         let physics = self.physics.iter().map(|p| p.plugin.programme(end));
         let mut ends: Vec<f64> = couplers.chain(physics).flatten().map(|p| p.end).collect();
+        ends.retain(|time| *time < end);
         ends.sort_by(f64::total_cmp);
-        let shortest = SHORTEST_PHASE * (end - self.clock.time);
+        ends.push(end);
+        let left = end - self.clock.time;
         let mut phases = Vec::new();
-        for phase in ends {
-            let from = phases.last().copied().unwrap_or(self.clock.time);
-            if phase - from > shortest && end - phase > shortest {
-                phases.push(phase);
+        let mut from = self.clock.time;
+        for to in ends {
+            let is_apart = to - from > SHORTEST_PHASE * left && end - to > SHORTEST_PHASE * left;
+            if is_apart || to == end {
+                let parts = count((to - from) / (LONGEST_PHASE * left));
+                let part = (to - from) / parts;
+                phases.extend((1..parts as u32).map(|k| from + f64::from(k) * part));
+                phases.push(to);
+                from = to;
             }
         }
-        phases.push(end);
         phases
     }
 
