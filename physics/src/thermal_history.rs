@@ -15,6 +15,8 @@
 //! All are zero where it has not happened, and at points whose material has not been deposited yet. The history of a
 //! deposited point begins at the end of the step in which it is born.
 
+use std::cell::OnceCell;
+
 use nalgebra::{Cholesky, SMatrix, SVector, Vector3};
 use perimelt_core::activity::is_active;
 use perimelt_core::body::Body;
@@ -22,7 +24,7 @@ use perimelt_core::cell_list::CellList;
 use perimelt_core::material::Property;
 use perimelt_core::plugin::load_points;
 use perimelt_core::{
-    Description, Physics, Read, RunError, Setup, SetupError, Step, Work, World, Write, keys,
+    Description, Face, Physics, Read, RunError, Setup, SetupError, Step, Work, World, Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -75,6 +77,7 @@ struct Run {
     above: Option<f64>,
     solidification: Option<f64>,
     neighbours: CellList,
+    images: OnceCell<Vec<Image>>,
     /// At the end of the last step.
     points: Vec<Point>,
     /// Of this step.
@@ -186,6 +189,7 @@ impl Physics for ThermalHistory {
             above: self.above.or(solidus),
             solidification: self.solidification.or(liquidus),
             neighbours,
+            images: OnceCell::new(),
             points: vec![Point::default(); count],
             next: Vec::with_capacity(count),
         });
@@ -242,7 +246,10 @@ impl Run {
         let now: &[f64] = &now;
         let body = world.body(self.body);
         let (above, solidification) = (self.above, self.solidification);
-        let (points, neighbours) = (&self.points, &self.neighbours);
+        let images = || images(body, world.symmetry(self.body));
+        let images = self.images.get_or_init(images);
+        let around = (&self.neighbours, &images[..]);
+        let points = &self.points;
         let activity = world.activity(self.body);
         let activity = activity.as_deref();
         let is_known = |i: usize| activity.is_none() || points[i].temperature > 0.0;
@@ -288,7 +295,7 @@ impl Run {
                 };
                 Solidification {
                     rate: (before - after) / step.size,
-                    gradient: gradient(body, neighbours, i, (is_known, field)).norm(),
+                    gradient: gradient(body, around, i, (is_known, field)).norm(),
                     melted: molten_since.take().unwrap_or(0.0),
                     time: at(share),
                 }
@@ -353,12 +360,56 @@ fn share_above(before: f64, after: f64, level: f64) -> f64 {
 /// Terms of a quadratic polynomial without its constant: along three axes, squares, products.
 const TERMS: usize = 9;
 
+/// Where points are seen again: as they are, behind planes of symmetry, beyond periodic sides.
+#[derive(Clone, Copy, Debug)]
+struct Image {
+    /// By axis, -1 where it is a mirror image.
+    mirror: [f64; 3],
+    /// m.
+    offset: [f64; 3],
+}
+
+impl Image {
+    fn of(&self, x: Vector3<f64>) -> Vector3<f64> {
+        Vector3::from_fn(|a, _| self.mirror[a] * x[a] + self.offset[a])
+    }
+
+    /// The place whose image is `x`.
+    fn origin(&self, x: Vector3<f64>) -> Vector3<f64> {
+        Vector3::from_fn(|a, _| self.mirror[a] * (x[a] - self.offset[a]))
+    }
+}
+
+/// The body itself, which is the first one, and all images around it.
+fn images(body: &Body, symmetry: &[Face]) -> Vec<Image> {
+    let itself = Image {
+        mirror: [1.0; 3],
+        offset: [0.0; 3],
+    };
+    let mut images = vec![itself];
+    for axis in 0..body.dimension {
+        let period = body.periodic[axis].then(|| body.extent(axis));
+        let shifts = period.into_iter().flat_map(|p| [(1.0, p), (1.0, -p)]);
+        let planes = symmetry.iter().filter(|face| face.axis() == axis);
+        let mirrors = planes.map(|face| (-1.0, 2.0 * body.face_position(*face)));
+        let along: Vec<(f64, f64)> = shifts.chain(mirrors).collect();
+        for n in 0..images.len() {
+            for &(mirror, offset) in &along {
+                let mut image = images[n];
+                (image.mirror[axis], image.offset[axis]) = (mirror, offset);
+                images.push(image);
+            }
+        }
+    }
+    images
+}
+
 /// Gradient of a field at a point, per m, by a least-squares fit of a quadratic polynomial to the points around, of a
 /// linear one where they are too few; zero where they do not determine that either. Only points for which the field
 /// `is_known` count.
 fn gradient(
     body: &Body,
-    list: &CellList,
+    (list, images): (&CellList, &[Image]),
     point: usize,
     (is_known, field): (impl Fn(usize) -> bool, impl Fn(usize) -> f64),
 ) -> Vector3<f64> {
@@ -366,17 +417,20 @@ fn gradient(
     let own = field(point);
     let mut moment = SMatrix::<f64, TERMS, TERMS>::zeros();
     let mut right = SVector::<f64, TERMS>::zeros();
-    list.visit_near(&at, RADIUS * spacing, |other| {
-        let mut xi: Vector3<f64> = (body.points.position[other] - at) / spacing;
-        (body.dimension..3).for_each(|axis| xi[axis] = 0.0);
-        let squared = xi.norm_squared();
-        if other != point && squared <= RADIUS * RADIUS && is_known(other) {
-            let [x, y, z] = xi.into();
-            let terms = SVector::from([x, y, z, x * x, y * y, z * z, x * y, y * z, z * x]);
-            moment += terms * terms.transpose() / squared;
-            right += terms * ((field(other) - own) / squared);
-        }
-    });
+    for (n, image) in images.iter().enumerate() {
+        list.visit_near(&image.origin(at), RADIUS * spacing, |other| {
+            let mut xi: Vector3<f64> = (image.of(body.points.position[other]) - at) / spacing;
+            (body.dimension..3).for_each(|axis| xi[axis] = 0.0);
+            let squared = xi.norm_squared();
+            let is_itself = n == 0 && other == point;
+            if !is_itself && squared <= RADIUS * RADIUS && is_known(other) {
+                let [x, y, z] = xi.into();
+                let terms = SVector::from([x, y, z, x * x, y * y, z * z, x * y, y * z, z * x]);
+                moment += terms * terms.transpose() / squared;
+                right += terms * ((field(other) - own) / squared);
+            }
+        });
+    }
     // terms along axes that the body does not have are zero
     for term in 0..TERMS {
         if moment[(term, term)] == 0.0 {

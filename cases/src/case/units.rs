@@ -280,7 +280,7 @@ fn waits_below(value: &TomlValue<'_>, found: &mut Vec<f64>) {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::path::Path;
 
     use super::*;
@@ -313,7 +313,7 @@ mod tests {
         end = 0.2
         "#;
 
-    fn warnings(changes: &[(&str, &str)]) -> Vec<String> {
+    pub(in crate::case) fn warnings(changes: &[(&str, &str)]) -> Vec<String> {
         let text = changes.iter().fold(PLATE.to_string(), |text, (old, new)| {
             assert!(text.contains(old), "`{old}` is there");
             text.replace(old, new)

@@ -86,6 +86,7 @@ impl Case {
         found.extend(self.nothing_cools(simulation, &lowest)?);
         found.extend(self.unused_columns(simulation));
         found.extend(self.late_heat(simulation)?);
+        found.extend(logs_at_few_moments_of_pulses(simulation));
         found.extend(self.doubtful_conditions(simulation)?);
         Ok(found)
     }
@@ -222,6 +223,41 @@ impl Case {
         }
         Ok(found)
     }
+}
+
+/// Most moments of a period at which log intervals are compared with it.
+const MOMENTS: u32 = 50;
+
+/// Pulsed sources whose logged states show the same few moments of a period, of which fewer than two lie within a pulse.
+fn logs_at_few_moments_of_pulses(simulation: &Simulation) -> Vec<String> {
+    let log = &simulation.options().log;
+    let intervals = || log.stages.iter().map(|s| s.interval).chain([log.interval]);
+    let composition = simulation.composition();
+    let couplers = composition["couplers"].as_array().into_iter().flatten();
+    let warning = |(label, coupler): (&str, &serde_json::Value)| {
+        let pulse = &coupler["pulse"];
+        let (frequency, duty) = (pulse["frequency"].as_f64()?, pulse["duty"].as_f64()?);
+        let moments = |interval: f64| {
+            let is_repeated = |n: &u32| {
+                let periods = f64::from(*n) * interval * frequency;
+                periods > 0.5 && (periods - periods.round()).abs() < 1e-6 * periods
+            };
+            let moments = (1..=MOMENTS).find(is_repeated)?;
+            (f64::from(moments) * duty < 2.0).then_some((interval, moments))
+        };
+        let (interval, moments) = intervals().find_map(moments)?;
+        let moments = match moments {
+            1 => "the same moment".to_string(),
+            _ => format!("the same {moments} moments"),
+        };
+        let [interval, other] = [interval, 0.97 * interval].map(unit::time_text);
+        Some(format!(
+            "log: with an interval of {interval} all states show {moments} of the pulses of `{label}`, so that temperatures and melt \
+             pools of the pulses may be missing; {other} shows others"
+        ))
+    };
+    let labelled = simulation.coupler_labels().zip(couplers);
+    labelled.filter_map(warning).collect()
 }
 
 /// Damping rate of a mechanical physics with the explicit solver, 1/s.
@@ -377,4 +413,34 @@ fn other_volume(body: &Body, shape: &Shape) -> Option<String> {
         unit::number(filled, 4),
         unit::number(asked, 4)
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::units::tests::warnings;
+
+    #[test]
+    fn logs_at_few_moments_of_pulses_are_told() {
+        for (frequency, log, moments) in [
+            (20.0, "interval = 0.1", Some("the same moment")),
+            (10.0, "interval = 0.1", Some("the same moment")),
+            (20.0, "interval = 0.025", Some("the same 2 moments")),
+            (
+                20.0,
+                "stages = [{ until = 0.1, interval = 0.05 }]\ninterval = 0.045",
+                Some("the same moment"),
+            ),
+            (20.0, "interval = 0.045", None),
+            (20.0, "interval = 0.01", None),
+        ] {
+            let pulse = format!("power = 50\npulse = {{ frequency = {frequency}, duty = 0.5 }}");
+            let log = format!("end = 0.2\n[log]\n{log}");
+            let found = warnings(&[("power = 50", &pulse), ("end = 0.2", &log)]);
+            let told = |moments| format!("{moments} of the pulses of `gaussian_source`");
+            let expected: Vec<String> = moments.map(told).into_iter().collect();
+            assert_eq!(found.len(), expected.len(), "{found:?}");
+            let mut told = found.iter().zip(&expected);
+            assert!(told.all(|(found, told)| found.contains(told)), "{found:?}");
+        }
+    }
 }

@@ -75,7 +75,7 @@ struct Common {
     /// Stop at the first logged state at or after this simulated time, s
     #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = positive)]
     until: Option<f64>,
-    /// Show no progress
+    /// Show nothing but errors: no progress, warnings or results
     #[arg(long)]
     quiet: bool,
     /// End as at SIGTERM when the input ends: the command that started the run holds it open

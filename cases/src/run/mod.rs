@@ -36,7 +36,7 @@ pub struct Options {
     pub force: bool,
     /// Stop at the first logged state at or after this time, s.
     pub until: Option<f64>,
-    /// Show no progress.
+    /// Show nothing but errors.
     pub quiet: bool,
     /// Other than zero: the number of the signal that asks for an early end.
     pub stop: Arc<AtomicUsize>,

@@ -57,7 +57,8 @@ impl Reports<'_> {
         Some(&column.values)
     }
 
-    /// A cumulated quantity at a time (s), linear between logged states.
+    /// A cumulated quantity at a time (s) at which a pass begins or ends: that of a state beside it in which the source is off, else
+    /// linear between logged states.
     fn at(&self, what: &str, time: f64) -> Option<f64> {
         let (times, values) = (&self.series.times, self.column(what)?);
         let next = times.partition_point(|t| *t < time);
@@ -65,11 +66,18 @@ impl Reports<'_> {
         match next.checked_sub(1) {
             None => values.first().copied(),
             Some(_) if next >= times.len() => Some(last),
+            Some(before) if self.is_off(before) => Some(values[before]),
+            Some(_) if self.is_off(next) => Some(values[next]),
             Some(before) => {
                 let part = (time - times[before]) / (times[next] - times[before]);
                 Some(values[before] + part * (values[next] - values[before]))
             }
         }
+    }
+
+    fn is_off(&self, row: usize) -> bool {
+        self.column("on")
+            .is_some_and(|on| on.get(row) == Some(&0.0))
     }
 
     fn passes(&self) -> Vec<Pass> {
@@ -346,6 +354,7 @@ fn cooling_times(log: &Log, body: &BodyInfo, passes: &[Pass]) -> Result<Vec<Vec<
             }
             if t < lower && previous >= lower && since[number].is_finite() {
                 cooled[number] = pass.map(|pass| (pass, crossing(lower) - since[number]));
+                since[number] = f64::NAN;
             }
             last[number] = t;
         }

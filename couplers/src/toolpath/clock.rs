@@ -272,8 +272,10 @@ impl TimedPath {
 
     /// As [`Track::last_pose_with_power`], in time of the run.
     pub(crate) fn last_pose_with_power(&self, time: f64) -> Pose {
-        let (TrackTime::Running(now) | TrackTime::Waiting(now)) = self.at(time);
-        self.track.last_pose_with_power(now)
+        match self.at(time) {
+            TrackTime::Running(now) => self.track.last_pose_with_power(now),
+            TrackTime::Waiting(at) => self.track.end_of_power_before(at),
+        }
     }
 
     /// As [`Track::next_event`], in time of the run, as far as it is known: up to the next wait; and the switches of pulses.

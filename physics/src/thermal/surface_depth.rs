@@ -3,101 +3,91 @@
 //! A flux q enters the outermost points. Far below, the temperature is linear, `T = T_s - q x / k` with the depth x; at the
 //! outermost points it deviates from that line by `c q s / k`, since longer bonds reach beyond them, and bonds at bare
 //! surfaces are corrected. The temperature of the surface follows from that of the outermost points as over a distance
-//! `d = (1/2 - c) s`. The deviation c solves the equations of the bonds of one column of points, whose rows are those of the
-//! family, for a uniform flux and a linear temperature below.
+//! `d = (1/2 - c) s`. The deviation c solves the equations of the bonds of one column of points in a half space, whose family is
+//! that of the body, for a uniform flux and a linear temperature below. It is the same for all faces with, and for all without
+//! mirrored points behind them, whatever the thickness and the shape of the body.
 
-use nalgebra::{DMatrix, DVector, Vector3};
-use perimelt_core::family::Mirrored;
+use nalgebra::{DMatrix, DVector};
+use perimelt_core::family::{FamilySpec, Mirrored};
+use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::{Body, Face, Family, SlotField};
 
 use super::conduction::coefficient;
 
-/// Layers of the column.
-const LAYERS: usize = 14;
+/// Layers below the surface whose temperatures deviate, in reaches of the family.
+const DEVIATING: usize = 4;
 
-/// Cells on all sides of a column in which the surface has to be plane, for a representative one.
-const FLAT: usize = 3;
+/// Layers of the half space, in reaches of the family.
+const DEEP: usize = 8;
 
-/// Distances of the surface from the outermost points by direction, in spacings; half a spacing where no column of points
-/// below a plane surface is deep enough.
+/// Distances of the surface from the outermost points by direction, in spacings; half a spacing where the points are not on a lattice.
 pub(super) fn depths(body: &Body, family: &Family) -> [f64; 6] {
+    if body.lattice().is_none() {
+        return [0.5; 6];
+    }
+    let depth = |is_mirrored: bool| {
+        let deviation = deviation(body, family.spec(), is_mirrored);
+        // a family so long that the outermost points are warmer than the surface
+        deviation.map_or(0.5, |c| (0.5 - c).clamp(0.0, 1.5))
+    };
+    let faces = Face::ALL.into_iter().filter(|f| f.axis() < body.dimension);
+    let is_mirrored = |face: Face| family.spec().layers.contains(&face);
+    let mut by_kind = [None; 2];
     let mut depths = [0.5; 6];
-    for face in Face::ALL.into_iter().filter(|f| f.axis() < body.dimension) {
-        if let Some(column) = column_below(body, face) {
-            let deviation = deviation(body, family, (face, &column));
-            // a family so long that the outermost points are warmer than the surface
-            depths[face as usize] = deviation.map_or(0.5, |c| (0.5 - c).clamp(0.0, 1.5));
-        }
+    for face in faces {
+        let kind = &mut by_kind[usize::from(is_mirrored(face))];
+        depths[face as usize] = *kind.get_or_insert_with(|| depth(is_mirrored(face)));
     }
     depths
 }
 
-/// Points below the middle of a plane part of the surface, from the outermost one inwards.
-fn column_below(body: &Body, face: Face) -> Option<Vec<usize>> {
-    let inwards = face.opposite();
-    let bare = |point: usize| body.neighbour(point, face).is_none();
-    let sideways = Face::ALL.into_iter();
-    let sideways: Vec<Face> = sideways
-        .filter(|f| f.axis() < body.dimension && f.axis() != face.axis())
-        .collect();
-    let is_flat = |point: usize, reach: usize| {
-        sideways.iter().all(|side| {
-            let mut at = Some(point);
-            (0..reach).all(|_| {
-                at = at.and_then(|p| body.neighbour(p, *side));
-                at.is_some_and(bare)
-            })
-        })
+/// The deviation c of the outermost points of a half space whose surface is at x+, with mirrored points behind it or without.
+fn deviation(body: &Body, spec: &FamilySpec, is_mirrored: bool) -> Option<f64> {
+    let spacing = body.finest_spacing();
+    let reach = (spec.horizon.of(spacing) / spacing).ceil().max(1.0) as usize;
+    let (layers, known, across) = (DEEP * reach, DEVIATING * reach, 2 * reach + 1);
+    let [deep, wide] = [layers, across].map(|cells| cells as f64 * spacing);
+    let shape = Shape::Box(BoxShape {
+        min: [0.0; 3],
+        max: [deep, wide, wide],
+    });
+    let mut half_space = Body::fill("half space", &shape, body.dimension, spacing, 1.0).ok()?;
+    (1..body.dimension).for_each(|axis| half_space.periodic[axis] = true);
+    let surface = is_mirrored.then_some(Face::XMax);
+    let spec = FamilySpec {
+        layers: surface.into_iter().chain([Face::XMin]).collect(),
+        audited: Vec::new(),
+        ..spec.clone()
     };
-    let column = |point: usize| {
-        let next = |p: &usize| body.neighbour(*p, inwards);
-        std::iter::successors(Some(point), next)
-            .take(LAYERS)
-            .collect::<Vec<_>>()
-    };
-    for reach in [FLAT, 1, 0] {
-        let mut points = (0..body.points.len()).filter(|&p| bare(p) && is_flat(p, reach));
-        // the first one is at the edge of the plane part that is flat enough
-        if let Some(point) = points.next() {
-            let column = column(point);
-            return (column.len() == LAYERS).then_some(column);
-        }
-    }
-    None
-}
-
-/// The deviation c of the outermost point of a column.
-fn deviation(body: &Body, family: &Family, (face, column): (Face, &[usize])) -> Option<f64> {
-    let spacing = body.points.spacing[column[0]];
-    let axis = face.axis();
-    let top = body.points.position[column[0]][axis];
-    let sign = face.normal()[axis];
-    let below = |x: &Vector3<f64>| (sign * (top - x[axis]) / spacing).round();
-    let layers: Vec<f64> = body.points.position.iter().map(below).collect();
-    // points behind faces have the layers of those that they mirror
-    let mut layer_of_slot = SlotField::zeros(family);
-    layer_of_slot.load(family, &layers[..], Mirrored::Scalar);
+    let family = Family::build(&half_space, &spec).ok()?;
+    let layer = |x: f64| ((deep - x) / spacing - 0.5).round();
+    let positions = &half_space.points.position;
+    let layer_of: Vec<f64> = positions.iter().map(|x| layer(x.x)).collect();
+    // points behind the surface have the layers of those that they mirror
+    let mut layer_of_slot = SlotField::zeros(&family);
+    layer_of_slot.load(&family, &layer_of[..], Mirrored::Scalar);
     // the matrix of `sum_j c_ij (T_j - T_i)` over layers, and what a linear temperature leaves
-    let mut matrix = DMatrix::<f64>::zeros(LAYERS, LAYERS);
-    let mut rest = DVector::<f64>::zeros(LAYERS);
+    let mut matrix = DMatrix::<f64>::zeros(known, known);
+    let mut rest = DVector::<f64>::zeros(known);
     let linear = |layer: usize| -(layer as f64 + 0.5) * spacing;
-    for (row, &point) in column.iter().enumerate() {
+    let mut is_found = vec![false; known];
+    for (point, layer) in layer_of.iter().enumerate() {
+        let row = *layer as usize;
+        if row >= known || std::mem::replace(&mut is_found[row], true) {
+            continue;
+        }
         family.for_each_bond(point, |_, bond, slot| {
             let other = layer_of_slot[slot].max(0.0) as usize;
             let c = coefficient(bond);
             rest[row] += c * (linear(other) - linear(row));
             matrix[(row, row)] -= c;
-            if other < LAYERS {
+            if other < known {
                 matrix[(row, other)] += c;
             }
         });
     }
     // flux of one into the outermost layer, conductivity of one
     rest[0] += 1.0 / spacing;
-    // below, the temperature is linear
-    let known = LAYERS - 4;
-    let matrix = matrix.view((0, 0), (known, known)).into_owned();
-    let rest = rest.rows(0, known).into_owned();
     let deviations = matrix.lu().solve(&(-rest))?;
     let c: f64 = deviations[0] / spacing;
     c.is_finite().then_some(c)

@@ -264,6 +264,44 @@ fn explicit_steps_stay_above_the_surroundings() {
     }
 }
 
+/// `q = (T_a - T_0) / (1 / h + l / k)` through walls of a few cells, with any family.
+#[test]
+fn thin_walls_have_the_resistances_of_thick_ones() {
+    for (horizon, surfaces) in [1, 2, 3]
+        .into_iter()
+        .flat_map(|h| [(h, "mirrored"), (h, "bare")])
+    {
+        for (cells, dimension) in [(4, 1), (6, 1), (10, 1), (13, 1), (4, 2), (6, 3)] {
+            let (spacing, h) = (1e-3, 500.0);
+            let length = cells as f64 * spacing;
+            let physics = format!(
+                "solver = 'steady'\nhorizon = {horizon}\nsurfaces = '{surfaces}'\ntolerance = 1e-10"
+            );
+            let body = bar(length, spacing, dimension, 8e-3);
+            let law = film(h, 0.0, 400.0);
+            let mut wall = Cooled::new(body, &physics, &[Face::XMax], law, Some(300.0));
+            wall.start(300.0);
+            wall.run(1.0, 1);
+            let run = wall.physics.run();
+            let family = run.neighbours.now(&wall.world);
+            let depth = depths(wall.world.body(0), &family)[Face::XMax as usize] * spacing;
+            let points = wall.world.body(0).points.position.iter();
+            let outermost = points
+                .zip(wall.temperature())
+                .filter(|(x, _)| x.x > length - spacing);
+            let fluxes: Vec<f64> = outermost
+                .map(|(_, t)| (400.0 - t) / (1.0 / h + depth))
+                .collect();
+            let flux = fluxes.iter().sum::<f64>() / fluxes.len() as f64;
+            let expected = 100.0 / (1.0 / h + length);
+            assert!(
+                (flux / expected - 1.0).abs() < 5e-3,
+                "{cells} cells, {dimension}D, horizon {horizon}, {surfaces}: {flux} {expected}"
+            );
+        }
+    }
+}
+
 /// Nearest neighbours behind faces with mirrored layers have the surface half a spacing away; of longer bonds the
 /// temperature of a bar with a given flux tells the distance.
 #[test]

@@ -111,7 +111,10 @@ fn gradients_of_quadratic_fields_are_exact_also_at_faces() {
         let values: Vec<f64> = body.points.position.iter().map(|x| field(*x)).collect();
         let run = heated.history.run.as_ref().expect("prepared");
         for (i, x) in body.points.position.iter().enumerate() {
-            let found = gradient(body, &run.neighbours, i, (|_| true, |j: usize| values[j]));
+            let found = {
+                let around = (&run.neighbours, &images(body, &[])[..]);
+                gradient(body, around, i, (|_| true, |j: usize| values[j]))
+            };
             let exact = Vector3::new(
                 2.0 + 8.0 * x.x + if dimension > 1 { x.y } else { 0.0 },
                 -1.0 - 10.0 * x.y + x.x - if dimension > 2 { x.z } else { 0.0 },
@@ -122,6 +125,51 @@ fn gradients_of_quadratic_fields_are_exact_also_at_faces() {
                 assert!(error < 1e-9, "{dimension}D, {x:?}: {found:?}");
             }
         }
+    }
+}
+
+/// A half behind a plane of symmetry and a period of a body have the gradients of the whole.
+#[test]
+fn gradients_see_the_images_of_points() {
+    let of = |body: &Body, symmetry: &[Face], field: &dyn Fn(Vector3<f64>) -> f64| {
+        let values: Vec<f64> = body.points.position.iter().map(|x| field(*x)).collect();
+        let reach: Vec<f64> = body.points.spacing.iter().map(|s| RADIUS * s).collect();
+        let neighbours = CellList::new(&body.points.position, &reach);
+        let around = (&neighbours, &images(body, symmetry)[..]);
+        let gradient = |i| gradient(body, around, i, (|_| true, |j: usize| values[j]));
+        (0..values.len()).map(gradient).collect::<Vec<_>>()
+    };
+    let cells = |cells: [usize; 3]| block(cells, 3, 0.1, Store::Lattice, ALLOY);
+    let at = |body: &Body, x: Vector3<f64>| {
+        let close = |y: &Vector3<f64>| (y - x).norm() < 1e-9;
+        body.points
+            .position
+            .iter()
+            .position(close)
+            .expect("a point")
+    };
+    // even about the plane x = 0.4 m of the whole, with kinks that a quadratic polynomial does not follow
+    let (whole, half) = (cells([8, 4, 3]), cells([4, 4, 3]));
+    let even = |x: Vector3<f64>| (9.0 * (x.x - 0.4).powi(2)).cos() + (7.0 * x.y).sin() + x.z;
+    let (expected, found) = (of(&whole, &[], &even), of(&half, &[Face::XMax], &even));
+    for (x, found) in half.points.position.iter().zip(&found) {
+        let expected = expected[at(&whole, *x)];
+        assert!(
+            (found - expected).norm() < 1e-9,
+            "{x:?}: {found} {expected}"
+        );
+    }
+    // of five periods the middle one
+    let (whole, mut period) = (cells([20, 4, 3]), cells([4, 4, 3]));
+    period.periodic[0] = true;
+    let wave = |x: Vector3<f64>| (std::f64::consts::TAU * x.x / 0.4).sin() + (7.0 * x.y).cos();
+    let (expected, found) = (of(&whole, &[], &wave), of(&period, &[], &wave));
+    for (x, found) in period.points.position.iter().zip(&found) {
+        let expected = expected[at(&whole, x + Vector3::new(0.8, 0.0, 0.0))];
+        assert!(
+            (found - expected).norm() < 1e-9,
+            "{x:?}: {found} {expected}"
+        );
     }
 }
 

@@ -213,10 +213,15 @@ impl Track {
         if pose.power > 0.0 {
             return pose;
         }
+        self.end_of_power_before(time)
+    }
+
+    /// The pose at the end of the last move with power that has ended at `time` (s). Before the first power, the pose at `time`.
+    pub(crate) fn end_of_power_before(&self, time: f64) -> Pose {
         let over = self.moves.partition_point(|m| m.end <= time);
         let mut over = self.moves[..over].iter().rev();
         let last = over.find(|m| m.power.iter().any(|power| *power > 0.0));
-        last.map_or(pose, |last| last.rest(last.end))
+        last.map_or_else(|| self.pose(time), |last| last.rest(last.end))
     }
 
     /// At rest without power at the end of the move before `time` (s), where a path waits.
