@@ -248,7 +248,7 @@ fn heat_flows_around_a_body_in_a_stream() {
             body = 'oil'
             description = 'eulerian'
             form = 'conservative'
-            state.tait.sound_speed = 5
+            state.tait.sound_speed = 10
             [[physics]]
             type = 'thermal'
             body = 'oil'
