@@ -25,6 +25,9 @@ use crate::toolpath::{Clock, TimedPath, Toolpath, Track};
 /// Fraction of the shortest length that the source may move in a step.
 const STEP_FRACTION: f64 = 0.25;
 
+/// Most moves whose heat is tried where the path keeps away from the box of the body.
+const MOST_TRIED: usize = 100;
+
 /// Powers of welding sources are below this, W.
 const STRONGEST: f64 = 2e5;
 
@@ -198,7 +201,7 @@ impl<S: SourceShape> MovingSource<S> {
         }
         let grid = grid(body);
         let fault = |e: source::SourceError| SetupError::other(e.key(), e);
-        let depositor = Depositor::new(&self.shape.source(), &grid).map_err(fault)?;
+        let mut depositor = Depositor::new(&self.shape.source(), &grid).map_err(fault)?;
         match depositor.check_cells() {
             Err(e) if body.lattice().is_none() => return Err(fault(e)),
             Err(e) => setup.refuse_moving_points(index, fault(e)),
@@ -206,7 +209,7 @@ impl<S: SourceShape> MovingSource<S> {
         }
         let body = setup.body(index);
         let length = self.shape.length().max(body.finest_spacing());
-        self.check_path(body, path.track(), 2.0 * length)?;
+        self.check_path(body, path.track(), (2.0 * length, &mut depositor))?;
         let speed = path.track().fastest();
         self.warn_of_size(setup, index);
         setup.follow_activity(index);
@@ -247,8 +250,14 @@ impl<S: SourceShape> MovingSource<S> {
         }
     }
 
-    /// Refuses a toolpath on which the source is never on within `margin` (m) of the body's box.
-    fn check_path(&self, body: &Body, track: &Track, margin: f64) -> Result<(), SetupError> {
+    /// Refuses a toolpath on which the source is never on within `margin` (m) of the body's box, and heats no cell of a body on a
+    /// lattice, as a beam does that comes through another body.
+    fn check_path(
+        &self,
+        body: &Body,
+        track: &Track,
+        (margin, depositor): (f64, &mut Depositor),
+    ) -> Result<(), SetupError> {
         let (min, max) = body.bounds();
         let surface = self.shape.surface();
         let touches = |position: &Vector3<f64>| {
@@ -279,6 +288,23 @@ impl<S: SourceShape> MovingSource<S> {
                     return Ok(());
                 }
             }
+        }
+        let lattice = body.lattice().map(|_| LatticeBody {
+            body,
+            grid: grid(body),
+            activity: None,
+        });
+        let mut heat = vec![0.0; body.points.len()];
+        let heats = |(start, end): (f64, f64)| {
+            let end = if end.is_finite() { end } else { start };
+            let pose = track.pose(0.5 * (start + end));
+            let deposit = lattice
+                .as_ref()
+                .map(|body| depositor.add(body, &pose, &mut heat));
+            deposit.is_some_and(|deposit| deposit.deposited > 0.0)
+        };
+        if track.powered_moves().take(MOST_TRIED).any(heats) {
+            return Ok(());
         }
         let Some(first) = first else {
             let message = "the power of the source is zero at all times";

@@ -206,6 +206,21 @@ fn a_source_off_the_body_or_never_on_is_refused() {
     ready(&mut approach);
 }
 
+/// The power of a path 7 m above the body reaches it with a deep source only.
+#[test]
+fn a_beam_that_comes_through_another_body_is_accepted() {
+    let path = "toolpath.line = { start = [5, 10, 15], end = [15, 10, 15], speed = 2 }";
+    let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
+    let of_depth = |depth: f64| -> EllipsoidSource {
+        let shape = SHAPE.replace("depth = 1", &format!("depth = {depth}"));
+        assert!(shape.contains(&format!("depth = {depth}")));
+        toml::from_str(&format!("{shape}\n{path}")).expect("valid")
+    };
+    let refused = refusal(&mut world, &mut of_depth(1.0));
+    assert!(refused.contains("never heats the body"), "{refused}");
+    ready(&mut of_depth(12.0));
+}
+
 /// A move without an end is followed as far as the body, wherever the body is.
 #[test]
 fn an_approach_from_far_beyond_the_origin_is_accepted() {
