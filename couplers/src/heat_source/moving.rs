@@ -25,6 +25,9 @@ use crate::toolpath::{Clock, TimedPath, Toolpath, Track};
 /// Fraction of the shortest length that the source may move in a step.
 const STEP_FRACTION: f64 = 0.25;
 
+/// Share of the power below which a source that keeps away from the box of the body does not heat it.
+const LEAST_SHARE: f64 = 0.01;
+
 /// Most moves whose heat is tried where the path keeps away from the box of the body.
 const MOST_TRIED: usize = 100;
 
@@ -301,7 +304,7 @@ impl<S: SourceShape> MovingSource<S> {
             let deposit = lattice
                 .as_ref()
                 .map(|body| depositor.add(body, &pose, &mut heat));
-            deposit.is_some_and(|deposit| deposit.deposited > 0.0)
+            deposit.is_some_and(|d| d.deposited > LEAST_SHARE * d.asked)
         };
         if track.powered_moves().take(MOST_TRIED).any(heats) {
             return Ok(());
