@@ -294,8 +294,8 @@ pub trait Physics {
     }
 
     /// Largest macro step (s) from a time (s) on at which what others read from it is current enough, asked before each macro step
-    /// and, for an estimate, of times to come; automatic macro steps respect it. Sub-steps follow from stability, which may allow longer steps than an accurate
-    /// exchange.
+    /// and, for an estimate, of times to come; automatic macro steps respect it. Sub-steps follow from stability, which may allow
+    /// longer steps than an accurate exchange.
     fn step_limit(&self, _time: f64) -> Option<f64> {
         None
     }

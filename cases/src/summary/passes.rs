@@ -99,7 +99,7 @@ impl Reports<'_> {
             [next.checked_sub(1), Some(next)]
                 .into_iter()
                 .flatten()
-                .any(|row| is_on.get(row).is_some_and(|on| *on == 0.0))
+                .any(|row| self.is_off(row))
         };
         let known: Vec<Begin> = (1..)
             .map_while(|number| Some((number, begins(number)?)))

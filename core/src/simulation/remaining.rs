@@ -66,10 +66,9 @@ impl Simulation {
 
     /// Steps from one time (s) to another, as they are now.
     pub fn steps_between(&self, from: f64, end: f64) -> Remaining {
-        let logs = &self.options.log;
         let mut left = Remaining {
             macro_steps: 0.0,
-            logs: (logs.left(from, end)) as f64,
+            logs: self.options.log.left(from, end) as f64,
             sub_steps: vec![0.0; self.physics.len()],
         };
         let (mut time, mut log) = (from, self.logs_until(from) + 1);

@@ -458,14 +458,11 @@ impl Coupler for Deposit {
         ]
     }
 
-    fn load(
-        &mut self,
-        _state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
+    /// Births are counted again in the next step, from the restored temperatures.
+    fn restored(&mut self, _world: &World) {
         if let Some(p) = &mut self.prepared {
             (p.born, p.deposited) = (0, [0.0; 2]);
         }
-        Ok(())
     }
 }
 

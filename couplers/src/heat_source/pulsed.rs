@@ -224,6 +224,7 @@ mod tests {
             let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut json);
             resumed.load(&mut erased).expect("what was saved");
             assert_eq!(resumed.account, laser.account);
+            assert_eq!(resumed.step_limit(until), limit);
         }
     }
 

@@ -110,11 +110,10 @@ fn gradients_of_quadratic_fields_are_exact_also_at_faces() {
         let body = heated.world.body(0);
         let values: Vec<f64> = body.points.position.iter().map(|x| field(*x)).collect();
         let run = heated.history.run.as_ref().expect("prepared");
+        let images = images(body, &[]);
+        let around = (&run.neighbours, &images[..]);
         for (i, x) in body.points.position.iter().enumerate() {
-            let found = {
-                let around = (&run.neighbours, &images(body, &[])[..]);
-                gradient(body, around, i, (|_| true, |j: usize| values[j]))
-            };
+            let found = gradient(body, around, i, (|_| true, |j: usize| values[j]));
             let exact = Vector3::new(
                 2.0 + 8.0 * x.x + if dimension > 1 { x.y } else { 0.0 },
                 -1.0 - 10.0 * x.y + x.x - if dimension > 2 { x.z } else { 0.0 },
