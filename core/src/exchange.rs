@@ -41,6 +41,11 @@ pub trait SurfaceLaw: fmt::Debug + Send + Sync {
     fn is_linear(&self) -> bool {
         false
     }
+
+    /// Whether a fluid that runs over the surface takes the heat: a face has one such fluid.
+    fn is_film(&self) -> bool {
+        false
+    }
 }
 
 /// Where the temperature is that a law asks for.

@@ -20,6 +20,7 @@ use perimelt_core::body::SurfaceCell;
 use perimelt_core::cell_list::CellList;
 use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::solver::reduce::max_abs;
+use perimelt_core::text::number;
 use perimelt_core::{
     Body, Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys,
 };
@@ -271,6 +272,13 @@ impl Interface {
     }
 }
 
+/// How far the boxes of two bodies lie in each other, m; negative for boxes that are apart.
+fn depth_of_overlap([one, other]: [&Body; 2]) -> f64 {
+    let ((low, high), (other_low, other_high)) = (one.bounds(), other.bounds());
+    let along = |a: usize| high[a].min(other_high[a]) - low[a].max(other_low[a]);
+    (0..one.dimension).map(along).fold(f64::INFINITY, f64::min)
+}
+
 impl HeatInterface {
     fn check(&self) -> Result<(), SetupError> {
         for (key, value) in [("conductance", self.conductance), ("gap", self.gap)] {
@@ -323,11 +331,18 @@ impl Coupler for HeatInterface {
         };
         interface.find_overlaps([body, other].map(|b| setup.body(b)));
         if interface.overlaps.is_empty() {
-            setup.warn(format!(
-                "no faces of cells of `{}` and `{}` lie against each other at the start, within `gap`, {gap} m: the bodies exchange no heat \
-                 before they touch",
-                self.body, self.other
-            ));
+            let names = format!("`{}` and `{}`", self.body, self.other);
+            let depth = depth_of_overlap([body, other].map(|b| setup.body(b)));
+            setup.warn(match depth > gap {
+                true => format!(
+                    "{names} lie in each other, by {} m, and no faces of their cells lie against each other: the bodies exchange no heat",
+                    number(depth, 3)
+                ),
+                false => format!(
+                    "no faces of cells of {names} lie against each other at the start, within `gap`, {gap} m: the bodies exchange no \
+                     heat before they touch"
+                ),
+            });
         }
         self.state = Some(interface);
         Ok(())

@@ -23,7 +23,9 @@ mod reader;
 mod reword;
 pub mod schema;
 pub mod sections;
+mod touching;
 mod units;
+mod volumes;
 mod warnings;
 mod whole_schema;
 

@@ -13,6 +13,7 @@ use super::error::Mistakes;
 use super::locate::{TomlTable, TomlValue};
 use super::plugins::PluginTable;
 use super::units;
+use super::volumes;
 use super::{Case, CaseError, Mistake, Result};
 use crate::plot::unit;
 
@@ -24,9 +25,6 @@ const HUGE: f64 = 10.0;
 
 /// Share of the extent of a box that points may leave out or add.
 const FILLED: f64 = 0.01;
-
-/// Fraction of the volume of a shape by which that of the points may differ.
-const VOLUME: f64 = 0.03;
 
 /// Exponent of the growth of vibrations by late heat that is told: smooth motion has some 1e-5 of its amplitude in the
 /// modes of the lattice, which grow fastest.
@@ -66,7 +64,7 @@ impl Case {
             let box_not_filled = not_filled(body, &section.shape);
             if box_not_filled.is_none() {
                 let shape = self.loaded(&[&body.name, "shape"], &section.shape)?;
-                found.extend(other_volume(body, &shape));
+                found.extend(volumes::of_body(body, &shape));
             }
             found.extend(box_not_filled);
             let of_material = units::of_material(body);
@@ -81,6 +79,8 @@ impl Case {
             found.extend(self.cold_surroundings(bodies.iter().all(melts))?);
             found.extend(self.tables_in_celsius(&lowest));
         }
+        found.extend(self.deposited_volumes(simulation)?);
+        found.extend(self.touching_bodies(simulation)?);
         found.extend(no_expansion(simulation));
         found.extend(self.waits(simulation, &lowest)?);
         found.extend(self.nothing_cools(simulation, &lowest)?);
@@ -157,7 +157,7 @@ impl Case {
 }
 
 /// Whether a plugin provides a field of a body; a field that is only read, where provided, has no values.
-fn provides(simulation: &Simulation, body: usize, name: &str) -> bool {
+pub(super) fn provides(simulation: &Simulation, body: usize, name: &str) -> bool {
     let mut fields = simulation.lasting();
     fields.any(|field| field.body == body && field.name == name)
 }
@@ -397,24 +397,6 @@ fn not_filled(body: &Body, shape: &Shape) -> Option<String> {
 }
 
 /// Bodies whose points have another volume than their shape.
-fn other_volume(body: &Body, shape: &Shape) -> Option<String> {
-    let asked = body.thickness * shape.measure(body.dimension)?;
-    let filled: f64 = body.points.volume.iter().sum();
-    let difference = filled / asked - 1.0;
-    if !(difference.abs() > VOLUME) {
-        return None;
-    }
-    let sign = if difference < 0.0 { "less" } else { "more" };
-    let percent = unit::number(100.0 * difference.abs(), 2);
-    Some(format!(
-        "the points of body `{}` have a volume of {} m³, {percent} % {sign} than the {} m³ of its shape: heat, mass and stiffness \
-         are those of the points; take a smaller `spacing`, or one that divides its thicknesses",
-        body.name,
-        unit::number(filled, 4),
-        unit::number(asked, 4)
-    ))
-}
-
 #[cfg(test)]
 mod tests {
     use super::units::tests::warnings;

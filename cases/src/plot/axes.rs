@@ -61,7 +61,10 @@ impl ChartAxis {
             (from, to) = (10_f64.powf(from), 10_f64.powf(to));
         } else {
             // what only differs by rounding is constant
-            let size = from.abs().max(to.abs()).max(f64::MIN_POSITIVE);
+            let size = match from.abs().max(to.abs()) {
+                0.0 => 1.0,
+                size => size,
+            };
             let room = if to - from > 1e-9 * size {
                 0.06 * (to - from)
             } else {

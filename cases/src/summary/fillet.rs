@@ -7,6 +7,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use perimelt_core::log::{BodyInfo, LatticeInfo, Log, LogError, LoggedCloud};
+use perimelt_core::text;
 
 use super::{ReadOff, median};
 use crate::melt_pool::LoggedSources;
@@ -49,29 +50,66 @@ pub(super) fn fillet(
     };
     let (parent, all) = (cells(&first), cells(last));
     let deposited: BTreeSet<[i64; 3]> = all.difference(&parent).copied().collect();
-    let sections = sections(&parent, &deposited, axis);
-    if sections.len() < FEWEST {
-        return Ok(());
-    }
     let spacing = lattice.spacing;
-    let mut add = |name: (String, String), of: &dyn Fn(&Section) -> f64| {
-        let values = sections.iter().map(of).collect();
-        found.push(median(&body.name, name, values, "m", super::OUTSIDE));
-    };
     let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
-    for (number, along) in [u, v].into_iter().enumerate() {
-        let name = (
-            format!("fillet.leg.{}", AXES[along]),
-            format!("leg of the deposited fillet along {}", AXES[along]),
-        );
-        add(name, &|section| section.legs[number] * spacing);
+    let welds = connected(&deposited);
+    let all = welds.iter().map(|weld| sections(&parent, weld, axis));
+    let fillets: Vec<Vec<Section>> = all.filter(|s| s.len() >= FEWEST).collect();
+    for (index, sections) in fillets.iter().enumerate() {
+        // as of both sides of a T-joint
+        let (id, of) = match fillets.len() {
+            1 => (String::new(), "the deposited fillet".to_string()),
+            _ => {
+                let middle = |axis: usize| {
+                    let sum: f64 = sections.iter().map(|s| s.middle[axis]).sum();
+                    lattice.origin[axis] + spacing * sum / sections.len() as f64
+                };
+                let [at_u, at_v] = [u, v].map(|axis| text::number(1e3 * middle(axis), 3));
+                let place = format!("{} = {at_u}, {} = {at_v} mm", AXES[u], AXES[v]);
+                (
+                    format!(".{}", index + 1),
+                    format!("the deposited fillet at {place}"),
+                )
+            }
+        };
+        let mut add = |name: (String, String), of: &dyn Fn(&Section) -> f64| {
+            let values = sections.iter().map(of).collect();
+            found.push(median(&body.name, name, values, "m", super::OUTSIDE));
+        };
+        for (leg, along) in [u, v].into_iter().enumerate() {
+            let name = (
+                format!("fillet{id}.leg.{}", AXES[along]),
+                format!("leg of {of} along {}", AXES[along]),
+            );
+            add(name, &|section| section.legs[leg] * spacing);
+        }
+        let name = (format!("fillet{id}.throat"), format!("throat of {of}"));
+        add(name, &|s| s.throat() * spacing);
     }
-    let name = (
-        "fillet.throat".into(),
-        "throat of the deposited fillet".into(),
-    );
-    add(name, &|s| s.throat() * spacing);
     Ok(())
+}
+
+/// The parts of a set of cells that hang together by faces, in the order of their first cells.
+fn connected(cells: &BTreeSet<[i64; 3]>) -> Vec<BTreeSet<[i64; 3]>> {
+    let mut left = cells.clone();
+    let mut parts = Vec::new();
+    while let Some(first) = left.pop_first() {
+        let (mut part, mut border) = (BTreeSet::from([first]), vec![first]);
+        while let Some(cell) = border.pop() {
+            for axis in 0..3 {
+                for step in [-1, 1] {
+                    let mut beside = cell;
+                    beside[axis] += step;
+                    if left.remove(&beside) {
+                        part.insert(beside);
+                        border.push(beside);
+                    }
+                }
+            }
+        }
+        parts.push(part);
+    }
+    parts
 }
 
 fn cell_of(lattice: &LatticeInfo, x: &[f64; 3]) -> [i64; 3] {
@@ -84,6 +122,7 @@ struct Section {
     /// along the first and the second axis of the section
     legs: [f64; 2],
     area: f64,
+    middle: [f64; 3],
 }
 
 impl Section {
@@ -100,23 +139,37 @@ fn sections(
     axis: usize,
 ) -> Vec<Section> {
     let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
-    // contacts by axis and side, and the number of cells, by section
-    let mut all: BTreeMap<i64, ([[f64; 2]; 2], f64)> = BTreeMap::new();
+    let mut all: BTreeMap<i64, Slice> = BTreeMap::new();
     for cell in deposited {
-        let (contacts, area) = all.entry(cell[axis]).or_default();
-        *area += 1.0;
+        let slice = all.entry(cell[axis]).or_default();
+        slice.cells += 1.0;
+        (0..3).for_each(|a| slice.places[a] += cell[a] as f64);
         for (number, across) in [u, v].into_iter().enumerate() {
             for (side, step) in [-1, 1].into_iter().enumerate() {
                 let mut beside = *cell;
                 beside[across] += step;
                 if parent.contains(&beside) {
-                    contacts[number][side] += 1.0;
+                    slice.contacts[number][side] += 1.0;
                 }
             }
         }
     }
-    let section = |(contacts, area): ([[f64; 2]; 2], f64)| {
-        let longest = contacts.iter().flatten().copied().fold(0.0, f64::max);
+    all.values().filter_map(Slice::section).collect()
+}
+
+/// Counts of the deposited cells of a section.
+#[derive(Clone, Copy, Debug, Default)]
+struct Slice {
+    cells: f64,
+    /// Sums of their places.
+    places: [f64; 3],
+    /// With parent metal, by axis and side.
+    contacts: [[f64; 2]; 2],
+}
+
+impl Slice {
+    fn section(&self) -> Option<Section> {
+        let longest = self.contacts.iter().flatten().copied().fold(0.0, f64::max);
         let one_side = |sides: [f64; 2]| {
             let [least, most] = [sides[0].min(sides[1]), sides[0].max(sides[1])];
             let counts = |contact: f64| contact >= LEAST_CONTACT * longest && contact > 0.0;
@@ -124,11 +177,11 @@ fn sections(
         };
         // a contact with a face normal to one axis is a leg along the other
         Some(Section {
-            legs: [one_side(contacts[1])?, one_side(contacts[0])?],
-            area,
+            legs: [one_side(self.contacts[1])?, one_side(self.contacts[0])?],
+            area: self.cells,
+            middle: self.places.map(|sum| sum / self.cells),
         })
-    };
-    all.into_values().filter_map(section).collect()
+    }
 }
 
 #[cfg(test)]
@@ -167,6 +220,29 @@ mod tests {
             // 24 * 32 / 40, by cells of a stair: half a cell
             let throat = section.throat();
             assert!((throat - 19.2).abs() < 0.5, "{throat}");
+        }
+    }
+
+    #[test]
+    fn fillets_on_both_sides_of_a_web_are_two() {
+        let mut deposited = BTreeSet::new();
+        for x in 0..3 {
+            for k in 0..5 {
+                let width = 5 - k;
+                deposited.extend((0..width).flat_map(|j| [[x, j, k], [x, -4 - j, k]]));
+            }
+        }
+        let welds = connected(&deposited);
+        assert_eq!(welds.len(), 2);
+        let mut parent = BTreeSet::new();
+        for x in 0..3 {
+            parent.extend((-20..20).map(|j| [x, j, -1]));
+            parent.extend((-3..0).flat_map(|j| (0..20).map(move |k| [x, j, k])));
+        }
+        for weld in &welds {
+            let sections = sections(&parent, weld, 0);
+            assert_eq!(sections.len(), 3);
+            assert_eq!(sections[0].legs, [5.0, 5.0]);
         }
     }
 

@@ -163,6 +163,12 @@ pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, Log
         distortion::distortion((log, sources), (body, &last), options.travel, &mut found)?;
         let mut extreme = |field: &str, quantity: &str, unit: &str| {
             found.extend(largest(body, &last, field).map(|(value, place)| {
+                // shares that rounding has left are none
+                let value = if unit == "1" && value < 1e-12 {
+                    0.0
+                } else {
+                    value
+                };
                 ReadOff::new(&body.name, (format!("{field}.end"), quantity), value, unit)
                     .at(end)
                     .within(place)

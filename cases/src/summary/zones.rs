@@ -92,7 +92,7 @@ fn extents(zone: &Zone, (body, (id, name)): (&BodyInfo, (&str, &str)), found: &m
         match value {
             Some(value) => found.push(ReadOff::new(&body.name, name, value, unit)),
             // a body of fewer dimensions does not have all sizes
-            None if zone.turns() && !reason.is_empty() && !(is_flat && unit == "m2") => {
+            None if zone.turns && !reason.is_empty() && !(is_flat && unit == "m2") => {
                 found.push(ReadOff::left_out(&body.name, name, unit, reason));
             }
             None => {}

@@ -89,7 +89,10 @@ impl Setup<'_> {
                 mistakes.push((plugin, SetupError::value("faces", message, expected)));
                 continue;
             }
-            let kind = exchange.label.split(' ').next().unwrap_or_default();
+            let kind = match exchange.law().is_film() {
+                true => "film",
+                false => exchange.label.split(' ').next().unwrap_or_default(),
+            };
             let known = by_kind
                 .entry((kind.to_string(), exchange.body))
                 .or_default();
@@ -110,8 +113,8 @@ impl Setup<'_> {
             exchange.set_cells(cells);
         }
         for plugin in twice {
-            let message =
-                "acts on faces on which another boundary of its kind acts, too: both are added";
+            let message = "acts on faces on which another boundary of its kind acts, too (`convection` and `water_jet` are of one kind): both are \
+                 added";
             let plugin = self.plugins[plugin].clone();
             self.warnings.push(Warning {
                 plugin,

@@ -124,6 +124,49 @@ impl Implicit {
         });
         Ok(report)
     }
+
+    /// Writes the estimated error of the last step into `error`, from the states `before` and `after` it, with one more rate.
+    ///
+    /// That of implicit Euler is half the change of the rate times the step. That of Crank-Nicolson is the difference
+    /// from Simpson's rule over the cubic through both states with both rates, `-dt^3 d3y/dt3 / 12`.
+    ///
+    /// # Errors
+    /// Those of the model.
+    pub fn error(
+        &mut self,
+        rhs: &mut dyn Rhs,
+        (time, dt): (f64, f64),
+        [before, after]: [&[f64]; 2],
+        error: &mut [f64],
+    ) -> Result<(), SolverError> {
+        let Self {
+            theta,
+            old_rate,
+            history: new_rate,
+            candidate,
+            work,
+            ..
+        } = self;
+        if *theta == 1.0 {
+            rhs.rate(time, before, old_rate)?;
+            update(error, [old_rate, new_rate], |_, [f0, f1]| {
+                0.5 * dt * (f1 - f0)
+            });
+            return Ok(());
+        }
+        let middle = &mut *candidate;
+        update(
+            middle,
+            [before, after, old_rate, new_rate],
+            |_, [y0, y1, f0, f1]| 0.5 * (y0 + y1) + 0.125 * dt * (f0 - f1),
+        );
+        rhs.rate(time + 0.5 * dt, middle, &mut work.direction)?;
+        let rates = [&**old_rate, &work.direction, new_rate];
+        update(error, rates, |_, [f0, f, f1]| {
+            dt / 3.0 * (f0 - 2.0 * f + f1)
+        });
+        Ok(())
+    }
 }
 
 /// `history + weight f(t, z(s)) - z(s)`, to be brought to zero by the unknowns `s`.
@@ -205,7 +248,7 @@ mod tests {
     use super::*;
     use crate::solver::reduce::{max_abs, sum};
     use crate::solver::rhs;
-    use crate::solver::test_problems::{insulated_bar, order_of_convergence};
+    use crate::solver::test_problems::{decay, insulated_bar, order_of_convergence};
 
     fn tight() -> NewtonOptions {
         NewtonOptions {
@@ -225,6 +268,22 @@ mod tests {
             });
             // the next term of the error is about dt relative to the first
             assert!((order - expected).abs() < 0.03, "{order}");
+        }
+    }
+
+    /// `y' = -y`: `y - y_exact` after one step.
+    #[test]
+    fn the_estimated_error_is_that_of_the_step() {
+        for mut method in [Implicit::euler(tight()), Implicit::crank_nicolson(tight())] {
+            let (dt, mut decay) = (0.01, decay());
+            let (mut y, mut error) = ([1.0], [0.0]);
+            method.step(&mut decay, 0.0, dt, &mut y).unwrap();
+            method
+                .error(&mut decay, (0.0, dt), [&[1.0], &y], &mut error)
+                .unwrap();
+            let exact = y[0] - (-dt).exp();
+            // the next term is about dt relative to the first
+            assert!((error[0] / exact - 1.0).abs() < 0.02, "{error:?} {exact}");
         }
     }
 

@@ -129,6 +129,32 @@ impl Rkl2 {
         update(state, [increment], |y, [d]| y + d);
         Ok(())
     }
+
+    /// Writes the estimated error of the last step into `error`, from the states `before` and `after` it, with one more rate.
+    ///
+    /// The cubic coefficient of the stability polynomial is `c = (s^2 + s - 6) / (s^2 + s - 2) / 9`: a step is wrong by
+    /// `(1/6 - c) dt^3 d3y/dt3`, the trapezoidal rule over both rates differs from it by `(1/4 - c) dt^3 d3y/dt3`. As that of
+    /// Sommeijer, Shampine and Verwer (1998), J. Comput. Appl. Math. 88, 315-326, eq. 2.8, for another polynomial.
+    ///
+    /// # Errors
+    /// Those of the model.
+    pub fn error(
+        &mut self,
+        rhs: &mut dyn Rhs,
+        (time, dt, stages): (f64, f64, usize),
+        [before, after]: [&[f64]; 2],
+        error: &mut [f64],
+    ) -> Result<(), SolverError> {
+        rhs.rate(time + dt, after, &mut self.rate)?;
+        let s = stages as f64;
+        let c = (s * s + s - 6.0) / (s * s + s - 2.0) / 9.0;
+        let factor = (1.0 / 6.0 - c) / (1.0 / 4.0 - c);
+        let inputs = [before, after, &self.first_rate, &self.rate];
+        update(error, inputs, |_, [y0, y1, f0, f1]| {
+            factor * (y1 - y0 - 0.5 * dt * (f0 + f1))
+        });
+        Ok(())
+    }
 }
 
 fn b(j: f64) -> f64 {
@@ -144,7 +170,7 @@ mod tests {
     use super::*;
     use crate::solver::reduce::{max_abs, sum};
     use crate::solver::rhs;
-    use crate::solver::test_problems::{insulated_bar, order_of_convergence};
+    use crate::solver::test_problems::{decay, insulated_bar, order_of_convergence};
 
     #[test]
     fn rkl2_is_of_second_order_also_for_rates_that_depend_on_time() {
@@ -153,6 +179,23 @@ mod tests {
                 Rkl2::default().step(f, time, dt, stages, y).unwrap();
             });
             assert!((order - 2.0).abs() < 0.05, "{stages} stages: {order}");
+        }
+    }
+
+    /// `y' = -y`: `y - y_exact` after one step.
+    #[test]
+    fn the_estimated_error_of_rkl2_is_that_of_the_step() {
+        for stages in [3, 5, 15, 101] {
+            let (dt, mut decay) = (0.01, decay());
+            let (mut method, mut y, mut error) = (Rkl2::default(), [1.0], [0.0]);
+            method.step(&mut decay, 0.0, dt, stages, &mut y).unwrap();
+            let step = (0.0, dt, stages);
+            method
+                .error(&mut decay, step, [&[1.0], &y], &mut error)
+                .unwrap();
+            let exact = y[0] - (-dt).exp();
+            // the next term is about dt relative to the first
+            assert!((error[0] / exact - 1.0).abs() < 0.02, "{error:?} {exact}");
         }
     }
 

@@ -33,6 +33,14 @@ impl Rhs for Bar {
     }
 }
 
+/// `y' = -y`.
+pub(super) fn decay() -> impl Rhs {
+    rhs(|_, y, rate| {
+        rate[0] = -y[0];
+        Ok(())
+    })
+}
+
 /// Observed order of a method on `y' = -y^2 cos t + sin t / 2`, `y(0) = 1`, to `t = 1`:
 /// `log2` of the ratio of errors for 64 and 128 steps.
 ///

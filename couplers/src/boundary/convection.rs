@@ -73,6 +73,10 @@ struct ConvectionLaw {
 }
 
 impl SurfaceLaw for ConvectionLaw {
+    fn is_film(&self) -> bool {
+        true
+    }
+
     fn flux(&self, cell: usize, temperature: f64) -> SurfaceFlux {
         let factor = self.factor.get(cell).copied().unwrap_or(1.0);
         let (coefficient, slope) = self.coefficient.with_slope(temperature);

@@ -110,6 +110,10 @@ struct FilmLaw {
 }
 
 impl SurfaceLaw for FilmLaw {
+    fn is_film(&self) -> bool {
+        true
+    }
+
     fn flux(&self, cell: usize, temperature: f64) -> SurfaceFlux {
         match self.film.get(cell) {
             None | Some(Film::Dry) => SurfaceFlux::default(),

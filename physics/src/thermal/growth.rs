@@ -27,7 +27,7 @@ pub(super) struct Growth {
 }
 
 /// Which points are born, and what was deposited with them less what was cut off.
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Born {
     /// By point.
     born: Vec<bool>,

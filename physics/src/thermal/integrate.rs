@@ -10,7 +10,8 @@ use rayon::prelude::*;
 
 use super::carried::Carried;
 use super::conduction::Matter;
-use super::keys::ThermalSolver;
+use super::control::{ControlledSteps, Method, StepControl};
+use super::keys::{Thermal, ThermalSolver};
 use super::rates::{CurrentVolumes, Drawn, EnthalpyRate, Flow, TemperatureRate, Vectors};
 use super::refined::Refined;
 use super::run::{HeatAccount, Run};
@@ -18,32 +19,36 @@ use super::run::{HeatAccount, Run};
 /// A solver with its work vectors.
 #[derive(Debug)]
 pub(super) struct Integrator {
-    method: Method,
+    solver: Solver,
     stable_step: f64,
     row_sums: Vec<[f64; 1]>,
     state: Vec<f64>,
+    controlled: ControlledSteps,
     vectors: Vectors,
 }
 
 #[derive(Debug)]
-enum Method {
+enum Solver {
     Explicit,
-    Rkl2(Rkl2),
-    Implicit(Implicit),
+    Controlled(Method),
     Steady(Newton, f64),
 }
 
 impl Integrator {
-    pub(super) fn new(solver: ThermalSolver, tolerance: f64) -> Self {
+    pub(super) fn new(thermal: &Thermal) -> Self {
+        let (solver, tolerance) = (thermal.solver, thermal.tolerance);
         let options = NewtonOptions {
             relative_tolerance: tolerance,
             ..NewtonOptions::default()
         };
-        let method = match solver {
-            ThermalSolver::Explicit => Method::Explicit,
-            ThermalSolver::Rkl2 => Method::Rkl2(Rkl2::default()),
-            ThermalSolver::Implicit => Method::Implicit(Implicit::euler(options)),
-            ThermalSolver::CrankNicolson => Method::Implicit(Implicit::crank_nicolson(options)),
+        let controlled = Solver::Controlled;
+        let solver = match solver {
+            ThermalSolver::Explicit => Solver::Explicit,
+            ThermalSolver::Rkl2 => controlled(Method::Rkl2(Rkl2::default())),
+            ThermalSolver::Implicit => controlled(Method::Euler(Implicit::euler(options))),
+            ThermalSolver::CrankNicolson => {
+                controlled(Method::CrankNicolson(Implicit::crank_nicolson(options)))
+            }
             ThermalSolver::Steady => {
                 let krylov = KrylovMethod::ConjugateGradient;
                 let options = NewtonOptions {
@@ -51,14 +56,15 @@ impl Integrator {
                     krylov,
                     ..options
                 };
-                Method::Steady(Newton::new(options), tolerance)
+                Solver::Steady(Newton::new(options), tolerance)
             }
         };
         Integrator {
-            method,
+            solver,
             stable_step: f64::INFINITY,
             row_sums: Vec::new(),
             state: Vec::new(),
+            controlled: ControlledSteps::new(thermal.time_tolerance),
             vectors: Vectors::default(),
         }
     }
@@ -78,36 +84,19 @@ impl Integrator {
         &mut self.row_sums
     }
 
-    /// Whether steps are limited by stability.
-    pub(super) fn is_explicit(&self) -> bool {
-        matches!(self.method, Method::Explicit)
+    /// Control of the sizes of steps.
+    pub(super) fn control(&self) -> StepControl {
+        self.controlled.control
+    }
+
+    /// Takes up a control that was saved.
+    pub(super) fn set_control(&mut self, control: StepControl) {
+        self.controlled.control = control;
     }
 
     /// Sets the largest stable explicit step, s.
     pub(super) fn set_stable_step(&mut self, stable_step: f64) {
         self.stable_step = stable_step;
-    }
-}
-
-/// How often an implicit step that does not converge is halved.
-const HALVINGS: usize = 6;
-
-/// Takes an implicit step from `start` over `size` (s), or halves of it where it does not converge: so it is with a pure
-/// substance, most of which melts or freezes within one step.
-fn step_or_halves(
-    implicit: &mut Implicit,
-    rate: &mut EnthalpyRate<'_>,
-    (start, size, halvings): (f64, f64, usize),
-    state: &mut [f64],
-) -> Result<Work, SolverError> {
-    match implicit.step(rate, start, size, state) {
-        Err(SolverError::NotConverged { .. }) if halvings > 0 => {
-            let half = 0.5 * size;
-            let first = step_or_halves(implicit, rate, (start, half, halvings - 1), state)?;
-            let at = (start + half, half, halvings - 1);
-            Ok(first + step_or_halves(implicit, rate, at, state)?)
-        }
-        result => Ok(result?.into()),
     }
 }
 
@@ -180,12 +169,12 @@ impl Fields<'_> {
         Ok(report.into())
     }
 
-    /// Advances the enthalpies together with the heat supplied by `take`, a step of a solver.
+    /// Advances the enthalpies together with the heat supplied by steps of a method that keep the tolerance.
     fn advance_enthalpy(
         self,
         flow: Flow<'_>,
         state: &mut Vec<f64>,
-        take: impl FnOnce(&mut EnthalpyRate<'_>, &mut Vec<f64>) -> Result<Work, SolverError>,
+        take: impl FnOnce(&mut EnthalpyRate<'_>, &mut [f64]) -> Result<Work, SolverError>,
     ) -> Result<Work, SolverError> {
         let matter = flow.matter;
         state.clear();
@@ -228,7 +217,7 @@ impl Run {
         let rules = world.layer_rules(self.layers);
         let body = world.body(self.body);
         let source = self.heat_source.map(|s| world.read(s));
-        let is_steady = matches!(self.integrator.method, Method::Steady(..));
+        let is_steady = matches!(self.integrator.solver, Solver::Steady(..));
         let conductance = self.heat_conductance.filter(|_| is_steady);
         let conductance = conductance.map(|c| world.read(c));
         let constraint = self.constraint.map(|c| world.read(c));
@@ -271,10 +260,11 @@ impl Run {
             ratio,
         });
         let Integrator {
-            method,
+            solver,
             stable_step,
             row_sums,
             state,
+            controlled,
             vectors,
         } = &mut self.integrator;
         vectors.start_step();
@@ -303,8 +293,8 @@ impl Run {
             account: &mut self.heat,
         };
         let (start, size) = (step.start, step.size);
-        match method {
-            Method::Explicit => {
+        match solver {
+            Solver::Explicit => {
                 // deposited points may have shortened the stable step since this one was chosen
                 let steps = match growth {
                     Some(_) => (size / *stable_step * (1.0 - 1e-9)).ceil().max(1.0) as usize,
@@ -313,20 +303,17 @@ impl Run {
                 let refined = self.refined.as_mut().map(|r| (r, world));
                 Ok(fields.advance_explicitly(flow, (size, steps), refined))
             }
-            Method::Steady(newton, tolerance) => {
+            Solver::Steady(newton, tolerance) => {
                 let at = (step.end(), self.floating);
                 fields.find_steady_state((newton, *tolerance), flow, at)
             }
-            Method::Rkl2(rkl2) => {
-                let stages = Rkl2::stages(size, *stable_step)?;
+            Solver::Controlled(method) => {
+                let has_material = |point: usize| growth.is_none_or(|g| g.is_born(point));
                 fields.advance_enthalpy(flow, state, |rate, state| {
-                    rkl2.step(rate, start, size, stages, state)?;
-                    Ok(Work::of_stages(stages))
+                    let span = (start, size, *stable_step);
+                    controlled.cover(method, rate, span, state, has_material)
                 })
             }
-            Method::Implicit(implicit) => fields.advance_enthalpy(flow, state, |rate, state| {
-                step_or_halves(implicit, rate, (start, size, HALVINGS), state)
-            }),
         }
     }
 

@@ -51,6 +51,11 @@ pub struct Thermal {
     #[serde(default = "tolerance")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub tolerance: f64,
+    /// Of `rkl2`, `implicit` and `crank_nicolson`: largest error in time of a step, over the difference of temperature that the
+    /// body has had so far. Longer steps are divided; without an effect on stability.
+    #[serde(default = "time_tolerance")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub time_tolerance: f64,
     /// Step in s, or "auto".
     #[serde(default)]
     pub step: StepSize,
@@ -64,6 +69,10 @@ pub struct Thermal {
 
 fn tolerance() -> f64 {
     1e-10
+}
+
+fn time_tolerance() -> f64 {
+    1e-3
 }
 
 fn whole() -> f64 {
@@ -130,7 +139,7 @@ pub enum ThermalSolver {
     /// Stabilised explicit (Runge-Kutta-Legendre, second order): steps far above the explicit
     /// limit for the square root of the work; best for long coolings.
     Rkl2,
-    /// Implicit Euler, Newton-Krylov: any step, first order; a step that does not converge is taken in halves.
+    /// Implicit Euler, Newton-Krylov: any step, first order.
     Implicit,
     /// Crank-Nicolson, Newton-Krylov: any step, second order, for smooth data.
     CrankNicolson,

@@ -38,6 +38,7 @@ mod carried;
 #[cfg(test)]
 mod cloud_tests;
 mod conduction;
+mod control;
 mod faces;
 #[cfg(test)]
 mod flow_tests;
@@ -73,9 +74,12 @@ use perimelt_core::{
     Balance, Clock, Physics, Report, RunError, Setup, SetupError, Step, Work, World,
 };
 
+use serde::{Deserialize, Serialize};
+
+use control::StepControl;
 use faces::HeatedFace;
-use growth::Growth;
-use run::Run;
+use growth::{Born, Growth};
+use run::{HeatAccount, Run};
 
 /// The initial temperature was left out: 0 K everywhere.
 #[derive(Debug, thiserror::Error)]
@@ -92,6 +96,14 @@ impl Thermal {
     fn run_mut(&mut self) -> &mut Run {
         self.run.as_mut().expect("prepared at set-up")
     }
+}
+
+/// State that is saved with checkpoints.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    heat: HeatAccount,
+    control: StepControl,
+    growth: Option<Born>,
 }
 
 /// A temperature below absolute zero.
@@ -192,16 +204,16 @@ impl Physics for Thermal {
     }
 
     fn stable_step(&mut self, world: &World) -> Option<f64> {
-        let solver = self.solver;
+        let is_explicit = self.solver == ThermalSolver::Explicit;
         let run = self.run_mut();
         run.find_stable_step(world);
-        run.longest_step(solver)
+        is_explicit.then_some(run.stable_step)
     }
 
     fn changed_stable_step(&self) -> Option<f64> {
         let run = self.run();
-        let longest = run.longest_step(self.solver);
-        longest.filter(|_| run.has_changing_limit())
+        let is_limited = self.solver == ThermalSolver::Explicit && run.has_changing_limit();
+        is_limited.then_some(run.stable_step)
     }
 
     fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {
@@ -277,24 +289,25 @@ impl Physics for Thermal {
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
         let run = self.run();
-        match &run.growth {
-            None => Box::new(run.heat),
-            Some(growth) => Box::new((run.heat, &growth.state)),
-        }
+        Box::new(Saved {
+            heat: run.heat,
+            control: run.integrator.control(),
+            growth: run.growth.as_ref().map(|growth| growth.state.clone()),
+        })
     }
 
     fn load(
         &mut self,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
+        let saved: Saved = erased_serde::deserialize(state)?;
         let run = self.run_mut();
-        match &mut run.growth {
-            None => run.heat = erased_serde::deserialize(state)?,
-            Some(growth) => {
-                (run.heat, growth.state) = erased_serde::deserialize(state)?;
-                let [found, expected] = growth.points();
-                check_length("born points", found, expected)?;
-            }
+        run.heat = saved.heat;
+        run.integrator.set_control(saved.control);
+        if let (Some(growth), Some(state)) = (&mut run.growth, saved.growth) {
+            growth.state = state;
+            let [found, expected] = growth.points();
+            check_length("born points", found, expected)?;
         }
         Ok(())
     }

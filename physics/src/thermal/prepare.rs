@@ -135,14 +135,14 @@ impl Run {
             refined,
             consolidated,
             austenite,
-            integrator: Integrator::new(thermal.solver, thermal.tolerance),
+            integrator: Integrator::new(thermal),
             heat: HeatAccount::default(),
             faces: faces.filter(HeatedFace::is_measurable).collect(),
             through_layers: 0.0,
             surface,
             stable_step: f64::INFINITY,
             conduction_step: None,
-            exchange_time: f64::INFINITY,
+            exchange_limit: None,
         })
     }
 }
@@ -161,6 +161,14 @@ impl Thermal {
         if !(self.tolerance > 0.0) {
             let message = format!("`tolerance` is {}", self.tolerance);
             return Err(SetupError::value("tolerance", message, "a number above 0"));
+        }
+        if !(self.time_tolerance > 0.0) {
+            let message = format!("`time_tolerance` is {}", self.time_tolerance);
+            return Err(SetupError::value(
+                "time_tolerance",
+                message,
+                "a number above 0",
+            ));
         }
         let is_explicit = self.solver == ThermalSolver::Explicit;
         let apparent = curves.iter().any(|c| c.form() == LatentHeatForm::Apparent);

@@ -18,7 +18,6 @@ use super::faces::HeatedFace;
 use super::growth::{Growth, HeatState};
 use super::integrate::Integrator;
 use super::interfaces::Points;
-use super::keys::ThermalSolver;
 use super::refined::Refined;
 use super::surface::Surface;
 
@@ -61,8 +60,16 @@ pub(super) struct Run {
     pub(super) stable_step: f64,
     /// The same of conduction alone, where points stay; found once.
     pub(super) conduction_step: Option<f64>,
-    /// Shortest time in which a layer of the body takes up the temperature of its surroundings, s.
-    pub(super) exchange_time: f64,
+    pub(super) exchange_limit: Option<ExchangeLimit>,
+}
+
+/// The stable step of points at the surface, and what it was found for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ExchangeLimit {
+    /// Bound of the temperatures (K), changes of the faces, version of a family that grows.
+    found_for: (f64, u64, Option<u64>),
+    /// s.
+    step: f64,
 }
 
 /// The family of the points.
@@ -291,7 +298,7 @@ impl Run {
             }
         };
         self.conduction_step = Some(stable_step);
-        let stable_step = stable_step.min(self.find_exchange_limits(world));
+        let stable_step = stable_step.min(self.find_exchange_limit(world));
         let stable_step = match &self.refined {
             Some(refined) => refined.step_fraction() * stable_step,
             None => stable_step,
@@ -300,38 +307,30 @@ impl Run {
         self.integrator.set_stable_step(stable_step);
     }
 
-    /// The stable step of points at the surface, s: the conductances of bonds and of the exchange over their capacity. Finds
-    /// the time in which the layers below take up the temperature of the surroundings, too.
-    fn find_exchange_limits(&mut self, world: &World) -> f64 {
+    /// The stable step of points at the surface, s: the conductances of bonds and of the exchange over their capacity.
+    fn find_exchange_limit(&mut self, world: &World) -> f64 {
         self.follow_surface(world);
-        self.exchange_time = f64::INFINITY;
         let Some(surface) = &self.surface else {
             return f64::INFINITY;
         };
+        let hottest = surface.hottest(&world.read::<f64>(self.temperature.into()));
+        let sums_of = self.growth.as_ref().and_then(|growth| growth.row_sums_of);
+        let found_for = (hottest, surface.changes(), sums_of);
+        let moves = matches!(self.neighbours, Neighbours::Moving(_));
+        let known = self.exchange_limit.filter(|_| !moves);
+        if let Some(known) = known.filter(|known| known.found_for == found_for) {
+            return known.step;
+        }
         let material = &world.body(self.body).material_of_point;
-        let temperature = world.read::<f64>(self.temperature.into());
         let conductivity = |point: usize| self.conduction.largest_conductivity(material[point]);
         let row_sums = self.integrator.row_sums();
-        let mut stable = f64::INFINITY;
-        let mut least = f64::INFINITY;
-        // explicit steps need no time of the exchange
-        let is_explicit = self.integrator.is_explicit();
-        let volumes = (!is_explicit).then(|| self.heated_volumes(world));
-        let mut of_body = 0.0;
-        let of_layer = surface.visit_stiffness(&temperature, conductivity, |point, at_point| {
+        let mut step = f64::INFINITY;
+        surface.visit_stiffness(hottest, conductivity, |point, at_point| {
             let capacity = self.curves[material[point] as usize].minimum_capacity();
-            least = least.min(capacity);
-            of_body += at_point * volumes.as_ref().map_or(0.0, |v| v[point]);
-            stable = stable.min(capacity / (row_sums[point][0] + at_point));
+            step = step.min(capacity / (row_sums[point][0] + at_point));
         });
-        let Some(volumes) = volumes else {
-            return stable;
-        };
-        // layers along several axes cool at once
-        let volume: f64 = volumes.iter().sum();
-        let time = least / of_layer.max(of_body / volume);
-        self.exchange_time = time;
-        stable
+        self.exchange_limit = Some(ExchangeLimit { found_for, step });
+        step
     }
 
     /// Takes up changed faces through which the surface exchanges heat.
@@ -341,21 +340,6 @@ impl Run {
             let has_material = |point: usize| growth.is_none_or(|g| g.is_born(point));
             surface.follow(world.body(self.body), has_material);
         }
-    }
-
-    /// Longest step that is stable, or with which a solver resolves the exchange with the surroundings, s.
-    ///
-    /// Implicit Euler loses `dt / (2 tau)` of a decay with the time constant tau, methods of second order
-    /// `dt^2 / (12 tau^2)`: with these fractions both stay below one per cent of the temperature.
-    pub(super) fn longest_step(&self, solver: ThermalSolver) -> Option<f64> {
-        let fraction = match solver {
-            ThermalSolver::Explicit => return Some(self.stable_step),
-            ThermalSolver::Steady => return None,
-            ThermalSolver::Implicit => 0.06,
-            ThermalSolver::CrankNicolson | ThermalSolver::Rkl2 => 0.3,
-        };
-        let limit = fraction * self.exchange_time;
-        limit.is_finite().then_some(limit)
     }
 
     /// Whether the stable step changes during the run.

@@ -39,6 +39,8 @@ pub(super) struct Surface {
     /// By face, when last evaluated.
     heat: Vec<FaceHeat>,
     is_linear: bool,
+    /// How often the faces have changed.
+    changes: u64,
 }
 
 /// A cell face through which heat flows.
@@ -49,9 +51,6 @@ struct ExposedFace {
     depth: f64,
     /// Area over the volume of the point, 1/m.
     area_over_volume: f64,
-    /// Distance to the surface on the other side, and whether it is exposed, too, m.
-    thickness: f64,
-    sides: f64,
     /// Where its parts start and end.
     parts: [u32; 2],
 }
@@ -113,7 +112,13 @@ impl Surface {
             faces: Vec::new(),
             parts: Vec::new(),
             heat: Vec::new(),
+            changes: 0,
         })
+    }
+
+    /// How often the faces have changed.
+    pub(super) fn changes(&self) -> u64 {
+        self.changes
     }
 
     /// Whether all fluxes are linear in the temperature of the surface.
@@ -134,6 +139,7 @@ impl Surface {
             return;
         }
         self.versions = now.collect();
+        self.changes += 1;
         let mut all: Vec<(u32, Face, SurfaceDepth, f64, Part)> = Vec::new();
         for (index, exchange) in self.exchanges.iter().enumerate() {
             let cells = exchange.cells();
@@ -171,16 +177,10 @@ impl Surface {
                 SurfaceDepth::Face => self.depth[face as usize] * cosine * body.points.spacing[i],
                 SurfaceDepth::Plane => 0.0,
             };
-            let (thickness, sides) = match depth == 0.0 && self.depth[face as usize] != 0.0 {
-                true => (body.thickness, 1.0),
-                false => thickness(body, i, face, &has_material),
-            };
             self.faces.push(ExposedFace {
                 point,
                 depth,
                 area_over_volume: area / body.points.volume[i],
-                thickness,
-                sides,
                 parts: [first, self.parts.len() as u32],
             });
         }
@@ -282,25 +282,24 @@ impl Surface {
         }
     }
 
-    /// Highest temperature of a point at the surface, K.
-    fn hottest(&self, temperature: &[f64]) -> f64 {
+    /// Bound of the temperatures of the points at the surface, K: in steps of two per cent, so that it changes rarely.
+    pub(super) fn hottest(&self, temperature: &[f64]) -> f64 {
+        const STEP: f64 = 1.02;
         let faces = self.faces.iter().map(|f| temperature[f.point as usize]);
-        faces.fold(0.0, f64::max)
+        let hottest = faces.fold(1.0, f64::max);
+        STEP.powf((hottest.ln() / STEP.ln()).ceil())
     }
 
-    /// Calls `visit` with each point at the surface and a bound of what draws it to the surroundings, the sum over its faces
-    /// over its volume (W/(m³ K)). Returns the same of the layer that is drawn most: the rate at which it takes up the
-    /// temperature of the surroundings, times its capacity.
+    /// Calls `visit` with each point at the surface and a bound of what draws it to the surroundings while no point is warmer than
+    /// `hottest` (K), the sum over its faces over its volume (W/(m³ K)).
     pub(super) fn visit_stiffness(
         &self,
-        temperature: &[f64],
+        hottest: f64,
         conductivity: impl Fn(usize) -> f64,
         mut visit: impl FnMut(usize, f64),
-    ) -> f64 {
-        let hottest = self.hottest(temperature);
+    ) {
         let laws = self.exchanges.iter().map(|e| e.law().stiffness(hottest));
         let laws: Vec<f64> = laws.collect();
-        let mut of_layer = 0.0_f64;
         for faces in self.faces.chunk_by(|a, b| a.point == b.point) {
             let point = faces[0].point as usize;
             let mut at_point = 0.0;
@@ -311,12 +310,10 @@ impl Surface {
                 if coefficient > 0.0 {
                     let resistance = 1.0 / coefficient + face.depth / conductivity(point);
                     at_point += face.area_over_volume / resistance;
-                    of_layer = of_layer.max(face.sides / (resistance * face.thickness));
                 }
             }
             visit(point, at_point);
         }
-        of_layer
     }
 }
 
@@ -361,28 +358,4 @@ fn balance(
         }
     }
     through
-}
-
-/// Distance (m) from a face through the matter to the surface behind it, and the number of bare sides.
-fn thickness(
-    body: &Body,
-    point: usize,
-    face: Face,
-    has_material: &impl Fn(usize) -> bool,
-) -> (f64, f64) {
-    /// Thicker layers warm up slowly anyway.
-    const MOST_CELLS: usize = 400;
-    let inwards = face.opposite();
-    let mut thickness = body.points.spacing[point];
-    let mut at = point;
-    for _ in 0..MOST_CELLS {
-        match body.neighbour(at, inwards).filter(|p| has_material(*p)) {
-            Some(next) => {
-                at = next;
-                thickness += body.points.spacing[at];
-            }
-            None => return (thickness, 2.0),
-        }
-    }
-    (thickness, 1.0)
 }

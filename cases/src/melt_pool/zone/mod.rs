@@ -27,8 +27,10 @@ const MOST_SECTIONS: usize = 500;
 /// The region in which the highest temperatures reach an isotherm.
 #[derive(Clone, Debug)]
 pub(crate) struct Zone {
-    /// extent along the direction of travel, m; `None` on a path that turns
+    /// extent along the direction of travel, m; `None` where that turns
     pub length: Option<f64>,
+    /// whether the direction of travel or the beam turns
+    pub turns: bool,
     /// along the beam from the molten surface; the largest one of the sections where the beam turns
     pub penetration: Option<Penetration>,
     /// where the beam pierces the metal
@@ -62,11 +64,6 @@ struct Section {
 }
 
 impl Zone {
-    /// Whether the path turns, so that there is no length.
-    pub(crate) fn turns(&self) -> bool {
-        self.length.is_none()
-    }
-
     /// Largest width of the sections, m.
     pub(crate) fn width(&self) -> Option<f64> {
         self.largest(|section| section.width)
@@ -126,6 +123,7 @@ impl MeltPoolGauge {
         if pool.peak.is_nan() {
             return Some(Zone {
                 length: Some(pool.length()),
+                turns: false,
                 penetration: unknown,
                 root: None,
                 sections: vec![Some(Section::of_pool(&pool, self, f64::NAN))],
@@ -148,6 +146,7 @@ impl MeltPoolGauge {
             });
             return Some(Zone {
                 length: Some(pool.length()),
+                turns: false,
                 penetration,
                 root,
                 sections: vec![Some(section)],
@@ -172,7 +171,8 @@ impl MeltPoolGauge {
                 .max_by(|a, b| a.depth.total_cmp(&b.depth)),
         };
         Some(Zone {
-            length: None,
+            length: has_one_travel(aim.sources).then(|| pool.length()),
+            turns: true,
             penetration: deepest,
             root: (fraction > 0.0).then_some(Root { width, fraction }),
             sections,
@@ -334,15 +334,14 @@ fn across_path(state: &SourceState) -> Option<[f64; 3]> {
 
 /// Whether the directions of travel or of the beam change.
 fn turns(path: &[SourceState]) -> bool {
-    let Some((first, rest)) = path.split_first() else {
-        return false;
-    };
-    let is_other = |state: &SourceState| {
-        let travel = first.travel.zip(state.travel);
-        travel.is_some_and(|(a, b)| is_turned(a, b, ONE_DIRECTION))
-            || dot(first.beam, state.beam) < ONE_DIRECTION
-    };
-    rest.iter().any(is_other)
+    !(has_one_travel(path) && has_one_beam(path))
+}
+
+/// Whether all directions of travel lie on lines within 10 degrees.
+fn has_one_travel(path: &[SourceState]) -> bool {
+    let mut travels = path.iter().filter_map(|state| state.travel);
+    let first = travels.next();
+    travels.all(|travel| first.is_none_or(|first| !is_turned(first, travel, ONE_DIRECTION)))
 }
 
 /// Whether all beams are within 10 degrees.

@@ -76,7 +76,7 @@ fn the_area_of_a_straight_zone_is_that_of_half_an_ellipse() {
     let area = 0.5 * PI * HALF[0] * HALF[1];
     let whole = of(&plate([-25, -12], [50, 24, 8]), &[]);
     close(whole.area(), area);
-    assert!(!whole.turns());
+    assert!(!whole.turns);
     // the plane of symmetry that the zone reaches, and one that it does not reach
     let half = of(&plate([-25, 0], [50, 12, 8]), &[Face::YMin, Face::YMax]);
     close(half.area(), area);
@@ -139,7 +139,7 @@ fn sections_follow_the_direction_of_a_path_that_turns() {
     for degrees in [30.0, 60.0, 90.0, 120.0] {
         let (highest, path) = corner(&positions, degrees);
         let zone = measured(&gauge(&positions, &[]), &highest, &path);
-        assert!(zone.turns(), "{degrees}");
+        assert!(zone.turns, "{degrees}");
         close(zone.width(), 2.0 * HALF[0]);
         close(zone.area(), 0.5 * PI * HALF[0] * HALF[1]);
         close(zone.depth(), HALF[1]);
@@ -167,6 +167,8 @@ fn a_torch_that_is_inclined_anew_turns_the_path() {
     };
     assert!(!turns(&[upright, inclined(8.0)]));
     assert!(turns(&[upright, inclined(12.0)]));
+    // and leaves one direction of travel, along which there is a length
+    assert!(has_one_travel(&[upright, inclined(12.0)]));
 }
 
 #[test]
@@ -236,7 +238,7 @@ fn girth(radii: [f64; 2], is_outside: bool, half: [f64; 2]) -> Zone {
 fn sections_around_a_tube_are_those_of_one_wall() {
     let half = [10.4 * SPACING, 14.0 * SPACING];
     let zone = girth([6.0, 10.0], true, half);
-    assert!(zone.turns());
+    assert!(zone.turns);
     close(zone.width(), 2.0 * half[0]);
     // half an ellipse down to the inner surface
     let ratio = 4.0 * SPACING / half[1];

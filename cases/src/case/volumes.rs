@@ -1,0 +1,119 @@
+//! Volumes of points against those of the shapes that they fill.
+
+use perimelt_core::shape::{Difference, Shape};
+use perimelt_core::{Body, Simulation};
+
+use super::{Case, CaseError};
+use crate::plot::unit;
+
+/// Fraction of the volume of a shape by which that of the points may differ.
+const MOST: f64 = 0.03;
+
+/// By how much the volume of points differs from that of their shape (m³), where it is too much.
+fn difference(filled: f64, asked: f64) -> Option<String> {
+    let difference = filled / asked - 1.0;
+    if !(difference.abs() > MOST) {
+        return None;
+    }
+    let sign = if difference < 0.0 { "less" } else { "more" };
+    let percent = unit::number(100.0 * difference.abs(), 2);
+    let [filled, asked] = [filled, asked].map(|v| unit::number(v, 4));
+    Some(format!(
+        "a volume of {filled} m³, {percent} % {sign} than the {asked} m³ of its shape"
+    ))
+}
+
+/// A body whose points fill another volume than its shape has.
+pub(super) fn of_body(body: &Body, shape: &Shape) -> Option<String> {
+    let asked = body.thickness * shape.measure(body.dimension)?;
+    let difference = difference(body.points.volume.iter().sum(), asked)?;
+    Some(format!(
+        "the points of body `{}` have {difference}: heat, mass and stiffness are those of the points; take a smaller `spacing`, or \
+         one that divides its thicknesses",
+        body.name
+    ))
+}
+
+impl Case {
+    /// Regions of deposited metal whose points fill another volume than their part of the body has, as where an inclined face
+    /// passes through points.
+    pub(super) fn deposited_volumes(
+        &self,
+        simulation: &Simulation,
+    ) -> Result<Vec<String>, CaseError> {
+        let bodies = simulation.world().bodies();
+        let mut found = Vec::new();
+        for table in self.plugin_tables("couplers")? {
+            let region = table.value.get_ref().get("region");
+            let region = region.and_then(|r| r.get_ref().as_str());
+            let place = |name: &str| bodies.iter().position(|b| b.name == name);
+            let index = table.body().map_or(Some(0), place);
+            let (Some(region), Some(index), "deposit") = (region, index, &table.kind[..]) else {
+                continue;
+            };
+            let ((name, section), body) = (&self.bodies[index], &bodies[index]);
+            let Some(shape) = section.regions.get(region) else {
+                continue;
+            };
+            let shape = self.loaded(&[name.as_str(), "regions", region], shape)?;
+            let whole = self.loaded(&[name.as_str(), "shape"], &section.shape)?;
+            let asked = common(whole, shape).measure(body.dimension);
+            let points = body.regions[region].points.iter();
+            let filled = points.map(|p| body.points.volume[*p as usize]).sum();
+            let told = asked.and_then(|asked| difference(filled, body.thickness * asked));
+            if let Some(difference) = told {
+                found.push(format!(
+                    "the points of region `{region}`, which `deposit` fills, have {difference}: mass, heat and throat of the metal are those \
+                     of the points; move an inclined face off the points, by a fraction of the spacing, or take a smaller `spacing`"
+                ));
+            }
+        }
+        Ok(found)
+    }
+}
+
+/// What two shapes have in common.
+fn common(one: Shape, other: Shape) -> Shape {
+    let less = |from: Shape, subtract: Shape| {
+        Shape::Difference(Difference {
+            from: Box::new(from),
+            subtract: Box::new(subtract),
+        })
+    };
+    less(one.clone(), less(one, other))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    /// Fillets of 5 mm at 1 mm between a plate and a web: with the inclined face through the middles of cells 15 cells for 12.5.
+    #[test]
+    fn a_fillet_whose_face_passes_through_points_is_told() {
+        for (leg, told) in [(0.005, Some("20 % more")), (0.0049, None)] {
+            let fillet = format!(
+                "extrusion = {{ axis = 'x', from = 0, to = 0.02, outline = [[0, 0], [{leg}, 0], [0, {leg}]] }}"
+            );
+            let text = format!(
+                "[bodies.joint]\n\
+                 spacing = 1e-3\nmaterial = '304L'\ninitial.temperature = 293.15\nregions.bead.{fillet}\n\
+                 shape.union = [{{ box = {{ min = [0, -0.02, -0.004], max = [0.02, 0.02, 0] }} }}, \
+                 {{ box = {{ min = [0, -0.004, 0], max = [0.02, 0, 0.02] }} }}, {{ {fillet} }}]\n\
+                 [[physics]]\ntype = 'thermal'\nhorizon = 1\n\
+                 [[couplers]]\ntype = 'deposit'\nregion = 'bead'\ntemperature = 1800\nlayers = {{ height = 5e-3, interval = 1 }}\n\
+                 [time]\nend = 1\n"
+            );
+            let case = Case::parse("joint.toml", text, Path::new("")).expect("valid");
+            let mut simulation = case.compose().expect("complete");
+            case.start(&mut simulation).expect("starts");
+            let found = case.deposited_volumes(&simulation).expect("read");
+            assert_eq!(found.len(), usize::from(told.is_some()), "{leg}: {found:?}");
+            assert!(
+                found.iter().zip(told).all(|(f, told)| f.contains(told)),
+                "{found:?}"
+            );
+        }
+    }
+}
