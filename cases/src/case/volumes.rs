@@ -64,7 +64,7 @@ impl Case {
             if let Some(difference) = told {
                 found.push(format!(
                     "the points of region `{region}`, which `deposit` fills, have {difference}: mass, heat and throat of the metal are those \
-                     of the points; move an inclined face off the points, by a fraction of the spacing, or take a smaller `spacing`"
+                     of the points; take a smaller `spacing`, or turn an inclined face that passes through points by some degrees"
                 ));
             }
         }
@@ -92,9 +92,12 @@ mod tests {
     /// Fillets of 5 mm at 1 mm between a plate and a web: with the inclined face through the middles of cells 15 cells for 12.5.
     #[test]
     fn a_fillet_whose_face_passes_through_points_is_told() {
-        for (leg, told) in [(0.005, Some("20 % more")), (0.0049, None)] {
+        for ([y, z], told) in [
+            ([0.005, 0.005], Some("20 % more")),
+            ([0.0053, 0.0046], None),
+        ] {
             let fillet = format!(
-                "extrusion = {{ axis = 'x', from = 0, to = 0.02, outline = [[0, 0], [{leg}, 0], [0, {leg}]] }}"
+                "extrusion = {{ axis = 'x', from = 0, to = 0.02, polygon = [[0, 0], [{y}, 0], [0, {z}]] }}"
             );
             let text = format!(
                 "[bodies.joint]\n\
@@ -109,7 +112,7 @@ mod tests {
             let mut simulation = case.compose().expect("complete");
             case.start(&mut simulation).expect("starts");
             let found = case.deposited_volumes(&simulation).expect("read");
-            assert_eq!(found.len(), usize::from(told.is_some()), "{leg}: {found:?}");
+            assert_eq!(found.len(), usize::from(told.is_some()), "{y}: {found:?}");
             assert!(
                 found.iter().zip(told).all(|(f, told)| f.contains(told)),
                 "{found:?}"
