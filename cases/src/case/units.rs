@@ -110,19 +110,26 @@ pub(super) fn cold_start(body: &Body, lowest: Option<f64>) -> Option<String> {
 }
 
 impl Case {
-    /// Tables of materials whose temperatures begin at a room temperature in degrees Celsius and end where metal is hot, of bodies that
-    /// start in kelvins.
-    pub(super) fn tables_in_celsius(&self, lowest: &[Option<f64>]) -> Vec<String> {
+    /// Tables of materials and couplers whose temperatures begin at a room temperature in degrees Celsius and end where metal is hot, of
+    /// bodies that start in kelvins.
+    pub(super) fn tables_in_celsius(
+        &self,
+        lowest: &[Option<f64>],
+    ) -> Result<Vec<String>, CaseError> {
         let is_cold = |t: &Option<f64>| t.is_some_and(|t| t < COLD);
         if lowest.iter().all(|t| t.is_none() || is_cold(t)) {
-            return Vec::new();
+            return Ok(Vec::new());
         }
         let table = self.table();
         let materials = table.get("materials").and_then(|m| m.get_ref().as_table());
-        let mut found = Vec::new();
-        for (name, material) in materials.into_iter().flatten() {
+        let materials = materials.into_iter().flatten();
+        let materials =
+            materials.map(|(name, value)| (format!("material `{}`", name.get_ref()), value));
+        let couplers = self.plugin_tables("couplers")?;
+        let couplers = couplers.iter().map(|c| (format!("`{}`", c.kind), &c.value));
+        let in_celsius = |(owner, value): (String, &TomlValue<'_>)| {
             let mut tables = Vec::new();
-            temperatures_below(material, "", &mut tables);
+            temperatures_below(value, "", &mut tables);
             let is_celsius = |(_, rows): &(String, Vec<f64>)| {
                 let ends = rows.first().zip(rows.last());
                 ends.is_some_and(|(first, last)| {
@@ -132,15 +139,13 @@ impl Case {
                         && *first != 1.0
                 })
             };
-            if let Some((key, rows)) = tables.into_iter().find(is_celsius) {
-                let [first, last] = [rows[0], rows[rows.len() - 1]].map(|t| unit::number(t, 5));
-                found.push(format!(
-                    "the table `{key}` of material `{}` has temperatures from {first} to {last}, as in degrees Celsius; {CELSIUS}",
-                    name.get_ref()
-                ));
-            }
-        }
-        found
+            let (key, rows) = tables.into_iter().find(is_celsius)?;
+            let [first, last] = [rows[0], rows[rows.len() - 1]].map(|t| unit::number(t, 5));
+            Some(format!(
+                "the table `{key}` of {owner} has temperatures from {first} to {last}, as in degrees Celsius; {CELSIUS}"
+            ))
+        };
+        Ok(materials.chain(couplers).filter_map(in_celsius).collect())
     }
 
     /// Toolpaths that wait for a temperature that the body cannot reach by cooling.
@@ -328,6 +333,8 @@ pub(super) mod tests {
     #[test]
     fn numbers_in_other_units_are_told_without_a_solidus() {
         assert_eq!(warnings(&[]), [""; 0]);
+        let film = "[[couplers]]\ntype = 'convection'\nambient = 293.15\n\
+                    coefficient = { temperature = [20, 900], value = [10, 50] }\n[time]";
         let (room, table) = ("initial.temperature = 293.15", "temperature = [293, 1673]");
         for (changes, told) in [
             (
@@ -371,6 +378,10 @@ pub(super) mod tests {
                 "body `plate` is 20 m long",
             ),
             (&[("end = 0.2", "end = 2000")], "nothing cools body `plate`"),
+            (
+                &[("[time]", film)],
+                "the table `coefficient` of `convection` has temperatures from 20 to 900",
+            ),
         ] {
             let found = warnings(changes).join("\n");
             assert!(found.contains(told), "{changes:?}: {found}");

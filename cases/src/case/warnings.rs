@@ -77,7 +77,7 @@ impl Case {
         }
         if bodies.iter().all(units::are_si) {
             found.extend(self.cold_surroundings(bodies.iter().all(melts))?);
-            found.extend(self.tables_in_celsius(&lowest));
+            found.extend(self.tables_in_celsius(&lowest)?);
         }
         found.extend(self.deposited_volumes(simulation)?);
         found.extend(self.touching_bodies(simulation)?);

@@ -25,10 +25,6 @@ const SHORTEST_PHASE: f64 = 0.02;
 /// Part of the time that is left above which a phase is divided.
 const LONGEST_PHASE: f64 = 0.25;
 
-/// Steps for which a limit of automatic steps is taken to stay as it is, and least part of the time for which it is.
-const SAME_LIMIT: f64 = 16.0;
-const SHORTEST_LIMIT: f64 = 1e-3;
-
 impl Simulation {
     /// Times (s) between which the work of a step may change, the last one the end of the run: ends of the programmes of plugins, such
     /// as toolpaths, and some in between where these are far apart.
@@ -87,9 +83,6 @@ impl Simulation {
             let next_log = self.options.log.time(log).min(end);
             let limit = self.macro_step_at(time);
             let target = self.next_target(time, next_log, limit);
-            // limits may grow with time
-            let known = (SAME_LIMIT * limit).max(SHORTEST_LIMIT * (end - from));
-            let target = target.min(time + known);
             let is_log = target >= next_log;
             let steps = count((target - time) / limit);
             left.macro_steps += steps;

@@ -22,8 +22,7 @@ use super::supply::Supply;
 use crate::source::{self, CellGrid, Cells, Depositor, HeatedSurface, Source};
 use crate::toolpath::{Clock, TimedPath, Toolpath, Track};
 
-/// Fraction of its shortest length that the source may move in a step, and of the time without power that a step may take: what
-/// reads temperatures between steps sees metal cool that slows down.
+/// Fraction of the shortest length that the source may move in a step.
 const STEP_FRACTION: f64 = 0.25;
 
 /// Share of the power below which a source that keeps away from the box of the body does not heat it.
@@ -407,15 +406,7 @@ impl<S: SourceShape> MovingSource<S> {
     pub fn longest_step(&self, time: f64) -> Option<f64> {
         let p = self.prepared.as_ref()?;
         let speed = p.speed + self.positions.speed;
-        if speed == 0.0 {
-            return None;
-        }
-        let with_power = p.longest_way / speed;
-        if p.path.will_be_on(time) {
-            return Some(with_power);
-        }
-        let cooling = p.path.time_without_power(time)?;
-        Some(with_power.max(STEP_FRACTION * cooling))
+        (speed > 0.0 && p.path.will_be_on(time)).then(|| p.longest_way / speed)
     }
 
     #[doc(hidden)]

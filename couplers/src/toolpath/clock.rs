@@ -326,15 +326,6 @@ impl TimedPath {
         self.is_on(self.foreseen(time))
     }
 
-    /// How long (s) the source has been without power at a time (s) that may be to come; `None` before its first power.
-    pub(crate) fn time_without_power(&self, time: f64) -> Option<f64> {
-        let (at, now) = match self.foreseen(time) {
-            TrackTime::Running(now) => (now, now),
-            TrackTime::Waiting(at) => (at, time - self.clock.borrow().delay),
-        };
-        Some(now - self.track.power_end_before(at)?)
-    }
-
     fn is_on(&self, time: TrackTime) -> bool {
         let TrackTime::Running(now) = time else {
             return false;

@@ -75,6 +75,13 @@ pub(super) struct StepControl {
     extremes: Option<[f64; 2]>,
 }
 
+impl StepControl {
+    /// Size to be tried next (s), at first the stable one of forward Euler.
+    pub(super) fn next(&self, stable: f64) -> f64 {
+        self.next.unwrap_or(stable)
+    }
+}
+
 /// Temperatures and errors of a state.
 #[derive(Clone, Copy)]
 struct Measure {
@@ -126,7 +133,7 @@ impl ControlledSteps {
         let mut done = 0.0;
         while done < size {
             let left = size - done;
-            let wanted = self.control.next.unwrap_or(stable);
+            let wanted = self.control.next(stable);
             let pieces = (left / wanted * (1.0 - 1e-9)).ceil().max(1.0);
             // two nearly equal steps rather than a long one and a short one
             let step = match pieces {

@@ -84,6 +84,12 @@ impl Integrator {
         &mut self.row_sums
     }
 
+    /// The step that keeps the error in time next, s; `None` for solvers without one.
+    pub(super) fn next_step(&self) -> Option<f64> {
+        let is_controlled = matches!(self.solver, Solver::Controlled(_));
+        is_controlled.then(|| self.controlled.control.next(self.stable_step))
+    }
+
     /// Control of the sizes of steps.
     pub(super) fn control(&self) -> StepControl {
         self.controlled.control

@@ -71,7 +71,7 @@ pub use keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
 use perimelt_core::plugin::check_length;
 use perimelt_core::solver::reduce::{sum_of, weighted_sum};
 use perimelt_core::{
-    Balance, Clock, Physics, Report, RunError, Setup, SetupError, Step, Work, World,
+    Balance, Clock, Physics, Report, RunError, Setup, SetupError, Step, StepSize, Work, World,
 };
 
 use serde::{Deserialize, Serialize};
@@ -214,6 +214,12 @@ impl Physics for Thermal {
         let run = self.run();
         let is_limited = self.solver == ThermalSolver::Explicit && run.has_changing_limit();
         is_limited.then_some(run.stable_step)
+    }
+
+    /// The step in which the temperature changes as far as the error in time allows: histories and other physics see it then.
+    fn step_limit(&self, _time: f64) -> Option<f64> {
+        let is_automatic = self.step == StepSize::Auto;
+        self.run().integrator.next_step().filter(|_| is_automatic)
     }
 
     fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {

@@ -218,20 +218,10 @@ impl Track {
 
     /// The pose at the end of the last move with power that has ended at `time` (s). Before the first power, the pose at `time`.
     pub(crate) fn end_of_power_before(&self, time: f64) -> Pose {
-        let last = self.last_with_power(time);
-        last.map_or_else(|| self.pose(time), |last| last.rest(last.end))
-    }
-
-    /// When the last move with power that has ended at `time` (s) ended, s.
-    pub(crate) fn power_end_before(&self, time: f64) -> Option<f64> {
-        self.last_with_power(time).map(|last| last.end)
-    }
-
-    /// The last move with power that has ended at `time` (s).
-    fn last_with_power(&self, time: f64) -> Option<&Move> {
         let over = self.moves.partition_point(|m| m.end <= time);
         let mut over = self.moves[..over].iter().rev();
-        over.find(|m| m.power.iter().any(|power| *power > 0.0))
+        let last = over.find(|m| m.power.iter().any(|power| *power > 0.0));
+        last.map_or_else(|| self.pose(time), |last| last.rest(last.end))
     }
 
     /// At rest without power at the end of the move before `time` (s), where a path waits.
