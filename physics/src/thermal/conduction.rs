@@ -520,6 +520,11 @@ impl Conduction {
         conductivity
     }
 
+    /// Conductivity of molten material at a temperature, W/(m K): what was powder is dense.
+    pub(super) fn melt_conductivity(&self, material: u16, temperature: f64) -> f64 {
+        self.conductivity[material as usize].at(temperature, 1.0)
+    }
+
     /// Largest conductivity of a material, W/(m K).
     pub(super) fn largest_conductivity(&self, material: u16) -> f64 {
         self.largest[material as usize]

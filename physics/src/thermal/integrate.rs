@@ -8,6 +8,7 @@ use perimelt_core::solver::{
 use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
 
+use super::below::Below;
 use super::carried::Carried;
 use super::conduction::Matter;
 use super::control::{ControlledSteps, Method, StepControl};
@@ -252,12 +253,13 @@ impl Run {
                 temperature: &temperature,
                 enthalpy: &world.read(self.enthalpy.into()),
             };
-            let (conduction, temperature) = (&self.conduction, &temperature[..]);
-            let conductivity = |i: usize| {
-                let (m, t) = (matter.material[i], temperature[i]);
-                let liquid = matter.curves[m as usize].liquid_fraction(t);
-                conduction.conductivity((i, m), t, liquid)
+            let points = Below {
+                conduction: &self.conduction,
+                curves: &self.curves,
+                material: matter.material,
+                temperature: &temperature,
             };
+            let conductivity = |point: usize| points.conductivity(point);
             carried.start((world, body), (&matter, &state), conductivity);
         }
         let current = configuration.as_ref().zip(ratios.as_ref());

@@ -34,6 +34,7 @@
 //!
 //! Not for: radiation inside the body.
 
+mod below;
 mod carried;
 #[cfg(test)]
 mod cloud_tests;

@@ -10,6 +10,7 @@ use perimelt_core::solver::reduce::{norm, sum_of, sum_points};
 use perimelt_core::solver::{At, Rhs, SolverError};
 use rayon::prelude::*;
 
+use super::below::Below;
 use super::carried::CarriedHeat;
 use super::conduction::{Conduction, Matter};
 use super::surface::Surface;
@@ -111,10 +112,11 @@ impl Flow<'_> {
     fn exchange(&mut self, temperature: &[f64]) {
         let (conduction, matter) = (&*self.conduction, self.matter);
         if let Some(surface) = &mut self.surface {
-            surface.evaluate(temperature, |point| {
-                let (m, t) = (matter.material[point], temperature[point]);
-                let liquid = matter.curves[m as usize].liquid_fraction(t);
-                conduction.conductivity((point, m), t, liquid)
+            surface.evaluate(&Below {
+                conduction,
+                curves: matter.curves,
+                material: matter.material,
+                temperature,
             });
         }
     }

@@ -12,6 +12,7 @@ use perimelt_core::{
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::below::Below;
 use super::carried::{CarriedHeat, Diffusion};
 use super::conduction::{Conduction, Matter};
 use super::faces::HeatedFace;
@@ -351,19 +352,18 @@ impl Run {
     /// Measures the heat that crosses faces.
     pub(super) fn observe(&mut self, world: &World) {
         self.follow_surface(world);
+        let temperature = world.read::<f64>(self.temperature.into());
         if let Some(surface) = &self.surface {
-            let temperature = world.read::<f64>(self.temperature.into());
-            let material = &world.body(self.body).material_of_point;
-            surface.report(&temperature, |point| {
-                let (m, t) = (material[point], temperature[point]);
-                let liquid = self.curves[m as usize].liquid_fraction(t);
-                self.conduction.conductivity((point, m), t, liquid)
+            surface.report(&Below {
+                conduction: &self.conduction,
+                curves: &self.curves,
+                material: &world.body(self.body).material_of_point,
+                temperature: &temperature,
             });
         }
         if self.faces.is_empty() {
             return;
         }
-        let temperature = world.read::<f64>(self.temperature.into());
         let rules = world.layer_rules(self.layers);
         let body = world.body(self.body);
         let family = self.neighbours.now(world);
@@ -375,11 +375,13 @@ impl Run {
         };
         self.conduction.load(&matter, &temperature);
         self.through_layers = self.conduction.inflow(&family, &self.heated_volumes(world));
-        let conductivity = |point: usize| {
-            let (m, t) = (body.material_of_point[point], temperature[point]);
-            let liquid = self.curves[m as usize].liquid_fraction(t);
-            self.conduction.conductivity((point, m), t, liquid)
+        let points = Below {
+            conduction: &self.conduction,
+            curves: &self.curves,
+            material: &body.material_of_point,
+            temperature: &temperature,
         };
+        let conductivity = |point: usize| points.conductivity(point);
         for face in &mut self.faces {
             if let Some(rule) = rules.iter().find(|r| r.face == face.face) {
                 let growth = self.growth.as_ref();

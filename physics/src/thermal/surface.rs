@@ -17,6 +17,8 @@ use perimelt_core::exchange::{Exchange, SurfaceDepth, SurfaceLaw};
 use perimelt_core::{Body, Face};
 use rayon::prelude::*;
 
+use super::below::Below;
+
 /// Largest number of iterations for the temperature of a surface.
 const ITERATIONS: usize = 30;
 
@@ -59,14 +61,6 @@ impl ExposedFace {
     /// Its parts among those of all faces.
     fn parts<'a>(&self, all: &'a [Part]) -> &'a [Part] {
         &all[self.parts[0] as usize..self.parts[1] as usize]
-    }
-
-    /// That of the matter between the point and the surface, W/(m² K); infinite where the point is at the surface.
-    fn conductance(&self, conductivity: impl FnOnce() -> f64) -> f64 {
-        match self.depth > 0.0 {
-            true => conductivity() / self.depth,
-            false => f64::INFINITY,
-        }
     }
 }
 
@@ -187,21 +181,15 @@ impl Surface {
         self.heat = vec![FaceHeat::default(); self.faces.len()];
     }
 
-    /// Evaluates the heat through all faces at temperatures of the points (K); `conductivity` (W/(m K)) is that of a point.
-    pub(super) fn evaluate(
-        &mut self,
-        temperature: &[f64],
-        conductivity: impl Fn(usize) -> f64 + Sync,
-    ) {
+    /// Evaluates the heat through all faces.
+    pub(super) fn evaluate(&mut self, below: &Below<'_>) {
         let borrowed: Vec<_> = self.exchanges.iter().map(|e| e.law()).collect();
         let laws: Vec<&dyn SurfaceLaw> = borrowed.iter().map(|law| &**law).collect();
         let (parts, is_linear) = (&self.parts[..], self.is_linear);
         let faces = self.heat.par_iter_mut().zip(&self.faces).with_min_len(512);
         faces.for_each(|(heat, face)| {
-            let point = face.point as usize;
             let all = (face.parts(parts), &laws[..], is_linear);
-            let conductance = face.conductance(|| conductivity(point));
-            let through = balance(all, temperature[point], conductance);
+            let through = balance(all, &HalfCell::of(face, below));
             *heat = FaceHeat {
                 heat: face.area_over_volume * through.flux,
                 gain: face.area_over_volume * through.gain,
@@ -251,8 +239,8 @@ impl Surface {
         }
     }
 
-    /// Tells each exchange the heat that it brings into the body at these temperatures, and those of the surface.
-    pub(super) fn report(&self, temperature: &[f64], conductivity: impl Fn(usize) -> f64) {
+    /// Tells each exchange the heat that it brings into the body, and the temperatures of the surface.
+    pub(super) fn report(&self, below: &Below<'_>) {
         let mut power = vec![0.0; self.exchanges.len()];
         let cells = self
             .exchanges
@@ -263,11 +251,9 @@ impl Surface {
             let borrowed: Vec<_> = self.exchanges.iter().map(|e| e.law()).collect();
             let laws: Vec<&dyn SurfaceLaw> = borrowed.iter().map(|law| &**law).collect();
             for face in &self.faces {
-                let point = face.point as usize;
                 let parts = face.parts(&self.parts);
-                let conductance = face.conductance(|| conductivity(point));
                 let all = (parts, &laws[..], self.is_linear);
-                let surface = balance(all, temperature[point], conductance).temperature;
+                let surface = balance(all, &HalfCell::of(face, below)).temperature;
                 for part in parts {
                     let (exchange, cell) = (part.exchange as usize, part.cell as usize);
                     let flux = laws[exchange].flux(cell, surface).flux;
@@ -317,11 +303,37 @@ impl Surface {
     }
 }
 
-/// The flux through a face whose point has this temperature (K), behind half a cell of this conductance (W/(m² K)).
+/// The matter between a point and its face.
+struct HalfCell<'a> {
+    below: &'a Below<'a>,
+    point: usize,
+    /// m; zero where the point is at the surface.
+    depth: f64,
+}
+
+impl<'a> HalfCell<'a> {
+    fn of(face: &ExposedFace, below: &'a Below<'_>) -> HalfCell<'a> {
+        HalfCell {
+            below,
+            point: face.point as usize,
+            depth: face.depth,
+        }
+    }
+
+    /// Of a half cell whose surface is warmer than the liquidus (K): that, and the conductance of its melt, W/(m² K).
+    fn melt(&self, surface: f64) -> Option<(f64, f64)> {
+        let own = self.below.temperature[self.point];
+        let melt = || self.below.melt(self.point);
+        let (liquidus, conductivity) = (surface > own).then(melt).flatten()?;
+        (surface > liquidus).then(|| (liquidus, conductivity / self.depth))
+    }
+}
+
+/// The flux through a face in series with the half cell below it. Where the surface melts and the point does not, the part above
+/// the liquidus conducts as melt: a loose powder under a strong flux would have no bound of its temperature.
 fn balance(
     (parts, laws, is_linear): (&[Part], &[&dyn SurfaceLaw], bool),
-    own: f64,
-    conductance: f64,
+    half: &HalfCell<'_>,
 ) -> Through {
     let at = |temperature: f64| {
         let mut sum = (0.0, 0.0);
@@ -332,8 +344,9 @@ fn balance(
         }
         sum
     };
+    let own = half.below.temperature[half.point];
     let mut temperature = own;
-    if conductance == f64::INFINITY {
+    if half.depth == 0.0 {
         let (flux, gain) = at(own);
         return Through {
             flux,
@@ -341,16 +354,30 @@ fn balance(
             temperature,
         };
     }
+    let mut conductance = half.below.conductivity(half.point) / half.depth;
+    // the temperature at the depth of the point if all of the half cell were melt, and its derivative by that of the point
+    let (mut base, mut of_base) = (own, 1.0);
+    let mut is_melt = false;
     let mut through = Through::default();
     for _ in 0..ITERATIONS {
         let (flux, slope) = at(temperature);
-        let surplus = flux + conductance * (own - temperature);
+        let surplus = flux + conductance * (base - temperature);
         // a boiling curve may rise faster than the half cell conducts
         let change = surplus / (conductance - slope.min(0.5 * conductance));
         temperature += change;
+        if !is_melt && let Some((liquidus, of_melt)) = half.melt(temperature) {
+            temperature = liquidus;
+            is_melt = at(liquidus).0 > conductance * (liquidus - own);
+            if is_melt {
+                of_base = conductance / of_melt;
+                base = liquidus - of_base * (liquidus - own);
+                conductance = of_melt;
+            }
+            continue;
+        }
         through = Through {
             flux: flux + slope * change,
-            gain: conductance * slope / (conductance - slope.min(0.5 * conductance)),
+            gain: of_base * conductance * slope / (conductance - slope.min(0.5 * conductance)),
             temperature,
         };
         if is_linear || change.abs() <= CONVERGED * temperature.abs() {

@@ -7,6 +7,7 @@ use std::rc::Rc;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::exchange::{SurfaceDepth, SurfaceFlux, SurfaceLaw};
 use perimelt_core::shape::{BoxShape, Shape};
+use perimelt_core::world::PhaseChange;
 use perimelt_core::{Body, Face, Physics, Setup, Step, World, keys};
 
 use super::Thermal;
@@ -15,9 +16,10 @@ use crate::testing::material;
 
 const BOLTZMANN: f64 = 5.670_374_419e-8;
 
-/// `h (T_a - T) + eps sigma (T_a^4 - T^4)`.
+/// `q + h (T_a - T) + eps sigma (T_a^4 - T^4)`.
 #[derive(Debug)]
 struct Film {
+    prescribed: f64,
     coefficient: f64,
     emissivity: f64,
     ambient: f64,
@@ -27,7 +29,8 @@ impl SurfaceLaw for Film {
     fn flux(&self, _: usize, t: f64) -> SurfaceFlux {
         let radiated = self.emissivity * BOLTZMANN;
         SurfaceFlux {
-            flux: self.coefficient * (self.ambient - t)
+            flux: self.prescribed
+                + self.coefficient * (self.ambient - t)
                 + radiated * (self.ambient.powi(4) - t.powi(4)),
             slope: -self.coefficient - 4.0 * radiated * t.powi(3),
         }
@@ -73,6 +76,9 @@ impl Cooled {
         let mut physics: Thermal = toml::from_str(keys_of_physics).expect("keys");
         let mut setup = Setup::new(&mut world, Path::new("."));
         setup.next_plugin("film");
+        if setup.body(0).materials[0].get("solidus").is_some() {
+            setup.set_phase_change(0, PhaseChange::default());
+        }
         let cells: Vec<SurfaceCell> = setup.body(0).surface(faces);
         let law = Rc::new(RefCell::new(film));
         setup
@@ -115,6 +121,7 @@ impl Cooled {
 
 fn film(coefficient: f64, emissivity: f64, ambient: f64) -> Film {
     Film {
+        prescribed: 0.0,
         coefficient,
         emissivity,
         ambient,
@@ -251,6 +258,46 @@ fn a_radiating_wall_follows_the_closed_form_with_every_solver() {
             }
         }
     }
+}
+
+/// A strong flux on matter that conducts badly until it melts, as powder does: `q - eps sigma T_s^4` enters, with
+/// `q - eps sigma T_s^4 = (k (T_l - T) + k_l (T_s - T_l)) / d`.
+#[test]
+fn a_half_cell_whose_surface_melts_conducts_as_melt_there() {
+    let (flux, emissivity, initial) = (5e8, 0.5, 473.0);
+    let (spacing, liquidus, [solid, melt]) = (2e-4, 1900.0, [0.2, 30.0]);
+    let mut body = bar(spacing, spacing, 1, 1.0);
+    body.materials = vec![material(
+        "density = 1000\nspecific_heat = 1000\nconductivity = { solid = 0.2, liquid = 30 }\n\
+         solidus = 1850\nliquidus = 1900\nlatent_heat = 1e5",
+    )];
+    let law = Film {
+        prescribed: flux,
+        ..film(0.0, emissivity, 0.0)
+    };
+    let mut wall = Cooled::new(body, "horizon = 1", &[Face::XMax], law, None);
+    wall.start(initial);
+    let step = 1e-9;
+    wall.run(step, 1);
+    let entered = (wall.temperature()[0] - initial) * 1e6 * spacing / step;
+    let (mut low, mut high) = (liquidus, 1e5);
+    for _ in 0..60 {
+        let t = 0.5 * (low + high);
+        let conducted = (solid * (liquidus - initial) + melt * (t - liquidus)) / (0.5 * spacing);
+        let enters = flux - emissivity * BOLTZMANN * f64::powi(t, 4);
+        if enters > conducted {
+            low = t
+        } else {
+            high = t
+        }
+    }
+    let expected = flux - emissivity * BOLTZMANN * low.powi(4);
+    // temperatures of 473 K that change by 2.5 mK
+    assert!(
+        (entered / expected - 1.0).abs() < 1e-6,
+        "{entered} {expected}"
+    );
+    assert!(expected > 0.99 * flux);
 }
 
 /// Without a stable step of its own, an exchange limits explicit steps: no point becomes colder than the surroundings.
