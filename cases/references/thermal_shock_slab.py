@@ -10,8 +10,8 @@ or by eigenfunctions, with l_n = (2 n + 1) pi / (2 L), b = a l_n^2 and g = b - 2
 
     T = sum of 2 a l_n / L sin(l_n s) 5 [exp(-2 t)(g t - 1) + exp(-b t)] / g^2.
 
-Khoshrou (2024), section 4.5: a square plate of the width W is at first T0 for y < 0 and 0 for y > 0. With insulated edges
-(variant A) the temperature is
+Dual-horizon diffusion, Wang et al. (2021), section 4.5: a square plate of the width W is at first T0 for y < 0 and 0
+for y > 0. With insulated edges (variant A) the temperature is
 
     Y(y, t) = T0 [1/2 - sum over odd k of 2 / (k pi) sin(k pi y / W) exp(-a (k pi / W)^2 t)],
 

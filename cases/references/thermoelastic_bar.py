@@ -1,8 +1,8 @@
 """A slender thermoelastic bar that is heated at its end: one-dimensional reference of `gao-3.5.3-block-thermal`.
 
-Gao (2020), section 3.5.3, in scales in which density, heat capacity, conductivity, lambda + 2 mu and the thermal modulus
-of three dimensions are 1. Free sides: the lateral stresses are zero, and elimination of the lateral strains from the
-scaled equations 3.20 gives
+Gao (2020), section 3.5.3, in scales in which density, heat capacity, conductivity, lambda + 2 mu and the thermal
+modulus of three dimensions are 1. The sides are free: the lateral stresses are zero, and elimination of the lateral
+strains from the scaled equations 3.20 gives
 
     u_tt = e u_xx - a T_x,   (1 + 2 eps (1 - nu)) T_t = T_xx - eps a u_xt,   e u_x = a T and T = sin(t) at x = 0,
     e = (1 + nu)(1 - 2 nu)/(1 - nu),   a = 1 - 2 nu.
