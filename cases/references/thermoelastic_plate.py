@@ -17,7 +17,7 @@ the scaled plate is within 2e-4 (T) and 1.6e-3 (u) of them.
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -123,7 +123,9 @@ def pulse(t: float) -> float:
     return 5 * t * np.exp(-2 * t)
 
 
-def run(plate: Plate, dt: float, times: list[float], load: Callable[[float], tuple[float, float | None]]):
+def run(
+    plate: Plate, dt: float, times: list[float], load: Callable[[float], tuple[float, float | None]]
+) -> Iterator[float]:
     """Runs a plate; yields each of the times when it is reached."""
     number = 0
     for time in times:
