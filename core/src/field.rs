@@ -173,7 +173,7 @@ pub mod keys {
         PLASTIC_WORK: f64 = "plastic_work", "J/m3", "work of plastic flow since the start";
         /// Work of viscous friction per reference volume since the start, J/m³.
         VISCOUS_WORK: f64 = "viscous_work", "J/m3", "work of viscous friction since the start";
-        /// Share of a point's bonds that are broken, by their weights (spec 04, eq. 2.15).
+        /// Fraction of the bonds of a point that are broken, by their weights (Gao (2020), eq. 2.15).
         DAMAGE: f64 = "damage", "1", "share of broken bonds";
         /// Stress, Pa.
         STRESS: Matrix3<f64> = "stress", "Pa", "stress; up to a third off in the first rows of curved surfaces of a lattice, unless `surface_stress` of `mechanical` is \"extrapolated\"";

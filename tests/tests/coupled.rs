@@ -173,7 +173,7 @@ fn vibrating(steps_per_period: f64, periods: f64, coupled: bool, iteration: &str
 }
 
 /// Kinetic, elastic and thermal energy, J: `rho v²/2`, `W(total stretch)`, `rho c theta²/(2 T0)`
-/// (spec 04, 1.6: their sum is kept where no heat is conducted).
+/// (`docs/theory/thermomechanics.md`, eq. 4: their sum is kept where no heat is conducted).
 fn energies(simulation: &Simulation, elastic: &mut Ordinary) -> [f64; 3] {
     let volume = &simulation.world().body(0).points.volume;
     elastic.set_displacement(&values(simulation, "displacement"), &[]);

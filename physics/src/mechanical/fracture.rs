@@ -1,9 +1,9 @@
 //! Fracture: bonds break irreversibly at a critical stretch or energy.
 //!
 //! ```text
-//! s - e >= s_c                      stretch,    spec 04, eqs. 2.13 and 2.14
+//! s - e >= s_c                      stretch,    Gao (2020), eqs. 2.13 and 2.14
 //! (T_ij + T_ji) |xi| (s - e) / 2 >= w kappa     energy of the bond, after Foster et al. (2011)
-//! phi = 1 - sum_unbroken w / sum w              spec 04, eq. 2.15
+//! phi = 1 - sum_unbroken w / sum w              Gao (2020), eq. 2.15
 //! ```
 //!
 //! with the thermo-elastic stretch `s - e`, in tension only; `s_c`, `kappa` and `e` are the means of both
@@ -16,8 +16,9 @@
 //! ```
 //!
 //! with the dilatation stiffness a. A is derived for any influence function w; the constant one
-//! gives the published 6 mu/pi and 3 mu. B is that of the source, for the constant influence. Correspondence
-//! solids break by stretch, at the limit of ordinary state-based ones.
+//! gives the published 6 mu/pi and 3 mu. B is that of the publication, for the constant influence; its 3D form has
+//! `K - 2 mu` in place of `K - 5/3 mu`, which is not zero for the bond-based solid. Correspondence solids break by
+//! stretch, at the limit of ordinary state-based ones.
 
 use perimelt_core::family::BrokenBonds;
 use perimelt_core::material::Property;

@@ -45,7 +45,7 @@ fn spec(spacings: f64, influence: Influence) -> FamilySpec {
 
 #[test]
 fn published_critical_stretches_come_out() {
-    // spec 04, 4.0: gao-2.1-sc, horizons of 3.015 spacings of 0.2 and 0.5 mm; ours is 1 mm, and the
+    // [Gao2020] 3.6.2 and 3.6.3, horizons of 3.015 spacings of 0.2 and 0.5 mm; here it is 1 mm, and the
     // square of the stretch goes with energy over horizon
     let usual = Influence::Constant;
     let steel =

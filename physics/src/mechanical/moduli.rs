@@ -19,7 +19,7 @@ pub enum Plane {
 }
 
 /// Moduli of an isotropic solid of `d` dimensions, Pa: mean stress is `bulk` times the sum of the
-/// `d` strains. Spec 01, table 3-2; plane strain spec 04, 1.3.
+/// `d` strains. Spec 01, table 3-2; plane strain `docs/theory/thermomechanics.md`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moduli {
     /// Bulk modulus of `d` dimensions.

@@ -237,7 +237,7 @@ fn energy_error(evaluated: &Evaluated, exact: f64) -> f64 {
     errors.fold(0.0, f64::max)
 }
 
-/// Residual anisotropy of a complete family at 3.015 spacings (spec 04, 1.12: moments with partial
+/// Residual anisotropy of a complete family at 3.015 spacings (`docs/theory/thermomechanics.md`: moments with partial
 /// volumes over that of isotropic strain).
 #[test]
 fn uniaxial_strain_is_off_by_the_anisotropy_of_the_lattice() {
@@ -261,7 +261,7 @@ fn uniaxial_strain_is_off_by_the_anisotropy_of_the_lattice() {
     }
 }
 
-/// Spec 04, gao-2.1-constants: 1 % in 2D, 6 % in 3D at 3.015 spacings.
+/// Accepted: 1 % in 2D, 6 % in 3D at 3.015 spacings.
 #[test]
 fn anisotropy_of_the_recommended_family_is_small() {
     for (cells, limit) in [([22, 20, 1], 0.01), ([14, 14, 14], 0.0601)] {
@@ -302,7 +302,7 @@ fn both_stores_give_the_same_forces() {
     }
 }
 
-/// Spec 04, gao-3.2-heating: heat of deformation is proportional to the conjugate stress, which pure shear does not have.
+/// Heat of deformation is proportional to the conjugate stress, which pure shear does not have.
 #[test]
 fn pure_shear_heats_nothing_and_stretching_heats_by_the_classical_value() {
     for cells in &CELLS[1..] {
@@ -333,7 +333,7 @@ fn pure_shear_heats_nothing_and_stretching_heats_by_the_classical_value() {
     }
 }
 
-/// Gao (2020), 3.5.2: `beta^2 T / (rho c (lambda + 2 mu))` of carbon steel under plane stress (spec 04, 1.7).
+/// Gao (2020), 3.5.2: `beta^2 T / (rho c (lambda + 2 mu))` of carbon steel under plane stress (Gao (2020), eq. 3.21).
 #[test]
 fn the_coupling_coefficient_of_the_steel_plate_is_the_published_one() {
     let moduli = Moduli::new(200e9, 0.17, 2, Plane::Stress);

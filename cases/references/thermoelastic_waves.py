@@ -1,0 +1,82 @@
+"""Plane thermoelastic waves in a steel plate, and constants that belong to them.
+
+Reference of the cases `gao-3.5.2-*` (Gao (2020), section 3.5.2) and of the checks at 7 us of
+`gao-3.6.2a-cracked-plate` (section 3.6.2). Until waves from the free edges arrive, the axis of the plate is in uniaxial
+strain, and conduction is negligible in microseconds: the pressure P(t) on the left edge travels with the adiabatic
+speed c = sqrt(M (1 + eps) / rho), M = E / (1 - nu^2),
+
+    T = T0 beta / (rho c_v M (1 + eps)) P(tau),   u = integral of P from 0 to tau / (rho c),   tau = t - x / c.
+
+    python3 thermoelastic_waves.py
+
+Prints temperatures (K) and displacements (m) at distances from the loaded edge, the coupling coefficient and critical
+stretches of the fracture cases.
+"""
+
+from math import cos, pi, sin, sqrt
+
+YOUNGS_MODULUS, POISSONS_RATIO, EXPANSION = 200e9, 0.17, 11.5e-6  # Pa, 1, 1/K
+DENSITY, SPECIFIC_HEAT, TEMPERATURE = 7870.0, 472.0, 285.0  # kg/m3, J/(kg K), K
+
+STIFFNESS = YOUNGS_MODULUS / (1 - POISSONS_RATIO**2)
+THERMAL_MODULUS = YOUNGS_MODULUS * EXPANSION / (1 - POISSONS_RATIO)
+COUPLING = THERMAL_MODULUS**2 * TEMPERATURE / (DENSITY * SPECIFIC_HEAT * STIFFNESS)
+SPEED = sqrt(STIFFNESS * (1 + COUPLING) / DENSITY)
+HEATING = TEMPERATURE * THERMAL_MODULUS / (DENSITY * SPECIFIC_HEAT * STIFFNESS * (1 + COUPLING))  # K/Pa
+
+# loads: pressure (Pa) and its integral over time (Pa s)
+LOADS = {
+    "parabolic": (lambda t: -1e20 * t**2, lambda t: -1e20 * t**3 / 3),
+    "sine": (lambda t: 1e9 * sin(pi / 2 * 1e6 * t), lambda t: 1e9 * (1 - cos(pi / 2 * 1e6 * t)) / (pi / 2 * 1e6)),
+    "linear": (lambda t: -1e14 * t, lambda t: -1e14 * t**2 / 2),
+}
+
+
+def wave(load: str, distance: float, time: float) -> tuple[float, float]:
+    """Temperature change (K) and displacement (m) at a distance from the loaded edge (m)."""
+    pressure, integral = LOADS[load]
+    delay = max(time - distance / SPEED, 0.0)
+    return HEATING * pressure(delay), integral(delay) / (DENSITY * SPEED)
+
+
+def critical_stretch(youngs_modulus: float, ratio: float, energy: float, horizon: float) -> float:
+    """Of an ordinary state-based solid under plane stress: Gao (2020), eq. 2.13."""
+    shear = youngs_modulus / (2 * (1 + ratio))
+    bulk = youngs_modulus / (2 * (1 - ratio))
+    return sqrt(energy / ((6 * shear / pi + 16 / (9 * pi**2) * (bulk - 2 * shear)) * horizon))
+
+
+def values() -> dict[str, float]:
+    """All numbers by name."""
+    found = {
+        "coupling coefficient": COUPLING,
+        "wave speed, m/s": SPEED,
+        "heating, K/Pa": HEATING,
+        "amplitude of the sine, K": HEATING * 1e9,
+        "largest displacement of the sine, m": 2e9 / (pi / 2 * 1e6) / (DENSITY * SPEED),
+        "temperature change of uniaxial stress of 0.8 GPa, K": -TEMPERATURE
+        * EXPANSION
+        * 8e8
+        / (DENSITY * SPECIFIC_HEAT),
+        "critical stretch, steel, horizon 3.015 x 0.2 mm": critical_stretch(200e9, 0.17, 42320, 3.015 * 0.2e-3),
+        "critical stretch, maraging steel, 3.015 x 0.5 mm": critical_stretch(190e9, 0.3, 2.213e4, 3.015 * 0.5e-3),
+        "critical stretch, rubber with 90.71 J/m2, 3.015 x 0.5 mm": critical_stretch(
+            2.9e6, 0.45, 90.71, 3.015 * 0.5e-3
+        ),
+    }
+    for distance in range(0, 40, 5):
+        found[f"parabolic at {distance} mm, 8 us: T, K"], found[f"parabolic at {distance} mm, 8 us: u, m"] = wave(
+            "parabolic", 1e-3 * distance, 8e-6
+        )
+    for quarter in range(1, 9):
+        # crests and zeros of the sine behind the front, m
+        distance = quarter * SPEED * 1e-6
+        name = f"sine at {1e3 * distance:.4f} mm, 8 us"
+        found[f"{name}: T, K"], found[f"{name}: u, m"] = wave("sine", distance, 8e-6)
+    found["linear at 10 mm, 7 us: T, K"], found["linear at 10 mm, 7 us: u, m"] = wave("linear", 0.01, 7e-6)
+    return found
+
+
+if __name__ == "__main__":
+    for name, value in values().items():
+        print(f"{name}: {value:.6g}")
