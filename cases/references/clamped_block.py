@@ -2,15 +2,17 @@
 
     python3 clamped_block.py [elements]
 
-A cube of 0.3 m, centred at the origin, with E = 200 GPa and 7850 kg/m3. The face x = -0.15 m is held in all components; y = 0 and
-z = 0 are planes of symmetry, so that a quarter is computed. Trilinear elements with 2 x 2 x 2 Gauss points, 60 x 30 x 30 of them.
+A cube of 0.3 m, centred at the origin, with E = 200 GPa and 7850 kg/m3. The face x = -0.15 m is held in all
+components; y = 0 and z = 0 are planes of symmetry, so that a quarter is computed. Trilinear elements with 2 x 2 x 2
+Gauss points, 60 x 30 x 30 of them.
 
-Tension ([Wang2025], 4.3.5): 200 MPa along x on the face x = 0.15 m, consistent nodal loads, conjugate gradients to 1e-9. With
-30 x 15 x 15 elements the loaded face differs by at most 0.07 %.
+Tension ([Wang2025], 4.3.5): 200 MPa along x on the face x = 0.15 m, consistent nodal loads, conjugate gradients to
+1e-9. With 30 x 15 x 15 elements the loaded face differs by at most 0.07 %.
 
-Vibration ([Wang2025], 4.3.4): released at rest from u = 0.001 (x + 0.15 m), v = w = 0; lumped mass, velocity Verlet with steps of
-2.5e-7 s for 0.15 ms. Displacements at (0.0775, 0.0775, 0.0775) m every 5 us; v and w are equal. With half as many elements along
-each axis they differ by 0.4 to 0.7 % in u and 1.6 to 2.5 % in v (root mean square over the largest value).
+Vibration ([Wang2025], 4.3.4): released at rest from u = 0.001 (x + 0.15 m), v = w = 0; lumped mass, velocity Verlet
+with steps of 2.5e-7 s for 0.15 ms. Displacements at (0.0775, 0.0775, 0.0775) m every 5 us; v and w are equal. With
+half as many elements along each axis they differ by 0.4 to 0.7 % in u and 1.6 to 2.5 % in v (root mean square over
+the largest value).
 
 Displacements between nodes are interpolated linearly. Needs NumPy and SciPy.
 """
@@ -83,7 +85,7 @@ class Mesh:
 
     def interpolation(self, points: ArrayLike) -> sparse.csr_matrix:
         """Matrix that takes nodal values to values at points (m)."""
-        place = (np.asarray(points, float) + [SIDE / 2, 0, 0]) / self.size
+        place = (np.asarray(points, float) + np.array([SIDE / 2, 0, 0])) / self.size
         cell = np.minimum((place + 1e-9).astype(int), self.shape - 1)
         rest = (place - cell)[:, None, :]
         weights = np.where(CORNERS == 1, rest, 1 - rest).prod(-1)

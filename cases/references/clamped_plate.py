@@ -1,12 +1,12 @@
-"""Tension of a clamped plate in plane stress by finite elements, for the cases `wang-4.3.3-*`, `wang-4.3.6-tension-*` and
-`wang-5.4.2.*`.
+"""Tension of a clamped plate in plane stress by finite elements, for the cases `wang-4.3.3-*`, `wang-4.3.6-tension-*`
+and `wang-5.4.2.*`.
 
     python3 clamped_plate.py [elements]
 
-A square of 1 m, thickness 0.01 m, centred at the origin, with E = 200 GPa. The edge x = -0.5 m is held in both components, the
-edge x = 0.5 m is pulled by 200 MPa along x, the other edges are free ([Wang2025], 4.3.3). Bilinear quadrilaterals with
-2 x 2 Gauss points, 400 x 400 of them, consistent nodal loads, sparse direct solution; 200 x 200 elements differ by at most
-0.03 %. Displacements between nodes are interpolated bilinearly. Needs NumPy and SciPy.
+A square of 1 m, thickness 0.01 m, centred at the origin, with E = 200 GPa. The edge x = -0.5 m is held in both
+components, the edge x = 0.5 m is pulled by 200 MPa along x, the other edges are free ([Wang2025], 4.3.3). Bilinear
+quadrilaterals with 2 x 2 Gauss points, 400 x 400 of them, consistent nodal loads, sparse direct solution; 200 x 200
+elements differ by at most 0.03 %. Displacements between nodes are interpolated bilinearly. Needs NumPy and SciPy.
 """
 
 import sys
@@ -26,8 +26,9 @@ ALONG_X = (-0.4, -0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3, 0.4, 0.495)  # m
 ALONG_Y = (0.1, 0.2, 0.3, 0.4, 0.495)  # m
 # points of the plate of two spacings next to the axis: near the change of the spacing, and elsewhere
 NEAR = tuple((-0.0575 + 0.005 * i, 0.0025) for i in range(12)) + tuple((0.005 + 0.01 * i, 0.005) for i in range(6))
-ELSEWHERE = ((-0.3975, 0.0025), (-0.2975, 0.0025), (-0.1975, 0.0025), (-0.0975, 0.0025)) + tuple(
-    (x, 0.005) for x in (0.105, 0.205, 0.305, 0.405, 0.495)
+ELSEWHERE = (
+    *((x, 0.0025) for x in (-0.3975, -0.2975, -0.1975, -0.0975)),
+    *((x, 0.005) for x in (0.105, 0.205, 0.305, 0.405, 0.495)),
 )
 
 

@@ -3,16 +3,18 @@
 
     python3 clamped_plate_vibration.py [elements]
 
-The plate of `clamped_plate.py`, density 7850 kg/m3, held at x = -0.5 m in both components. It is released at rest from
-u = 0.001 (x + 0.5 m), v = 0 ([Wang2025], 4.3.2). Bilinear quadrilaterals, 400 x 400 of them, lumped mass, velocity Verlet with
-steps of 1e-7 s for 1 ms. Prints the displacement at (0.255, 0.255) m, interpolated bilinearly, every 20 us; 100 x 100 elements
-differ by 0.24 % in u and 0.8 % in v (root mean square over the largest value). Takes some minutes. Needs NumPy and SciPy.
+The plate of `clamped_plate.py`, density 7850 kg/m3, held at x = -0.5 m in both components. It is released at rest
+from u = 0.001 (x + 0.5 m), v = 0 ([Wang2025], 4.3.2). Bilinear quadrilaterals, 400 x 400 of them, lumped mass,
+velocity Verlet with steps of 1e-7 s for 1 ms. Prints the displacement at (0.255, 0.255) m, interpolated bilinearly,
+every 20 us; 100 x 100 elements differ by 0.24 % in u and 0.8 % in v (root mean square over the largest value). Takes
+some minutes. Needs NumPy and SciPy.
 """
 
 import sys
 
 import numpy as np
 import scipy.sparse as sparse
+
 from clamped_plate import ELEMENTS, SIDE, THICKNESS, Array, Mesh
 
 DENSITY = 7850.0  # kg/m3

@@ -1,18 +1,19 @@
-"""Lattice effects on peridynamic conduction and elasticity with a constant influence, for the tests of `wang-4.0.1` and the
-cases `khoshrou-4.*`, and for other programs of this folder.
+"""Lattice effects on peridynamic conduction and elasticity with a constant influence, for the tests of `wang-4.0.1`
+and the cases `khoshrou-4.*`, and for other programs of this folder.
 
     python3 pd_lattice_constants.py
 
-For a point of an infinite square or cubic lattice with the spacing 1 and a horizon of n spacings it prints, for the three rules
-of partial volume of the case files (`none`, `half`, `full`),
+For a point of an infinite square or cubic lattice with the spacing 1 and a horizon of n spacings it prints, for the
+three rules of partial volume of the case files (`none`, `half`, `full`),
 
 - the number of members and the volume of the family over that of the full horizon,
-- the energy density of a bond-based solid with the bond constant of the continuum over that of the continuum, under isotropic
-  (conduction: any gradient), uniaxial and shear strain, for Poisson's ratio 1/3 (2D, plane stress) and 1/4 (3D),
-- the longest stable step of explicit conduction, in units of dx^2 over the diffusivity, by positive coefficients and by
-  von Neumann's method,
-- the longest stable step of explicit motion in 2D, in units of dx sqrt(density / E), by the sum of the coefficients of the bonds
-  and by von Neumann's method (Poisson's ratio 1/3).
+- the energy density of a bond-based solid with the bond constant of the continuum over that of the continuum, under
+  isotropic (conduction: any gradient), uniaxial and shear strain, for Poisson's ratio 1/3 (2D, plane stress) and 1/4
+  (3D),
+- the longest stable step of explicit conduction, in units of dx^2 over the diffusivity, by positive coefficients and
+  by von Neumann's method,
+- the longest stable step of explicit motion in 2D, in units of dx sqrt(density / E), by the sum of the coefficients
+  of the bonds and by von Neumann's method (Poisson's ratio 1/3).
 
 Needs NumPy.
 """
@@ -68,7 +69,7 @@ def thermal(n: float, dim: int, rule: str) -> tuple[float, float, float, int]:
 
 
 def elastic2d(n: float, rule: str) -> tuple[float, float, float]:
-    """Uniaxial energy over that of the continuum, stable steps by coefficients and by von Neumann: bond-based plane stress."""
+    """Uniaxial energy over that of the continuum, and stable steps by coefficients and by von Neumann."""
     g, d, v = family(n, 2, rule)
     weight = 9 / np.pi / n**3 * v / d
     direction = g / d[:, None]
@@ -82,7 +83,7 @@ def elastic2d(n: float, rule: str) -> tuple[float, float, float]:
 
 
 def values() -> dict[str, float]:
-    """Numbers of members, volumes and energies (dimensionless) with the partial volumes `half`, and with `full` for n = 3."""
+    """Numbers of members, volumes and energies (dimensionless): `half` partial volumes, and `full` for n = 3 in 2D."""
     found = {}
     for dim, n, rule in [(dim, n, "half") for dim in (2, 3) for n in range(1, 6)] + [(2, 3, "full")]:
         name = f"{dim}D, {n} spacings, {rule}"

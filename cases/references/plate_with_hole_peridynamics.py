@@ -1,4 +1,5 @@
-"""Static dual-horizon ordinary state-based peridynamics of a square plate with an elliptical hole, independent of Perimelt.
+"""Static dual-horizon ordinary state-based peridynamics of a square plate with an elliptical hole, independent of
+Perimelt.
 
     python3 plate_with_hole_peridynamics.py
 
@@ -8,8 +9,8 @@ The plate of `plate_with_hole.py` with linear kinematics, solved from its energy
     theta_i = d_i delta_i sum_j G_d s_ij v_ij V_j,      j in the horizon of i alone
 
 ([Khoshrou2024], eqs. 71, 87; corrections of docs/theory/stress.md), whose derivative is the dual-horizon equation of
-motion. G are factors of the family of each point under uniaxial strain, means of both axes and of both ends. One quadrant is solved,
-members in the others are folded. It gives
+motion. G are factors of the family of each point under uniaxial strain, means of both axes and of both ends. One
+quadrant is solved, members in the others are folded. It gives
 
 - for `khoshrou-4.2-phi8-unstable` the part of the load that bonds carry across the hole, and with bonds across it cut
   (`khoshrou-4.2-phi8-narrow`) the displacement at the tip,
@@ -109,7 +110,9 @@ class Solution:
         entries = np.concatenate([signed[:, 0], signed[:, 1], own[:, 0], own[:, 1]])
         columns = np.concatenate([2 * j, 2 * j + 1, 2 * i, 2 * i + 1])
         stretch = sparse.csr_matrix((entries, (np.tile(number, 4), columns)), shape=(len(i), 2 * count))
-        theta = sparse.csr_matrix(((d * delta)[i] * of_dilatation * member, (i, number)), shape=(count, len(i))) @ stretch
+        theta = (
+            sparse.csr_matrix(((d * delta)[i] * of_dilatation * member, (i, number)), shape=(count, len(i))) @ stretch
+        )
         per_bond = 2 * (beta * delta * volume)[i] * of_deviator * length * member
         per_point = 2 * ALPHA * volume
 
