@@ -1,7 +1,7 @@
 //! Families of points with spacings and horizons of their own.
 //!
 //! A row holds the union of horizon and dual horizon, `{ j : |xi| <= delta_i or |xi| <= delta_j }`
-//! (Wang (2025), eqs. 5.5, 5.12, 5.13; spec 01, 1.10; Khoshrou, eq. 82). The partial volume of a
+//! (Wang (2025), eqs. 5.5, 5.12, 5.13; Khoshrou (2024), eq. 82). The partial volume of a
 //! bond belongs to the owner of the horizon: its horizon and the spacing of the other end.
 
 use std::sync::OnceLock;

@@ -2,8 +2,8 @@
 //!
 //! The points of a family that lie in matter of one piece are connected by cells that touch. A family that falls into
 //! pieces has bonds across empty space: two sides of a slit, or of a hole between coarse rows of points, hold together
-//! and conduct as if it were filled (spec 07, 4.2, reading 1). Where the spacing jumps, the horizon of a fine point may
-//! end before the centres of the coarse cells beside it, so that the fine points have a free surface there (spec 07, 1.5).
+//! and conduct as if it were filled. Where the spacing jumps, the horizon of a fine point may end before the centres of the
+//! coarse cells beside it, so that the fine points have a free surface there (docs/theory/horizons.md).
 
 use nalgebra::Vector3;
 use rayon::prelude::*;

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How the influence of a member falls with its distance (`docs/theory/differential_operator.md`).
+/// How the influence of a member falls with its distance (Wang (2025), eqs. 3.14, 3.28; `docs/theory/differential_operator.md`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Influence {

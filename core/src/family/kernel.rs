@@ -44,7 +44,7 @@ pub struct Bond {
     /// Weight with which the neighbour's family holds the point, for the force that the
     /// neighbour's state exerts along the bond: the same but for the horizon and the moment,
     /// which are the neighbour's. Equal to `weight` where horizons are uniform; zero when the point
-    /// lies beyond the neighbour's horizon (dual horizon, spec 01, 1.10).
+    /// lies beyond the neighbour's horizon (dual horizon, Wang (2025), eq. 5.13).
     pub dual: f64,
 }
 

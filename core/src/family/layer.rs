@@ -1,7 +1,7 @@
 //! Layers behind faces: how fields continue there, and layer points as images of points.
 //!
 //! A value that is prescribed on a face is mirrored, odd or even. A *traction* is prescribed by the
-//! strain that it makes (Wang (2025), eqs. 4.24 to 4.28; corrected, see spec 01, 1.9):
+//! strain that it makes (Wang (2025), eqs. 4.24 to 4.28; corrected, see docs/theory/mechanics.md):
 //!
 //! ```text
 //! u(layer) = u(mirror) + (x(layer) - x(mirror)) q

@@ -181,7 +181,8 @@ fn interpolation_from_irregular_points_is_nearer_than_published_and_converges() 
     assert!(order >= 2.2, "{order}");
 }
 
-/// The constants of the closed form for a disc of radius 1 (spec 01, 1.5), from moments of the influence.
+/// The constants of the closed form for a disc of radius 1 (Wang (2025), eqs. 3.37 to 3.39), from moments of the
+/// influence.
 #[test]
 fn moments_of_the_gaussian_give_the_published_constants() {
     use std::f64::consts::PI;

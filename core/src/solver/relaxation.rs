@@ -8,7 +8,7 @@
 //! K_i    = -(F_i/D_i - F_i,before/D_i) / v_i                                 eq. 4.20
 //! ```
 //!
-//! Not given by the source (spec 01, section 1.8): the start `v = F / (2 D)`; `K_i = 0` where
+//! Not given by the source (docs/theory/mechanics.md): the start `v = F / (2 D)`; `K_i = 0` where
 //! `v_i = 0`; `C = 0` if the radicand is not positive and 1.9 if `C` would exceed 2.
 //!
 //! Robust for softening, fracture and contact, where the tangent is misleading. For smooth problems

@@ -1,4 +1,4 @@
-//! Solids of several spacings: what uniform strains meet, and that forces keep momentum and energy (spec 01, 5.0.1).
+//! Solids of several spacings: what uniform strains meet, and that forces keep momentum and energy.
 
 use nalgebra::Vector3;
 use perimelt_core::body::{Body, Jitter, Store, Zone};
@@ -281,9 +281,9 @@ fn one_spacing_gives_the_forces_of_the_lattice() {
     }
 }
 
-/// Spec 01, table in 1.10: the largest residual force of uniform strain along x beside a plane where the spacing doubles,
-/// by the spacing of its point over Young's modulus and strain; without two entries that are not met
-/// (docs/benchmarks.md).
+/// Table of docs/theory/horizons.md, "Ghost forces": the largest residual force of uniform strain along x beside a plane
+/// where the spacing doubles, by the spacing of its point over Young's modulus and strain; without two entries that are
+/// not met (docs/benchmarks.md).
 #[test]
 fn ghost_forces_beside_a_change_of_spacing_are_those_of_the_specification() {
     let table = [

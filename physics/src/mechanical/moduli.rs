@@ -19,7 +19,7 @@ pub enum Plane {
 }
 
 /// Moduli of an isotropic solid of `d` dimensions, Pa: mean stress is `bulk` times the sum of the
-/// `d` strains. Spec 01, table 3-2; plane strain `docs/theory/thermomechanics.md`.
+/// `d` strains. Wang (2025), table 3-2; plane strain `docs/theory/thermomechanics.md`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Moduli {
     /// Bulk modulus of `d` dimensions.
@@ -63,7 +63,7 @@ impl Moduli {
 
     /// Derivative of the displacement along the axis of the normal at a face under `traction`, from
     /// the derivatives along the face (columns of `lateral`) and the in-plane eigenstrain. Wang (2025),
-    /// eqs. 4.24 to 4.28; corrected, see spec 01, 1.12. For small strains.
+    /// eqs. 4.24 to 4.28; corrected, see docs/theory/mechanics.md. For small strains.
     pub fn slope_under_traction(
         &self,
         (face, traction): (Face, &Traction),

@@ -1,5 +1,5 @@
-//! Force through a plane section of the body: the sum of the forces of all bonds that cross it (spec 07, 1.8,
-//! S3), which balances the forces on either side exactly.
+//! Force through a plane section of the body: the sum of the forces of all bonds that cross it (docs/theory/stress.md),
+//! which balances the forces on either side exactly.
 
 use perimelt_core::{Axis, Report, Setup, SetupError, World};
 use schemars::JsonSchema;

@@ -343,7 +343,7 @@ fn the_coupling_coefficient_of_the_steel_plate_is_the_published_one() {
     assert!((coupling - 0.0028606).abs() < 5e-8, "{coupling}");
 }
 
-/// `wang-4.0.1`: family sizes, volume and energies of uncorrected lattices (spec 01, table in 1.6.1).
+/// `wang-4.0.1`: family sizes, volume and energies of uncorrected lattices (cases/references/lattice_elasticity.py).
 #[test]
 fn wang_4_0_1_lattice_constants() {
     let table: [(usize, usize, [f64; 3]); 10] = [

@@ -5,7 +5,7 @@
 //! P = sigma(H)                 linear kinematics: linear elasticity
 //! P = F S,  S = C : (E - e),  E = (F^T F - 1)/2      finite: Saint Venant-Kirchhoff, eqs. 3.16 to 3.18
 //! T_ij = w_ij { P K^-1 xi + g z },  z = u_j - u_i - H xi,  g = G 2 d bulk / horizon
-//!                                                     eqs. 3.14, 3.20; corrected, see spec 01, 1.4
+//!                                                     eqs. 3.14, 3.20; see docs/theory/mechanics.md
 //! f_i = sum_j T_ij - T_ji
 //! ```
 //!

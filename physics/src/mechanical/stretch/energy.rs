@@ -11,7 +11,7 @@ pub struct Energy<const FINITE: bool> {
     pub pairs: bool,
 }
 
-/// Peridynamic stress `sum_j T_ij (x) xi` (Pa) as xx, yy, zz, xy, yz, zx (spec 07, 1.8, S1): the
+/// Peridynamic stress `sum_j T_ij (x) xi` (Pa) as xx, yy, zz, xy, yz, zx (S1 of docs/theory/stress.md): the
 /// momentum that the point's own bonds carry; or half of that of both ends, `1/2 sum_j (T_ij - T_ji) (x) xi` (S2).
 pub struct Stress {
     /// Finite kinematics.
