@@ -76,7 +76,8 @@ class Cavity:
             tx, ty = self.t_x @ t - 1.0, self.t_y @ t
             buoyancy = rayleigh * PRANDTL
             rest = np.r_[
-                PRANDTL * self.biharmonic @ psi - (py * lx - px * ly) - buoyancy * tx, self.t_lap @ t - (py * tx - px * ty)
+                PRANDTL * self.biharmonic @ psi - (py * lx - px * ly) - buoyancy * tx,
+                self.t_lap @ t - (py * tx - px * ty),
             ]
             stream = (
                 PRANDTL * self.biharmonic
@@ -108,11 +109,11 @@ class Cavity:
         u_line, v_line, nu = along(u[middle], fine), along(v[:, middle], fine), along(flux, fine)
         points, wall = np.array([0.1, 0.25]), np.array([0.75, 0.9])
         found = {"u_max": u_line.max(), "y of u_max": fine[u_line.argmax()], "v_max": v_line.max()}
-        found |= {"x of v_max": fine[v_line.argmax()], "Nu": np.trapezoid(nu, fine), "Nu_max": nu.max()}
+        found |= {"x of v_max": fine[v_line.argmax()], "Nu": (nu[1:] + nu[:-1]).mean() / 2.0, "Nu_max": nu.max()}
         found |= {"Nu_min": nu.min(), "psi at the centre": abs(psi[middle - 1, middle - 1])}
-        for at, value in zip(wall, along(u[middle], wall)):
+        for at, value in zip(wall, along(u[middle], wall), strict=True):
             found[f"u(0.5, {at})"] = value
-        for at, speed, warmth in zip(points, along(v[:, middle], points), along(t[:, middle], points)):
+        for at, speed, warmth in zip(points, along(v[:, middle], points), along(t[:, middle], points), strict=True):
             found |= {f"v({at}, 0.5)": speed, f"T({at}, 0.5)": warmth}
         return {f"{name}: {key}": float(value) for key, value in found.items()}
 

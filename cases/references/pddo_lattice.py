@@ -2,11 +2,12 @@
 that it leaves in the cases `gao-5.5.2-couette-*`, `gao-5.5.3-poiseuille-*` and `gao-5.5.4-taylor-green-*`; the colour
 gradient of `gao-7.s3-normals` and the published load of a fluid on a solid.
 
-    g^r(xi) = w sum_q a^r_q p_q,   A a = b,   A = sum w p p^T V,   p = (x, y, x^2, y^2, x y),   w = exp(-(2 |xi| / delta)^2)
+    g^r(xi) = w sum_q a^r_q p_q,   A a = b,   A = sum w p p^T V,   p = (x, y, x^2, y^2, x y)
+    w = exp(-(2 |xi| / delta)^2),   b = diag(1, 1, 2, 2, 1)
 
 Lengths are in spacings. Members at the edge of the horizon count with the fraction of their cell within it. The errors
-of the channels are those of the rows of points across them, whose rates do not depend on the place along them: steady, by
-a linear system; during the start, exact in time by eigenvectors.
+of the channels are those of the rows of points across them, whose rates do not depend on the place along them: steady,
+by a linear system; during the start, exact in time by eigenvectors.
 """
 
 import numpy as np
@@ -31,22 +32,22 @@ class Operator:
         self.first, self.second, xx, yy, _ = weight * (inverse.T @ p)
         self.laplacian = xx + yy
 
-    def symbol(self, k: np.ndarray, l: np.ndarray) -> np.ndarray:
+    def symbol(self, k: np.ndarray, m: np.ndarray) -> np.ndarray:
         """Of the negative Laplacian for waves along both axes."""
-        waves = np.cos(np.multiply.outer(k, self.x)) * np.cos(np.multiply.outer(l, self.y))
+        waves = np.cos(np.multiply.outer(k, self.x)) * np.cos(np.multiply.outer(m, self.y))
         return (self.laplacian * (1.0 - waves)).sum(axis=-1)
 
-    def gradient(self, k: np.ndarray, l: np.ndarray) -> np.ndarray:
+    def gradient(self, k: np.ndarray, m: np.ndarray) -> np.ndarray:
         """Size of the gradient of plane waves of unit amplitude."""
-        phase = np.multiply.outer(k, self.x) + np.multiply.outer(l, self.y)
+        phase = np.multiply.outer(k, self.x) + np.multiply.outer(m, self.y)
         along = [(g * np.sin(phase)).sum(axis=-1) for g in (self.first, self.second)]
         return np.hypot(*along)
 
     def rows(self, points: int, is_mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Laplacian across a channel times the squared spacing: matrix, and what a wall of unit velocity at the top adds."""
+        """Laplacian across a channel times the squared spacing: matrix, and what a top of unit velocity adds."""
         matrix, source = np.zeros((points, points)), np.zeros(points)
         for row in range(points):
-            for offset, weight in zip(self.y.astype(int), self.laplacian):
+            for offset, weight in zip(self.y.astype(int), self.laplacian, strict=True):
                 other, matrix[row, row] = row + offset, matrix[row, row] - weight
                 if 0 <= other < points:
                     matrix[row, other] += weight
@@ -63,7 +64,10 @@ def steady_errors(points: int, is_mirrored: bool) -> tuple[float, float]:
     matrix, source = Operator(3.015).rows(points, is_mirrored)
     y = (np.arange(points) + 0.5) / points
     errors = []
-    for found, exact in ((np.linalg.solve(matrix, -source), y), (np.linalg.solve(matrix, -np.ones(points) / points**2), y * (1 - y) / 2)):
+    for found, exact in (
+        (np.linalg.solve(matrix, -source), y),
+        (np.linalg.solve(matrix, -np.ones(points) / points**2), y * (1 - y) / 2),
+    ):
         errors.append(float(np.linalg.norm(found - exact) / np.linalg.norm(exact)))
     return errors[0], errors[1]
 
@@ -80,7 +84,7 @@ def start_up_error(points: int, time: float) -> float:
 
 
 def vortices(points: int, step: float = 1e-5) -> tuple[float, float]:
-    """Decay rate of the array of vortices over 8 pi^2, and the error of the velocity when a fiftieth is left, forward steps."""
+    """Decay rate of the vortices over 8 pi^2, and the error of their velocity at a fiftieth, forward steps."""
     k = np.array(2.0 * np.pi / points)
     ratio = float(Operator(3.015).symbol(k, k)) * points**2 / (8.0 * np.pi**2)
     time = np.log(50.0) / (8.0 * np.pi**2)
@@ -99,9 +103,9 @@ def values() -> dict[str, float]:
     for horizon, is_partial in ((3.0, True), (3.015, True), (3.015, False), (3.6, True), (3.6, False), (4.015, True)):
         operator, name = Operator(horizon, is_partial), f"horizon {horizon}{'' if is_partial else ', whole volumes'}"
         found[f"{name}: sum of the Laplacian"] = operator.laplacian.sum()
-        k, l = np.meshgrid(waves, waves)
-        found[f"{name}: largest rate of the Laplacian"] = operator.symbol(k, l).max()
-        found[f"{name}: largest wave number"] = operator.gradient(k, l).max()
+        k, m = np.meshgrid(waves, waves)
+        found[f"{name}: largest rate of the Laplacian"] = operator.symbol(k, m).max()
+        found[f"{name}: largest wave number"] = operator.gradient(k, m).max()
         if horizon in (3.015, 3.6) and not is_partial:
             for row in range(4):
                 # the fluid lies behind a plane half a spacing before the first row of the solid
@@ -118,7 +122,7 @@ def values() -> dict[str, float]:
             found[f"Couette, constant layers, {points} points, {time} s: largest error"] = start_up_error(points, time)
     for points in (40, 50, 100):
         names = (f"vortices, {points} points: rate", f"vortices, {points} points: error at a fiftieth")
-        found |= dict(zip(names, vortices(points)))
+        found |= dict(zip(names, vortices(points), strict=True))
     x, y = np.meshgrid(np.arange(0.0, 10.0) + 0.5, np.arange(-10.0, 11.0))
     for row in range(3):
         found[f"published load in row {row + 1}, over the pressure"] = 2.0 * kernel(np.hypot(x + row + 0.5, y)).sum()

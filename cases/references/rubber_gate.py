@@ -5,10 +5,10 @@ The load is that on the gate at rest (dead load). Beams: Euler-Bernoulli, and in
 
     EI theta'' = -Q cos(theta),   theta = 0 at the clamp,   theta' = 0 at the tip
 
-with the angle theta and the transverse force Q, on 400 elements of second order. Peridynamics: the linearised equations of the
-ordinary state-based model ([Gao2020] eqs. 2.10, 2.11b, 7.1) of 4 x 63 points and four clamped rows, with a horizon of 3.6
-spacings and whole volumes, solved directly; without and with the correction by the volume of the families,
-`s_i = pi delta^2 / sum V`, whose mean multiplies the force of a bond and which multiplies the dilatation.
+with the angle theta and the transverse force Q, on 400 elements of second order. Peridynamics: the linearised
+equations of the ordinary state-based model ([Gao2020] eqs. 2.10, 2.11b, 7.1) of 4 x 63 points and four clamped rows,
+with a horizon of 3.6 spacings and whole volumes, solved directly; without and with the correction by the volume of the
+families, `s_i = pi delta^2 / sum V`, whose mean multiplies the force of a bond and which multiplies the dilatation.
 """
 
 import numpy as np
@@ -98,7 +98,10 @@ def values() -> dict[str, float]:
             deflection = peridynamic_gate(plane, is_corrected)
             found |= {f"{name}, m": deflection, f"{name}, over the beam": deflection / beam}
         along, across = bent_beam(plane, 0.079)
-        found |= {f"plane {plane}: beam with large rotation, x, m": along, f"plane {plane}: beam with large rotation, y, m": across}
+        found |= {
+            f"plane {plane}: beam with large rotation, x, m": along,
+            f"plane {plane}: beam with large rotation, y, m": across,
+        }
     found["force on the closed gate, N/m"] = WEIGHT * (DEPTH**2 - (DEPTH - 0.079) ** 2) / 2.0
     return found
 
