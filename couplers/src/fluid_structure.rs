@@ -10,10 +10,10 @@
 //!
 //! Gao (2020), 7.2, gives each solid point instead the force `P n / spacing` with `P = 2 sum_b w0 V_b P_b` over the fluid
 //! (eqs. 7.22, 7.23). That sum is the pressure at the interface; at the first row of the solid, half a spacing behind it, it is 53 %
-//! of it, and the fluid does not get the opposite (spec 06, 1.6, E7, E8). The forces of the bonds have neither error, and need no
-//! normal and no choice of loaded rows. The normals of that section, by the colour gradient, are the field `interface_normal`
-//! of the solid, evaluated when a state is logged; its collision of points with the solid is `collisions` of
-//! `fluid`.
+//! of it, and the fluid does not get the opposite (docs/theory/fluid_structure.md, "The published load"). The forces of the
+//! bonds have neither error, and need no normal and no choice of loaded rows. The normals of that section, by the colour
+//! gradient, are the field `interface_normal` of the solid, evaluated when a state is logged; its collision of points with
+//! the solid is `collisions` of `fluid`.
 
 use perimelt_core::{Coupler, RunError, Setup, SetupError, Step, Wall, World};
 use schemars::JsonSchema;

@@ -49,8 +49,9 @@ pub enum Correction {
     /// As `point`, but elasticity is exact under uniaxial strain along each axis, as published.
     Uniaxial,
     /// One factor for each point, the volume of a complete family over that of its members (Gao (2020), 7.3.2, given
-    /// in the text only; spec 06, 1.1); a bond takes the mean of its ends. No energy is exact: a plate of four points
-    /// across its thickness bends with an error of 3 to 8 %, without correction twice too far.
+    /// in the text only; docs/theory/fluid_structure.md, "Thin solids"); a bond takes the mean of its ends. No energy
+    /// is exact: a plate of four points across its thickness bends with an error of 3 to 8 %, without correction
+    /// twice too far.
     Volume,
 }
 

@@ -512,7 +512,7 @@ impl Pddo {
     }
 
     /// `sum_j Tr g2 V_j` of a point, 1/m²: explicit diffusion is stable up to the reciprocal of it times the
-    /// diffusivity (spec 05, 1.10). Zero for an operator of first order.
+    /// diffusivity (docs/theory/fluids.md, "Numbers of the square lattice"). Zero for an operator of first order.
     pub fn laplacian_sum(&self, point: usize) -> f64 {
         let mut sum = 0.0;
         self.for_each_bond(point, |_, _, g| {

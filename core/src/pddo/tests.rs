@@ -30,7 +30,7 @@ fn derivatives(body: &Body, pddo: &Pddo, f: impl Fn(&Vector3<f64>) -> f64) -> De
     derivatives
 }
 
-/// Spec 05, table of 1.1: horizon, partial volumes, S, largest wave number.
+/// docs/theory/fluids.md, "Numbers of the square lattice": horizon, partial volumes, S, largest wave number.
 #[test]
 fn the_square_lattice_has_the_constants_of_the_specification() {
     for (horizon, partial, sum, wave) in [
@@ -113,7 +113,7 @@ fn irregular(points: usize, deviation: f64, seed: u64) -> Body {
     Body::from_table("irregular", &shape, 2, 1.0, &table).expect("valid")
 }
 
-/// Gao (2020), Table 1, on irregular points; limits of spec 05, section 4.
+/// Gao (2020), Table 1, on irregular points: errors of about the published size.
 #[test]
 fn derivatives_on_irregular_points_are_as_near_as_published() {
     let f = |x: &Vector3<f64>| x.x.powi(2) + 2.0 * x.y.powi(3);
@@ -144,7 +144,7 @@ fn derivatives_on_irregular_points_are_as_near_as_published() {
     }
 }
 
-/// Gao (2020), 2.2.2.2: values on a grid from irregular points; the published errors are upper bounds (spec 05, section 4).
+/// Gao (2020), 2.2.2.2: values on a grid from irregular points; the published errors are upper bounds.
 #[test]
 fn interpolation_from_irregular_points_is_nearer_than_published_and_converges() {
     let f = |x: &Vector3<f64>| x.x.powi(2) + 2.0 * x.y.powi(3);

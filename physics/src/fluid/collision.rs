@@ -2,8 +2,8 @@
 //! sound, or for single points, which have no pressure.
 //!
 //! A point f of the fluid collides with the nearest point s of a wall if it approaches it and would come closer to it than
-//! d spacings along its normal (Gao (2020), eqs. 7.10 to 7.14; corrected, see spec 06, E6: with the velocity relative to
-//! the wall),
+//! d spacings along its normal (Gao (2020), eqs. 7.10 to 7.14, with the velocity relative to the wall as in eq. 6.45, where
+//! eq. 7.12 has that of the fluid),
 //!
 //! ```text
 //! n . (y_f + dt v_f - (y_s + dt v_s - d dx n)) > 0   and   n . (v_f - v_w) > 0
@@ -39,8 +39,8 @@ const NEAREST: f64 = 1.1;
 /// Least determinant of the moments of a distribution; a complete neighbourhood has about 0.1.
 const LEAST_DETERMINANT: f64 = 1e-4;
 
-/// Collision of points of a fluid with solids that they would penetrate (Gao (2020), eqs. 7.10 to 7.14; corrected, see
-/// spec 06, E6). Without keys as published: elastic, at the face of the solid.
+/// Collision of points of a fluid with solids that they would penetrate (Gao (2020), eqs. 7.10 to 7.14, with
+/// the velocity relative to the solid). Without keys as published: elastic, at the face of the solid.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Collisions {
@@ -356,7 +356,7 @@ mod tests {
 
     #[test]
     fn a_point_is_reflected_by_a_wall_at_rest_and_by_one_that_moves() {
-        // spec 06, gao-7.s4
+        // docs/theory/fluid_structure.md, "Collision with a wall"
         for angle in [0.0, 0.3, 2.0] {
             for wall in [0.0, 0.3, -0.3] {
                 let met = meet([1.0, 0.4], wall, None, angle);

@@ -1,4 +1,4 @@
-//! Rates that keep momentum to rounding, also of a fluid with free surfaces (spec 05, 1.13).
+//! Rates that keep momentum to rounding, also of a fluid with free surfaces (docs/theory/fluids.md, "Conservative form").
 //!
 //! The divergence is the operator of first order, exact for linear velocities on any family; the force of the
 //! pressure is its adjoint:

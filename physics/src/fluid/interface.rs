@@ -1,7 +1,8 @@
 //! Normals of a solid that is a wall, at its interface with a fluid: from the fluid to the solid.
 //!
-//! The *colour gradient* (Gao (2020), eqs. 7.15 to 7.19; spec 06, 1.5) is the gradient of a colour c, 1 in the fluid and 2 in
-//! the solid, by the peridynamic differential operator of second order over the points of both,
+//! The *colour gradient* (Gao (2020), eqs. 7.15 to 7.19; docs/theory/fluid_structure.md, "Normals") is the gradient
+//! of a colour c, 1 in the fluid and 2 in the solid, by the peridynamic differential operator of second order over
+//! the points of both,
 //!
 //! ```text
 //! c_g(i) = sum_j (c_j - c_i) g1(y_j - y_i) V_j      weight exp(-(2 |xi| / delta)^2)
@@ -242,7 +243,7 @@ mod tests {
 
     #[test]
     fn rows_of_a_plane_interface_have_the_gradients_of_the_reference() {
-        // spec 06, 1.5
+        // cases/references/pddo_lattice.py
         for (horizon, rows) in [
             (3.6, [0.3144, 0.1539, 0.0317, 0.0]),
             (3.015, [0.3613, 0.1309, 0.0078, 0.0]),
@@ -267,7 +268,8 @@ mod tests {
     }
 
     /// Why the load of the reference (eq. 7.22) is not used: `2 sum_b w0 V_b P_b` is the pressure at the interface itself only.
-    /// At the points of the solid it is 53 % of it in the first row and 59 % in all rows together (spec 06, 1.6, E7).
+    /// At the points of the solid it is 53 % of it in the first row and 59 % in all rows together (docs/theory/fluid_structure.md,
+    /// "The published load").
     #[test]
     fn the_published_load_is_the_pressure_at_the_interface_only() {
         let h = 1.2 * SPACING;
@@ -306,7 +308,7 @@ mod tests {
 
     #[test]
     fn normals_of_a_disc_point_to_its_centre_as_far_as_its_steps_allow() {
-        // spec 06, 4: the error is that of the steps of the lattice, also with a large radius
+        // docs/theory/fluid_structure.md, "Normals": the error is that of the steps, also with a large radius
         let offsets = [[0.0, 0.0], [0.5, 0.5]];
         for (radius, [x0, y0]) in [10.0, 20.0]
             .into_iter()

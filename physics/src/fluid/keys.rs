@@ -62,12 +62,13 @@ pub struct Fluid {
     pub volume_relaxation: f64,
     /// Distance by which points of an updated Lagrangian fluid are moved away from crowded places, as a fraction of
     /// the distance that the fastest point moves, such as 0.05, or 0.5 where a lid stirs (Gao (2020), eqs. 6.46 to
-    /// 6.50; corrected, see spec 05, E23). The fields stay with the points: an error of the order of the shift.
+    /// 6.50, where the sign is printed that would move points together). The fields stay with the points: an error of
+    /// the order of the shift.
     #[serde(default)]
     #[schemars(extend("minimum" = 0))]
     pub shifting: f64,
     /// Fraction of the mean velocity of the neighbours with which points of an updated Lagrangian fluid move, from 0
-    /// to 1 (XSPH; Gao (2020), eq. 6.53; corrected, see spec 05, E24). It keeps the points in order; where the
+    /// to 1 (XSPH; Gao (2020), eq. 6.53, with the mass of the neighbour). It keeps the points in order; where the
     /// velocity has a curvature, they do not follow the fluid exactly.
     #[serde(default)]
     #[schemars(extend("minimum" = 0))]
@@ -83,14 +84,14 @@ pub struct Fluid {
     #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub least_distance: f64,
     /// Viscosity between points that approach each other, as a fraction of 1.2 spacings times the speed of sound,
-    /// such as 0.02 (Gao (2020), eq. 6.56; corrected, see spec 05, E26). It damps sound and impacts, and also shear,
+    /// such as 0.02 (Gao (2020), eq. 6.56, as an acceleration). It damps sound and impacts, and also shear,
     /// by about a tenth of it in two dimensions.
     #[serde(default)]
     #[schemars(extend("minimum" = 0))]
     pub artificial_viscosity: f64,
     /// Number of steps after which velocity and density are smoothed by moving least squares, such as 20 (Gao (2020),
-    /// eqs. 5.111 to 5.114; corrected, see spec 05, E12); 0: never. Linear fields do not change; each smoothing acts
-    /// as a diffusion by about a tenth of the squared horizon.
+    /// eqs. 5.111 to 5.114, with the volumes that eq. 5.114c lacks); 0: never. Linear fields do not change; each smoothing
+    /// acts as a diffusion by about a tenth of the squared horizon.
     #[serde(default)]
     pub smoothing: u32,
     /// Time during which accelerations grow smoothly from zero, s (Gao (2020), eq. 5.110).
@@ -117,8 +118,9 @@ pub enum Form {
     /// only as far as the derivatives are exact, and families must be complete.
     #[default]
     Differences,
-    /// The divergence of first order and its adjoint, with pairwise viscosity (spec 05, 1.13). Momentum is kept to
-    /// rounding, surfaces may be free. For the updated Lagrangian description and points of one spacing.
+    /// The divergence of first order and its adjoint, with pairwise viscosity (docs/theory/fluids.md, "Conservative
+    /// form"). Momentum is kept to rounding, surfaces may be free. For the updated Lagrangian description and points
+    /// of one spacing.
     Conservative,
 }
 
@@ -152,7 +154,8 @@ pub enum Stress {
     Central,
 }
 
-/// Order of the parts of a step; all but `published` keep the amplitude of sound waves (spec 05, 1.5).
+/// Order of the parts of a step; all but `published` keep the amplitude of sound waves (docs/theory/fluids.md, "Order
+/// of a step").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Scheme {

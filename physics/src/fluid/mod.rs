@@ -19,9 +19,9 @@
 //!   other side (eq. 5.117).
 //! - *Total Lagrangian*: points move with the fluid, families stay those of the reference configuration. For small
 //!   strains, and where nothing changes along the flow.
-//! - *Eulerian*: points stay, convective terms are added (eqs. 5.99 to 5.101; corrected, see spec 05, E7), as
-//!   fluxes that keep mass and momentum to rounding, with a diffusion of short waves that keeps the terms stable
-//!   ([`Convection`]). Where the fluid sticks to a wall, the layers behind it have the curvature of the flow before it.
+//! - *Eulerian*: points stay, convective terms are added (eqs. 5.99 to 5.101; the last one lacks the viscosity in the
+//!   heat of friction), as fluxes that keep mass and momentum to rounding, with a diffusion of short waves that keeps
+//!   the terms stable ([`Convection`]). Where the fluid sticks to a wall, the layers behind it have the curvature of the flow before it.
 //! - *Arbitrary Lagrangian-Eulerian*: as Eulerian, with points that follow bodies that are walls; the fluxes are relative to the
 //!   points, and the volumes of the points change by the same sums.
 //!
@@ -330,8 +330,8 @@ impl Fluid {
         self.run.as_mut().expect("prepared at set-up")
     }
 
-    /// Largest step (s) for which sound and viscosity are stable (spec 05, 1.10), for speeds up to a tenth
-    /// of that of sound: with the frequency `w = kappa c` of sound and the rate `r = 2 S (nu + D)` of viscosity and
+    /// Largest step (s) for which sound and viscosity are stable (docs/theory/fluids.md, "Largest step"), for speeds up
+    /// to a tenth of that of sound: with the frequency `w = kappa c` of sound and the rate `r = 2 S (nu + D)` of viscosity and
     /// density diffusion, a symplectic step is stable for `dt^2 w^2 + 2 dt r < 4`. In an Eulerian fluid `w` is
     /// `kappa (c + |v|)`; convection in the middle of the step has no limit of its own.
     fn find_stable_step(&self, world: &World) -> f64 {

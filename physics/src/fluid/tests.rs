@@ -52,8 +52,8 @@ fn stream(keys: &str, steps: u32) -> Simulation {
     s
 }
 
-/// Spec 05, gao-5.5.4: the discrete operator lets vortices of 40 points a side decay at 0.985262 times
-/// the rate 8 pi^2.
+/// docs/theory/fluids.md, "Array of vortices": the discrete operator lets vortices of 40 points a side decay at
+/// 0.985262 times the rate 8 pi^2.
 #[test]
 fn vortices_decay_at_the_rate_of_the_discrete_operator() {
     for (description, tolerance) in [

@@ -100,7 +100,7 @@ impl Treatments {
     }
 
     /// Viscosity `alpha h c` between points that approach each other; `strength` is `alpha dt`, s (Gao (2020),
-    /// eq. 6.56; corrected, see spec 05, E26).
+    /// eq. 6.56, which is an acceleration and printed as a force).
     pub(super) fn artificial_viscosity(
         &mut self,
         (family, medium): (&Family, &Medium),
@@ -126,7 +126,7 @@ impl Treatments {
     }
 
     /// XSPH: displaces points with the mean velocity of their neighbours; `fraction` is `chi dt` (s) (Gao (2020),
-    /// eq. 6.53; corrected, see spec 05, E24).
+    /// eq. 6.53, with the mass of the neighbour, where that of the point is printed).
     pub(super) fn xsph(
         &mut self,
         family: &Family,
@@ -155,7 +155,7 @@ impl Treatments {
 
     /// Shifting: moves points away from crowded places by `-C |v|max dt U` with `U = sum_j (r / |xi|)^2 n` and the
     /// mean distance r of the neighbours, at most a fifth of a spacing, except near free surfaces; `fraction` is
-    /// `C dt` (s) (Gao (2020), eqs. 6.46 to 6.50; corrected, see spec 05, E23).
+    /// `C dt` (s) (Gao (2020), eqs. 6.46 to 6.50, printed with the sign that moves points together).
     pub(super) fn shift(
         &mut self,
         (family, walls, medium): (&Family, Option<&Walls>, &Medium),
@@ -200,7 +200,7 @@ impl Treatments {
     }
 
     /// Velocity and density by moving least squares over points and their neighbours, without images (Gao
-    /// (2020), eqs. 5.111 to 5.114; corrected, see spec 05, E12). Points with too few neighbours keep their values.
+    /// (2020), eqs. 5.111 to 5.114; eq. 5.114c lacks the volumes). Points with too few neighbours keep their values.
     /// `changed` gets each point with its density before and after.
     pub(super) fn smooth(
         &mut self,

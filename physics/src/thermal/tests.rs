@@ -42,8 +42,8 @@ fn discrete_conductivity_is_exact_after_calibration() {
     }
 }
 
-/// Spec 05, gao-5.6.2: at 3.015 spacings a step of `dx^2 / (1.1096 alpha)` is stable, one that is a tenth above
-/// `2 dx^2 / (1.3161 alpha)` is not.
+/// docs/theory/fluids.md, "Numbers of the square lattice": at 3.015 spacings a step of `dx^2 / (1.1096 alpha)` is
+/// stable, one that is a tenth above `2 dx^2 / (1.3161 alpha)` is not.
 #[test]
 fn second_derivatives_are_stable_at_the_published_step_and_not_far_beyond() {
     for (factor, is_stable) in [(1.0 / 1.1096, true), (1.1 * 2.0 / 1.3161, false)] {
