@@ -1,7 +1,7 @@
 //! Melting and freezing: latent heat in the thermal physics of a body.
 //!
 //! The coupler chooses the enthalpy curve ([`perimelt_core::material::EnthalpyCurve`] has the formulas,
-//! Wang (2025), eqs. 7.11, 7.12; spec 02, 1.6) and writes the liquid fraction
+//! Wang (2025), eqs. 7.11, 7.12; docs/theory/phase_change.md) and writes the liquid fraction
 //!
 //! ```text
 //! liquid_fraction = clamp((T - T_s)/(T_l - T_s), 0, 1)

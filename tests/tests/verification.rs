@@ -14,7 +14,7 @@ fn every_published_benchmark_is_met() {
     assert!(failed.is_empty(), "\n{}", OutcomeTable(&failed));
 }
 
-/// Spec 02, 4.0 (ii): a case stripped of its sources and boundaries.
+/// docs/theory/heat_conduction.md, "Balance of heat": a case stripped of its sources and boundaries.
 #[test]
 fn a_uniform_temperature_stays_uniform() {
     // a flow needs its walls; what it carries is uniform, too

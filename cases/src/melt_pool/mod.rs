@@ -8,7 +8,7 @@
 //! points is that of the parabola through the hottest point and its two neighbours. Where the
 //! hottest point is the last one before a face, the parabola is mirrored at the face (insulated
 //! surface or plane of symmetry, zero gradient), which gives the surface value
-//! `(9 T1 - T2) / 8` from the two outermost points (spec 02, `ref/goldak_pd.py`). The profile
+//! `(9 T1 - T2) / 8` from the two outermost points (`cases/references/goldak_fv.py`). The profile
 //! crosses the isotherm by linear interpolation, with an error of `dx^2 T'' / (8 T')`.
 //!
 //! Along a direction that is not that of an axis, the extent is that of the points where the region around the hottest point

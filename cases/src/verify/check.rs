@@ -6,7 +6,7 @@
 //! measure.field = { field = "temperature", at = [[0, 0, 0]], time = 300, offset = -273.15 }
 //! reference = -1.0056
 //! limit.absolute = 0.02
-//! source = "spec 02, 4.6"
+//! source = "cases/references/stefan_neumann.py: enthalpy finite volumes"
 //! ```
 
 use perimelt_core::Formula;

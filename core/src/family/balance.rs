@@ -1,8 +1,8 @@
 //! Factors of the bonds of a cloud that put a linear field in equilibrium.
 //!
 //! Where horizons or spacings change, the bonds of a point do not balance: under a linear field more heat arrives from the
-//! side of the larger horizon than leaves to the other, and a steady profile has a kink (spec 02, 1.2, which tabulates
-//! it). Each bond gets the factor
+//! side of the larger horizon than leaves to the other, and a steady profile has a kink
+//! (docs/theory/heat_conduction.md tabulates it). Each bond gets the factor
 //!
 //! ```text
 //! f_ij = 1 + (l_i - l_j) . xi_ij          with    V_i sum_j c_ij f_ij xi_ij = 0    at every point i

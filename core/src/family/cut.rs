@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use crate::body::Face;
 
 /// A flat cut through a body: every bond whose reference segment crosses it is removed, from
-/// all families of the body. Neither heat nor force passes a cut (spec 02, 1.5).
+/// all families of the body. Neither heat nor force passes a cut.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cut {
     /// Corner, or centre.

@@ -151,7 +151,7 @@ impl LatticeBonds {
     }
 
     /// Factors along the axes, those of the lattice where the family is complete. A cut does not count as missing
-    /// material: at a crack nothing is repaired (spec 02, 4.3).
+    /// material: at a crack nothing is repaired (docs/theory/heat_conduction.md, "Calibration").
     fn find_factors(&self, point: usize) -> [f64; 3] {
         if self.complete[point] {
             return [self.lattice_factor; 3];

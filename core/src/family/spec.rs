@@ -10,7 +10,7 @@ use super::{Horizon, Influence};
 /// Ties such as |xi| = 3 dx belong to the family whatever the rounding, relative.
 pub(super) const TIE: f64 = 1e-9;
 
-/// Partial volume of members near the edge of the horizon (spec 02, 1.3; Wang (2025), eq. 4.2).
+/// Partial volume of members near the edge of the horizon (Wang (2025), eq. 4.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PartialVolume {
@@ -36,8 +36,8 @@ pub enum Correction {
     /// is exact on the mean of all directions.
     Lattice,
     /// As `lattice`, but on a cloud the factor of each point is that of a complete family among points of its own spacing,
-    /// the calibration of regions of published dual-horizon models (spec 02, 1.3). Beside an interface, and behind bare
-    /// surfaces, no family is exact.
+    /// the calibration of regions of published dual-horizon models (docs/theory/heat_conduction.md). Beside an
+    /// interface, and behind bare surfaces, no family is exact.
     Zone,
     /// Factors for each point, so that its own family is exact also where a bare surface cuts it
     /// (after Wang (2025), eqs. 4.4 to 4.8); a bond takes the mean of its ends.

@@ -1,6 +1,6 @@
 //! Volumetric enthalpy of a material against temperature, with melting.
 //!
-//! Wang (2025), eqs. 7.11, 7.12, 7.31, 7.32; corrected, see spec 02, section 1.6. Between
+//! Wang (2025), eqs. 7.11, 7.12, 7.31, 7.32; see docs/theory/phase_change.md. Between
 //! the solidus θ_s and the liquidus θ_l the latent heat L is released evenly over temperature:
 //!
 //! ```text

@@ -4,7 +4,7 @@ use thiserror::Error;
 
 /// Piecewise linear function through rows (x, y), clamped to the first and last row outside.
 ///
-/// Clamping is the reading of Wang (2025), section 7.3 (spec 02, 1.8) for E(θ); a property
+/// Clamping is the reading of Wang (2025), section 7.3 for E(θ) (docs/theory/welding.md, "Errors in the publication"); a property
 /// is never extrapolated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {

@@ -1,5 +1,5 @@
 //! Insulated crack: bonds that cross it are removed, so neither heat nor force passes
-//! (spec 02, 1.5 and 4.3).
+//! (docs/theory/heat_conduction.md, "Insulated crack").
 //!
 //! The correction of the bonds beside the crack stays that of the uncut body: families there lack
 //! members for a physical reason, not because the lattice ends. The crack grows when the mechanics has

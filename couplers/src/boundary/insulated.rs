@@ -2,7 +2,7 @@
 //! that the flux is zero and families at the face are complete.
 //!
 //! Wang (2025), section 7.2, calls `theta_b = 0` in eq. 7.17 insulated; that condition holds the face at
-//! zero (spec 02, E5). A face without any boundary is insulated too: its families are truncated.
+//! zero. A face without any boundary is insulated too: its families are truncated.
 
 use perimelt_core::{Coupler, Face, Key, RunError, Setup, SetupError, Step, World, keys};
 use schemars::JsonSchema;

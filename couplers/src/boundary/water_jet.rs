@@ -11,9 +11,9 @@
 //! q = film_coefficient (T_water - T)        lifted off
 //! ```
 //!
-//! (spec 08, 1.8: the impingement zone makes the speed of the front independent of the spacing.) Each row of cells along
-//! the flow has a film of its own. A 2D plate is cooled through its plane. On a body that grows, as an ingot that is cast, the
-//! film runs over the surface that is there at the moment.
+//! (Aatitya et al. (2021), 2.5. The zone of impingement makes the speed of the front independent of the spacing:
+//! docs/theory/quenching.md.) Each row of cells along the flow has a film of its own. A 2D plate is cooled through its
+//! plane. On a body that grows, as an ingot that is cast, the film runs over the surface that is there at the moment.
 //!
 //! Reports: the power into the body (W), and the areas `film.dry`, `film.wet` and `film.lifted_off` (m²).
 

@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn peak_of_the_semi_ellipsoid_is_the_corrected_q_m() {
-        // spec 02, 7.5.4.1: 3200 W, a = b = 1 mm, c = 0.5 mm
+        // [Wang2025] 7.5.4: 3200 W, a = b = 1 mm, c = 0.5 mm
         let toml = "semi_ellipsoid = { half_length = 5e-4, half_width = 1e-3, depth = 1e-3,
             normalise = false, sampling = 'point' }";
         let lattice = TestLattice::full([-2e-5, -2e-5, -4e-8], [4e-5, 4e-5, 4e-8], [1, 1, 1]);
@@ -238,7 +238,8 @@ mod tests {
         }
     }
 
-    /// Spec 02, 4.9: 1.5 % of the power at the published sizes and spacing, at any place between the points.
+    /// docs/theory/heat_sources.md, "Cells and power": within 1.5 % of the power at the published sizes and spacing, at any
+    /// place between the points.
     #[test]
     fn the_published_source_needs_little_normalisation_at_its_points() {
         let toml = "semi_ellipsoid = { half_length = 5e-4, half_width = 1e-3, depth = 1e-3,

@@ -3,8 +3,8 @@
 //!
 //! In 3D the power is spread evenly over the effective depth below the heated face. A 2D plate of
 //! thickness H receives `h` throughout, hence the power `Q H / h_eff`: it is Q only for
-//! `h_eff = H`, the default there. The thesis takes `h_eff = dx` and so deposits Q H/dx (spec 02,
-//! E9); the power asked for that is logged is `Q H / h_eff`.
+//! `h_eff = H`, the default there. The thesis takes `h_eff = dx` and so deposits Q H/dx; the
+//! power asked for that is logged is `Q H / h_eff`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,7 @@
 //! `h = Q / (n V)` on n cells of volume V: the 2 × 2 around the vertex on the heated face, or the
 //! 2 × 2 × 2 around a vertex inside the body (Wang (2025), eq. 7.27). The source hops from vertex
 //! to vertex. The dwell is centred, vertex `i = floor(v t / dx + 1/2)`: hopping on arrival (eq.
-//! 7.19) lags by half a spacing and costs 9 to 11 % ahead of the source (spec 02, section 1.7).
+//! 7.19) lags by half a spacing and costs 9 to 11 % ahead of the source (`cases/references/point_source_pd.py`).
 //!
 //! Not for temperatures within a horizon of the source: the peak depends on the phase of the hop.
 
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn point_source_hops_half_way_between_vertices() {
-        // spec 02, 7.5.3: dx = 0.4 mm, 5 mm/s, so 0.08 s per vertex
+        // [Wang2025] 7.5.3: dx = 0.4 mm, 5 mm/s, so 0.08 s per vertex
         let lattice = TestLattice::plate(4e-4, 0.01, 250);
         let columns = |dwell: &str, time: f64, direction: f64| {
             let mut depositor = depositor(&format!("point = {{ dwell = '{dwell}' }}"), &lattice);

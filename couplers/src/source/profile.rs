@@ -11,7 +11,7 @@
 //! ```
 //!
 //! (Goldak, Chakravarti, Bibby 1984; Wang (2025), eqs. 7.9, 7.10. The printed q_m of the thesis lacks the 3 under the
-//! root; the half space receives the power Q only with it, spec 02, E8.)
+//! root; the half space receives the power Q only with it.)
 
 use std::f64::consts::PI;
 

@@ -1,10 +1,10 @@
-//! Laser pulse on a whole face, absorbed with exponential depth (spec 02, section 1.7 item 4):
+//! Laser pulse on a whole face, absorbed with exponential depth (Wang et al. (2021), section 4.4):
 //!
 //! `s = p J (1 - R) / (t_p l) exp(-zeta/l - a |t - t_0| / t_p)` (W/m³)
 //!
 //! J fluence, R reflectivity, t_p pulse duration, l absorption depth, t_0 the time of the peak,
 //! 2 t_p by default. The printed p = 0.94 and a = 1.992 are the defaults: over all time and depth
-//! the body then absorbs 2 p/a J (1 - R) = 0.944 J (1 - R) per area (spec 02, E18).
+//! the body then absorbs 2 p/a J (1 - R) = 0.944 J (1 - R) per area.
 //!
 //! Averages over a cell and a step are exact. Power that passes through the body is reported as `lost`.
 
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn pulse_deposits_the_fluence_of_the_film_in_any_number_of_steps() {
-        // spec 02, 4.4: absorbed fluence 0.639719 J/m² of a film of 20 nm in 1 ps
+        // cases/references/femtosecond_film.py: absorbed fluence 0.639719 J/m² of a film of 20 nm in 1 ps
         for face in ["x-", "x+"] {
             let mut film = TestLattice::plate(2e-10, 1e-9, 100);
             film.grid.dims = [100, 3, 1];

@@ -175,7 +175,7 @@ fn half_of_a_source_over_an_edge_is_lost() {
 
 #[test]
 fn aligned_cell_averages_need_no_normalisation_but_point_values_do() {
-    // spec 02, section 1.7: c = 1.25 dx oscillates by 1.2 % in x
+    // docs/theory/heat_sources.md, "Cells and power": c = 1.25 dx oscillates by 1.2 % in x
     let lattice = block([4e-4; 3]);
     let with = |sampling: &str, x: f64| {
         let toml = format!(
@@ -230,7 +230,7 @@ fn crossing_a_cell_is_smooth() {
 
 #[test]
 fn gaussian_on_a_plate_has_the_peak_of_its_effective_depth() {
-    // spec 02, 7.5.5.1: q_m = 1.03938e9 W/m² for 3200 W and sigma = 0.7 mm
+    // [Wang2025] 7.5.5: q_m = 1.03938e9 W/m² for 3200 W and sigma = 0.7 mm
     let lattice = TestLattice::plate(4e-5, 0.01, 301);
     for (depth, h_eff) in [("", 0.01), (", effective_depth = 4e-4", 4e-4)] {
         let mut values = lattice.zeros();

@@ -7,8 +7,8 @@
 //!
 //! The conductivity of a bond within a material is the mean over the temperatures between its ends,
 //! `k_ij (T_j - T_i) = Theta(T_j) - Theta(T_i)` with the [`HeatPotential`] Theta: where the conductivity jumps at a
-//! melting front, the front takes its place within the bond. The mean of the ends, `(k_i + k_j) / 2` (Wang (2025), eq.
-//! 6.5), counts the bond that holds the front with the conductivity of the wrong phase, so that fronts lag by half a
+//! melting front, the front takes its place within the bond. The mean of the ends, `(k_i + k_j) / 2` (Wang (2025),
+//! eqs. 6.19, 6.20), counts the bond that holds the front with the conductivity of the wrong phase, so that fronts lag by half a
 //! spacing. Between materials the parts of a bond conduct in series ([`interfaces`](super::interfaces)); in the ordinary form
 //! its conductivity is the mean of the ends.
 

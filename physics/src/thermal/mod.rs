@@ -2,9 +2,11 @@
 //!
 //! ```text
 //! dh_i/dt = (V_i / V0_i) sum_j kappa_ij v V_j (T_j - T_i) / |xi| + q_i    Wang (2025), eqs. 7.1 to 7.4
-//! kappa_ij = 2 (k_i + k_j) / 2 / M,   M = integral of |xi| n^2 dV        spec 02, table of 1.1
-//! T = T(h)                                                              spec 02, 1.6
+//! kappa_ij = 2 (k_i + k_j) / 2 / M,   M = integral of |xi| n^2 dV
+//! T = T(h)
 //! ```
+//!
+//! as derived in docs/theory/heat_conduction.md and docs/theory/phase_change.md.
 //!
 //! `h` is the enthalpy per reference volume `V0` (J/m³), at the density of the material; a point keeps its mass
 //! and its reference volume wherever it goes. `V` are the current volumes, which differ from `V0` only where a physics

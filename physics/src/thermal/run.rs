@@ -263,8 +263,8 @@ impl Run {
     }
 
     /// Finds the largest stable explicit step for the current configuration and velocity: the monotone limit
-    /// `min C / sum_j kappa v V / |xi|` (spec 02, 1.4), with the smallest capacity and the largest conductivity of each
-    /// material, and that of the heat that a flow carries.
+    /// `min C / sum_j kappa v V / |xi|` (docs/theory/heat_conduction.md, "Steps in time"), with the smallest capacity and the
+    /// largest conductivity of each material, and that of the heat that a flow carries.
     pub(super) fn find_stable_step(&mut self, world: &World) {
         self.find_row_sums(world);
         let body = world.body(self.body);

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! with the weights `w` of the bonds. The heat flow that follows from it by the general form of the equation of heat flow
-//! (spec 02, 1.1: eqs. 6.5 to 6.7 of Wang (2025), read as its E2) is
+//! (Wang (2025), eqs. 6.5 to 6.7; docs/theory/heat_conduction.md, "Ordinary form") is
 //!
 //! ```text
 //! dh_i/dt = sum_j c_ij ( xi.p_i + s k_i tau_ij ) + c_ji ( xi.p_j + s k_j tau_ij ),    p = k (M^-1 - s) g

@@ -211,7 +211,7 @@ fn the_interval_takes_up_its_latent_heat_in_both_conventions() {
 
 #[test]
 fn the_published_curve_of_the_goldak_block_is_reproduced() {
-    // spec 02, wang-7.5.4.2: C_p = 4000 J/(kg K) between 1385 and 1450
+    // [Wang2025] eq. 7.31: C_p = 4000 J/(kg K) between 1385 and 1450
     let latent = LatentHeat {
         solidus: 1385.0,
         liquidus: 1450.0,
@@ -258,7 +258,7 @@ fn small_apparent_steps_approach_the_enthalpy_form() {
 
 #[test]
 fn cooling_from_the_liquidus_releases_latent_heat_in_both_forms() {
-    // spec 02, 1.6: wang-7.5.1 starts exactly at the liquidus, which must count as mushy
+    // docs/theory/phase_change.md: wang-7.5.1 starts exactly at the liquidus, which must count as mushy
     for form in [LatentHeatForm::Enthalpy, LatentHeatForm::Apparent] {
         let latent = LatentHeat {
             form,
