@@ -94,3 +94,41 @@ fn no_two_checks_of_a_case_have_one_name() {
         );
     }
 }
+
+/// Each `source` names a publication of `docs/theory/references.md` by its key, a page of the theory or a program that is there.
+#[test]
+fn sources_name_publications_pages_or_programs_that_exist() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("the repository");
+    let references = std::fs::read_to_string(root.join("docs/theory/references.md"));
+    let references = references.expect("the page of references");
+    let keys: BTreeSet<&str> = references
+        .lines()
+        .filter_map(|line| Some(line.strip_prefix("- **[")?.split_once("]**")?.0))
+        .collect();
+    let exists = |path: &&str| root.join(path).is_file();
+    let mut unknown = Vec::new();
+    for (name, case) in load(None).expect("valid cases").cases {
+        let checks: Vec<Check> = case.verify_entries().expect("valid");
+        for Check { source, .. } in &checks {
+            let cited: Vec<&str> = source
+                .split('[')
+                .skip(1)
+                .filter_map(|rest| Some(rest.split_once(']')?.0))
+                .filter(|key| key.starts_with(char::is_uppercase))
+                .collect();
+            let words = source.split([' ', ',', ';', '(', ')', '"']);
+            let words = words.map(|w| w.trim_end_matches(['.', ':']));
+            let paths: Vec<&str> = words
+                .filter(|w| w.starts_with("docs/") || w.starts_with("cases/"))
+                .collect();
+            let is_known = cited.iter().all(|key| keys.contains(key)) && paths.iter().all(exists);
+            if !is_known || cited.len() + paths.len() == 0 {
+                unknown.push(format!("{name}: {source}"));
+            }
+        }
+    }
+    unknown.dedup();
+    assert!(unknown.is_empty(), "{}", unknown.join("\n"));
+}

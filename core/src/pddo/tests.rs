@@ -32,7 +32,7 @@ fn derivatives(body: &Body, pddo: &Pddo, f: impl Fn(&Vector3<f64>) -> f64) -> De
 
 /// docs/theory/fluids.md, "Numbers of the square lattice": horizon, partial volumes, S, largest wave number.
 #[test]
-fn the_square_lattice_has_the_constants_of_the_specification() {
+fn the_square_lattice_has_its_constants() {
     for (horizon, partial, sum, wave) in [
         (3.0, PartialVolume::Half, 1.1178, 0.6333),
         (3.015, PartialVolume::Half, 1.1096, 0.6310),

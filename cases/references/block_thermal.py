@@ -7,7 +7,7 @@ the case: density, heat capacity, conductivity, lambda + 2 mu and the thermal mo
 Prints temperature and displacement along the axis at pi/4, pi/2, 3 pi/4 and pi.
 
     pip install numpy scipy
-    python tests/references/block_thermal.py 100 2 2000
+    python cases/references/block_thermal.py 100 2 2000
 """
 
 import sys

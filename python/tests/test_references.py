@@ -1,0 +1,58 @@
+"""The programs that computed reference values give the numbers of the cases."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from decimal import Decimal
+from pathlib import Path
+
+import pytest
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+CASES = Path(__file__).parents[2] / "cases"
+
+# those that take seconds
+FAST = ("closed_forms", "diffusion_series", "thermoelastic_bar", "thermoelastic_waves")
+
+
+def references(program: str) -> dict[str, list[float]]:
+    """Reference values of the checks that cite a program, by case and quantity."""
+    found = {}
+    for path in CASES.rglob("*.toml"):
+        if f"{program}.py" not in path.read_text(encoding="utf-8"):
+            continue
+        for check in tomllib.loads(path.read_text(encoding="utf-8")).get("verify", []):
+            if re.search(rf"cases/references/{program}\.py", check["source"]):
+                given = check["reference"]
+                numbers = given if isinstance(given, list) else [given]
+                found[f"{path.stem}: {check['quantity']}"] = numbers
+    return found
+
+
+def unit_of_last_digit(number: float) -> float:
+    exponent = Decimal(repr(number)).as_tuple().exponent
+    assert isinstance(exponent, int)
+    return float(Decimal(1).scaleb(exponent))
+
+
+@pytest.mark.parametrize("program", FAST)
+def test_programs_give_the_references_of_the_cases(program: str) -> None:
+    spec = importlib.util.spec_from_file_location(program, CASES / f"references/{program}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    values: list[float] = list(module.values().values())
+    cited = references(program)
+    assert cited, "checks cite the program"
+    for check, numbers in cited.items():
+        for number in numbers:
+            # cases hold four digits and more
+            tolerance = max(1e-3 * abs(number), unit_of_last_digit(number))
+            assert any(abs(value - number) <= tolerance for value in values), f"{check}: {number}"
