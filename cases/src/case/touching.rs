@@ -71,6 +71,9 @@ mod tests {
 
     use super::*;
 
+    const STEEL: &str =
+        "[materials.steel]\ndensity = 7800\nspecific_heat = 500\nconductivity = 50\n";
+
     #[test]
     fn bodies_that_touch_without_an_interface_are_told() {
         let interface = "[[couplers]]\ntype = 'heat_interface'\nbody = 'top'\nother = 'bottom'\n";
@@ -79,12 +82,12 @@ mod tests {
                 let to = from + 0.01;
                 format!(
                     "[bodies.{name}]\nshape.box = {{ min = [0, 0, {from}], max = [0.01, 0.01, {to}] }}\n\
-                     spacing = 2e-3\nmaterial = '304L'\ninitial.temperature = 293.15\n\
+                     spacing = 2e-3\nmaterial = 'steel'\ninitial.temperature = 293.15\n\
                      [[physics]]\ntype = 'thermal'\nhorizon = 1\nbody = '{name}'\n"
                 )
             };
             let [bottom, top] = [body("bottom", 0.0), body("top", start)];
-            let text = format!("{bottom}{top}{interface}[time]\nend = 1\n");
+            let text = format!("{bottom}{top}{interface}{STEEL}[time]\nend = 1\n");
             let case = Case::parse("two.toml", text, Path::new("")).expect("valid");
             let mut simulation = case.compose().expect("complete");
             case.start(&mut simulation).expect("starts");

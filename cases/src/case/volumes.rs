@@ -101,11 +101,12 @@ mod tests {
             );
             let text = format!(
                 "[bodies.joint]\n\
-                 spacing = 1e-3\nmaterial = '304L'\ninitial.temperature = 293.15\nregions.bead.{fillet}\n\
+                 spacing = 1e-3\nmaterial = 'steel'\ninitial.temperature = 293.15\nregions.bead.{fillet}\n\
                  shape.union = [{{ box = {{ min = [0, -0.02, -0.004], max = [0.02, 0.02, 0] }} }}, \
                  {{ box = {{ min = [0, -0.004, 0], max = [0.02, 0, 0.02] }} }}, {{ {fillet} }}]\n\
                  [[physics]]\ntype = 'thermal'\nhorizon = 1\n\
                  [[couplers]]\ntype = 'deposit'\nregion = 'bead'\ntemperature = 1800\nlayers = {{ height = 5e-3, interval = 1 }}\n\
+                 [materials.steel]\ndensity = 7800\nspecific_heat = 500\nconductivity = 50\n\
                  [time]\nend = 1\n"
             );
             let case = Case::parse("joint.toml", text, Path::new("")).expect("valid");
