@@ -280,8 +280,8 @@ fn balances_are_audited_unless_the_case_checks_them() {
 #[test]
 fn cases_are_found_by_name_and_otherwise_by_description() {
     let cases = benchmarks::load(None).expect("valid cases").cases;
-    // the name under which another document has the problem
-    let served = select(&cases, "dhpd-4.1.1");
+    // the place where another publication has the problem
+    let served = select(&cases, "[Wang2021] 4.1.1");
     assert!(served.contains(&"wang-6.4.1.1-n1"), "{served:?}");
     assert!(
         served.iter().all(|n| n.starts_with("wang-6.4.1.")),
