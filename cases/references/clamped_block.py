@@ -22,6 +22,7 @@ import sys
 
 import numpy as np
 import scipy.sparse as sparse
+from clamped_plate_vibration import free_motion
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import cg
 
@@ -120,19 +121,7 @@ def vibration(poissons_ratio: float, elements: int = ELEMENTS) -> tuple[Array, A
     place = mesh.interpolation([POINT])
     start = np.zeros((mesh.node.size, 3))
     start[:, 0] = STRAIN * (mesh.position[:, 0] + SIDE / 2)
-    displacement = start.ravel()
-    velocity = np.zeros_like(displacement)
-    acceleration = operator @ displacement
-    every = round(INTERVAL / STEP)
-    history = []
-    for step in range(round(END / STEP) + 1):
-        if step % every == 0:
-            history.append((place @ displacement.reshape(-1, 3))[0])
-        velocity += 0.5 * STEP * acceleration
-        displacement += STEP * velocity
-        acceleration = operator @ displacement
-        velocity += 0.5 * STEP * acceleration
-    return INTERVAL * np.arange(len(history)), np.array(history)
+    return free_motion(operator, start.ravel(), (STEP, INTERVAL, END), lambda u: (place @ u.reshape(-1, 3))[0])
 
 
 def values(elements: int = ELEMENTS) -> dict[str, float]:

@@ -11,6 +11,7 @@ some minutes. Needs NumPy and SciPy.
 """
 
 import sys
+from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sparse
@@ -21,6 +22,31 @@ DENSITY = 7850.0  # kg/m3
 STRAIN = 1e-3
 POINT = (0.255, 0.255)  # m
 STEP, INTERVAL, END = 1e-7, 2e-5, 1e-3  # s
+
+
+def free_motion(
+    operator: sparse.csr_matrix,
+    start: Array,
+    span: tuple[float, float, float],
+    observe: Callable[[Array], Array],
+) -> tuple[Array, Array]:
+    """Times (s) and what is observed of u'' = operator u from rest, by velocity Verlet.
+
+    The span has the step, the interval of observations and the end, s.
+    """
+    step, interval, end = span
+    displacement, velocity = start.copy(), np.zeros_like(start)
+    acceleration = operator @ displacement
+    every = round(interval / step)
+    history = []
+    for number in range(round(end / step) + 1):
+        if number % every == 0:
+            history.append(observe(displacement))
+        velocity += 0.5 * step * acceleration
+        displacement += step * velocity
+        acceleration = operator @ displacement
+        velocity += 0.5 * step * acceleration
+    return interval * np.arange(len(history)), np.array(history)
 
 
 def vibration(poissons_ratio: float, elements: int = ELEMENTS, end: float = END) -> tuple[Array, Array]:
@@ -34,18 +60,7 @@ def vibration(poissons_ratio: float, elements: int = ELEMENTS, end: float = END)
     place = mesh.interpolation([POINT])
     displacement = np.zeros(2 * mesh.node.size)
     displacement[0::2] = STRAIN * SIDE * np.tile(np.linspace(0, 1, elements + 1), elements + 1)
-    velocity = np.zeros_like(displacement)
-    acceleration = operator @ displacement
-    every = round(INTERVAL / STEP)
-    history = []
-    for step in range(round(end / STEP) + 1):
-        if step % every == 0:
-            history.append((place @ displacement.reshape(-1, 2))[0])
-        velocity += 0.5 * STEP * acceleration
-        displacement += STEP * velocity
-        acceleration = operator @ displacement
-        velocity += 0.5 * STEP * acceleration
-    return INTERVAL * np.arange(len(history)), np.array(history)
+    return free_motion(operator, displacement, (STEP, INTERVAL, end), lambda u: (place @ u.reshape(-1, 2))[0])
 
 
 def values(elements: int = ELEMENTS) -> dict[str, float]:

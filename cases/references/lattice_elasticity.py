@@ -15,24 +15,7 @@ Needs NumPy.
 """
 
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
-
-RULES = ("none", "half", "full")
-
-
-def family(n: float, dim: int, rule: str) -> tuple[NDArray[np.intp], Array, Array]:
-    """Offsets, lengths (in spacings) and volume weights of the members of one point."""
-    reach = int(np.ceil(n)) + 1
-    axis = np.arange(-reach, reach + 1)
-    g = np.stack(np.meshgrid(*([axis] * dim), indexing="ij"), -1).reshape(-1, dim)
-    d = np.linalg.norm(g, axis=1)
-    cut = n + 0.5 - 1e-9 if rule == "full" else n + 1e-9
-    keep = (d > 0) & (d <= cut)
-    g, d = g[keep], d[keep]
-    v = np.ones_like(d) if rule == "none" else np.minimum(1.0, n + 0.5 - d)
-    return g, d, v
+from pd_lattice_constants import RULES, family
 
 
 def volume(n: float, dim: int, rule: str) -> float:

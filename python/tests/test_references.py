@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import re
 import sys
 from decimal import Decimal
 from pathlib import Path
@@ -24,11 +23,13 @@ FAST = ("closed_forms", "diffusion_series", "thermoelastic_bar", "thermoelastic_
 def references(program: str) -> dict[str, list[float]]:
     """Reference values of the checks that cite a program, by case and quantity."""
     found = {}
+    cited = f"cases/references/{program}.py"
     for path in CASES.rglob("*.toml"):
-        if f"{program}.py" not in path.read_text(encoding="utf-8"):
+        text = path.read_text(encoding="utf-8")
+        if cited not in text:
             continue
-        for check in tomllib.loads(path.read_text(encoding="utf-8")).get("verify", []):
-            if re.search(rf"cases/references/{program}\.py", check["source"]):
+        for check in tomllib.loads(text).get("verify", []):
+            if cited in check["source"]:
                 given = check["reference"]
                 numbers = given if isinstance(given, list) else [given]
                 found[f"{path.stem}: {check['quantity']}"] = numbers

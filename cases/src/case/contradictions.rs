@@ -34,11 +34,6 @@ struct Hold {
     table: Range<usize>,
 }
 
-fn text_of(table: &PluginTable<'_>, key: &str) -> Option<String> {
-    let value = table.value.get_ref().get(key)?;
-    value.get_ref().as_str().map(String::from)
-}
-
 /// A value as it is written, with numbers in one form.
 fn written(file: &str, value: &TomlValue<'_>) -> String {
     match numbers(value.get_ref())[..] {
@@ -124,17 +119,14 @@ impl Case {
                 }
                 _ => continue,
             };
-            let body = match table.body() {
-                Some(name) => bodies.iter().position(|b| b.name == name),
-                None => Some(0),
-            };
-            let (Some(body), Some(region)) = (body, text_of(table, "region")) else {
+            let body = table.body_index(bodies);
+            let (Some(body), Some(region)) = (body, table.text("region")) else {
                 continue;
             };
             holds.extend(values.into_iter().map(|(what, value, span)| Hold {
                 body,
                 what,
-                region: region.clone(),
+                region: region.to_string(),
                 value,
                 ends: table.value.get_ref().get("until").is_some(),
                 title: table.title(),
@@ -201,7 +193,7 @@ impl Case {
         };
         let only = &simulation.world().bodies()[0].name;
         for insulated in of_kind(&["insulated"]) {
-            let field = text_of(insulated, "field");
+            let field = insulated.text("field");
             let Some(faces) = texts(insulated.value.get_ref().get("faces"))
                 .filter(|_| field.is_none_or(|f| f == "temperature"))
             else {
@@ -242,9 +234,7 @@ impl Case {
         {
             let sound =
                 value_at(&table.value, "state.tait.sound_speed").map(|v| numbers(v.get_ref()));
-            let body = table.body().map_or(Some(0), |name| {
-                world.bodies().iter().position(|b| b.name == name)
-            });
+            let body = table.body_index(world.bodies());
             let (Some([sound]), Some(body)) = (sound.as_deref(), body) else {
                 continue;
             };

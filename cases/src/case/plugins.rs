@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use perimelt_core::plugin::{Registration, registered};
 use perimelt_core::simulation::Named;
-use perimelt_core::{Coupler, Physics};
+use perimelt_core::{Body, Coupler, Physics};
 use toml::Spanned;
 use toml::de::DeValue;
 
@@ -176,10 +176,20 @@ impl PluginTable<'_> {
         format!("[[{}]] `{}`", self.section, self.kind)
     }
 
+    /// The text of a key.
+    pub(super) fn text(&self, key: &str) -> Option<&str> {
+        self.value.get_ref().get(key)?.get_ref().as_str()
+    }
+
     /// Name of its body, where the table gives it.
     pub(super) fn body(&self) -> Option<&str> {
-        let keys = self.value.get_ref().as_table()?;
-        keys.get("body")?.get_ref().as_str()
+        self.text("body")
+    }
+
+    /// Number of its body, the first one where the table gives none.
+    pub(super) fn body_index(&self, bodies: &[Body]) -> Option<usize> {
+        let place = |name| bodies.iter().position(|b| b.name == name);
+        self.body().map_or(Some(0), place)
     }
 
     /// Place of a dotted key's value, or of the header when it is not written.

@@ -22,25 +22,20 @@ impl Case {
             fluids.any(|p| p.body().is_none_or(|body| body == name))
         };
         let is_joined = |pair: [&str; 2]| {
-            let text = |table: &super::plugins::PluginTable<'_>, key: &str| {
-                let value = table.value.get_ref().get(key);
-                value.and_then(|v| v.get_ref().as_str().map(String::from))
-            };
             let mut interfaces = couplers.iter().filter(|c| c.kind == "heat_interface");
             interfaces.any(|c| {
-                let named = [text(c, "body"), text(c, "other")];
-                pair.iter()
-                    .all(|name| named.iter().flatten().any(|n| n == name))
+                let named = [c.body(), c.text("other")];
+                pair.iter().all(|name| named.contains(&Some(name)))
             })
         };
         let solids: Vec<usize> = (0..world.bodies().len())
             .filter(|body| provides(simulation, *body, "temperature"))
             .filter(|body| !flows(&world.body(*body).name))
             .collect();
-        let mut touching = BTreeSet::new();
         if solids.len() < 2 {
             return Ok(Vec::new());
         }
+        let mut touching = BTreeSet::new();
         for &index in &solids {
             let body = world.body(index);
             let free = FreeFaces::new(world, index);

@@ -157,13 +157,7 @@ impl Case {
         let coldest = self.coldest_surroundings()?;
         let mut found = Vec::new();
         for table in self.plugin_tables("couplers")? {
-            let index = table.body().map_or(Some(0), |name| {
-                simulation
-                    .world()
-                    .bodies()
-                    .iter()
-                    .position(|b| b.name == name)
-            });
+            let index = table.body_index(simulation.world().bodies());
             let start = index.and_then(|index| lowest.get(index).copied().flatten());
             let Some(coldest) = start.into_iter().chain(coldest).reduce(f64::min) else {
                 continue;

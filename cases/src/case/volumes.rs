@@ -44,11 +44,8 @@ impl Case {
         let bodies = simulation.world().bodies();
         let mut found = Vec::new();
         for table in self.plugin_tables("couplers")? {
-            let region = table.value.get_ref().get("region");
-            let region = region.and_then(|r| r.get_ref().as_str());
-            let place = |name: &str| bodies.iter().position(|b| b.name == name);
-            let index = table.body().map_or(Some(0), place);
-            let (Some(region), Some(index), "deposit") = (region, index, &table.kind[..]) else {
+            let at = (table.text("region"), table.body_index(bodies));
+            let ((Some(region), Some(index)), "deposit") = (at, &table.kind[..]) else {
                 continue;
             };
             let ((name, section), body) = (&self.bodies[index], &bodies[index]);

@@ -189,18 +189,17 @@ impl Case {
         if options.iteration.is_some() {
             return Ok(found);
         }
-        let body_of = |plugin: &PluginTable<'_>| {
-            let place = |name| bodies.iter().position(|b| b.name == name);
-            plugin.body().map_or(Some(0), place)
-        };
         let couplers = self.plugin_tables("couplers")?;
         let heats = |body: usize| {
-            let mut of_body = couplers.iter().filter(|c| body_of(c) == Some(body));
+            let mut of_body = couplers
+                .iter()
+                .filter(|c| c.body_index(bodies) == Some(body));
             of_body.any(|c| c.kind == "deformation_heat")
         };
         let physics = self.plugin_tables("physics")?;
         for (index, plugin) in physics.iter().enumerate() {
-            let (Some(damping), Some(body)) = (explicit_damping(plugin), body_of(plugin)) else {
+            let (Some(damping), Some(body)) = (explicit_damping(plugin), plugin.body_index(bodies))
+            else {
                 continue;
             };
             let Some(stable) = simulation.stable_steps()[index].filter(|_| heats(body)) else {

@@ -113,8 +113,8 @@ impl Setup<'_> {
             exchange.set_cells(cells);
         }
         for plugin in twice {
-            let message = "acts on faces on which another boundary of its kind acts, too (`convection` and `water_jet` are of one kind): both are \
-                 added";
+            let message = "acts on faces on which another boundary of its kind acts, too (films of air and of water are of one kind): \
+                           both are added";
             let plugin = self.plugins[plugin].clone();
             self.warnings.push(Warning {
                 plugin,

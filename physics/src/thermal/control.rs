@@ -122,9 +122,9 @@ impl ControlledSteps {
     ) -> Result<Work, SolverError> {
         let matter = rate.0.matter;
         let exponent = -1.0 / (method.order() + 1.0);
-        self.vectors[0].resize(state.len(), 0.0);
-        self.vectors[1].clear();
-        self.vectors[1].resize(state.len(), 0.0);
+        for vector in &mut self.vectors {
+            vector.resize(state.len(), 0.0);
+        }
         if self.control.extremes.is_none() {
             let now = measure(matter, state, &self.vectors[1], &counts);
             self.control.extremes = Some([now.lowest, now.highest]);

@@ -158,17 +158,14 @@ impl Thermal {
 
     /// Refuses keys that fit neither the materials nor the description of the points.
     fn check(&self, curves: &[EnthalpyCurve], description: Description) -> Result<(), SetupError> {
-        if !(self.tolerance > 0.0) {
-            let message = format!("`tolerance` is {}", self.tolerance);
-            return Err(SetupError::value("tolerance", message, "a number above 0"));
-        }
-        if !(self.time_tolerance > 0.0) {
-            let message = format!("`time_tolerance` is {}", self.time_tolerance);
-            return Err(SetupError::value(
-                "time_tolerance",
-                message,
-                "a number above 0",
-            ));
+        for (key, tolerance) in [
+            ("tolerance", self.tolerance),
+            ("time_tolerance", self.time_tolerance),
+        ] {
+            if !(tolerance > 0.0) {
+                let message = format!("`{key}` is {tolerance}");
+                return Err(SetupError::value(key, message, "a number above 0"));
+            }
         }
         let is_explicit = self.solver == ThermalSolver::Explicit;
         let apparent = curves.iter().any(|c| c.form() == LatentHeatForm::Apparent);
