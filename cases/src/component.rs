@@ -1,6 +1,12 @@
 //! Components of vectors and tensors, and scalars computed from them.
 
+use std::cell::Ref;
+
 use nalgebra::Matrix3;
+use perimelt_core::error::Problem;
+use perimelt_core::field::FieldIndex;
+use perimelt_core::world::refinement::Level;
+use perimelt_core::{Face, SetupError, Simulation, World};
 
 /// Components of a vector.
 pub(crate) const VECTOR: [&str; 3] = ["x", "y", "z"];
@@ -86,6 +92,80 @@ impl Number {
                 values[rank]
             }
         }
+    }
+}
+
+/// Which number of a field.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Component {
+    pub(crate) field: FieldIndex,
+    number: Number,
+}
+
+impl Component {
+    pub(crate) fn new(
+        world: &World,
+        field: FieldIndex,
+        name: Option<&str>,
+    ) -> Result<Component, SetupError> {
+        let components = world.fields().field(field).data().components();
+        let number = match (name, components) {
+            (None, 1) => Number::Entry(0),
+            (None, 3) => Number::Magnitude,
+            (None, _) => {
+                let expected = format!(
+                    "`component`, one of {}",
+                    Number::names(components).join(", ")
+                );
+                let message = "the field is a tensor and the probe has no component";
+                return Err(SetupError::value("field", message, expected));
+            }
+            (Some(name), _) => Number::find(components, name).ok_or_else(|| {
+                let known = Number::names(components).into_iter();
+                let problem = Problem::UnknownName {
+                    what: "component of this field",
+                    name: name.into(),
+                    known: known.map(String::from).collect(),
+                };
+                SetupError::new("component", problem)
+            })?,
+        };
+        Ok(Component { field, number })
+    }
+
+    /// The same number of the window of finer points that moves over a body, if it has one with that field.
+    pub(crate) fn on_window(self, simulation: &Simulation, body: usize) -> Option<Component> {
+        let world = simulation.world();
+        let name = &world.fields().field(self.field).name;
+        let window = match world.refinement(body)? {
+            (refinement, Level::Plate) => refinement.window(),
+            (_, Level::Window) => return None,
+        };
+        let is_there = simulation
+            .lasting()
+            .any(|f| f.body == window && f.name == *name);
+        let field = world.fields().find(window, name).filter(|_| is_there)?;
+        Some(Component { field, ..self })
+    }
+
+    /// By point of its body, whether there is material; `None` where all have some.
+    pub(crate) fn activity(self, world: &World) -> Option<Ref<'_, [f64]>> {
+        world.activity(world.fields().field(self.field).body)
+    }
+
+    /// Its value on the cell face in front of a point, where that is known.
+    pub(crate) fn on_face(self, world: &World, (point, face): (usize, Face)) -> Option<f64> {
+        let Number::Entry(component) = self.number else {
+            return None;
+        };
+        world.value_on_face(self.field, component, (point as u32, face))
+    }
+
+    pub(crate) fn at(self, world: &World, point: usize) -> f64 {
+        let data = world.fields().field(self.field).data();
+        let components = data.components();
+        let values = &data.flat()[point * components..][..components];
+        self.number.of(values)
     }
 }
 

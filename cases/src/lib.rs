@@ -3,7 +3,7 @@
 //! - [`case`]: TOML text -> a composed [`core::Simulation`], with mistakes shown at their lines;
 //! - [`run`]: steps a case, logs it, resumes it;
 //! - [`probe`]: numbers computed from the fields with every logged state;
-//! - [`interpolation`]: fields between points; [`melt_pool`]: extents above an isotherm;
+//! - [`probe::interpolation`]: fields between points; [`melt_pool`]: extents above an isotherm;
 //! - [`library`]: the materials that come with the program;
 //! - [`commands`]: the command line; [`plot`], [`view`], [`export`], [`diff`], [`sweep`] and [`verify`] behind it.
 //!
@@ -16,28 +16,31 @@
 //! }
 //! ```
 
+mod argument;
 pub mod case;
 mod cell_grid;
-mod chosen;
 pub mod commands;
 mod component;
 pub mod diff;
 pub mod export;
 mod file_names;
 mod growing_log;
-pub mod interpolation;
 mod interrupt;
 pub mod library;
+mod log_file;
+mod log_names;
 pub mod melt_pool;
 mod moment;
 pub mod output;
 pub mod plot;
 pub mod probe;
+mod quantity;
 pub mod run;
 pub mod summary;
 pub mod sweep;
 pub mod tables;
 mod terminal;
+mod unit;
 pub mod verify;
 pub mod view;
 

@@ -1,9 +1,7 @@
 //! Logged states by the times that a user asks for.
 
-use perimelt_core::log::{LogError, LoggedCloud};
-
-use crate::commands::tell;
-use crate::plot::unit::number;
+use crate::terminal::tell;
+use crate::unit::number;
 
 /// Why no logged state belongs to a time.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -81,20 +79,6 @@ fn other_times(times: &[f64], at: &[f64]) -> Vec<String> {
         })
     };
     at.iter().filter_map(note).collect()
-}
-
-/// A logged state; `None` for a damaged one, of which the user is told.
-///
-/// # Errors
-/// Any other error.
-pub(crate) fn sound(cloud: Result<LoggedCloud, LogError>) -> Result<Option<LoggedCloud>, LogError> {
-    match cloud {
-        Err(damage @ LogError::Damaged { .. }) => {
-            tell(&format!("warning: a state is left out: {damage}"));
-            Ok(None)
-        }
-        cloud => cloud.map(Some),
-    }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use perimelt_core::material::{Material, Property};
 
-use crate::plot::unit;
+use crate::unit;
 
 /// Temperatures (K) by which a run may go beyond the last row of a table, and below the first, without notice: many tables
 /// begin at 100 °C.

@@ -77,6 +77,18 @@ pub(crate) fn output() -> Clean<Stdout> {
     Clean::new(io::stdout())
 }
 
+/// Prints a line where errors go, if anything can be written there.
+pub(crate) fn tell(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{}", clean(line));
+}
+
+/// Prints warnings where errors go.
+pub fn warn(warnings: &[String]) {
+    for sentence in warnings {
+        tell(&format!("warning: {sentence}"));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

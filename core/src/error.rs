@@ -1,6 +1,6 @@
 //! What can go wrong at set-up and during a run.
 
-use crate::body::BodyError;
+use crate::body::{BodyError, HorizonError};
 use crate::family::FamilyError;
 use crate::text::{number, position};
 
@@ -187,6 +187,12 @@ impl SetupError {
     /// A plugin's own error at `key`.
     pub fn other(key: impl Into<String>, cause: impl Into<Cause>) -> Self {
         Self::new(key, Problem::Other(cause.into()))
+    }
+}
+
+impl From<HorizonError> for SetupError {
+    fn from(error: HorizonError) -> Self {
+        SetupError::value("horizon", error.message, error.expected)
     }
 }
 

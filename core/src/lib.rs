@@ -11,13 +11,10 @@
 //! 7. [`solver`]: time integration and equations for any physics.
 //! 8. [`log`]: the run as an MCAP file, and back.
 
-pub mod activity;
 mod axis;
 pub mod body;
 pub mod cell_list;
-pub mod configuration;
 pub mod error;
-pub mod exchange;
 pub mod family;
 pub mod field;
 pub mod folder;
@@ -29,10 +26,8 @@ pub mod log;
 pub mod material;
 pub mod pair_list;
 pub mod pddo;
-pub mod placed;
 pub mod plugin;
 pub mod programme;
-pub mod refinement;
 pub mod samples;
 pub mod schedule;
 pub mod setup;
@@ -42,27 +37,26 @@ pub mod solver;
 pub mod text;
 pub mod world;
 
-pub use activity::{ActivityChanges, GrowingFamily};
 pub use axis::Axis;
-pub use body::{Body, Face, Region};
-pub use configuration::{Configuration, Description, MovingFamily, PointMover};
+pub use body::{Body, Cut, Face, Horizon, Region};
 pub use error::{Problem, RunError, SetupError};
 pub use family::{
-    Bond, BondKernel, BrokenBonds, Correction, Cut, Family, FamilySpec, Horizon, Image, Influence,
-    Operator, PartialVolume, SlotField,
+    Bond, BondKernel, BrokenBonds, Correction, Family, FamilySpec, Image, Influence, Operator,
+    PartialVolume, SlotField,
 };
 pub use field::{Key, Read, ReadIfProvided, Write, keys};
 pub use formula::Formula;
-pub use in_space::InSpace;
+pub use in_space::{InSpace, Placed};
 pub use in_time::InTime;
 pub use pair_list::PairList;
 pub use pddo::{Derivatives, Pddo, PddoError};
-pub use placed::Placed;
 pub use plugin::{Balance, Clock, Coupler, Physics, Report, Step, StepSize, Update, Work};
 pub use programme::Programme;
 pub use setup::{Setup, Wall, Warning};
 pub use simulation::Simulation;
 pub use world::World;
+pub use world::activity::{ActivityChanges, GrowingFamily};
+pub use world::configuration::{Configuration, Description, MovingFamily, PointMover};
 
 // for the registration macros
 #[doc(hidden)]

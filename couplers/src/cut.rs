@@ -10,7 +10,7 @@
 //!
 //! Not for: heat of the cut, and the forces of a tool.
 
-use perimelt_core::activity::is_active;
+use perimelt_core::world::activity::is_active;
 use perimelt_core::{Coupler, Programme, RunError, Setup, SetupError, Step, World, Write};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -5,7 +5,7 @@
 //! the source has travelled by a cell of the plate along x or y, the window moves by that cell, as far as it stays on the
 //! plate. Both bodies have a `thermal` of their own, the same material and the same `phase_change`. Heat that crosses the faces of
 //! the window, and heat that it takes along and leaves behind, is conserved to rounding
-//! ([`perimelt_core::refinement`]).
+//! ([`perimelt_core::world::refinement`]).
 //!
 //! Cells of the plate below the window take the mean of the finer points; what sources and boundaries give them
 //! is not counted. Sources and losses through surfaces therefore belong to both bodies, or to the window alone where they act
@@ -21,8 +21,8 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 use perimelt_core::material::EnthalpyCurve;
-use perimelt_core::refinement::{WindowMover, WindowPosition};
 use perimelt_core::world::BodyIndex;
+use perimelt_core::world::refinement::{WindowMover, WindowPosition};
 use perimelt_core::{Coupler, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -71,7 +71,7 @@ impl Coupler for Powder {
         for (point, (consolidated, liquid)) in points {
             let is_there = activity
                 .as_ref()
-                .is_none_or(|a| perimelt_core::activity::is_active(a[point]));
+                .is_none_or(|a| perimelt_core::world::activity::is_active(a[point]));
             if is_there && *liquid > *consolidated {
                 *consolidated = *liquid;
             }

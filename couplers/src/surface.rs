@@ -4,8 +4,8 @@ use std::cell::{Ref, RefCell, RefMut};
 use std::rc::Rc;
 
 use perimelt_core::body::SurfaceCell;
-use perimelt_core::exchange::{Exchange, FreeFaces, SurfaceDepth, SurfaceLaw};
 use perimelt_core::world::BodyIndex;
+use perimelt_core::world::exchange::{Exchange, FreeFaces, SurfaceDepth, SurfaceLaw};
 use perimelt_core::{ActivityChanges, Face, Report, Setup, SetupError, World};
 
 /// All faces, the default of boundaries that act on the whole surface.

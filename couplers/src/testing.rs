@@ -5,10 +5,10 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 use perimelt_core::body::Zone;
-use perimelt_core::exchange::Exchange;
 use perimelt_core::field::Value;
 use perimelt_core::material::Material;
 use perimelt_core::shape::{BoxShape, Shape};
+use perimelt_core::world::exchange::Exchange;
 use perimelt_core::{Body, Coupler, Key, Setup, SetupError, Step, World, keys};
 
 /// Steel that melts, expands and radiates.

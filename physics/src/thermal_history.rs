@@ -18,11 +18,11 @@
 use std::cell::OnceCell;
 
 use nalgebra::{Cholesky, SMatrix, SVector, Vector3};
-use perimelt_core::activity::is_active;
 use perimelt_core::body::Body;
 use perimelt_core::cell_list::CellList;
 use perimelt_core::material::Property;
 use perimelt_core::plugin::load_points;
+use perimelt_core::world::activity::is_active;
 use perimelt_core::{
     Description, Face, Physics, Read, RunError, Setup, SetupError, Step, Work, World, Write, keys,
 };

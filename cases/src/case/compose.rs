@@ -9,10 +9,9 @@ use super::error::{CaseError, Mistake, Mistakes};
 use super::plugins::{PluginTable, Plugins};
 use super::reader::Reader;
 use super::reword::split_help;
-use super::sections::ProbeSection;
 use super::{Case, Result};
-use crate::probe::Probe;
-use crate::run::record::REPORTS;
+use crate::log_names::REPORTS;
+use crate::probe::{Probe, ProbeSection};
 
 /// Why a composed case cannot start.
 #[derive(Debug, thiserror::Error)]

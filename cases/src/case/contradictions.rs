@@ -12,7 +12,7 @@ use super::locate::TomlValue;
 use super::plugins::PluginTable;
 use super::warnings::{numbers, value_at};
 use super::{Case, CaseError, Mistake};
-use crate::plot::unit;
+use crate::unit;
 
 /// Mach number above which a weakly compressible fluid no longer is one.
 const FASTEST: f64 = 0.3;

@@ -7,7 +7,7 @@ use perimelt_core::shape::Shape;
 
 use super::sections::BodySection;
 use super::{Case, Result};
-use crate::run::log_size::bytes;
+use crate::unit::bytes;
 
 /// Bytes of a point with the fewest fields: position, volume, cell, temperature, enthalpy, heat, and the arrays of a solver. Mechanics
 /// take several times as much.

@@ -18,6 +18,7 @@ mod initial;
 mod initial_fields;
 mod locate;
 mod memory;
+pub mod of_log;
 mod plugins;
 mod reader;
 mod reword;
@@ -27,7 +28,6 @@ mod touching;
 mod units;
 mod volumes;
 mod warnings;
-mod whole_schema;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -45,11 +45,11 @@ use toml::de::DeTable;
 pub use compose::StartError;
 pub use error::{CaseError, CaseFile, Mistake};
 pub(crate) use plugins::plugin_names;
-pub use whole_schema::{NAME as PLUGIN_NAME, whole_schema};
 
+use crate::probe::ProbeSection;
 use locate::{Places, TomlTable};
 use reader::Reader;
-use sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
+use sections::{BodySection, CaseSection, LogSection, TimeSection};
 
 /// A case file that could be read.
 #[derive(Debug)]

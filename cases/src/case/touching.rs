@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use perimelt_core::exchange::{Covered, FreeFaces};
+use perimelt_core::world::exchange::{Covered, FreeFaces};
 use perimelt_core::{Face, Simulation};
 
 use super::warnings::provides;

@@ -12,7 +12,7 @@ use toml::de::DeValue;
 use super::locate::TomlValue;
 use super::warnings::{CELSIUS, COLD, melts, numbers};
 use super::{Case, CaseError};
-use crate::plot::unit;
+use crate::unit;
 
 /// Density of solids and liquids, kg/m³.
 const DENSITY: Range<f64> = 500.0..25e3;

@@ -4,7 +4,7 @@ use perimelt_core::shape::{Difference, Shape};
 use perimelt_core::{Body, Simulation};
 
 use super::{Case, CaseError};
-use crate::plot::unit;
+use crate::unit;
 
 /// Fraction of the volume of a shape by which that of the points may differ.
 const MOST: f64 = 0.03;

@@ -15,7 +15,7 @@ use super::plugins::PluginTable;
 use super::units;
 use super::volumes;
 use super::{Case, CaseError, Mistake, Result};
-use crate::plot::unit;
+use crate::unit;
 
 /// Temperatures below this (K) are suspected to be meant in degrees Celsius.
 pub(super) const COLD: f64 = 150.0;

@@ -13,12 +13,14 @@ use super::run::Machine;
 use super::{Done, threads};
 use crate::case::Case;
 use crate::case::change::Change;
-use crate::plot::unit::{length_text, time_text};
-use crate::run::display::{duration, warn};
 use crate::run::estimate::{Estimate, estimate};
-use crate::run::log_size::{LogSize, bytes};
+use crate::run::log_size::LogSize;
 use crate::run::outcome::Outcome;
 use crate::run::{Failure, log_of};
+use crate::terminal::warn;
+use crate::unit::bytes;
+use crate::unit::duration;
+use crate::unit::{length_text, time_text};
 
 #[derive(clap::Args, Debug)]
 pub struct CheckArgs {

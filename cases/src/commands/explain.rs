@@ -10,10 +10,12 @@ use perimelt_core::{Coupler, Physics};
 use schemars::schema_for;
 use serde_json::Value;
 
+use super::schema::PLUGIN_NAME;
 use super::{Done, list, synonyms};
-use crate::case::sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
-use crate::case::{PLUGIN_NAME, schema};
+use crate::case::schema;
+use crate::case::sections::{BodySection, CaseSection, LogSection, TimeSection};
 use crate::library;
+use crate::probe::ProbeSection;
 use crate::verify::check::Check;
 
 #[derive(clap::Args, Debug)]

@@ -6,8 +6,9 @@ use std::path::PathBuf;
 use perimelt_core::log::{Ending, FieldInfo, Log};
 
 use super::{Done, threads};
-use crate::plot::unit::{length_text, time_text};
-use crate::run::{self, display::duration};
+use crate::case::of_log::early_end;
+use crate::unit::duration;
+use crate::unit::{length_text, time_text};
 
 #[derive(clap::Args, Debug)]
 pub struct InfoArgs {
@@ -121,7 +122,7 @@ pub fn run(args: &InfoArgs) -> Done {
 
 /// What to say of a log that its writer closed: whether the run reached the end of its case.
 fn closed(log: &Log) -> String {
-    match run::early_end(log) {
+    match early_end(log) {
         None => "the log is complete".into(),
         Some((time, end)) => format!(
             "the run stopped before its end, at t = {} of {}: `perimelt resume` continues it",

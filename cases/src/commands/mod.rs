@@ -8,6 +8,7 @@ mod list;
 mod new;
 mod replay;
 mod run;
+mod schema;
 mod summary;
 mod synonyms;
 mod trim;
@@ -15,17 +16,14 @@ mod version;
 
 use std::error::Error;
 use std::io::{IsTerminal, Write};
-use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use perimelt_core::log::{Ending, Log, LogError};
-
-use crate::case::{self, CaseError};
+use crate::case::CaseError;
 use crate::run::Failure;
 use crate::sweep::SweepError;
-use crate::terminal::clean;
+use crate::terminal::tell;
 use crate::{export, interrupt, plot, sweep, verify, view};
 
 /// Simulates welding and additive manufacturing with peridynamics.
@@ -151,68 +149,12 @@ fn report(error: &(dyn Error + 'static)) {
     }
 }
 
-/// Opens a log; the user is told of states that cannot be read.
-///
-/// # Errors
-/// See [`Log::open`].
-pub(crate) fn open_log(path: &Path) -> Result<Log, LogError> {
-    let log = Log::open(path)?;
-    tell_damage(&log);
-    Ok(log)
-}
-
-/// Tells of what is damaged in a log.
-pub(crate) fn tell_damage(log: &Log) {
-    let path = log.path().display();
-    let lost: usize = log.damage().iter().map(|d| d.states).sum();
-    let sound = log.bodies().map(|body| log.times(body).len()).max();
-    let all = sound.unwrap_or_default() + lost;
-    let list = format!("`perimelt info {path}` lists the damage");
-    match log.damage().len() {
-        0 => {}
-        _ if lost > 0 => tell(&format!(
-            "warning: {lost} of {all} states of {path} are damaged and left out; {list}"
-        )),
-        count if log.damage().iter().all(|d| d.part == "a chunk") => tell(&format!(
-            "warning: {count} chunks of {path} are damaged, and their rows of probes, balances or progress left out; {list}"
-        )),
-        1 => tell(&format!(
-            "warning: a part of {path} is damaged and left out; {list}"
-        )),
-        count => tell(&format!(
-            "warning: {count} parts of {path} are damaged and left out; {list}"
-        )),
-    }
-    if let Ending::Damaged { at, .. } = log.ending() {
-        tell(&format!(
-            "warning: {path} is damaged at byte {at}, and what comes after is left out; {list}"
-        ));
-    }
-}
-
-/// A finite number that is given as an argument.
-pub(crate) fn finite(text: &str) -> Result<f64, String> {
-    let number = text.trim().parse().ok().filter(|x: &f64| x.is_finite());
-    number.ok_or_else(|| "expected a finite number".into())
-}
-
-/// A positive number that is given as an argument.
-pub(crate) fn positive(text: &str) -> Result<f64, String> {
-    let number = finite(text).ok().filter(|x| *x > 0.0);
-    number.ok_or_else(|| "expected a finite number above 0".into())
-}
-
 /// A number of threads in words.
 fn threads(count: usize) -> String {
     match count {
         1 => "1 thread".into(),
         count => format!("{count} threads"),
     }
-}
-
-/// Prints a line where errors go, if anything can be written there.
-pub(crate) fn tell(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{}", clean(line));
 }
 
 /// Whether the reader of the output has closed it, as `head` does.
@@ -269,6 +211,6 @@ fn print_completions(shell: clap_complete::Shell) -> Done {
 }
 
 fn print_schema() -> Done {
-    let text = serde_json::to_string_pretty(&case::whole_schema())?;
+    let text = serde_json::to_string_pretty(&schema::whole_schema())?;
     Ok(writeln!(std::io::stdout(), "{text}")?)
 }

@@ -6,13 +6,14 @@ use std::time::{Duration, Instant};
 
 use perimelt_core::log::{Log, Series, check_unused};
 
-use super::{Done, tell, tell_damage};
+use super::Done;
 use crate::growing_log::{GrowingLog, Growth};
-use crate::moment::{sound, state_at, tell_other_times};
-use crate::plot::{
-    scalar::{check_scalars, scalar},
-    unit,
-};
+use crate::log_file::sound;
+use crate::log_file::tell_damage;
+use crate::moment::{state_at, tell_other_times};
+use crate::quantity::scalar::{check_scalars, scalar};
+use crate::terminal::tell;
+use crate::unit;
 
 /// Between two looks at a log that is being written.
 const INTERVAL: Duration = Duration::from_millis(200);

@@ -3,13 +3,15 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use super::{Done, positive};
+use super::Done;
+use crate::argument::positive;
 use crate::case::Case;
 use crate::case::change::Change;
 use crate::interrupt;
-use crate::plot::unit::time_text;
-use crate::run::display::{duration, warn};
 use crate::run::{self, End, Options, Summary};
+use crate::terminal::warn;
+use crate::unit::duration;
+use crate::unit::time_text;
 
 #[derive(clap::Args, Debug)]
 pub struct RunArgs {

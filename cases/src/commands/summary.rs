@@ -3,11 +3,14 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use super::{Done, open_log, positive, tell};
+use super::Done;
+use crate::argument::positive;
+use crate::case::of_log::early_end;
+use crate::log_file::open_log;
 use crate::melt_pool::Travel;
-use crate::plot::unit::time_text;
-use crate::run::early_end;
 use crate::summary::{SummaryOptions, print, read_off};
+use crate::terminal::tell;
+use crate::unit::time_text;
 
 #[derive(clap::Args, Debug)]
 pub struct SummaryArgs {

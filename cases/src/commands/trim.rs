@@ -8,10 +8,12 @@ use perimelt_core::log::{
     Writer,
 };
 
-use super::{Done, open_log, tell};
-use crate::export::fit_f32;
-use crate::moment::sound;
+use super::Done;
+use crate::log_file::fit_f32;
+use crate::log_file::open_log;
+use crate::log_file::sound;
 use crate::output::{Existing, Place};
+use crate::terminal::tell;
 
 #[derive(clap::Args, Debug)]
 pub struct TrimArgs {

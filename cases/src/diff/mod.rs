@@ -15,9 +15,9 @@ use std::path::PathBuf;
 
 use perimelt_core::log::{Log, LogError, LoggedCloud};
 
-use crate::chosen::suggestion;
-use crate::commands::open_log;
-use crate::moment::sound;
+use crate::argument::suggestion;
+use crate::log_file::open_log;
+use crate::log_file::sound;
 use series::compare_series;
 pub use table::print;
 

@@ -2,7 +2,7 @@
 
 use perimelt_core::log::{Column, Series};
 
-use crate::run::record::RELATIVE_ERROR;
+use crate::log_names::RELATIVE_ERROR;
 
 use super::{Comparison, add, common_times, note_times, size};
 

@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use super::{Compared, Comparison, DiffArgs, Difference};
-use crate::plot::unit::{label, number, pretty_unit};
+use crate::unit::{label, number, pretty_unit};
 
 /// Prints the differences by quantity, what only one log has, and the conclusion.
 ///

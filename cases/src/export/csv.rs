@@ -7,8 +7,8 @@ use std::{
 
 use perimelt_core::log::{LoggedCloud, Progress, Series};
 
-use super::fit_f32;
 use crate::component::{TENSOR, VECTOR};
+use crate::log_file::fit_f32;
 use crate::terminal::clean;
 
 /// Positions and fields, a line per point.

@@ -6,7 +6,7 @@
 use perimelt_core::log::BodyInfo;
 
 use crate::cell_grid::CellGrid;
-use crate::run::record::SPACING;
+use crate::log_names::SPACING;
 use perimelt_core::log::LoggedCloud;
 
 /// Cells of VTK.

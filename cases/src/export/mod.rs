@@ -28,13 +28,14 @@ use std::{
 
 use perimelt_core::log::{BodyInfo, Log, LogError};
 
-use crate::chosen::{self, UnknownBody, suggestion};
-use crate::commands::{open_log, tell};
+use crate::argument::{self, UnknownBody, suggestion};
 use crate::file_names::FileNames;
-use crate::moment::{MomentError, sound, states_at, tell_other_times};
+use crate::log_file::sound;
+use crate::moment::{MomentError, states_at, tell_other_times};
 use crate::output::write_whole;
-use crate::plot::survey::Reference;
-use crate::plot::{beside, create_folder};
+use crate::output::{beside, create_folder};
+use crate::quantity::survey::Reference;
+use crate::{log_file::open_log, terminal::tell};
 use mesh::Mesh;
 
 /// What to export.
@@ -130,7 +131,7 @@ pub struct Exported {
 /// The log cannot be read, has no such body, field or time, or a file cannot be written.
 pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
     let log = open_log(&args.log)?;
-    let bodies = chosen::bodies(&log, &args.body)?;
+    let bodies = argument::bodies(&log, &args.body)?;
     check_fields(&log, &bodies, &args.field)?;
     let out = args
         .out
@@ -316,11 +317,4 @@ impl Folder {
         self.written.push(path);
         Ok(name)
     }
-}
-
-/// Whether four bytes hold these numbers exactly, as they do if they were logged so.
-pub(crate) fn fit_f32(values: &[f64]) -> bool {
-    values
-        .iter()
-        .all(|&value| value.is_nan() || f64::from(value as f32) == value)
 }

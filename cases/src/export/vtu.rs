@@ -7,7 +7,8 @@ use std::io::{self, Write};
 
 use perimelt_core::log::LoggedCloud;
 
-use super::{fit_f32, mesh::Mesh};
+use super::mesh::Mesh;
+use crate::log_file::fit_f32;
 
 /// An array of the file.
 struct Array<'a> {

@@ -4,7 +4,7 @@ use perimelt_core::log::Log;
 use perimelt_core::{Axis, Simulation};
 
 use super::Travel;
-use crate::run::record::REPORTS;
+use crate::log_names::REPORTS;
 
 /// Cosine of the angle between two directions that count as parallel.
 const PARALLEL: f64 = 0.999;

@@ -21,7 +21,7 @@
 //!
 //! Where there are several pools, it is the one around the hottest point; the volume is that of all.
 
-use perimelt_core::activity::is_active;
+use perimelt_core::world::activity::is_active;
 use perimelt_core::{Body, Face, SetupError, World};
 
 use crate::cell_grid::CellGrid;

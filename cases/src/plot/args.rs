@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use crate::commands::finite;
+use crate::argument::finite;
 use crate::melt_pool::Travel;
 
 /// What to plot.

@@ -125,7 +125,7 @@ impl ChartAxis {
         let large = self.from.abs().max(self.to.abs());
         let text = |number: f64| {
             if large >= 1e6 || decimals > 5 {
-                super::unit::signed_number(number, 4)
+                crate::unit::signed_number(number, 4)
             } else {
                 format!("{number:.decimals$}").replace('-', "−")
             }

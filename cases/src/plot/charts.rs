@@ -5,14 +5,14 @@ use perimelt_core::log::{BodyInfo, LoggedCloud, Series};
 use super::{
     colour::LINES,
     curves::{Chart, Panel},
-    isotherm::Isotherm,
-    scalar::Scalar,
-    survey::Survey,
-    unit::{self, Shown},
 };
+use crate::log_names::BALANCE_LIMIT;
+use crate::log_names::RELATIVE_ERROR;
 use crate::melt_pool::MeltPool;
-use crate::run::record::RELATIVE_ERROR;
-use crate::verify::audit::LIMIT;
+use crate::quantity::isotherm::Isotherm;
+use crate::quantity::scalar::Scalar;
+use crate::quantity::survey::Survey;
+use crate::unit::{self, Shown};
 
 /// Errors of the balances relative to what was stored or supplied, over time, with the limit that `perimelt verify` sets.
 pub(super) fn balance_chart(balance: &Series) -> Chart {
@@ -39,7 +39,7 @@ pub(super) fn balance_chart(balance: &Series) -> Chart {
         },
         logarithmic: true,
         lines: lines.to_vec(),
-        limit: Some(("limit".into(), LIMIT)),
+        limit: Some(("limit".into(), BALANCE_LIMIT)),
         ..Panel::default()
     };
     Chart {

@@ -7,8 +7,8 @@ use super::{
     colour::{GREY, LINES},
     heading::{ROW, draw_heading, draw_rows, heading_height, rows},
     picture::{Anchor, Picture},
-    unit::{self, Shown},
 };
+use crate::unit::{self, Shown};
 
 const LEFT: f64 = 125.0;
 const RIGHT: f64 = 30.0;

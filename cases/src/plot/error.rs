@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use perimelt_core::log::LogError;
 
 use super::args::PictureKind;
-use super::scalar::ScalarError;
-use crate::chosen::UnknownBody;
+use crate::argument::UnknownBody;
 use crate::moment::MomentError;
+use crate::quantity::scalar::ScalarError;
 
 /// Why pictures could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -38,7 +38,7 @@ pub enum PlotError {
     /// A section beside a body.
     #[error(
         "`--section {axis}={at}` does not cut body `{body}`, which extends from {axis} = {} to {} m",
-        crate::plot::unit::number(extent[0], 6), crate::plot::unit::number(extent[1], 6)
+        crate::unit::number(extent[0], 6), crate::unit::number(extent[1], 6)
     )]
     SectionOutside {
         /// name of the axis

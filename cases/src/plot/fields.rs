@@ -8,16 +8,15 @@ use super::{
     axes::ChartAxis,
     charts::line_chart,
     curves::Chart,
-    grid_of,
-    isotherm::{Isotherm, of_highest_temperatures},
     picture::Picture,
-    scalar::{Scalar, scalar},
     scale::ColourScale,
     section,
     snapshot::Snapshot,
-    survey::{Hottest, Reference, Survey},
-    unit::{self, Shown},
 };
+use crate::quantity::isotherm::{Isotherm, of_highest_temperatures};
+use crate::quantity::scalar::{Scalar, scalar};
+use crate::quantity::survey::{Hottest, Reference, Survey, grid_of};
+use crate::unit::{self, Shown};
 
 /// The field whose isotherms are the macrograph of a weld.
 pub(super) const HIGHEST_TEMPERATURES: &str = "peak_temperature";

@@ -14,14 +14,14 @@ use super::{
     colour::ColourMap,
     deformation,
     fields::{Drawn, FieldPlot},
-    isotherm,
     palette::Palette,
-    scalar::scalar,
     scale::ColourScale,
-    survey::survey,
 };
-use crate::moment::sound;
+use crate::log_file::sound;
 use crate::output::WholeFile;
+use crate::quantity::isotherm;
+use crate::quantity::scalar::scalar;
+use crate::quantity::survey::survey;
 
 /// File format of a film, by the end of its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

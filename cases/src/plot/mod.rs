@@ -25,43 +25,36 @@ mod film;
 #[cfg(test)]
 pub(crate) mod fixture;
 mod heading;
-pub(crate) mod isotherm;
 mod layout;
 mod palette;
 mod picture;
-pub(crate) mod scalar;
 mod scale;
 mod section;
 mod smooth;
 mod snapshot;
-pub(crate) mod survey;
-pub(crate) mod unit;
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::path::PathBuf;
 
-use crate::run::record::SPACING;
 use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud, Series};
 
-use crate::case::sections::ProbeKind;
-use crate::cell_grid::CellGrid;
-use crate::chosen;
-use crate::commands::open_log;
+use crate::argument;
+use crate::case::of_log::case_of;
 use crate::file_names::FileNames;
+use crate::log_file::open_log;
 use crate::moment::{states_at, tell_other_times};
+use crate::output::{beside, create_folder};
+use crate::probe::ProbeKind;
 use crate::probe::is_line;
-use crate::run::case_of;
+use crate::quantity::isotherm::{self, Isotherm};
+use crate::quantity::scalar::{check_scalars, scalar};
+use crate::quantity::survey::{Survey, survey};
+use crate::unit;
 pub use args::{Cut, PictureFormat, PictureKind, PlotArgs, ValueRange};
 use charts::{balance_chart, line_probe_chart, melt_pool_chart};
 use curves::Chart;
 pub use error::PlotError;
 use fields::Drawn;
-use isotherm::Isotherm;
 use picture::Picture;
-use scalar::{check_scalars, scalar};
-use survey::{Survey, survey};
 
 /// A file with a picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -102,7 +95,7 @@ fn layout_width(args: &PlotArgs) -> Result<u32, PlotError> {
 pub fn plot(args: &PlotArgs) -> Result<Vec<Plotted>, PlotError> {
     let layout_width = layout_width(args)?;
     let log = open_log(&args.log)?;
-    let bodies = chosen::bodies(&log, &args.body)?;
+    let bodies = argument::bodies(&log, &args.body)?;
     let out = args
         .out
         .clone()
@@ -150,23 +143,6 @@ pub fn plot(args: &PlotArgs) -> Result<Vec<Plotted>, PlotError> {
         });
     }
     Ok(plotter.written)
-}
-
-/// Creates a folder for files, unless it exists.
-///
-/// # Errors
-/// A file of that name, or what the operating system says.
-pub(crate) fn create_folder(path: &Path) -> std::io::Result<()> {
-    match path.is_file() {
-        true => Err(std::io::Error::other("this is a file, expected a folder")),
-        false => fs::create_dir_all(path),
-    }
-}
-
-/// `run.mcap` with `-plots`: `run-plots`, in the same folder.
-pub(crate) fn beside(log: &Path, suffix: &str) -> PathBuf {
-    let stem = log.file_stem().unwrap_or_default().to_string_lossy();
-    log.with_file_name(format!("{stem}{suffix}"))
 }
 
 struct Plotter<'a> {
@@ -332,19 +308,6 @@ impl Plotter<'_> {
         let unchanged = !picture.write(&path, self.args.format)?;
         self.written.push(Plotted { path, unchanged });
         Ok(())
-    }
-}
-
-/// The grid of a body's points, by the spacings that a cloud has logged with them.
-pub(crate) fn grid_of(
-    body: &BodyInfo,
-    cloud: &LoggedCloud,
-    positions: &[[f64; 3]],
-) -> Option<CellGrid> {
-    let spacing = cloud.fields.iter().find(|f| f.name == SPACING);
-    match spacing {
-        Some(spacing) => CellGrid::of_spacings(positions, &spacing.values),
-        None => CellGrid::new(positions, body.spacing),
     }
 }
 

@@ -96,14 +96,14 @@ fn section(grid: &CellGrid, values: &[f64], cut: Cut, letter: char) -> Result<Vi
     }
     let row = (((at - first) / grid.spacing).max(0.0) as usize).min(grid.cells[axis] - 1);
     let centre = grid.centre(axis, row);
-    let unit = super::unit::length((last - first).max(centre.abs()));
+    let unit = crate::unit::length((last - first).max(centre.abs()));
     let axes = [[1, 2], [0, 2], [0, 1]][axis];
     Ok(View {
         axes,
         caption: format!(
             "section {letter}, {} = {} {}",
             AXES[axis],
-            super::unit::signed_number(centre * unit.factor, 4),
+            crate::unit::signed_number(centre * unit.factor, 4),
             unit.unit
         ),
         cut: Some((Cut { axis, at: centre }, letter)),

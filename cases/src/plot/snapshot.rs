@@ -6,13 +6,13 @@ use super::{
     colour::{BLACK, Colour, GREY, ISOTHERMS, WHITE},
     contour::{contour, joined},
     heading::{ROW, draw_heading, draw_rows, heading_height, row_width, rows},
-    isotherm::Isotherm,
     layout::{Panel, panels},
     picture::{Anchor, Picture},
     scale::ColourScale,
     section::View,
-    unit::{self, Shown},
 };
+use crate::quantity::isotherm::Isotherm;
+use crate::unit::{self, Shown};
 
 pub(super) const LEFT: f64 = 125.0;
 pub(super) const RIGHT: f64 = 165.0;

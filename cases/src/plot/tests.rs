@@ -1,5 +1,8 @@
 use perimelt_core::log::{RunInfo, Writer};
 
+use std::fs;
+use std::path::Path;
+
 use super::*;
 use crate::melt_pool::Travel;
 

@@ -8,8 +8,8 @@ use perimelt_core::Simulation;
 
 use super::outcome::hottest;
 
-use crate::commands::tell;
-use crate::plot::unit;
+use crate::terminal::tell;
+use crate::unit::{self, duration};
 
 /// Shows the progress of a run.
 pub struct Display {
@@ -82,22 +82,5 @@ impl Display {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-    }
-}
-
-/// Prints warnings where errors go.
-pub fn warn(warnings: &[String]) {
-    for sentence in warnings {
-        tell(&format!("warning: {sentence}"));
-    }
-}
-
-/// A wall time in its two largest units.
-pub fn duration(seconds: f64) -> String {
-    match seconds {
-        s if s < 10.0 => format!("{s:.1} s"),
-        s if s < 90.0 => format!("{s:.0} s"),
-        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
-        s => format!("{:.1} h", s / 3600.0),
     }
 }

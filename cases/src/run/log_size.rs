@@ -9,6 +9,7 @@ use perimelt_core::log::Precision;
 use super::Failure;
 use super::record::logged_fields;
 use crate::case::Case;
+use crate::unit::bytes;
 
 /// Sizes before compression, in bytes: those of the log are smaller.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,15 +83,6 @@ impl LogSize {
                 bytes(free as f64)
             )
         })
-    }
-}
-
-/// A size in bytes with its unit.
-pub fn bytes(count: f64) -> String {
-    match count {
-        b if b < 1e6 => format!("{:.1} kB", b / 1e3),
-        b if b < 1e9 => format!("{:.1} MB", b / 1e6),
-        b => format!("{:.2} GB", b / 1e9),
     }
 }
 

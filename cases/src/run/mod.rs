@@ -18,10 +18,12 @@ use std::time::Instant;
 use perimelt_core::log::{Log, LogError, Writer};
 use perimelt_core::{RunError, Simulation};
 
-use crate::case::{Case, CaseError, SECTIONS, StartError, plugin_names};
-use crate::commands::open_log;
+use crate::case::of_log::case_of;
+use crate::case::{Case, CaseError, SECTIONS, StartError};
 use crate::interrupt;
+use crate::log_file::open_log;
 use crate::output::{Existing, Place, PlaceError, Placed};
+use crate::terminal::warn;
 use display::Display;
 use log_size::LogSize;
 use outcome::Outcome;
@@ -182,7 +184,7 @@ pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
     if !options.quiet {
         let mut warnings = case.warnings(&simulation)?;
         warnings.extend(LogSize::new(case, &simulation)?.warning(&options.out));
-        display::warn(&warnings);
+        warn(&warnings);
     }
     let mut part = place.begin()?;
     let info = record::run_info(case, &simulation);
@@ -220,7 +222,7 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
         // the checkpoint is compared with it
         (Some(case), None) => case,
         (None, Some(logged)) => {
-            display::warn(changed_file(&log).as_slice());
+            warn(changed_file(&log).as_slice());
             logged
         }
         (None, None) => return Err(Failure::DamagedCase { path: path.into() }),
@@ -228,7 +230,7 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
     let newest = log.last_checkpoint()?;
     let (last, state) = log.last_sound_checkpoint()?;
     if last < newest {
-        display::warn(&[format!(
+        warn(&[format!(
             "the checkpoint at {} s is damaged; the run goes on from the one at {} s",
             log.checkpoints()[newest].time,
             log.checkpoints()[last].time
@@ -257,7 +259,7 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
     let mut simulation = case.compose()?;
     simulation.load(&state)?;
     if !options.quiet {
-        display::warn(
+        warn(
             LogSize::new(case, &simulation)?
                 .warning(&options.out)
                 .as_slice(),
@@ -280,50 +282,6 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
     let placed = part.put_in_place()?;
     recorder.placed();
     go_on(simulation, recorder, &placed, options)
-}
-
-/// The case of a log, as it was run.
-///
-/// # Errors
-/// A mistake in it, for example because a plugin is missing in this program.
-pub fn case_of(log: &Log) -> Result<Case, CaseError> {
-    let folder = Path::new(&log.run().case_folder);
-    let case = Case::parse(log.case_name(), log.case_text().to_string(), folder);
-    // it has run on a machine
-    let case = case.map(|mut case| {
-        case.memory = None;
-        case
-    });
-    case.map_err(|mistake| match missing_plugins(log) {
-        missing if missing.is_empty() => mistake,
-        missing => mistake.help(format!(
-            "the log was written by a program with other plugins; missing here: {}",
-            missing.join(", ")
-        )),
-    })
-}
-
-/// Types of plugins of a run that this program does not have.
-fn missing_plugins(log: &Log) -> Vec<String> {
-    let mut missing = Vec::new();
-    for section in ["physics", "couplers"] {
-        let known = plugin_names(section);
-        let plugins = log.run().plugins[section].as_array().into_iter().flatten();
-        let types = plugins.filter_map(|p| p["type"].as_str());
-        missing.extend(types.filter(|t| !known.contains(t)).map(String::from));
-    }
-    missing
-}
-
-/// Last time of the run of a log and end of its case (s) where the run did not get there: it was interrupted, stopped or
-/// failed, or is still running. `None` of a case that this program cannot read.
-pub fn early_end(log: &Log) -> Option<(f64, f64)> {
-    let end = case_of(log).ok()?.time.end;
-    let last = log.progress().last().map(|p| p.time);
-    let saved = log.checkpoints().last().map(|c| c.time);
-    let time = last.into_iter().chain(saved).reduce(f64::max);
-    let time = time.unwrap_or_default();
-    (time < end).then_some((time, end))
 }
 
 /// The case, if it describes the same process as the logged one.

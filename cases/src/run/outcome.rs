@@ -2,8 +2,8 @@
 
 use perimelt_core::Simulation;
 
-use crate::plot::unit;
 use crate::tables;
+use crate::unit;
 
 /// Share of the energy that may miss the body without a warning.
 const LOST: f64 = 0.05;

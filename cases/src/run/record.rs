@@ -5,28 +5,20 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-use perimelt_core::activity::is_active;
 use perimelt_core::field::{FieldIndex, keys};
 use perimelt_core::log::{
     BodyInfo, CloudView, Column, FieldInfo, FieldView, LatticeInfo, Precision, Progress, RunInfo,
     Series, Writer,
 };
 use perimelt_core::simulation::Progress as Counters;
+use perimelt_core::world::activity::is_active;
 use perimelt_core::{Body, Simulation, World};
 
 use super::{Failure, inputs};
 use crate::case::Case;
+use crate::log_names::{RELATIVE_ERROR, REPORTS, SPACING};
 use crate::melt_pool::sources_of;
 use crate::probe::Probe;
-
-/// Name of the time series of the reports of couplers, such as the power of a source.
-pub const REPORTS: &str = "reports";
-
-/// End of the names of columns of the balance with the error over the size of the quantity.
-pub const RELATIVE_ERROR: &str = ".relative_error";
-
-/// Field of the spacings of points, logged for clouds because pictures need it.
-pub const SPACING: &str = "spacing";
 
 /// Fields that are logged only if the case lists them, because others contain the same information; clouds consist of
 /// active points.

@@ -9,7 +9,7 @@ use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
 
 use super::ReadOff;
 use crate::melt_pool::{Directions, LoggedSources, Travel};
-use crate::plot::survey::Reference;
+use crate::quantity::survey::Reference;
 
 /// Parts of the extents on each side of a weld that are left out, because they deform.
 const STRIP: f64 = 0.3;

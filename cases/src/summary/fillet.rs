@@ -11,7 +11,7 @@ use perimelt_core::text;
 
 use super::{ReadOff, median};
 use crate::melt_pool::LoggedSources;
-use crate::plot::survey::Reference;
+use crate::quantity::survey::Reference;
 
 /// Fewest sections along a weld.
 const FEWEST: usize = 3;

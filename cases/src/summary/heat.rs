@@ -4,10 +4,11 @@ use perimelt_core::log::{Log, LogError, Series};
 use perimelt_core::material::Material;
 use serde_json::Value;
 
-use super::{ReadOff, plugins_of};
-use crate::plot::scalar::scalar;
-use crate::run::case_of;
-use crate::run::record::REPORTS;
+use super::ReadOff;
+use crate::case::of_log::case_of;
+use crate::log_file::plugins_of;
+use crate::log_names::REPORTS;
+use crate::quantity::scalar::scalar;
 
 /// Energies of the heat sources, and energy per length of their paths.
 pub(super) fn sources(log: &Log, found: &mut Vec<ReadOff>) -> Result<(), LogError> {

@@ -2,9 +2,10 @@
 
 use perimelt_core::log::{BodyInfo, Log, LoggedCloud};
 
-use super::{OUTSIDE, ReadOff, largest, median, plugins_of};
-use crate::plot::scalar::scalar;
-use crate::plot::unit;
+use super::{OUTSIDE, ReadOff, largest, median};
+use crate::log_file::plugins_of;
+use crate::quantity::scalar::scalar;
+use crate::unit;
 
 /// Reads off times and solidification.
 pub(super) fn history(

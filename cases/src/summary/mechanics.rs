@@ -2,11 +2,12 @@
 
 use perimelt_core::log::{BodyInfo, Log, LogError};
 
-use super::{ReadOff, largest, plugins_of};
-use crate::case::sections::ProbeKind;
+use super::{ReadOff, largest};
+use crate::case::of_log::case_of;
+use crate::log_file::plugins_of;
+use crate::log_names::REPORTS;
+use crate::probe::ProbeKind;
 use crate::probe::is_line;
-use crate::run::case_of;
-use crate::run::record::REPORTS;
 
 /// Largest displacement in the last logged state before each time at which clamps are released or material is cut off.
 pub(super) fn before_release(

@@ -5,14 +5,14 @@ use std::io::Write;
 
 use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
 
+use crate::case::of_log::case_of;
+use crate::log_names::RELATIVE_ERROR;
 use crate::melt_pool::{LoggedSources, MeltPool, SourceState, Travel, steady};
-use crate::plot::isotherm::isotherms;
-use crate::plot::scalar::scalar;
-use crate::plot::survey::{Survey, survey};
-use crate::plot::unit;
-use crate::run::case_of;
-use crate::run::record::RELATIVE_ERROR;
+use crate::quantity::isotherm::isotherms;
+use crate::quantity::scalar::scalar;
+use crate::quantity::survey::{Survey, survey};
 use crate::tables;
+use crate::unit;
 
 mod distortion;
 mod fillet;
@@ -186,21 +186,6 @@ pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, Log
     passes::heat_input(log, &passes, &mut found);
     found.extend(errors(log));
     Ok(found)
-}
-
-/// The plugins of a type as the run had them, of those that act on a body.
-pub(crate) fn plugins_of<'a>(
-    log: &'a Log,
-    section: &str,
-    kind: &'a str,
-    body: &'a str,
-) -> impl Iterator<Item = &'a serde_json::Value> {
-    let plugins = log.run().plugins[section].as_array().into_iter().flatten();
-    plugins.filter(move |plugin| {
-        // without a name, it acts on the only body
-        let is_of_body = plugin["body"].as_str().is_none_or(|name| name == body);
-        plugin["type"] == kind && is_of_body
-    })
 }
 
 /// Largest finite value of a field in a state, and where (m, in the present configuration).

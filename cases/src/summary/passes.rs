@@ -5,11 +5,11 @@
 
 use perimelt_core::log::{BodyInfo, Log, LogError, Series};
 
-use super::{ReadOff, SIZES, median, plugins_of};
-use crate::moment::sound;
-use crate::plot::scalar::scalar;
-use crate::plot::survey::{Reference, Survey};
-use crate::run::record::REPORTS;
+use super::{ReadOff, SIZES, median};
+use crate::log_file::{plugins_of, sound};
+use crate::log_names::REPORTS;
+use crate::quantity::scalar::scalar;
+use crate::quantity::survey::{Reference, Survey};
 
 /// Fewest logged states with power of each pass.
 const FEWEST_STATES: usize = 3;
@@ -373,7 +373,7 @@ fn collect(cooled: &mut [Option<(usize, f64)>], found: &mut [Vec<f64>]) {
 
 #[cfg(test)]
 mod tests {
-    use crate::run::record::REPORTS;
+    use crate::log_names::REPORTS;
     use crate::summary::testing::{Field, Plate, Row, number, positions};
     use crate::summary::{ReadOff, SummaryOptions, read_off};
     use serde_json::json;

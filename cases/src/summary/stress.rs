@@ -3,10 +3,11 @@
 use perimelt_core::log::{BodyInfo, Log, LoggedCloud};
 use perimelt_core::material::Material;
 
-use super::{ReadOff, plugins_of};
-use crate::plot::scalar::scalar;
-use crate::plot::unit;
-use crate::run::case_of;
+use super::ReadOff;
+use crate::case::of_log::case_of;
+use crate::log_file::plugins_of;
+use crate::quantity::scalar::scalar;
+use crate::unit;
 
 /// Largest hydrostatic stress over the yield stress that metal bears: that of a notch with a fully plastic ligament (Prandtl's
 /// field, 1 + pi/2 in tension of plane strain) is 2.4 to 3.

@@ -4,9 +4,9 @@ use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
 
 use super::{ReadOff, SummaryOptions};
 use crate::melt_pool::{Aim, LoggedSources, Root, Zone};
-use crate::plot::isotherm::ac1;
-use crate::plot::scalar::scalar;
-use crate::plot::survey::Reference;
+use crate::quantity::isotherm::ac1;
+use crate::quantity::scalar::scalar;
+use crate::quantity::survey::Reference;
 
 /// Reads off both zones. The isotherm (K) is that of the fusion zone.
 pub(super) fn zones(
@@ -134,7 +134,7 @@ fn border(log: &Log, body: &BodyInfo, asked: Option<f64>) -> Option<(f64, &'stat
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::record::REPORTS;
+    use crate::log_names::REPORTS;
     use crate::summary::testing::{Field, Plate, SPACING, number, positions};
     use crate::summary::{print, read_off};
     use perimelt_core::Face;

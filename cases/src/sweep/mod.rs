@@ -12,14 +12,14 @@ use std::time::{Duration, Instant};
 
 use perimelt_core::log::Log;
 
+use crate::case::of_log::early_end;
 use crate::case::{Case, CaseError};
-use crate::commands::tell;
 use crate::melt_pool::Travel;
-use crate::output::{Place, write_whole};
-use crate::plot::{PictureFormat, PlotError, create_folder};
-use crate::run::display::duration;
-use crate::run::early_end;
+use crate::output::{Place, create_folder, write_whole};
+use crate::plot::{PictureFormat, PlotError};
 use crate::summary::{SummaryOptions, read_off};
+use crate::terminal::tell;
+use crate::unit::duration;
 use picture::{Choice, Comparison};
 use table::{Outcome, Table};
 use variants::{Variant, variants};

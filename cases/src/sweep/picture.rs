@@ -5,7 +5,7 @@ use perimelt_core::Formula;
 use super::SweepError;
 use super::table::{Row, Table};
 use crate::plot::curves::{Chart, Panel};
-use crate::plot::unit::Shown;
+use crate::unit::Shown;
 
 /// A formula with which a number read off is compared, from `quantity=formula`.
 #[derive(Clone, Debug)]

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use super::variants::Variant;
 use crate::output::write_whole;
-use crate::plot::unit;
 use crate::summary::ReadOff;
+use crate::unit;
 
 /// Most runs whose numbers are printed side by side.
 const MOST_COLUMNS: usize = 8;

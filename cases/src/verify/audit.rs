@@ -7,11 +7,8 @@ use std::collections::BTreeMap;
 use perimelt_core::Simulation;
 
 use super::table::Outcome;
+use crate::log_names::BALANCE_LIMIT;
 use crate::probe::largest;
-
-/// Largest error of a balance over its size. Rounding of sums over points and steps stays below 1e-14 in all cases of
-/// the level everyday; what a scheme loses is larger.
-pub const LIMIT: f64 = 1e-10;
 
 /// Times at which balances are audited in a run: a sum over all points costs less than a step.
 const AUDITS: f64 = 100.0;
@@ -51,7 +48,7 @@ impl Audit {
         let balances = self.worst.iter().filter(|((_, q), _)| !is_checked(q));
         let balances = balances.map(|((label, quantity), worst)| {
             let name = format!("audit of {quantity}, {label}");
-            Outcome::audit(case, name, *worst, LIMIT)
+            Outcome::audit(case, name, *worst, BALANCE_LIMIT)
         });
         let passes = self.unconverged.map(|steps| {
             let name = "audit of passes: steps without convergence".to_string();

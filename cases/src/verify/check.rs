@@ -14,8 +14,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::limit::Limit;
-use crate::case::sections::{Components, Statistic};
-use crate::interpolation::Interpolation;
+use crate::case::sections::Components;
+use crate::probe::Statistic;
+use crate::probe::interpolation::Interpolation;
 
 /// A measurement, its reference and the limit of their difference.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -10,8 +10,9 @@ use super::results::{Recorded, Results, Session, file_error};
 use super::table::{HEADINGS, Outcome};
 use crate::case::Case;
 use crate::file_names::file_name;
+use crate::plot::PictureFormat;
 use crate::plot::curves::{Chart, Panel};
-use crate::plot::{PictureFormat, unit};
+use crate::unit;
 
 const STYLE: &str = include_str!("html.css");
 /// Folder of the plots, beside the page.

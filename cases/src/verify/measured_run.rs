@@ -13,9 +13,10 @@ use super::measurement::Measurement;
 use super::table::Outcome;
 use super::{Planned, VerifyError};
 use crate::case::Case;
-use crate::commands::tell;
 use crate::run::Failure;
-use crate::run::display::{Display, duration};
+use crate::run::display::Display;
+use crate::terminal::tell;
+use crate::unit::duration;
 
 /// What a run gave.
 pub(super) struct MeasuredRun {

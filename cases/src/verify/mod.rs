@@ -31,7 +31,7 @@ use perimelt_core::error::nearest;
 
 use crate::case::sections::Components;
 use crate::case::{Case, CaseError};
-use crate::run::display::duration;
+use crate::unit::duration;
 use check::{Check, Level};
 use measured_run::{MeasuredRun, run_side_by_side};
 use results::{Results, Session};

@@ -8,8 +8,8 @@ use super::store::{Store, fingerprint, range_of};
 use super::{describe, page};
 use crate::component::{TENSOR, VECTOR};
 use crate::melt_pool::Travel;
-use crate::plot::scalar::scalar;
-use crate::plot::unit::{pretty_name, pretty_unit};
+use crate::quantity::scalar::scalar;
+use crate::unit::{pretty_name, pretty_unit};
 
 /// Sent with every answer: the page loads nothing but its own files, and no other site gets an answer.
 const ALWAYS: [(&str, &str); 5] = [

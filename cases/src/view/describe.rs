@@ -4,14 +4,14 @@ use perimelt_core::log::{BodyInfo, Ending, Log, LogError, Series};
 use serde_json::{Value, json};
 
 use super::store::{Pools, Store};
+use crate::case::of_log::{case_of, early_end};
 use crate::component::Number;
+use crate::log_names::{REPORTS, SPACING};
 use crate::melt_pool::{LoggedSources, MeltPool, SourceState, Travel};
 use crate::plot::colour::{ColourMap, LINES};
-use crate::plot::isotherm::Isotherm;
-use crate::plot::unit::{RULES, pretty_name, pretty_unit};
-use crate::run::display::duration;
-use crate::run::record::{REPORTS, SPACING};
-use crate::run::{case_of, early_end};
+use crate::quantity::isotherm::Isotherm;
+use crate::unit::duration;
+use crate::unit::{RULES, pretty_name, pretty_unit};
 
 /// `/run.json`.
 ///

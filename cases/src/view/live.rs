@@ -16,7 +16,7 @@ use foxglove::{SinkId, WebSocketServerHandle};
 use perimelt_core::log::{Channel, Follow, Log, LogError, RawMessage};
 
 use super::{ViewError, gate};
-use crate::commands::tell;
+use crate::terminal::tell;
 
 /// Time between two looks at the file.
 const INTERVAL: Duration = Duration::from_millis(100);

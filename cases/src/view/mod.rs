@@ -42,8 +42,8 @@ use std::path::{Path, PathBuf};
 
 use perimelt_core::log::LogError;
 
-use crate::commands::tell;
 use crate::melt_pool::Travel;
+use crate::terminal::tell;
 use answer::Answer;
 use store::Store;
 

@@ -11,9 +11,9 @@ use perimelt_core::log::{BodyInfo, CloudField, Log, LogError, LoggedCloud};
 
 use crate::growing_log::{GrowingLog, Growth};
 use crate::melt_pool::{Aim, LoggedSources, MeltPool, Travel};
-use crate::plot::isotherm::{Isotherm, isotherms};
-use crate::plot::scalar::scalar;
-use crate::plot::survey::Reference;
+use crate::quantity::isotherm::{Isotherm, isotherms};
+use crate::quantity::scalar::scalar;
+use crate::quantity::survey::Reference;
 
 /// Numbers in the clouds that are kept in memory, 8 bytes each; the newest cloud is kept whatever its size.
 const KEPT: usize = 1 << 26;

@@ -5,7 +5,9 @@
 //! ([`Body::jittered`]), or read from a table ([`Body::from_table`]).
 
 mod cloud;
+mod cut;
 mod face;
+mod horizon;
 mod interpolate;
 mod lattice;
 mod outline;
@@ -14,7 +16,9 @@ mod zones;
 
 pub(crate) use cloud::spatial_order;
 pub use cloud::{Cloud, Jitter};
+pub use cut::Cut;
 pub use face::{Face, SurfaceCell};
+pub use horizon::{Horizon, HorizonError};
 pub use interpolate::weights_among;
 pub use lattice::{Lattice, NO_POINT};
 pub use table::{POINT_COLUMNS, PointTableError};
@@ -25,7 +29,6 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 
 use crate::axis::Axis;
-use crate::family::{Cut, Horizon};
 use crate::material::Material;
 use crate::shape::{Bounds, Shape};
 use crate::text::{number, position};

@@ -234,8 +234,9 @@ fn free_points(body: &Body, spec: &FamilySpec) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::body::Horizon;
+    use crate::family::Correction;
     use crate::family::balance_tests::{plate, spec};
-    use crate::family::{Correction, Horizon};
 
     /// The right side alone is bare. Surface cells are reached by their own horizon and by that of the other point.
     #[test]

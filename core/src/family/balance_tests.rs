@@ -3,10 +3,9 @@
 use nalgebra::Vector3;
 
 use super::{
-    Bond, BondKernel, ByRules, Correction, Family, FamilyError, FamilySpec, Horizon, LayerRule,
-    SlotField,
+    Bond, BondKernel, ByRules, Correction, Family, FamilyError, FamilySpec, LayerRule, SlotField,
 };
-use crate::body::{Body, Face, Jitter, Zone};
+use crate::body::{Body, Face, Horizon, Jitter, Zone};
 use crate::shape::{BoxShape, Shape};
 
 /// Conduction with a conductivity of one.
@@ -187,7 +186,7 @@ fn balanced_bonds_are_pairs_and_bare_surfaces_stay_as_they_are() {
 fn cuts_remove_balanced_bonds_and_no_others_change() {
     let whole = plate([(0.05, 1.0), (0.1, 1.0)], 0.1);
     let mut cut = whole.clone();
-    cut.cuts = super::Cut::segment([0.5, 0.5], [1.5, 0.5])
+    cut.cuts = crate::body::Cut::segment([0.5, 0.5], [1.5, 0.5])
         .into_iter()
         .collect();
     let spec = spec(Correction::Balanced, &SIDES);

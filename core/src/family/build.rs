@@ -6,7 +6,8 @@ use crate::body::{Body, Discretisation, Face, Lattice, Store};
 
 use super::blocks::{self, BLOCK};
 use super::lattice::{LatticeBonds, Member};
-use super::{Bond, Chunk, Cut, Family, FamilyError, FamilySpec, Rows, Span};
+use super::{Bond, Chunk, Family, FamilyError, FamilySpec, Rows, Span};
+use crate::body::Cut;
 
 /// Points per chunk: small enough to balance two to many cores, large enough to amortise.
 const CHUNK_POINTS: u32 = 4096;

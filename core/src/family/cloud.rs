@@ -19,7 +19,8 @@ use super::calibration::{Calibration, factor_along};
 use super::images::Images;
 use super::kernel::ROW_LANES;
 use super::lattice::stencil;
-use super::{Bond, Correction, Cut, Family, FamilyError, FamilySpec, Order, Rows, Span, TIE};
+use super::{Bond, Correction, Family, FamilyError, FamilySpec, Order, Rows, Span, TIE};
+use crate::body::Cut;
 
 /// Bonds of a point beyond which a horizon is taken for a mistake.
 const MOST_BONDS: usize = 65_535;

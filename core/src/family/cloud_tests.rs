@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 
 use super::{
-    Bond, BondKernel, ByRules, Correction, Cut, Family, FamilyError, FamilySpec, Horizon,
-    Influence, LayerRule, Mirrored, PartialVolume, SlotField,
+    Bond, BondKernel, ByRules, Correction, Family, FamilyError, FamilySpec, Influence, LayerRule,
+    Mirrored, PartialVolume, SlotField,
 };
-use crate::body::{Body, Face, Jitter, Zone};
+use crate::body::{Body, Cut, Face, Horizon, Jitter, Zone};
 use crate::shape::{BoxShape, Shape};
 
 const RULES: [PartialVolume; 3] = [

@@ -8,9 +8,10 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+use super::FamilySpec;
 use super::build::cuts;
-use super::{FamilySpec, Horizon};
 use crate::body::{Body, Discretisation, Lattice};
+use crate::body::{Cut, Horizon};
 use crate::cell_list::CellList;
 
 /// Gap between cells that touch, in spacings: of displaced points, and of rounding.
@@ -63,7 +64,7 @@ pub(crate) fn warnings(body: &Body, spec: &FamilySpec) -> Vec<String> {
 struct Review<'a> {
     body: &'a Body,
     horizon: Horizon,
-    cuts: Vec<super::Cut>,
+    cuts: Vec<Cut>,
     list: CellList,
     slack: f64,
 }
@@ -157,8 +158,8 @@ impl<'a> Review<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::body::Cut;
     use crate::body::Zone;
-    use crate::family::Cut;
     use crate::shape::{BoxShape, Difference, Shape, Sphere};
 
     fn rectangle(min: [f64; 2], max: [f64; 2]) -> Shape {

@@ -2,7 +2,7 @@
 //!
 //! 1. A physics describes the family it wants ([`FamilySpec`]): horizon, partial-volume rule,
 //!    correction, and the faces behind which the body goes on as a mirrored layer.
-//! 2. [`Family::build`] leaves out bonds across the body's [`Cut`]s and lays out *slots*: one for each point and one for each layer point
+//! 2. [`Family::build`] leaves out bonds across the body's [`Cut`](crate::Cut)s and lays out *slots*: one for each point and one for each layer point
 //!    (*ghost*). Inputs of kernels are fields by slot ([`SlotField`]); a [`GhostRule`] says how the values of
 //!    ghosts follow from those of points.
 //! 3. [`Family::sum`] evaluates a [`BondKernel`] over all bonds of all points, and
@@ -26,12 +26,10 @@ mod calibration;
 mod cloud;
 #[cfg(test)]
 mod cloud_tests;
-mod cut;
 mod foreign;
 mod gaps;
 mod ghost_rule;
 mod growing;
-mod horizon;
 mod images;
 mod influence;
 mod kernel;
@@ -43,10 +41,8 @@ mod slot_field;
 mod spec;
 
 pub use broken::BrokenBonds;
-pub use cut::Cut;
 pub use foreign::{ForeignBonds, ForeignGhost, Places};
 pub use ghost_rule::{ByImage, ByRules, Curved, GhostRule, Mirrored, Rising, WithTractions};
-pub use horizon::Horizon;
 pub use influence::Influence;
 pub use kernel::{Bond, BondKernel};
 pub use layer::{Continuation, Image, LayerRule, Layout, Traction};

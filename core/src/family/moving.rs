@@ -344,8 +344,9 @@ impl Rows {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::body::Cut;
     use crate::body::{Face, Jitter};
-    use crate::family::{Bond, BondKernel, Cut, Mirrored, SlotField};
+    use crate::family::{Bond, BondKernel, Mirrored, SlotField};
     use crate::shape::{BoxShape, Shape};
 
     struct Pull;

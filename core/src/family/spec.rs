@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::body::{Body, Face};
 
-use super::{Horizon, Influence};
+use super::Influence;
+use crate::body::Horizon;
 
 /// Ties such as |xi| = 3 dx belong to the family whatever the rounding, relative.
 pub(super) const TIE: f64 = 1e-9;

@@ -21,9 +21,10 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 use rayon::prelude::*;
 
 use crate::body::Body;
+use crate::body::Horizon;
 use crate::cell_list::CellList;
 use crate::family::{
-    Bond, BondKernel, Correction, Family, FamilySpec, Horizon, Influence, PartialVolume, SlotField,
+    Bond, BondKernel, Correction, Family, FamilySpec, Influence, PartialVolume, SlotField,
 };
 use basis::{exponents, monomials};
 

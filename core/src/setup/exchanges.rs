@@ -6,9 +6,9 @@ use std::rc::Rc;
 
 use crate::body::{Face, SurfaceCell};
 use crate::error::SetupError;
-use crate::exchange::{Covered, Exchange, FreeFaces, SurfaceDepth, SurfaceLaw};
 use crate::field::keys;
 use crate::world::BodyIndex;
+use crate::world::exchange::{Covered, Exchange, FreeFaces, SurfaceDepth, SurfaceLaw};
 
 use super::{Access, Setup, Warning};
 

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use crate::configuration::{Description, MovingFamily, PointMover};
 use crate::error::SetupError;
 use crate::family::{Family, FamilySpec};
+use crate::world::configuration::{Description, MovingFamily, PointMover};
 use crate::world::{BodyIndex, BondBreaker, Breaker, World};
 
 use super::{Access, Declaration, Setup};

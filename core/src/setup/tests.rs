@@ -1,9 +1,9 @@
 //! What plugins may declare, and which mistakes are told to whom.
 
 use super::*;
-use crate::configuration::Description;
 use crate::family::{Correction, FamilySpec, LayerRule};
 use crate::shape::{BoxShape, Shape};
+use crate::world::configuration::Description;
 
 /// A plate of 4 by 3 points, half of them of a second material, and a bar.
 fn world() -> World {

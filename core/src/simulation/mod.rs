@@ -31,8 +31,9 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::body::Horizon;
 use crate::error::{Problem, RunError, SetupError};
-use crate::family::{self, FamilySpec, Horizon};
+use crate::family::{self, FamilySpec};
 use crate::field::FieldIndex;
 use crate::plugin::{Balance, Coupler, Physics, Report, Step, StepSize, Update};
 use crate::schedule::Plan;

@@ -6,10 +6,10 @@
 //! The surface lies half a cell from its points. Its temperature balances the fluxes on both sides, so that the exchange is
 //! of second order in the spacing (`docs/theory/surfaces.md`).
 
-use perimelt_core::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::formula::Formula;
 use perimelt_core::material::Property;
 use perimelt_core::world::BodyIndex;
+use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{Coupler, Face, Programme, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

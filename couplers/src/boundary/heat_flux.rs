@@ -1,7 +1,7 @@
 //! Prescribed heat flux: a flux q into the body heats the points of the surface by
 //! `q area / volume` (Wang (2025), eq. 7.18; here q is positive into the body).
 
-use perimelt_core::exchange::{SurfaceFlux, SurfaceLaw};
+use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{Coupler, Face, Programme, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

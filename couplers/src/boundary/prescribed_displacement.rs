@@ -7,7 +7,7 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::LayerRule;
-use perimelt_core::placed::{Placed, PlacedError};
+use perimelt_core::in_space::{Placed, PlacedError};
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
     Coupler, Face, InSpace, Programme, RunError, Setup, SetupError, Step, World, Write, keys,

@@ -126,7 +126,7 @@ impl Coupler for PrescribedTemperature {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let time = step.end();
         let error =
-            |e: perimelt_core::placed::PlacedError| e.during("prescribed_temperature", time);
+            |e: perimelt_core::in_space::PlacedError| e.during("prescribed_temperature", time);
         match self.prepared.as_mut().expect("prepared before the run") {
             TemperatureSink::Layer(layer, value) => {
                 let value = value.at(time).map_err(error)?[0];

@@ -4,8 +4,8 @@
 //! The surface exchanges heat with the surroundings only, not with other parts of itself. At 3000 K the
 //! exchange equals a convection of 6 kW/(m² K).
 
-use perimelt_core::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::material::Property;
+use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{Coupler, Face, Programme, Report, RunError, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -9,11 +9,11 @@
 //! The surface is that of the reference configuration: a pressure does not turn with the body.
 
 use nalgebra::Vector3;
-use perimelt_core::activity::is_active;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::family::LayerRule;
-use perimelt_core::placed::PlacedError;
+use perimelt_core::in_space::PlacedError;
 use perimelt_core::world::LayerHandle;
+use perimelt_core::world::activity::is_active;
 use perimelt_core::{
     Coupler, Face, InSpace, Placed, Programme, Report, RunError, Setup, SetupError, Step, World,
     Write, keys,

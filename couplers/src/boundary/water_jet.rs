@@ -20,8 +20,8 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use perimelt_core::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::material::Property;
+use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
 use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

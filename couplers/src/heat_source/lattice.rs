@@ -5,7 +5,7 @@ use std::cell::Ref;
 
 use nalgebra::Vector3;
 use perimelt_core::Body;
-use perimelt_core::activity::is_active;
+use perimelt_core::world::activity::is_active;
 
 use crate::source::{CellGrid, HeatedBody};
 

@@ -1,9 +1,9 @@
 //! Waits of a toolpath, until a temperature has fallen below a value or risen above it.
 
 use nalgebra::Vector3;
-use perimelt_core::activity::is_active;
 use perimelt_core::text::position;
 use perimelt_core::world::BodyIndex;
+use perimelt_core::world::activity::is_active;
 use perimelt_core::{Body, Read, Setup, SetupError, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

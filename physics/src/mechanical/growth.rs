@@ -37,10 +37,10 @@
 //! ends, and a point born beside a loaded one would not be free of stress.
 
 use nalgebra::{Matrix3, Vector3};
-use perimelt_core::activity::is_active;
 use perimelt_core::family::{ByRules, Continuation, LayerRule};
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::world::BodyIndex;
+use perimelt_core::world::activity::is_active;
 use perimelt_core::{Face, Family, Setup, SetupError, SlotField, World, keys};
 use rayon::prelude::*;
 

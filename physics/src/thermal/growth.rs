@@ -1,14 +1,14 @@
 //! Heat of a body that grows: births of points, and the heat and mass that come with them, and go with what is cut off.
 //!
-//! A coupler makes points active ([`perimelt_core::activity`]). A point is *born* when this physics takes it up: it gets the
+//! A coupler makes points active ([`perimelt_core::world::activity`]). A point is *born* when this physics takes it up: it gets the
 //! temperature at which its material is deposited and the enthalpy that belongs to it, which the account of the heat
 //! counts as supplied. Points that are not born have no bonds, take up no heat, and do not count in the balances.
 
 use std::borrow::Cow;
 
-use perimelt_core::activity::is_active;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::BodyIndex;
+use perimelt_core::world::activity::is_active;
 use perimelt_core::{Balance, ReadIfProvided, Report, Setup, SetupError, World, Write, keys};
 use serde::{Deserialize, Serialize};
 

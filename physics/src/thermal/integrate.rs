@@ -1,10 +1,10 @@
 //! Steps of the heat equation in time.
 
-use perimelt_core::refinement::Level;
 use perimelt_core::solver::reduce::{norm, weighted_sum};
 use perimelt_core::solver::{
     Implicit, KrylovMethod, Newton, NewtonOptions, Rkl2, SolverError, steady_state,
 };
+use perimelt_core::world::refinement::Level;
 use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
 

@@ -1,4 +1,4 @@
-//! Heat of a plate and of a window of finer points that moves over it ([`perimelt_core::refinement`]).
+//! Heat of a plate and of a window of finer points that moves over it ([`perimelt_core::world::refinement`]).
 //!
 //! Both bodies conduct with their own families. Layer points of the window that lie in the plate have the temperature of
 //! the plate there, interpolated between its cells by the parabola with the same means:
@@ -22,8 +22,8 @@ use std::sync::Arc;
 
 use perimelt_core::field::Key;
 use perimelt_core::material::EnthalpyCurve;
-use perimelt_core::refinement::{Level, Refinement, mean};
 use perimelt_core::world::BodyIndex;
+use perimelt_core::world::refinement::{Level, Refinement, mean};
 use perimelt_core::{Body, Description, Face, Family, Read, Setup, SetupError, World, Write, keys};
 use rayon::prelude::*;
 

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use perimelt_core::material::{EnthalpyCurve, Property};
-use perimelt_core::refinement::Level;
+use perimelt_core::world::refinement::Level;
 use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
 use perimelt_core::{
     BrokenBonds, Family, GrowingFamily, MovingFamily, Read, ReadIfProvided, Setup, World, Write,

@@ -13,7 +13,7 @@
 
 use std::rc::Rc;
 
-use perimelt_core::exchange::{Exchange, SurfaceDepth, SurfaceLaw};
+use perimelt_core::world::exchange::{Exchange, SurfaceDepth, SurfaceLaw};
 use perimelt_core::{Body, Face};
 use rayon::prelude::*;
 

@@ -5,9 +5,9 @@ use std::path::Path;
 use std::rc::Rc;
 
 use perimelt_core::body::SurfaceCell;
-use perimelt_core::exchange::{SurfaceDepth, SurfaceFlux, SurfaceLaw};
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::world::PhaseChange;
+use perimelt_core::world::exchange::{SurfaceDepth, SurfaceFlux, SurfaceLaw};
 use perimelt_core::{Body, Face, Physics, Setup, Step, World, keys};
 
 use super::Thermal;

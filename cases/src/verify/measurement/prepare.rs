@@ -4,10 +4,11 @@ use nalgebra::Vector3;
 use perimelt_core::{Body, Problem, SetupError, Simulation};
 
 use super::sample::Sampler;
-use crate::case::sections::{ProbeKind, ProbeSection, RegionProbe, Statistic};
-use crate::interpolation::{Interpolation, Weights};
+use crate::component::Component;
 use crate::melt_pool::MeltPoolGauge;
-use crate::probe::{Component, Probe, find_body, find_field, points_of};
+use crate::probe::interpolation::{Interpolation, Weights};
+use crate::probe::{Probe, find_body, find_field, points_of};
+use crate::probe::{ProbeKind, ProbeSection, RegionProbe, Statistic};
 use crate::verify::check::{
     BalanceMeasure, CrossingMeasure, DeviationMeasure, FieldMeasure, HistoryMeasure, Measure,
     MeltPoolMeasure, OnsetMeasure, OverTime, PassingMeasure, PlaceMeasure, ReportMeasure,

@@ -1,15 +1,16 @@
 //! The values of a measurement, taken from the state of a simulation.
 
 use nalgebra::Vector3;
-use perimelt_core::activity::is_active;
 use perimelt_core::body::weights_among;
 use perimelt_core::cell_list::CellList;
 use perimelt_core::field::FieldIndex;
+use perimelt_core::world::activity::is_active;
 use perimelt_core::{Body, Simulation, World};
 
-use crate::interpolation::Weights;
+use crate::component::Component;
 use crate::melt_pool::{Aim, MeltPoolGauge, Travel, sources_of};
-use crate::probe::{Component, Probe, largest};
+use crate::probe::interpolation::Weights;
+use crate::probe::{Probe, largest};
 use crate::verify::check::{DeviationMeasure, Extent, Extreme, Norm, PassingMeasure};
 
 /// Takes the values of one kind of measurement.

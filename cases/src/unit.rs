@@ -184,6 +184,25 @@ pub(crate) fn time_text(time: f64) -> String {
     format!("{} {}", number(time * unit.factor, 5), unit.unit)
 }
 
+/// A size in bytes with its unit.
+pub fn bytes(count: f64) -> String {
+    match count {
+        b if b < 1e6 => format!("{:.1} kB", b / 1e3),
+        b if b < 1e9 => format!("{:.1} MB", b / 1e6),
+        b => format!("{:.2} GB", b / 1e9),
+    }
+}
+
+/// A wall time in its two largest units.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 10.0 => format!("{s:.1} s"),
+        s if s < 90.0 => format!("{s:.0} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -7,13 +7,13 @@
 //! `T(d) + 2 (Ts - T1) d / d1` with the distance `d1` of the outermost point: linear fields are exact up to the face.
 
 use nalgebra::Vector3;
-use perimelt_core::activity::is_active;
 use perimelt_core::body::{Discretisation, Lattice};
+use perimelt_core::world::activity::is_active;
 use perimelt_core::{Body, Face, SetupError, World, text};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::probe::Component;
+use crate::component::Component;
 
 /// How a field is read between points. Beyond the outermost points, up to the face, it continues
 /// as its mirror image, as it does at an insulated face or a plane of symmetry.

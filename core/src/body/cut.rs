@@ -113,14 +113,14 @@ impl Cut {
     }
 
     /// Its copy behind a face of a periodic body with this `extent` (m) along the axis.
-    pub(super) fn shifted(&self, face: Face, extent: f64) -> Cut {
+    pub(crate) fn shifted(&self, face: Face, extent: f64) -> Cut {
         let mut image = self.clone();
         image.corner[face.axis()] += if face.is_upper() { extent } else { -extent };
         image
     }
 
     /// Its image behind the plane at `position` (m) of a face.
-    pub(super) fn mirrored(&self, face: Face, position: f64) -> Cut {
+    pub(crate) fn mirrored(&self, face: Face, position: f64) -> Cut {
         let axis = face.axis();
         let mut image = self.clone();
         image.corner[axis] = 2.0 * position - image.corner[axis];

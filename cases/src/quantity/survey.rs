@@ -6,8 +6,10 @@ use std::collections::BTreeMap;
 use perimelt_core::log::{BodyInfo, FieldInfo, LatticeInfo, Log, LogError, LoggedCloud};
 
 use super::scalar::scalar;
+use crate::cell_grid::CellGrid;
+use crate::log_file::sound;
+use crate::log_names::SPACING;
 use crate::melt_pool::{Aim, LoggedSources, MeltPool, MeltPoolGauge, Travel};
-use crate::moment::sound;
 
 const DISPLACEMENT: &str = "displacement";
 
@@ -238,9 +240,22 @@ impl Reference {
         (body, cloud): (&BodyInfo, &LoggedCloud),
         isotherm: f64,
     ) -> Option<MeltPoolGauge> {
-        let grid = super::grid_of(body, cloud, &self.positions(cloud))?;
+        let grid = grid_of(body, cloud, &self.positions(cloud))?;
         let gauge = MeltPoolGauge::on(grid, (body.dimension, body.thickness), isotherm);
         Some(gauge.with_symmetry(&body.symmetry))
+    }
+}
+
+/// The grid of a body's points, by the spacings that a cloud has logged with them.
+pub(crate) fn grid_of(
+    body: &BodyInfo,
+    cloud: &LoggedCloud,
+    positions: &[[f64; 3]],
+) -> Option<CellGrid> {
+    let spacing = cloud.fields.iter().find(|f| f.name == SPACING);
+    match spacing {
+        Some(spacing) => CellGrid::of_spacings(positions, &spacing.values),
+        None => CellGrid::new(positions, body.spacing),
     }
 }
 
@@ -344,7 +359,7 @@ mod tests {
                     let exact = (found[0] - expected[0]).abs() < 1e-15;
                     assert!(exact || !with_lattice, "{found:?}");
                 }
-                let grid = super::super::grid_of(&body, &cloud, &found).expect("a grid");
+                let grid = grid_of(&body, &cloud, &found).expect("a grid");
                 assert_eq!(grid.cells[1..], [1, 1]);
             }
         }

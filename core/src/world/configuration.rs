@@ -10,7 +10,7 @@
 //! the family, and is saved with a checkpoint: the order in which a family adds depends on it. Images and weights
 //! are computed when the family is asked for, once for each version of the configuration.
 //!
-//! Which points of a body that grows have material already is part of its configuration, see [`crate::activity`].
+//! Which points of a body that grows have material already is part of its configuration, see [`crate::world::activity`].
 
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
@@ -19,11 +19,11 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::activity::Grower;
+use super::activity::Grower;
+use super::{BodyIndex, World};
 use crate::body::Body;
 use crate::family::{Family, FamilyError, FamilySpec, must_look_again, skin};
 use crate::field::keys;
-use crate::world::{BodyIndex, World};
 
 /// Positions and volumes of the points of a body at one moment.
 #[derive(Clone, Debug, Default)]

@@ -5,10 +5,10 @@ use std::path::Path;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+use super::InSpace;
 use crate::error::RunError;
 use crate::folder;
 use crate::formula::Formula;
-use crate::in_space::InSpace;
 use crate::in_time::InTime;
 use crate::input;
 use crate::samples::{FieldFile, NumberTable, SamplesError, States};

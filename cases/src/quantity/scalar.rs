@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use perimelt_core::log::{CloudField, Log, LogError, LoggedCloud};
 
-use crate::chosen::suggestion;
+use crate::argument::suggestion;
 use crate::component::Number;
 
 /// A scalar made from a field.
@@ -69,7 +69,7 @@ pub(crate) fn check_scalars<'a>(
 /// `None` if the cloud has no such field.
 pub(crate) fn scalar(cloud: &LoggedCloud, name: &str) -> Option<Scalar> {
     let field = |name: &str| cloud.fields.iter().find(|field| field.name == name);
-    let pretty = super::unit::pretty_name;
+    let pretty = crate::unit::pretty_name;
     if let Some(field) = field(name) {
         let (label, number) = match field.components {
             3 => (format!("{} magnitude", pretty(name)), Number::Magnitude),

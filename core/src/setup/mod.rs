@@ -4,9 +4,11 @@
 //! fields and *adds* into sink fields; anybody *reads*. [`Setup::finish`] checks that what is
 //! read is provided and what is added is consumed.
 
+mod activity;
 mod exchanges;
 mod families;
 mod layers;
+mod refinement;
 #[cfg(test)]
 mod tests;
 
@@ -16,14 +18,14 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 
+use crate::body::Cut;
 use crate::body::Face;
 use crate::body::{Body, Region};
 use crate::error::{Problem, SetupError};
-use crate::family::Cut;
 use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write, keys};
 use crate::in_space::InSpace;
+use crate::in_space::Placed;
 use crate::material::{EnthalpyCurve, Expansion, Material, MaterialError, Property};
-use crate::placed::Placed;
 use crate::world::{BodyIndex, PhaseChange, World};
 
 use exchanges::DeclaredExchange;

@@ -1,5 +1,7 @@
 //! A value by place: a number, a table in time, a formula in position and time, or files of another program.
 
+mod placed;
+
 use std::borrow::Cow;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -13,8 +15,9 @@ use serde::{Deserialize, Serialize};
 use crate::formula::Formula;
 use crate::in_time::InTime;
 use crate::material::Table;
-use crate::placed::{Placed, PlacedError};
+
 use crate::samples::{FieldFile, FieldSeries};
+pub use placed::{Placed, PlacedError};
 
 /// A number that may depend on position and time.
 ///

@@ -8,7 +8,8 @@ use perimelt_core::{Coupler, Physics};
 use schemars::{JsonSchema, SchemaGenerator};
 use serde_json::{Map, Value, json};
 
-use super::sections::{BodySection, CaseSection, LogSection, ProbeSection, TimeSection};
+use crate::case::sections::{BodySection, CaseSection, LogSection, TimeSection};
+use crate::probe::ProbeSection;
 use crate::verify::check::Check;
 
 /// The schema that `perimelt schema` prints: every section, with every registered plugin.
@@ -52,7 +53,8 @@ fn subschema<T: JsonSchema>(generator: &mut SchemaGenerator) -> schemars::Schema
 }
 
 /// What the `name` of a plugin is for.
-pub const NAME: &str = "Name in messages, reports and sweeps; its type when left out.";
+pub(super) const PLUGIN_NAME: &str =
+    "Name in messages, reports and sweeps; its type when left out.";
 
 /// Schemas of the plugins of one kind, each with its `type`; what they refer to moves into
 /// `definitions`.
@@ -69,7 +71,7 @@ where
             object.remove("$schema");
         }
         schema["properties"]["type"] = json!({ "const": r.name });
-        schema["properties"]["name"] = json!({ "type": "string", "description": NAME });
+        schema["properties"]["name"] = json!({ "type": "string", "description": PLUGIN_NAME });
         match schema["required"].as_array_mut() {
             Some(required) => required.push("type".into()),
             None => schema["required"] = json!(["type"]),
@@ -144,7 +146,7 @@ mod tests {
             let of_type = |p: &&Value| p["properties"]["type"]["const"] == plugin;
             let found = plugins.expect("a list").iter().find(of_type).expect(plugin);
             let form = &found["properties"]["form"];
-            super::super::schema::resolve(schema, form).clone()
+            crate::case::schema::resolve(schema, form).clone()
         };
         let schema = whole_schema();
         let (thermal, fluid) = (variants(&schema, "thermal"), variants(&schema, "fluid"));

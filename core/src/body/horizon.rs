@@ -7,8 +7,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::de::{self, Deserializer, MapAccess};
 use serde::{Deserialize, Serialize, Serializer};
 
-use crate::body::Body;
-use crate::error::SetupError;
+use super::Body;
 
 /// Neighbours of a point beyond which a horizon is taken for a mistake.
 const MOST_NEIGHBOURS: f64 = 65_535.0;
@@ -23,6 +22,16 @@ pub enum Horizon {
     Length(f64),
 }
 
+/// A horizon that does not suit a body.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{message}; expected {expected}")]
+pub struct HorizonError {
+    /// What is wrong.
+    pub message: String,
+    /// What was expected.
+    pub expected: String,
+}
+
 impl Horizon {
     /// Horizon of a point with the given spacing, m, where its zone has no factor of its own
     /// ([`Points::horizon`](crate::body::Points::horizon)).
@@ -33,11 +42,11 @@ impl Horizon {
         }
     }
 
-    /// Refuses what cannot reach the nearest neighbours on `body`, at key `horizon`.
+    /// Refuses what cannot reach the nearest neighbours on `body`.
     ///
     /// # Errors
     /// A horizon below the (coarsest) spacing.
-    pub fn check(self, body: &Body) -> Result<(), SetupError> {
+    pub fn check(self, body: &Body) -> Result<(), HorizonError> {
         let points = &body.points;
         // of whole neighbourhoods, before any bond is counted
         let most = (0..points.len())
@@ -53,11 +62,8 @@ impl Horizon {
                 "`horizon` = {self} is {most:.3e} spacings, within which a point has {:.1e} neighbours",
                 neighbours(most)
             );
-            return Err(SetupError::value(
-                "horizon",
-                message,
-                "some 2 to 6 spacings; at most 65535 neighbours of a point",
-            ));
+            let expected = "some 2 to 6 spacings; at most 65535 neighbours of a point".into();
+            return Err(HorizonError { message, expected });
         }
         let reaches_a_neighbour = |p: usize| {
             // a length given in decimals may fall short by rounding
@@ -72,8 +78,8 @@ impl Horizon {
                 points.horizon(point, self),
                 points.spacing[point]
             );
-            let expected = "horizons of at least the spacing of each zone";
-            return Err(SetupError::value("horizon", message, expected));
+            let expected = "horizons of at least the spacing of each zone".into();
+            return Err(HorizonError { message, expected });
         }
         let spacing = body.coarsest_spacing();
         let message = format!("`horizon` = {self} reaches no neighbour");
@@ -81,7 +87,7 @@ impl Horizon {
             Horizon::Spacings(_) => "at least 1 (spacing)".to_string(),
             Horizon::Length(_) => format!("at least the largest spacing, {spacing} m"),
         };
-        Err(SetupError::value("horizon", message, expected))
+        Err(HorizonError { message, expected })
     }
 }
 

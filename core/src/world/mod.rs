@@ -1,5 +1,10 @@
 //! The world: bodies, their fields, and how fields continue behind faces.
 
+pub mod activity;
+pub mod configuration;
+pub mod exchange;
+pub mod refinement;
+
 use std::cell::{Ref, RefCell, RefMut};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -7,14 +12,15 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 
 use crate::body::{Body, Face};
-use crate::configuration::Configurations;
 use crate::error::SetupError;
-use crate::exchange::{Exchange, SurfaceDepth};
 use crate::family::{LayerRule, Traction};
 use crate::field::{FieldIndex, Fields, Read, ReadIfProvided, Value, Write, keys};
 use crate::material::{EnthalpyCurve, LatentHeatForm, Material, MaterialError, MushyCapacity};
-use crate::refinement::Refinement;
 use crate::solver::reduce::weighted_sum;
+
+use configuration::Configurations;
+use exchange::{Exchange, SurfaceDepth};
+use refinement::Refinement;
 
 /// Index of a body.
 pub type BodyIndex = usize;

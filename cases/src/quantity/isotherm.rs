@@ -4,8 +4,8 @@ use perimelt_core::log::Log;
 use perimelt_core::material::Material;
 use perimelt_physics::metallurgy::composition::Composition;
 
-use crate::run::case_of;
-use crate::summary::plugins_of;
+use crate::case::of_log::case_of;
+use crate::log_file::plugins_of;
 
 /// An isotherm to draw.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,4 +1,4 @@
-//! Bodies and fields of a log that a command names.
+//! Arguments of commands: numbers, and names of bodies and fields of a log.
 
 use perimelt_core::error::nearest;
 use perimelt_core::log::{BodyInfo, Log};
@@ -40,6 +40,18 @@ pub(crate) fn suggestion(name: &str, known: &[String]) -> String {
         Some(close) if close != field => format!("; did you mean `{close}{component}`?"),
         _ => String::new(),
     }
+}
+
+/// A finite number that is given as an argument.
+pub(crate) fn finite(text: &str) -> Result<f64, String> {
+    let number = text.trim().parse().ok().filter(|x: &f64| x.is_finite());
+    number.ok_or_else(|| "expected a finite number".into())
+}
+
+/// A positive number that is given as an argument.
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
+    let number = finite(text).ok().filter(|x| *x > 0.0);
+    number.ok_or_else(|| "expected a finite number above 0".into())
 }
 
 #[cfg(test)]

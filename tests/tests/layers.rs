@@ -1,0 +1,100 @@
+//! The order of modules: each uses those below it only, so that none has to be understood together with those above it.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Modules of `perimelt-core`, the lowest first.
+const CORE: &str = "axis input folder text cell_list formula shape material samples in_time programme body \
+                    solver family pddo error in_space field world setup pair_list schedule plugin log simulation";
+
+/// Modules of `perimelt`, the lowest first.
+const CASES: &str = "interrupt terminal file_names argument library cell_grid component growing_log unit output tables \
+                     log_names log_file moment melt_pool probe case quantity plot run export summary diff sweep verify \
+                     view commands";
+
+/// The code of a file without comments and tests.
+fn code(path: &Path) -> String {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    if name == "tests" || name == "testing" || name == "fixture" || name.ends_with("_tests") {
+        return String::new();
+    }
+    let text = std::fs::read_to_string(path).expect("a source file");
+    let lines = text
+        .lines()
+        .map(|line| line.split("//").next().unwrap_or_default());
+    let code = lines.take_while(|line| *line != "mod tests {");
+    code.collect::<Vec<_>>().join(" ")
+}
+
+/// Source files in a folder and its folders.
+fn files(folder: &Path) -> Vec<std::path::PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("a folder");
+    let paths = entries.map(|entry| entry.expect("an entry").path());
+    let files = paths.flat_map(|path| match path.is_dir() {
+        true => files(&path),
+        false => vec![path],
+    });
+    files
+        .filter(|path| path.extension().is_some_and(|e| e == "rs"))
+        .collect()
+}
+
+/// Names of modules of the crate that code uses: `a` and `b` of `crate::a::f` and `crate::{a::f, b}`.
+fn used(code: &str) -> BTreeSet<String> {
+    let name = |text: &str| -> String {
+        let is_of_name = |c: &char| c.is_alphanumeric() || *c == '_';
+        text.trim_start().chars().take_while(is_of_name).collect()
+    };
+    let mut found = BTreeSet::new();
+    for rest in code.split("crate::").skip(1) {
+        let Some(list) = rest.strip_prefix('{') else {
+            found.insert(name(rest));
+            continue;
+        };
+        let mut depth = 0;
+        found.insert(name(list));
+        for (place, c) in list.char_indices() {
+            match c {
+                '{' => depth += 1,
+                '}' if depth == 0 => break,
+                '}' => depth -= 1,
+                ',' if depth == 0 => {
+                    found.insert(name(&list[place + 1..]));
+                }
+                _ => {}
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn modules_use_those_below_them_only() {
+    for (folder, order) in [("core", CORE), ("cases", CASES)] {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("..")
+            .join(folder)
+            .join("src");
+        let order: Vec<&str> = order.split_whitespace().collect();
+        let rank = |name: &str| order.iter().position(|module| *module == name);
+        for path in files(&root) {
+            let inside = path.strip_prefix(&root).expect("inside");
+            let first = inside.iter().next().expect("a name");
+            let module = Path::new(first).file_stem().unwrap_or_default();
+            let module = module.to_string_lossy();
+            if ["lib", "main"].contains(&&*module) {
+                continue;
+            }
+            let own = rank(&module)
+                .unwrap_or_else(|| panic!("{folder}: `{module}` has no place in the order"));
+            for other in used(&code(&path)) {
+                let is_below = rank(&other).is_none_or(|other| other <= own);
+                assert!(
+                    is_below,
+                    "{}: `{other}` stands above `{module}`",
+                    path.display()
+                );
+            }
+        }
+    }
+}
