@@ -9,6 +9,10 @@ use super::banded::Banded;
 /// widened until the factors take less.
 const MOST_WORK: usize = 600_000_000;
 
+/// Largest number of multiplications for the factors for each spring: as many as some ten iterations take. Cells that are
+/// finer cost more than the iterations that they spare.
+const WORK_FOR_SPRING: usize = 500;
+
 /// Smallest width of a cell in neighbourhoods. Cells of a whole neighbourhood take a fifth to a third more
 /// iterations.
 const LEAST_WIDTH: f64 = 0.5;
@@ -22,6 +26,17 @@ const MOST_REACH: f64 = 3.0;
 
 /// Corners of a cell in three dimensions.
 pub(super) const CORNERS: usize = 8;
+
+/// Size of a network of springs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Network {
+    /// Number of springs, those from each of their ends.
+    pub springs: usize,
+    /// Smallest half-width of a neighbourhood.
+    pub shortest: f64,
+    /// Largest half-width of a neighbourhood.
+    pub longest: f64,
+}
 
 /// Cells and nodes of a grid of a given width.
 #[derive(Clone, Debug)]
@@ -57,13 +72,17 @@ pub(super) struct Grid {
 }
 
 impl Layout {
-    /// The finest layout over `position` whose factors are affordable; `None` if it has few nodes. `shortest`
-    /// and `longest` are the smallest and the largest half-width of a neighbourhood.
+    /// The finest layout over `position` whose factors are affordable; `None` if it has few nodes.
     fn fitting(
         position: &[Vector3<f64>],
         dimension: usize,
-        [shortest, longest]: [f64; 2],
+        &Network {
+            springs,
+            shortest,
+            longest,
+        }: &Network,
     ) -> Option<Self> {
+        let most_work = MOST_WORK.min(WORK_FOR_SPRING * springs);
         let first = *position.first()?;
         let (low, high) = position
             .iter()
@@ -75,7 +94,7 @@ impl Layout {
         }
         loop {
             let layout = Layout::of_width(size, dimension, [low, high - low], longest);
-            if dimension * layout.nodes * layout.band * layout.band <= MOST_WORK {
+            if dimension * layout.nodes * layout.band * layout.band <= most_work {
                 return (layout.nodes >= LEAST_NODES).then_some(layout);
             }
             size *= 1.05;
@@ -143,15 +162,14 @@ impl Layout {
 }
 
 impl Grid {
-    /// The finest affordable grid; `None` if it has few nodes. `reaches` are the smallest and the largest
-    /// half-width of a neighbourhood.
+    /// The finest affordable grid; `None` if it has few nodes.
     pub(super) fn new(
         position: &[Vector3<f64>],
         dimension: usize,
-        reaches: [f64; 2],
+        network: &Network,
         free: Vec<[f64; 3]>,
     ) -> Option<Self> {
-        let layout = Layout::fitting(position, dimension, reaches)?;
+        let layout = Layout::fitting(position, dimension, network)?;
         let cell: Vec<[usize; 3]> = position.iter().map(|x| layout.cell_at(x)).collect();
         let weights = position.iter().zip(&cell);
         let mut grid = Grid {

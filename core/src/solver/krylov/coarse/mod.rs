@@ -15,7 +15,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use banded::Banded;
-use grid::{CORNERS, Grid};
+use grid::{CORNERS, Grid, Network};
 
 /// Fraction of the coarse displacement that is applied: the diagonal corrects smooth displacements, too.
 const DAMPING: f64 = 0.6;
@@ -54,19 +54,26 @@ impl CoarseSpace {
         free: Vec<[f64; 3]>,
         springs: impl Fn(usize, &mut dyn FnMut(Spring)) + Sync,
     ) -> Option<Self> {
-        let reach_of = |point: usize| {
-            let mut reach: f64 = 0.0;
+        let neighbourhood = |point: usize| {
+            let (mut reach, mut count) = (0.0_f64, 0);
             springs(point, &mut |spring| {
                 reach = reach.max((position[spring.to] - position[point]).amax());
+                count += 1;
             });
-            reach
+            (reach, count)
         };
-        let reaches: Vec<f64> = (0..position.len()).into_par_iter().map(reach_of).collect();
-        let longest = reaches.iter().copied().fold(0.0, f64::max);
+        let neighbourhoods = (0..position.len()).into_par_iter().map(neighbourhood);
+        let neighbourhoods: Vec<(f64, usize)> = neighbourhoods.collect();
         // points without springs, such as those whose material is not deposited yet, have no neighbourhood
-        let shortest = reaches.into_iter().filter(|r| *r > 0.0);
-        let shortest = shortest.fold(longest, f64::min);
-        let grid = Grid::new(position, dimension, [shortest, longest], free)?;
+        let reaches = neighbourhoods.iter().map(|(reach, _)| *reach);
+        let reaches = reaches.filter(|reach| *reach > 0.0);
+        let longest = reaches.clone().fold(0.0, f64::max);
+        let network = Network {
+            springs: neighbourhoods.iter().map(|(_, count)| count).sum(),
+            shortest: reaches.fold(longest, f64::min),
+            longest,
+        };
+        let grid = Grid::new(position, dimension, &network, free)?;
         let (rows, band) = grid.size();
         let mut matrix = Banded::new(rows, band);
         for cells in grid.members.chunks(BATCH) {
