@@ -52,11 +52,14 @@ pub use pair_list::PairList;
 pub use pddo::{Derivatives, Pddo, PddoError};
 pub use plugin::{Balance, Clock, Coupler, Physics, Report, Step, StepSize, Update, Work};
 pub use programme::Programme;
-pub use setup::{Setup, Wall, Warning};
+pub use setup::{Access, ClaimedLayers, LayerRole, Setup, Warning};
 pub use simulation::Simulation;
-pub use world::World;
-pub use world::activity::{ActivityChanges, GrowingFamily};
-pub use world::configuration::{Configuration, Description, MovingFamily, PointMover};
+pub use world::activity::ActivityChanges;
+pub use world::changes::{Change, Changes};
+pub use world::configuration::{Configuration, Description, PointMover};
+pub use world::facts::{Fact, FactRule};
+pub use world::families::FamilyHandle;
+pub use world::{Wall, World};
 
 // for the registration macros
 #[doc(hidden)]

@@ -10,11 +10,8 @@
 //! `#[serde(skip)]` field. What must survive a restart and is not a field goes through
 //! [`Physics::save`] and [`Physics::load`].
 
-use std::any::Any;
 use std::borrow::Cow;
 use std::fmt;
-use std::path::Path;
-use std::rc::Rc;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
@@ -24,6 +21,7 @@ use crate::programme::Programme;
 use crate::setup::Setup;
 use crate::solver::NewtonReport;
 use crate::world::World;
+use crate::world::changes::Changes;
 
 /// A step in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -268,6 +266,15 @@ pub struct Report {
 /// Something with a state that the scheduler steps.
 #[typetag::serialize(tag = "type")]
 pub trait Physics {
+    /// Publishes facts about bodies that others need when they are prepared, whatever the order of the case, such as that
+    /// it moves the points ([`Setup::publish`]).
+    ///
+    /// # Errors
+    /// [`SetupError`] with the key to blame.
+    fn publish(&mut self, _setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        Ok(())
+    }
+
     /// Declares fields, obtains families and handles, checks the case.
     ///
     /// # Errors
@@ -397,13 +404,13 @@ pub trait Physics {
 /// Something that carries what fields do to others, on one body or between two.
 #[typetag::serialize(tag = "type")]
 pub trait Coupler {
-    /// What other couplers may use by the `name` of this one, such as the path of a torch; asked of all couplers before
-    /// any is prepared ([`Setup::shared`]). Relative paths in the case start from `folder`.
+    /// Publishes what others need when they are prepared, whatever the order of the case: facts about bodies
+    /// ([`Setup::publish`]) and what the coupler shares by its name, such as the path of a torch ([`Setup::share`]).
     ///
     /// # Errors
     /// [`SetupError`] with the key to blame.
-    fn share(&mut self, _folder: &Path) -> Result<Option<Rc<dyn Any>>, SetupError> {
-        Ok(None)
+    fn publish(&mut self, _setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        Ok(())
     }
 
     /// Declares fields, checks the case. Couplers are prepared before physics.
@@ -524,6 +531,8 @@ pub struct Registration<P: ?Sized + 'static> {
     pub schema: fn() -> Schema,
     /// Constructor.
     pub from_toml: FromToml<P>,
+    /// What may happen to the points of the bodies on which it acts.
+    pub supports: Changes,
 }
 
 inventory::collect!(Registration<dyn Physics>);
@@ -539,19 +548,34 @@ where
     all
 }
 
-/// Makes a physics known under the name of its `typetag` attribute.
+/// What a plugin of this type supports; nothing where the type is not registered.
+pub(crate) fn supported<P: ?Sized + 'static>(name: &str) -> Changes
+where
+    Registration<P>: inventory::Collect,
+{
+    let mut all = inventory::iter::<Registration<P>>.into_iter();
+    all.find(|r| r.name == name)
+        .map_or(Changes::NONE, |r| r.supports)
+}
+
+/// Makes a physics known under the name of its `typetag` attribute, with what may happen to the points of the bodies on
+/// which it acts ([`Change`](crate::Change)); without a list, points have to rest and keep their material.
+///
+/// ```text
+/// register_physics!("diffusion", Diffusion, supports: [Births, Cuts]);
+/// ```
 #[macro_export]
 macro_rules! register_physics {
-    ($name:literal, $physics:ty) => {
-        $crate::register!(dyn $crate::Physics, $name, $physics);
+    ($name:literal, $physics:ty $(, supports: [$($change:ident),*])?) => {
+        $crate::register!(dyn $crate::Physics, $name, $physics, [$($($change),*)?]);
     };
 }
 
-/// Makes a coupler known under the name of its `typetag` attribute.
+/// Makes a coupler known, as [`register_physics!`] does a physics.
 #[macro_export]
 macro_rules! register_coupler {
-    ($name:literal, $coupler:ty) => {
-        $crate::register!(dyn $crate::Coupler, $name, $coupler);
+    ($name:literal, $coupler:ty $(, supports: [$($change:ident),*])?) => {
+        $crate::register!(dyn $crate::Coupler, $name, $coupler, [$($($change),*)?]);
     };
 }
 
@@ -574,7 +598,7 @@ macro_rules! register_property {
 #[doc(hidden)]
 #[macro_export]
 macro_rules! register {
-    ($kind:ty, $name:literal, $plugin:ty) => {
+    ($kind:ty, $name:literal, $plugin:ty, [$($change:ident),*]) => {
         $crate::inventory::submit! {
             $crate::plugin::Registration::<$kind> {
                 name: $name,
@@ -583,6 +607,7 @@ macro_rules! register {
                     let plugin = <$plugin as $crate::serde::Deserialize>::deserialize(value)?;
                     Ok(Box::new(plugin))
                 },
+                supports: $crate::Changes::of(&[$($crate::Change::$change),*]),
             }
         }
     };

@@ -78,7 +78,7 @@ impl Coupler for Buoyancy {
     }
 }
 
-perimelt_core::register_coupler!("buoyancy", Buoyancy);
+perimelt_core::register_coupler!("buoyancy", Buoyancy, supports: [Motion, Flow]);
 
 #[cfg(test)]
 mod tests {

@@ -83,7 +83,7 @@ impl Coupler for Cut {
     }
 }
 
-perimelt_core::register_coupler!("cut", Cut);
+perimelt_core::register_coupler!("cut", Cut, supports: [Births, Cuts]);
 
 #[cfg(test)]
 mod tests {

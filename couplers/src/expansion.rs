@@ -108,7 +108,6 @@ pub(crate) fn expansions_from(
 impl Coupler for ThermalExpansion {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        setup.follow_activity(body);
         let positions = setup.body(body).points.position.clone();
         let key = "reference_temperature";
         let mut reference = setup.placed(
@@ -184,7 +183,7 @@ impl Coupler for ThermalExpansion {
     }
 }
 
-perimelt_core::register_coupler!("thermal_expansion", ThermalExpansion);
+perimelt_core::register_coupler!("thermal_expansion", ThermalExpansion, supports: [Births, Cuts]);
 
 #[cfg(test)]
 mod tests {

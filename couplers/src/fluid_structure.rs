@@ -72,8 +72,7 @@ impl Coupler for FluidStructure {
             return Err(SetupError::value("solid", message, expected));
         }
         let slip = self.slip;
-        setup.set_wall(fluid, Wall { other: solid, slip });
-        Ok(())
+        setup.publish(fluid, Wall { other: solid, slip })
     }
 
     /// The fluid evaluates the interface.
@@ -86,7 +85,7 @@ impl Coupler for FluidStructure {
     }
 }
 
-perimelt_core::register_coupler!("fluid_structure", FluidStructure);
+perimelt_core::register_coupler!("fluid_structure", FluidStructure, supports: [Motion, Flow]);
 
 #[cfg(test)]
 mod tests {

@@ -192,7 +192,7 @@ impl Coupler for ForcingZone {
     }
 }
 
-perimelt_core::register_coupler!("forcing_zone", ForcingZone);
+perimelt_core::register_coupler!("forcing_zone", ForcingZone, supports: [Motion, Flow]);
 
 #[cfg(test)]
 mod tests {

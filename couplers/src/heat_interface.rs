@@ -110,7 +110,7 @@ impl Side {
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
             heat_conductance: setup.add(body, &keys::HEAT_CONDUCTANCE)?,
             conductivity: setup.property(body, "conductivity")?,
-            curves: setup.enthalpy_curves(body).unwrap_or_default(),
+            curves: setup.world().enthalpy_curves(body).unwrap_or_default(),
             moved: true,
         })
     }
@@ -385,7 +385,7 @@ impl Coupler for HeatInterface {
     }
 }
 
-perimelt_core::register_coupler!("heat_interface", HeatInterface);
+perimelt_core::register_coupler!("heat_interface", HeatInterface, supports: [Motion, Flow]);
 
 #[cfg(test)]
 mod tests;

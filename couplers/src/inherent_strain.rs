@@ -145,7 +145,6 @@ impl Profile {
 impl Coupler for InherentStrain {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        setup.follow_activity(body);
         let profile = Profile::of(self)?;
         let points = setup.region(body, "region", &self.region)?.points;
         let this = setup.body(body);
@@ -186,7 +185,7 @@ impl Coupler for InherentStrain {
     }
 }
 
-perimelt_core::register_coupler!("inherent_strain", InherentStrain);
+perimelt_core::register_coupler!("inherent_strain", InherentStrain, supports: [Births, Cuts]);
 
 #[cfg(test)]
 mod tests {

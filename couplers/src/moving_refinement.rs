@@ -79,7 +79,7 @@ impl Coupler for MovingRefinement {
         }
         let path: Rc<TimedPath> = setup.shared("follow", "heat source", &self.follow)?;
         let mover = setup.refine(plate, window)?;
-        let placed = setup.refinement(window).map(|(r, _)| r.position());
+        let placed = setup.world().refinement(window).map(|(r, _)| r.position());
         self.prepared = Some(MovingRefinementState {
             window,
             mover,
@@ -152,4 +152,4 @@ impl Coupler for MovingRefinement {
     }
 }
 
-perimelt_core::register_coupler!("moving_refinement", MovingRefinement);
+perimelt_core::register_coupler!("moving_refinement", MovingRefinement, supports: [Window]);

@@ -69,7 +69,7 @@ fn missing_property(setup: &Setup<'_>, body: usize) -> Option<Problem> {
 
 #[typetag::serialize(name = "phase_change")]
 impl Coupler for PhaseChange {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         if let Some(problem) = missing_property(setup, body) {
             return Err(SetupError::new("", problem));
@@ -78,12 +78,14 @@ impl Coupler for PhaseChange {
             mushy_capacity: self.mushy_capacity,
             form: self.form,
         };
-        setup.set_phase_change(body, change);
-        // the fraction follows from the state of each point
-        setup.follow_window(body);
+        setup.publish(body, change)
+    }
+
+    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
         self.prepared = Some(PhaseChangeState {
             body,
-            curves: setup.enthalpy_curves(body)?,
+            curves: setup.world().enthalpy_curves(body)?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             enthalpy: setup.read_if_provided(body, &keys::ENTHALPY)?,
             liquid_fraction: setup.write(body, &keys::LIQUID_FRACTION)?,
@@ -115,7 +117,7 @@ impl Coupler for PhaseChange {
     }
 }
 
-perimelt_core::register_coupler!("phase_change", PhaseChange);
+perimelt_core::register_coupler!("phase_change", PhaseChange, supports: [Motion, Flow, Births, Cuts, Window]);
 
 #[cfg(test)]
 mod tests {
@@ -128,7 +130,7 @@ mod tests {
         let mut change: PhaseChange = read("form = 'apparent'\nmushy_capacity = 'latent_only'");
         let curves = prepare(&mut world, &mut change, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
-            setup.enthalpy_curves(0).expect("valid")
+            setup.world().enthalpy_curves(0).expect("valid")
         })
         .expect("valid");
         let latent = curves[0]

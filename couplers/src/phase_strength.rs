@@ -114,7 +114,7 @@ impl Coupler for PhaseStrength {
     }
 }
 
-perimelt_core::register_coupler!("phase_strength", PhaseStrength);
+perimelt_core::register_coupler!("phase_strength", PhaseStrength, supports: [Births, Cuts]);
 
 #[cfg(test)]
 mod tests {

@@ -48,7 +48,6 @@ impl Coupler for Powder {
         };
         // `thermal` needs it; here the mistake has the line of this table
         setup.property(body, "powder_conductivity")?;
-        setup.follow_activity(body);
         let consolidated = setup.write(body, &keys::CONSOLIDATED)?;
         setup.set_first(consolidated, |point| {
             let is_powder = powder.binary_search(&(point as u32)).is_ok();
@@ -80,7 +79,7 @@ impl Coupler for Powder {
     }
 }
 
-perimelt_core::register_coupler!("powder", Powder);
+perimelt_core::register_coupler!("powder", Powder, supports: [Motion, Births, Cuts]);
 
 #[cfg(test)]
 mod tests {

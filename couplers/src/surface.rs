@@ -6,7 +6,7 @@ use std::rc::Rc;
 use perimelt_core::body::SurfaceCell;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::exchange::{Exchange, FreeFaces, SurfaceDepth, SurfaceLaw};
-use perimelt_core::{ActivityChanges, Face, Report, Setup, SetupError, World};
+use perimelt_core::{ActivityChanges, Change, Face, Report, Setup, SetupError, World};
 
 /// All faces, the default of boundaries that act on the whole surface.
 pub(crate) fn all_faces() -> Vec<Face> {
@@ -78,27 +78,16 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
         (faces, region): (&[Face], Option<&str>),
         law: L,
     ) -> Result<SurfaceHeat<L>, SetupError> {
-        // a region would be a part of the window that moves with it
-        if region.is_none() {
-            setup.follow_window(body);
+        if let Some(region) = region {
+            let message =
+                format!("region `{region}` would be a part of the window that moves with it");
+            let error = SetupError::value(
+                "region",
+                message,
+                "no `region`, or the body with the coarser points",
+            );
+            setup.refuse(body, Change::Window, error);
         }
-        Self::without_window(setup, body, (faces, region), law)
-    }
-
-    /// As [`SurfaceHeat::prepare`], of a body without a moving refinement.
-    pub fn without_window(
-        setup: &mut Setup<'_>,
-        body: BodyIndex,
-        (faces, region): (&[Face], Option<&str>),
-        law: L,
-    ) -> Result<SurfaceHeat<L>, SetupError> {
-        setup.follow_activity(body);
-        let message = format!(
-            "the points of body `{}` move: heat through faces of cells needs points at rest",
-            setup.body(body).name
-        );
-        let expected = "`prescribed_temperature` at a wall, a heat source, or an Eulerian or total Lagrangian body";
-        setup.refuse_moving_points(body, SetupError::value("body", message, expected));
         let cells = select(setup, body, faces, region)?;
         let points = region.map(|name| setup.region(body, "region", name));
         Ok(SurfaceHeat {
@@ -212,6 +201,8 @@ mod tests {
     use super::*;
     use crate::boundary::PrescribedFlux;
     use crate::testing::{STEEL, block, disc_in_plate};
+    use perimelt_core::LayerRole;
+    use perimelt_core::world::SymmetryPlane;
     use perimelt_core::{Body, keys};
     use std::path::Path;
 
@@ -260,8 +251,7 @@ mod tests {
         let active = setup.deposit(0, &upper).expect("a lattice");
         setup.next_plugin("thermal");
         setup.own(0, &keys::TEMPERATURE).expect("free");
-        setup.exchanges(0);
-        setup.follow_activity(0);
+        assert_eq!(setup.facts::<Rc<Exchange>>(0).count(), 1);
         setup.finish().expect("complete");
         let mut area = |expected: f64| {
             surface.follow(&world);
@@ -302,7 +292,7 @@ mod tests {
         boundaries(&mut setup);
         setup.next_plugin("thermal");
         setup.own(0, &keys::TEMPERATURE).expect("free");
-        setup.exchanges(0);
+        assert_eq!(setup.facts::<Rc<Exchange>>(0).count(), 1);
         setup
             .finish()
             .map_err(|mistakes| mistakes[0].1.to_string())?;
@@ -336,12 +326,12 @@ mod tests {
         assert_eq!(free_area(Vec::new(), |_| ()), Ok(whole));
         let symmetry = |setup: &mut Setup<'_>| {
             setup.next_plugin("symmetry");
-            setup.set_symmetry(0, Face::YMin);
+            setup.publish(0, SymmetryPlane(Face::YMin)).expect("free");
         };
         assert_eq!(free_area(Vec::new(), symmetry), Ok(whole - 8.0));
         let prescribed = |setup: &mut Setup<'_>| {
             setup.next_plugin("prescribed_temperature");
-            let layer = setup.layer(0, &keys::TEMPERATURE, Face::XMax, true);
+            let layer = setup.layer(0, &keys::TEMPERATURE, Face::XMax, LayerRole::Prescribed);
             layer.expect("free");
         };
         assert_eq!(free_area(Vec::new(), prescribed), Ok(whole - 6.0));
@@ -356,7 +346,7 @@ mod tests {
             setup.next_plugin("insulated");
             for face in Face::ALL {
                 setup
-                    .layer(0, &keys::TEMPERATURE, face, false)
+                    .layer(0, &keys::TEMPERATURE, face, LayerRole::Free)
                     .expect("free");
             }
         };

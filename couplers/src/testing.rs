@@ -90,6 +90,7 @@ pub fn prepare<R>(
 ) -> Result<R, SetupError> {
     let mut setup = Setup::new(world, Path::new("."));
     setup.next_plugin("the coupler");
+    coupler.publish(&mut setup)?;
     coupler.prepare(&mut setup)?;
     setup.next_plugin("the physics");
     let handles = physics(&mut setup);
@@ -147,9 +148,9 @@ pub fn set_vector(world: &mut World, key: &Key<Vector3<f64>>, value: Vector3<f64
 pub fn exchange(world: &mut World, coupler: &mut dyn Coupler) -> Rc<Exchange> {
     let exchanges = prepare(world, coupler, |setup| {
         setup.own(0, &keys::TEMPERATURE).expect("free");
-        setup.exchanges(0)
+        setup.facts::<Rc<Exchange>>(0).next().cloned()
     });
-    exchanges.expect("valid").swap_remove(0)
+    exchanges.expect("valid").expect("one")
 }
 
 /// Heat that each point of the first body takes up from an exchange (W), with the surface as warm as the points (K).

@@ -88,7 +88,7 @@ impl Coupler for TransformationHeat {
     }
 }
 
-perimelt_core::register_coupler!("transformation_heat", TransformationHeat);
+perimelt_core::register_coupler!("transformation_heat", TransformationHeat, supports: [Motion]);
 
 #[cfg(test)]
 mod tests {

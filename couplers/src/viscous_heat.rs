@@ -56,7 +56,7 @@ impl Coupler for ViscousHeat {
     }
 }
 
-perimelt_core::register_coupler!("viscous_heat", ViscousHeat);
+perimelt_core::register_coupler!("viscous_heat", ViscousHeat, supports: [Motion, Flow]);
 
 #[cfg(test)]
 mod tests {

@@ -5,7 +5,9 @@
 
 use nalgebra::Vector3;
 use perimelt_core::family::{ByRules, LayerRule, Mirrored};
-use perimelt_core::{Body, Bond, BondKernel, Derivatives, Description, Horizon, Pddo, SlotField};
+use perimelt_core::{
+    Body, Bond, BondKernel, Derivatives, Description, Fact, FamilyHandle, Horizon, Pddo, SlotField,
+};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -22,6 +24,13 @@ pub enum Convection {
     /// No stabilisation. Short waves grow where speed times spacing is more than some ten times the diffusivity.
     Central,
 }
+
+/// The family over which the flow through the points of a body is summed: what the flow carries is kept to rounding by sums
+/// over the same bonds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FlowFamily(pub FamilyHandle);
+
+impl Fact for FlowFamily {}
 
 /// Horizon of the derivatives of a flow where none is given: 3.015 spacings as published, 2.015 for an Eulerian fluid on a
 /// lattice, whose points need no more neighbours than that.

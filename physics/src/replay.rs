@@ -356,7 +356,7 @@ impl Replay {
     }
 }
 
-perimelt_core::register_physics!("replay", Replay);
+perimelt_core::register_physics!("replay", Replay, supports: [Motion, Flow]);
 
 #[cfg(test)]
 mod tests;

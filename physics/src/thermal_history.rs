@@ -24,7 +24,7 @@ use perimelt_core::material::Property;
 use perimelt_core::plugin::load_points;
 use perimelt_core::world::activity::is_active;
 use perimelt_core::{
-    Description, Face, Physics, Read, RunError, Setup, SetupError, Step, Work, World, Write, keys,
+    Face, Physics, Read, RunError, Setup, SetupError, Step, Work, World, Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -160,15 +160,6 @@ impl Physics for ThermalHistory {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.check()?;
         let body = setup.find_body(self.body.as_deref())?;
-        if setup.description(body) != Description::TotalLagrangian {
-            let message = "matter moves past the neighbours of the points of this body";
-            return Err(SetupError::value(
-                "body",
-                message,
-                "a body whose points keep their neighbours",
-            ));
-        }
-        setup.follow_activity(body);
         let this = setup.body(body);
         let reach: Vec<f64> = this.points.spacing.iter().map(|s| RADIUS * s).collect();
         let neighbours = CellList::new(&this.points.position, &reach);
@@ -237,7 +228,7 @@ impl Physics for ThermalHistory {
     }
 }
 
-perimelt_core::register_physics!("thermal_history", ThermalHistory);
+perimelt_core::register_physics!("thermal_history", ThermalHistory, supports: [Births, Cuts]);
 
 impl Run {
     /// Finds what the step adds for each point.
@@ -246,7 +237,7 @@ impl Run {
         let now: &[f64] = &now;
         let body = world.body(self.body);
         let (above, solidification) = (self.above, self.solidification);
-        let images = || images(body, world.symmetry(self.body));
+        let images = || images(body, &world.symmetry(self.body));
         let images = self.images.get_or_init(images);
         let around = (&self.neighbours, &images[..]);
         let points = &self.points;

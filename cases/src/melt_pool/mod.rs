@@ -101,7 +101,7 @@ impl MeltPoolGauge {
     /// are scattered too widely for a grid.
     #[must_use]
     pub fn of_body(world: &World, body: usize, isotherm: f64) -> Option<Self> {
-        let symmetry = world.symmetry(body);
+        let symmetry = &world.symmetry(body);
         let body = world.body(body);
         let positions: Vec<[f64; 3]> = body.points.position.iter().map(|&p| p.into()).collect();
         let grid = match body.lattice() {

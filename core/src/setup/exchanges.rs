@@ -12,13 +12,6 @@ use crate::world::exchange::{Covered, Exchange, FreeFaces, SurfaceDepth, Surface
 
 use super::{Access, Setup, Warning};
 
-/// An exchange that a coupler declared, and whether a physics evaluates it.
-pub(super) struct DeclaredExchange {
-    plugin: usize,
-    exchange: Rc<Exchange>,
-    taken: bool,
-}
-
 impl Setup<'_> {
     /// Declares that `cells` of a body exchange heat by a law, which the calling coupler keeps up to date. The physics that
     /// owns the temperature evaluates it. What the surroundings cannot reach is taken away from the cells before the
@@ -34,50 +27,23 @@ impl Setup<'_> {
         cells: Vec<SurfaceCell>,
     ) -> Result<Rc<Exchange>, SetupError> {
         self.declare(body, &keys::TEMPERATURE, Access::Layer)?;
-        let plugin = self.plugins.len() - 1;
-        let label = &self.plugins[plugin];
+        let label = self.label(self.current);
         let exchange = Rc::new(Exchange::new(label, body, depth, law, cells));
-        self.exchanges.push(DeclaredExchange {
-            plugin,
-            exchange: exchange.clone(),
-            taken: false,
-        });
+        self.publish(body, exchange.clone())?;
         Ok(exchange)
-    }
-
-    /// The exchanges of a body, for the physics that owns its temperature.
-    pub fn exchanges(&mut self, body: BodyIndex) -> Vec<Rc<Exchange>> {
-        let own = self.exchanges.iter_mut();
-        let own = own.filter(|e| e.exchange.body == body);
-        let take = |e: &mut DeclaredExchange| {
-            e.taken = true;
-            e.exchange.clone()
-        };
-        own.map(take).collect()
     }
 
     /// Restricts exchanges to what the surroundings can reach, and tells of faces that are left out and of faces on which
     /// one kind of boundary acts twice.
-    pub(crate) fn free_exchanges(&mut self) -> Vec<(usize, SetupError)> {
+    pub(super) fn free_exchanges(&mut self) -> Vec<(usize, SetupError)> {
         let mut mistakes = Vec::new();
         let mut by_kind: BTreeMap<(String, BodyIndex), BTreeSet<(u32, Face)>> = BTreeMap::new();
         let mut twice = BTreeSet::new();
-        let declared = std::mem::take(&mut self.exchanges);
-        for DeclaredExchange {
-            plugin,
-            exchange,
-            taken,
-        } in declared
-        {
-            let name = self.world.bodies[exchange.body].name.clone();
-            if !taken {
-                let message =
-                    format!("no physics of body `{name}` exchanges heat through surfaces");
-                let expected = "a physics `thermal` of that body";
-                mistakes.push((plugin, SetupError::value("body", message, expected)));
-                continue;
-            }
-            self.world.exchanges.push(exchange.clone());
+        let declared = self.world.facts.all::<Rc<Exchange>>();
+        let declared: Vec<(usize, Rc<Exchange>)> = declared
+            .map(|(_, plugin, exchange)| (plugin, exchange.clone()))
+            .collect();
+        for (plugin, exchange) in declared {
             if exchange.depth == SurfaceDepth::Plane {
                 continue;
             }
@@ -115,7 +81,7 @@ impl Setup<'_> {
         for plugin in twice {
             let message = "acts on faces on which another boundary of its kind acts, too (films of air and of water are of one kind): \
                            both are added";
-            let plugin = self.plugins[plugin].clone();
+            let plugin = self.label(plugin).to_string();
             self.warnings.push(Warning {
                 plugin,
                 message: message.into(),

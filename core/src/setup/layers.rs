@@ -8,6 +8,35 @@ use crate::world::{BodyIndex, LayerHandle, Layers, LayersHandle};
 
 use super::{Access, Setup};
 
+/// What a layer does with the conserved quantity of its field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LayerRole {
+    /// It exchanges the quantity with the body, so that its share is accounted for.
+    Prescribed,
+    /// It exchanges nothing.
+    Free,
+    /// As `Free`, for a boundary that also makes sense where nobody owns the field.
+    IfProvided,
+}
+
+/// Layers behind faces that boundaries have claimed for a field.
+#[derive(Clone, Debug)]
+pub struct ClaimedLayers {
+    /// Permission to read the rules during the run.
+    pub handle: LayersHandle,
+    /// How layers continue the field, as far as boundaries announced at set-up.
+    pub rules: Vec<LayerRule>,
+    /// The faces whose layers exchange the conserved quantity.
+    pub prescribed: Vec<Face>,
+}
+
+impl ClaimedLayers {
+    /// The faces with a layer.
+    pub fn faces(&self) -> Vec<Face> {
+        self.rules.iter().map(|rule| rule.face).collect()
+    }
+}
+
 impl Setup<'_> {
     fn layers_of(&mut self, body: BodyIndex, field: &str) -> usize {
         let layers = &mut self.world.layers;
@@ -27,22 +56,6 @@ impl Setup<'_> {
             })
     }
 
-    /// A mirrored layer for the field of `key` behind a face of the body's box, whose values
-    /// the calling boundary sets. `prescribed`: it exchanges the conserved quantity with the
-    /// body, so its share is accounted for.
-    ///
-    /// # Errors
-    /// When another boundary has the same layer, or the body has no such face.
-    pub fn layer<T: Value>(
-        &mut self,
-        body: BodyIndex,
-        key: &Key<T>,
-        face: Face,
-        prescribed: bool,
-    ) -> Result<LayerHandle, SetupError> {
-        self.claim_layer(body, key, face, prescribed, Access::Layer)
-    }
-
     /// Tells at set-up how a layer will continue its field, so that a physics knows it before the first step: its
     /// stable step depends on it.
     pub fn announce_layer(&mut self, layer: LayerHandle, rule: LayerRule) {
@@ -51,32 +64,16 @@ impl Setup<'_> {
         own.for_each(|own| *own = rule.clone());
     }
 
-    /// How layers continue a field, as far as boundaries told at set-up.
-    pub fn announced_layers(&self, layers: LayersHandle) -> Vec<LayerRule> {
-        self.world.layers[layers.0].rules.borrow().clone()
-    }
-
-    /// As [`Setup::layer`], not prescribed, for a boundary that also makes sense where nobody
-    /// owns the field.
+    /// A mirrored layer for the field of `key` behind a face of the body's box, whose values the calling boundary sets.
     ///
     /// # Errors
-    /// As [`Setup::layer`].
-    pub fn layer_if_provided<T: Value>(
+    /// When another boundary has the same layer, or the body has no such face.
+    pub fn layer<T: Value>(
         &mut self,
         body: BodyIndex,
         key: &Key<T>,
         face: Face,
-    ) -> Result<LayerHandle, SetupError> {
-        self.claim_layer(body, key, face, false, Access::LayerIfProvided)
-    }
-
-    fn claim_layer<T: Value>(
-        &mut self,
-        body: BodyIndex,
-        key: &Key<T>,
-        face: Face,
-        prescribed: bool,
-        access: Access,
+        kind: LayerRole,
     ) -> Result<LayerHandle, SetupError> {
         if face.axis() >= self.body(body).dimension {
             let dimension = self.body(body).dimension;
@@ -101,6 +98,10 @@ impl Setup<'_> {
             let expected = "a shape whose box ends where its points do, such as a box from which the rest is subtracted";
             return Err(SetupError::value("face", message, expected));
         }
+        let access = match kind {
+            LayerRole::IfProvided => Access::LayerIfProvided,
+            LayerRole::Prescribed | LayerRole::Free => Access::Layer,
+        };
         self.declare(body, key, access)?;
         let layers = self.layers_of(body, &key.name);
         let entry = &mut self.world.layers[layers];
@@ -119,22 +120,20 @@ impl Setup<'_> {
         }
         rules.push(LayerRule::even(face));
         rules.sort_by_key(|r| r.face);
-        if prescribed {
+        if kind == LayerRole::Prescribed {
             entry.prescribed.push(face);
         }
         Ok(LayerHandle { layers, face })
     }
 
-    /// The layers of a field that the calling physics owns: a handle to their rules, the
-    /// faces that boundaries have claimed, and those among them that are prescribed.
-    pub fn layers<T: Value>(
-        &mut self,
-        body: BodyIndex,
-        key: &Key<T>,
-    ) -> (LayersHandle, Vec<Face>, Vec<Face>) {
+    /// The layers of a field that the calling physics owns.
+    pub fn layers<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> ClaimedLayers {
         let index = self.layers_of(body, &key.name);
         let layers = &self.world.layers[index];
-        let faces = layers.rules.borrow().iter().map(|r| r.face).collect();
-        (LayersHandle(index), faces, layers.prescribed.clone())
+        ClaimedLayers {
+            handle: LayersHandle(index),
+            rules: layers.rules.borrow().clone(),
+            prescribed: layers.prescribed.clone(),
+        }
     }
 }

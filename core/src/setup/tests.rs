@@ -1,8 +1,14 @@
 //! What plugins may declare, and which mistakes are told to whom.
 
+use nalgebra::Vector3;
+
 use super::*;
+use crate::body::{Body, Face};
 use crate::family::{Correction, FamilySpec, LayerRule};
+use crate::field::{Key, keys};
+use crate::material::Material;
 use crate::shape::{BoxShape, Shape};
+use crate::world::Wall;
 use crate::world::configuration::Description;
 
 /// A plate of 4 by 3 points, half of them of a second material, and a bar.
@@ -115,7 +121,7 @@ fn properties_are_those_of_the_material_of_a_point() {
         setup.constant_at_points(0, "density").expect("given"),
         expected
     );
-    let table = setup.constant_property(0, "youngs_modulus");
+    let table = setup.constant_at_points(0, "youngs_modulus");
     let message = table.expect_err("of steel").to_string();
     assert!(message.contains("`youngs_modulus` is a table"), "{message}");
     let lacking = setup.property(0, "conductivity");
@@ -180,11 +186,14 @@ fn a_physics_knows_what_couplers_add_and_write() {
     let derived = setup.write(0, &X).expect("free");
     setup.set_first(derived, |point| point as f64);
     setup.next_physics("a physics");
-    assert!(setup.is_added(0, &SINK) && !setup.is_added(1, &SINK) && !setup.is_added(0, &X));
-    assert!(setup.is_written(0, &X) && !setup.is_written(1, &X) && !setup.is_written(0, &SINK));
-    assert!(!setup.is_read(0, &X));
+    let is = |setup: &Setup<'_>, access| {
+        [(0, X), (0, SINK), (1, X), (1, SINK)].map(|(b, key)| setup.is_declared(b, &key, access))
+    };
+    assert_eq!(is(&setup, Access::Add), [false, true, false, false]);
+    assert_eq!(is(&setup, Access::Write), [true, false, false, false]);
+    assert_eq!(is(&setup, Access::Read), [false; 4]);
     setup.read(0, &X).expect("provided");
-    assert!(setup.is_read(0, &X) && !setup.is_read(1, &X));
+    assert_eq!(is(&setup, Access::Read), [true, false, false, false]);
     assert!(setup.consume_if_added(1, &SINK).expect("free").is_none());
     assert!(setup.take_if_added(1, &SINK).expect("free").is_none());
     assert!(setup.consume_if_added(0, &SINK).expect("free").is_some());
@@ -203,12 +212,24 @@ fn what_is_read_is_provided_and_what_is_added_is_taken_up() {
         (|s| s.read(0, &X).map(|_| ()), Some("nobody provides it")),
         (|s| s.read_if_provided(0, &X).map(|_| ()), None),
         (|s| s.add(0, &SINK).map(|_| ()), Some("`added`")),
-        (|s| s.give_sum(0, &SINK).map(|_| ()), Some("`added`")),
         (
-            |s| s.layer(0, &X, Face::XMin, true).map(|_| ()),
+            |s| s.give(0, &SINK, Access::GiveSum).map(|_| ()),
+            Some("`added`"),
+        ),
+        (
+            |s| {
+                s.layer(0, &X, Face::XMin, LayerRole::Prescribed)
+                    .map(|_| ())
+            },
             Some("nobody provides it"),
         ),
-        (|s| s.layer_if_provided(0, &X, Face::XMin).map(|_| ()), None),
+        (
+            |s| {
+                s.layer(0, &X, Face::XMin, LayerRole::IfProvided)
+                    .map(|_| ())
+            },
+            None,
+        ),
     ];
     for (declare, message) in cases {
         let mut world = world();
@@ -239,22 +260,23 @@ fn walls_are_taken_by_the_physics_of_the_fluid() {
     let mut world = world();
     let mut setup = Setup::new(&mut world, Path::new("."));
     setup.next_plugin("interface");
-    setup.set_wall(0, wall);
-    assert!(setup.is_added(1, &keys::IMPULSE) && !setup.is_added(0, &keys::IMPULSE));
-    assert!(!setup.is_added(1, &SINK));
+    setup.publish(0, wall).expect("free");
+    assert!(setup.is_declared(1, &keys::IMPULSE, Access::Add));
+    assert!(!setup.is_declared(0, &keys::IMPULSE, Access::Add));
+    assert!(!setup.is_declared(1, &SINK, Access::Add));
     setup.next_physics("solid");
     setup.take_if_added(1, &keys::IMPULSE).expect("free");
     setup.next_physics("fluid");
-    assert_eq!(setup.walls(1), []);
-    assert_eq!(setup.walls(0), [wall]);
-    setup.give_impulses(&wall).expect("free");
+    assert_eq!(setup.facts::<Wall>(1).count(), 0);
+    assert_eq!(setup.facts::<Wall>(0).collect::<Vec<_>>(), [&wall]);
+    setup.give(1, &keys::IMPULSE, Access::Give).expect("free");
     assert_eq!(finished(setup), Ok(()));
 
     let mut world = self::world();
     let mut setup = Setup::new(&mut world, Path::new("."));
     setup.next_plugin("another");
     setup.next_plugin("interface");
-    setup.set_wall(0, wall);
+    setup.publish(0, wall).expect("free");
     setup.next_physics("solid");
     let (plugin, key, message) = finished(setup).expect_err("no fluid");
     assert_eq!((plugin, &*key), (1, "fluid"));
@@ -265,8 +287,10 @@ fn walls_are_taken_by_the_physics_of_the_fluid() {
 fn what_couplers_share_is_found_by_name_and_type() {
     let mut world = world();
     let mut setup = Setup::new(&mut world, Path::new("."));
-    setup.share("torch", Rc::new(1.5_f64));
-    setup.share("laser", Rc::new(2_u8));
+    setup.next_plugin("torch");
+    setup.share(Rc::new(1.5_f64));
+    setup.next_plugin("laser");
+    setup.share(Rc::new(2_u8));
     let found: Rc<f64> = setup
         .shared("source", "heat source", "torch")
         .expect("known");
@@ -287,11 +311,17 @@ fn a_face_has_one_layer_for_each_field() {
     let mut world = world();
     let mut setup = Setup::new(&mut world, Path::new("."));
     setup.next_plugin("a boundary");
-    let upper = setup.layer(0, &X, Face::YMax, true).expect("free");
-    setup.layer(0, &X, Face::XMin, false).expect("another face");
-    setup.layer(1, &X, Face::YMax, true).expect("another body");
+    let upper = setup
+        .layer(0, &X, Face::YMax, LayerRole::Prescribed)
+        .expect("free");
     setup
-        .layer(0, &SINK, Face::YMax, false)
+        .layer(0, &X, Face::XMin, LayerRole::Free)
+        .expect("another face");
+    setup
+        .layer(1, &X, Face::YMax, LayerRole::Prescribed)
+        .expect("another body");
+    setup
+        .layer(0, &SINK, Face::YMax, LayerRole::Free)
         .expect("another field");
     let odd = LayerRule {
         scale: [-1.0; 3],
@@ -302,25 +332,23 @@ fn a_face_has_one_layer_for_each_field() {
         (Face::YMax, "face `y+` already has a layer for `x`"),
         (Face::ZMin, "a 2D body has no face `z-`"),
     ] {
-        let refused = setup.layer(0, &X, face, true).expect_err("not free");
+        let refused = setup
+            .layer(0, &X, face, LayerRole::Prescribed)
+            .expect_err("not free");
         assert_eq!(refused.key, "face");
         assert!(refused.to_string().contains(message), "{refused}");
     }
     setup.next_physics("a physics");
-    let (handle, faces, prescribed) = setup.layers(0, &X);
-    assert_eq!(faces, [Face::XMin, Face::YMax]);
-    assert_eq!(prescribed, [Face::YMax]);
-    let scales: Vec<f64> = setup
-        .announced_layers(handle)
-        .iter()
-        .map(|r| r.scale[0])
-        .collect();
+    let layers = setup.layers(0, &X);
+    assert_eq!(layers.faces(), [Face::XMin, Face::YMax]);
+    assert_eq!(layers.prescribed, [Face::YMax]);
+    let scales: Vec<f64> = layers.rules.iter().map(|r| r.scale[0]).collect();
     assert_eq!(
         scales,
         [1.0, -1.0],
         "only the layer of the face is announced"
     );
-    assert_eq!(setup.layers(1, &SINK).1, []);
+    assert_eq!(setup.layers(1, &SINK).faces(), []);
 }
 
 #[test]
@@ -330,9 +358,13 @@ fn a_periodic_body_has_no_layer_along_its_axis() {
     let mut world = World::new(vec![plate]);
     let mut setup = Setup::new(&mut world, Path::new("."));
     setup.next_plugin("a boundary");
-    let refused = setup.layer(0, &X, Face::XMax, true).expect_err("a copy");
+    let refused = setup
+        .layer(0, &X, Face::XMax, LayerRole::Prescribed)
+        .expect_err("a copy");
     assert!(refused.to_string().contains("goes on as a copy"));
-    setup.layer(0, &X, Face::YMax, true).expect("free");
+    setup
+        .layer(0, &X, Face::YMax, LayerRole::Prescribed)
+        .expect("free");
 }
 
 #[test]
@@ -349,59 +381,92 @@ fn equal_requests_share_a_family_and_are_told_with_the_first_plugin() {
     };
     let third = setup.family(0, &wider).expect("valid");
     let bar = setup.family(1, &spec()).expect("valid");
-    assert!(std::sync::Arc::ptr_eq(&first, &second));
-    assert!(!std::sync::Arc::ptr_eq(&first, &third));
-    assert!(bar.bonds() < first.bonds() && first.bonds() < third.bonds());
+    assert!(first == second && first != third);
+    let bonds = |family| setup.world().family(family).bonds();
+    assert!(bonds(bar) < bonds(first) && bonds(first) < bonds(third));
     let requests = setup.requests();
     let told: Vec<_> = requests
         .iter()
         .map(|(plugin, body, _)| (&**plugin, *body))
         .collect();
     assert_eq!(told, [("heat", 0), ("stress", 0), ("stress", 1)]);
-    assert_eq!(setup.plugins_with_families(0).collect::<Vec<_>>(), [0, 1]);
-    assert_eq!(
-        setup.families().map(|(body, _)| body).collect::<Vec<_>>(),
-        [0, 0, 1]
-    );
 }
 
-/// The physics that decides where the points of a body are has its own families of it; others come after it.
 #[test]
-fn points_are_moved_or_passed_by_one_physics() {
+fn one_physics_decides_where_points_are() {
     let mut world = world();
     let mut setup = Setup::new(&mut world, Path::new("."));
-    setup.next_plugin("first");
-    setup.family(1, &spec()).expect("of the other body");
-    setup.next_plugin("flow");
-    setup.family(0, &spec()).expect("its own");
-    assert_eq!(setup.description(0), Description::TotalLagrangian);
-    assert!(setup.flow_family(0).is_none());
-    setup
-        .flow_through(0, Description::Eulerian)
-        .expect("nobody else");
-    setup.next_plugin("heat");
-    assert_eq!(setup.description(0), Description::Eulerian);
-    let of_flow = setup.flow_family(0).map(|f| f.spec().clone());
-    assert_eq!(of_flow, Some(spec()));
-    assert!(setup.flow_family(1).is_none());
-    let refused = setup.move_points(0).expect_err("one physics").to_string();
+    setup.next_physics("flow");
+    setup.publish(0, Description::Eulerian).expect("the first");
+    setup.next_physics("heat");
+    let described = [0, 1].map(|body| setup.world().description(body));
+    let expected = [Description::Eulerian, Description::TotalLagrangian];
+    assert_eq!(described, expected);
+    let refused = setup.publish(0, Description::UpdatedLagrangian);
+    let refused = refused.expect_err("one physics").to_string();
     assert!(
         refused.contains("`flow` already decides where the points of body `plate` are"),
         "{refused}"
     );
+    assert!(setup.decides_points(0) && !setup.decides_points(1));
+}
+
+/// What happens to points is refused for plugins that act on them and do not support it, in whatever order they come.
+#[test]
+fn plugins_support_what_happens_to_the_points_on_which_they_act() {
+    let births = Changes::of(&[Change::Births]);
+    for (supports, body, is_refused) in [
+        (Changes::NONE, 0, true),
+        (births, 0, false),
+        (Changes::of(&[Change::Motion]), 0, true),
+        // the other body keeps its material
+        (Changes::NONE, 1, false),
+    ] {
+        for is_before in [true, false] {
+            let mut world = world();
+            let mut setup = Setup::new(&mut world, Path::new("."));
+            let acting = setup.add_plugin("heating", false, supports);
+            let deposit = setup.add_plugin("deposit", false, births);
+            let mut order = [acting, deposit];
+            if !is_before {
+                order.reverse();
+            }
+            for plugin in order {
+                setup.enter(plugin);
+                match plugin == deposit {
+                    true => setup.deposit(0, &[3]).map(|_| ()),
+                    false => setup.add(body, &SINK).map(|_| ()),
+                }
+                .expect("told at the end");
+            }
+            let physics = setup.add_plugin("physics", true, births);
+            setup.enter(physics);
+            setup.consume(body, &SINK).expect("free");
+            let refused = finished(setup).err();
+            assert_eq!(refused.is_some(), is_refused, "{supports:?} {body}");
+            if let Some((plugin, _, message)) = refused {
+                assert_eq!(plugin, acting);
+                let expected =
+                    "`deposit` adds material to body `plate`, which this plugin does not support";
+                assert!(message.contains(expected), "{message}");
+            }
+        }
+    }
 }
 
 #[test]
-fn a_plugin_that_needs_points_at_rest_is_at_fault_where_they_move() {
+fn a_plugin_may_refuse_a_change_that_its_type_supports() {
     for (moved, expected) in [(0, Some((1, "faces"))), (1, None)] {
         let mut world = world();
         let mut setup = Setup::new(&mut world, Path::new("."));
         setup.next_plugin("another");
-        setup.next_plugin("convection");
+        setup.next_plugin("source");
         let error = SetupError::value("faces", "the points move", "points at rest");
-        setup.refuse_moving_points(0, error);
+        setup.refuse(0, Change::Motion, error);
         setup.next_physics("fluid");
-        setup.move_points(moved).expect("nobody else");
+        setup
+            .publish(moved, Description::UpdatedLagrangian)
+            .expect("nobody else");
         let found = finished(setup).err();
         let found = found.as_ref().map(|(plugin, key, _)| (*plugin, &**key));
         assert_eq!(found, expected);

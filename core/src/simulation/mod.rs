@@ -27,18 +27,20 @@ pub use log_times::{LogStage, LogTimes};
 pub use remaining::Remaining;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::body::Horizon;
 use crate::error::{Problem, RunError, SetupError};
-use crate::family::{self, FamilySpec};
+use crate::family::{self, Family, FamilySpec};
 use crate::field::FieldIndex;
-use crate::plugin::{Balance, Coupler, Physics, Report, Step, StepSize, Update};
+use crate::plugin::{Balance, Coupler, Physics, Report, Step, StepSize, Update, supported};
 use crate::schedule::Plan;
 use crate::setup::{Setup, Warning};
 use crate::world::World;
+use crate::world::families::WorldFamily;
 
 /// A plugin with the name that messages use.
 pub struct Named<P: ?Sized> {
@@ -173,48 +175,57 @@ impl Simulation {
         };
         let mut setup = Setup::new(&mut world, folder);
         let mut faults = Faults::new();
-        for (i, c) in couplers.iter_mut().enumerate() {
-            match c.plugin.share(folder) {
-                Ok(value) => value.into_iter().for_each(|v| setup.share(&c.label, v)),
-                Err(e) => faults.push((Culprit::Coupler(i), e)),
-            }
+        let count = couplers.len();
+        for c in &couplers {
+            let supports = supported::<dyn Coupler>(c.plugin.typetag_name());
+            setup.add_plugin(&c.label, false, supports);
         }
-        // a plugin may need what another shares
+        for p in &physics {
+            let supports = supported::<dyn Physics>(p.plugin.typetag_name());
+            setup.add_plugin(&p.label, true, supports);
+        }
+        for (i, c) in couplers.iter_mut().enumerate() {
+            setup.enter(i);
+            let published = c.plugin.publish(&mut setup);
+            faults.extend(published.err().map(|e| (Culprit::Coupler(i), e)));
+        }
+        for (i, p) in physics.iter_mut().enumerate() {
+            setup.enter(count + i);
+            let published = p.plugin.publish(&mut setup);
+            faults.extend(published.err().map(|e| (Culprit::Physics(i), e)));
+        }
+        // a plugin may need what another publishes
         if !faults.is_empty() {
             return Err(faults);
         }
         for (i, c) in couplers.iter_mut().enumerate() {
-            setup.next_plugin(&c.label);
+            setup.enter(i);
             let prepared = c.plugin.prepare(&mut setup);
             faults.extend(prepared.err().map(|e| (Culprit::Coupler(i), e)));
         }
-        for (i, p) in physics.iter_mut().enumerate() {
-            setup.next_physics(&p.label);
-            let prepared = p.plugin.prepare(&mut setup);
+        // those that decide where points are come first: others sum over the same bonds
+        let mut order: Vec<usize> = (0..physics.len()).collect();
+        order.sort_by_key(|i| !setup.decides_points(count + i));
+        for i in order {
+            setup.enter(count + i);
+            let prepared = physics[i].plugin.prepare(&mut setup);
             faults.extend(prepared.err().map(|e| (Culprit::Physics(i), e)));
         }
         if !faults.is_empty() {
             return Err(faults);
         }
-        let size = |(body, f): (usize, std::sync::Arc<crate::family::Family>)| FamilySize {
-            body,
+        let size = |(of, f): (&WorldFamily, Arc<Family>)| FamilySize {
+            body: of.body,
             horizon: f.spec().horizon,
             bonds: f.bonds(),
             memory: f.memory(),
         };
-        let family_sizes = setup.families().map(size).collect();
-        let requests = setup.requests();
-        let at = |(plugin, e)| (culprit(plugin, couplers.len()), e);
-        let not_free: Faults = setup.free_exchanges().into_iter().map(at).collect();
-        if !not_free.is_empty() {
-            return Err(not_free);
-        }
-        let warnings = setup.take_warnings();
-        let notes = setup.take_notes();
-        let declarations = setup.finish().map_err(|mistakes| {
+        let declared = setup.finish().map_err(|mistakes| {
             let mistakes = mistakes.into_iter();
+            let at = |(plugin, e)| (culprit(plugin, count), e);
             mistakes.map(at).collect::<Faults>()
         })?;
+        let family_sizes = world.families().map(size).collect();
         let labels: Vec<String> = couplers
             .iter()
             .map(|c| &c.label)
@@ -223,7 +234,7 @@ impl Simulation {
             .collect();
         let body_of_field: Vec<usize> = world.fields.iter().map(|f| f.body).collect();
         let counts = (couplers.len(), physics.len());
-        let plan = Plan::derive(counts, &declarations, &body_of_field, &labels);
+        let plan = Plan::derive(counts, &declared.declarations, &body_of_field, &labels);
         let plan = plan.map_err(|problem| {
             let first = match &problem {
                 Problem::Cycle(names) => labels.iter().position(|l| Some(l) == names.first()),
@@ -263,9 +274,9 @@ impl Simulation {
             rates,
             plausible: vec![Vec::new(); count],
             family_sizes,
-            requests,
-            warnings,
-            notes,
+            requests: declared.requests,
+            warnings: declared.warnings,
+            notes: declared.notes,
             wall: vec![0.0; count],
         })
     }

@@ -9,6 +9,7 @@ use super::*;
 use crate::body::Body;
 use crate::field::{Key, Read, Write};
 use crate::plugin::{Clock, Update, Work};
+use crate::setup::Access;
 use crate::shape::{BoxShape, Shape};
 
 mod clock;
@@ -94,7 +95,7 @@ impl Physics for Ruled {
             _ => setup.take_if_added(body, &sink)?,
         };
         self.is_read
-            .set(setup.is_read(body_of(self.field), &key(self.field)));
+            .set(setup.is_declared(body_of(self.field), &key(self.field), Access::Read));
         Ok(())
     }
 

@@ -5,12 +5,12 @@
 //! that it gets. Everybody else reads them ([`World::configuration`]). Where nobody moves the points, they lie at
 //! their reference positions, displaced where the body has a `displacement`, and have their reference volumes.
 //!
-//! Families that follow the points ([`Setup::moving_family`](crate::Setup::moving_family)) belong to the world, too.
-//! Where their rows are found is decided when the configuration is set, so that it does not depend on who asks for
-//! the family, and is saved with a checkpoint: the order in which a family adds depends on it. Images and weights
-//! are computed when the family is asked for, once for each version of the configuration.
+//! Families of such a body follow the points ([`World::family`]). Where their rows are found is decided when the
+//! configuration is set, so that it does not depend on who asks for the family, and is saved with a checkpoint: the order
+//! in which a family adds depends on it. Images and weights are computed when the family is asked for, once for each
+//! version of the configuration.
 //!
-//! Which points of a body that grows have material already is part of its configuration, see [`crate::world::activity`].
+//! Which points of a body have material is part of its configuration, see [`crate::world::activity`].
 
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
@@ -19,10 +19,9 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::activity::Grower;
+use super::changes::{Change, Changes};
+use super::facts::{Fact, FactRule};
 use super::{BodyIndex, World};
-use crate::body::Body;
-use crate::family::{Family, FamilyError, FamilySpec, must_look_again, skin};
 use crate::field::keys;
 
 /// Positions and volumes of the points of a body at one moment.
@@ -89,10 +88,6 @@ pub struct PointMover {
     pub(crate) body: BodyIndex,
 }
 
-/// A family that follows the points of a body, owned by the [`World`].
-#[derive(Clone, Copy, Debug)]
-pub struct MovingFamily(pub(crate) usize);
-
 /// Current configuration of one body.
 #[derive(Debug, Default)]
 struct Current {
@@ -102,163 +97,54 @@ struct Current {
     displacement_seen: Cell<Option<u64>>,
     /// Shift of a window that it includes, m.
     shift_seen: Cell<Vector3<f64>>,
-    /// The plugin that moves the points, by its position in the set-up.
-    mover: Option<usize>,
-    /// The plugin whose matter flows through the points, and how it describes them.
-    flow: Option<(usize, Description)>,
-    /// A plugin that was told that the points are matter at rest.
-    told_at_rest: Option<usize>,
 }
 
-/// A family that follows its points.
-#[derive(Debug)]
-struct Follower {
-    body: BodyIndex,
-    spec: FamilySpec,
-    /// m.
-    skin: f64,
-    state: RefCell<FollowerState>,
-}
-
-#[derive(Debug)]
-struct FollowerState {
-    family: Arc<Family>,
-    /// Positions at which the rows are to be found, m.
-    found_at: Vec<Vector3<f64>>,
-    /// Whether the family has other rows.
-    has_old_rows: bool,
-    /// Version of the configuration for which the family was last placed.
-    placed_for: u64,
-}
-
-/// Configurations of all bodies and the families that follow them.
+/// Configurations of all bodies.
 #[derive(Debug, Default)]
-pub(crate) struct Configurations {
-    bodies: Vec<Current>,
-    followers: Vec<Follower>,
-    /// Families of bodies that grow.
-    pub(crate) growers: Vec<Grower>,
-}
+pub(crate) struct Configurations(Vec<Current>);
 
 impl Configurations {
     pub(crate) fn new(bodies: usize) -> Self {
-        Configurations {
-            bodies: (0..bodies).map(|_| Current::default()).collect(),
-            ..Configurations::default()
-        }
-    }
-
-    /// The plugin that moves the points of a body.
-    pub(crate) fn mover(&self, body: BodyIndex) -> Option<usize> {
-        self.bodies[body].mover
-    }
-
-    /// The plugin that moves the points of a body or whose matter flows through them.
-    pub(crate) fn owner(&self, body: BodyIndex) -> Option<usize> {
-        let current = &self.bodies[body];
-        current.mover.or(self.flow_owner(body))
-    }
-
-    /// Whether a physics moves the points of a body through space, with matter or along walls.
-    pub(crate) fn moves_points(&self, body: BodyIndex) -> bool {
-        let current = &self.bodies[body];
-        let follows_walls =
-            |(_, description)| description == Description::ArbitraryLagrangianEulerian;
-        current.mover.is_some() || current.flow.is_some_and(follows_walls)
-    }
-
-    pub(crate) fn set_mover(&mut self, body: BodyIndex, plugin: usize) -> PointMover {
-        self.bodies[body].mover = Some(plugin);
-        PointMover { body }
-    }
-
-    pub(crate) fn set_flow(
-        &mut self,
-        body: BodyIndex,
-        (plugin, description): (usize, Description),
-    ) {
-        self.bodies[body].flow = Some((plugin, description));
-    }
-
-    /// The plugin whose matter flows through the points of a body.
-    pub(crate) fn flow_owner(&self, body: BodyIndex) -> Option<usize> {
-        self.bodies[body].flow.map(|(plugin, _)| plugin)
-    }
-
-    /// A plugin that was told that the points are matter at rest.
-    pub(crate) fn told_at_rest(&self, body: BodyIndex) -> Option<usize> {
-        self.bodies[body].told_at_rest
-    }
-
-    /// What the points of a body are, as far as it was declared, for `plugin`.
-    pub(crate) fn description(&mut self, body: BodyIndex, plugin: usize) -> Description {
-        let current = &mut self.bodies[body];
-        match (current.mover, current.flow) {
-            (Some(_), _) => Description::UpdatedLagrangian,
-            (None, Some((_, description))) => description,
-            (None, None) => {
-                current.told_at_rest.get_or_insert(plugin);
-                Description::TotalLagrangian
-            }
-        }
-    }
-
-    /// A family of these points; equal requests share one.
-    pub(crate) fn follow(
-        &mut self,
-        (index, body): (BodyIndex, &Body),
-        spec: &FamilySpec,
-    ) -> Result<MovingFamily, FamilyError> {
-        let same = |f: &Follower| f.body == index && f.spec == *spec;
-        if let Some(present) = self.followers.iter().position(same) {
-            return Ok(MovingFamily(present));
-        }
-        let state = FollowerState {
-            family: Arc::new(Family::moving(body, spec)?),
-            found_at: body.points.position.clone(),
-            has_old_rows: false,
-            placed_for: 0,
-        };
-        self.followers.push(Follower {
-            body: index,
-            spec: spec.clone(),
-            skin: skin(body),
-            state: RefCell::new(state),
-        });
-        Ok(MovingFamily(self.followers.len() - 1))
-    }
-
-    /// All families with their bodies.
-    pub(crate) fn families(&self) -> impl Iterator<Item = (BodyIndex, Arc<Family>)> {
-        let families = self.followers.iter();
-        let families = families.map(|f| (f.body, f.state.borrow().family.clone()));
-        families.chain(self.growers.iter().map(Grower::family))
+        Configurations((0..bodies).map(|_| Current::default()).collect())
     }
 }
 
-impl FollowerState {
-    /// Brings the family up to date. Whoever still holds it keeps the family as it was.
-    fn place(&mut self, (body, spec): (&Body, &FamilySpec), now: &Configuration) {
-        if Arc::get_mut(&mut self.family).is_none() {
-            let fresh = Family::moving(body, spec).expect("the same family was built at set-up");
-            (self.family, self.has_old_rows) = (Arc::new(fresh), true);
+impl Fact for Description {
+    const SECOND: Option<FactRule> = Some(FactRule {
+        key: "body",
+        message: "`{first}` already decides where the points of body `{body}` are",
+        expected: "one physics that moves the points or flows through them",
+    });
+
+    fn changes(&self) -> Changes {
+        match self {
+            Description::UpdatedLagrangian => Changes::of(&[Change::Motion]),
+            Description::TotalLagrangian => Changes::NONE,
+            Description::Eulerian => Changes::of(&[Change::Flow]),
+            Description::ArbitraryLagrangianEulerian => {
+                Changes::of(&[Change::Motion, Change::Flow])
+            }
         }
-        let family = Arc::get_mut(&mut self.family).expect("nobody else has it");
-        if self.has_old_rows {
-            family.look_from(&self.found_at);
-            self.has_old_rows = false;
-        }
-        family.place_at(&now.positions, &now.volumes);
-        self.placed_for = now.version;
     }
 }
 
 impl World {
+    /// What the points of a body are: matter at rest or that of a solid, unless a physics says otherwise.
+    pub fn description(&self, body: BodyIndex) -> Description {
+        let published = self.fact::<Description>(body).copied();
+        published.unwrap_or(Description::TotalLagrangian)
+    }
+
+    /// Whether a physics moves the points of a body with the matter, so that they change neighbours.
+    pub(crate) fn moves_freely(&self, body: BodyIndex) -> bool {
+        self.description(body) == Description::UpdatedLagrangian
+    }
+
     /// Where the points of a body are now and how large they are. The values stay as they are when the configuration
     /// changes: ask again in each step.
     pub fn configuration(&self, body: BodyIndex) -> Arc<Configuration> {
-        let current = &self.configurations.bodies[body];
-        let changes = self.displacement_changes(body, current.mover);
+        let current = &self.configurations.0[body];
+        let changes = self.displacement_changes(body);
         let shift = self.window_shift(body);
         let mut configuration = current.configuration.borrow_mut();
         if let Some(configuration) = &*configuration
@@ -285,9 +171,8 @@ impl World {
     /// follow the walls of one. `None` for points at rest and for solids, whose sources and boundaries act on the
     /// reference configuration.
     pub fn moving_points(&self, body: BodyIndex) -> Option<Arc<Configuration>> {
-        self.configurations
-            .moves_points(body)
-            .then(|| self.configuration(body))
+        let moves = self.changes[body].contains(Change::Motion);
+        moves.then(|| self.configuration(body))
     }
 
     /// The time level of the current positions of a body (s): that to which its `displacement` was advanced.
@@ -298,9 +183,9 @@ impl World {
 
     /// How often the displacement of a body changed; `None` without displacement, and where a physics sets the
     /// configuration.
-    fn displacement_changes(&self, body: BodyIndex, mover: Option<usize>) -> Option<u64> {
+    fn displacement_changes(&self, body: BodyIndex) -> Option<u64> {
         let field = self.fields.find(body, &keys::DISPLACEMENT.name);
-        let field = field.filter(|_| mover.is_none());
+        let field = field.filter(|_| !self.moves_freely(body));
         field.map(|index| self.fields.field(index).changes())
     }
 
@@ -329,65 +214,19 @@ impl World {
     ) {
         let points = self.bodies[mover.body].points.len();
         assert_eq!([positions.len(), volumes.len()], [points; 2]);
-        let mut current = self.configurations.bodies[mover.body]
-            .configuration
-            .borrow_mut();
+        let mut current = self.configurations.0[mover.body].configuration.borrow_mut();
         let mut now = current.take().unwrap_or_default();
         Arc::make_mut(&mut now).replace(positions.iter().copied(), volumes);
         *current = Some(now);
-        let followers = self.configurations.followers.iter();
-        for follower in followers.filter(|f| f.body == mover.body) {
-            let state = &mut *follower.state.borrow_mut();
-            if must_look_again(&state.found_at, positions, follower.skin) {
-                state.found_at.copy_from_slice(positions);
-                state.has_old_rows = true;
-            }
-        }
-    }
-
-    /// A family that follows the points of its body, with the weights of the current configuration. Do not keep it
-    /// beyond a step: while somebody holds it, it cannot be updated in place and is built again instead.
-    pub fn moving_family(&self, handle: MovingFamily) -> Arc<Family> {
-        let follower = &self.configurations.followers[handle.0];
-        let now = self.configuration(follower.body);
-        let state = &mut *follower.state.borrow_mut();
-        if state.placed_for != now.version {
-            state.place((&self.bodies[follower.body], &follower.spec), &now);
-        }
-        state.family.clone()
-    }
-
-    /// Where the rows of each moving family were found (m): part of a checkpoint, because the order of sums depends
-    /// on it.
-    pub(crate) fn rows_found_at(&self) -> Vec<Vec<Vector3<f64>>> {
-        let followers = self.configurations.followers.iter();
-        followers
-            .map(|f| f.state.borrow().found_at.clone())
-            .collect()
-    }
-
-    /// Restores what [`World::rows_found_at`] gave; whether it fits the families.
-    pub(crate) fn find_rows_at(&self, found_at: Vec<Vec<Vector3<f64>>>) -> bool {
-        let followers = &self.configurations.followers;
-        if followers.len() != found_at.len() {
-            return false;
-        }
-        for (follower, found_at) in followers.iter().zip(found_at) {
-            let mut state = follower.state.borrow_mut();
-            if state.found_at.len() != found_at.len() {
-                return false;
-            }
-            state.found_at = found_at;
-            (state.has_old_rows, state.placed_for) = (true, 0);
-        }
-        true
+        self.follow_points(mover.body, positions);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::family::{Correction, FamilySpec};
+    use crate::body::Body;
+    use crate::family::{Correction, Family, FamilySpec};
     use crate::setup::Setup;
     use crate::shape::{BoxShape, Shape};
     use std::path::Path;
@@ -409,62 +248,38 @@ mod tests {
     }
 
     #[test]
-    fn a_second_physics_that_moves_the_points_is_refused_by_name() {
+    fn a_family_of_moving_points_is_refused_where_the_plugin_needs_points_at_rest() {
         let mut world = world();
         let mut setup = Setup::new(&mut world, Path::new("."));
-        setup.next_plugin("water");
-        setup.move_points(0).expect("the first one");
-        setup.next_plugin("oil");
-        let error = setup.move_points(0).expect_err("a second one").to_string();
+        setup.next_physics("water");
+        let moves = Description::UpdatedLagrangian;
+        setup.publish(0, moves).expect("the first one");
+        let plugin = setup.add_plugin("heat", true, Changes::NONE);
+        setup.enter(plugin);
+        let error = setup.family(0, &spec()).expect_err("at rest").to_string();
         assert!(
-            error.contains("`water`") && error.contains("`block`"),
+            error.contains("`water` moves the points of body `block`"),
             "{error}"
         );
-        let error = setup.family(0, &spec()).expect_err("at rest").to_string();
-        assert!(error.contains("`water`"), "{error}");
-    }
-
-    #[test]
-    fn a_family_at_rest_is_not_left_behind_by_moving_points() {
-        let mut world = world();
-        let mut setup = Setup::new(&mut world, Path::new("."));
-        setup.next_plugin("heat");
-        assert_eq!(setup.description(0), Description::TotalLagrangian);
-        setup.next_plugin("water");
-        let moved = setup.move_points(0).expect_err("too late").to_string();
-        let passed = setup
-            .flow_through(0, Description::Eulerian)
-            .expect_err("too late")
-            .to_string();
-        assert!(
-            moved.contains("`heat`") && passed.contains("`heat`"),
-            "{moved}"
-        );
-        // its own family at rest does not hinder a physics
-        let mut world = self::world();
-        let mut setup = Setup::new(&mut world, Path::new("."));
-        setup.next_plugin("heat");
-        setup.next_plugin("water");
-        setup.family(0, &spec()).expect("valid");
-        setup.move_points(0).expect("nobody else has one");
     }
 
     #[test]
     fn moving_families_are_shared_and_follow_the_configuration() {
         let mut world = world();
         let mut setup = Setup::new(&mut world, Path::new("."));
-        setup.next_plugin("water");
-        let mover = setup.move_points(0).expect("the first one");
-        let family = setup.moving_family(0, &spec()).expect("valid");
-        let same = setup.moving_family(0, &spec()).expect("valid");
-        assert_eq!(family.0, same.0);
-        assert_eq!(setup.families().count(), 1);
+        setup.next_physics("water");
+        let moves = Description::UpdatedLagrangian;
+        setup.publish(0, moves).expect("the first one");
+        let mover = setup.move_points(0);
+        let family = setup.family(0, &spec()).expect("valid");
+        assert_eq!(setup.family(0, &spec()).expect("valid"), family);
+        assert_eq!(setup.world().families().count(), 1);
         setup.finish().expect("complete");
 
         let before = world.configuration(0);
         let moved = before.positions().iter();
         let moved: Vec<_> = moved.map(|x| x + Vector3::x() * 2.0 * x.y).collect();
-        let held = world.moving_family(family);
+        let held = world.family(family);
         world.set_configuration(&mover, &moved, before.volumes());
         let now = world.configuration(0);
         assert_ne!(before.version(), now.version());
@@ -484,9 +299,9 @@ mod tests {
         let mut sheared = body.clone();
         sheared.points.position = moved;
         let expected = bonds(&Family::moving(&sheared, &spec()).expect("valid"));
-        assert_eq!(bonds(&world.moving_family(family)), expected);
+        assert_eq!(bonds(&world.family(family)), expected);
         drop(held);
-        assert_eq!(bonds(&world.moving_family(family)), expected);
+        assert_eq!(bonds(&world.family(family)), expected);
     }
 
     #[test]

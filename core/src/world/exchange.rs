@@ -2,7 +2,7 @@
 //!
 //! A boundary such as convection declares a law ([`Setup::exchange`](crate::Setup::exchange)): the flux into the body at a
 //! temperature of the surface. The physics that owns the temperature evaluates all laws of its body
-//! ([`Setup::exchanges`](crate::Setup::exchanges)) wherever it evaluates its rates, also within a step and in the search for a
+//! ([`World::facts`]) wherever it evaluates its rates, also within a step and in the search for a
 //! steady state, so that the exchange is that of the result and not that of the state before.
 //!
 //! The surface consists of the cell faces that the surroundings can reach: not of planes of symmetry, of faces with a layer
@@ -14,10 +14,11 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 
+use super::facts::{Fact, FactRule};
+use super::{BodyIndex, World};
 use crate::body::{Body, Face, SurfaceCell};
 use crate::cell_list::CellList;
 use crate::field::keys;
-use crate::world::{BodyIndex, World};
 
 /// A flux into a body, and its derivative by the temperature of the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -72,6 +73,14 @@ pub struct Exchange {
     power: Cell<f64>,
     /// Of the surface at each cell face when last observed, K; empty before.
     temperatures: RefCell<Vec<f64>>,
+}
+
+impl Fact for Rc<Exchange> {
+    const UNREAD: Option<FactRule> = Some(FactRule {
+        key: "body",
+        message: "no physics of body `{body}` exchanges heat through surfaces",
+        expected: "a physics `thermal` of that body",
+    });
 }
 
 impl Exchange {

@@ -1,8 +1,11 @@
 //! The world: bodies, their fields, and how fields continue behind faces.
 
 pub mod activity;
+pub mod changes;
 pub mod configuration;
 pub mod exchange;
+pub mod facts;
+pub mod families;
 pub mod refinement;
 
 use std::cell::{Ref, RefCell, RefMut};
@@ -18,8 +21,11 @@ use crate::field::{FieldIndex, Fields, Read, ReadIfProvided, Value, Write, keys}
 use crate::material::{EnthalpyCurve, LatentHeatForm, Material, MaterialError, MushyCapacity};
 use crate::solver::reduce::weighted_sum;
 
+use changes::Changes;
 use configuration::Configurations;
 use exchange::{Exchange, SurfaceDepth};
+use facts::{Fact, FactRule, Facts};
+use families::WorldFamily;
 use refinement::Refinement;
 
 /// Index of a body.
@@ -45,7 +51,43 @@ pub struct LayerHandle {
 #[derive(Clone, Copy, Debug)]
 pub struct LayersHandle(pub(crate) usize);
 
-/// How a body melts and freezes, set by the phase-change coupler.
+/// The points of a body move together.
+#[derive(Clone, Copy, Debug)]
+pub struct Rigid;
+
+impl Fact for Rigid {}
+
+/// A body continues as its mirror image behind a face, so that measurements count both halves.
+#[derive(Clone, Copy, Debug)]
+pub struct SymmetryPlane(pub Face);
+
+impl Fact for SymmetryPlane {}
+
+/// Distances of the surface of a body from its outermost points by direction ([`Face::ALL`]), in spacings, as the sums of a
+/// physics of heat make them.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfaceDepths(pub [f64; 6]);
+
+impl Fact for SurfaceDepths {}
+
+/// A body whose points are walls for the material of the body of which this is a fact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wall {
+    /// The body that is the wall.
+    pub other: BodyIndex,
+    /// Whether the material slips along the wall; else it sticks.
+    pub slip: bool,
+}
+
+impl Fact for Wall {
+    const UNREAD: Option<FactRule> = Some(FactRule {
+        key: "fluid",
+        message: "no physics of body `{body}` has walls",
+        expected: "a `fluid` of that body with `form = \"conservative\"`",
+    });
+}
+
+/// How a body melts and freezes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PhaseChange {
     /// What heats up between solidus and liquidus.
@@ -53,6 +95,8 @@ pub struct PhaseChange {
     /// How a step of heating finds the new temperature.
     pub form: LatentHeatForm,
 }
+
+impl Fact for PhaseChange {}
 
 /// Pairs of points of a body whose bond broke, for whoever else has bonds between them.
 #[derive(Debug, Default)]
@@ -88,33 +132,22 @@ pub struct World {
     pub(crate) provided: Vec<bool>,
     /// By field: the time to which its owner has advanced it, s.
     times: Vec<f64>,
-    pub(crate) phase_change: Vec<Option<PhaseChange>>,
+    pub(crate) facts: Facts,
     pub(crate) configurations: Configurations,
-    /// By body: whether its points move together.
-    pub(crate) rigid: Vec<bool>,
-    /// By body: whether material is deposited on it.
-    pub(crate) growing: Vec<bool>,
-    /// By body: the faces that are planes of symmetry.
-    pub(crate) symmetry: Vec<Vec<Face>>,
-    /// By body and direction: distance of the surface from the outermost points, as heat sees it, in spacings.
-    pub(crate) surface_depth: Vec<[f64; 6]>,
+    pub(crate) families: Vec<WorldFamily>,
+    /// By body: what happens to its points.
+    pub(crate) changes: Vec<Changes>,
     broken: Vec<RefCell<BrokenPairs>>,
     /// Bodies with a window of finer points that moves.
     pub(crate) refinements: Vec<Refinement>,
-    /// Heat that surfaces exchange with their surroundings.
-    pub(crate) exchanges: Vec<Rc<Exchange>>,
 }
 
 impl World {
     /// A world of the given bodies, without fields.
     pub fn new(bodies: Vec<Body>) -> World {
         World {
-            phase_change: vec![None; bodies.len()],
             configurations: Configurations::new(bodies.len()),
-            rigid: vec![false; bodies.len()],
-            growing: vec![false; bodies.len()],
-            symmetry: vec![Vec::new(); bodies.len()],
-            surface_depth: vec![[0.5; 6]; bodies.len()],
+            changes: vec![Changes::NONE; bodies.len()],
             broken: bodies.iter().map(|_| RefCell::default()).collect(),
             bodies,
             ..World::default()
@@ -137,7 +170,7 @@ impl World {
     /// # Errors
     /// When density or specific heat are missing, or the curve cannot be.
     pub fn enthalpy_curves(&self, body: BodyIndex) -> Result<Vec<EnthalpyCurve>, SetupError> {
-        let change = self.phase_change[body];
+        let change = self.fact::<PhaseChange>(body).copied();
         let curve = |material: &Material| {
             // a material that does not say how it melts stays solid
             let melts = ["solidus", "liquidus", "latent_heat"]
@@ -157,21 +190,37 @@ impl World {
             .map_err(|e| SetupError::other("", e))
     }
 
-    /// Whether the points of a body move together, so that a single one has the inertia of the whole body
-    /// ([`crate::Setup::set_rigid`]).
+    /// Facts of a type about a body, in the order in which they were published.
+    pub fn facts<T: Fact>(&self, body: BodyIndex) -> impl Iterator<Item = &T> {
+        self.facts.of(body).map(|(_, fact)| fact)
+    }
+
+    /// The fact of a type about a body.
+    pub fn fact<T: Fact>(&self, body: BodyIndex) -> Option<&T> {
+        self.facts(body).next()
+    }
+
+    /// What happens to the points of a body during the run.
+    pub fn changes(&self, body: BodyIndex) -> Changes {
+        self.changes[body]
+    }
+
+    /// Whether the points of a body move together, so that a single one has the inertia of the whole body.
     pub fn is_rigid(&self, body: BodyIndex) -> bool {
-        self.rigid[body]
+        self.fact::<Rigid>(body).is_some()
     }
 
     /// Distances of the surface of a body from its outermost points by direction ([`Face::ALL`]), in spacings: over these the
-    /// temperature of a point changes to that of the surface before it ([`crate::Setup::set_surface_depth`]).
-    pub fn surface_depth(&self, body: BodyIndex) -> &[f64; 6] {
-        &self.surface_depth[body]
+    /// temperature of a point changes to that of the surface before it.
+    pub fn surface_depth(&self, body: BodyIndex) -> [f64; 6] {
+        let depths = self.fact::<SurfaceDepths>(body);
+        depths.map_or([0.5; 6], |depths| depths.0)
     }
 
-    /// Faces of a body that are planes of symmetry ([`crate::Setup::set_symmetry`]).
-    pub fn symmetry(&self, body: BodyIndex) -> &[Face] {
-        &self.symmetry[body]
+    /// Faces of a body that are planes of symmetry.
+    pub fn symmetry(&self, body: BodyIndex) -> Vec<Face> {
+        let planes = self.facts::<SymmetryPlane>(body);
+        planes.map(|plane| plane.0).collect()
     }
 
     /// Where the points of a body are now, m: [`World::configuration`] as a list of its own.
@@ -224,10 +273,9 @@ impl World {
             on_face.find_map(|rule| rule.prescribed(component, point))
         });
         let exchanged = || {
-            let mut own = self.exchanges.iter().filter(|e| {
-                let is_here = e.body == field.body && e.depth == SurfaceDepth::Face;
-                is_here && field.name == keys::TEMPERATURE.name
-            });
+            let mut own = self
+                .facts::<Rc<Exchange>>(field.body)
+                .filter(|e| e.depth == SurfaceDepth::Face && field.name == keys::TEMPERATURE.name);
             own.find_map(|e| e.surface_temperature(point, face))
         };
         prescribed

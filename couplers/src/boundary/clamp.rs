@@ -46,7 +46,6 @@ impl Clamp {
 impl Coupler for Clamp {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        setup.follow_activity(body);
         let dimension = setup.body(body).dimension;
         let held = match &self.components {
             None => std::array::from_fn(|axis| axis < dimension),
@@ -96,7 +95,7 @@ impl Coupler for Clamp {
     }
 }
 
-perimelt_core::register_coupler!("clamp", Clamp);
+perimelt_core::register_coupler!("clamp", Clamp, supports: [Births, Cuts]);
 
 #[cfg(test)]
 mod tests {

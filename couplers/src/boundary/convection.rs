@@ -171,15 +171,18 @@ impl Coupler for Convection {
     }
 }
 
-perimelt_core::register_coupler!("convection", Convection);
+perimelt_core::register_coupler!("convection", Convection, supports: [Flow, Births, Cuts, Window]);
 
 #[cfg(test)]
 mod tests {
+    use std::rc::Rc;
+
     use super::*;
     use crate::testing::{
         STEEL, apply, block, check_slopes, exchange, heat, prepare, read, refusal,
     };
     use perimelt_core::keys;
+    use perimelt_core::world::exchange::Exchange;
 
     #[test]
     fn each_surface_point_exchanges_at_its_own_temperature_and_area() {
@@ -239,7 +242,7 @@ mod tests {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
         prepare(&mut world, &mut later, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
-            setup.exchanges(0);
+            assert_eq!(setup.facts::<Rc<Exchange>>(0).count(), 1);
         })
         .expect("valid at first");
         later.apply(&world, Step::new(0.0, 1.0)).expect("0.25");

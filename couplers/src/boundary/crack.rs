@@ -149,7 +149,8 @@ mod tests {
 
     fn bonds(setup: &mut Setup<'_>) -> usize {
         let spec = FamilySpec::new(1.0);
-        setup.family(0, &spec).expect("valid").bonds()
+        let family = setup.family(0, &spec).expect("valid");
+        setup.world().family(family).bonds()
     }
 
     #[test]
@@ -182,7 +183,8 @@ mod tests {
         let body = Body::fill("slotted", &slotted, 2, 1.0, 1.0).expect("valid");
         let across = |setup: &mut Setup<'_>| {
             let spec = FamilySpec::new(2.0);
-            setup.family(0, &spec).expect("valid").bonds()
+            let family = setup.family(0, &spec).expect("valid");
+            setup.world().family(family).bonds()
         };
         let mut world = World::new(vec![body]);
         let mut coupler: InsulatedCrack = read("from = [0, 1.5]\nto = [4, 1.5]");

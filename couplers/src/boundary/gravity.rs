@@ -31,7 +31,6 @@ struct GravityState {
 impl Coupler for Gravity {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        setup.follow_activity(body);
         setup.property(body, "density")?;
         let acceleration = Vector3::from(self.acceleration);
         let densities = setup.reference_densities(body)?;
@@ -56,7 +55,7 @@ impl Coupler for Gravity {
     }
 }
 
-perimelt_core::register_coupler!("gravity", Gravity);
+perimelt_core::register_coupler!("gravity", Gravity, supports: [Motion, Flow, Births, Cuts]);
 
 #[cfg(test)]
 mod tests {

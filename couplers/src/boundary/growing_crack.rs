@@ -133,7 +133,7 @@ impl Coupler for GrowingCrack {
             ));
         }
         self.prepared = Some(State {
-            breaker: setup.break_bonds_with_others(body)?,
+            breaker: setup.break_bonds(body, true)?,
             crossings,
             broken: 0,
             length: 0.0,
@@ -203,7 +203,7 @@ mod tests {
             crack.prepare(&mut setup).expect("cracks share a body");
         }
         setup.next_plugin("fracture");
-        let message = setup.break_bonds(0).expect_err("taken").to_string();
+        let message = setup.break_bonds(0, false).expect_err("taken").to_string();
         assert!(
             message.contains("`a crack` already breaks bonds of body `block`"),
             "{message}"

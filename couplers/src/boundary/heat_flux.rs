@@ -81,7 +81,7 @@ impl Coupler for HeatFlux {
     }
 }
 
-perimelt_core::register_coupler!("heat_flux", HeatFlux);
+perimelt_core::register_coupler!("heat_flux", HeatFlux, supports: [Flow, Births, Cuts, Window]);
 
 #[cfg(test)]
 mod tests {

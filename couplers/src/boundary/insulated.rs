@@ -4,7 +4,9 @@
 //! Wang (2025), section 7.2, calls `theta_b = 0` in eq. 7.17 insulated; that condition holds the face at
 //! zero. A face without any boundary is insulated too: its families are truncated.
 
-use perimelt_core::{Coupler, Face, Key, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::{
+    Coupler, Face, Key, LayerRole, RunError, Setup, SetupError, Step, World, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +43,7 @@ impl Coupler for Insulated {
         for face in faces.filter(|f| !all || f.axis() < dimension) {
             // a fresh layer is even
             setup
-                .layer(body, &key, face, false)
+                .layer(body, &key, face, LayerRole::Free)
                 .map_err(|e| SetupError::new("faces", e.problem))?;
         }
         Ok(())
@@ -56,7 +58,7 @@ impl Coupler for Insulated {
     }
 }
 
-perimelt_core::register_coupler!("insulated", Insulated);
+perimelt_core::register_coupler!("insulated", Insulated, supports: [Motion, Flow, Births, Cuts, Window]);
 
 #[cfg(test)]
 mod tests {
@@ -67,15 +69,15 @@ mod tests {
     fn layers_are_even_and_not_prescribed() {
         let mut world = World::new(vec![block([3, 2, 1], 2, STEEL)]);
         let mut boundary: Insulated = read("");
-        let (layers, claimed, prescribed) = prepare(&mut world, &mut boundary, |setup| {
+        let layers = prepare(&mut world, &mut boundary, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
             setup.layers(0, &keys::TEMPERATURE)
         })
         .expect("valid");
-        assert_eq!(claimed, Face::ALL[..4], "a plate has four faces");
-        assert!(prescribed.is_empty());
+        assert_eq!(layers.faces(), Face::ALL[..4], "a plate has four faces");
+        assert!(layers.prescribed.is_empty());
         let even = |r: &perimelt_core::family::LayerRule| (r.scale[0], r.offset[0]) == (1.0, 0.0);
-        assert!(world.layer_rules(layers).iter().all(even));
+        assert!(world.layer_rules(layers.handle).iter().all(even));
         let unit = &world.fields().iter().next().expect("one field").unit;
         assert_eq!(unit, "K", "the owner gives the unit");
     }

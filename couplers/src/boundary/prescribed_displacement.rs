@@ -10,7 +10,8 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::in_space::{Placed, PlacedError};
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, InSpace, Programme, RunError, Setup, SetupError, Step, World, Write, keys,
+    Coupler, Face, InSpace, LayerRole, Programme, RunError, Setup, SetupError, Step, World, Write,
+    keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -77,7 +78,6 @@ impl PrescribedDisplacement {
 impl Coupler for PrescribedDisplacement {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        setup.follow_activity(body);
         let dimension = setup.body(body).dimension;
         let given = self.components().map(|c| c.is_some());
         if given == [false; 3] {
@@ -106,7 +106,7 @@ impl Coupler for PrescribedDisplacement {
                     let expected = "a value that does not depend on the position, or `region` in place of `face`";
                     return Err(SetupError::value(["x", "y", "z"][axis], message, expected));
                 }
-                let layer = setup.layer(body, &keys::DISPLACEMENT, face, true)?;
+                let layer = setup.layer(body, &keys::DISPLACEMENT, face, LayerRole::Prescribed)?;
                 let scale = given.map(|given| if given { self.layer.rule(0.0).0 } else { 1.0 });
                 let rule = LayerRule {
                     scale,
@@ -187,7 +187,7 @@ impl Coupler for PrescribedDisplacement {
     }
 }
 
-perimelt_core::register_coupler!("prescribed_displacement", PrescribedDisplacement);
+perimelt_core::register_coupler!("prescribed_displacement", PrescribedDisplacement, supports: [Births, Cuts]);
 
 #[cfg(test)]
 mod tests {
@@ -201,7 +201,7 @@ mod tests {
             read("face = 'x-'\ny = { time = [0, 2], value = [0, 1e-3] }");
         let layers = prepare(&mut world, &mut boundary, |setup| {
             setup.own(0, &keys::DISPLACEMENT).expect("free");
-            setup.layers(0, &keys::DISPLACEMENT).0
+            setup.layers(0, &keys::DISPLACEMENT).handle
         })
         .expect("valid");
         apply(&world, &mut boundary, 0.0);

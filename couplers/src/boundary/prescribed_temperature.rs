@@ -10,8 +10,8 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Body, Coupler, Face, InSpace, Placed, Programme, RunError, Setup, SetupError, Step, World,
-    Write, keys,
+    Body, Coupler, Face, InSpace, LayerRole, Placed, Programme, RunError, Setup, SetupError, Step,
+    World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -93,19 +93,20 @@ fn in_front(body: &Body, face: Face) -> (Vec<Vector3<f64>>, Vec<u32>) {
 impl Coupler for PrescribedTemperature {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        // `thermal` holds points with material only
-        setup.follow_activity(body);
         let field = (body, "temperature");
         let prepared = match place(setup, body, self.face, self.region.as_deref())? {
             Place::Face(face) if self.value.uniform().is_some() => {
                 let centre = vec![Vector3::zeros()];
                 let value = setup.placed(field, "value", &self.value, centre)?;
-                TemperatureSink::Layer(setup.layer(body, &keys::TEMPERATURE, face, true)?, value)
+                TemperatureSink::Layer(
+                    setup.layer(body, &keys::TEMPERATURE, face, LayerRole::Prescribed)?,
+                    value,
+                )
             }
             Place::Face(face) => {
                 let (places, place) = in_front(setup.body(body), face);
                 let places = setup.placed(field, "value", &self.value, places)?;
-                let layer = setup.layer(body, &keys::TEMPERATURE, face, true)?;
+                let layer = setup.layer(body, &keys::TEMPERATURE, face, LayerRole::Prescribed)?;
                 TemperatureSink::LayerByPlace(layer, OnFace { places, place })
             }
             Place::Points(points) => TemperatureSink::Points {
@@ -171,7 +172,7 @@ impl Coupler for PrescribedTemperature {
     }
 }
 
-perimelt_core::register_coupler!("prescribed_temperature", PrescribedTemperature);
+perimelt_core::register_coupler!("prescribed_temperature", PrescribedTemperature, supports: [Motion, Flow, Births, Cuts]);
 
 #[cfg(test)]
 mod tests {
@@ -186,14 +187,15 @@ mod tests {
             let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
             let table = format!("face = 'x+'\nlayer = '{kind}'\n{RAMP}");
             let mut boundary: PrescribedTemperature = read(&table);
-            let (layers, claimed, prescribed) = prepare(&mut world, &mut boundary, |setup| {
+            let layers = prepare(&mut world, &mut boundary, |setup| {
                 setup.own(0, &keys::TEMPERATURE).expect("free");
                 setup.layers(0, &keys::TEMPERATURE)
             })
             .expect("valid");
-            assert_eq!((claimed, prescribed), (vec![Face::XMax], vec![Face::XMax]));
+            assert_eq!(layers.faces(), [Face::XMax]);
+            assert_eq!(layers.prescribed, [Face::XMax]);
             apply(&world, &mut boundary, 1.0);
-            let rules = world.layer_rules(layers);
+            let rules = world.layer_rules(layers.handle);
             assert_eq!((rules[0].scale[0], rules[0].offset[0]), rule, "{kind}");
             assert_eq!(boundary.next_event(0.0), Some(4.0));
         }
@@ -225,13 +227,13 @@ mod tests {
             let mut world = World::new(vec![block([3, 2, 1], 2, STEEL)]);
             let table = format!("face = 'x+'\nlayer = '{layer}'\nvalue = '100 * x + 10 * y + t'");
             let mut boundary: PrescribedTemperature = read(&table);
-            let (layers, ..) = prepare(&mut world, &mut boundary, |setup| {
+            let layers = prepare(&mut world, &mut boundary, |setup| {
                 setup.own(0, &keys::TEMPERATURE).expect("free");
                 setup.layers(0, &keys::TEMPERATURE)
             })
             .expect("valid");
             apply(&world, &mut boundary, 1.0);
-            let rule = &world.layer_rules(layers)[0];
+            let rule = &world.layer_rules(layers.handle)[0];
             assert_eq!(rule.scale[0], factor, "{layer}");
             // at x = 3, y = 0.5 and 1.5 and the end of the step, 2 s
             let values = rule.values.as_ref().expect("by place");

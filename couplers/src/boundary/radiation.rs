@@ -148,7 +148,7 @@ impl Coupler for Radiation {
     }
 }
 
-perimelt_core::register_coupler!("radiation", Radiation);
+perimelt_core::register_coupler!("radiation", Radiation, supports: [Flow, Births, Cuts, Window]);
 
 #[cfg(test)]
 mod tests {

@@ -4,7 +4,8 @@
 //! even. Whichever of these fields the case has is mirrored.
 
 use perimelt_core::world::LayerHandle;
-use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::world::SymmetryPlane;
+use perimelt_core::{Coupler, Face, LayerRole, RunError, Setup, SetupError, Step, World, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -24,14 +25,18 @@ pub struct Symmetry {
 
 #[typetag::serialize(name = "symmetry")]
 impl Coupler for Symmetry {
+    fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        setup.publish(body, SymmetryPlane(self.face))
+    }
+
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        setup.set_symmetry(body, self.face);
         // a fresh layer is even
-        setup.layer_if_provided(body, &keys::TEMPERATURE, self.face)?;
+        setup.layer(body, &keys::TEMPERATURE, self.face, LayerRole::IfProvided)?;
         for vector in [&keys::DISPLACEMENT, &keys::VELOCITY] {
-            self.vectors
-                .push(setup.layer_if_provided(body, vector, self.face)?);
+            let layer = setup.layer(body, vector, self.face, LayerRole::IfProvided)?;
+            self.vectors.push(layer);
         }
         Ok(())
     }
@@ -50,7 +55,7 @@ impl Coupler for Symmetry {
     }
 }
 
-perimelt_core::register_coupler!("symmetry", Symmetry);
+perimelt_core::register_coupler!("symmetry", Symmetry, supports: [Motion, Flow, Births, Cuts, Window]);
 
 #[cfg(test)]
 mod tests {
@@ -61,14 +66,15 @@ mod tests {
     fn the_normal_displacement_is_odd_and_temperature_need_not_exist() {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
         let mut boundary: Symmetry = read("face = 'y-'");
-        let (layers, faces, prescribed) = prepare(&mut world, &mut boundary, |setup| {
+        let layers = prepare(&mut world, &mut boundary, |setup| {
             setup.own(0, &keys::DISPLACEMENT).expect("free");
             setup.layers(0, &keys::DISPLACEMENT)
         })
         .expect("a case without temperature is fine");
-        assert_eq!((faces, prescribed), (vec![Face::YMin], vec![]));
+        assert_eq!(layers.faces(), [Face::YMin]);
+        assert_eq!(layers.prescribed, []);
         apply(&world, &mut boundary, 0.0);
-        let rule = &world.layer_rules(layers)[0];
+        let rule = &world.layer_rules(layers.handle)[0];
         assert_eq!((rule.scale, rule.offset), ([1.0, -1.0, 1.0], [0.0; 3]));
     }
 }

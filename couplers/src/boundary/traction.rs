@@ -15,8 +15,8 @@ use perimelt_core::in_space::PlacedError;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::world::activity::is_active;
 use perimelt_core::{
-    Coupler, Face, InSpace, Placed, Programme, Report, RunError, Setup, SetupError, Step, World,
-    Write, keys,
+    Coupler, Face, InSpace, LayerRole, Placed, Programme, Report, RunError, Setup, SetupError,
+    Step, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -144,7 +144,7 @@ impl Traction {
         }
         let mut layers = Vec::new();
         for &face in &self.faces {
-            let layer = setup.layer(body, &keys::DISPLACEMENT, face, true);
+            let layer = setup.layer(body, &keys::DISPLACEMENT, face, LayerRole::Prescribed);
             // this coupler has the list `faces` instead of the key `face`
             let layer = layer.map_err(|e| SetupError {
                 key: "faces".into(),
@@ -170,7 +170,6 @@ impl Traction {
 impl Coupler for Traction {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        setup.follow_activity(body);
         let cells = select(setup, body, &self.faces, self.region.as_deref())?;
         let load = match (self.traction, &self.pressure) {
             (Some(traction), None) => Load::Traction(traction.into()),
@@ -265,7 +264,7 @@ impl Coupler for Traction {
     }
 }
 
-perimelt_core::register_coupler!("traction", Traction);
+perimelt_core::register_coupler!("traction", Traction, supports: [Births, Cuts]);
 
 #[cfg(test)]
 mod tests {
@@ -331,7 +330,7 @@ mod tests {
         let mut boundary: Traction = read("faces = ['x-']\npressure = 2\nby = 'layer'");
         let layers = prepare(&mut world, &mut boundary, |setup| {
             setup.own(0, &keys::DISPLACEMENT).expect("free");
-            setup.layers(0, &keys::DISPLACEMENT).0
+            setup.layers(0, &keys::DISPLACEMENT).handle
         })
         .expect("nobody needs to take up a body force");
         apply(&world, &mut boundary, 0.0);
@@ -357,7 +356,6 @@ mod tests {
         boundary.prepare(&mut setup).expect("valid");
         setup.next_plugin("mechanical");
         setup.consume(0, &keys::BODY_FORCE).expect("free");
-        setup.follow_activity(0);
         setup.finish().expect("complete");
         apply(&world, &mut boundary, 0.0);
         assert_eq!(boundary.report()[2].value, -2.0 * 10.0);

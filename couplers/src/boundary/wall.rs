@@ -6,7 +6,7 @@
 //! 5.102). This is first order: the velocity of the wall is reached a fraction of a spacing outside.
 
 use perimelt_core::world::LayerHandle;
-use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::{Coupler, Face, LayerRole, RunError, Setup, SetupError, Step, World, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -67,8 +67,10 @@ impl Coupler for Wall {
                     "a velocity along the wall",
                 ));
             }
-            self.layers
-                .push((face, setup.layer(body, &keys::VELOCITY, face, true)?));
+            self.layers.push((
+                face,
+                setup.layer(body, &keys::VELOCITY, face, LayerRole::Prescribed)?,
+            ));
         }
         if self.faces.is_empty() {
             return Err(SetupError::value(
@@ -97,7 +99,7 @@ impl Coupler for Wall {
     }
 }
 
-perimelt_core::register_coupler!("wall", Wall);
+perimelt_core::register_coupler!("wall", Wall, supports: [Motion, Flow]);
 
 #[cfg(test)]
 mod tests {
@@ -108,13 +110,13 @@ mod tests {
     fn rule(keys: &str) -> LayerRule {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
         let mut wall: Wall = read(keys);
-        let (layers, _, _) = prepare(&mut world, &mut wall, |setup| {
+        let layers = prepare(&mut world, &mut wall, |setup| {
             setup.own(0, &keys::VELOCITY).expect("free");
             setup.layers(0, &keys::VELOCITY)
         })
         .expect("valid");
         apply(&world, &mut wall, 0.0);
-        world.layer_rules(layers)[0].clone()
+        world.layer_rules(layers.handle)[0].clone()
     }
 
     #[test]

@@ -290,7 +290,7 @@ impl Coupler for WaterJet {
         };
         let heat = match through_plane {
             true => SurfaceHeat::through_plane(setup, body, region, law)?,
-            false => SurfaceHeat::without_window(setup, body, (&self.faces, region), law)?,
+            false => SurfaceHeat::prepare(setup, body, (&self.faces, region), law)?,
         };
         let mut state = State {
             heat,
@@ -349,7 +349,7 @@ impl Coupler for WaterJet {
     }
 }
 
-perimelt_core::register_coupler!("water_jet", WaterJet);
+perimelt_core::register_coupler!("water_jet", WaterJet, supports: [Flow, Births, Cuts]);
 
 #[cfg(test)]
 mod tests;

@@ -184,7 +184,7 @@ impl Coupler for Impactor {
     }
 }
 
-perimelt_core::register_coupler!("impactor", Impactor);
+perimelt_core::register_coupler!("impactor", Impactor, supports: [Motion]);
 
 #[cfg(test)]
 mod tests {

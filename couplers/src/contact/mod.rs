@@ -494,4 +494,4 @@ impl Coupler for Contact {
     }
 }
 
-perimelt_core::register_coupler!("contact", Contact);
+perimelt_core::register_coupler!("contact", Contact, supports: [Motion]);

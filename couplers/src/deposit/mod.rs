@@ -192,7 +192,7 @@ impl Deposit {
         let feed = self.feed_temperature.unwrap_or(FEED_TEMPERATURE);
         let (grid, symmetry) = (grid(body), world.symmetry(p.body));
         let heat = |birth: &Birth| {
-            let copies = mirror_copies(&grid, symmetry, &path.track().pose(birth.time));
+            let copies = mirror_copies(&grid, &symmetry, &path.track().pose(birth.time));
             let point = birth.point as usize;
             let curve = curves.get(usize::from(body.material_of_point[point]))?;
             let temperature = self.temperature.at(birth.time);
@@ -466,4 +466,4 @@ impl Coupler for Deposit {
     }
 }
 
-perimelt_core::register_coupler!("deposit", Deposit);
+perimelt_core::register_coupler!("deposit", Deposit, supports: [Births, Cuts]);

@@ -3,6 +3,7 @@ use crate::testing::{STEEL, block, prepare, read, refusal, values};
 use nalgebra::Vector3;
 use perimelt_core::Body;
 use perimelt_core::shape::{BoxShape, Shape};
+use perimelt_core::world::SymmetryPlane;
 
 /// A block of unit cells whose region `top` begins at this coordinate along its last axis.
 fn part(cells: [usize; 3], dimension: usize, from: f64) -> Body {
@@ -213,8 +214,8 @@ fn following(world: &mut World) -> (Deposit, Rc<TimedPath>) {
          temperature = { time = [0, 100], value = [1000, 2000] }",
     );
     let mut setup = Setup::new(world, std::path::Path::new("."));
-    setup.share("torch", path.clone());
-    setup.next_plugin("the torch");
+    setup.next_plugin("torch");
+    setup.share(path.clone());
     path.prepare(&mut setup, 0)
         .expect("a body with a temperature");
     setup.next_plugin("the deposit");
@@ -340,11 +341,10 @@ fn weld(path: &str, keys: &str, is_half: bool, times: &[f64]) -> Vec<[f64; 2]> {
     let mut coupler: Deposit = read(&format!("{BEAD}\n{keys}"));
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     if is_half {
-        setup.set_symmetry(0, Face::YMin);
+        setup.publish(0, SymmetryPlane(Face::YMin)).expect("free");
     }
-    let path = torch.share(std::path::Path::new(".")).expect("valid");
-    setup.share("torch", path.expect("a path"));
-    setup.next_plugin("the torch");
+    setup.next_plugin("torch");
+    torch.publish(&mut setup).expect("valid");
     torch.prepare(&mut setup).expect("valid");
     setup.next_plugin("the deposit");
     coupler.prepare(&mut setup).expect("valid");

@@ -1,6 +1,7 @@
 //! Heat sources on bodies without a lattice: the power is exact, and on a uniform cloud it is that of the lattice.
 
 use nalgebra::Vector3;
+use perimelt_core::Description;
 use perimelt_core::body::Jitter;
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::{Body, Coupler, PointMover, Setup, World, keys};
@@ -281,7 +282,10 @@ fn moving_world(body: Body, source: &mut dyn Coupler) -> (World, PointMover) {
     let mut world = World::new(vec![body]);
     let mover = prepare(&mut world, source, |setup| {
         setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        setup.move_points(0).expect("free")
+        setup.next_physics("fluid");
+        let moves = Description::UpdatedLagrangian;
+        setup.publish(0, moves).expect("free");
+        setup.move_points(0)
     });
     (world, mover.expect("valid"))
 }
@@ -402,7 +406,9 @@ fn what_needs_a_lattice_at_rest_is_refused_where_points_move() {
         let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
         let refused = prepare(&mut world, &mut source, |setup| {
             setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-            setup.move_points(0).expect("free")
+            setup
+                .publish(0, Description::UpdatedLagrangian)
+                .expect("free");
         });
         assert_eq!(refused.expect_err("points move").key, key);
     }

@@ -34,14 +34,11 @@ macro_rules! couple_source {
     ($name:literal, $source:ty) => {
         #[typetag::serialize(name = $name)]
         impl $crate::perimelt_core::Coupler for $source {
-            fn share(
+            fn publish(
                 &mut self,
-                folder: &::std::path::Path,
-            ) -> ::std::result::Result<
-                ::std::option::Option<::std::rc::Rc<dyn ::std::any::Any>>,
-                $crate::perimelt_core::SetupError,
-            > {
-                $crate::heat_source::HasSource::moving_mut(self).share_path(folder)
+                setup: &mut $crate::perimelt_core::Setup<'_>,
+            ) -> ::std::result::Result<(), $crate::perimelt_core::SetupError> {
+                $crate::heat_source::HasSource::moving_mut(self).publish_path(setup)
             }
 
             fn prepare(
@@ -98,7 +95,11 @@ macro_rules! couple_source {
             }
         }
 
-        $crate::perimelt_core::register_coupler!($name, $source);
+        $crate::perimelt_core::register_coupler!(
+            $name,
+            $source,
+            supports: [Motion, Flow, Births, Cuts, Window]
+        );
     };
 }
 

@@ -1,6 +1,5 @@
 //! A heat source that moves along a toolpath, generic over its shape.
 
-use std::any::Any;
 use std::borrow::Cow;
 use std::path::Path;
 use std::rc::Rc;
@@ -8,7 +7,7 @@ use std::rc::Rc;
 use nalgebra::Vector3;
 use perimelt_core::text::{number, position};
 use perimelt_core::{
-    Body, Programme, Report, RunError, Setup, SetupError, Step, World, Write, keys,
+    Body, Change, Programme, Report, RunError, Setup, SetupError, Step, World, Write, keys,
 };
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -186,10 +185,12 @@ impl<S: SourceShape> MovingSource<S> {
             .map_err(|e| SetupError::other(format!("toolpath.{kind}.{}", e.key()), e))
     }
 
-    /// [`Coupler::share`](perimelt_core::Coupler::share).
+    /// [`Coupler::publish`](perimelt_core::Coupler::publish).
     #[doc(hidden)]
-    pub fn share_path(&mut self, folder: &Path) -> Result<Option<Rc<dyn Any>>, SetupError> {
-        Ok(Some(self.timed_path(folder)?))
+    pub fn publish_path(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let path = self.timed_path(&setup.path(""))?;
+        setup.share(path);
+        Ok(())
     }
 
     #[doc(hidden)]
@@ -207,7 +208,7 @@ impl<S: SourceShape> MovingSource<S> {
         let mut depositor = Depositor::new(&self.shape.source(), &grid).map_err(fault)?;
         match depositor.check_cells() {
             Err(e) if body.lattice().is_none() => return Err(fault(e)),
-            Err(e) => setup.refuse_moving_points(index, fault(e)),
+            Err(e) => setup.refuse(index, Change::Motion, fault(e)),
             Ok(()) => {}
         }
         let body = setup.body(index);
@@ -215,8 +216,6 @@ impl<S: SourceShape> MovingSource<S> {
         self.check_path(body, path.track(), (2.0 * length, &mut depositor))?;
         let speed = path.track().fastest();
         self.warn_of_size(setup, index);
-        setup.follow_activity(index);
-        setup.follow_window(index);
         path.prepare(setup, index)?;
         let first = path.track().pose(path.track().start());
         let heading = Heading::new(&depositor, self.shape.surface(), &first, speed > 0.0);
@@ -361,7 +360,7 @@ impl<S: SourceShape> MovingSource<S> {
                 p.depositor.add(&body, &pose, &mut heat_source)
             }
         };
-        let copies = mirror_copies(&p.grid, world.symmetry(p.body), &pose);
+        let copies = mirror_copies(&p.grid, &world.symmetry(p.body), &pose);
         // a pulsed source goes on between its pulses
         let is_on = p.path.is_on_after(step.middle());
         let speed = is_on.then_some(pose.speed);

@@ -124,7 +124,7 @@ impl Coupler for PulsedLaserSource {
     }
 }
 
-perimelt_core::register_coupler!("pulsed_laser", PulsedLaserSource);
+perimelt_core::register_coupler!("pulsed_laser", PulsedLaserSource, supports: [Motion, Flow]);
 
 impl Serialize for PulsedLaserSource {
     fn serialize<T: Serializer>(&self, serializer: T) -> Result<T::Ok, T::Error> {

@@ -19,7 +19,7 @@
 use nalgebra::{SMatrix, SVector, Vector3};
 use perimelt_core::family::{ForeignBonds, Places};
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Setup, World, Write, keys};
+use perimelt_core::{Access, Setup, World, Write, keys};
 use rayon::prelude::*;
 
 /// Monomials of second order in three dimensions.
@@ -45,7 +45,7 @@ impl NormalField {
     /// `None` for a solid between two fluids, which has the normals of the first one.
     pub(super) fn declare(setup: &mut Setup<'_>, solid: BodyIndex) -> Option<Self> {
         let field = setup.write(solid, &keys::INTERFACE_NORMAL).ok()?;
-        let is_read = setup.is_read(solid, &keys::INTERFACE_NORMAL);
+        let is_read = setup.is_declared(solid, &keys::INTERFACE_NORMAL, Access::Read);
         Some(NormalField { field, is_read })
     }
 

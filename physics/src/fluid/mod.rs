@@ -90,6 +90,11 @@ const STEPS_BETWEEN_LIMITS: u64 = 64;
 
 #[typetag::serialize(name = "fluid")]
 impl Physics for Fluid {
+    fn publish(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+        let body = setup.find_body(self.body.as_deref())?;
+        setup.publish(body, self.description)
+    }
+
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.run = Some(Run::prepare(self, setup)?);
         Ok(())
@@ -236,7 +241,7 @@ impl Physics for Fluid {
     }
 }
 
-perimelt_core::register_physics!("fluid", Fluid);
+perimelt_core::register_physics!("fluid", Fluid, supports: [Motion, Flow]);
 
 fn failed(cause: PddoError, time: f64) -> RunError {
     RunError::Plugin {

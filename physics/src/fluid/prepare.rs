@@ -5,11 +5,11 @@ use std::sync::Arc;
 use perimelt_core::solver::reduce::sum;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Body, Description, Face, Family, FamilySpec, Influence, MovingFamily, Pddo, PointMover, Setup,
-    SetupError, SlotField, World, keys,
+    Access, Body, Description, Face, Family, FamilyHandle, FamilySpec, Influence, Pddo, PointMover,
+    Setup, SetupError, SlotField, World, keys,
 };
 
-use crate::advection::usual_horizon;
+use crate::advection::{FlowFamily, usual_horizon};
 use crate::shape_tensor::CompleteFamily;
 
 use super::boundaries::{check_closed, check_faces};
@@ -27,7 +27,7 @@ use super::walls::Walls;
 /// Where the points are: a family, and what moves them.
 struct Neighbours {
     family: Arc<Family>,
-    moving: Option<(PointMover, MovingFamily)>,
+    moving: Option<(PointMover, FamilyHandle)>,
 }
 
 impl Run {
@@ -51,7 +51,8 @@ impl Run {
             Description::UpdatedLagrangian => setup.take_if_added(body, &keys::IMPULSE)?,
             _ => None,
         };
-        let (velocity_layers, walls, _) = setup.layers(body, &keys::VELOCITY);
+        let velocity_layers = setup.layers(body, &keys::VELOCITY);
+        let (walls, velocity_layers) = (velocity_layers.faces(), velocity_layers.handle);
         if !fluid.may_have_free_surface() {
             check_closed(setup, body, &walls)?;
         }
@@ -64,11 +65,11 @@ impl Run {
         let temperature = match medium.viscosity.depends_on_temperature() {
             true => Some(FluidTemperature {
                 field: setup.read(body, &keys::TEMPERATURE)?,
-                curves: setup.enthalpy_curves(body)?,
+                curves: setup.world().enthalpy_curves(body)?,
             }),
             false => None,
         };
-        let viscous_work = match setup.is_read(body, &keys::VISCOUS_WORK) {
+        let viscous_work = match setup.is_declared(body, &keys::VISCOUS_WORK, Access::Read) {
             true => Some(setup.own(body, &keys::VISCOUS_WORK)?),
             false => None,
         };
@@ -181,21 +182,14 @@ fn neighbours(
     body: BodyIndex,
     spec: &FamilySpec,
 ) -> Result<Neighbours, SetupError> {
-    if fluid.description.flows_through() {
-        setup.flow_through(body, fluid.description)?;
+    let family = setup.family(body, spec)?;
+    let moves = fluid.description == Description::UpdatedLagrangian;
+    if !moves {
+        setup.publish(body, FlowFamily(family))?;
     }
-    if fluid.description != Description::UpdatedLagrangian {
-        let family = setup.family(body, spec)?;
-        return Ok(Neighbours {
-            family,
-            moving: None,
-        });
-    }
-    let mover = setup.move_points(body)?;
-    let family = setup.moving_family(body, spec)?;
     Ok(Neighbours {
-        family: setup.current_family(family),
-        moving: Some((mover, family)),
+        family: setup.world().family(family),
+        moving: moves.then(|| (setup.move_points(body), family)),
     })
 }
 

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::world::{BodyIndex, LayersHandle};
-use perimelt_core::{MovingFamily, PddoError, PointMover, Read, SlotField, World, Write};
+use perimelt_core::{FamilyHandle, PddoError, PointMover, Read, SlotField, World, Write};
 
 use super::medium::Medium;
 use super::rates::{LargestSums, Rates, Stability};
@@ -66,7 +66,7 @@ pub(super) struct FluidTemperature {
 #[derive(Debug)]
 pub(super) struct Moving {
     pub(super) mover: PointMover,
-    pub(super) family: MovingFamily,
+    pub(super) family: FamilyHandle,
     /// Largest sums over the families at the reference positions.
     pub(super) initial_sums: LargestSums,
     /// kg; zero until the run starts or a state is restored.
@@ -158,7 +158,7 @@ impl Run {
         let volumes = moving.mass.iter().zip(&*density).map(|(m, rho)| m / rho);
         moving.volume.extend(volumes);
         world.set_configuration(&moving.mover, &moving.position, &moving.volume);
-        let family = || world.moving_family(moving.family);
+        let family = || world.family(moving.family);
         self.rates.follow(&moving.position, &family)
     }
 

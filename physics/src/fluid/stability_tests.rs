@@ -31,12 +31,13 @@ fn step_between_walls(wall_density: f64) -> f64 {
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("walls");
     for other in [1, 2] {
-        setup.set_wall(0, Wall { other, slip: false });
+        setup.publish(0, Wall { other, slip: false }).expect("free");
     }
     setup.next_plugin("fluid");
     let mut fluid: Fluid = read(
         "body = 'block'\ndescription = 'eulerian'\nconvection = 'central'\nform = 'conservative'\nstate.tait.sound_speed = 1",
     );
+    fluid.publish(&mut setup).expect("the only fluid");
     fluid.prepare(&mut setup).expect("walls all around");
     fluid.find_stable_step(&world)
 }

@@ -5,8 +5,8 @@ use perimelt_core::body::Store;
 use perimelt_core::solver::reduce::sum_points;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Body, Coupler, Face, Physics, Read, RunError, Setup, SetupError, Simulation, Step, World,
-    Write, keys,
+    Body, Coupler, Face, LayerRole, Physics, Read, RunError, Setup, SetupError, Simulation, Step,
+    World, Write, keys,
 };
 use serde::{Deserialize, Serialize};
 
@@ -68,7 +68,7 @@ impl Loaded {
             setup.read(0, &keys::CONJUGATE_STRESS).expect("provided");
         }
         let layer = (load == Load::Layer).then(|| {
-            let layer = setup.layer(0, &keys::DISPLACEMENT, Face::XMin, true);
+            let layer = setup.layer(0, &keys::DISPLACEMENT, Face::XMin, LayerRole::Prescribed);
             layer.expect("free")
         });
         setup.next_physics("mechanical");

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::world::{BodyIndex, BondBreaker};
-use perimelt_core::{Read, ReadIfProvided, Setup, SetupError, Write, keys};
+use perimelt_core::{Access, Read, ReadIfProvided, Setup, SetupError, Write, keys};
 
 /// Handles of the fields of a body.
 #[derive(Debug)]
@@ -105,15 +105,19 @@ impl Fields {
             damage: match breaks {
                 true => Some(Damage {
                     field: setup.own(body, &keys::DAMAGE)?,
-                    breaker: setup.break_bonds(body)?,
+                    breaker: setup.break_bonds(body, false)?,
                 }),
                 false => None,
             },
-            conjugate_stress_is_read: setup.is_read(body, &keys::CONJUGATE_STRESS),
+            conjugate_stress_is_read: setup.is_declared(
+                body,
+                &keys::CONJUGATE_STRESS,
+                Access::Read,
+            ),
             conjugate_stress: setup.own(body, &keys::CONJUGATE_STRESS)?,
             eigenstrain: setup.consume_if_added(body, &keys::EIGENSTRAIN)?,
             inherent_strain: setup.consume_if_added(body, &keys::INHERENT_STRAIN)?,
-            birth_strain: match setup.is_growing(body) {
+            birth_strain: match setup.world().is_growing(body) {
                 true => Some(setup.own(body, &keys::BIRTH_STRAIN)?),
                 false => None,
             },

@@ -1,5 +1,5 @@
 use perimelt_core::body::Store;
-use perimelt_core::{Face, Horizon, Influence, Region};
+use perimelt_core::{Face, Horizon, Influence, LayerRole, Region};
 use proptest::prelude::*;
 
 use super::Mechanical;
@@ -305,7 +305,8 @@ impl perimelt_core::Coupler for Pull {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), perimelt_core::SetupError> {
         for face in [Face::XMin, Face::XMax] {
             let key = &perimelt_core::keys::DISPLACEMENT;
-            self.layers.push(setup.layer(0, key, face, false)?);
+            self.layers
+                .push(setup.layer(0, key, face, LayerRole::Free)?);
         }
         Ok(())
     }

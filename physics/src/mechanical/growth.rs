@@ -41,7 +41,7 @@ use perimelt_core::family::{ByRules, Continuation, LayerRule};
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::activity::is_active;
-use perimelt_core::{Face, Family, Setup, SetupError, SlotField, World, keys};
+use perimelt_core::{Access, Face, Family, Setup, SetupError, SlotField, World, keys};
 use rayon::prelude::*;
 
 use super::classical::{COMPONENTS, Point, symmetric};
@@ -76,8 +76,8 @@ pub(super) fn check(
     setup: &Setup<'_>,
     body: BodyIndex,
 ) -> Result<(), SetupError> {
-    let grows = setup.is_growing(body);
-    let has_strain = setup.is_added(body, &keys::INHERENT_STRAIN);
+    let grows = setup.world().is_growing(body);
+    let has_strain = setup.is_declared(body, &keys::INHERENT_STRAIN, Access::Add);
     if !(grows || has_strain) {
         return Ok(());
     }
@@ -115,7 +115,9 @@ pub(super) fn check_layer(
     body: BodyIndex,
     face: Face,
 ) -> Result<(), SetupError> {
-    if !(setup.is_growing(body) || setup.is_added(body, &keys::INHERENT_STRAIN)) {
+    if !(setup.world().is_growing(body)
+        || setup.is_declared(body, &keys::INHERENT_STRAIN, Access::Add))
+    {
         return Ok(());
     }
     let message = format!(

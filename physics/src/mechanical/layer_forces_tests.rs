@@ -5,7 +5,9 @@ use perimelt_core::body::{Body, Jitter, Store};
 use perimelt_core::family::LayerRule;
 use perimelt_core::family::Traction;
 use perimelt_core::world::LayerHandle;
-use perimelt_core::{Coupler, Face, Physics, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::{
+    Coupler, Face, LayerRole, Physics, RunError, Setup, SetupError, Step, World, keys,
+};
 use serde::{Deserialize, Serialize};
 
 use super::Mechanical;
@@ -36,7 +38,7 @@ fn solid(body: &Body, keys: &str, rules: &[LayerRule]) -> Box<dyn Solid> {
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("layers");
     for rule in rules {
-        let layer = setup.layer(0, &keys::DISPLACEMENT, rule.face, true);
+        let layer = setup.layer(0, &keys::DISPLACEMENT, rule.face, LayerRole::Prescribed);
         layer.expect("the face is free");
     }
     setup.next_plugin("mechanical");
@@ -238,7 +240,8 @@ struct FreeLayer {
 #[typetag::serialize(name = "test_free_layer")]
 impl Coupler for FreeLayer {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
-        self.layer = Some(setup.layer(0, &keys::DISPLACEMENT, Face::XMin, true)?);
+        self.layer =
+            Some(setup.layer(0, &keys::DISPLACEMENT, Face::XMin, LayerRole::Prescribed)?);
         Ok(())
     }
 
@@ -273,7 +276,7 @@ fn traction_layers_are_refused_in_explicit_motion() {
     let mut world = World::new(vec![body([6, 5, 1], false)]);
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("traction");
-    let layer = setup.layer(0, &keys::DISPLACEMENT, Face::XMin, true);
+    let layer = setup.layer(0, &keys::DISPLACEMENT, Face::XMin, LayerRole::Prescribed);
     let none = Traction {
         stress: [0.0; 3],
         difference: false,

@@ -3,7 +3,9 @@
 use perimelt_core::body::Store;
 use perimelt_core::simulation::Simulation;
 use perimelt_core::world::LayerHandle;
-use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Face, LayerRole, RunError, Setup, SetupError, Step, World, Write, keys,
+};
 use serde::{Deserialize, Serialize};
 
 use super::Mechanical;
@@ -31,7 +33,7 @@ impl Coupler for Tension {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let dimension = setup.body(0).dimension;
         for face in Face::ALL.into_iter().filter(|f| f.axis() < dimension) {
-            let layer = setup.layer(0, &keys::DISPLACEMENT, face, true)?;
+            let layer = setup.layer(0, &keys::DISPLACEMENT, face, LayerRole::Prescribed)?;
             self.layers.push((face, layer));
         }
         self.eigenstrain = Some(setup.add(0, &keys::EIGENSTRAIN)?);

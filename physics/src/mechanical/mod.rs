@@ -267,4 +267,4 @@ impl Physics for Mechanical {
     }
 }
 
-perimelt_core::register_physics!("mechanical", Mechanical);
+perimelt_core::register_physics!("mechanical", Mechanical, supports: [Births, Cuts]);

@@ -4,7 +4,9 @@ use nalgebra::Vector3;
 use perimelt_core::body::Store;
 use perimelt_core::simulation::Simulation;
 use perimelt_core::world::LayerHandle;
-use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Face, LayerRole, RunError, Setup, SetupError, Step, World, Write, keys,
+};
 use serde::{Deserialize, Serialize};
 
 use super::Mechanical;
@@ -54,7 +56,9 @@ impl Coupler for Surroundings {
                 false => None,
             },
             layer: match self.traction {
-                true => Some(setup.layer(0, &keys::DISPLACEMENT, Face::XMax, true)?),
+                true => {
+                    Some(setup.layer(0, &keys::DISPLACEMENT, Face::XMax, LayerRole::Prescribed)?)
+                }
                 false => None,
             },
         });

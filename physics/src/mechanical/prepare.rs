@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use perimelt_core::solver::Verlet;
-use perimelt_core::world::{BodyIndex, LayersHandle};
-use perimelt_core::{Body, Correction, Family, FamilySpec, Horizon, Setup, SetupError, keys};
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{Body, Correction, Face, Family, FamilySpec, Horizon, Setup, SetupError, keys};
 
 use super::correspondence::Correspondence;
 use super::energy::Energy;
@@ -27,9 +27,12 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, Setup
     keys.check()?;
     let body = setup.find_body(keys.body.as_deref())?;
     growth::check(keys, setup, body)?;
-    let (family, layers) = family(keys, setup, body)?;
-    let mut rules = setup.announced_layers(layers).into_iter();
-    let bent = rules.find(|rule| rule.traction.is_some());
+    let layers = setup.layers(body, &keys::DISPLACEMENT);
+    let family = family(keys, setup, body, layers.faces())?;
+    let bent = layers
+        .rules
+        .into_iter()
+        .find(|rule| rule.traction.is_some());
     if let (MechanicalSolver::Explicit { .. }, Some(rule)) = (&keys.solver, &bent) {
         let message = format!(
             "the traction on face `{}` acts by a layer, whose forces have no energy: a body in motion would gain energy \
@@ -76,7 +79,7 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, Setup
             angular: keys.kinematics == Kinematics::Finite,
         },
         body,
-        layers,
+        layers: layers.handle,
         fields,
         solid,
         work: vec![0.0; 3 * density.len()],
@@ -107,12 +110,13 @@ fn relative_volumes(body: &Body) -> Vec<f64> {
     }
 }
 
-/// The bonds of the body and the layers of its displacement.
+/// The bonds of the body.
 fn family(
     keys: &Mechanical,
     setup: &mut Setup<'_>,
     body: BodyIndex,
-) -> Result<(Arc<Family>, LayersHandle), SetupError> {
+    layers: Vec<Face>,
+) -> Result<Arc<Family>, SetupError> {
     let correspondence = keys.formulation == Formulation::Correspondence;
     let usual = Horizon::Spacings(if correspondence { 2.0 } else { 3.0 });
     let horizon = keys.horizon.unwrap_or(usual);
@@ -126,7 +130,6 @@ fn family(
         let message = "`balanced` puts linear temperatures in equilibrium, not deformations";
         return Err(SetupError::value("correction", message, "\"point\""));
     }
-    let (layers, faces, _) = setup.layers(body, &keys::DISPLACEMENT);
     let spec = FamilySpec {
         horizon,
         partial_volume: keys.partial_volume,
@@ -136,14 +139,14 @@ fn family(
             true => Correction::Lattice,
             false => keys.correction,
         },
-        layers: faces,
+        layers,
         audited: Vec::new(),
     };
-    let family = match setup.is_growing(body) {
-        true => Arc::new(setup.own_growing_family(body, &spec)?),
-        false => setup.family(body, &spec)?,
-    };
-    Ok((family, layers))
+    if setup.world().is_growing(body) {
+        return Ok(Arc::new(setup.own_family(body, &spec)?));
+    }
+    let family = setup.family(body, &spec)?;
+    Ok(setup.world().family(family))
 }
 
 /// Elasticity, plasticity and strength of the body.

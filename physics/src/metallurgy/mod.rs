@@ -330,10 +330,6 @@ impl Physics for Metallurgy {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         self.check()?;
         let body = setup.find_body(self.body.as_deref())?;
-        if setup.description(body).flows_through() {
-            let message = "matter flows through the points of this body";
-            return Err(SetupError::value("body", message, "a body of a solid"));
-        }
         let mut steels = Vec::new();
         let mut initial = Vec::new();
         for material in &setup.body(body).materials {
@@ -349,8 +345,6 @@ impl Physics for Metallurgy {
             initial.push(self.initial(&steel)?);
             steels.push(steel);
         }
-        // a point without material keeps its temperature, at which nothing transforms
-        setup.follow_activity(body);
         let temperature = setup.read(body, &keys::TEMPERATURE)?;
         let [a, f, p, b, m] = SHARES;
         let shares = [
@@ -441,7 +435,12 @@ impl Physics for Metallurgy {
     }
 }
 
-perimelt_core::register_physics!("metallurgy", Metallurgy);
+perimelt_core::register_physics!(
+    "metallurgy",
+    Metallurgy,
+    // a point without material keeps its temperature, at which nothing transforms
+    supports: [Motion, Births, Cuts]
+);
 
 /// `g(z) = z (2 - z)` of the share z that is not austenite.
 fn transformed(point: &Microstructure) -> f64 {

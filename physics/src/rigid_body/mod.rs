@@ -27,6 +27,7 @@ mod tests;
 
 use nalgebra::{Matrix3, Vector3};
 use perimelt_core::world::BodyIndex;
+use perimelt_core::world::Rigid;
 use perimelt_core::{
     Balance, Clock, Physics, Programme, Read, Report, RunError, Setup, SetupError, Step, StepSize,
     Work, World, Write, keys,
@@ -252,7 +253,8 @@ fn check_body(
             "a body without `periodic`",
         ));
     }
-    let (_, faces, prescribed) = setup.layers(body, &keys::DISPLACEMENT);
+    let layers = setup.layers(body, &keys::DISPLACEMENT);
+    let (faces, prescribed) = (layers.faces(), layers.prescribed);
     if let Some(face) = prescribed.first() {
         let message = format!(
             "a boundary prescribes the displacement at face `{}`",
@@ -297,7 +299,7 @@ impl Physics for RigidBody {
             spring: self.spring.clone(),
             damping: self.damping.clone(),
         };
-        setup.set_rigid(body);
+        setup.publish(body, Rigid)?;
         let volume = setup.body(body).points.volume.clone();
         self.run = Some(Run {
             body,

@@ -30,7 +30,7 @@ struct Cooling {
 impl Coupler for Cooling {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         if self.melts {
-            setup.set_phase_change(0, PhaseChange::default());
+            setup.publish(0, PhaseChange::default()).expect("free");
         }
         let temperature = setup.read(0, &keys::TEMPERATURE)?;
         self.fields = Some((temperature, setup.add(0, &keys::HEAT_SOURCE)?));

@@ -232,7 +232,7 @@ impl Run {
         let masked = |values: &'_ [f64]| growth.map(|g| g.masked(values).into_owned());
         let source_there = source.as_deref().and_then(masked);
         let constraint_there = constraint.as_deref().and_then(masked);
-        let family = self.neighbours.now(world);
+        let family = world.family(self.family);
         let ratios = self.volume_ratios(world);
         let configuration = ratios.as_ref().map(|_| world.configuration(self.body));
         if let Some(refined) = &mut self.refined {

@@ -322,4 +322,8 @@ impl Physics for Thermal {
     }
 }
 
-perimelt_core::register_physics!("thermal", Thermal);
+perimelt_core::register_physics!(
+    "thermal",
+    Thermal,
+    supports: [Motion, Flow, Births, Cuts, Window]
+);

@@ -1,15 +1,17 @@
 //! Set-up of the heat: fields, family, conduction, convection.
 
+use std::rc::Rc;
 use std::sync::Arc;
 
 use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, Property};
-use perimelt_core::world::BodyIndex;
+use perimelt_core::world::exchange::Exchange;
+use perimelt_core::world::{BodyIndex, SurfaceDepths};
 use perimelt_core::{
-    Body, Correction, Description, Face, Family, FamilySpec, Horizon, Influence, Pddo,
-    ReadIfProvided, Setup, SetupError, keys,
+    Access, Body, Correction, Description, Face, FamilyHandle, FamilySpec, Horizon, Influence,
+    Pddo, ReadIfProvided, Setup, SetupError, Wall, keys,
 };
 
-use crate::advection::usual_horizon;
+use crate::advection::{FlowFamily, usual_horizon};
 
 use super::carried::{CarriedHeat, FlowFields, WallInFlow};
 use super::conduction::{Conduction, calibration};
@@ -18,7 +20,7 @@ use super::growth::Growth;
 use super::integrate::Integrator;
 use super::keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
 use super::refined::Refined;
-use super::run::{Cracks, HeatAccount, Neighbours, Run};
+use super::run::{Cracks, HeatAccount, Run};
 use super::surface::Surface;
 use super::surface_depth;
 
@@ -38,7 +40,7 @@ struct Place {
 impl Run {
     pub(super) fn prepare(thermal: &Thermal, setup: &mut Setup<'_>) -> Result<Run, SetupError> {
         let body = setup.find_body(thermal.body.as_deref())?;
-        let description = setup.description(body);
+        let description = setup.world().description(body);
         let horizon = thermal.horizon_of(setup.body(body), description);
         horizon.check(setup.body(body))?;
         let temperature = setup.own(body, &keys::TEMPERATURE)?;
@@ -47,22 +49,22 @@ impl Run {
         let heat_conductance = setup.consume_if_added(body, &keys::HEAT_CONDUCTANCE)?;
         let constraint = setup.consume_if_added(body, &keys::TEMPERATURE_CONSTRAINT)?;
         let held = setup.consume_if_added(body, &keys::HELD_TEMPERATURE)?;
-        let curves = setup.enthalpy_curves(body)?;
+        let curves = setup.world().enthalpy_curves(body)?;
         thermal.check(&curves, description)?;
-        if setup.is_growing(body) {
+        if setup.world().is_growing(body) {
             thermal.check_growth()?;
         }
-        let (layers, claimed, heated) = setup.layers(body, &keys::TEMPERATURE);
+        let layers = setup.layers(body, &keys::TEMPERATURE);
         let place = Place {
             body,
             description,
             horizon,
-            layers: thermal.continued_faces(setup.body(body), claimed),
-            heated,
+            layers: thermal.continued_faces(setup.body(body), layers.faces()),
+            heated: layers.prescribed,
         };
-        let (neighbours, mut conduction) = thermal.operators(setup, &place)?;
+        let (family, mut conduction) = thermal.operators(setup, &place)?;
         let refined = {
-            let family = neighbours.at_setup(setup);
+            let family = setup.world().family(family);
             Refined::prepare(
                 thermal,
                 setup,
@@ -70,11 +72,11 @@ impl Run {
                 (&family, &place.heated),
             )?
         };
-        let growth = match neighbours {
-            Neighbours::Growing(_) => Some(Growth::prepare(setup, body)?),
-            _ => None,
+        let growth = match setup.world().is_growing(body) {
+            true => Some(Growth::prepare(setup, body)?),
+            false => None,
         };
-        let consolidated = match setup.is_written(body, &keys::CONSOLIDATED) {
+        let consolidated = match setup.is_declared(body, &keys::CONSOLIDATED, Access::Write) {
             true => {
                 thermal.check_powder(description)?;
                 if refined.is_some() {
@@ -96,27 +98,28 @@ impl Run {
             Description::Eulerian => Some(thermal.carried(setup, &place)?),
             _ => None,
         };
-        let exchanges = setup.exchanges(body);
+        let exchanges: Vec<Rc<Exchange>> = setup.facts(body).cloned().collect();
         let is_exchanged = !exchanges.is_empty() || heat_conductance.is_some();
         let depth = match is_exchanged && conduction.is_by_bonds() {
             false => [0.5; 6],
             true => {
-                let family = neighbours.at_setup(setup);
+                let family = setup.world().family(family);
                 surface_depth::depths(setup.body(body), &family)
             }
         };
-        setup.set_surface_depth(body, depth);
+        setup.publish(body, SurfaceDepths(depth))?;
         let surface = Surface::new(exchanges, depth);
         let is_drawn = surface.as_ref().is_some_and(Surface::is_drawn);
-        let is_at_rest = matches!(neighbours, Neighbours::AtRest(_));
+        let moves = description == Description::UpdatedLagrangian;
+        let is_at_rest = !moves && growth.is_none();
         let follows_cracks = thermal.broken_bonds == BrokenConduction::Insulate && is_at_rest;
-        let stays = !matches!(neighbours, Neighbours::Moving(_));
-        let faces = place.heated.iter().filter(|_| stays);
+        let faces = place.heated.iter().filter(|_| !moves);
         let faces = faces.map(|face| HeatedFace::of(setup.body(body), *face));
         Ok(Run {
             body,
-            neighbours,
-            layers,
+            family,
+            moves,
+            layers: layers.handle,
             temperature,
             enthalpy,
             heat_source,
@@ -322,15 +325,14 @@ impl Thermal {
         &self,
         setup: &mut Setup<'_>,
         place: &Place,
-    ) -> Result<(Neighbours, Conduction), SetupError> {
+    ) -> Result<(FamilyHandle, Conduction), SetupError> {
         let body = place.body;
         let conductivity = setup.property(body, "conductivity")?;
         let points = setup.body(body).points.len();
         if self.form == Form::SecondDerivatives {
-            let pddo = self.second_derivatives(setup, place)?;
-            let neighbours = Neighbours::AtRest(pddo.family().clone());
+            let (family, pddo) = self.second_derivatives(setup, place)?;
             let conduction = Conduction::by_derivatives(pddo, conductivity, points);
-            return Ok((neighbours, conduction));
+            return Ok((family, conduction));
         }
         let mut spec = FamilySpec {
             horizon: place.horizon,
@@ -340,29 +342,23 @@ impl Thermal {
             layers: place.layers.clone(),
             audited: place.heated.clone(),
         };
-        if setup.is_growing(body) {
-            let handle = setup.growing_family(body, &spec)?;
-            let family = setup.current_growing_family(handle);
-            let conduction = Conduction::by_bonds(&family, conductivity, points, 1.0);
-            return Ok((Neighbours::Growing(handle), conduction));
+        let moves = place.description == Description::UpdatedLagrangian;
+        if moves {
+            spec.correction = Correction::None;
         }
-        if place.description != Description::UpdatedLagrangian {
-            let family = setup.family(body, &spec)?;
-            let mut conduction = Conduction::by_bonds(&family, conductivity, points, 1.0);
-            if self.form == Form::Ordinary {
-                conduction.set_states(setup.body(body).dimension, self.stabilisation);
-            }
-            return Ok((Neighbours::AtRest(family), conduction));
-        }
-        spec.correction = Correction::None;
-        let handle = setup.moving_family(body, &spec)?;
-        let family = setup.current_family(handle);
+        let handle = setup.family(body, &spec)?;
+        let family = setup.world().family(handle);
+        let dimension = setup.body(body).dimension;
         let calibration = match self.correction {
             Some(Correction::None) => 1.0,
-            _ => calibration(&family, points, setup.body(body).dimension),
+            _ if moves => calibration(&family, points, dimension),
+            _ => 1.0,
         };
-        let conduction = Conduction::by_bonds(&family, conductivity, points, calibration);
-        Ok((Neighbours::Moving(handle), conduction))
+        let mut conduction = Conduction::by_bonds(&family, conductivity, points, calibration);
+        if self.form == Form::Ordinary {
+            conduction.set_states(dimension, self.stabilisation);
+        }
+        Ok((handle, conduction))
     }
 
     /// The operator of second derivatives.
@@ -370,21 +366,22 @@ impl Thermal {
         &self,
         setup: &mut Setup<'_>,
         place: &Place,
-    ) -> Result<Arc<Pddo>, SetupError> {
+    ) -> Result<(FamilyHandle, Arc<Pddo>), SetupError> {
         let this = setup.body(place.body);
         if !this.fills_box() {
             let message =
                 "second derivatives need complete families, but the body does not fill its box";
             return Err(SetupError::value("form", message, "`form = \"bonds\"`"));
         }
-        let family = self.box_family(setup, place)?;
+        let handle = self.box_family(setup, place)?;
+        let family = setup.world().family(handle);
         let pddo = Pddo::build(setup.body(place.body), family, 2);
-        pddo.map(Arc::new)
-            .map_err(|e| SetupError::other("horizon", e))
+        let pddo = pddo.map_err(|e| SetupError::other("horizon", e))?;
+        Ok((handle, Arc::new(pddo)))
     }
 
     /// A complete family of a body that fills its box.
-    fn box_family(&self, setup: &mut Setup<'_>, place: &Place) -> Result<Arc<Family>, SetupError> {
+    fn box_family(&self, setup: &mut Setup<'_>, place: &Place) -> Result<FamilyHandle, SetupError> {
         let this = setup.body(place.body);
         let needs_layer = |f: &Face| f.axis() < this.dimension && !this.periodic[f.axis()];
         let spec = FamilySpec {
@@ -407,12 +404,17 @@ impl Thermal {
         let family = match setup.body(body).fills_box() {
             true => self.box_family(setup, place)?,
             false => {
-                let family = setup.flow_family(body);
-                family.expect("the flow has obtained its family")
+                let of_flow = setup.facts::<FlowFamily>(body).next();
+                of_flow
+                    .expect("an Eulerian flow has published its family")
+                    .0
             }
         };
-        let walls = setup.walls(body).into_iter();
-        let walls = walls.map(|wall| WallInFlow::new(setup, (body, &family), wall));
+        let family = setup.world().family(family);
+        let walls: Vec<Wall> = setup.facts(body).copied().collect();
+        let walls = walls
+            .into_iter()
+            .map(|wall| WallInFlow::new(setup, (body, &family), wall));
         let walls = walls.collect::<Result<Vec<_>, _>>()?;
         Ok(CarriedHeat::new(
             (setup.body(body), family),

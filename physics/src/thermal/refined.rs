@@ -24,7 +24,9 @@ use perimelt_core::field::Key;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::refinement::{Level, Refinement, mean};
-use perimelt_core::{Body, Description, Face, Family, Read, Setup, SetupError, World, Write, keys};
+use perimelt_core::{
+    Access, Body, Description, Face, Family, Read, Setup, SetupError, World, Write, keys,
+};
 use rayon::prelude::*;
 
 use super::conduction::{Conduction, coefficient};
@@ -181,7 +183,6 @@ impl Window {
         plate: BodyIndex,
         family: &Family,
     ) -> Result<Window, SetupError> {
-        setup.follow_window(body);
         let layers = family.layer_cells();
         let outermost = layers
             .iter()
@@ -190,7 +191,7 @@ impl Window {
         Ok(Window {
             body,
             plate_temperature: setup.read(plate, &keys::TEMPERATURE)?,
-            given: setup.give_sum(plate, &HEAT_OF_WINDOW)?,
+            given: setup.give(plate, &HEAT_OF_WINDOW, Access::GiveSum)?,
             margin: outermost.unwrap_or(0),
             layers,
             places: Default::default(),
@@ -405,12 +406,12 @@ impl Refined {
         (body, description): (BodyIndex, Description),
         (family, heated): (&Family, &[Face]),
     ) -> Result<Option<Refined>, SetupError> {
-        let Some((refinement, level)) = setup.refinement(body) else {
+        let Some((refinement, level)) = setup.world().refinement(body) else {
             return Ok(None);
         };
         let (plate, ratio) = (refinement.plate(), refinement.ratio()[0]);
         thermal.check_refined(description)?;
-        if setup.is_growing(body) {
+        if setup.world().is_growing(body) {
             let message = "material is deposited on a body with a window of finer points";
             return Err(SetupError::value(
                 "body",

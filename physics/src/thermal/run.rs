@@ -1,14 +1,11 @@
 //! What a prepared heat physics works with.
 
 use std::borrow::Cow;
-use std::sync::Arc;
 
 use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::world::refinement::Level;
 use perimelt_core::world::{BodyIndex, BrokenPairs, LayersHandle};
-use perimelt_core::{
-    BrokenBonds, Family, GrowingFamily, MovingFamily, Read, ReadIfProvided, Setup, World, Write,
-};
+use perimelt_core::{BrokenBonds, Family, FamilyHandle, Read, ReadIfProvided, World, Write};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +23,9 @@ use super::surface::Surface;
 #[derive(Debug)]
 pub(super) struct Run {
     pub(super) body: BodyIndex,
-    pub(super) neighbours: Neighbours,
+    pub(super) family: FamilyHandle,
+    /// Whether a physics moves the points, which change neighbours.
+    pub(super) moves: bool,
     pub(super) layers: LayersHandle,
     pub(super) temperature: Write<f64>,
     pub(super) enthalpy: Write<f64>,
@@ -71,34 +70,6 @@ pub(super) struct ExchangeLimit {
     found_for: (f64, u64, Option<u64>),
     /// s.
     step: f64,
-}
-
-/// The family of the points.
-#[derive(Debug)]
-pub(super) enum Neighbours {
-    AtRest(Arc<Family>),
-    Moving(MovingFamily),
-    Growing(GrowingFamily),
-}
-
-impl Neighbours {
-    /// As they are at set-up.
-    pub(super) fn at_setup(&self, setup: &Setup<'_>) -> Arc<Family> {
-        match self {
-            Neighbours::AtRest(family) => family.clone(),
-            Neighbours::Moving(family) => setup.current_family(*family),
-            Neighbours::Growing(family) => setup.current_growing_family(*family),
-        }
-    }
-
-    /// As they are now.
-    pub(super) fn now(&self, world: &World) -> Arc<Family> {
-        match self {
-            Neighbours::AtRest(family) => family.clone(),
-            Neighbours::Moving(family) => world.moving_family(*family),
-            Neighbours::Growing(family) => world.growing_family(*family),
-        }
-    }
 }
 
 /// Heat since the start of the run, J.
@@ -153,10 +124,16 @@ impl Cracks {
 impl Run {
     /// Breaks the bonds that broke in the mechanics since the last step.
     pub(super) fn follow_cracks(&mut self, world: &World) {
-        if let (Some(cracks), Neighbours::AtRest(family)) = (&mut self.cracks, &self.neighbours) {
+        if let Some(cracks) = &mut self.cracks {
             let pairs = world.broken_pairs(self.body);
-            cracks.follow(&pairs, family, &mut self.conduction.broken);
+            let family = world.family(self.family);
+            cracks.follow(&pairs, &family, &mut self.conduction.broken);
         }
+    }
+
+    /// Whether points rest and keep their material.
+    pub(super) fn is_at_rest(&self) -> bool {
+        !self.moves && self.growth.is_none()
     }
 
     /// Takes up points on which material was deposited since the last step.
@@ -195,9 +172,9 @@ impl Run {
 
     /// Current volume over reference volume of each point, where points move.
     pub(super) fn volume_ratios(&self, world: &World) -> Option<Vec<f64>> {
-        let Neighbours::Moving(_) = self.neighbours else {
+        if !self.moves {
             return None;
-        };
+        }
         let now = world.configuration(self.body);
         let reference = &world.body(self.body).points.volume;
         let points = now.volumes().iter().zip(reference);
@@ -206,9 +183,9 @@ impl Run {
 
     /// Finds the distances of points from interfaces between materials, where points move.
     pub(super) fn follow_interfaces(&mut self, world: &World) {
-        if let Neighbours::Moving(family) = self.neighbours {
+        if self.moves {
             let points = self.points(world);
-            let family = world.moving_family(family);
+            let family = world.family(self.family);
             self.conduction.find_interfaces(&family, points, None);
         }
     }
@@ -226,7 +203,7 @@ impl Run {
         let points = self.points(world);
         let material = points.material;
         if let Some(growth) = &mut self.growth {
-            let family = self.neighbours.now(world);
+            let family = world.family(self.family);
             let is_next = growth.row_sums_of.map(|v| v + 1) == Some(family.version());
             if growth.row_sums_of == Some(family.version()) {
                 return;
@@ -248,11 +225,11 @@ impl Run {
             growth.row_sums_of = Some(family.version());
             return;
         }
-        let is_at_rest = matches!(self.neighbours, Neighbours::AtRest(_));
+        let is_at_rest = self.is_at_rest();
         if is_at_rest && !self.integrator.row_sums().is_empty() {
             return;
         }
-        let family = self.neighbours.now(world);
+        let family = world.family(self.family);
         self.conduction.find_interfaces(&family, points, None);
         let mut row_sums = self.conduction.largest_row_sums(&family, material);
         if let Some(ratios) = self.volume_ratios(world) {
@@ -274,7 +251,7 @@ impl Run {
             .row_sums()
             .iter()
             .zip(&body.material_of_point);
-        let is_at_rest = matches!(self.neighbours, Neighbours::AtRest(_));
+        let is_at_rest = self.is_at_rest();
         let known = self.conduction_step.filter(|_| is_at_rest);
         let stable_step = match (known, &self.carried) {
             (Some(known), None) => known,
@@ -317,7 +294,7 @@ impl Run {
         let hottest = surface.hottest(&world.read::<f64>(self.temperature.into()));
         let sums_of = self.growth.as_ref().and_then(|growth| growth.row_sums_of);
         let found_for = (hottest, surface.changes(), sums_of);
-        let moves = matches!(self.neighbours, Neighbours::Moving(_));
+        let moves = self.moves;
         let known = self.exchange_limit.filter(|_| !moves);
         if let Some(known) = known.filter(|known| known.found_for == found_for) {
             return known.step;
@@ -346,7 +323,7 @@ impl Run {
     /// Whether the stable step changes during the run.
     pub(super) fn has_changing_limit(&self) -> bool {
         let radiates = self.surface.as_ref().is_some_and(|s| !s.is_linear());
-        self.carried.is_some() || radiates || !matches!(self.neighbours, Neighbours::AtRest(_))
+        self.carried.is_some() || radiates || !self.is_at_rest()
     }
 
     /// Measures the heat that crosses faces.
@@ -366,7 +343,7 @@ impl Run {
         }
         let rules = world.layer_rules(self.layers);
         let body = world.body(self.body);
-        let family = self.neighbours.now(world);
+        let family = world.family(self.family);
         let matter = Matter {
             family: &family,
             rules: &rules,

@@ -8,7 +8,7 @@ use perimelt_core::body::SurfaceCell;
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::world::PhaseChange;
 use perimelt_core::world::exchange::{SurfaceDepth, SurfaceFlux, SurfaceLaw};
-use perimelt_core::{Body, Face, Physics, Setup, Step, World, keys};
+use perimelt_core::{Body, Face, LayerRole, Physics, Setup, Step, World, keys};
 
 use super::Thermal;
 use super::surface_depth::depths;
@@ -77,7 +77,7 @@ impl Cooled {
         let mut setup = Setup::new(&mut world, Path::new("."));
         setup.next_plugin("film");
         if setup.body(0).materials[0].get("solidus").is_some() {
-            setup.set_phase_change(0, PhaseChange::default());
+            setup.publish(0, PhaseChange::default()).expect("free");
         }
         let cells: Vec<SurfaceCell> = setup.body(0).surface(faces);
         let law = Rc::new(RefCell::new(film));
@@ -87,7 +87,7 @@ impl Cooled {
         let layer = held.map(|_| {
             setup.next_plugin("held");
             setup
-                .layer(0, &keys::TEMPERATURE, Face::XMin, true)
+                .layer(0, &keys::TEMPERATURE, Face::XMin, LayerRole::Prescribed)
                 .expect("a layer")
         });
         setup.next_physics("thermal");
@@ -338,7 +338,7 @@ fn thin_walls_have_the_resistances_of_thick_ones() {
             wall.start(300.0);
             wall.run(1.0, 1);
             let run = wall.physics.run();
-            let family = run.neighbours.now(&wall.world);
+            let family = wall.world.family(run.family);
             let depth = depths(wall.world.body(0), &family)[Face::XMax as usize] * spacing;
             let points = wall.world.body(0).points.position.iter();
             let outermost = points
@@ -377,7 +377,7 @@ fn the_surface_lies_where_the_linear_temperature_below_meets_it() {
         let surface = a + slope * (39.5 - 20.0);
         let expected = (surface - t[39]) / slope;
         let run = wall.physics.run();
-        let family = run.neighbours.now(&wall.world);
+        let family = wall.world.family(run.family);
         let found = depths(wall.world.body(0), &family)[Face::XMax as usize];
         assert!(
             (found - expected).abs() < 2e-3,

@@ -53,11 +53,12 @@ impl Physics for MoistureDiffusion {
     fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let spec = FamilySpec::mirrored(setup.body(body), self.horizon);
+        let family = setup.family(body, &spec)?;
         self.run = Some(Run {
             body,
             moisture: setup.own(body, &MOISTURE)?,
             diffusivity: setup.constant_at_points(body, "moisture_diffusivity")?,
-            operator: Operator::new(setup.family(body, &spec)?),
+            operator: Operator::new(setup.world().family(family)),
             initial: 0.0,
         });
         Ok(())

@@ -2,8 +2,11 @@
 
 use std::path::Path;
 
+use std::rc::Rc;
+
 use super::*;
 use crate::testing::{STEEL, apply, block, check_slopes, exchange, heat, read, refusal, set};
+use perimelt_core::world::exchange::Exchange;
 
 const JET: &str =
     "flow = 'x+'\nstart = 1\nspeed = 0\nimpingement = 1.6\nwater = 300\nleidenfrost = 700
@@ -39,7 +42,6 @@ fn the_film_runs_over_the_material_that_is_there() {
     let active = setup.deposit(0, &[4, 5, 6, 7]).expect("a lattice");
     setup.next_plugin("thermal");
     setup.own(0, &keys::TEMPERATURE).expect("free");
-    setup.follow_activity(0);
     setup.next_plugin("jet");
     // above all of the body; the film runs down
     let jet = JET
@@ -47,7 +49,7 @@ fn the_film_runs_over_the_material_that_is_there() {
         .replace("start = 1", "start = 10");
     let mut coupler: WaterJet = read(&format!("{jet}faces = ['x+']"));
     coupler.prepare(&mut setup).expect("valid");
-    let exchange = setup.exchanges(0).swap_remove(0);
+    let exchange = setup.facts::<Rc<Exchange>>(0).next().cloned().expect("one");
     setup.finish().expect("complete");
     let temperature = |i: usize| if i < 4 { 400.0 } else { 900.0 };
     let mut heat = || {

@@ -3,6 +3,7 @@ use crate::heat_source::{EllipsoidSource, PointSource};
 use crate::testing::{STEEL, apply, block, prepare, refusal, total};
 use perimelt_core::Coupler;
 use perimelt_core::shape::{BoxShape, Shape};
+use perimelt_core::world::SymmetryPlane;
 use perimelt_core::{Body, Face};
 
 const SHAPE: &str = "power = 100\nhalf_length = 0.5\nhalf_width = 2\ndepth = 1";
@@ -67,7 +68,7 @@ fn the_part_beyond_a_plane_of_symmetry_heats_the_mirror_image() {
         let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
         prepare(&mut world, &mut source, |setup| {
             for &plane in planes {
-                setup.set_symmetry(0, plane);
+                setup.publish(0, SymmetryPlane(plane)).expect("free");
             }
             setup.consume(0, &keys::HEAT_SOURCE).expect("free");
         })

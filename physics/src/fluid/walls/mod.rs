@@ -36,8 +36,8 @@ use nalgebra::Vector3;
 use perimelt_core::family::{ForeignBonds, Places};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    BondKernel, Configuration, FamilySpec, Read, Report, Setup, SetupError, SlotField, Wall, World,
-    Write, keys,
+    Access, BondKernel, Configuration, FamilySpec, Read, Report, Setup, SetupError, SlotField,
+    Wall, World, Write, keys,
 };
 
 use super::collision::{CollisionWall, FluidPoints};
@@ -121,7 +121,8 @@ impl Walls {
         spec: &FamilySpec,
     ) -> Result<Walls, SetupError> {
         let mut bodies = Vec::new();
-        for wall in setup.walls(body) {
+        let walls: Vec<Wall> = setup.facts(body).copied().collect();
+        for wall in walls {
             setup.read(wall.other, &keys::DISPLACEMENT)?;
             let density = setup.density_at_points(body)?;
             let heaviest = density.into_iter().fold(0.0, f64::max);
@@ -138,7 +139,7 @@ impl Walls {
                 velocity: setup.read(wall.other, &keys::VELOCITY)?,
                 motion: WallMotion::default(),
                 immersed: None,
-                impulse: setup.give_impulses(&wall)?,
+                impulse: setup.give(wall.other, &keys::IMPULSE, Access::Give)?,
                 bonds: ForeignBonds::new(setup.body(body), spec),
                 points: Vec::new(),
                 means: Vec::new(),

@@ -2,7 +2,9 @@
 
 use perimelt_core::body::Store;
 use perimelt_core::world::LayerHandle;
-use perimelt_core::{Coupler, Face, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Face, LayerRole, RunError, Setup, SetupError, Step, World, Write, keys,
+};
 use serde::{Deserialize, Serialize};
 
 use super::super::Mechanical;
@@ -25,7 +27,7 @@ impl Coupler for HeatCycle {
         self.eigenstrain = Some(setup.add(0, &keys::EIGENSTRAIN)?);
         for face in [Face::XMin, Face::XMax] {
             self.walls
-                .push(setup.layer(0, &keys::DISPLACEMENT, face, false)?);
+                .push(setup.layer(0, &keys::DISPLACEMENT, face, LayerRole::Free)?);
         }
         Ok(())
     }

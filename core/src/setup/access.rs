@@ -1,0 +1,272 @@
+//! Fields that plugins own, read, write, add to and take up.
+
+use super::Setup;
+use crate::error::{Problem, SetupError};
+use crate::field::{FieldIndex, Key, Read, ReadIfProvided, Value, Write, keys};
+use crate::world::{BodyIndex, Wall};
+
+/// How a plugin touches a field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// State that it advances.
+    Own,
+    /// Sums that it takes up; zeroed before each round of additions.
+    Consume,
+    /// Amounts that it takes up once, at the start of a step; zeroed before each round of additions and before a
+    /// further sub-step.
+    Take,
+    /// Derived values that it computes.
+    Write,
+    /// Adds into a sink.
+    Add,
+    /// Adds amounts to another body, of a physics that advances before the one that takes them up.
+    Give,
+    /// As `Give`, summed over the sub-steps of the physics, so that the other body may take longer steps.
+    GiveSum,
+    /// Reads.
+    Read,
+    /// Reads if provided.
+    ReadIfProvided,
+    /// Sets the layer behind a face.
+    Layer,
+    /// Sets the layer behind a face if somebody owns the field.
+    LayerIfProvided,
+}
+
+impl Access {
+    pub(super) fn provides(self) -> bool {
+        matches!(self, Access::Own | Access::Write)
+    }
+
+    pub(crate) fn reads(self) -> bool {
+        matches!(
+            self,
+            Access::Read | Access::ReadIfProvided | Access::Consume | Access::Take
+        )
+    }
+
+    pub(crate) fn gives(self) -> bool {
+        matches!(self, Access::Give | Access::GiveSum)
+    }
+
+    pub(crate) fn consumes(self) -> bool {
+        matches!(self, Access::Consume | Access::Take)
+    }
+
+    pub(crate) fn writes(self) -> bool {
+        matches!(
+            self,
+            Access::Write | Access::Add | Access::Layer | Access::LayerIfProvided
+        )
+    }
+}
+
+/// A declared access.
+#[derive(Clone, Debug)]
+pub struct Declaration {
+    /// The plugin, by its position in [`Setup`]'s order: couplers first, then physics.
+    pub plugin: usize,
+    /// How.
+    pub access: Access,
+    /// What.
+    pub field: FieldIndex,
+}
+
+impl Setup<'_> {
+    pub(super) fn declare<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+        access: Access,
+    ) -> Result<FieldIndex, SetupError> {
+        let points = self.body(body).points.len();
+        let field = self
+            .world
+            .fields
+            .intern(body, points, key)
+            .map_err(|present| {
+                let problem = Problem::FieldType {
+                    field: key.name.to_string(),
+                    asked: T::COMPONENTS,
+                    present,
+                };
+                SetupError::new("", problem)
+            })?;
+        let plugin = self.current;
+        let rival = |d: &&Declaration| {
+            d.field == field
+                && (d.access.provides() && access.provides()
+                    || d.access.consumes() && access.consumes())
+        };
+        if let Some(first) = self.declarations.iter().find(rival) {
+            let problem = Problem::TwoWriters {
+                field: key.name.to_string(),
+                body: self.body(body).name.clone(),
+                first: self.label(first.plugin).to_string(),
+            };
+            return Err(SetupError::new("", problem));
+        }
+        self.declarations.push(Declaration {
+            plugin,
+            access,
+            field,
+        });
+        Ok(field)
+    }
+
+    /// A state field that the calling physics owns and advances.
+    ///
+    /// # Errors
+    /// When somebody else writes it, or it is known with another type.
+    pub fn own<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> Result<Write<T>, SetupError> {
+        self.declare(body, key, Access::Own).map(Write::new)
+    }
+
+    /// A sink field that the calling physics takes up.
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    pub fn consume<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<Read<T>, SetupError> {
+        self.declare(body, key, Access::Consume).map(Read::new)
+    }
+
+    /// As [`Setup::consume`], but only where a coupler adds into the sink: what nobody adds
+    /// to need not be zeroed and read in every step.
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    pub fn consume_if_added<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<Option<Read<T>>, SetupError> {
+        match self.is_declared(body, key, Access::Add) {
+            true => self.consume(body, key).map(Some),
+            false => Ok(None),
+        }
+    }
+
+    /// A sink field of amounts, such as [`keys::IMPULSE`], that the calling physics takes up
+    /// once at the start of a step, where a coupler adds into it. When the physics takes several sub-steps while its
+    /// couplers are applied once, the sink is zero from the second sub-step on.
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    pub fn take_if_added<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<Option<Read<T>>, SetupError> {
+        match self.is_declared(body, key, Access::Add) {
+            true => self
+                .declare(body, key, Access::Take)
+                .map(Read::new)
+                .map(Some),
+            false => Ok(None),
+        }
+    }
+
+    /// Whether a plugin prepared before the calling one has declared such an access. For a physics, couplers come before: it
+    /// need not compute a field that nobody reads ([`Access::Read`]), nor take up a sink to which nobody adds
+    /// ([`Access::Add`]).
+    pub fn is_declared<T: Value>(&self, body: BodyIndex, key: &Key<T>, access: Access) -> bool {
+        let field = self.world.fields.find(body, &key.name);
+        let is_such = |a: Access| match access {
+            Access::Read => a.reads(),
+            access => a == access,
+        };
+        let mut declarations = self.declarations.iter();
+        let is_wall_of = |wall: &Wall| wall.other == body;
+        declarations.any(|d| Some(d.field) == field && is_such(d.access))
+            // the physics beside a wall gives impulses to it
+            || access == Access::Add
+                && key.name == keys::IMPULSE.name
+                && self.world.facts.all::<Wall>().any(|(_, _, wall)| is_wall_of(wall))
+    }
+
+    /// A derived field that the calling plugin computes.
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    pub fn write<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<Write<T>, SetupError> {
+        self.declare(body, key, Access::Write).map(Write::new)
+    }
+
+    /// A sink field that the calling coupler adds into.
+    ///
+    /// # Errors
+    /// As [`Setup::own`], and when a physics asks: sinks are zeroed before couplers add, not before physics do.
+    pub fn add<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> Result<Write<T>, SetupError> {
+        if self.plugins[self.current].is_physics {
+            let message = format!(
+                "a physics adds to `{}`, but only couplers add into sinks, which are zeroed before them",
+                key.name
+            );
+            let expected = "a derived field of the physics and a coupler that adds it";
+            return Err(SetupError::value("", message, expected));
+        }
+        self.declare(body, key, Access::Add).map(Write::new)
+    }
+
+    /// Amounts that the calling physics gives to the points of another body, whose physics takes them up
+    /// ([`Setup::take`]): those of the last sub-step ([`Access::Give`]), such as impulses, or their sum over its sub-steps
+    /// since both bodies were at one time ([`Access::GiveSum`]).
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    ///
+    /// # Panics
+    /// When the access is another one.
+    pub fn give<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+        access: Access,
+    ) -> Result<Write<T>, SetupError> {
+        assert!(access.gives(), "{access:?} gives nothing");
+        self.declare(body, key, access).map(Write::new)
+    }
+
+    /// Amounts that the calling physics takes up once, at the start of a step, from the physics of another body.
+    ///
+    /// # Errors
+    /// As [`Setup::own`].
+    pub fn take<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> Result<Read<T>, SetupError> {
+        self.declare(body, key, Access::Take).map(Read::new)
+    }
+
+    /// A field that the calling plugin reads.
+    ///
+    /// # Errors
+    /// When it is known with another type; [`Setup::finish`] reports one that nobody provides.
+    pub fn read<T: Value>(&mut self, body: BodyIndex, key: &Key<T>) -> Result<Read<T>, SetupError> {
+        self.declare(body, key, Access::Read).map(Read::new)
+    }
+
+    /// A field that the calling plugin reads where it exists.
+    ///
+    /// # Errors
+    /// When it is known with another type.
+    pub fn read_if_provided<T: Value>(
+        &mut self,
+        body: BodyIndex,
+        key: &Key<T>,
+    ) -> Result<ReadIfProvided<T>, SetupError> {
+        self.declare(body, key, Access::ReadIfProvided)
+            .map(ReadIfProvided::new)
+    }
+
+    /// Sets the values of a derived field before the first step, by point.
+    pub fn set_first(&mut self, field: Write<f64>, value: impl Fn(usize) -> f64) {
+        let values = self.world.fields.values_mut(field.field).iter_mut();
+        values.enumerate().for_each(|(point, v)| *v = value(point));
+    }
+}

@@ -1,0 +1,259 @@
+//! What happens to the points of bodies, and whether plugins support it.
+
+use super::{Access, Declaration, Happening, RefusedChange, Setup};
+use crate::error::SetupError;
+use crate::field::{Write, keys};
+use crate::world::changes::{Change, Changes};
+use crate::world::configuration::{Description, PointMover};
+use crate::world::refinement::{Refinement, WindowMover};
+use crate::world::{BodyIndex, PhaseChange};
+
+impl Setup<'_> {
+    /// Notes that the calling plugin changes the points of a body.
+    pub(super) fn happens(&mut self, body: BodyIndex, change: Change) {
+        let plugin = self.current;
+        let changes = &mut self.world.changes[body];
+        *changes = changes.and(Changes::of(&[change]));
+        self.happenings.push(Happening {
+            body,
+            change,
+            plugin,
+        });
+    }
+
+    /// Refuses the calling plugin with `error`, should `change` happen to the points of a body although plugins of its type
+    /// support that.
+    pub fn refuse(&mut self, body: BodyIndex, change: Change, error: SetupError) {
+        self.refused.push(RefusedChange {
+            plugin: self.current,
+            body,
+            change,
+            error,
+        });
+    }
+
+    /// Declares that the calling coupler deposits material on a body, at `points` that have none at first, and hands
+    /// over the activity of the points, which the coupler sets to 1.
+    ///
+    /// # Errors
+    /// When the body has no lattice.
+    pub fn deposit(&mut self, body: BodyIndex, points: &[u32]) -> Result<Write<f64>, SetupError> {
+        let active =
+            self.change_activity(body, Change::Births, "on whose cells material is deposited")?;
+        let field = self.world.fields.values_mut(active.field);
+        points.iter().for_each(|&p| field[p as usize] = 0.0);
+        Ok(active)
+    }
+
+    /// Declares that the calling coupler cuts material off a body during the run, and hands over the activity of the
+    /// points, which the coupler sets to 0.
+    ///
+    /// # Errors
+    /// When the body has no lattice.
+    pub fn cut_off(&mut self, body: BodyIndex) -> Result<Write<f64>, SetupError> {
+        self.change_activity(body, Change::Cuts, "whose cells are cut off")
+    }
+
+    /// The activity of a body whose points become active or inactive. Couplers that deposit and that cut share it: each
+    /// changes its own points only.
+    fn change_activity(
+        &mut self,
+        body: BodyIndex,
+        change: Change,
+        cells: &str,
+    ) -> Result<Write<f64>, SetupError> {
+        if self.body(body).lattice().is_none() {
+            let message = format!("body `{}` has no lattice, {cells}", self.body(body).name);
+            let expected = "a body with `spacing`, without `zones`, `jitter` or `points`";
+            return Err(SetupError::value("body", message, expected));
+        }
+        let shared = self.world.activity_field(body);
+        let active = match shared {
+            None => {
+                let active = self.write(body, &keys::ACTIVE)?;
+                self.set_first(active, |_| 1.0);
+                active
+            }
+            Some(field) => {
+                self.declarations.push(Declaration {
+                    plugin: self.current,
+                    access: Access::Write,
+                    field,
+                });
+                Write::new(field)
+            }
+        };
+        self.happens(body, change);
+        Ok(active)
+    }
+
+    /// The permission of the calling physics, which published the [`Description`] of a body, to move its points
+    /// ([`World::set_configuration`](crate::World::set_configuration)).
+    ///
+    /// # Panics
+    /// When the physics has not published that it moves the points.
+    pub fn move_points(&mut self, body: BodyIndex) -> PointMover {
+        let published = self.world.facts.of::<Description>(body).next();
+        let is_own = published == Some((self.current, &Description::UpdatedLagrangian));
+        assert!(is_own, "the physics has published that it moves the points");
+        PointMover { body }
+    }
+
+    /// Lets `window` be a part of `plate` with finer points that moves over it; called by a coupler, which gets the
+    /// permission to move it.
+    ///
+    /// # Errors
+    /// When the two bodies do not fit, or one of them belongs to a refinement already.
+    pub fn refine(
+        &mut self,
+        plate: BodyIndex,
+        window: BodyIndex,
+    ) -> Result<WindowMover, SetupError> {
+        for (key, body) in [("body", plate), ("fine", window)] {
+            if self.world.refinement(body).is_some() {
+                let message = format!("body `{}` has a window already", self.body(body).name);
+                return Err(SetupError::value(key, message, "one window for each body"));
+            }
+        }
+        let temperature = [
+            self.read(plate, &keys::TEMPERATURE)?,
+            self.read(window, &keys::TEMPERATURE)?,
+        ];
+        let enthalpy = [
+            self.read(plate, &keys::ENTHALPY)?,
+            self.read(window, &keys::ENTHALPY)?,
+        ];
+        let refinement = Refinement::new(self.world, (plate, window), temperature, enthalpy)?;
+        self.world.refinements.push(refinement);
+        self.happens(window, Change::Window);
+        Ok(WindowMover {
+            refinement: self.world.refinements.len() - 1,
+        })
+    }
+
+    /// Whether a plugin decides where points of a body are, or what flows through them.
+    pub(crate) fn decides_points(&self, plugin: usize) -> bool {
+        let mut descriptions = self.world.facts.all::<Description>();
+        descriptions.any(|(_, by, _)| by == plugin)
+    }
+
+    /// Refuses plugins that act on points to which something happens that they do not support, and lets the others read
+    /// which points have material.
+    pub(super) fn check_changes(&mut self) -> Result<(), (usize, SetupError)> {
+        let happens = |r: &RefusedChange| self.world.changes[r.body].contains(r.change);
+        if let Some(found) = self.refused.iter().position(happens) {
+            let RefusedChange { plugin, error, .. } = self.refused.swap_remove(found);
+            return Err((plugin, error));
+        }
+        for happening in &self.happenings {
+            let lacks = |plugin: &usize| !self.plugins[*plugin].supports.contains(happening.change);
+            if let Some(plugin) = self.acting_plugins(happening.body).find(lacks) {
+                return Err((plugin, self.unsupported(happening)));
+            }
+        }
+        self.check_windows()?;
+        self.read_activity();
+        Ok(())
+    }
+
+    /// Plugins that act on the points of a body: they own, write or add to a field, or have a family.
+    fn acting_plugins(&self, body: BodyIndex) -> impl Iterator<Item = usize> {
+        let acts = |access: Access| {
+            matches!(
+                access,
+                Access::Own
+                    | Access::Write
+                    | Access::Add
+                    | Access::Give
+                    | Access::GiveSum
+                    | Access::Consume
+                    | Access::Take
+            )
+        };
+        let is_here = move |d: &&Declaration| self.world.fields.field(d.field).body == body;
+        let declarations = self.declarations.iter().filter(is_here);
+        let declared = declarations
+            .filter(move |d| acts(d.access))
+            .map(|d| d.plugin);
+        let families = self.world.families.iter().filter(move |f| f.body == body);
+        declared.chain(families.map(|f| f.plugin))
+    }
+
+    /// The mistake of a plugin that does not support what happens to points.
+    fn unsupported(&self, happening: &Happening) -> SetupError {
+        let (by, body) = (
+            self.label(happening.plugin),
+            &self.body(happening.body).name,
+        );
+        let what = match happening.change {
+            Change::Motion => format!("`{by}` moves the points of body `{body}`"),
+            Change::Flow => format!("`{by}` lets matter flow through the points of body `{body}`"),
+            Change::Births => format!("`{by}` adds material to body `{body}`"),
+            Change::Cuts => format!("`{by}` takes material off body `{body}`"),
+            Change::Window => format!("`{by}` moves body `{body}` as a window of finer points"),
+        };
+        let message = format!("{what}, which this plugin does not support");
+        let expected = format!(
+            "plugins that support `{}` (`perimelt list --support`), or a body without it",
+            happening.change.name()
+        );
+        SetupError::value("", message, expected)
+    }
+
+    /// Refuses the calling plugin where it does not support what happens to the points of a body.
+    pub(super) fn check_support(&self, body: BodyIndex) -> Result<(), SetupError> {
+        let supports = self.plugins[self.current].supports;
+        let mut happenings = self.happenings.iter();
+        match happenings.find(|h| h.body == body && !supports.contains(h.change)) {
+            Some(happening) => Err(self.unsupported(happening)),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses bodies of a refinement that melt differently.
+    fn check_windows(&self) -> Result<(), (usize, SetupError)> {
+        let windows = self
+            .happenings
+            .iter()
+            .filter(|h| h.change == Change::Window);
+        for Happening { body, plugin, .. } in windows {
+            let Some((refinement, _)) = self.world.refinement(*body) else {
+                continue;
+            };
+            let bodies = [refinement.plate(), refinement.window()];
+            let melting = bodies.map(|b| self.world.fact::<PhaseChange>(b));
+            if melting[0] != melting[1] {
+                let [plate, window] = bodies.map(|b| &self.body(b).name);
+                let message = format!("bodies `{plate}` and `{window}` do not melt alike");
+                let expected = "`phase_change` with the same keys for both bodies, or for none";
+                return Err((*plugin, SetupError::value("fine", message, expected)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Lets the plugins that act on a growing body read which of its points have material, but for those that set it.
+    fn read_activity(&mut self) {
+        for body in 0..self.world.bodies.len() {
+            let Some(field) = self.world.activity_field(body) else {
+                continue;
+            };
+            let sets = |plugin: usize| {
+                let mut all = self.declarations.iter();
+                all.any(|d| d.plugin == plugin && d.field == field && d.access == Access::Write)
+            };
+            let mut readers: Vec<usize> = self.acting_plugins(body).collect();
+            readers.sort_unstable();
+            readers.dedup();
+            readers.retain(|plugin| !sets(*plugin));
+            let access = Access::Read;
+            let reads = readers.into_iter().map(|plugin| Declaration {
+                plugin,
+                access,
+                field,
+            });
+            let reads: Vec<Declaration> = reads.collect();
+            self.declarations.extend(reads);
+        }
+    }
+}

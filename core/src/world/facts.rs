@@ -1,0 +1,93 @@
+//! Facts about bodies that plugins publish at set-up for others, by type.
+
+use std::any::Any;
+use std::cell::Cell;
+use std::fmt;
+use std::rc::Rc;
+
+use super::BodyIndex;
+use super::changes::Changes;
+
+/// A rule that a fact breaks: what to write instead.
+#[derive(Clone, Copy, Debug)]
+pub struct FactRule {
+    /// Key of the plugin that published the fact.
+    pub key: &'static str,
+    /// What is wrong, with `{body}` and `{first}` for the names of the body and of the plugin that published first.
+    pub message: &'static str,
+    /// What is expected.
+    pub expected: &'static str,
+}
+
+/// Something that is true of a body and that other plugins ask for, such as that it is rigid or how it melts.
+///
+/// A plugin publishes facts ([`Setup::publish`](crate::Setup::publish)); others find them by their type
+/// ([`Setup::facts`](crate::Setup::facts), [`World::facts`](crate::World::facts)).
+pub trait Fact: Any {
+    /// The mistake of a second plugin that publishes such a fact of a body; `None` where there may be several.
+    const SECOND: Option<FactRule> = None;
+    /// The mistake of a fact for which no plugin asks; `None` where that is none.
+    const UNREAD: Option<FactRule> = None;
+
+    /// What happens to the points of the body.
+    fn changes(&self) -> Changes {
+        Changes::NONE
+    }
+}
+
+/// A fact that was published.
+struct Published {
+    body: BodyIndex,
+    /// Position of the plugin in the set-up.
+    plugin: usize,
+    value: Rc<dyn Any>,
+    unread: Option<FactRule>,
+    is_read: Cell<bool>,
+}
+
+/// All facts.
+#[derive(Default)]
+pub(crate) struct Facts(Vec<Published>);
+
+impl fmt::Debug for Facts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} facts", self.0.len())
+    }
+}
+
+impl Facts {
+    pub(crate) fn publish<T: Fact>(&mut self, body: BodyIndex, plugin: usize, fact: T) {
+        self.0.push(Published {
+            body,
+            plugin,
+            value: Rc::new(fact),
+            unread: T::UNREAD,
+            is_read: Cell::new(false),
+        });
+    }
+
+    /// Facts of a type, each with the plugin that published it.
+    pub(crate) fn of<T: Fact>(&self, body: BodyIndex) -> impl Iterator<Item = (usize, &T)> {
+        let of_body = self.0.iter().filter(move |fact| fact.body == body);
+        of_body.filter_map(|fact| Some((fact.plugin, fact.value.downcast_ref()?)))
+    }
+
+    /// As [`Facts::of`], of all bodies.
+    pub(crate) fn all<T: Fact>(&self) -> impl Iterator<Item = (BodyIndex, usize, &T)> {
+        let facts = self.0.iter();
+        facts.filter_map(|fact| Some((fact.body, fact.plugin, fact.value.downcast_ref()?)))
+    }
+
+    /// Notes that a plugin asked for the facts of a type.
+    pub(crate) fn note_reader<T: Fact>(&self, body: BodyIndex) {
+        let of_body = self.0.iter().filter(|fact| fact.body == body);
+        let read = of_body.filter(|fact| fact.value.is::<T>());
+        read.for_each(|fact| fact.is_read.set(true));
+    }
+
+    /// Facts for which a plugin had to ask and none did: the plugin that published, the body, the rule.
+    pub(crate) fn unread(&self) -> impl Iterator<Item = (usize, BodyIndex, FactRule)> {
+        let facts = self.0.iter().filter(|fact| !fact.is_read.get());
+        facts.filter_map(|fact| Some((fact.plugin, fact.body, fact.unread?)))
+    }
+}

@@ -1,0 +1,219 @@
+//! The families of bodies, whether their points rest, move or get material during the run.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+
+use super::configuration::Configuration;
+use super::{BodyIndex, World};
+use crate::body::Body;
+use crate::family::{Family, FamilyError, FamilySpec, must_look_again, skin};
+
+/// A family of a body, owned by the [`World`]: [`World::family`] gives it as it is at the time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FamilyHandle(pub(crate) usize);
+
+/// A family with its request.
+#[derive(Debug)]
+pub(crate) struct WorldFamily {
+    pub(crate) body: BodyIndex,
+    /// The plugin that asked first, by its position in the set-up.
+    pub(crate) plugin: usize,
+    pub(crate) spec: FamilySpec,
+    store: Store,
+}
+
+/// What changes a family during the run.
+#[derive(Debug)]
+enum Store {
+    /// Nothing: points rest and keep their material.
+    AtRest(Arc<Family>),
+    /// A physics moves the points.
+    Moving {
+        /// Distance over which points may move before rows are found again, m.
+        skin: f64,
+        state: RefCell<MovingState>,
+    },
+    /// Points get or lose their material.
+    Growing(RefCell<GrowingState>),
+}
+
+#[derive(Debug)]
+struct MovingState {
+    family: Arc<Family>,
+    /// Positions at which the rows are to be found, m.
+    found_at: Vec<Vector3<f64>>,
+    /// Whether the family has other rows.
+    has_old_rows: bool,
+    /// Version of the configuration for which the family was last placed.
+    placed_for: u64,
+}
+
+#[derive(Debug)]
+struct GrowingState {
+    family: Arc<Family>,
+    /// Changes of the activity that the family includes.
+    seen: u64,
+}
+
+impl MovingState {
+    /// Brings the family up to date. Whoever still holds it keeps the family as it was.
+    fn place(&mut self, body: &Body, spec: &FamilySpec, now: &Configuration) {
+        if Arc::get_mut(&mut self.family).is_none() {
+            let fresh = Family::moving(body, spec).expect("the same family was built at set-up");
+            (self.family, self.has_old_rows) = (Arc::new(fresh), true);
+        }
+        let family = Arc::get_mut(&mut self.family).expect("nobody else has it");
+        if self.has_old_rows {
+            family.look_from(&self.found_at);
+            self.has_old_rows = false;
+        }
+        family.place_at(now.positions(), now.volumes());
+        self.placed_for = now.version();
+    }
+}
+
+impl World {
+    /// Builds a family of a body as its points are at set-up; equal requests share one.
+    pub(crate) fn add_family(
+        &mut self,
+        body: BodyIndex,
+        plugin: usize,
+        spec: &FamilySpec,
+    ) -> Result<FamilyHandle, FamilyError> {
+        let same = |f: &WorldFamily| f.body == body && f.spec == *spec;
+        if let Some(present) = self.families.iter().position(same) {
+            return Ok(FamilyHandle(present));
+        }
+        let this = &self.bodies[body];
+        let store = if self.is_growing(body) {
+            Store::Growing(RefCell::new(GrowingState {
+                family: Arc::new(self.build_growing(body, spec)?),
+                seen: self.activity_version(body).unwrap_or(0),
+            }))
+        } else if self.moves_freely(body) {
+            Store::Moving {
+                skin: skin(this),
+                state: RefCell::new(MovingState {
+                    family: Arc::new(Family::moving(this, spec)?),
+                    found_at: this.points.position.clone(),
+                    has_old_rows: false,
+                    placed_for: 0,
+                }),
+            }
+        } else {
+            Store::AtRest(Arc::new(Family::build(this, spec)?))
+        };
+        self.families.push(WorldFamily {
+            body,
+            plugin,
+            spec: spec.clone(),
+            store,
+        });
+        Ok(FamilyHandle(self.families.len() - 1))
+    }
+
+    /// A family of the points of a growing body that have material now.
+    pub(crate) fn build_growing(
+        &self,
+        body: BodyIndex,
+        spec: &FamilySpec,
+    ) -> Result<Family, FamilyError> {
+        let present = self.present_points(body);
+        Family::growing(&self.bodies[body], spec, &present, 0)
+    }
+
+    /// A family as it is now: of the current positions where a physics moves the points, of the points that have material
+    /// where it is deposited or cut off. Do not keep it beyond a step: while somebody holds a family that changes, it
+    /// cannot be updated in place and is built again instead.
+    pub fn family(&self, handle: FamilyHandle) -> Arc<Family> {
+        let WorldFamily {
+            body, spec, store, ..
+        } = &self.families[handle.0];
+        match store {
+            Store::AtRest(family) => family.clone(),
+            Store::Moving { state, .. } => {
+                let now = self.configuration(*body);
+                let state = &mut *state.borrow_mut();
+                if state.placed_for != now.version() {
+                    state.place(&self.bodies[*body], spec, &now);
+                }
+                state.family.clone()
+            }
+            Store::Growing(state) => {
+                let state = &mut *state.borrow_mut();
+                let version = self.activity_version(*body);
+                if let Some(version) = version.filter(|v| *v != state.seen) {
+                    let present = self.present_points(*body);
+                    match Arc::get_mut(&mut state.family) {
+                        Some(family) => family.set_active(&present),
+                        None => {
+                            // of a version from which nobody takes the difference
+                            let next = state.family.version() + 1;
+                            let body = &self.bodies[*body];
+                            let family = Family::growing(body, spec, &present, next);
+                            let family = family.expect("the same family was built at set-up");
+                            state.family = Arc::new(family);
+                        }
+                    }
+                    state.seen = version;
+                }
+                state.family.clone()
+            }
+        }
+    }
+
+    /// All families as they were last asked for.
+    pub(crate) fn families(&self) -> impl Iterator<Item = (&WorldFamily, Arc<Family>)> {
+        self.families.iter().map(|f| match &f.store {
+            Store::AtRest(family) => (f, family.clone()),
+            Store::Moving { state, .. } => (f, state.borrow().family.clone()),
+            Store::Growing(state) => (f, state.borrow().family.clone()),
+        })
+    }
+
+    /// Finds the rows of the families of a body again where its points have moved beyond the skin.
+    pub(super) fn follow_points(&self, body: BodyIndex, positions: &[Vector3<f64>]) {
+        for family in self.families.iter().filter(|f| f.body == body) {
+            let Store::Moving { skin, state } = &family.store else {
+                continue;
+            };
+            let state = &mut *state.borrow_mut();
+            if must_look_again(&state.found_at, positions, *skin) {
+                state.found_at.copy_from_slice(positions);
+                state.has_old_rows = true;
+            }
+        }
+    }
+
+    fn moving_states(&self) -> impl Iterator<Item = &RefCell<MovingState>> {
+        self.families.iter().filter_map(|f| match &f.store {
+            Store::Moving { state, .. } => Some(state),
+            _ => None,
+        })
+    }
+
+    /// Positions (m) at which the rows of each moving family were found: part of a checkpoint, because the order of sums
+    /// depends on them.
+    pub(crate) fn rows_found_at(&self) -> Vec<Vec<Vector3<f64>>> {
+        let states = self.moving_states();
+        states.map(|s| s.borrow().found_at.clone()).collect()
+    }
+
+    /// Restores what [`World::rows_found_at`] gave; whether it fits the families.
+    pub(crate) fn find_rows_at(&self, found_at: Vec<Vec<Vector3<f64>>>) -> bool {
+        if self.moving_states().count() != found_at.len() {
+            return false;
+        }
+        for (state, found_at) in self.moving_states().zip(found_at) {
+            let mut state = state.borrow_mut();
+            if state.found_at.len() != found_at.len() {
+                return false;
+            }
+            state.found_at = found_at;
+            (state.has_old_rows, state.placed_for) = (true, 0);
+        }
+        true
+    }
+}
