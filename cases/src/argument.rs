@@ -13,7 +13,7 @@ pub struct UnknownBody {
     pub known: Vec<String>,
 }
 
-/// The bodies asked for, or all.
+/// The requested bodies, or all.
 ///
 /// # Errors
 /// A name that no body has.

@@ -19,6 +19,17 @@ pub(crate) struct CellGrid {
     covered: Option<Vec<(usize, [usize; 3])>>,
 }
 
+/// Number of cells of a grid; `None` if they are too many for the points.
+fn number_of_cells(cells: [usize; 3], points: usize) -> Option<usize> {
+    let total = cells
+        .iter()
+        .fold(1_usize, |total, &n| total.saturating_mul(n));
+    let limit = points
+        .saturating_mul(MAX_CELLS_PER_POINT)
+        .saturating_add(1 << 20);
+    (total <= limit).then_some(total)
+}
+
 impl CellGrid {
     /// Sorts points (m) into cells of `spacing` (m); `None` if there are no points, if one is not
     /// finite, or if they are scattered too widely for a grid.
@@ -37,19 +48,10 @@ impl CellGrid {
                 end[axis] = end[axis].max(position[axis]);
             }
         }
-        let limit = positions
-            .len()
-            .saturating_mul(MAX_CELLS_PER_POINT)
-            .saturating_add(1 << 20);
         let cell =
             |axis: usize, coordinate: f64| ((coordinate - origin[axis]) / spacing).round() as usize;
         let cells = [0, 1, 2].map(|axis| cell(axis, end[axis]).saturating_add(1));
-        let total = cells
-            .iter()
-            .fold(1_usize, |total, &n| total.saturating_mul(n));
-        if total > limit {
-            return None;
-        }
+        number_of_cells(cells, positions.len())?;
         let cell_of_point = positions
             .iter()
             .map(|p| [0, 1, 2].map(|axis| cell(axis, p[axis])))
@@ -67,8 +69,6 @@ impl CellGrid {
     /// spacings of that point, so that displaced points and points of several spacings leave no gaps; `None` as in
     /// [`CellGrid::new`].
     pub(crate) fn of_spacings(positions: &[[f64; 3]], spacings: &[f64]) -> Option<Self> {
-        /// cells of displaced points can be incomplete by this length, in spacings
-        const SLACK: f64 = 0.25;
         let finest = spacings.iter().copied().fold(f64::INFINITY, f64::min);
         let points = || positions.iter().zip(spacings);
         if !(finest > 0.0 && finest.is_finite())
@@ -90,19 +90,30 @@ impl CellGrid {
             origin[axis] = low + 0.5 * finest;
             cells[axis] = (((high - low) / finest).round() as usize).max(1);
         }
-        let total = cells
-            .iter()
-            .fold(1_usize, |total, &n| total.saturating_mul(n));
-        if total
-            > positions
-                .len()
-                .saturating_mul(MAX_CELLS_PER_POINT)
-                .saturating_add(1 << 20)
-        {
-            return None;
-        }
-        let mut nearest = vec![(f64::INFINITY, 0); total];
-        for (point, (x, spacing)) in points().enumerate() {
+        let own = |x: &[f64; 3]| {
+            [0, 1, 2].map(|a| {
+                (((x[a] - origin[a]) / finest).round().max(0.0) as usize).min(cells[a] - 1)
+            })
+        };
+        number_of_cells(cells, positions.len())?;
+        let mut grid = Self {
+            origin,
+            spacing: finest,
+            cells,
+            cell_of_point: positions.iter().map(own).collect(),
+            covered: None,
+        };
+        grid.covered = Some(grid.nearest_points(positions, spacings));
+        Some(grid)
+    }
+
+    /// The cells that a point covers, each with the point that is nearest in spacings of that point.
+    fn nearest_points(&self, positions: &[[f64; 3]], spacings: &[f64]) -> Vec<(usize, [usize; 3])> {
+        /// cells of displaced points can be incomplete by this length, in spacings
+        const SLACK: f64 = 0.25;
+        let (origin, cells, finest) = (self.origin, self.cells, self.spacing);
+        let mut nearest = vec![(f64::INFINITY, 0); cells.iter().product()];
+        for (point, (x, spacing)) in positions.iter().zip(spacings).enumerate() {
             let reach = (0.5 + SLACK) * spacing;
             let cell = |axis: usize, at: f64| ((at - origin[axis]) / finest).max(0.0);
             let range = |axis: usize| {
@@ -132,26 +143,11 @@ impl CellGrid {
                 index / (cells[0] * cells[1]),
             ]
         };
-        let covered = nearest
-            .iter()
-            .enumerate()
-            .filter(|(_, (away, _))| away.is_finite());
-        let own = |x: &[f64; 3]| {
-            [0, 1, 2].map(|a| {
-                (((x[a] - origin[a]) / finest).round().max(0.0) as usize).min(cells[a] - 1)
-            })
-        };
-        Some(Self {
-            origin,
-            spacing: finest,
-            cells,
-            cell_of_point: positions.iter().map(own).collect(),
-            covered: Some(
-                covered
-                    .map(|(index, (_, point))| (*point, cell_of(index)))
-                    .collect(),
-            ),
-        })
+        let cells = nearest.into_iter().enumerate();
+        cells
+            .filter(|(_, (away, _))| away.is_finite())
+            .map(|(index, (_, point))| (point, cell_of(index)))
+            .collect()
     }
 
     /// Points with the cells that they cover.

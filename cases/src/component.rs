@@ -95,7 +95,7 @@ impl Number {
     }
 }
 
-/// Which number of a field.
+/// A number of a field.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Component {
     pub(crate) field: FieldIndex,
@@ -133,7 +133,7 @@ impl Component {
         Ok(Component { field, number })
     }
 
-    /// The same number of the window of finer points that moves over a body, if it has one with that field.
+    /// This number on the refined window that moves over a body, if there is one with that field.
     pub(crate) fn on_window(self, simulation: &Simulation, body: usize) -> Option<Component> {
         let world = simulation.world();
         let name = &world.fields().field(self.field).name;
@@ -148,13 +148,13 @@ impl Component {
         Some(Component { field, ..self })
     }
 
-    /// By point of its body, whether there is material; `None` where all have some.
+    /// Activity of the points of the body; `None` where all have material.
     pub(crate) fn activity(self, world: &World) -> Option<Ref<'_, [f64]>> {
         world.activity(world.fields().field(self.field).body)
     }
 
-    /// Its value on the cell face in front of a point, where that is known.
-    pub(crate) fn on_face(self, world: &World, (point, face): (usize, Face)) -> Option<f64> {
+    /// The value on the cell face in front of a point; `None` where it is unknown.
+    pub(crate) fn on_face(self, world: &World, point: usize, face: Face) -> Option<f64> {
         let Number::Entry(component) = self.number else {
             return None;
         };

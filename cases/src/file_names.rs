@@ -1,12 +1,12 @@
-//! Names of files for what a log names: bodies, probes, fields.
+//! Names of files for the bodies, probes and fields of a log.
 
 use std::collections::BTreeMap;
 
-/// The names of the files of one command. Different names get different files, also on systems that do not tell small letters
-/// from capitals.
+/// The names of the files of one command. Different names get different files, also on systems that ignore the
+/// case of letters.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FileNames {
-    /// By the name of the file in small letters.
+    /// Names by the name of the file in small letters.
     taken: BTreeMap<String, String>,
 }
 
@@ -55,7 +55,7 @@ mod tests {
         assert_eq!(of("a b-1"), "a-b-1.csv");
         assert_eq!(of("a-b-1"), "a-b-1-2.csv");
         assert_eq!(of("A-b-1"), "A-b-1-3.csv");
-        // the same name again
+        // a repeated name
         assert_eq!(of("a b-1"), "a-b-1.csv");
         assert_eq!(of("../\u{1b}x"), "..--x.csv");
     }

@@ -1,4 +1,4 @@
-//! A log that may still be written, opened anew when its file has changed.
+//! A log that may still be written, reopened when its file has changed.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,18 +13,18 @@ pub(crate) struct GrowingLog {
     seen: Seen,
 }
 
-/// What a file has become since it was last opened.
+/// Change of a log since it was last opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Growth {
-    /// Nothing else, or it cannot be read at the moment.
+pub(crate) enum LogChange {
+    /// None, or the file cannot be read at the moment.
     Unchanged,
-    /// The same run has written more.
+    /// The run has written more.
     Grown,
     /// The log of another run.
     Replaced,
 }
 
-/// What tells that a file has changed.
+/// Properties of a file by which a change is detected.
 #[derive(Clone, Copy, PartialEq)]
 struct Seen {
     length: u64,
@@ -64,18 +64,18 @@ impl GrowingLog {
         &self.log
     }
 
-    /// Opens the log anew if its file has changed.
-    pub(crate) fn refresh(&mut self) -> Growth {
+    /// Reopens the log if its file has changed.
+    pub(crate) fn refresh(&mut self) -> LogChange {
         let Some(seen) = Seen::of(&self.path).filter(|seen| *seen != self.seen) else {
-            return Growth::Unchanged;
+            return LogChange::Unchanged;
         };
         let Ok(log) = Log::open(&self.path) else {
-            return Growth::Unchanged;
+            return LogChange::Unchanged;
         };
         let growth = if continues(&self.log, &log) {
-            Growth::Grown
+            LogChange::Grown
         } else {
-            Growth::Replaced
+            LogChange::Replaced
         };
         (self.log, self.seen) = (Arc::new(log), seen);
         growth

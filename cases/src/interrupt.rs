@@ -9,13 +9,13 @@ use std::time::Duration;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::{flag, low_level};
 
-/// Time between two looks for a signal.
+/// Polling interval for signals.
 const INTERVAL: Duration = Duration::from_millis(20);
 
 /// Number of the last signal, or zero.
 static SIGNAL: LazyLock<Arc<AtomicUsize>> = LazyLock::new(Arc::default);
 
-/// Whether a run looks for signals between its steps.
+/// Whether a run checks for signals between its steps.
 static IS_STEPPING: AtomicBool = AtomicBool::new(false);
 
 /// Files to remove when the program ends early.
@@ -42,17 +42,17 @@ fn change(change: impl FnOnce(&mut Vec<PathBuf>)) {
     change(&mut UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner));
 }
 
-/// From now on a run looks for signals between its steps, and ends the program itself.
+/// From now on a run checks for signals between its steps, and ends the program itself.
 pub(crate) fn leave_to_run() {
     IS_STEPPING.store(true, Ordering::SeqCst);
 }
 
-/// Number of the signal that asks for an early end; zero without one.
+/// Number of the signal that requests an early end; zero without one.
 pub(crate) fn signal() -> Arc<AtomicUsize> {
     SIGNAL.clone()
 }
 
-/// Asks for an early end as a signal does.
+/// Requests an early end as a signal does.
 pub(crate) fn request_end() {
     SIGNAL.store(SIGTERM as usize, Ordering::SeqCst);
 }
@@ -60,9 +60,9 @@ pub(crate) fn request_end() {
 /// Handles signals from now on. Without handlers they end the program at once, and a log is still good.
 ///
 /// # Errors
-/// What the operating system says.
+/// An error of the operating system.
 pub(crate) fn watch() -> io::Result<()> {
-    // in this order: the first SIGINT finds the flag unset, a second one does not wait for the end of a step
+    // in this order: the first SIGINT finds the flag unset, a second one ends the program within a step
     let impatient = Arc::new(AtomicBool::new(false));
     flag::register_conditional_shutdown(SIGINT, 128 + SIGINT, impatient.clone())?;
     flag::register(SIGINT, impatient)?;

@@ -1,4 +1,4 @@
-//! Logs that may be damaged: what can be read is used, and the user is told of the rest.
+//! Logs that may be damaged: readable parts are used, and a warning is printed for the rest.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use perimelt_core::log::{Ending, Log, LogError, LoggedCloud};
 
 use crate::terminal::tell;
 
-/// Opens a log; the user is told of states that cannot be read.
+/// Opens a log, with a warning about damaged states.
 ///
 /// # Errors
 /// See [`Log::open`].
@@ -16,7 +16,7 @@ pub(crate) fn open_log(path: &Path) -> Result<Log, LogError> {
     Ok(log)
 }
 
-/// Tells of what is damaged in a log.
+/// Prints warnings about the damage in a log.
 pub(crate) fn tell_damage(log: &Log) {
     let path = log.path().display();
     let lost: usize = log.damage().iter().map(|d| d.states).sum();
@@ -45,11 +45,13 @@ pub(crate) fn tell_damage(log: &Log) {
     }
 }
 
-/// A logged state; `None` for a damaged one, of which the user is told.
+/// A logged state; `None` with a warning for a damaged one.
 ///
 /// # Errors
 /// Any other error.
-pub(crate) fn sound(cloud: Result<LoggedCloud, LogError>) -> Result<Option<LoggedCloud>, LogError> {
+pub(crate) fn skip_damaged(
+    cloud: Result<LoggedCloud, LogError>,
+) -> Result<Option<LoggedCloud>, LogError> {
     match cloud {
         Err(damage @ LogError::Damaged { .. }) => {
             tell(&format!("warning: a state is left out: {damage}"));
@@ -59,7 +61,7 @@ pub(crate) fn sound(cloud: Result<LoggedCloud, LogError>) -> Result<Option<Logge
     }
 }
 
-/// The plugins of a type as the run had them, of those that act on a body.
+/// The plugins of a type that acted on a body in the run.
 pub(crate) fn plugins_of<'a>(
     log: &'a Log,
     section: &str,
@@ -74,7 +76,7 @@ pub(crate) fn plugins_of<'a>(
     })
 }
 
-/// Whether four bytes hold these numbers exactly, as they do if they were logged so.
+/// Whether single precision represents these numbers exactly, as after logging in single precision.
 pub(crate) fn fit_f32(values: &[f64]) -> bool {
     values
         .iter()

@@ -1,4 +1,4 @@
-//! Logged states by the times that a user asks for.
+//! Logged states by requested times.
 
 use crate::terminal::tell;
 use crate::unit::number;
@@ -6,23 +6,22 @@ use crate::unit::number;
 /// Why no logged state belongs to a time.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MomentError {
-    /// Not a time.
+    /// The argument is not a time.
     #[error("`--at` is {0}, expected a time in s")]
     NotATime(f64),
     /// Before the first or after the last logged state.
     #[error("`--at {at}` lies outside of the logged times, {first} to {last} s")]
     Outside {
-        /// Asked for, s.
+        /// The requested time, s.
         at: f64,
-        /// Of the first state, s.
+        /// Time of the first state, s.
         first: f64,
-        /// Of the last state, s.
+        /// Time of the last state, s.
         last: f64,
     },
 }
 
-/// Part of the logged times within which a time is that of a state: logged times are printed with fewer digits than they
-/// have.
+/// Fraction of the span of the logged times within which two times are equal: printed times have fewer digits.
 const ROUNDED: f64 = 1e-4;
 
 /// Number of the logged time nearest to `at` (s); `None` if there are none.
@@ -58,8 +57,8 @@ pub(crate) fn states_at(times: &[f64], at: &[f64]) -> Result<Vec<usize>, MomentE
     Ok(states)
 }
 
-/// Tells the user of the logged times that are taken for others.
-pub(crate) fn tell_other_times(times: &[f64], at: &[f64]) {
+/// Prints a note for each requested time whose nearest logged time differs.
+pub(crate) fn note_other_times(times: &[f64], at: &[f64]) {
     for note in other_times(times, at) {
         tell(&note);
     }

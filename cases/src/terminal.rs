@@ -1,8 +1,8 @@
 //! Printing text that may come from others: names, units, titles and case texts of logs.
 //!
-//! A terminal obeys control characters in what is printed: it can be told to change its title, to write to the clipboard, to
-//! hide lines. [`Clean`] writes them as `\\u001b`, the form that JSON has for them, and with them the characters that turn the
-//! direction of a line. All output of the program goes through it.
+//! A terminal executes control characters in what is printed: they can change its title, write to the clipboard or hide lines.
+//! [`Clean`] writes them as `\\u001b`, their form in JSON, and so the characters that change the direction of a line. All
+//! output of the program goes through it.
 
 use std::fmt::Write as _;
 use std::io::{self, Stdout, Write};
@@ -72,7 +72,7 @@ impl<W: Write> Write for Clean<W> {
     }
 }
 
-/// Where commands print. Not locked: the thread that ends a long estimate prints, too.
+/// Standard output for commands. It is not locked, because the thread that ends a long estimate also prints.
 pub(crate) fn output() -> Clean<Stdout> {
     Clean::new(io::stdout())
 }

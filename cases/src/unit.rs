@@ -96,7 +96,7 @@ pub(crate) fn value(unit: &str, largest: f64) -> (f64, String) {
     }
 }
 
-/// How values are shown: times a factor, plus an offset.
+/// Conversion of values for display: times a factor, plus an offset.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Shown {
     factor: f64,
@@ -109,7 +109,7 @@ pub(crate) struct Shown {
 pub(crate) const ZERO_CELSIUS: f64 = 273.15;
 
 impl Shown {
-    /// For values of this size in an SI unit; temperatures in degrees Celsius if asked for.
+    /// The scale for values of this size in an SI unit; degrees Celsius for temperatures on request.
     pub(crate) fn new(si: &str, largest: f64, celsius: bool) -> Self {
         if celsius && si == "K" {
             return Self {

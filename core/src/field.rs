@@ -1,8 +1,8 @@
 //! Fields: named, typed, unit-bearing arrays over the points of a body.
 //!
-//! A [`Key`] names a field. At set-up a plugin asks for the access it needs
+//! A [`Key`] names a field. At set-up a plugin requests the access that it needs
 //! ([`crate::Setup::own`], [`crate::Setup::read`], ...) and receives a *handle*; a run-time
-//! access needs a handle, so reading or writing what was not declared cannot be written.
+//! access needs a handle, so that code with undeclared access does not compile.
 
 use std::borrow::Cow;
 use std::cell::{Cell, Ref, RefCell, RefMut};

@@ -116,7 +116,7 @@ impl Formula {
         })
     }
 
-    /// As it was written.
+    /// The text of the formula.
     pub fn text(&self) -> &str {
         &self.text
     }

@@ -27,7 +27,7 @@ use crate::samples::{FieldFile, NumberTable, SamplesError, SamplesFault, Wanted}
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum InTime {
-    /// The same at all times.
+    /// A constant.
     Constant(f64),
     /// Rows of time (s) and value.
     Table(Table),

@@ -10,7 +10,7 @@ use std::path::Path;
 /// Largest size of an input file, bytes: some twenty million triangles, or ten million lines.
 pub const LIMIT: u64 = 1 << 30;
 
-/// Why an input file cannot be read; the path is told by the caller.
+/// Why an input file cannot be read; the caller adds the path.
 #[derive(Debug, thiserror::Error)]
 pub enum InputError {
     /// An error of the system.
@@ -37,7 +37,7 @@ pub enum InputError {
 pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, InputError> {
     refuse_special(&std::fs::metadata(path)?)?;
     let file = File::open(path)?;
-    // of what is open, in case that the path has changed
+    // the metadata of the open file, in case the path has changed
     let metadata = file.metadata()?;
     refuse_special(&metadata)?;
     if metadata.len() > limit {
@@ -156,7 +156,7 @@ mod tests {
         assert!(told(&socket, LIMIT).contains("a socket"));
         let pipe = folder.path().join("pipe");
         let made = std::process::Command::new("mkfifo").arg(&pipe).status();
-        // without a writer `open` would wait
+        // without a writer `open` would block
         if made.is_ok_and(|status| status.success()) {
             assert!(told(&pipe, LIMIT).contains("a pipe"));
         }

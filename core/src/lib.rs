@@ -11,6 +11,8 @@
 //! 7. [`solver`]: time integration and equations for any physics.
 //! 8. [`log`]: the run as an MCAP file, and back.
 
+#![deny(unsafe_code)]
+
 mod axis;
 pub mod body;
 pub mod cell_list;
@@ -50,7 +52,10 @@ pub use in_space::{InSpace, Placed};
 pub use in_time::InTime;
 pub use pair_list::PairList;
 pub use pddo::{Derivatives, Pddo, PddoError};
-pub use plugin::{Balance, Clock, Coupler, Physics, Report, Step, StepSize, Update, Work};
+pub use plugin::{
+    Balance, Coupler, Physics, PhysicsReport, Report, RunningCoupler, RunningPhysics, Step,
+    StepLimits, StepSize, Stepping, Update, Work,
+};
 pub use programme::Programme;
 pub use setup::{Access, ClaimedLayers, LayerRole, Setup, Warning};
 pub use simulation::Simulation;

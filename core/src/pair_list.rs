@@ -80,7 +80,7 @@ impl PairList {
         &self.other[self.range(point)]
     }
 
-    /// Where the [`candidates`](PairList::candidates) of a point stand among those of all.
+    /// Range of the [`candidates`](PairList::candidates) of a point among those of all points.
     pub fn range(&self, point: usize) -> std::ops::Range<usize> {
         self.start[point] as usize..self.start[point + 1] as usize
     }
@@ -95,7 +95,7 @@ impl PairList {
         self.other.is_empty()
     }
 
-    /// Takes the positions of the moment and, where points have moved far, looks for pairs again.
+    /// Updates the positions and, if points have moved far, finds the pairs again.
     pub fn update(&mut self, world: &World) {
         let mut rest = &mut self.position[..];
         for &body in &self.bodies {

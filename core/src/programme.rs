@@ -1,6 +1,6 @@
 //! Programmes in time: what a plugin does up to a certain time, such as along a toolpath, by a table of values or in layers.
 //!
-//! A plugin states when its programme ends ([`Coupler::programme`](crate::Coupler::programme)); a run that ends earlier warns
+//! A plugin states when its programme ends ([`Stepping`](crate::Stepping)); a run that ends earlier warns
 //! ([`Simulation::unreached`](crate::Simulation::unreached)).
 
 use std::borrow::Cow;
@@ -14,7 +14,7 @@ const MOST_EVENTS: usize = 10_000;
 /// Difference of times that is taken for rounding, relative.
 const ROUNDING: f64 = 1e-9;
 
-/// What a plugin does up to a certain time.
+/// The activity of a plugin up to a certain time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Programme {
     /// What happens last, before ` at 40 s`: `its toolpath`, `the cut is made`.
@@ -23,6 +23,8 @@ pub struct Programme {
     pub end: f64,
     /// The part of it that is done at the end of the run, where there is such a number.
     pub done: Option<DoneFraction>,
+    /// What it waits for at the time for which it is known, as a sentence without a full stop.
+    pub waits: Option<String>,
 }
 
 /// A part of a programme.
@@ -41,6 +43,7 @@ impl Programme {
             what: what.into(),
             end,
             done: None,
+            waits: None,
         }
     }
 

@@ -7,7 +7,9 @@
 
 use nalgebra::Vector3;
 use perimelt_core::material::{Expansion, ThermalState};
-use perimelt_core::{Coupler, Read, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Read, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World, Write, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -24,15 +26,15 @@ pub struct Buoyancy {
     pub gravity: [f64; 3],
     /// Temperature without lift, K.
     pub reference_temperature: f64,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<BuoyancyState>,
 }
 
-/// Handles and properties of the body.
-#[derive(Debug)]
-struct BuoyancyState {
+/// A buoyancy that is ready to act.
+struct RunningBuoyancy {
     body: usize,
+    /// m/s².
+    gravity: Vector3<f64>,
+    /// K.
+    reference_temperature: f64,
     /// By material, kg/m³.
     density: Vec<f64>,
     /// By material.
@@ -43,36 +45,40 @@ struct BuoyancyState {
 
 #[typetag::serialize(name = "buoyancy")]
 impl Coupler for Buoyancy {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        self.prepared = Some(BuoyancyState {
+        setup.stepping(Stepping {
+            is_steady: true,
+            ..Stepping::default()
+        });
+        Ok(Box::new(RunningBuoyancy {
             body,
-            density: setup.reference_densities(body)?,
+            gravity: self.gravity.into(),
+            reference_temperature: self.reference_temperature,
+            density: setup.world().reference_densities(body)?,
             expansion: expansions_from(setup, body, &[self.reference_temperature])?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             body_force: setup.add(body, &keys::BODY_FORCE)?,
-        });
-        Ok(())
+        }))
     }
+}
 
-    fn is_steady(&self) -> bool {
-        true
-    }
-
+impl RunningCoupler for RunningBuoyancy {
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_ref().expect("prepared before the run");
-        let gravity = Vector3::from(self.gravity);
-        let material = &world.body(p.body).material_of_point;
-        let temperature = world.read(p.temperature);
+        let material = &world.body(self.body).material_of_point;
+        let temperature = world.read(self.temperature);
         let liquid = |temperature| ThermalState {
             temperature,
             liquid_fraction: 1.0,
         };
         let reference = liquid(self.reference_temperature);
-        let mut body_force = world.write(p.body_force);
+        let mut body_force = world.write(self.body_force);
         for ((sum, &t), &m) in body_force.iter_mut().zip(&*temperature).zip(material) {
-            let strain = p.expansion[m as usize].strain(reference, liquid(t));
-            *sum -= 3.0 * p.density[m as usize] * strain * gravity;
+            let strain = self.expansion[m as usize].strain(reference, liquid(t));
+            *sum -= 3.0 * self.density[m as usize] * strain * self.gravity;
         }
         Ok(())
     }
@@ -88,13 +94,13 @@ mod tests {
     #[test]
     fn hot_fluid_rises_by_its_loss_of_weight() {
         let mut world = World::new(vec![block([1, 1, 1], 3, STEEL)]);
-        let mut buoyancy: Buoyancy = read("gravity = [0, -10, 0]\nreference_temperature = -100");
-        prepare(&mut world, &mut buoyancy, |setup| {
+        let buoyancy: Buoyancy = read("gravity = [0, -10, 0]\nreference_temperature = -100");
+        let (mut buoyancy, _) = prepare(&mut world, buoyancy, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
             setup.consume(0, &keys::BODY_FORCE).expect("free");
         })
         .expect("valid");
-        apply(&world, &mut buoyancy, 0.0);
+        apply(&world, &mut *buoyancy, 0.0);
         // 8000 kg/m3 that expand by 1e-5 per K along each axis, 100 K above the reference
         let force = values(&world, &keys::BODY_FORCE);
         assert!(

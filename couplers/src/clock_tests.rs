@@ -1,7 +1,11 @@
 //! What couplers of all kinds tell the clock, and what they keep for a restart.
 
+use std::path::Path;
+use std::rc::Rc;
+
 use nalgebra::Vector3;
-use perimelt_core::{Coupler, Step, World, keys};
+use perimelt_core::world::exchange::Exchange;
+use perimelt_core::{Body, Coupler, Key, RunningCoupler, Setup, Step, Stepping, World, keys};
 use serde::de::DeserializeOwned;
 
 use crate::boundary::{
@@ -19,24 +23,72 @@ use crate::phase_change::PhaseChange;
 use crate::phase_expansion::PhaseExpansion;
 use crate::phase_strength::PhaseStrength;
 use crate::plastic_heat::PlasticHeat;
-use crate::testing::{apply, block, prepare, read, set, set_vector, values};
+use crate::testing::{STEEL, apply, block, prepare, read, set, set_vector, values};
 use crate::transformation_heat::TransformationHeat;
 use crate::viscous_heat::ViscousHeat;
 
-fn coupler<C: Coupler + DeserializeOwned + 'static>(table: &str) -> Box<dyn Coupler> {
-    Box::new(read::<C>(table))
+/// A coupler that is ready to run.
+pub(crate) struct Ready {
+    /// Its `type` in a case file.
+    name: String,
+    pub running: Box<dyn RunningCoupler>,
+    pub stepping: Stepping,
 }
 
-/// Its `type` in a case file.
-fn name(coupler: &dyn Coupler) -> String {
-    let keys = serde_json::to_value(coupler).expect("serialises");
-    keys["type"].to_string()
+/// Prepares the coupler of a table beside a physics that owns and consumes what couplers need.
+pub(crate) fn ready_on<C: Coupler + DeserializeOwned + 'static>(
+    bodies: Vec<Body>,
+    table: &str,
+) -> Ready {
+    let mut world = World::new(bodies);
+    let mut coupler: Box<dyn Coupler> = Box::new(read::<C>(table));
+    let keys_given = serde_json::to_value(&coupler).expect("serialises");
+    let mut setup = Setup::new(&mut world, Path::new("."));
+    setup.next_plugin("the coupler");
+    coupler.publish(&mut setup).expect("valid");
+    let running = coupler.prepare(&mut setup).expect("valid");
+    setup.next_plugin("the physics");
+    for key in [
+        keys::TEMPERATURE,
+        keys::AUSTENITE,
+        keys::FERRITE,
+        keys::PEARLITE,
+        keys::BAINITE,
+        keys::MARTENSITE,
+        keys::PLASTIC_WORK,
+    ] {
+        setup.own(0, &key).expect("free");
+    }
+    setup.own(0, &keys::DISPLACEMENT).expect("free");
+    setup.own(0, &keys::VELOCITY).expect("free");
+    setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+    setup.consume(0, &keys::EIGENSTRAIN).expect("free");
+    setup.consume(0, &keys::INHERENT_STRAIN).expect("free");
+    setup.consume(0, &keys::BODY_FORCE).expect("free");
+    setup.consume(0, &keys::CONSTRAINT).expect("free");
+    setup.facts::<Rc<Exchange>>(0).for_each(drop);
+    setup.facts::<perimelt_core::Wall>(0).for_each(drop);
+    let finished = setup.finish().map_err(|mistakes| mistakes[0].1.to_string());
+    Ready {
+        name: keys_given["type"].to_string(),
+        running,
+        stepping: finished.expect("complete").stepping.swap_remove(0),
+    }
+}
+
+fn steel() -> Body {
+    block([3, 3, 3], 3, &format!("{STEEL}\nyield_stress = 4e8"))
+}
+
+/// As [`ready_on`], on a block of steel.
+pub(crate) fn ready<C: Coupler + DeserializeOwned + 'static>(table: &str) -> Ready {
+    ready_on::<C>(vec![steel()], table)
 }
 
 /// All events after time 0, s.
-fn events(coupler: &dyn Coupler) -> Vec<f64> {
-    let after = |time: &f64| coupler.next_event(*time);
-    std::iter::successors(coupler.next_event(0.0), after).collect()
+fn events(coupler: &dyn RunningCoupler) -> Vec<f64> {
+    let next = |after: &f64| coupler.step_limits(*after).next_event;
+    std::iter::successors(next(&0.0), next).collect()
 }
 
 /// Steps land on the rows of tables in time, and on the times of releases and cuts.
@@ -45,134 +97,149 @@ fn rows_in_time_are_events() {
     let table = "{ time = [0, 1, 4], value = [300, 300, 500] }";
     for (coupler, expected) in [
         (
-            coupler::<HeatFlux>(&format!("faces = ['z+']\nflux = {table}")),
+            ready::<HeatFlux>(&format!("faces = ['z+']\nflux = {table}")),
             &[1.0, 4.0][..],
         ),
         (
-            coupler::<Convection>(&format!("coefficient = 1\nambient = {table}")),
+            ready::<Convection>(&format!("coefficient = 1\nambient = {table}")),
             &[1.0, 4.0],
         ),
         (
-            coupler::<Radiation>(&format!("ambient = {table}")),
+            ready::<Radiation>(&format!("ambient = {table}")),
             &[1.0, 4.0],
         ),
         (
-            coupler::<PrescribedTemperature>(&format!("face = 'x-'\nvalue = {table}")),
+            ready::<PrescribedTemperature>(&format!("face = 'x-'\nvalue = {table}")),
             &[1.0, 4.0],
         ),
         (
-            coupler::<Traction>(&format!("faces = ['x+']\npressure = 1\nfactor = {table}")),
+            ready::<Traction>(&format!("faces = ['x+']\npressure = 1\nfactor = {table}")),
             &[1.0, 4.0],
         ),
         (
-            coupler::<InherentStrain>(&format!(
+            ready::<InherentStrain>(&format!(
                 "region = 'left'\nstrain = [1, 0, 0]\nfactor = {table}"
             )),
             &[1.0, 4.0],
         ),
         // components have rows of their own
         (
-            coupler::<PrescribedDisplacement>(&format!(
+            ready::<PrescribedDisplacement>(&format!(
                 "face = 'x-'\nx = {table}\ny = {{ time = [2, 3], value = [0, 1] }}\nz = 0"
             )),
             &[1.0, 2.0, 3.0, 4.0],
         ),
-        (coupler::<Clamp>("region = 'left'\nuntil = 2"), &[2.0]),
-        (coupler::<Cut>("region = 'left'\ntime = 3"), &[3.0]),
-        (coupler::<Clamp>("region = 'left'"), &[]),
-        (coupler::<HeatFlux>("faces = ['z+']\nflux = 1"), &[]),
+        (ready::<Clamp>("region = 'left'\nuntil = 2"), &[2.0]),
+        (ready::<Cut>("region = 'left'\ntime = 3"), &[3.0]),
+        (ready::<Clamp>("region = 'left'"), &[]),
+        (ready::<HeatFlux>("faces = ['z+']\nflux = 1"), &[]),
     ] {
-        assert_eq!(events(&*coupler), expected, "{}", name(&*coupler));
+        assert_eq!(events(&*coupler.running), expected, "{}", coupler.name);
     }
 }
 
 /// A steady coupler is applied once for all sub-steps of its physics: what it adds depends on neither time nor step.
 #[test]
 fn couplers_that_depend_on_state_only_are_steady() {
+    let mut fluids = vec![steel(), steel()];
+    for (body, name) in fluids.iter_mut().zip(["a", "b"]) {
+        body.name = name.into();
+    }
     let varying = "{ time = [0, 1], value = [0, 1] }";
     for (coupler, is_steady) in [
         (
-            coupler::<Buoyancy>("gravity = [0, -10, 0]\nreference_temperature = 300"),
+            ready::<Buoyancy>("gravity = [0, -10, 0]\nreference_temperature = 300"),
             true,
         ),
         (
-            coupler::<ThermalExpansion>("reference_temperature = 300"),
+            ready::<ThermalExpansion>("reference_temperature = 300"),
+            true,
+        ),
+        (ready::<PhaseExpansion>("reference_temperature = 300"), true),
+        (ready::<PhaseStrength>(""), true),
+        (ready::<PhaseChange>(""), true),
+        (
+            ready_on::<FluidStructure>(fluids, "fluid = 'a'\nsolid = 'b'"),
+            true,
+        ),
+        (ready::<Insulated>(""), true),
+        (ready::<Symmetry>("face = 'x-'"), true),
+        (ready::<Wall>("faces = ['x-']"), true),
+        (
+            ready::<InherentStrain>("region = 'left'\nstrain = [1, 0, 0]"),
             true,
         ),
         (
-            coupler::<PhaseExpansion>("reference_temperature = 300"),
-            true,
-        ),
-        (coupler::<PhaseStrength>(""), true),
-        (coupler::<PhaseChange>(""), true),
-        (coupler::<FluidStructure>("fluid = 'a'\nsolid = 'b'"), true),
-        (coupler::<Insulated>(""), true),
-        (coupler::<Symmetry>("face = 'x-'"), true),
-        (coupler::<Wall>("faces = ['x-']"), true),
-        (
-            coupler::<InherentStrain>("region = 'left'\nstrain = [1, 0, 0]"),
-            true,
-        ),
-        (
-            coupler::<InherentStrain>(&format!(
+            ready::<InherentStrain>(&format!(
                 "region = 'left'\nstrain = [1, 0, 0]\nfactor = {varying}"
             )),
             false,
         ),
         (
-            coupler::<HeatFlux>(&format!("faces = ['z+']\nflux = {varying}")),
+            ready::<HeatFlux>(&format!("faces = ['z+']\nflux = {varying}")),
             false,
         ),
-        (coupler::<PlasticHeat>(""), false),
+        (ready::<PlasticHeat>(""), false),
     ] {
-        assert_eq!(coupler.is_steady(), is_steady, "{}", name(&*coupler));
+        assert_eq!(coupler.stepping.is_steady, is_steady, "{}", coupler.name);
     }
 }
 
-fn restore(coupler: &mut dyn Coupler, saved: &str) {
+fn restore(world: &World, coupler: &mut dyn RunningCoupler, saved: &str) {
     let mut json = serde_json::Deserializer::from_str(saved);
     let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut json);
-    coupler.load(&mut erased).expect("what was saved");
+    coupler.load(world, &mut erased).expect("what was saved");
+}
+
+/// A coupler that makes heat of the field that the test sets.
+fn heat<C: Coupler + DeserializeOwned + 'static>(
+    world: &mut World,
+    table: &str,
+    key: &Key<f64>,
+) -> Box<dyn RunningCoupler> {
+    let prepared = prepare(world, read::<C>(table), |setup| {
+        setup.own(0, key).expect("free");
+        setup.own(0, &keys::TEMPERATURE).expect("free");
+        setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+    });
+    prepared.expect("valid").0
 }
 
 /// Heat from a rate is that of the change since it was last taken, also by the coupler of a run before the restart.
 #[test]
 fn a_restart_knows_the_work_that_became_heat_before() {
-    type New = fn() -> Box<dyn Coupler>;
-    let cases: [(New, _, f64); 4] = [
+    type New = fn(&mut World, &str, &Key<f64>) -> Box<dyn RunningCoupler>;
+    let cases: [(New, _, _, f64); 4] = [
         (
-            || coupler::<PlasticHeat>("fraction = 0.5"),
+            heat::<PlasticHeat>,
+            "fraction = 0.5",
             &keys::PLASTIC_WORK,
             0.5,
         ),
-        (|| coupler::<ViscousHeat>(""), &keys::VISCOUS_WORK, 1.0),
+        (heat::<ViscousHeat>, "", &keys::VISCOUS_WORK, 1.0),
         // of 1000 kg/m³
         (
-            || coupler::<TransformationHeat>("latent_heat = 2"),
+            heat::<TransformationHeat>,
+            "latent_heat = 2",
             &keys::AUSTENITE,
             -2000.0,
         ),
         // expansion 1e-3 at 500 K
         (
-            || coupler::<DeformationHeat>("linearised_at = 500"),
+            heat::<DeformationHeat>,
+            "linearised_at = 500",
             &keys::CONJUGATE_STRESS,
             -0.5,
         ),
     ];
-    for (new, key, factor) in cases {
+    for (new, table, key, factor) in cases {
+        let name = &key.name;
         let mut world = World::new(vec![block(
             [2, 1, 1],
             1,
             "density = 1000\nthermal_expansion = 1e-3",
         )]);
-        let mut first = new();
-        prepare(&mut world, &mut *first, |setup| {
-            setup.own(0, key).expect("free");
-            setup.own(0, &keys::TEMPERATURE).expect("free");
-            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        })
-        .expect("valid");
-        let name = name(&*first);
+        let mut first = new(&mut world, table, key);
         set(&mut world, key, |i| [3.0, 5.0][i]);
         apply(&world, &mut *first, 0.0);
         let heat = values(&world, &keys::HEAT_SOURCE);
@@ -181,14 +248,8 @@ fn a_restart_knows_the_work_that_became_heat_before() {
         let saved = serde_json::to_string(&first.save()).expect("serialises");
 
         let mut other = World::new(vec![world.body(0).clone()]);
-        let mut second = new();
-        prepare(&mut other, &mut *second, |setup| {
-            setup.own(0, key).expect("free");
-            setup.own(0, &keys::TEMPERATURE).expect("free");
-            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        })
-        .expect("valid");
-        restore(&mut *second, &saved);
+        let mut second = new(&mut other, table, key);
+        restore(&other, &mut *second, &saved);
         set(&mut other, key, |i| [4.0, 5.0][i]);
         let step = Step::new(1.0, 0.5);
         second.apply(&other, step).expect("applies");
@@ -205,8 +266,8 @@ fn a_restart_knows_where_a_ball_is_and_how_it_moves() {
     };
     let body = block([3, 3, 3], 3, "density = 1000\nyoungs_modulus = 1e6");
     let ready = || {
-        let (mut world, mut ball) = (World::new(vec![body.clone()]), new());
-        prepare(&mut world, &mut ball, |setup| {
+        let mut world = World::new(vec![body.clone()]);
+        let (ball, ()) = prepare(&mut world, new(), |setup| {
             setup.own(0, &keys::DISPLACEMENT).expect("free");
             setup.own(0, &keys::VELOCITY).expect("free");
             setup.consume(0, &keys::BODY_FORCE).expect("free");
@@ -220,15 +281,15 @@ fn a_restart_knows_where_a_ball_is_and_how_it_moves() {
     first.apply(&world, Step::new(0.0, 0.07)).expect("applies");
     let saved = serde_json::to_string(&first.save()).expect("serialises");
     let (other, mut second) = ready();
-    restore(&mut second, &saved);
+    restore(&other, &mut *second, &saved);
     for (world, ball) in [(&world, &mut first), (&other, &mut second)] {
         ball.apply(world, Step::new(0.07, 0.01)).expect("applies");
     }
-    let numbers = |ball: &Impactor| -> Vec<(String, f64)> {
+    let numbers = |ball: &dyn RunningCoupler| -> Vec<(String, f64)> {
         let reports = ball.report().into_iter();
         reports.map(|r| (r.name, r.value)).collect()
     };
-    assert_eq!(numbers(&first), numbers(&second));
-    let force = numbers(&first)[8].clone();
+    assert_eq!(numbers(&*first), numbers(&*second));
+    let force = numbers(&*first)[8].clone();
     assert!(force.0 == "force.z" && force.1 > 0.0, "{force:?}");
 }

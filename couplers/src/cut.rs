@@ -11,9 +11,14 @@
 //! Not for: heat of the cut, and the forces of a tool.
 
 use perimelt_core::world::activity::is_active;
-use perimelt_core::{Coupler, Programme, RunError, Setup, SetupError, Step, World, Write};
+use perimelt_core::{
+    Change, Coupler, Programme, RunError, RunningCoupler, Setup, SetupError, Step, StepLimits,
+    World, Write,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::boundary::with_programme;
 
 /// Material that is cut off at a given time.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -26,21 +31,22 @@ pub struct Cut {
     pub region: String,
     /// Time of the cut (s).
     pub time: f64,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<CutState>,
 }
 
-#[derive(Debug)]
-struct CutState {
+/// A cut that is ready to be made.
+struct RunningCut {
     body: usize,
+    time: f64,
     points: Vec<u32>,
     active: Write<f64>,
 }
 
 #[typetag::serialize(name = "cut")]
 impl Coupler for Cut {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         if !(self.time >= 0.0 && self.time.is_finite()) {
             let message = format!("material is cut off at {} s", self.time);
@@ -51,35 +57,41 @@ impl Coupler for Cut {
             let message = format!("region `{}` is the whole body", self.region);
             return Err(SetupError::value("region", message, "a part of the body"));
         }
-        self.prepared = Some(CutState {
+        let programme = Programme::new("the cut is made", self.time);
+        setup.stepping(with_programme(Some(programme)));
+        Ok(Box::new(RunningCut {
             body,
+            time: self.time,
             points,
-            active: setup.cut_off(body)?,
-        });
-        Ok(())
+            active: setup.change_material(body, Change::Cuts, &[])?,
+        }))
     }
+}
 
+impl RunningCoupler for RunningCut {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_ref().expect("prepared before the run");
         // as births, cuts are part of the first step that begins at their time
         if step.size == 0.0 || step.middle() < self.time {
             return Ok(());
         }
-        let is_done = |activity: &[f64]| p.points.iter().all(|&n| !is_active(activity[n as usize]));
-        if world.activity(p.body).is_some_and(|a| is_done(&a)) {
+        let is_done = |activity: &[f64]| {
+            self.points
+                .iter()
+                .all(|&n| !is_active(activity[n as usize]))
+        };
+        if world.activity(self.body).is_some_and(|a| is_done(&a)) {
             return Ok(());
         }
-        let mut active = world.write(p.active);
-        p.points.iter().for_each(|&n| active[n as usize] = 0.0);
+        let mut active = world.write(self.active);
+        self.points.iter().for_each(|&n| active[n as usize] = 0.0);
         Ok(())
     }
 
-    fn next_event(&self, after: f64) -> Option<f64> {
-        Some(self.time).filter(|time| *time > after)
-    }
-
-    fn programme(&self, _run_end: f64) -> Option<Programme> {
-        Some(Programme::new("the cut is made", self.time))
+    fn step_limits(&self, time: f64) -> StepLimits {
+        StepLimits {
+            next_event: Some(self.time).filter(|cut| *cut > time),
+            ..StepLimits::default()
+        }
     }
 }
 
@@ -95,16 +107,19 @@ mod tests {
     #[test]
     fn points_lose_their_material_in_the_step_that_begins_at_the_cut() {
         let mut world = World::new(vec![block([3, 1, 1], 3, STEEL)]);
-        let mut cut: Cut = read("region = 'left'\ntime = 2");
-        prepare(&mut world, &mut cut, |_| ()).expect("valid");
+        let cut: Cut = read("region = 'left'\ntime = 2");
+        let (mut cut, _) = prepare(&mut world, cut, |_| ()).expect("valid");
         assert_eq!(
-            (cut.next_event(0.0), cut.next_event(2.0)),
+            (
+                cut.step_limits(0.0).next_event,
+                cut.step_limits(2.0).next_event
+            ),
             (Some(2.0), None)
         );
         // the initial state of a run that begins at the cut is that before it
         cut.apply(&world, Step::new(2.0, 0.0)).expect("applies");
         for (start, left) in [(0.0, 1.0), (1.0, 1.0), (2.0, 0.0), (3.0, 0.0)] {
-            apply(&world, &mut cut, start);
+            apply(&world, &mut *cut, start);
             assert_eq!(values(&world, &keys::ACTIVE), [left, 1.0, 1.0], "{start}");
         }
     }
@@ -114,17 +129,17 @@ mod tests {
         let mut world = World::new(vec![block([3, 1, 1], 3, STEEL)]);
         let table =
             "region = 'left'\ntemperature = 900\nlayers = { height = 1, interval = 1, first = 1 }";
-        let mut deposit: Deposit = read(table);
-        let mut cut: Cut = read("region = 'left'\ntime = 2");
+        let deposit: Deposit = read(table);
+        let cut: Cut = read("region = 'left'\ntime = 2");
         let mut setup = Setup::new(&mut world, std::path::Path::new("."));
         setup.next_plugin("cut");
-        cut.prepare(&mut setup).expect("valid");
+        let mut cut = Box::new(cut).prepare(&mut setup).expect("valid");
         setup.next_plugin("deposit");
-        deposit.prepare(&mut setup).expect("valid");
+        let mut deposit = Box::new(deposit).prepare(&mut setup).expect("valid");
         setup.finish().expect("both may change the activity");
         for (start, left) in [(0.0, 0.0), (1.0, 1.0), (2.0, 0.0), (3.0, 0.0)] {
-            apply(&world, &mut cut, start);
-            apply(&world, &mut deposit, start);
+            apply(&world, &mut *cut, start);
+            apply(&world, &mut *deposit, start);
             assert_eq!(values(&world, &keys::ACTIVE), [left, 1.0, 1.0], "{start}");
         }
     }
@@ -132,12 +147,12 @@ mod tests {
     #[test]
     fn a_body_is_not_cut_off_as_a_whole() {
         let mut world = World::new(vec![block([1, 2, 1], 2, STEEL)]);
-        let mut cut: Cut = read("region = 'left'\ntime = 1");
-        assert!(refusal(&mut world, &mut cut).contains("whole body"));
+        let cut: Cut = read("region = 'left'\ntime = 1");
+        assert!(refusal(&mut world, cut).contains("whole body"));
         for time in ["-1", "inf", "nan"] {
             let mut world = World::new(vec![block([3, 1, 1], 3, STEEL)]);
-            let mut cut: Cut = read(&format!("region = 'left'\ntime = {time}"));
-            assert!(refusal(&mut world, &mut cut).starts_with("time: "));
+            let cut: Cut = read(&format!("region = 'left'\ntime = {time}"));
+            assert!(refusal(&mut world, cut).starts_with("time: "));
         }
     }
 }

@@ -20,10 +20,9 @@
 //! `thermal_expansion` strains the body; a table of mean coefficients must say from which temperature they count
 //! (`expansion_reference`). Not for plastic or viscous heat.
 
-use perimelt_core::material::{Expansion, ExpansionError, MaterialError, ThermalState};
-use perimelt_core::{
-    Coupler, Read, ReadIfProvided, Report, RunError, Setup, SetupError, Step, World, keys,
-};
+use perimelt_core::material::{ExpansionError, MaterialError, ThermalState};
+use perimelt_core::{Coupler, RunningCoupler, Setup, SetupError, World, keys};
+use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -39,27 +38,16 @@ pub struct DeformationHeat {
     /// Temperature of the linear theory (K); the current temperature when left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub linearised_at: Option<f64>,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<DeformationHeatState>,
-}
-
-/// Handles, properties and the conjugate_stress when the heat was last computed.
-#[derive(Debug)]
-struct DeformationHeatState {
-    body: usize,
-    expansion: Vec<Expansion>,
-    temperature: Read<f64>,
-    liquid_fraction: ReadIfProvided<f64>,
-    /// From the rate of the conjugate stress.
-    heat: WorkHeat,
 }
 
 #[typetag::serialize(name = "deformation_heat")]
 impl Coupler for DeformationHeat {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        let expansion = setup.expansions(body)?;
+        let expansion = setup.world().expansions(body)?;
         let mut materials = setup.body(body).materials.iter().zip(&expansion);
         if let Some((material, _)) = materials.find(|(_, e)| e.lacks_reference()) {
             let error = MaterialError::Expansion {
@@ -68,51 +56,27 @@ impl Coupler for DeformationHeat {
             };
             return Err(SetupError::other("", error));
         }
-        self.prepared = Some(DeformationHeatState {
-            body,
-            expansion,
-            temperature: setup.read(body, &keys::TEMPERATURE)?,
-            liquid_fraction: setup.read_if_provided(body, &keys::LIQUID_FRACTION)?,
-            heat: WorkHeat::prepare(setup, body, &keys::CONJUGATE_STRESS)?,
-        });
-        Ok(())
-    }
-
-    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_mut().expect("prepared before the run");
-        let temperature: &[f64] = &world.read(p.temperature);
-        let liquid_fraction = world.read_if_provided(p.liquid_fraction);
-        let liquid_fraction = liquid_fraction.as_deref();
-        let (expansion, material) = (&p.expansion, &world.body(p.body).material_of_point);
-        let factor = |point: usize| {
-            let state = ThermalState {
-                temperature: temperature[point],
-                liquid_fraction: liquid_fraction.map_or(0.0, |f| f[point]),
-            };
-            let coefficient = expansion[material[point] as usize].instantaneous(state);
-            -coefficient.expect("the reference is checked at set-up")
-                * self.linearised_at.unwrap_or(temperature[point])
+        let temperature = setup.read(body, &keys::TEMPERATURE)?;
+        let liquid_fraction = setup.read_if_provided(body, &keys::LIQUID_FRACTION)?;
+        let linearised_at = self.linearised_at;
+        let find_factors = move |world: &World, factors: &mut [f64]| {
+            let temperature: &[f64] = &world.read(temperature);
+            let liquid_fraction = world.read_if_provided(liquid_fraction);
+            let liquid_fraction = liquid_fraction.as_deref();
+            let material = &world.body(body).material_of_point;
+            let points = factors.par_iter_mut().enumerate();
+            points.for_each(|(point, factor)| {
+                let state = ThermalState {
+                    temperature: temperature[point],
+                    liquid_fraction: liquid_fraction.map_or(0.0, |f| f[point]),
+                };
+                let coefficient = expansion[material[point] as usize].instantaneous(state);
+                *factor = -coefficient.expect("the reference is checked at set-up")
+                    * linearised_at.unwrap_or(temperature[point]);
+            });
         };
-        p.heat.add(world, factor, step.size);
-        Ok(())
-    }
-
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        let prepared = self.prepared.as_ref().expect("prepared before a save");
-        prepared.heat.save()
-    }
-
-    fn load(
-        &mut self,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
-        let p = self.prepared.as_mut().expect("prepared before a restart");
-        p.heat.load(state)
-    }
-
-    fn report(&self) -> Vec<Report> {
-        let heat = self.prepared.as_ref().map(|p| &p.heat);
-        WorkHeat::report(heat, "power from deformation")
+        let stress = (body, &keys::CONJUGATE_STRESS);
+        WorkHeat::prepare(setup, stress, "power from deformation", find_factors)
     }
 }
 
@@ -128,7 +92,7 @@ mod tests {
     #[test]
     fn the_heat_takes_the_instantaneous_coefficient() {
         let mut world = World::new(vec![block([1, 1, 1], 1, STEEL)]);
-        let message = refusal(&mut world, &mut read::<DeformationHeat>(""));
+        let message = refusal(&mut world, read::<DeformationHeat>(""));
         assert!(
             message.contains("add `expansion_reference` [K]"),
             "{message}"
@@ -136,8 +100,8 @@ mod tests {
 
         let metal = format!("{STEEL}\nexpansion_reference = 300");
         let mut world = World::new(vec![block([1, 1, 1], 1, &metal)]);
-        let mut coupler: DeformationHeat = read("");
-        prepare(&mut world, &mut coupler, |setup| {
+        let coupler: DeformationHeat = read("");
+        let (mut coupler, ()) = prepare(&mut world, coupler, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
             setup.own(0, &keys::CONJUGATE_STRESS).expect("free");
             setup.consume(0, &keys::HEAT_SOURCE).expect("free");
@@ -145,7 +109,7 @@ mod tests {
         .expect("valid");
         set(&mut world, &keys::TEMPERATURE, |_| 800.0);
         set(&mut world, &keys::CONJUGATE_STRESS, |_| 1e9);
-        apply(&world, &mut coupler, 0.0);
+        apply(&world, &mut *coupler, 0.0);
         let heat = values(&world, &keys::HEAT_SOURCE)[0];
         assert!(
             (heat / (-20e-6 * 800.0 * 1e9) - 1.0).abs() < 1e-12,
@@ -157,8 +121,8 @@ mod tests {
     fn extension_cools_in_proportion_to_the_temperature_or_to_the_given_one() {
         for (keys_given, heat) in [("", -12e-6 * 400.0 * 1e9), ("linearised_at = 300", -3.6e6)] {
             let mut world = World::new(vec![block([2, 1, 1], 1, "thermal_expansion = 12e-6")]);
-            let mut coupler: DeformationHeat = read(keys_given);
-            prepare(&mut world, &mut coupler, |setup| {
+            let coupler: DeformationHeat = read(keys_given);
+            let (mut coupler, ()) = prepare(&mut world, coupler, |setup| {
                 setup.own(0, &keys::TEMPERATURE).expect("free");
                 setup.own(0, &keys::CONJUGATE_STRESS).expect("free");
                 setup.consume(0, &keys::HEAT_SOURCE).expect("free");
@@ -166,7 +130,7 @@ mod tests {
             .expect("valid");
             set(&mut world, &keys::TEMPERATURE, |_| 400.0);
             set(&mut world, &keys::CONJUGATE_STRESS, |i| [1e9, -1e9][i]);
-            apply(&world, &mut coupler, 0.0);
+            apply(&world, &mut *coupler, 0.0);
             for (value, expected) in values(&world, &keys::HEAT_SOURCE).iter().zip([heat, -heat]) {
                 // rounding of three factors
                 assert!((value - expected).abs() < 1e-9 * heat.abs());

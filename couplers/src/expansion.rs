@@ -24,7 +24,8 @@
 
 use perimelt_core::material::{Expansion, ThermalState};
 use perimelt_core::{
-    Coupler, InSpace, Read, ReadIfProvided, RunError, Setup, SetupError, Step, World, Write, keys,
+    Coupler, InSpace, Read, ReadIfProvided, RunError, RunningCoupler, Setup, SetupError, Step,
+    Stepping, World, Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -43,15 +44,12 @@ pub struct ThermalExpansion {
     /// Temperature above which the body expands no further (K), where it has lost its strength.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cutoff_temperature: Option<f64>,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<ExpansionState>,
 }
 
-/// Handles and properties of the body.
-#[derive(Debug)]
-struct ExpansionState {
+/// An expansion that is ready to act.
+struct RunningThermalExpansion {
     body: usize,
+    /// By material.
     expansion: Vec<Expansion>,
     temperature: Read<f64>,
     liquid_fraction: ReadIfProvided<f64>,
@@ -60,6 +58,8 @@ struct ExpansionState {
     eigenstrain: Write<f64>,
     /// At each point, K.
     reference: Vec<f64>,
+    /// K.
+    cutoff: Option<f64>,
 }
 
 /// The thermal expansion of each material of a body. Mean coefficients whose reference temperature the material does not
@@ -73,7 +73,7 @@ pub(crate) fn expansions_from(
     references: &[f64],
 ) -> Result<Vec<Expansion>, SetupError> {
     let reference = references.first().copied().unwrap_or(0.0);
-    let expansions = setup.expansions(body)?;
+    let expansions = setup.world().expansions(body)?;
     let lacks_reference = expansions.iter().any(Expansion::lacks_reference);
     if lacks_reference && references.iter().any(|r| *r != reference) {
         let message = "the reference temperature depends on the place, and a table of mean coefficients does not say from \
@@ -106,7 +106,10 @@ pub(crate) fn expansions_from(
 
 #[typetag::serialize(name = "thermal_expansion")]
 impl Coupler for ThermalExpansion {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let positions = setup.body(body).points.position.clone();
         let key = "reference_temperature";
@@ -135,7 +138,11 @@ impl Coupler for ThermalExpansion {
             );
             return Err(SetupError::value("cutoff_temperature", message, expected));
         }
-        self.prepared = Some(ExpansionState {
+        setup.stepping(Stepping {
+            is_steady: true,
+            ..Stepping::default()
+        });
+        Ok(Box::new(RunningThermalExpansion {
             body,
             expansion: expansions_from(setup, body, &reference)?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
@@ -143,27 +150,24 @@ impl Coupler for ThermalExpansion {
             birth_temperature: setup.read_if_provided(body, &keys::BIRTH_TEMPERATURE)?,
             eigenstrain: setup.add(body, &keys::EIGENSTRAIN)?,
             reference,
-        });
-        Ok(())
+            cutoff: self.cutoff_temperature,
+        }))
     }
+}
 
-    fn is_steady(&self) -> bool {
-        true
-    }
-
+impl RunningCoupler for RunningThermalExpansion {
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_ref().expect("prepared before the run");
-        let temperature: &[f64] = &world.read(p.temperature);
-        let liquid_fraction = world.read_if_provided(p.liquid_fraction);
+        let temperature: &[f64] = &world.read(self.temperature);
+        let liquid_fraction = world.read_if_provided(self.liquid_fraction);
         let liquid_fraction = liquid_fraction.as_deref();
-        let material = &world.body(p.body).material_of_point;
-        let cutoff = self.cutoff_temperature;
-        let birth_temperature = world.read_if_provided(p.birth_temperature);
+        let material = &world.body(self.body).material_of_point;
+        let cutoff = self.cutoff;
+        let birth_temperature = world.read_if_provided(self.birth_temperature);
         let birth_temperature = birth_temperature.as_deref();
-        let mut eigenstrain = world.write(p.eigenstrain);
+        let mut eigenstrain = world.write(self.eigenstrain);
         let strain = |point: usize| {
-            let expansion = &p.expansion[material[point] as usize];
-            let reference = p.reference[point];
+            let expansion = &self.expansion[material[point] as usize];
+            let reference = self.reference[point];
             let free_of_stress = match birth_temperature.map_or(0.0, |t| t[point]) {
                 0.0 => reference,
                 birth => cutoff.map_or(birth, |cutoff| birth.min(cutoff)),
@@ -193,15 +197,15 @@ mod tests {
     #[test]
     fn strain_is_the_secant_coefficient_at_the_temperature_times_the_rise() {
         let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
-        let mut expansion: ThermalExpansion = read("reference_temperature = 300");
-        prepare(&mut world, &mut expansion, |setup| {
+        let expansion: ThermalExpansion = read("reference_temperature = 300");
+        let (mut expansion, ()) = prepare(&mut world, expansion, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
             setup.consume(0, &keys::EIGENSTRAIN).expect("free");
         })
         .expect("valid");
         set(&mut world, &keys::TEMPERATURE, |i| [200.0, 300.0, 800.0][i]);
         set(&mut world, &keys::EIGENSTRAIN, |_| 1.0);
-        apply(&world, &mut expansion, 0.0);
+        apply(&world, &mut *expansion, 0.0);
         // 15e-6 half way through the table, 10e-6 below it; added to what was there
         let expected = [1.0 - 10e-6 * 100.0, 1.0, 1.0 + 15e-6 * 500.0];
         for (strain, expected) in values(&world, &keys::EIGENSTRAIN).iter().zip(expected) {
@@ -221,8 +225,8 @@ mod tests {
         };
         let mut world = World::new(vec![block([4, 1, 1], 1, metal)]);
         let keys_given = "reference_temperature = 473\ncutoff_temperature = 1273";
-        let mut expansion: ThermalExpansion = read(keys_given);
-        prepare(&mut world, &mut expansion, |setup| {
+        let expansion: ThermalExpansion = read(keys_given);
+        let (mut expansion, ()) = prepare(&mut world, expansion, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
             setup.own(0, &keys::BIRTH_TEMPERATURE).expect("free");
             setup.consume(0, &keys::EIGENSTRAIN).expect("free");
@@ -234,7 +238,7 @@ mod tests {
         set(&mut world, &keys::BIRTH_TEMPERATURE, |i| {
             [0.0, 0.0, 0.0, 1900.0][i]
         });
-        apply(&world, &mut expansion, 0.0);
+        apply(&world, &mut *expansion, 0.0);
         let expected = [
             (473.0, 473.0),
             (473.0, 873.0),
@@ -251,14 +255,14 @@ mod tests {
     #[test]
     fn the_reference_temperature_may_depend_on_the_place() {
         let mut world = World::new(vec![block([3, 1, 1], 1, "thermal_expansion = 1e-5")]);
-        let mut expansion: ThermalExpansion = read("reference_temperature = '300 + 100 * x'");
-        prepare(&mut world, &mut expansion, |setup| {
+        let expansion: ThermalExpansion = read("reference_temperature = '300 + 100 * x'");
+        let (mut expansion, ()) = prepare(&mut world, expansion, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
             setup.consume(0, &keys::EIGENSTRAIN).expect("free");
         })
         .expect("valid");
         set(&mut world, &keys::TEMPERATURE, |_| 600.0);
-        apply(&world, &mut expansion, 0.0);
+        apply(&world, &mut *expansion, 0.0);
         // points at x = 0.5, 1.5, 2.5 m
         for (strain, expected) in values(&world, &keys::EIGENSTRAIN)
             .iter()
@@ -266,16 +270,16 @@ mod tests {
         {
             assert!((strain - expected).abs() < 1e-15, "{strain} {expected}");
         }
-        let mut expansion: ThermalExpansion = read("reference_temperature = '300 + t'");
-        assert!(refusal(&mut world, &mut expansion).contains("changes in time"));
+        let expansion: ThermalExpansion = read("reference_temperature = '300 + t'");
+        assert!(refusal(&mut world, expansion).contains("changes in time"));
     }
 
     #[test]
     fn expansion_ends_at_the_cutoff() {
         let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
-        let mut expansion: ThermalExpansion =
+        let expansion: ThermalExpansion =
             read("reference_temperature = 300\ncutoff_temperature = 800");
-        prepare(&mut world, &mut expansion, |setup| {
+        let (mut expansion, ()) = prepare(&mut world, expansion, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
             setup.consume(0, &keys::EIGENSTRAIN).expect("free");
         })
@@ -283,7 +287,7 @@ mod tests {
         set(&mut world, &keys::TEMPERATURE, |i| {
             [300.0, 800.0, 2800.0][i]
         });
-        apply(&world, &mut expansion, 0.0);
+        apply(&world, &mut *expansion, 0.0);
         let strain = values(&world, &keys::EIGENSTRAIN);
         assert_eq!(strain[0], 0.0);
         assert!(strain[1] > 0.0);
@@ -301,9 +305,8 @@ mod tests {
             ("\ncutoff_temperature = 900", [5e-3, 5e-3 - 6e-3, 0.0, 0.0]),
         ] {
             let mut world = World::new(vec![block([4, 1, 1], 1, metal)]);
-            let mut expansion: ThermalExpansion =
-                read(&format!("reference_temperature = 300{cutoff}"));
-            prepare(&mut world, &mut expansion, |setup| {
+            let expansion: ThermalExpansion = read(&format!("reference_temperature = 300{cutoff}"));
+            let (mut expansion, ()) = prepare(&mut world, expansion, |setup| {
                 setup.own(0, &keys::TEMPERATURE).expect("free");
                 setup.own(0, &keys::LIQUID_FRACTION).expect("free");
                 setup.own(0, &keys::BIRTH_TEMPERATURE).expect("free");
@@ -320,7 +323,7 @@ mod tests {
             set(&mut world, &keys::BIRTH_TEMPERATURE, |i| {
                 [0.0, 1000.0, 1000.0, 1000.0][i]
             });
-            apply(&world, &mut expansion, 0.0);
+            apply(&world, &mut *expansion, 0.0);
             let found = values(&world, &keys::EIGENSTRAIN);
             for (found, expected) in found.iter().zip(expected) {
                 assert!(
@@ -336,8 +339,8 @@ mod tests {
         let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
         for cutoff in ["293", "300", "nan"] {
             let table = format!("reference_temperature = 300\ncutoff_temperature = {cutoff}");
-            let mut expansion: ThermalExpansion = read(&table);
-            let message = refusal(&mut world, &mut expansion);
+            let expansion: ThermalExpansion = read(&table);
+            let message = refusal(&mut world, expansion);
             assert!(
                 message.contains("expected a temperature above 300 K"),
                 "{message}"
@@ -348,8 +351,8 @@ mod tests {
     #[test]
     fn a_material_without_expansion_is_named() {
         let mut world = World::new(vec![block([3, 1, 1], 1, "density = 1")]);
-        let mut expansion: ThermalExpansion = read("reference_temperature = 300");
-        let message = refusal(&mut world, &mut expansion);
+        let expansion: ThermalExpansion = read("reference_temperature = 300");
+        let message = refusal(&mut world, expansion);
         assert!(message.contains("material `steel` of body `block` has no `thermal_expansion`"));
     }
 }

@@ -15,9 +15,11 @@
 //! gradient, are the field `interface_normal` of the solid, evaluated when a state is logged; its collision of points with
 //! the solid is `collisions` of `fluid`.
 
-use perimelt_core::{Coupler, RunError, Setup, SetupError, Step, Wall, World};
+use perimelt_core::{Coupler, RunningCoupler, Setup, SetupError, Stepping, Wall};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use crate::boundary::Idle;
 
 /// Largest spacing of the solid in those of the fluid: between the points of a coarser one fluid flows through.
 const COARSEST: f64 = 1.05;
@@ -37,7 +39,10 @@ pub struct FluidStructure {
 
 #[typetag::serialize(name = "fluid_structure")]
 impl Coupler for FluidStructure {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let find = |key: &str, name: &str| {
             setup.find_body(Some(name)).map_err(|e| SetupError {
                 key: key.into(),
@@ -72,16 +77,13 @@ impl Coupler for FluidStructure {
             return Err(SetupError::value("solid", message, expected));
         }
         let slip = self.slip;
-        setup.publish(fluid, Wall { other: solid, slip })
-    }
-
-    /// The fluid evaluates the interface.
-    fn apply(&mut self, _world: &World, _step: Step) -> Result<(), RunError> {
-        Ok(())
-    }
-
-    fn is_steady(&self) -> bool {
-        true
+        setup.publish(fluid, Wall { other: solid, slip })?;
+        setup.stepping(Stepping {
+            is_steady: true,
+            ..Stepping::default()
+        });
+        // the fluid evaluates the interface
+        Ok(Box::new(Idle))
     }
 }
 
@@ -91,6 +93,7 @@ perimelt_core::register_coupler!("fluid_structure", FluidStructure, supports: [M
 mod tests {
     use super::*;
     use crate::testing::{STEEL, block, read, refusal};
+    use perimelt_core::World;
 
     #[test]
     fn mistakes_are_refused() {
@@ -122,8 +125,7 @@ mod tests {
             // nothing flows
             ("fluid = 'block'\nsolid = 'gate'", "no physics"),
         ] {
-            let mut interface: FluidStructure = read(keys);
-            let found = refusal(&mut third, &mut interface);
+            let found = refusal(&mut third, read::<FluidStructure>(keys));
             assert!(found.contains(message), "{found}");
         }
     }

@@ -16,7 +16,8 @@ use perimelt_core::shape::{Shape, StlError};
 use perimelt_core::text::position;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Coupler, Formula, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys,
+    Coupler, Formula, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step, World,
+    Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -44,13 +45,11 @@ pub struct ForcingZone {
     #[serde(default)]
     #[schemars(extend("minimum" = 0))]
     pub ramp: f64,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<ZoneState>,
 }
 
-#[derive(Debug)]
-struct ZoneState {
+/// A forcing zone that is ready to act.
+struct RunningForcingZone {
+    keys: ForcingZone,
     body: BodyIndex,
     /// By material, kg/m³.
     density: Vec<f64>,
@@ -127,68 +126,70 @@ impl ForcingZone {
 
 #[typetag::serialize(name = "forcing_zone")]
 impl Coupler for ForcingZone {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let unreadable =
             |e: StlError| SetupError::value("shape", e.to_string(), "a closed surface");
         self.shape.load(&setup.path("")).map_err(unreadable)?;
         self.check_numbers()?;
         self.check_zone(setup, body)?;
-        self.prepared = Some(ZoneState {
+        Ok(Box::new(RunningForcingZone {
+            keys: *self,
             body,
-            density: setup.reference_densities(body)?,
+            density: setup.world().reference_densities(body)?,
             velocity: setup.read(body, &keys::VELOCITY)?,
             body_force: setup.add(body, &keys::BODY_FORCE)?,
             added: Vec::new(),
             force: Vector3::zeros(),
-        });
-        Ok(())
+        }))
     }
+}
 
+impl RunningCoupler for RunningForcingZone {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let mut p = self.prepared.take().expect("prepared before the run");
-        let body = world.body(p.body);
-        let now = world.configuration(p.body);
-        let (time, fraction) = (step.middle(), self.fraction(step.middle()));
-        let velocity = world.read(p.velocity);
+        let keys = &self.keys;
+        let body = world.body(self.body);
+        let now = world.configuration(self.body);
+        let (time, fraction) = (step.middle(), keys.fraction(step.middle()));
+        let velocity = world.read(self.velocity);
         let velocity: &[Vector3<f64>] = &velocity;
-        let (density, positions) = (&p.density, now.positions());
+        let (density, positions) = (&self.density, now.positions());
         let added = |i: usize| {
             let x = &positions[i];
-            if !self.shape.contains(x, 0.0) {
+            if !keys.shape.contains(x, 0.0) {
                 return Vector3::zeros();
             }
             let density = density[body.material_of_point[i] as usize];
-            (fraction * self.target(x, time) - velocity[i]) * (density / self.time)
+            (fraction * keys.target(x, time) - velocity[i]) * (density / keys.time)
         };
         let points = (0..velocity.len()).into_par_iter().with_min_len(POINTS);
-        points.map(added).collect_into_vec(&mut p.added);
-        p.force = Vector3::zeros();
-        let mut body_force = world.write(p.body_force);
-        for ((sum, added), volume) in body_force.iter_mut().zip(&p.added).zip(&body.points.volume) {
+        points.map(added).collect_into_vec(&mut self.added);
+        self.force = Vector3::zeros();
+        let mut body_force = world.write(self.body_force);
+        for ((sum, added), volume) in body_force
+            .iter_mut()
+            .zip(&self.added)
+            .zip(&body.points.volume)
+        {
             *sum += added;
-            p.force += added * *volume;
+            self.force += added * *volume;
         }
-        drop(body_force);
-        self.prepared = Some(p);
         Ok(())
     }
 
     /// The difference from the target is taken at the start of a step: longer steps overshoot the target.
     fn stable_step(&mut self, _world: &World) -> Option<f64> {
-        Some(self.time)
+        Some(self.keys.time)
     }
 
     /// Force on the body, N.
     fn report(&self) -> Vec<Report> {
-        let force = self.prepared.as_ref().map(|p| p.force).unwrap_or_default();
-        let axes = ["x", "y", "z"].into_iter().enumerate();
-        axes.map(|(a, axis)| Report {
-            name: format!("force.{axis}"),
-            unit: "N".into(),
-            value: force[a],
-        })
-        .collect()
+        let axes = ["x", "y", "z"].into_iter().zip(&self.force);
+        axes.map(|(axis, force)| Report::new(format!("force.{axis}"), "N", *force))
+            .collect()
     }
 }
 
@@ -201,10 +202,10 @@ mod tests {
 
     const ZONE: &str = "shape.box = { min = [1, 0, 0], max = [3, 1, 1] }\ntime = 0.5\n";
 
-    fn ready(keys: &str) -> (World, ForcingZone) {
+    fn ready(keys: &str) -> (World, Box<dyn RunningCoupler>) {
         let mut world = World::new(vec![block([4, 1, 1], 3, STEEL)]);
-        let mut zone: ForcingZone = read(&format!("{keys}\n{ZONE}"));
-        prepare(&mut world, &mut zone, |setup| {
+        let zone: ForcingZone = read(&format!("{keys}\n{ZONE}"));
+        let (zone, _) = prepare(&mut world, zone, |setup| {
             setup.own(0, &keys::VELOCITY).expect("free");
             setup.consume(0, &keys::BODY_FORCE).expect("free");
         })
@@ -216,7 +217,7 @@ mod tests {
     fn points_in_the_zone_are_drawn_towards_the_target() {
         let (mut world, mut zone) = ready("velocity = ['2 * x + t', 1, 0]");
         set_vector(&mut world, &keys::VELOCITY, Vector3::new(1.0, 0.0, -3.0));
-        apply(&world, &mut zone, 0.0);
+        apply(&world, &mut *zone, 0.0);
         // points at 0.5, 1.5, 2.5, 3.5 m; the middle of the step is at 0.5 s; rho / time = 16000 kg/(m3 s)
         let force = values(&world, &keys::BODY_FORCE);
         let expected = [
@@ -236,23 +237,25 @@ mod tests {
     fn the_momentum_that_the_zone_supplies_is_the_deficit_within_its_relaxation_time() {
         let (mut world, mut zone) = ready("velocity = [4, 0, 0]");
         set_vector(&mut world, &keys::VELOCITY, Vector3::new(4.0, 0.0, 0.0));
-        apply(&world, &mut zone, 0.0);
+        apply(&world, &mut *zone, 0.0);
         assert_eq!(values(&world, &keys::BODY_FORCE), [0.0; 12]);
         set_vector(&mut world, &keys::VELOCITY, Vector3::new(3.0, 0.0, 0.0));
-        apply(&world, &mut zone, 0.0);
+        apply(&world, &mut *zone, 0.0);
         // two points of 8000 kg, 1 m/s too slow, within 0.5 s
         let total: f64 = values(&world, &keys::BODY_FORCE).iter().sum();
-        assert_eq!(total * zone.time, 16e3);
-        assert_eq!(zone.report()[0].value * zone.time, 16e3);
+        assert_eq!(total * 0.5, 16e3);
+        assert_eq!(zone.report()[0].value * 0.5, 16e3);
     }
 
     #[test]
     fn the_target_grows_along_the_ramp() {
-        let (world, mut zone) = ready("velocity = [2, 0, 0]\nramp = 2");
+        let keys = "velocity = [2, 0, 0]\nramp = 2";
+        let (world, mut zone) = ready(keys);
         // the middle of the second from 0.5 s
-        apply(&world, &mut zone, 0.5);
+        apply(&world, &mut *zone, 0.5);
         let force = values(&world, &keys::BODY_FORCE)[3];
         assert!((force - 16e3).abs() < 1e-9, "half of the target: {force}");
+        let zone: ForcingZone = read(&format!("{keys}\n{ZONE}"));
         assert_eq!((zone.fraction(0.0), zone.fraction(2.0)), (0.0, 1.0));
     }
 
@@ -287,8 +290,7 @@ mod tests {
             ),
         ] {
             let mut world = World::new(vec![block([4, 1, 1], 2, STEEL)]);
-            let mut zone: ForcingZone = read(&keys);
-            let found = refusal(&mut world, &mut zone);
+            let found = refusal(&mut world, read::<ForcingZone>(&keys));
             assert!(found.contains(message), "{found}");
         }
         let unknown = "velocity = ['r', 0, 0]\ntime = 1";

@@ -22,7 +22,8 @@ use perimelt_core::material::{EnthalpyCurve, Property};
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::text::number;
 use perimelt_core::{
-    Body, Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys,
+    Body, Coupler, Face, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step, World,
+    Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -51,13 +52,10 @@ pub struct HeatInterface {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub gap: Option<f64>,
-    #[serde(skip)]
-    #[schemars(skip)]
-    state: Option<Interface>,
 }
 
-#[derive(Debug)]
-struct Interface {
+/// An interface that is ready to exchange heat.
+struct RunningHeatInterface {
     sides: [Side; 2],
     dimension: usize,
     /// 1 / h, m² K/W.
@@ -109,7 +107,7 @@ impl Side {
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
             heat_conductance: setup.add(body, &keys::HEAT_CONDUCTANCE)?,
-            conductivity: setup.property(body, "conductivity")?,
+            conductivity: setup.world().property(body, "conductivity")?,
             curves: setup.world().enthalpy_curves(body).unwrap_or_default(),
             moved: true,
         })
@@ -182,7 +180,7 @@ fn centres<'a>(
     })
 }
 
-impl Interface {
+impl RunningHeatInterface {
     /// Finds the cell faces that lie against each other, if any point has moved.
     fn follow(&mut self, world: &World) {
         self.sides.iter_mut().for_each(|side| side.follow(world));
@@ -299,7 +297,10 @@ impl HeatInterface {
 
 #[typetag::serialize(name = "heat_interface")]
 impl Coupler for HeatInterface {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         self.check()?;
         let body = setup.find_body(Some(&self.body))?;
         let other = setup.find_body(Some(&self.other)).map_err(|e| SetupError {
@@ -320,7 +321,7 @@ impl Coupler for HeatInterface {
         }
         let spacings = [body, other].map(|b| setup.body(b).finest_spacing());
         let gap = self.gap.unwrap_or(0.5 * spacings[0].min(spacings[1]));
-        let mut interface = Interface {
+        let mut interface = RunningHeatInterface {
             sides: [Side::new(setup, body)?, Side::new(setup, other)?],
             dimension: dimensions[0],
             resistance: self.conductance.map_or(0.0, |h| 1.0 / h),
@@ -344,43 +345,34 @@ impl Coupler for HeatInterface {
                 ),
             });
         }
-        self.state = Some(interface);
-        Ok(())
+        Ok(Box::new(interface))
     }
+}
 
+impl RunningCoupler for RunningHeatInterface {
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
-        let interface = self.state.as_mut().expect("prepared before the run");
-        interface.follow(world);
-        interface.exchange(world);
+        self.follow(world);
+        self.exchange(world);
         Ok(())
     }
 
     /// Half of the shortest time constant of a cell whose whole face is in contact.
     fn stable_step(&mut self, world: &World) -> Option<f64> {
-        let interface = self.state.as_ref().expect("prepared before the run");
-        let bodies = interface.sides.each_ref().map(|s| world.body(s.body));
-        let resistance: f64 = interface.resistance
+        let bodies = self.sides.each_ref().map(|s| world.body(s.body));
+        let resistance: f64 = self.resistance
             + (0..2)
-                .map(|k| interface.sides[k].least_resistance(world))
+                .map(|k| self.sides[k].least_resistance(world))
                 .sum::<f64>();
-        let capacity = (0..2).map(|k| interface.sides[k].least_capacity(bodies[k]));
+        let capacity = (0..2).map(|k| self.sides[k].least_capacity(bodies[k]));
         let capacity = capacity.fold(f64::INFINITY, f64::min);
         Some(STEP_FRACTION * capacity * resistance)
     }
 
     fn report(&self) -> Vec<Report> {
-        let Some(interface) = &self.state else {
-            return Vec::new();
-        };
-        let report = |name: &str, unit: &str, value: f64| Report {
-            name: name.into(),
-            unit: unit.into(),
-            value,
-        };
-        let area = interface.overlaps.iter().map(|o| o.area).sum();
+        let area = self.overlaps.iter().map(|o| o.area).sum();
         vec![
-            report("power into the body", "W", interface.power),
-            report("area", "m2", area),
+            Report::new("power into the body", "W", self.power),
+            Report::new("area", "m2", area),
         ]
     }
 }

@@ -17,12 +17,14 @@
 
 use nalgebra::Matrix3;
 use perimelt_core::{
-    Coupler, Face, Programme, RunError, Setup, SetupError, Step, World, Write, keys,
+    Coupler, Face, Programme, RunError, RunningCoupler, Setup, SetupError, Step, StepLimits,
+    Stepping, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::InTime;
+use crate::boundary::with_programme;
 
 /// Stress-free strain of a region, by components.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -46,9 +48,6 @@ pub struct InherentStrain {
     /// Factor on the strain in time: a number, or `{ time = [...], value = [...] }`, times in s; default 1.
     #[serde(default = "one")]
     pub factor: InTime,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<StrainState>,
 }
 
 fn one() -> InTime {
@@ -65,8 +64,9 @@ pub struct ByHeight {
     pub strain: Vec<Vec<f64>>,
 }
 
-#[derive(Debug)]
-struct StrainState {
+/// A strain that is ready to act.
+struct RunningInherentStrain {
+    factor: InTime,
     /// Points with their strain.
     strains: Vec<(u32, Matrix3<f64>)>,
     inherent: Write<Matrix3<f64>>,
@@ -143,9 +143,12 @@ impl Profile {
 
 #[typetag::serialize(name = "inherent_strain")]
 impl Coupler for InherentStrain {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        let profile = Profile::of(self)?;
+        let profile = Profile::of(&self)?;
         let points = setup.region(body, "region", &self.region)?.points;
         let this = setup.body(body);
         let usual = [Face::XMax, Face::YMax, Face::ZMax][this.dimension - 1];
@@ -155,33 +158,34 @@ impl Coupler for InherentStrain {
         let base = points.iter().map(lowest).fold(f64::INFINITY, f64::min);
         let strain = |&p: &u32| (p, profile.at(level(p) - base));
         let strains = points.iter().map(strain).collect();
-        self.prepared = Some(StrainState {
+        let programme = Programme::of_values([("factor", &self.factor)]);
+        setup.stepping(Stepping {
+            is_steady: matches!(self.factor, InTime::Constant(_)),
+            ..with_programme(programme)
+        });
+        Ok(Box::new(RunningInherentStrain {
+            factor: self.factor,
             strains,
             inherent: setup.add(body, &keys::INHERENT_STRAIN)?,
-        });
-        Ok(())
+        }))
     }
+}
 
-    fn is_steady(&self) -> bool {
-        matches!(self.factor, InTime::Constant(_))
-    }
-
+impl RunningCoupler for RunningInherentStrain {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_ref().expect("prepared before the run");
         let factor = self.factor.at(step.end());
-        let mut inherent = world.write(p.inherent);
-        for (point, strain) in &p.strains {
+        let mut inherent = world.write(self.inherent);
+        for (point, strain) in &self.strains {
             inherent[*point as usize] += factor * strain;
         }
         Ok(())
     }
 
-    fn next_event(&self, after: f64) -> Option<f64> {
-        self.factor.next_event(after)
-    }
-
-    fn programme(&self, _run_end: f64) -> Option<Programme> {
-        Programme::of_values([("factor", &self.factor)])
+    fn step_limits(&self, time: f64) -> StepLimits {
+        StepLimits {
+            next_event: self.factor.next_event(time),
+            ..StepLimits::default()
+        }
     }
 }
 
@@ -195,21 +199,21 @@ mod tests {
     #[test]
     fn the_strain_follows_height_and_time() {
         let mut world = World::new(vec![block([1, 4, 1], 2, STEEL)]);
-        let mut coupler: InherentStrain = read(
+        let coupler: InherentStrain = read(
             "region = 'left'\nfactor = { time = [0, 2], value = [0, 2] }
              by_height = { height = [1, 3], strain = [[0, 0, 0], [-4, 2, 0, 1, 0, 0]] }",
         );
-        prepare(&mut world, &mut coupler, |setup| {
+        let (mut coupler, ()) = prepare(&mut world, coupler, |setup| {
             setup.consume(0, &keys::INHERENT_STRAIN).expect("free");
         })
         .expect("valid");
-        apply(&world, &mut coupler, 0.0);
+        apply(&world, &mut *coupler, 0.0);
         let strain = values(&world, &keys::INHERENT_STRAIN);
         let xx: Vec<f64> = (0..4).map(|p| strain[9 * p]).collect();
         // centres of unit cells, at the end of the first second
         assert_eq!(xx, [0.0, -1.0, -3.0, -4.0]);
         assert_eq!((strain[9 * 3 + 1], strain[9 * 3 + 4]), (1.0, 2.0));
-        assert_eq!(coupler.next_event(0.5), Some(2.0));
+        assert_eq!(coupler.step_limits(0.5).next_event, Some(2.0));
     }
 
     #[test]
@@ -224,12 +228,12 @@ mod tests {
         ] {
             let mut world = World::new(vec![block(cells, dimension, STEEL)]);
             let table = format!("region = 'left'\n{up}\n{by_height}");
-            let mut coupler: InherentStrain = read(&table);
-            prepare(&mut world, &mut coupler, |setup| {
+            let coupler: InherentStrain = read(&table);
+            let (mut coupler, ()) = prepare(&mut world, coupler, |setup| {
                 setup.consume(0, &keys::INHERENT_STRAIN).expect("free");
             })
             .expect("valid");
-            apply(&world, &mut coupler, 0.0);
+            apply(&world, &mut *coupler, 0.0);
             let strain = values(&world, &keys::INHERENT_STRAIN);
             let xx: Vec<f64> = strain.iter().step_by(9).copied().collect();
             assert_eq!(xx, expected, "{up}");
@@ -256,9 +260,9 @@ mod tests {
             ),
         ] {
             let mut world = World::new(vec![block([2, 2, 1], 2, STEEL)]);
-            let mut coupler: InherentStrain = read(table);
+            let coupler: InherentStrain = read(table);
             assert!(
-                refusal(&mut world, &mut coupler).starts_with(&format!("{key}: ")),
+                refusal(&mut world, coupler).starts_with(&format!("{key}: ")),
                 "{table}"
             );
         }

@@ -79,9 +79,9 @@ pub mod toolpath;
 pub mod transformation_heat;
 pub mod viscous_heat;
 
-pub use perimelt_core::in_time::{self, InTime};
 #[doc(hidden)]
-pub use {erased_serde, perimelt_core};
+pub use perimelt_core;
+pub use perimelt_core::in_time::{self, InTime};
 
 #[cfg(test)]
 mod tests {

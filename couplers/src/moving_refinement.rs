@@ -23,7 +23,7 @@ use nalgebra::Vector3;
 use perimelt_core::material::EnthalpyCurve;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::refinement::{WindowMover, WindowPosition};
-use perimelt_core::{Coupler, Report, RunError, Setup, SetupError, Step, World};
+use perimelt_core::{Coupler, Report, RunError, RunningCoupler, Setup, SetupError, Step, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -40,13 +40,10 @@ pub struct MovingRefinement {
     pub fine: String,
     /// Name of the heat source that the window follows, the `name` of its table.
     pub follow: String,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<MovingRefinementState>,
 }
 
-#[derive(Debug)]
-struct MovingRefinementState {
+/// A window that is ready to move.
+struct RunningMovingRefinement {
     window: BodyIndex,
     mover: WindowMover,
     path: Rc<TimedPath>,
@@ -57,7 +54,7 @@ struct MovingRefinementState {
     corner: Vector3<f64>,
 }
 
-impl MovingRefinementState {
+impl RunningMovingRefinement {
     fn observe(&mut self, world: &World) {
         self.position = world.moved_refinement(self.mover).position();
         let (low, _) = world.body(self.window).bounds();
@@ -67,7 +64,10 @@ impl MovingRefinementState {
 
 #[typetag::serialize(name = "moving_refinement")]
 impl Coupler for MovingRefinement {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let plate = setup.find_body(Some(&self.body))?;
         let window = setup.find_body(Some(&self.fine)).map_err(|e| SetupError {
             key: "fine".into(),
@@ -80,75 +80,56 @@ impl Coupler for MovingRefinement {
         let path: Rc<TimedPath> = setup.shared("follow", "heat source", &self.follow)?;
         let mover = setup.refine(plate, window)?;
         let placed = setup.world().refinement(window).map(|(r, _)| r.position());
-        self.prepared = Some(MovingRefinementState {
+        Ok(Box::new(RunningMovingRefinement {
             window,
             mover,
             path,
             curves: Vec::new(),
             position: placed.unwrap_or_default(),
             corner: setup.body(window).bounds().0,
-        });
-        Ok(())
+        }))
     }
+}
 
+impl RunningCoupler for RunningMovingRefinement {
     fn apply(&mut self, _world: &World, _step: Step) -> Result<(), RunError> {
         Ok(())
     }
 
     fn begin_step(&mut self, world: &World, time: f64) {
-        let Some(p) = &mut self.prepared else {
-            return;
-        };
-        if p.curves.is_empty() {
+        if self.curves.is_empty() {
             // `thermal` has found the same ones at set-up
-            p.curves = world.enthalpy_curves(p.window).unwrap_or_default();
+            self.curves = world.enthalpy_curves(self.window).unwrap_or_default();
         }
-        let Some(curve) = p.curves.first() else {
+        let Some(curve) = self.curves.first() else {
             return;
         };
-        let way = p.path.pose(time).position - p.path.first_position();
-        let low = world.moved_refinement(p.mover).moved_by(way);
-        world.move_window(p.mover, low, |h| curve.temperature(h));
-        p.observe(world);
+        let way = self.path.pose(time).position - self.path.first_position();
+        let low = world.moved_refinement(self.mover).moved_by(way);
+        world.move_window(self.mover, low, |h| curve.temperature(h));
+        self.observe(world);
     }
 
     fn report(&self) -> Vec<Report> {
-        let report = |name: &str, unit: &str, value: f64| Report {
-            name: name.into(),
-            unit: unit.into(),
-            value,
-        };
-        let Some(p) = &self.prepared else {
-            return Vec::new();
-        };
         vec![
-            report("corner.x", "m", p.corner.x),
-            report("corner.y", "m", p.corner.y),
-            report("heat of moves", "J", p.position.heat),
+            Report::new("corner.x", "m", self.corner.x),
+            Report::new("corner.y", "m", self.corner.y),
+            Report::new("heat of moves", "J", self.position.heat),
         ]
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        let position = self.prepared.as_ref().map(|p| p.position);
-        Box::new(position.unwrap_or_default())
+        Box::new(self.position)
     }
 
     fn load(
         &mut self,
+        world: &World,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        let position: WindowPosition = erased_serde::deserialize(state)?;
-        if let Some(p) = &mut self.prepared {
-            p.position = position;
-        }
+        world.restore_window(self.mover, erased_serde::deserialize(state)?);
+        self.observe(world);
         Ok(())
-    }
-
-    fn restored(&mut self, world: &World) {
-        if let Some(p) = &mut self.prepared {
-            world.restore_window(p.mover, p.position);
-            p.observe(world);
-        }
     }
 }
 

@@ -17,7 +17,8 @@
 use perimelt_core::error::Problem;
 use perimelt_core::material::{EnthalpyCurve, LatentHeatForm, MushyCapacity};
 use perimelt_core::{
-    Coupler, Read, ReadIfProvided, RunError, Setup, SetupError, Step, World, Write, keys, world,
+    Coupler, Read, ReadIfProvided, RunError, RunningCoupler, Setup, SetupError, Step, Stepping,
+    World, Write, keys, world,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -36,15 +37,12 @@ pub struct PhaseChange {
     /// What heats up between solidus and liquidus; default `latent_plus_sensible`.
     #[serde(default)]
     pub mushy_capacity: MushyCapacity,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<PhaseChangeState>,
 }
 
-/// Handles and the enthalpy curves by material.
-#[derive(Debug)]
-struct PhaseChangeState {
+/// A phase change that is ready to run.
+struct RunningPhaseChange {
     body: usize,
+    /// By material.
     curves: Vec<EnthalpyCurve>,
     temperature: Read<f64>,
     enthalpy: ReadIfProvided<f64>,
@@ -81,31 +79,34 @@ impl Coupler for PhaseChange {
         setup.publish(body, change)
     }
 
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        self.prepared = Some(PhaseChangeState {
+        setup.stepping(Stepping {
+            is_steady: true,
+            ..Stepping::default()
+        });
+        Ok(Box::new(RunningPhaseChange {
             body,
             curves: setup.world().enthalpy_curves(body)?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             enthalpy: setup.read_if_provided(body, &keys::ENTHALPY)?,
             liquid_fraction: setup.write(body, &keys::LIQUID_FRACTION)?,
-        });
-        Ok(())
+        }))
     }
+}
 
-    fn is_steady(&self) -> bool {
-        true
-    }
-
+impl RunningCoupler for RunningPhaseChange {
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_ref().expect("prepared before the run");
-        let temperature: &[f64] = &world.read(p.temperature);
-        let enthalpy = world.read_if_provided(p.enthalpy);
+        let temperature: &[f64] = &world.read(self.temperature);
+        let enthalpy = world.read_if_provided(self.enthalpy);
         let enthalpy = enthalpy.as_deref();
-        let material = &world.body(p.body).material_of_point;
-        let mut liquid_fraction = world.write(p.liquid_fraction);
+        let material = &world.body(self.body).material_of_point;
+        let mut liquid_fraction = world.write(self.liquid_fraction);
         let fraction = |point: usize| {
-            let curve = &p.curves[material[point] as usize];
+            let curve = &self.curves[material[point] as usize];
             match enthalpy {
                 Some(enthalpy) => curve.liquid_fraction_from_enthalpy(enthalpy[point]),
                 None => curve.liquid_fraction(temperature[point]),
@@ -127,8 +128,8 @@ mod tests {
     #[test]
     fn the_liquid_fraction_follows_temperature_where_there_is_no_enthalpy() {
         let mut world = World::new(vec![block([4, 1, 1], 1, STEEL)]);
-        let mut change: PhaseChange = read("form = 'apparent'\nmushy_capacity = 'latent_only'");
-        let curves = prepare(&mut world, &mut change, |setup| {
+        let change: PhaseChange = read("form = 'apparent'\nmushy_capacity = 'latent_only'");
+        let (mut change, curves) = prepare(&mut world, change, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
             setup.world().enthalpy_curves(0).expect("valid")
         })
@@ -140,7 +141,7 @@ mod tests {
         assert_eq!(latent.mushy_capacity, MushyCapacity::LatentOnly);
         let temperatures = [300.0, 1700.0, 1725.0, 2000.0];
         set(&mut world, &keys::TEMPERATURE, |i| temperatures[i]);
-        apply(&world, &mut change, 0.0);
+        apply(&world, &mut *change, 0.0);
         assert_eq!(
             values(&world, &keys::LIQUID_FRACTION),
             [0.0, 0.0, 0.25, 1.0]
@@ -151,8 +152,8 @@ mod tests {
     fn a_pure_substance_melts_by_its_enthalpy() {
         let ice = "density = 1000\nspecific_heat = 2000\nsolidus = 273\nliquidus = 273\nlatent_heat = 3e5";
         let mut world = World::new(vec![block([3, 1, 1], 1, ice)]);
-        let mut change: PhaseChange = read("");
-        prepare(&mut world, &mut change, |setup| {
+        let change: PhaseChange = read("");
+        let (mut change, ()) = prepare(&mut world, change, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
             setup.own(0, &keys::ENTHALPY).expect("free");
         })
@@ -160,15 +161,15 @@ mod tests {
         set(&mut world, &keys::TEMPERATURE, |_| 273.0);
         // 3e8 J/m³ melt all of it
         set(&mut world, &keys::ENTHALPY, |i| [-1.0, 0.75e8, 4e8][i]);
-        apply(&world, &mut change, 0.0);
+        apply(&world, &mut *change, 0.0);
         assert_eq!(values(&world, &keys::LIQUID_FRACTION), [0.0, 0.25, 1.0]);
     }
 
     #[test]
     fn a_body_that_cannot_melt_is_refused_by_the_property_that_it_lacks() {
         let mut world = World::new(vec![block([3, 1, 1], 1, "solidus = 300\nliquidus = 400")]);
-        let mut change: PhaseChange = read("");
-        let message = refusal(&mut world, &mut change);
+        let change: PhaseChange = read("");
+        let message = refusal(&mut world, change);
         assert!(message.contains("material `steel` of body `block` has no `latent_heat`"));
     }
 }

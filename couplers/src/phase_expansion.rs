@@ -17,7 +17,9 @@
 //! Above the cut-off temperature the strain is that of the cut-off temperature, as for `thermal_expansion`, whose place
 //! this coupler takes.
 
-use perimelt_core::{Coupler, Read, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Read, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World, Write, keys,
+};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -50,9 +52,6 @@ pub struct PhaseExpansion {
     /// Temperature above which the body expands no further (K), where it has lost its strength.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cutoff_temperature: Option<f64>,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<State>,
 }
 
 fn usual_expansion() -> f64 {
@@ -66,8 +65,9 @@ fn usual_austenite_expansion() -> f64 {
 /// Contraction at a temperature (K).
 const USUAL_CONTRACTION: (f64, f64) = (9.2e-3, 293.15);
 
-#[derive(Debug)]
-struct State {
+/// An expansion that is ready to act.
+struct RunningPhaseExpansion {
+    keys: PhaseExpansion,
     temperature: Read<f64>,
     austenite: Read<f64>,
     eigenstrain: Write<f64>,
@@ -95,7 +95,10 @@ impl PhaseExpansion {
 
 #[typetag::serialize(name = "phase_expansion")]
 impl Coupler for PhaseExpansion {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         if !(0.0..=1.0).contains(&self.reference_austenite) {
             let message = format!("`reference_austenite` is {}", self.reference_austenite);
             return Err(SetupError::value("reference_austenite", message, "0 to 1"));
@@ -118,26 +121,27 @@ impl Coupler for PhaseExpansion {
             ));
         }
         let body = setup.find_body(self.body.as_deref())?;
-        self.prepared = Some(State {
+        setup.stepping(Stepping {
+            is_steady: true,
+            ..Stepping::default()
+        });
+        Ok(Box::new(RunningPhaseExpansion {
+            keys: *self,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             austenite: setup.read(body, &keys::AUSTENITE)?,
             eigenstrain: setup.add(body, &keys::EIGENSTRAIN)?,
-        });
-        Ok(())
+        }))
     }
+}
 
-    fn is_steady(&self) -> bool {
-        true
-    }
-
+impl RunningCoupler for RunningPhaseExpansion {
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
-        let state = self.prepared.as_ref().expect("prepared before the run");
-        let temperature: &[f64] = &world.read(state.temperature);
-        let austenite: &[f64] = &world.read(state.austenite);
-        let cutoff = self.cutoff_temperature.unwrap_or(f64::INFINITY);
-        let mut eigenstrain = world.write(state.eigenstrain);
+        let temperature: &[f64] = &world.read(self.temperature);
+        let austenite: &[f64] = &world.read(self.austenite);
+        let cutoff = self.keys.cutoff_temperature.unwrap_or(f64::INFINITY);
+        let mut eigenstrain = world.write(self.eigenstrain);
         let points = eigenstrain.par_iter_mut().zip(temperature).zip(austenite);
-        points.for_each(|((sum, t), a)| *sum += self.strain(t.min(cutoff), *a));
+        points.for_each(|((sum, t), a)| *sum += self.keys.strain(t.min(cutoff), *a));
         Ok(())
     }
 }
@@ -153,8 +157,8 @@ mod tests {
     fn strain_is_that_of_the_mixture() {
         let keys_given = "reference_temperature = 300\nexpansion = 15e-6\naustenite_expansion = 20e-6\ncontraction = 0.01\ncutoff_temperature = 1300";
         let mut world = World::new(vec![block([4, 1, 1], 1, STEEL)]);
-        let mut coupler: PhaseExpansion = read(keys_given);
-        prepare(&mut world, &mut coupler, |setup| {
+        let coupler: PhaseExpansion = read(keys_given);
+        let (mut coupler, ()) = prepare(&mut world, coupler, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
             setup.own(0, &keys::AUSTENITE).expect("free");
             setup.consume(0, &keys::EIGENSTRAIN).expect("free");
@@ -164,7 +168,7 @@ mod tests {
             [300.0, 1300.0, 800.0, 1500.0][i]
         });
         set(&mut world, &keys::AUSTENITE, |i| [0.0, 1.0, 0.5, 1.0][i]);
-        apply(&world, &mut coupler, 0.0);
+        apply(&world, &mut *coupler, 0.0);
         let expected = [0.0, 0.02 - 0.01, 0.5 * (10e-3 - 0.01) + 0.5 * 7.5e-3, 0.01];
         for (strain, expected) in values(&world, &keys::EIGENSTRAIN).iter().zip(expected) {
             assert!((strain - expected).abs() < 1e-15, "{strain} {expected}");
@@ -227,9 +231,9 @@ mod tests {
             "cutoff_temperature = nan",
             "contraction_temperature = 300",
         ] {
-            let mut coupler: PhaseExpansion = read(&format!("reference_temperature = 300\n{keys}"));
+            let coupler: PhaseExpansion = read(&format!("reference_temperature = 300\n{keys}"));
             let key = keys.split(' ').next().expect("a key");
-            assert!(refusal(&mut world, &mut coupler).starts_with(key));
+            assert!(refusal(&mut world, coupler).starts_with(key));
         }
     }
 }

@@ -8,7 +8,10 @@
 //! the material property `yield_stress`.
 
 use perimelt_core::material::Property;
-use perimelt_core::{Coupler, Key, Read, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Key, Read, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World, Write,
+    keys,
+};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -35,15 +38,14 @@ pub struct PhaseStrength {
     /// Yield stress of martensite (Pa), a number or a table over temperature.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub martensite: Option<Property>,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<State>,
 }
 
-#[derive(Debug)]
-struct State {
+/// A strength that is ready to act.
+struct RunningPhaseStrength {
     body: usize,
-    /// Of the materials.
+    /// Yield stresses of the constituents that have one of their own.
+    given: [Option<Property>; 5],
+    /// Yield stresses of the materials.
     common: Vec<Property>,
     temperature: Read<f64>,
     shares: [Read<f64>; 5],
@@ -64,7 +66,10 @@ impl PhaseStrength {
 
 #[typetag::serialize(name = "phase_strength")]
 impl Coupler for PhaseStrength {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         for (key, given, _) in self.given() {
             let values = given.as_ref().map(Property::values).unwrap_or_default();
@@ -74,9 +79,20 @@ impl Coupler for PhaseStrength {
             }
         }
         let [a, f, p, b, m] = self.given().map(|(_, _, key)| key);
-        self.prepared = Some(State {
+        setup.stepping(Stepping {
+            is_steady: true,
+            ..Stepping::default()
+        });
+        Ok(Box::new(RunningPhaseStrength {
             body,
-            common: setup.property(body, "yield_stress")?,
+            given: [
+                self.austenite,
+                self.ferrite,
+                self.pearlite,
+                self.bainite,
+                self.martensite,
+            ],
+            common: setup.world().property(body, "yield_stress")?,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             shares: [
                 setup.read(body, &a)?,
@@ -86,28 +102,28 @@ impl Coupler for PhaseStrength {
                 setup.read(body, &m)?,
             ],
             yield_stress: setup.write(body, &keys::YIELD_STRESS)?,
-        });
-        Ok(())
+        }))
     }
+}
 
-    fn is_steady(&self) -> bool {
-        true
-    }
-
+impl RunningCoupler for RunningPhaseStrength {
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
-        let state = self.prepared.as_ref().expect("prepared before the run");
-        let material = &world.body(state.body).material_of_point;
-        let temperature: &[f64] = &world.read(state.temperature);
-        let shares = state.shares.map(|share| world.read(share));
+        let material = &world.body(self.body).material_of_point;
+        let temperature: &[f64] = &world.read(self.temperature);
+        let shares = self.shares.map(|share| world.read(share));
         let shares: [&[f64]; 5] = std::array::from_fn(|c| &shares[c][..]);
-        let given = self.given().map(|(_, given, _)| given.as_ref());
-        let mut yield_stress = world.write(state.yield_stress);
+        let mut yield_stress = world.write(self.yield_stress);
         yield_stress
             .par_iter_mut()
             .enumerate()
             .for_each(|(i, sum)| {
-                let common = &state.common[material[i] as usize];
-                let of = |c: usize| given[c].unwrap_or(common).at(temperature[i], 0.0);
+                let common = &self.common[material[i] as usize];
+                let of = |c: usize| {
+                    self.given[c]
+                        .as_ref()
+                        .unwrap_or(common)
+                        .at(temperature[i], 0.0)
+                };
                 *sum = (0..5).map(|c| shares[c][i] * of(c)).sum();
             });
         Ok(())
@@ -124,10 +140,10 @@ mod tests {
     #[test]
     fn yield_stress_is_that_of_the_mixture() {
         let mut world = World::new(vec![block([2, 1, 1], 1, "yield_stress = 400e6")]);
-        let mut coupler: PhaseStrength = read(
+        let coupler: PhaseStrength = read(
             "martensite = { temperature = [300, 500], value = [1000e6, 800e6] }\naustenite = 200e6",
         );
-        prepare(&mut world, &mut coupler, |setup| {
+        let (mut coupler, ()) = prepare(&mut world, coupler, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
             for (_, _, key) in PhaseStrength::given(&read("")) {
                 setup.own(0, &key).expect("free");
@@ -139,7 +155,7 @@ mod tests {
         set(&mut world, &keys::AUSTENITE, |i| [0.2, 0.0][i]);
         set(&mut world, &keys::BAINITE, |i| [0.3, 1.0][i]);
         set(&mut world, &keys::MARTENSITE, |i| [0.5, 0.0][i]);
-        apply(&world, &mut coupler, 0.0);
+        apply(&world, &mut *coupler, 0.0);
         let expected = [0.2 * 200e6 + 0.3 * 400e6 + 0.5 * 900e6, 400e6];
         for (stress, expected) in values(&world, &keys::YIELD_STRESS).iter().zip(expected) {
             assert!((stress - expected).abs() < 1.0, "{stress} {expected}");
@@ -149,7 +165,7 @@ mod tests {
     #[test]
     fn strength_that_cannot_be_is_refused() {
         let mut world = World::new(vec![block([2, 1, 1], 1, "yield_stress = 400e6")]);
-        let mut coupler: PhaseStrength = read("bainite = -5");
-        assert!(refusal(&mut world, &mut coupler).contains("-5"));
+        let coupler: PhaseStrength = read("bainite = -5");
+        assert!(refusal(&mut world, coupler).contains("-5"));
     }
 }

@@ -7,7 +7,7 @@
 //! The rest of the work is stored in dislocations; the fraction is 0.8 to 1 in metals. The heat contains
 //! the whole change of the work since it was last computed, whatever the step sizes of the two physics.
 
-use perimelt_core::{Coupler, Report, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::{Coupler, RunningCoupler, Setup, SetupError, World, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -24,9 +24,6 @@ pub struct PlasticHeat {
     #[serde(default = "usual_fraction")]
     #[schemars(extend("minimum" = 0, "maximum" = 1))]
     pub fraction: f64,
-    #[serde(skip)]
-    #[schemars(skip)]
-    heat: Option<WorkHeat>,
 }
 
 fn usual_fraction() -> f64 {
@@ -35,37 +32,19 @@ fn usual_fraction() -> f64 {
 
 #[typetag::serialize(name = "plastic_heat")]
 impl Coupler for PlasticHeat {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         if !(0.0..=1.0).contains(&self.fraction) {
             let message = format!("`fraction` = {} is outside its range", self.fraction);
             return Err(SetupError::value("fraction", message, "0 to 1"));
         }
         let body = setup.find_body(self.body.as_deref())?;
-        self.heat = Some(WorkHeat::prepare(setup, body, &keys::PLASTIC_WORK)?);
-        Ok(())
-    }
-
-    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let heat = self.heat.as_mut().expect("prepared before the run");
-        heat.add(world, |_| self.fraction, step.size);
-        Ok(())
-    }
-
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        let heat = self.heat.as_ref().expect("prepared before a save");
-        heat.save()
-    }
-
-    fn load(
-        &mut self,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
-        let heat = self.heat.as_mut().expect("prepared before a restart");
-        heat.load(state)
-    }
-
-    fn report(&self) -> Vec<Report> {
-        WorkHeat::report(self.heat.as_ref(), "power from plastic work")
+        let fraction = self.fraction;
+        let find_factors = move |_: &World, factors: &mut [f64]| factors.fill(fraction);
+        let work = (body, &keys::PLASTIC_WORK);
+        WorkHeat::prepare(setup, work, "power from plastic work", find_factors)
     }
 }
 
@@ -75,12 +54,13 @@ perimelt_core::register_coupler!("plastic_heat", PlasticHeat);
 mod tests {
     use super::*;
     use crate::testing::{STEEL, block, prepare, read, refusal, set, values};
+    use perimelt_core::Step;
 
     #[test]
     fn the_change_of_the_work_becomes_heat_over_the_step() {
         let mut world = World::new(vec![block([2, 1, 1], 1, STEEL)]);
-        let mut coupler: PlasticHeat = read("fraction = 0.8");
-        prepare(&mut world, &mut coupler, |setup| {
+        let coupler: PlasticHeat = read("fraction = 0.8");
+        let (mut coupler, ()) = prepare(&mut world, coupler, |setup| {
             setup.own(0, &keys::PLASTIC_WORK).expect("free");
             setup.consume(0, &keys::HEAT_SOURCE).expect("free");
         })
@@ -94,7 +74,7 @@ mod tests {
     #[test]
     fn a_fraction_above_one_is_refused() {
         let mut world = World::new(vec![block([2, 1, 1], 1, STEEL)]);
-        let mut coupler: PlasticHeat = read("fraction = 1.2");
-        assert!(refusal(&mut world, &mut coupler).contains("outside its range"));
+        let coupler: PlasticHeat = read("fraction = 1.2");
+        assert!(refusal(&mut world, coupler).contains("outside its range"));
     }
 }

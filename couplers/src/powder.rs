@@ -12,7 +12,9 @@
 //! A point keeps its volume and mass, those of the dense metal: a layer of powder is as thick as the metal that becomes of
 //! it. Shrinkage of the bed and the emissivity of powder are not modelled.
 
-use perimelt_core::{Coupler, Read, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Read, RunError, RunningCoupler, Setup, SetupError, Step, World, Write, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -26,13 +28,10 @@ pub struct Powder {
     /// Region of the points that are powder at first; left out, the whole body.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<PowderState>,
 }
 
-#[derive(Debug)]
-struct PowderState {
+/// Powder that is ready to melt.
+struct RunningPowder {
     body: usize,
     liquid_fraction: Read<f64>,
     consolidated: Write<f64>,
@@ -40,32 +39,35 @@ struct PowderState {
 
 #[typetag::serialize(name = "powder")]
 impl Coupler for Powder {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let powder = match &self.region {
             Some(name) => setup.region(body, "region", name)?.points,
             None => (0..setup.body(body).points.len() as u32).collect(),
         };
         // `thermal` needs it; here the mistake has the line of this table
-        setup.property(body, "powder_conductivity")?;
+        setup.world().property(body, "powder_conductivity")?;
         let consolidated = setup.write(body, &keys::CONSOLIDATED)?;
         setup.set_first(consolidated, |point| {
             let is_powder = powder.binary_search(&(point as u32)).is_ok();
             f64::from(u8::from(!is_powder))
         });
-        self.prepared = Some(PowderState {
+        Ok(Box::new(RunningPowder {
             body,
             liquid_fraction: setup.read(body, &keys::LIQUID_FRACTION)?,
             consolidated,
-        });
-        Ok(())
+        }))
     }
+}
 
+impl RunningCoupler for RunningPowder {
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_ref().expect("prepared before the run");
-        let liquid = world.read(p.liquid_fraction);
-        let mut consolidated = world.write(p.consolidated);
-        let activity = world.activity(p.body);
+        let liquid = world.read(self.liquid_fraction);
+        let mut consolidated = world.write(self.consolidated);
+        let activity = world.activity(self.body);
         let points = consolidated.iter_mut().zip(&*liquid).enumerate();
         for (point, (consolidated, liquid)) in points {
             let is_there = activity
@@ -92,15 +94,14 @@ mod tests {
     #[test]
     fn powder_that_melted_stays_dense() {
         let mut world = World::new(vec![block([3, 1, 1], 1, METAL)]);
-        let mut powder: Powder = read("region = 'left'");
-        prepare(&mut world, &mut powder, |setup| {
+        let (mut powder, _) = prepare(&mut world, read::<Powder>("region = 'left'"), |setup| {
             setup.own(0, &keys::LIQUID_FRACTION).expect("free");
         })
         .expect("valid");
         assert_eq!(values(&world, &keys::CONSOLIDATED), [0.0, 1.0, 1.0]);
         for (liquid, expected) in [(0.0, 0.0), (0.4, 0.4), (0.1, 0.4), (1.0, 1.0), (0.0, 1.0)] {
             set(&mut world, &keys::LIQUID_FRACTION, |_| liquid);
-            apply(&world, &mut powder, 0.0);
+            apply(&world, &mut *powder, 0.0);
             assert_eq!(values(&world, &keys::CONSOLIDATED), [expected, 1.0, 1.0]);
         }
     }
@@ -108,7 +109,6 @@ mod tests {
     #[test]
     fn a_material_without_a_conductivity_as_powder_is_refused() {
         let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
-        let mut powder: Powder = read("");
-        assert!(refusal(&mut world, &mut powder).contains("powder_conductivity"));
+        assert!(refusal(&mut world, read::<Powder>("")).contains("powder_conductivity"));
     }
 }

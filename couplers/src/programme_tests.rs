@@ -1,19 +1,19 @@
 //! Programmes of couplers: until when they act, and what is told of a run that ends earlier.
 
-use perimelt_core::{Coupler, Setup, World, keys};
-
 use crate::boundary::{
     Clamp, Convection, HeatFlux, PrescribedDisplacement, PrescribedTemperature, Radiation, Traction,
 };
+use crate::clock_tests::{Ready, ready, ready_on};
 use crate::cut::Cut;
 use crate::deposit::Deposit;
 use crate::heat_source::{EllipsoidSource, PulsedLaserSource};
 use crate::inherent_strain::InherentStrain;
-use crate::testing::{STEEL, block, prepare, read};
+use crate::testing::{STEEL, block};
 
 /// What is told of a run that ends at 4 s.
-fn told(coupler: &dyn Coupler) -> String {
-    let programme = coupler.programme(4.0);
+fn told(coupler: &Ready) -> String {
+    let limits = |after| coupler.running.step_limits(after);
+    let programme = coupler.stepping.programme_at(4.0, limits);
     programme.and_then(|p| p.unreached(4.0)).unwrap_or_default()
 }
 
@@ -21,27 +21,17 @@ fn told(coupler: &dyn Coupler) -> String {
 fn values_releases_and_cuts_after_the_end_of_the_run_are_told() {
     let ramp = "{ time = [0, 10], value = [300, 500] }";
     let short = "{ time = [0, 4, 100], value = [300, 500, 500] }";
-    let of = |values: &str| -> Vec<Box<dyn Coupler>> {
+    let of = |values: &str| -> Vec<Ready> {
         vec![
-            Box::new(read::<Convection>(&format!(
-                "coefficient = 9\nambient = {values}"
-            ))),
-            Box::new(read::<Radiation>(&format!("ambient = {values}"))),
-            Box::new(read::<HeatFlux>(&format!(
-                "faces = ['z+']\nflux = {values}"
-            ))),
-            Box::new(read::<PrescribedTemperature>(&format!(
-                "face = 'z+'\nvalue = {values}"
-            ))),
-            Box::new(read::<PrescribedDisplacement>(&format!(
-                "face = 'z+'\nx = 0\ny = {values}"
-            ))),
-            Box::new(read::<Traction>(&format!(
-                "faces = ['z+']\npressure = 1\nfactor = {values}"
-            ))),
-            Box::new(read::<InherentStrain>(&format!(
+            ready::<Convection>(&format!("coefficient = 9\nambient = {values}")),
+            ready::<Radiation>(&format!("ambient = {values}")),
+            ready::<HeatFlux>(&format!("faces = ['z+']\nflux = {values}")),
+            ready::<PrescribedTemperature>(&format!("face = 'z+'\nvalue = {values}")),
+            ready::<PrescribedDisplacement>(&format!("face = 'z+'\nx = 0\ny = {values}")),
+            ready::<Traction>(&format!("faces = ['z+']\npressure = 1\nfactor = {values}")),
+            ready::<InherentStrain>(&format!(
                 "region = 'left'\nstrain = [0, 0, 0]\nfactor = {values}"
-            ))),
+            )),
         ]
     };
     let keys = [
@@ -49,37 +39,31 @@ fn values_releases_and_cuts_after_the_end_of_the_run_are_told() {
     ];
     for (coupler, key) in of(ramp).iter().zip(keys) {
         let expected = format!("the run ends at 4 s, the last change of `{key}` is at 10 s");
-        assert_eq!(told(&**coupler), expected);
+        assert_eq!(told(coupler), expected);
     }
     for coupler in of(short).iter().chain(&of("300")) {
-        assert_eq!(told(&**coupler), "");
+        assert_eq!(told(coupler), "");
     }
-    let clamp = |until: &str| told(&read::<Clamp>(&format!("region = 'left'\n{until}")));
+    let clamp = |until: &str| told(&ready::<Clamp>(&format!("region = 'left'\n{until}")));
     assert_eq!(
         clamp("until = 9"),
         "the run ends at 4 s, the clamp is released at 9 s"
     );
     assert_eq!(clamp("until = 4") + &clamp(""), "");
-    let cut = |time: f64| told(&read::<Cut>(&format!("region = 'left'\ntime = {time}")));
+    let cut = |time: f64| told(&ready::<Cut>(&format!("region = 'left'\ntime = {time}")));
     assert_eq!(cut(6.0), "the run ends at 4 s, the cut is made at 6 s");
     assert_eq!(cut(3.0), "");
     let pulse = "fluence = 10\nreflectivity = 0.5\npulse_duration = 3\nabsorption_depth = 0.1";
     assert_eq!(
-        told(&read::<PulsedLaserSource>(pulse)),
+        told(&ready::<PulsedLaserSource>(pulse)),
         "the run ends at 4 s, its last event is at 6 s"
     );
 }
 
-fn torch(toolpath: &str) -> EllipsoidSource {
+fn torch(toolpath: &str) -> Ready {
     let shape = "power = 100\nhalf_length = 2\nhalf_width = 2\ndepth = 1";
-    let mut source: EllipsoidSource = read(&format!("{shape}\ntoolpath.{toolpath}"));
-    let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
-    prepare(&mut world, &mut source, |setup: &mut Setup<'_>| {
-        setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        setup.own(0, &keys::TEMPERATURE).expect("free");
-    })
-    .expect("valid");
-    source
+    let body = block([20, 20, 8], 3, STEEL);
+    ready_on::<EllipsoidSource>(vec![body], &format!("{shape}\ntoolpath.{toolpath}"))
 }
 
 #[test]
@@ -128,13 +112,13 @@ fn a_toolpath_after_the_end_of_the_run_is_told_with_the_part_that_is_done() {
 #[test]
 fn material_after_the_end_of_the_run_is_told() {
     let layers = |interval: f64| {
-        let mut world = World::new(vec![block([5, 4, 4], 3, STEEL)]);
         let table = format!(
             "region = 'left'\ntemperature = 900\nlayers = {{ height = 1, interval = {interval} }}"
         );
-        let mut deposit: Deposit = read(&table);
-        prepare(&mut world, &mut deposit, |_| ()).expect("valid");
-        told(&deposit)
+        told(&ready_on::<Deposit>(
+            vec![block([5, 4, 4], 3, STEEL)],
+            &table,
+        ))
     };
     // layers at 0, 3, 6 and 9 s
     assert_eq!(

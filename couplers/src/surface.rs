@@ -188,11 +188,8 @@ impl<L: SurfaceLaw + 'static> SurfaceHeat<L> {
     }
 
     pub fn report(&self) -> Vec<Report> {
-        vec![Report {
-            name: "power into the body".into(),
-            unit: "W".into(),
-            value: self.exchange.power(),
-        }]
+        let power = self.exchange.power();
+        vec![Report::new("power into the body", "W", power)]
     }
 }
 
@@ -248,7 +245,9 @@ mod tests {
         let mut surface = surface.expect("valid");
         setup.next_plugin("deposit");
         let upper: Vec<u32> = (18..36).collect();
-        let active = setup.deposit(0, &upper).expect("a lattice");
+        let active = setup
+            .change_material(0, perimelt_core::Change::Births, &upper)
+            .expect("a lattice");
         setup.next_plugin("thermal");
         setup.own(0, &keys::TEMPERATURE).expect("free");
         assert_eq!(setup.facts::<Rc<Exchange>>(0).count(), 1);

@@ -9,7 +9,7 @@ use perimelt_core::field::Value;
 use perimelt_core::material::Material;
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::world::exchange::Exchange;
-use perimelt_core::{Body, Coupler, Key, Setup, SetupError, Step, World, keys};
+use perimelt_core::{Body, Coupler, Key, RunningCoupler, Setup, SetupError, Step, World, keys};
 
 /// Steel that melts, expands and radiates.
 pub const STEEL: &str = "
@@ -82,33 +82,35 @@ pub fn read<C: serde::de::DeserializeOwned>(table: &str) -> C {
     toml::from_str(table).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Prepares `coupler` as the first plugin and lets `physics` declare what it owns and consumes.
+/// Prepares `coupler` as the first plugin and lets `physics` declare what it owns and consumes: the coupler that runs, and
+/// what the physics got.
 pub fn prepare<R>(
     world: &mut World,
-    coupler: &mut dyn Coupler,
+    coupler: impl Coupler + 'static,
     physics: impl FnOnce(&mut Setup<'_>) -> R,
-) -> Result<R, SetupError> {
+) -> Result<(Box<dyn RunningCoupler>, R), SetupError> {
     let mut setup = Setup::new(world, Path::new("."));
     setup.next_plugin("the coupler");
+    let mut coupler = Box::new(coupler);
     coupler.publish(&mut setup)?;
-    coupler.prepare(&mut setup)?;
+    let running = coupler.prepare(&mut setup)?;
     setup.next_plugin("the physics");
     let handles = physics(&mut setup);
     let finished = setup.finish();
     finished.map_err(|mut mistakes| mistakes.swap_remove(0).1)?;
-    Ok(handles)
+    Ok((running, handles))
 }
 
 /// The message of a preparation that must fail, with the key at fault in front.
-pub fn refusal(world: &mut World, coupler: &mut dyn Coupler) -> String {
+pub fn refusal(world: &mut World, coupler: impl Coupler + 'static) -> String {
     match prepare(world, coupler, |_| ()) {
         Err(e) => format!("{}: {e}", e.key),
-        Ok(()) => panic!("the coupler must be refused"),
+        Ok(_) => panic!("the coupler must be refused"),
     }
 }
 
 /// Applies `coupler` for the second from `start`.
-pub fn apply(world: &World, coupler: &mut dyn Coupler, start: f64) {
+pub fn apply(world: &World, coupler: &mut dyn RunningCoupler, start: f64) {
     coupler
         .apply(world, Step::new(start, 1.0))
         .expect("the coupler applies");
@@ -144,13 +146,18 @@ pub fn set_vector(world: &mut World, key: &Key<Vector3<f64>>, value: Vector3<f64
     points.for_each(|v| v.copy_from_slice(value.as_slice()));
 }
 
-/// Prepares a boundary that exchanges heat with the first body, and plays its heat physics: the exchange.
-pub fn exchange(world: &mut World, coupler: &mut dyn Coupler) -> Rc<Exchange> {
-    let exchanges = prepare(world, coupler, |setup| {
+/// Prepares a boundary that exchanges heat with the first body, and plays its heat physics: the boundary that runs, and the
+/// exchange.
+pub fn exchange(
+    world: &mut World,
+    coupler: impl Coupler + 'static,
+) -> (Box<dyn RunningCoupler>, Rc<Exchange>) {
+    let prepared = prepare(world, coupler, |setup| {
         setup.own(0, &keys::TEMPERATURE).expect("free");
         setup.facts::<Rc<Exchange>>(0).next().cloned()
     });
-    exchanges.expect("valid").expect("one")
+    let (running, exchange) = prepared.expect("valid");
+    (running, exchange.expect("one"))
 }
 
 /// Heat that each point of the first body takes up from an exchange (W), with the surface as warm as the points (K).

@@ -10,7 +10,7 @@
 //! Not beside a specific heat that contains the heat of transformation, such as that of the library's S355, which has
 //! its peak at 735 °C: the heat would count twice.
 
-use perimelt_core::{Coupler, Report, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::{Coupler, RunningCoupler, Setup, SetupError, World, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -27,25 +27,18 @@ pub struct TransformationHeat {
     #[serde(default = "heat_of_pearlite")]
     #[schemars(extend("minimum" = 0))]
     pub latent_heat: f64,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<State>,
 }
 
 fn heat_of_pearlite() -> f64 {
     77e3
 }
 
-#[derive(Debug)]
-struct State {
-    heat: WorkHeat,
-    /// kg/m³, by point.
-    density: Vec<f64>,
-}
-
 #[typetag::serialize(name = "transformation_heat")]
 impl Coupler for TransformationHeat {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         if !(self.latent_heat >= 0.0 && self.latent_heat.is_finite()) {
             let message = format!("`latent_heat` is {}", self.latent_heat);
             return Err(SetupError::value(
@@ -55,36 +48,13 @@ impl Coupler for TransformationHeat {
             ));
         }
         let body = setup.find_body(self.body.as_deref())?;
-        self.prepared = Some(State {
-            heat: WorkHeat::prepare(setup, body, &keys::AUSTENITE)?,
-            density: setup.density_at_points(body)?,
-        });
-        Ok(())
-    }
-
-    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let State { heat, density } = self.prepared.as_mut().expect("prepared before the run");
-        let latent = self.latent_heat;
-        heat.add(world, |point| -density[point] * latent, step.size);
-        Ok(())
-    }
-
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        let prepared = self.prepared.as_ref().expect("prepared before a save");
-        prepared.heat.save()
-    }
-
-    fn load(
-        &mut self,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
-        let prepared = self.prepared.as_mut().expect("prepared before a restart");
-        prepared.heat.load(state)
-    }
-
-    fn report(&self) -> Vec<Report> {
-        let heat = self.prepared.as_ref().map(|p| &p.heat);
-        WorkHeat::report(heat, "power from transformation")
+        let density = setup.world().density_at_points(body)?;
+        let find_factors = move |_: &World, factors: &mut [f64]| {
+            let points = factors.iter_mut().zip(&density);
+            points.for_each(|(factor, density)| *factor = -density * self.latent_heat);
+        };
+        let share = (body, &keys::AUSTENITE);
+        WorkHeat::prepare(setup, share, "power from transformation", find_factors)
     }
 }
 
@@ -94,12 +64,13 @@ perimelt_core::register_coupler!("transformation_heat", TransformationHeat, supp
 mod tests {
     use super::*;
     use crate::testing::{STEEL, block, prepare, read, set, values};
+    use perimelt_core::Step;
 
     #[test]
     fn austenite_that_transforms_gives_off_its_heat() {
         let mut world = World::new(vec![block([2, 1, 1], 1, STEEL)]);
-        let mut coupler: TransformationHeat = read("latent_heat = 80e3");
-        prepare(&mut world, &mut coupler, |setup| {
+        let coupler: TransformationHeat = read("latent_heat = 80e3");
+        let (mut coupler, ()) = prepare(&mut world, coupler, |setup| {
             setup.own(0, &keys::AUSTENITE).expect("free");
             setup.consume(0, &keys::HEAT_SOURCE).expect("free");
         })

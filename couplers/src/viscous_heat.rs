@@ -6,7 +6,7 @@
 //!
 //! The change of the work since the heat was last computed is taken up in full, whatever the steps of the two physics.
 
-use perimelt_core::{Coupler, Report, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::{Coupler, RunningCoupler, Setup, SetupError, World, keys};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -19,40 +19,18 @@ pub struct ViscousHeat {
     /// Body; may be left out when there is one only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<String>,
-    #[serde(skip)]
-    #[schemars(skip)]
-    heat: Option<WorkHeat>,
 }
 
 #[typetag::serialize(name = "viscous_heat")]
 impl Coupler for ViscousHeat {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        self.heat = Some(WorkHeat::prepare(setup, body, &keys::VISCOUS_WORK)?);
-        Ok(())
-    }
-
-    fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let heat = self.heat.as_mut().expect("prepared before the run");
-        heat.add(world, |_| 1.0, step.size);
-        Ok(())
-    }
-
-    fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        let heat = self.heat.as_ref().expect("prepared before a save");
-        heat.save()
-    }
-
-    fn load(
-        &mut self,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
-        let heat = self.heat.as_mut().expect("prepared before a restart");
-        heat.load(state)
-    }
-
-    fn report(&self) -> Vec<Report> {
-        WorkHeat::report(self.heat.as_ref(), "power from friction")
+        let find_factors = |_: &World, factors: &mut [f64]| factors.fill(1.0);
+        let work = (body, &keys::VISCOUS_WORK);
+        WorkHeat::prepare(setup, work, "power from friction", find_factors)
     }
 }
 
@@ -62,12 +40,13 @@ perimelt_core::register_coupler!("viscous_heat", ViscousHeat, supports: [Motion,
 mod tests {
     use super::*;
     use crate::testing::{STEEL, block, prepare, read, set, values};
+    use perimelt_core::Step;
 
     #[test]
     fn the_change_of_the_work_becomes_heat_over_the_step() {
         let mut world = World::new(vec![block([2, 1, 1], 1, STEEL)]);
-        let mut coupler: ViscousHeat = read("");
-        prepare(&mut world, &mut coupler, |setup| {
+        let coupler: ViscousHeat = read("");
+        let (mut coupler, ()) = prepare(&mut world, coupler, |setup| {
             setup.own(0, &keys::VISCOUS_WORK).expect("free");
             setup.consume(0, &keys::HEAT_SOURCE).expect("free");
         })

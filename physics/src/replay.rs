@@ -17,8 +17,8 @@ use nalgebra::{Matrix3, Vector3};
 use perimelt_core::in_time::earlier;
 use perimelt_core::log::{CloudField, Log, LogError, LoggedCloud};
 use perimelt_core::{
-    InSpace, Key, Physics, Placed, Problem, RunError, Setup, SetupError, Step, Work, World, Write,
-    keys,
+    InSpace, Key, Physics, Placed, Problem, RunError, RunningPhysics, Setup, SetupError, Step,
+    StepLimits, Stepping, Work, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -43,12 +43,6 @@ pub struct Replay {
     /// `values.temperature = { file = "run.pvd" }` or `values.temperature = "300 + 200 * x * t"`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub values: BTreeMap<String, InSpace>,
-    #[serde(skip)]
-    #[schemars(skip)]
-    run: Option<Run>,
-    #[serde(skip)]
-    #[schemars(skip)]
-    placed: Vec<PlacedField>,
 }
 
 /// A field without a log.
@@ -58,19 +52,18 @@ struct PlacedField {
     values: Placed,
 }
 
-struct Run {
+/// Fields that are read from a log.
+struct ReplayedLog {
     log: Log,
     body: String,
     fields: Vec<ReplayedField>,
     window: Option<Window>,
 }
 
-impl std::fmt::Debug for Run {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Run")
-            .field("log", &self.log.path())
-            .finish_non_exhaustive()
-    }
+/// States that are replayed.
+enum RunningReplay {
+    Log(Box<ReplayedLog>),
+    Values(Vec<PlacedField>),
 }
 
 /// The two logged states around the current time.
@@ -114,7 +107,7 @@ enum Misfit {
     },
 }
 
-impl Run {
+impl ReplayedLog {
     /// Reads the states around `time` (s).
     fn load(&mut self, time: f64) -> Result<(), LogError> {
         let times = self.log.times(&self.body);
@@ -188,14 +181,21 @@ fn values<'a>(cloud: &'a LoggedCloud, name: &str) -> &'a [f64] {
 
 #[typetag::serialize(name = "replay")]
 impl Physics for Replay {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
+        setup.stepping(Stepping {
+            programme: Some(Box::new(|_| None)),
+            ..Stepping::default()
+        });
         match (&self.log, self.values.is_empty()) {
             (Some(log), true) if !self.fields.is_empty() => {
-                self.prepare_log(setup, body, &log.clone())
+                Ok(Box::new(self.prepare_log(setup, body, log)?))
             }
             (None, false) if self.fields.is_empty() && self.logged_body.is_none() => {
-                self.prepare_values(setup, body)
+                Ok(Box::new(self.prepare_values(setup, body)?))
             }
             (Some(_), true) => Err(SetupError::value(
                 "fields",
@@ -209,21 +209,28 @@ impl Physics for Replay {
             }
         }
     }
+}
 
+impl RunningPhysics for RunningReplay {
     fn start(&mut self, world: &World) -> Result<(), RunError> {
         self.write(world, 0.0)
     }
 
-    fn next_event(&self, after: f64) -> Option<f64> {
-        let of_log = self.run.as_ref().and_then(|run| {
-            run.log
-                .times(&run.body)
-                .iter()
-                .copied()
-                .find(|t| *t > after)
-        });
-        let of_values = self.placed.iter().map(|p| p.values.next_event(after));
-        of_values.fold(of_log, earlier)
+    fn step_limits(&self, time: f64) -> StepLimits {
+        let next_event = match self {
+            RunningReplay::Log(run) => {
+                let mut times = run.log.times(&run.body).iter().copied();
+                times.find(|t| *t > time)
+            }
+            RunningReplay::Values(fields) => {
+                let next = fields.iter().map(|p| p.values.next_event(time));
+                next.fold(None, earlier)
+            }
+        };
+        StepLimits {
+            next_event,
+            longest: None,
+        }
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
@@ -232,14 +239,33 @@ impl Physics for Replay {
     }
 }
 
+impl RunningReplay {
+    fn write(&mut self, world: &World, time: f64) -> Result<(), RunError> {
+        match self {
+            RunningReplay::Log(run) => run.write(world, time).map_err(|cause| RunError::Plugin {
+                plugin: "replay".into(),
+                time,
+                cause: cause.into(),
+            }),
+            RunningReplay::Values(fields) => {
+                for PlacedField { field, values } in fields {
+                    let values = values.at(time).map_err(|e| e.during("replay", time))?;
+                    world.write(*field).copy_from_slice(values);
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
 impl Replay {
     /// Opens the log and takes over its fields.
     fn prepare_log(
-        &mut self,
+        &self,
         setup: &mut Setup<'_>,
         body: usize,
         log: &Path,
-    ) -> Result<(), SetupError> {
+    ) -> Result<RunningReplay, SetupError> {
         let path = setup.path(&log.to_string_lossy());
         let log = Log::open(path).map_err(|e| SetupError::other("log", e))?;
         let here = setup.body(body);
@@ -308,17 +334,21 @@ impl Replay {
                 _ => ReplayedField::Tensor(name.clone(), setup.own(body, &Key::named(name, unit))?),
             });
         }
-        self.run = Some(Run {
+        Ok(RunningReplay::Log(Box::new(ReplayedLog {
             log,
             body: name,
             fields,
             window: None,
-        });
-        Ok(())
+        })))
     }
 
     /// Takes over the fields that are given by values.
-    fn prepare_values(&mut self, setup: &mut Setup<'_>, body: usize) -> Result<(), SetupError> {
+    fn prepare_values(
+        &self,
+        setup: &mut Setup<'_>,
+        body: usize,
+    ) -> Result<RunningReplay, SetupError> {
+        let mut fields = Vec::new();
         for (name, value) in &self.values {
             let key = format!("values.{name}");
             let Some((_, unit, _)) = keys::ALL.iter().find(|(known, ..)| known == name) else {
@@ -335,24 +365,9 @@ impl Replay {
             let positions = setup.body(body).points.position.clone();
             let values = setup.placed((body, name), &key, value, positions)?;
             let field = setup.own(body, &Key::named(name.clone(), unit.to_string()))?;
-            self.placed.push(PlacedField { field, values });
+            fields.push(PlacedField { field, values });
         }
-        Ok(())
-    }
-
-    fn write(&mut self, world: &World, time: f64) -> Result<(), RunError> {
-        for PlacedField { field, values } in &mut self.placed {
-            let values = values.at(time).map_err(|e| e.during("replay", time))?;
-            world.write(*field).copy_from_slice(values);
-        }
-        let Some(run) = &mut self.run else {
-            return Ok(());
-        };
-        run.write(world, time).map_err(|cause| RunError::Plugin {
-            plugin: "replay".into(),
-            time,
-            cause: cause.into(),
-        })
+        Ok(RunningReplay::Values(fields))
     }
 }
 

@@ -24,7 +24,8 @@ use perimelt_core::material::Property;
 use perimelt_core::plugin::load_points;
 use perimelt_core::world::activity::is_active;
 use perimelt_core::{
-    Face, Physics, Read, RunError, Setup, SetupError, Step, Work, World, Write, keys,
+    Face, Physics, Read, RunError, RunningPhysics, Setup, SetupError, Step, Work, World, Write,
+    keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -51,9 +52,6 @@ pub struct ThermalHistory {
     #[serde(default)]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub solidification: Option<f64>,
-    #[serde(skip)]
-    #[schemars(skip)]
-    run: Option<Run>,
 }
 
 /// 800 and 500 °C.
@@ -61,9 +59,11 @@ fn eight_five() -> [f64; 2] {
     [1073.15, 773.15]
 }
 
-#[derive(Debug)]
-struct Run {
+/// A history that is recorded.
+struct RunningHistory {
     body: usize,
+    /// Temperatures between which the cooling time is measured, K.
+    cooling: [f64; 2],
     temperature: Read<f64>,
     peak: Write<f64>,
     time_above: Write<f64>,
@@ -157,7 +157,16 @@ fn common(body: &Body, property: &str) -> Option<f64> {
 
 #[typetag::serialize(name = "thermal_history")]
 impl Physics for ThermalHistory {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+        Ok(Box::new(self.ready(setup)?))
+    }
+}
+
+impl ThermalHistory {
+    fn ready(&self, setup: &mut Setup<'_>) -> Result<RunningHistory, SetupError> {
         self.check()?;
         let body = setup.find_body(self.body.as_deref())?;
         let this = setup.body(body);
@@ -165,8 +174,9 @@ impl Physics for ThermalHistory {
         let neighbours = CellList::new(&this.points.position, &reach);
         let count = this.points.len();
         let (solidus, liquidus) = (common(this, "solidus"), common(this, "liquidus"));
-        self.run = Some(Run {
+        Ok(RunningHistory {
             body,
+            cooling: self.cooling,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             peak: setup.own(body, &keys::PEAK_TEMPERATURE)?,
             time_above: setup.own(body, &keys::TIME_ABOVE)?,
@@ -183,20 +193,22 @@ impl Physics for ThermalHistory {
             images: OnceCell::new(),
             points: vec![Point::default(); count],
             next: Vec::with_capacity(count),
-        });
-        Ok(())
+        })
     }
+}
 
+perimelt_core::register_physics!("thermal_history", ThermalHistory, supports: [Births, Cuts]);
+
+impl RunningPhysics for RunningHistory {
     fn start(&mut self, world: &World) -> Result<(), RunError> {
-        let run = self.run.as_mut().expect("prepared before the start");
-        let temperature = world.read(run.temperature);
-        let activity = world.activity(run.body);
+        let temperature = world.read(self.temperature);
+        let activity = world.activity(self.body);
         let is_there = |i: usize| activity.as_ref().is_none_or(|a| is_active(a[i]));
-        let mut peak = world.write(run.peak);
-        for (i, point) in run.points.iter_mut().enumerate() {
+        let mut peak = world.write(self.peak);
+        for (i, point) in self.points.iter_mut().enumerate() {
             let temperature = if is_there(i) { temperature[i] } else { 0.0 };
             peak[i] = temperature;
-            let is_molten = run.solidification.is_some_and(|level| temperature > level);
+            let is_molten = self.solidification.is_some_and(|level| temperature > level);
             *point = Point {
                 temperature,
                 cooling_since: None,
@@ -207,32 +219,29 @@ impl Physics for ThermalHistory {
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
-        let cooling = self.cooling;
-        let run = self.run.as_mut().expect("prepared before the first step");
-        run.follow(world, step, cooling);
-        run.write(world);
+        self.follow(world, step);
+        self.write(world);
         Ok(Work::default())
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(&self.run.as_ref().expect("prepared before a save").points)
+        Box::new(&self.points)
     }
 
     fn load(
         &mut self,
+        _world: &World,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        let run = self.run.as_mut().expect("prepared before a restart");
-        run.points = load_points(state, run.points.len())?;
+        self.points = load_points(state, self.points.len())?;
         Ok(())
     }
 }
 
-perimelt_core::register_physics!("thermal_history", ThermalHistory, supports: [Births, Cuts]);
-
-impl Run {
+impl RunningHistory {
     /// Finds what the step adds for each point.
-    fn follow(&mut self, world: &World, step: Step, [upper, lower]: [f64; 2]) {
+    fn follow(&mut self, world: &World, step: Step) {
+        let [upper, lower] = self.cooling;
         let now = world.read(self.temperature);
         let now: &[f64] = &now;
         let body = world.body(self.body);

@@ -7,8 +7,8 @@ use std::process::Stdio;
 
 use perimelt::case::Case;
 use perimelt::core::{
-    Family, FamilySpec, Key, Physics, RunError, Setup, SetupError, Simulation, Step, Work, World,
-    Write, register_physics,
+    Family, FamilySpec, Key, Physics, RunError, RunningPhysics, Setup, SetupError, Simulation,
+    Step, StepLimits, Work, World, Write, register_physics,
 };
 use perimelt::physics::mechanical::moduli::Elasticity;
 use perimelt::physics::mechanical::ordinary::Ordinary;
@@ -387,30 +387,42 @@ fn strong_coupling_finds_the_state_that_small_weak_steps_approach() {
 struct Humidity {
     /// Largest interval at which others should read it, s.
     interval: f64,
-    #[serde(skip)]
-    humidity: Option<Write<f64>>,
+}
+
+struct RunningHumidity {
+    interval: f64,
+    humidity: Write<f64>,
 }
 
 #[typetag::serialize(name = "humidity_of_the_air")]
 impl Physics for Humidity {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
         let key = Key::new("humidity", "1", "relative humidity");
-        self.humidity = Some(setup.own(0, &key)?);
-        Ok(())
-    }
-
-    fn step_limit(&self, _time: f64) -> Option<f64> {
-        Some(self.interval)
-    }
-
-    fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
-        let humidity = self.humidity.expect("prepared");
-        world.write(humidity).fill((40.0 * step.end()).sin());
-        Ok(Work::of_stages(1))
+        Ok(Box::new(RunningHumidity {
+            interval: self.interval,
+            humidity: setup.own(0, &key)?,
+        }))
     }
 }
 
 register_physics!("humidity_of_the_air", Humidity);
+
+impl RunningPhysics for RunningHumidity {
+    fn step_limits(&self, _time: f64) -> StepLimits {
+        StepLimits {
+            longest: Some(self.interval),
+            next_event: None,
+        }
+    }
+
+    fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
+        world.write(self.humidity).fill((40.0 * step.end()).sin());
+        Ok(Work::of_stages(1))
+    }
+}
 
 #[test]
 fn a_physics_limits_the_interval_at_which_others_read_it() {
@@ -436,4 +448,71 @@ fn a_physics_limits_the_interval_at_which_others_read_it() {
     let (limit, steps) = run("[[physics]]\ntype = \"humidity_of_the_air\"\ninterval = 0.03");
     assert_eq!(limit, 0.03);
     assert_eq!(steps, 34);
+}
+
+/// A hot fluid that flows past another body, which it heats; the tables of plugins in this order.
+fn warmed(tables: &[&str]) -> Result<Simulation, String> {
+    let text = format!(
+        "[bodies.fluid]
+        shape.box = {{ min = [0, 0, 0], max = [8e-3, 4e-3, 0] }}
+        dimension = 2
+        spacing = 1e-3
+        material = 'water'
+        periodic = ['x']
+        initial = {{ temperature = 350, velocity = [0.1, 0, 0] }}
+        [bodies.plate]
+        shape.box = {{ min = [0, -2e-3, 0], max = [8e-3, 0, 0] }}
+        dimension = 2
+        spacing = 1e-3
+        material = 'water'
+        initial.temperature = 280
+        [materials.water]
+        density = 1000
+        specific_heat = 4000
+        conductivity = 0.6
+        viscosity = 1e-3
+        solidus = 273
+        liquidus = 274
+        latent_heat = 3.3e5
+        {}
+        [time]\nend = 1e-2\n[log]\ninterval = 1e-2",
+        tables.join("\n")
+    );
+    let case = Case::parse("order.toml", text, Path::new("")).map_err(|e| e.render(false))?;
+    let mut simulation = case.compose().map_err(|e| e.render(false))?;
+    case.start(&mut simulation).map_err(|e| e.to_string())?;
+    finish(&mut simulation);
+    Ok(simulation)
+}
+
+#[test]
+fn the_order_of_tables_in_a_case_file_does_not_matter() {
+    let fluid = "[[physics]]\ntype = 'fluid'\nbody = 'fluid'\ndescription = 'eulerian'\nform = 'conservative'\n\
+                 state.tait.sound_speed = 2";
+    let heat = "[[physics]]\ntype = 'thermal'\nbody = 'fluid'\nsurfaces = 'mirrored'";
+    let plate = "[[physics]]\ntype = 'thermal'\nbody = 'plate'";
+    let walls = ["y-", "y+"].map(|face| {
+        format!("[[couplers]]\ntype = 'wall'\nbody = 'fluid'\nface = '{face}'\nkind = 'slip'")
+    });
+    let melting = "[[couplers]]\ntype = 'phase_change'\nbody = 'plate'";
+    let exchange =
+        "[[couplers]]\ntype = 'heat_interface'\nbody = 'fluid'\nother = 'plate'\nconductance = 1e4";
+    let [lower, upper] = &walls;
+    let state = |tables: &[&str]| {
+        let simulation = warmed(tables).unwrap_or_else(|e| panic!("{e}"));
+        let fields = simulation.world().fields();
+        let heat = (0..2).map(|body| {
+            let field = fields.find(body, "enthalpy").expect("it has heat");
+            fields.field(field).data().flat().to_vec()
+        });
+        heat.collect::<Vec<_>>().concat()
+    };
+    let first = state(&[fluid, heat, plate, lower, upper, melting, exchange]);
+    // couplers in any order give the same bits
+    let couplers = state(&[fluid, heat, plate, exchange, melting, upper, lower]);
+    assert!(first == couplers, "{}", distance(&couplers, &first));
+    // physics advance in the order of the case, so that one reads the other before or after a step of the flow
+    let physics = state(&[plate, heat, fluid, exchange, melting, upper, lower]);
+    let apart = distance(&physics, &first);
+    assert!(apart < 1e-6, "{apart}");
 }

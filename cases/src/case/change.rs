@@ -50,7 +50,7 @@ impl std::str::FromStr for Change {
 }
 
 impl Case {
-    /// The same case with other values, also of keys that the file does not give.
+    /// The case with other values, also for keys that the file does not give.
     ///
     /// # Errors
     /// A key whose place cannot be found, or the mistakes of the new case.
@@ -73,7 +73,7 @@ impl Case {
 /// A message, and a hint.
 type Missing = (String, Option<String>);
 
-/// Where a value is written.
+/// Place at which a value is written.
 #[derive(Debug)]
 struct Edit {
     /// Bytes that are replaced.
@@ -99,7 +99,7 @@ impl Edit {
     }
 }
 
-/// Where the value of a key is, or where the key may be inserted.
+/// Place of the value of a key, or place at which the key may be inserted.
 fn edit(text: &str, key: &str) -> std::result::Result<Edit, Missing> {
     let parsed = DeTable::parse(text).map_err(|e| (e.message().to_string(), None))?;
     let mut table = parsed.get_ref();

@@ -244,7 +244,7 @@ mod tests {
             simulation.step().expect("a step");
             times.push((simulation.time() * 10.0).round() / 10.0);
         }
-        // up to a stage steps are equal and not longer than asked for
+        // steps up to a stage are equal and not longer than the given one
         let mut expected = vec![0.4, 0.8, 1.2, 3.2];
         expected.extend((0..=12).map(|n| (52 + 4 * n) as f64 / 10.0));
         assert_eq!(times, expected);

@@ -1,5 +1,5 @@
-//! Conditions of a case that contradict each other: two values for the same points, heat through an insulated face, a fluid faster
-//! than its sound.
+//! Conditions of a case that contradict each other: two values for the same points, heat through an insulated face, a fluid
+//! that is too fast for its speed of sound.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -14,11 +14,11 @@ use super::warnings::{numbers, value_at};
 use super::{Case, CaseError, Mistake};
 use crate::unit;
 
-/// Mach number above which a weakly compressible fluid no longer is one.
+/// Largest Mach number of a weakly compressible fluid.
 const FASTEST: f64 = 0.3;
 
-/// A boundary that holds the points of a region at a value.
-struct Hold {
+/// A boundary condition that prescribes a value in a region.
+struct FixedValue {
     /// Number of the body.
     body: usize,
     /// The field, with its component.
@@ -53,7 +53,7 @@ fn texts(value: Option<&TomlValue<'_>>) -> Option<Vec<String>> {
 }
 
 impl Case {
-    /// Refuses conditions of which one only can hold.
+    /// Refuses contradictory conditions.
     pub(super) fn check_contradictions(&self, simulation: &Simulation) -> Result<(), CaseError> {
         let mut mistakes = Mistakes::default();
         let couplers = self.plugin_tables("couplers")?;
@@ -87,7 +87,7 @@ impl Case {
         Ok(found)
     }
 
-    fn holds(&self, couplers: &[PluginTable<'_>], simulation: &Simulation) -> Vec<Hold> {
+    fn holds(&self, couplers: &[PluginTable<'_>], simulation: &Simulation) -> Vec<FixedValue> {
         let bodies = simulation.world().bodies();
         let mut holds = Vec::new();
         for table in couplers {
@@ -123,7 +123,7 @@ impl Case {
             let (Some(body), Some(region)) = (body, table.text("region")) else {
                 continue;
             };
-            holds.extend(values.into_iter().map(|(what, value, span)| Hold {
+            holds.extend(values.into_iter().map(|(what, value, span)| FixedValue {
                 body,
                 what,
                 region: region.to_string(),
@@ -140,8 +140,8 @@ impl Case {
     /// Two holds of different values: of the same points (`all`), or of some of them or for some time.
     fn conflict(
         &self,
-        first: &Hold,
-        second: &Hold,
+        first: &FixedValue,
+        second: &FixedValue,
         simulation: &Simulation,
         all: bool,
     ) -> Option<Box<Mistake>> {
@@ -149,7 +149,7 @@ impl Case {
             return None;
         }
         let body = simulation.world().body(first.body);
-        let points = |hold: &Hold| -> Option<BTreeSet<u32>> {
+        let points = |hold: &FixedValue| -> Option<BTreeSet<u32>> {
             Some(
                 body.regions
                     .get(&hold.region)?

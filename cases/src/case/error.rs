@@ -20,11 +20,11 @@ pub struct CaseFile {
 pub struct Mistake {
     /// The case file.
     pub file: Arc<CaseFile>,
-    /// What is wrong.
+    /// The mistake.
     pub message: String,
     /// Bytes of the file at fault.
     pub span: Option<Range<usize>>,
-    /// What was expected there.
+    /// The expected input.
     pub expected: String,
     /// The section that the place belongs to, with its name.
     pub section: Option<(Range<usize>, String)>,
@@ -204,7 +204,7 @@ impl Mistakes {
         part.map_err(|e| self.add(e)).ok()
     }
 
-    /// Whether no mistake was found so far.
+    /// Whether there is no mistake.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -220,7 +220,7 @@ impl Mistakes {
 
 impl From<Mistakes> for CaseError {
     fn from(Mistakes(mut mistakes): Mistakes) -> Self {
-        // those of the file as a whole at the end
+        // mistakes of the file as a whole come last
         let place = |m: &Mistake| m.span.as_ref().map_or(usize::MAX, |span| span.start);
         mistakes.sort_by_key(place);
         CaseError { mistakes }

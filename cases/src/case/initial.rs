@@ -114,18 +114,18 @@ impl<'de> Visitor<'de> for InitialVisitor {
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Initial, A::Error> {
         #[derive(Deserialize)]
         #[serde(untagged, expecting = "a number or a formula")]
-        enum Part {
+        enum ListEntry {
             Number(f64),
             Formula(String),
         }
         let (mut numbers, mut formulas) = (Vec::new(), Vec::new());
         while let Some(part) = list.next_element()? {
             let text = match part {
-                Part::Number(number) => {
+                ListEntry::Number(number) => {
                     numbers.push(number);
                     number.to_string()
                 }
-                Part::Formula(text) => text,
+                ListEntry::Formula(text) => text,
             };
             formulas.push(text);
         }

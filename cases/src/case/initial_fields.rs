@@ -14,7 +14,7 @@ use super::{Case, CaseError, Mistake, Result};
 
 /// A body whose fields are set.
 #[derive(Clone, Copy)]
-struct Target<'a> {
+struct TargetBody<'a> {
     index: usize,
     name: &'a str,
     section: &'a BodySection,
@@ -31,7 +31,7 @@ impl Case {
     ) -> std::result::Result<(), CaseError> {
         let mut mistakes = Mistakes::default();
         for (index, (name, section)) in self.bodies.iter().enumerate() {
-            let target = Target {
+            let target = TargetBody {
                 index,
                 name,
                 section,
@@ -59,11 +59,11 @@ impl Case {
     fn set_field(
         &self,
         simulation: &mut Simulation,
-        target: Target<'_>,
+        target: TargetBody<'_>,
         field: &str,
         initial: &Initial,
     ) -> Result<()> {
-        let Target {
+        let TargetBody {
             index,
             name,
             section,
@@ -135,14 +135,14 @@ impl Case {
     fn set_from_file(
         &self,
         simulation: &mut Simulation,
-        target: Target<'_>,
+        target: TargetBody<'_>,
         field: &str,
         file: &FieldFile,
     ) -> std::result::Result<(), Box<dyn std::error::Error>> {
         let body = simulation.world().body(target.index);
         let (positions, dimension) = (body.points.position.clone(), body.dimension);
         let value = InSpace::File(file.clone());
-        let mut placed = value.at((field, &self.folder), positions, dimension)?;
+        let mut placed = value.at(field, &self.folder, positions, dimension)?;
         let values = placed.at(0.0)?.to_vec();
         for (point, value) in values.iter().enumerate() {
             simulation.set_initial(target.index, field, point..point + 1, &[*value])?;

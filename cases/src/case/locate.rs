@@ -1,4 +1,4 @@
-//! Where keys are in a parsed case file.
+//! Places of keys in a parsed case file.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -18,7 +18,7 @@ pub struct KeyPlace {
     pub key: Range<usize>,
     /// The value.
     pub value: Range<usize>,
-    /// How many of the names asked for were found.
+    /// Number of names of the path that were found.
     pub depth: usize,
 }
 
@@ -34,7 +34,7 @@ struct Node {
 }
 
 impl Places {
-    /// Of a parsed table.
+    /// The places in a parsed table.
     pub fn of(table: &TomlTable<'_>) -> Self {
         let node = |(key, value): (&Spanned<_>, &TomlValue<'_>)| {
             let name: &std::borrow::Cow<'_, str> = key.get_ref();
@@ -43,7 +43,7 @@ impl Places {
         Places(table.iter().map(node).collect())
     }
 
-    /// As [`find`].
+    /// See [`find`].
     pub fn find(&self, path: &[&str]) -> Option<KeyPlace> {
         let mut found = None;
         let mut places = self;

@@ -19,7 +19,7 @@ const BYTES_PER_CELL: f64 = 4.0;
 /// Samples along each axis for the part of the box that a shape fills.
 const SAMPLES: usize = 24;
 
-/// Bytes that the machine, or the group of processes to which this one belongs, can still give; `None` where the system does not tell.
+/// Free memory (bytes) of the machine or of the control group of this process; `None` where the system does not report it.
 pub(super) fn available() -> Option<f64> {
     let read = |path: &str| std::fs::read_to_string(Path::new(path)).ok();
     let info = read("/proc/meminfo")?;
@@ -39,7 +39,7 @@ pub(super) fn available() -> Option<f64> {
 /// Largest number of cells of a body.
 const MOST_CELLS: f64 = 4e9;
 
-/// Cells of a box with corners (m), and of those the ones in the shape, by samples.
+/// Number of cells of a box with corners (m), and of the cells in the shape, by samples.
 fn cells(shape: &Shape, dimension: usize, spacing: f64) -> Option<(f64, f64)> {
     let (min, max) = shape.bounds()?;
     let extent = max - min;

@@ -56,7 +56,7 @@ use sections::{BodySection, CaseSection, LogSection, TimeSection};
 pub struct Case {
     /// Name and text.
     pub file: Arc<CaseFile>,
-    /// Where relative paths start.
+    /// Folder of relative paths.
     pub folder: PathBuf,
     /// `[case]`.
     pub case: CaseSection,
@@ -72,7 +72,7 @@ pub struct Case {
     pub log: LogSection,
     /// Memory that bodies may take, bytes; that of the machine, where it is known. `None` for any.
     pub memory: Option<f64>,
-    /// Where its keys are, once a mistake was found.
+    /// Places of the keys, filled at the first mistake.
     places: OnceLock<Places>,
 }
 
@@ -202,7 +202,7 @@ impl Case {
         self.places.get_or_init(|| Places::of(&self.table()))
     }
 
-    /// The parsed text: parsed anew, because it borrows from the text.
+    /// The parsed text: parsed on each call, because it borrows from the text.
     fn table(&self) -> TomlTable<'_> {
         parse(&self.file).unwrap_or_default()
     }

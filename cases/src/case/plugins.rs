@@ -181,12 +181,12 @@ impl PluginTable<'_> {
         self.value.get_ref().get(key)?.get_ref().as_str()
     }
 
-    /// Name of its body, where the table gives it.
+    /// Name of the body, where the table gives it.
     pub(super) fn body(&self) -> Option<&str> {
         self.text("body")
     }
 
-    /// Number of its body, the first one where the table gives none.
+    /// Number of the body, the first one where the table gives none.
     pub(super) fn body_index(&self, bodies: &[Body]) -> Option<usize> {
         let place = |name| bodies.iter().position(|b| b.name == name);
         self.body().map_or(Some(0), place)

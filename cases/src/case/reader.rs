@@ -11,7 +11,7 @@ use super::SECTIONS;
 use super::contradictions::wrong_numbers;
 use super::error::{CaseError, CaseFile, Mistake, Mistakes};
 use super::locate::{self, TomlTable, TomlValue};
-use super::reword::Section;
+use super::reword::SectionContext;
 use super::sections::{LogSection, TimeSection};
 
 /// Reads sections out of a parsed file.
@@ -30,12 +30,12 @@ impl<'a, 'i> Reader<'a, 'i> {
         }
     }
 
-    /// Whether no mistake was found so far.
+    /// Whether there is no mistake.
     pub(super) fn is_right(&self) -> bool {
         self.mistakes.is_empty()
     }
 
-    /// What was read, if it has no mistake.
+    /// The value read, if there is no mistake.
     ///
     /// # Errors
     /// The mistakes.
@@ -260,7 +260,7 @@ impl<'a, 'i> Reader<'a, 'i> {
                 Ok(result) => return is_first.then_some(result),
                 Err(error) => error,
             };
-            let section = Section {
+            let section = SectionContext {
                 file: self.file,
                 name: name.to_string(),
                 header: value.span(),

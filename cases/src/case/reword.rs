@@ -10,21 +10,21 @@ use super::error::{CaseFile, Mistake};
 use super::locate::{self, TomlTable};
 use super::schema;
 
-/// A section that is being read: for messages.
-pub struct Section<'a> {
+/// The section that is being read, for messages.
+pub struct SectionContext<'a> {
     /// The case file.
     pub file: &'a Arc<CaseFile>,
-    /// Such as `[time]` or `[[couplers]]`, with the plugin's type where it has one.
+    /// Name such as `[time]` or `[[couplers]]`, with the type of a plugin.
     pub name: String,
     /// The header.
     pub header: Range<usize>,
-    /// Its keys.
+    /// The keys.
     pub table: &'a TomlTable<'a>,
     /// Schema of its keys.
     pub schema: Json,
 }
 
-impl Section<'_> {
+impl SectionContext<'_> {
     /// The keys that lead to the place of `error`; none for the section as a whole.
     pub fn path(&self, error: &toml::de::Error) -> Vec<String> {
         let at_key = error.span().filter(|span| *span != self.header);
@@ -80,7 +80,7 @@ impl Section<'_> {
         reworded.within(self.header.clone(), format!("in {}", self.name))
     }
 
-    /// The mistake with what the schema says of the key `name` at `keys`, if it says something.
+    /// The mistake with the documentation of the key `name` at `keys` in the schema, if there is one.
     fn documented(&self, mistake: Box<Mistake>, name: &str, keys: &[String]) -> Box<Mistake> {
         let doc = schema::documentation(&self.schema, keys);
         match doc.is_empty() {
@@ -143,7 +143,7 @@ fn quoted<'m>(message: &'m str, before: &str) -> Option<&'m str> {
 
 /// The unknown name and the known ones.
 fn unknown(message: &str) -> Option<(&str, Vec<&str>)> {
-    // of a choice with keys, the first of the unknown ones
+    // a choice with keys reports all unknown ones; the first is enough
     if let Some(keys) = message.strip_prefix("unexpected keys in table: ") {
         let (unknown, known) = keys.split_once(", available keys: ")?;
         let name = unknown.split(", ").next().unwrap_or(unknown);
@@ -157,7 +157,7 @@ fn unknown(message: &str) -> Option<(&str, Vec<&str>)> {
     Some((name, known.split('`').skip(1).step_by(2).collect()))
 }
 
-/// What was found and what was expected, in plain words.
+/// Found and expected type, in words.
 fn wrong_type(message: &str) -> Option<(String, String)> {
     let rest = message
         .strip_prefix("invalid type: ")

@@ -1,4 +1,4 @@
-//! Bodies that lie against each other and exchange no heat.
+//! Bodies in contact without heat exchange.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use super::warnings::provides;
 use super::{Case, CaseError};
 
 impl Case {
-    /// Pairs of bodies with a temperature that lie against each other without a `heat_interface`.
+    /// Pairs of bodies with a temperature that are in contact without a `heat_interface`.
     pub(super) fn touching_bodies(
         &self,
         simulation: &Simulation,

@@ -148,7 +148,7 @@ impl Case {
         Ok(materials.chain(couplers).filter_map(in_celsius).collect())
     }
 
-    /// Toolpaths that wait for a temperature that the body cannot reach by cooling.
+    /// Warnings about toolpaths whose interpass temperature the body cannot reach by cooling.
     pub(super) fn waits(
         &self,
         simulation: &Simulation,
@@ -253,7 +253,7 @@ fn temperatures_below(value: &TomlValue<'_>, path: &str, found: &mut Vec<(String
     }
 }
 
-/// Temperatures (K) below which toolpaths wait.
+/// Interpass temperatures (K) of toolpaths.
 fn waits_below(value: &TomlValue<'_>, found: &mut Vec<f64>) {
     match value.get_ref() {
         DeValue::Table(table) => {

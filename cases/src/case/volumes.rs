@@ -9,7 +9,7 @@ use crate::unit;
 /// Fraction of the volume of a shape by which that of the points may differ.
 const MOST: f64 = 0.03;
 
-/// By how much the volume of points differs from that of their shape (m³), where it is too much.
+/// Difference between the volume of the points and that of their shape (m³), where it is too large.
 fn difference(filled: f64, asked: f64) -> Option<String> {
     let difference = filled / asked - 1.0;
     if !(difference.abs() > MOST) {
@@ -69,7 +69,7 @@ impl Case {
     }
 }
 
-/// What two shapes have in common.
+/// Intersection of two shapes.
 fn common(one: Shape, other: Shape) -> Shape {
     let less = |from: Shape, subtract: Shape| {
         Shape::Difference(Difference {

@@ -1,5 +1,5 @@
-//! What can be run and may be a mistake: numbers in other units, points that do not fill their box, physics that do not
-//! know of each other.
+//! Warnings about valid cases that may be mistakes: numbers in other units, points that do not fill their box, physics that
+//! are not coupled.
 
 use std::ops::Range;
 
@@ -23,11 +23,11 @@ pub(super) const COLD: f64 = 150.0;
 /// Bodies larger than this (m) are suspected to be meant in millimetres.
 const HUGE: f64 = 10.0;
 
-/// Share of the extent of a box that points may leave out or add.
+/// Fraction of the extent of a box that points may leave out or add.
 const FILLED: f64 = 0.01;
 
-/// Exponent of the growth of vibrations by late heat that is told: smooth motion has some 1e-5 of its amplitude in the
-/// modes of the lattice, which grow fastest.
+/// Exponent of the growth of vibrations by late heat from which on a warning is given: smooth motion has some 1e-5 of its
+/// amplitude in the modes of the lattice, which grow fastest.
 const LATE_HEAT: f64 = 10.0;
 
 /// The value of a dotted key below a table.
@@ -47,7 +47,7 @@ const TEMPERATURES: [(Option<&str>, &str); 6] = [
 ];
 
 impl Case {
-    /// Sentences about what can be run and may be a mistake: those of the plugins, then those of the case as a whole.
+    /// Warnings of the plugins, then of the case as a whole.
     ///
     /// # Errors
     /// A section that cannot be read.
@@ -112,7 +112,7 @@ impl Case {
         mistakes.finish(())
     }
 
-    /// Temperatures that plugins are given.
+    /// Temperatures in the tables of plugins.
     fn given_temperatures(&self) -> Result<Vec<GivenTemperature>, CaseError> {
         let mut given = Vec::new();
         let physics = self.plugin_tables("physics")?.into_iter();
@@ -291,12 +291,12 @@ fn adiabatic_stiffening(body: &Body, temperature: f64) -> f64 {
     materials.fold(0.0, f64::max)
 }
 
-/// A temperature that a coupler is given.
+/// A temperature in the table of a coupler.
 struct GivenTemperature {
-    /// Of the coupler.
+    /// Type of the coupler.
     kind: String,
     key: &'static str,
-    /// K.
+    /// Temperatures, K.
     numbers: Vec<f64>,
     /// Place of the value in the file.
     span: Range<usize>,
@@ -340,7 +340,7 @@ fn lowest_temperature(simulation: &Simulation, body: usize) -> Option<f64> {
     data.flat().iter().copied().reduce(f64::min)
 }
 
-/// The lowest temperature (K) of a body whose temperature somebody provides.
+/// The lowest temperature (K) of a body whose temperature is computed or prescribed.
 fn provided_temperature(simulation: &Simulation, body: usize) -> Option<f64> {
     let mut lasting = simulation.lasting();
     let provided = lasting.any(|f| f.body == body && f.name == "temperature");

@@ -15,7 +15,7 @@ use crate::case::Case;
 use crate::case::change::Change;
 use crate::run::estimate::{Estimate, estimate};
 use crate::run::log_size::LogSize;
-use crate::run::outcome::Outcome;
+use crate::run::outcome::RunOutcome;
 use crate::run::{Failure, log_of};
 use crate::terminal::warn;
 use crate::unit::bytes;
@@ -51,11 +51,11 @@ pub fn run(args: &CheckArgs) -> Done {
     }
     let size = LogSize::new(&case, &simulation)?;
     log_size(&size, &mut out)?;
-    // of the initial state
+    // warnings about the initial state
     let mut warnings = case.warnings(&simulation)?;
     warnings.extend(size.warning(&log_of(&args.case)));
     warn(&warnings);
-    let mut outcome = Outcome::new(&simulation);
+    let mut outcome = RunOutcome::new(&simulation);
     let mut warnings = Vec::new();
     let observe = |simulation: &Simulation| {
         outcome.observe(simulation);
@@ -184,7 +184,7 @@ fn log_size(size: &LogSize, out: &mut impl Write) -> Done {
 /// Longest time for an estimate, s. A step of a static body may take hours.
 const LONGEST_ESTIMATE: f64 = 20.0;
 
-/// Does `work`, or ends the program in peace if that takes too long: a step cannot be interrupted.
+/// Does `work`, or ends the program without an error if that takes too long: a step cannot be interrupted.
 fn watched<T>(work: impl FnOnce() -> T) -> T {
     let is_done = Arc::new(AtomicBool::new(false));
     let watched = is_done.clone();

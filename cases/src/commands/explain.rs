@@ -68,10 +68,10 @@ pub fn run(args: &ExplainArgs) -> Done {
     if let Some((first, header, schema)) = known.iter().find(|(known, ..)| known == first) {
         let path: Vec<String> = name.split('.').skip(1).map(String::from).collect();
         if path.is_empty() {
-            return table(out, first, header, &Keys::new(schema, args.all));
+            return table(out, first, header, &KeyList::new(schema, args.all));
         }
         if let Some(key) = schema::at(schema, &path) {
-            return explain_key(out, name, &Keys::new(schema, args.all), key);
+            return explain_key(out, name, &KeyList::new(schema, args.all), key);
         }
         let last = path.last().map_or("", String::as_str);
         let siblings = schema::at(schema, &path[..path.len() - 1]);
@@ -113,14 +113,14 @@ pub fn run(args: &ExplainArgs) -> Done {
         };
         return Err(unknown(name, close, mentions));
     };
-    explain_key(out, path, &Keys::new(root, args.all), key)?;
+    explain_key(out, path, &KeyList::new(root, args.all), key)?;
     for (path, ..) in others {
         writeln!(out, "also: {path}")?;
     }
     Ok(())
 }
 
-/// What the `type` of a plugin is for.
+/// Documentation of the `type` of a plugin.
 const TYPE: &str = "Type of a physics or a coupler, such as `type = \"thermal\"`; `perimelt list` names all of them.";
 
 /// A section of plugins.
@@ -184,7 +184,7 @@ fn mentioning(text: &str, known: &[(String, String, Value)]) -> Vec<String> {
     found
 }
 
-/// What a word of the trade stands for.
+/// Keys for a word of the trade.
 fn meant(
     out: &mut impl Write,
     word: &str,
@@ -238,7 +238,7 @@ fn meaning(name: &str, known: &[(String, String, Value)]) -> Option<String> {
 }
 
 /// A plugin or a section with its keys.
-fn table(out: &mut impl Write, name: &str, header: &str, listed: &Keys<'_>) -> Done {
+fn table(out: &mut impl Write, name: &str, header: &str, listed: &KeyList<'_>) -> Done {
     let schema = listed.root;
     let description = schema["description"].as_str().unwrap_or("");
     writeln!(out, "{header}\n{description}\n")?;
@@ -250,7 +250,7 @@ fn table(out: &mut impl Write, name: &str, header: &str, listed: &Keys<'_>) -> D
 }
 
 /// One key, and the keys of its value.
-fn explain_key(out: &mut impl Write, path: &str, listed: &Keys<'_>, key: &Value) -> Done {
+fn explain_key(out: &mut impl Write, path: &str, listed: &KeyList<'_>, key: &Value) -> Done {
     let root = listed.root;
     let choice = key["const"].as_str().zip(path.rsplit_once('.'));
     match choice {
@@ -324,14 +324,14 @@ fn known() -> Vec<(String, String, Value)> {
 }
 
 /// The keys of a schema, with those of nested tables or with a hint at them.
-struct Keys<'a> {
+struct KeyList<'a> {
     root: &'a Value,
     all: bool,
 }
 
-impl<'a> Keys<'a> {
+impl<'a> KeyList<'a> {
     fn new(root: &'a Value, all: bool) -> Self {
-        Keys { root, all }
+        KeyList { root, all }
     }
 
     /// Prints the keys and choices of `schema`, to which `path` leads.
@@ -433,7 +433,7 @@ mod tests {
             .find(|(known, ..)| known == name)
             .expect(name);
         let mut out = Vec::new();
-        Keys::new(&schema, all)
+        KeyList::new(&schema, all)
             .write(&mut out, &schema, name, "")
             .expect("written");
         String::from_utf8(out).expect("text")

@@ -5,13 +5,23 @@ use std::io::Write;
 use perimelt_core::field::keys;
 use perimelt_core::material::known_properties;
 use perimelt_core::plugin::{Registration, registered};
-use perimelt_core::{Coupler, Physics};
+use perimelt_core::{Change, Coupler, Physics};
 
 use super::Done;
 use crate::{case::schema, library};
 
-pub fn run() -> Done {
+#[derive(clap::Args, Debug)]
+pub struct ListArgs {
+    /// Print instead, as a Markdown table, what may happen to the points of a body on which each plugin acts
+    #[arg(long)]
+    support: bool,
+}
+
+pub fn run(args: &ListArgs) -> Done {
     let out = &mut crate::terminal::output();
+    if args.support {
+        return Ok(write!(out, "{}", support())?);
+    }
     writeln!(
         out,
         "Physics ([[physics]], type = ...; more by `perimelt explain <type>`)"
@@ -45,6 +55,27 @@ pub fn run() -> Done {
     Ok(())
 }
 
+/// The table of what may happen to points, by plugin.
+pub(crate) fn support() -> String {
+    let names = Change::ALL.map(Change::name).join(" | ");
+    let rule = " --- |".repeat(Change::ALL.len() + 1);
+    let physics = registered::<dyn Physics>();
+    let physics = physics.iter().map(|r| (r.name, r.supports));
+    let couplers = registered::<dyn Coupler>();
+    let couplers = couplers.iter().map(|r| (r.name, r.supports));
+    let rows = physics.chain(couplers).map(|(name, supports)| {
+        let cells = Change::ALL.map(|change| match supports.contains(change) {
+            true => "yes",
+            false => "",
+        });
+        format!("| `{name}` | {} |\n", cells.join(" | "))
+    });
+    format!(
+        "| plugin | {names} |\n|{rule}\n{}",
+        rows.collect::<String>()
+    )
+}
+
 /// A line for each plugin of one kind.
 pub(super) fn plugins<P: ?Sized + 'static>(out: &mut impl Write) -> Done
 where
@@ -59,4 +90,19 @@ where
 
 fn row(out: &mut impl Write, name: &str, text: &str) -> Done {
     Ok(writeln!(out, "  {name:<24} {text}")?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_guide_has_the_table_of_support() {
+        let guide = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/guide.md");
+        let guide = std::fs::read_to_string(guide).expect("the guide");
+        // plugins of tests may be registered, too
+        for row in support().lines() {
+            assert!(guide.contains(row), "`perimelt list --support`: {row}");
+        }
+    }
 }

@@ -43,7 +43,7 @@ enum Command {
     /// Check a case without running it: points, bonds, memory, steps, duration
     Check(check::CheckArgs),
     /// List physics, couplers, fields, material properties and library materials
-    List,
+    List(list::ListArgs),
     /// Explain a plugin, a section of the case file, a key, a field, a material or its properties
     Explain(explain::ExplainArgs),
     /// Print the JSON schema of case files, for editors
@@ -97,7 +97,7 @@ pub fn main() -> ExitCode {
         Command::New(args) => new::run(&args),
         Command::Run(args) => run::run(&args),
         Command::Check(args) => check::run(&args),
-        Command::List => list::run(),
+        Command::List(args) => list::run(&args),
         Command::Explain(args) => explain::run(&args),
         Command::Schema => print_schema(),
         Command::Completions { shell } => print_completions(shell),

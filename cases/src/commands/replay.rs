@@ -7,15 +7,15 @@ use std::time::{Duration, Instant};
 use perimelt_core::log::{Log, Series, check_unused};
 
 use super::Done;
-use crate::growing_log::{GrowingLog, Growth};
-use crate::log_file::sound;
+use crate::growing_log::{GrowingLog, LogChange};
+use crate::log_file::skip_damaged;
 use crate::log_file::tell_damage;
-use crate::moment::{state_at, tell_other_times};
+use crate::moment::{note_other_times, state_at};
 use crate::quantity::scalar::{check_scalars, scalar};
 use crate::terminal::tell;
 use crate::unit;
 
-/// Between two looks at a log that is being written.
+/// Polling interval for a log that is being written.
 const INTERVAL: Duration = Duration::from_millis(200);
 
 #[derive(clap::Args, Debug)]
@@ -58,7 +58,7 @@ pub fn run(args: &ReplayArgs) -> Done {
         let log = growing.log();
         args.check_fields(log)?;
         let times = times(log);
-        tell_other_times(times, &[at]);
+        note_other_times(times, &[at]);
         return match state_at(times, at)? {
             Some(index) => args.show(log, index, times[index]),
             None => Err(ReplayError::Empty(args.log.clone()).into()),
@@ -86,7 +86,7 @@ pub fn run(args: &ReplayArgs) -> Done {
         }
         std::thread::sleep(INTERVAL);
         is_written = check_unused(&args.log).is_err();
-        if growing.refresh() == Growth::Replaced {
+        if growing.refresh() == LogChange::Replaced {
             tell("note: another run has replaced the log");
             shown = 0;
         }
@@ -97,13 +97,13 @@ pub fn run(args: &ReplayArgs) -> Done {
     Ok(())
 }
 
-/// Of the states of the first body, s.
+/// Times of the states of the first body, s.
 fn times(log: &Log) -> &[f64] {
     log.bodies().next().map_or(&[], |body| log.times(body))
 }
 
 impl ReplayArgs {
-    /// Reads the first state only if fields were asked for: `--at` should read one state.
+    /// Reads the first state only with `--field`: `--at` should read one state.
     fn check_fields(&self, log: &Log) -> Done {
         if !self.field.is_empty() {
             check_scalars(log, log.bodies(), &self.field)?;
@@ -118,7 +118,7 @@ impl ReplayArgs {
             if index >= log.times(body).len() {
                 continue;
             }
-            let Some(cloud) = sound(log.cloud(body, index))? else {
+            let Some(cloud) = skip_damaged(log.cloud(body, index))? else {
                 continue;
             };
             let names = if self.field.is_empty() {

@@ -63,7 +63,7 @@ impl Machine {
         set_threads(self.threads)
     }
 
-    /// The case with the limit of memory that holds here.
+    /// The case with the limit of memory of this command.
     pub(super) fn limited(&self, mut case: Case) -> Case {
         case.memory = case.memory.filter(|_| !self.any_memory);
         case
@@ -154,7 +154,7 @@ impl Common {
         }
     }
 
-    /// Prints what the run came to; its exit status.
+    /// Prints the result of the run and returns the exit status.
     fn tell(&self, summary: &Summary) -> Done {
         if !self.quiet {
             self.print(summary)?;

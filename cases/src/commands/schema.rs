@@ -52,7 +52,7 @@ fn subschema<T: JsonSchema>(generator: &mut SchemaGenerator) -> schemars::Schema
     generator.subschema_for::<T>()
 }
 
-/// What the `name` of a plugin is for.
+/// Documentation of the `name` of a plugin.
 pub(super) const PLUGIN_NAME: &str =
     "Name in messages, reports and sweeps; its type when left out.";
 
@@ -65,7 +65,7 @@ where
     let plugin = |r: &&Registration<P>| {
         let mut schema = (r.schema)().to_value();
         if let Some(Value::Object(own)) = schema.as_object_mut().and_then(|s| s.remove("$defs")) {
-            add_definitions(definitions, own, (r.name, &mut schema));
+            add_definitions(definitions, own, r.name, &mut schema);
         }
         if let Some(object) = schema.as_object_mut() {
             object.remove("$schema");
@@ -86,7 +86,8 @@ where
 fn add_definitions(
     definitions: &mut Map<String, Value>,
     own: Map<String, Value>,
-    (plugin, schema): (&str, &mut Value),
+    plugin: &str,
+    schema: &mut Value,
 ) {
     let taken: Vec<String> = own
         .iter()

@@ -1,6 +1,6 @@
-//! Words of welders and of other programs, and what they are called here.
+//! Words of welders and of other programs with the keys for them.
 
-/// A word, and the names to look at.
+/// A word, and the names of the keys.
 type Synonym = (&'static str, &'static [&'static str]);
 
 /// Words in lower case, without hyphens.

@@ -1,6 +1,7 @@
 //! `perimelt trim`: cuts a time window out of a log.
 
 use std::io::Write;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use perimelt_core::log::{
@@ -11,8 +12,8 @@ use perimelt_core::log::{
 use super::Done;
 use crate::log_file::fit_f32;
 use crate::log_file::open_log;
-use crate::log_file::sound;
-use crate::output::{Existing, Place};
+use crate::log_file::skip_damaged;
+use crate::output::{Existing, LogPlace};
 use crate::terminal::tell;
 
 #[derive(clap::Args, Debug)]
@@ -72,7 +73,7 @@ enum Item {
     Checkpoint { index: usize },
 }
 
-/// What the new log contains.
+/// Contents of the new log.
 #[derive(Debug, Default)]
 struct Kept {
     states: usize,
@@ -88,11 +89,11 @@ pub fn run(args: &TrimArgs) -> Done {
     {
         return Err(TrimError::SameFile(args.out.clone()).into());
     }
-    let place = Place::claim(&args.out, Existing::Keep.unless(args.force))?;
+    let place = LogPlace::claim(&args.out, Existing::Keep.unless(args.force))?;
     let mut part = place.begin()?;
-    let kept = copy(&log, window, part.destination())?;
+    let kept = copy(&log, &window, part.destination())?;
     part.put_in_place()?;
-    let (from, to) = kept.span.unwrap_or(window);
+    let (from, to) = kept.span.unwrap_or(window.into_inner());
     let checkpoints = match kept.checkpoints {
         0 => "no checkpoint, so that it cannot be resumed".to_string(),
         1 => "1 checkpoint".into(),
@@ -107,8 +108,8 @@ pub fn run(args: &TrimArgs) -> Done {
     Ok(())
 }
 
-/// First and last time to keep (s), with some slack for times that were printed with fewer digits than they have.
-fn window(log: &Log, args: &TrimArgs) -> Result<(f64, f64), TrimError> {
+/// First and last time to keep (s), with slack for times that were printed with fewer digits.
+fn window(log: &Log, args: &TrimArgs) -> Result<RangeInclusive<f64>, TrimError> {
     let times = || log.bodies().flat_map(|body| log.times(body)).copied();
     let first = times().fold(f64::INFINITY, f64::min);
     let last = times().fold(f64::NEG_INFINITY, f64::max);
@@ -128,8 +129,8 @@ fn window(log: &Log, args: &TrimArgs) -> Result<(f64, f64), TrimError> {
         return Err(TrimError::Reversed { from, to });
     }
     let slack = 1e-6 * (last - first);
-    let window = (from - slack, to + slack);
-    if times().any(|time| inside(time, window)) {
+    let window = from - slack..=to + slack;
+    if times().any(|time| window.contains(&time)) {
         return Ok(window);
     }
     Err(TrimError::NothingInside {
@@ -140,15 +141,11 @@ fn window(log: &Log, args: &TrimArgs) -> Result<(f64, f64), TrimError> {
     })
 }
 
-fn inside(time: f64, (from, to): (f64, f64)) -> bool {
-    from <= time && time <= to
-}
-
 /// Everything in the window, by time.
-fn items(log: &Log, window: (f64, f64)) -> Vec<(f64, Item)> {
+fn items(log: &Log, window: &RangeInclusive<f64>) -> Vec<(f64, Item)> {
     let mut items = Vec::new();
     let mut add = |time: f64, item: Item| {
-        if inside(time, window) {
+        if window.contains(&time) {
             items.push((time, item));
         }
     };
@@ -178,14 +175,14 @@ fn items(log: &Log, window: (f64, f64)) -> Vec<(f64, Item)> {
 }
 
 /// Writes the items of the window into a new log, one point cloud in memory at a time.
-fn copy(log: &Log, window: (f64, f64), to: Destination) -> Result<Kept, LogError> {
+fn copy(log: &Log, window: &RangeInclusive<f64>, to: Destination) -> Result<Kept, LogError> {
     let mut writer = Writer::begin(to, log.run(), log.case_name(), log.case_text())?;
     let mut kept = Kept::default();
     let first_body = log.bodies().next().unwrap_or_default();
     for (time, item) in items(log, window) {
         match item {
             Item::Cloud { body, index } => {
-                let Some(cloud) = sound(log.cloud(&body, index))? else {
+                let Some(cloud) = skip_damaged(log.cloud(&body, index))? else {
                     continue;
                 };
                 write_cloud(&mut writer, &body, &cloud)?;

@@ -1,8 +1,8 @@
-//! `perimelt --version`: what a report of an error needs.
+//! `perimelt --version`: the data that an error report needs.
 
 use crate::verify::results::machine;
 
-/// The command line with its version. A program with additional plugins tells its own name.
+/// The command line with its version. A program with additional plugins has its own name.
 pub fn command(command: clap::Command) -> clap::Command {
     let short = format!(
         "{} ({})",

@@ -17,7 +17,7 @@ use perimelt_core::log::{Log, LogError, LoggedCloud};
 
 use crate::argument::suggestion;
 use crate::log_file::open_log;
-use crate::log_file::sound;
+use crate::log_file::skip_damaged;
 use series::compare_series;
 pub use table::print;
 
@@ -53,10 +53,10 @@ pub enum DiffError {
     /// A log cannot be read.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// Not a tolerance.
+    /// The argument is not a tolerance.
     #[error("`--tolerance` is {0}, expected a number of 0 or more, such as 1e-6")]
     Tolerance(f64),
-    /// An asked body or field that neither log has.
+    /// A requested body or field that neither log has.
     #[error("neither log has a {what} `{name}`; they have: {}{}", known.join(", "), suggestion(name, known))]
     Unknown {
         /// body or field
@@ -111,13 +111,20 @@ pub struct Compared {
     pub name: String,
     /// SI unit
     pub unit: String,
-    /// what differences are relative to, in the unit
+    /// reference of relative differences, in the unit
     pub scale: f64,
-    /// by time
+    /// differences by time
     pub differences: Vec<Difference>,
 }
 
 impl Compared {
+    /// Adds the difference of the values at a time (s).
+    fn add(&mut self, time: f64, values: [&[f64]; 2], scale: f64) {
+        let (largest, rms) = norms(values);
+        self.scale = self.scale.max(scale);
+        self.differences.push(Difference { time, largest, rms });
+    }
+
     /// The difference at the time where it is largest.
     #[must_use]
     pub fn worst(&self) -> Option<Difference> {
@@ -146,14 +153,14 @@ impl Compared {
 
 /// Result of a comparison.
 #[derive(Clone, Debug, Default)]
-pub struct Comparison {
+pub struct LogComparison {
     /// quantities that both logs have
     pub compared: Vec<Compared>,
-    /// sentences about what only one of them has
+    /// sentences about contents of only one of them
     pub unmatched: Vec<String>,
 }
 
-impl Comparison {
+impl LogComparison {
     /// Quantities that differ by more than a relative tolerance.
     #[must_use]
     pub fn beyond(&self, tolerance: f64) -> usize {
@@ -172,12 +179,12 @@ impl Comparison {
 ///
 /// # Errors
 /// A log cannot be read, an argument makes no sense, or the logs have nothing in common.
-pub fn diff(args: &DiffArgs) -> Result<Comparison, DiffError> {
+pub fn diff(args: &DiffArgs) -> Result<LogComparison, DiffError> {
     if !(args.tolerance >= 0.0 && args.tolerance.is_finite()) {
         return Err(DiffError::Tolerance(args.tolerance));
     }
     let logs = [open_log(&args.first)?, open_log(&args.second)?];
-    let mut comparison = Comparison::default();
+    let mut comparison = LogComparison::default();
     let bodies = common_bodies(&logs, args, &mut comparison)?;
     for body in &bodies {
         compare_body(&logs, body, args, &mut comparison)?;
@@ -190,7 +197,7 @@ pub fn diff(args: &DiffArgs) -> Result<Comparison, DiffError> {
             second: described(&logs[1]),
         });
     }
-    // what was asked for by name is all that is compared
+    // a comparison of named bodies or fields excludes the series
     if args.body.is_empty() && args.field.is_empty() {
         let [first, second] = [&logs[0], &logs[1]];
         for (name, series) in first.probes() {
@@ -219,11 +226,11 @@ pub fn diff(args: &DiffArgs) -> Result<Comparison, DiffError> {
     Ok(comparison)
 }
 
-/// Bodies that are in both logs, and asked for.
+/// Requested bodies that are in both logs.
 fn common_bodies(
     logs: &[Log; 2],
     args: &DiffArgs,
-    comparison: &mut Comparison,
+    comparison: &mut LogComparison,
 ) -> Result<Vec<String>, DiffError> {
     let names = logs
         .each_ref()
@@ -262,12 +269,12 @@ fn common_bodies(
     Ok(common)
 }
 
-/// Every field asked for must have been compared.
+/// Every requested field must have been compared.
 fn check_fields(
     logs: &[Log; 2],
     bodies: &[String],
     asked: &[String],
-    comparison: &Comparison,
+    comparison: &LogComparison,
 ) -> Result<(), DiffError> {
     let is_known = |name: &&String| comparison.compared.iter().any(|c| c.name == **name);
     let Some(name) = asked.iter().find(|name| !is_known(name)) else {
@@ -317,7 +324,13 @@ fn common_times(first: &[f64], second: &[f64]) -> Vec<[usize; 2]> {
 }
 
 /// Notes times that only one of two lists has; once for bodies and series of equal times.
-fn note_times(comparison: &mut Comparison, of: &str, first: &[f64], second: &[f64], common: usize) {
+fn note_times(
+    comparison: &mut LogComparison,
+    of: &str,
+    first: &[f64],
+    second: &[f64],
+    common: usize,
+) {
     let alone = [first.len() - common, second.len() - common];
     if alone == [0, 0] {
         return;
@@ -347,7 +360,7 @@ fn compare_body(
     logs: &[Log; 2],
     body: &str,
     args: &DiffArgs,
-    comparison: &mut Comparison,
+    comparison: &mut LogComparison,
 ) -> Result<(), DiffError> {
     let pairs = pairs(logs, body);
     let [first, second] = logs.each_ref().map(|log| log.times(body));
@@ -358,8 +371,8 @@ fn compare_body(
     let mut other_points = Vec::new();
     for [i, j] in pairs {
         let (Some(a), Some(b)) = (
-            sound(logs[0].cloud(body, i))?,
-            sound(logs[1].cloud(body, j))?,
+            skip_damaged(logs[0].cloud(body, i))?,
+            skip_damaged(logs[1].cloud(body, j))?,
         ) else {
             alone.push(format!(
                 "{body}: the state at {} s is damaged in one of the logs",
@@ -374,13 +387,7 @@ fn compare_body(
         if is_asked("position") {
             let values = [&a, &b].map(|cloud| cloud.positions.as_flattened());
             let scale = extent(&a).max(extent(&b));
-            add(
-                &mut compared,
-                (body, "position", "m"),
-                a.time,
-                values,
-                scale,
-            );
+            entry(&mut compared, body, "position", "m").add(a.time, values, scale);
         }
         for field in a.fields.iter().filter(|f| is_asked(&f.name)) {
             let same = |f: &&perimelt_core::log::CloudField| {
@@ -389,8 +396,8 @@ fn compare_body(
             match b.fields.iter().find(same) {
                 Some(other) => {
                     let values = [&field.values[..], &other.values[..]];
-                    let named = (body, &*field.name, &*field.unit);
-                    add(&mut compared, named, a.time, values, size(values));
+                    let entry = entry(&mut compared, body, &field.name, &field.unit);
+                    entry.add(a.time, values, size(values));
                 }
                 None => alone.push(format!(
                     "only the first log has the field {} of {body}",
@@ -463,27 +470,23 @@ fn norms(values: [&[f64]; 2]) -> (f64, f64) {
     (largest, (sum / values[0].len().max(1) as f64).sqrt())
 }
 
-/// Adds the difference at a time to that of the quantity: its body, name and unit.
-fn add(
-    compared: &mut Vec<Compared>,
-    (of, name, unit): (&str, &str, &str),
-    time: f64,
-    values: [&[f64]; 2],
-    scale: f64,
-) {
-    let (largest, rms) = norms(values);
-    let difference = Difference { time, largest, rms };
-    match compared.iter_mut().find(|c| c.name == name && c.of == of) {
-        Some(known) => {
-            known.scale = known.scale.max(scale);
-            known.differences.push(difference);
-        }
-        None => compared.push(Compared {
+/// The differences of a quantity, by its body, name and unit.
+fn entry<'a>(
+    compared: &'a mut Vec<Compared>,
+    of: &str,
+    name: &str,
+    unit: &str,
+) -> &'a mut Compared {
+    let known = compared.iter().position(|c| c.name == name && c.of == of);
+    let index = known.unwrap_or_else(|| {
+        compared.push(Compared {
             of: of.into(),
             name: name.into(),
             unit: unit.into(),
-            scale,
-            differences: vec![difference],
-        }),
-    }
+            scale: 0.0,
+            differences: Vec::new(),
+        });
+        compared.len() - 1
+    });
+    &mut compared[index]
 }

@@ -4,19 +4,19 @@ use perimelt_core::log::{Column, Series};
 
 use crate::log_names::RELATIVE_ERROR;
 
-use super::{Comparison, add, common_times, note_times, size};
+use super::{LogComparison, common_times, entry, note_times, size};
 
 /// Columns that are compared together.
-struct Group<'a> {
+struct ColumnGroup<'a> {
     name: String,
     unit: &'a str,
     columns: Vec<[&'a Column; 2]>,
-    /// what differences are relative to
+    /// reference of relative differences
     scale: f64,
 }
 
 /// Compares a time series `of` that both logs have.
-pub(super) fn compare_series(of: &str, series: [&Series; 2], comparison: &mut Comparison) {
+pub(super) fn compare_series(of: &str, series: [&Series; 2], comparison: &mut LogComparison) {
     let [first, second] = series;
     let common = common_times(&first.times, &second.times);
     note_times(comparison, of, &first.times, &second.times, common.len());
@@ -42,15 +42,15 @@ pub(super) fn compare_series(of: &str, series: [&Series; 2], comparison: &mut Co
                 a.push(first.values[i]);
                 b.push(second.values[j]);
             }
-            let named = (of, &*group.name, group.unit);
-            add(&mut compared, named, first.times[i], [&a, &b], group.scale);
+            let entry = entry(&mut compared, of, &group.name, group.unit);
+            entry.add(first.times[i], [&a, &b], group.scale);
         }
     }
     comparison.compared.extend(compared);
 }
 
 /// The columns that both have: those of a line together, others one by one.
-fn groups<'a>(of: &str, [first, second]: [&'a Series; 2]) -> Vec<Group<'a>> {
+fn groups<'a>(of: &str, [first, second]: [&'a Series; 2]) -> Vec<ColumnGroup<'a>> {
     let shared: Vec<[&Column; 2]> = first
         .columns
         .iter()
@@ -65,7 +65,7 @@ fn groups<'a>(of: &str, [first, second]: [&'a Series; 2]) -> Vec<Group<'a>> {
     };
     if crate::probe::is_line(shared.iter().map(|[column, _]| column.name.as_str())) {
         let scale = scale_of(&shared);
-        return vec![Group {
+        return vec![ColumnGroup {
             name: format!("along {} positions", shared.len()),
             unit: &shared[0][0].unit,
             columns: shared,
@@ -89,7 +89,7 @@ fn groups<'a>(of: &str, [first, second]: [&'a Series; 2]) -> Vec<Group<'a>> {
         } else {
             scale_of(&alike).max(scale_of(&[*pair]))
         };
-        Group {
+        ColumnGroup {
             name: pair[0].name.clone(),
             unit: &pair[0].unit,
             columns: vec![*pair],

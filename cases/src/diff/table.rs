@@ -2,14 +2,14 @@
 
 use std::io::{self, Write};
 
-use super::{Compared, Comparison, DiffArgs, Difference};
+use super::{Compared, DiffArgs, Difference, LogComparison};
 use crate::unit::{label, number, pretty_unit};
 
-/// Prints the differences by quantity, what only one log has, and the conclusion.
+/// Prints the differences by quantity, the contents of only one log, and the conclusion.
 ///
 /// # Errors
-/// When the output cannot be written.
-pub fn print(comparison: &Comparison, args: &DiffArgs, out: &mut impl Write) -> io::Result<()> {
+/// The output cannot be written.
+pub fn print(comparison: &LogComparison, args: &DiffArgs, out: &mut impl Write) -> io::Result<()> {
     let name = |c: &Compared| format!("  {}", label(&c.name, &pretty_unit(&c.unit)));
     let width = comparison.compared.iter().map(|c| name(c).chars().count());
     let width = width.max().unwrap_or(0).max("  quantity".len());

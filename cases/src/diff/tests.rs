@@ -66,7 +66,7 @@ fn args(folder: &Path) -> DiffArgs {
     }
 }
 
-fn text(comparison: &Comparison, args: &DiffArgs) -> String {
+fn text(comparison: &LogComparison, args: &DiffArgs) -> String {
     let mut out = Vec::new();
     print(comparison, args, &mut out).expect("memory");
     String::from_utf8(out).expect("text")
@@ -88,7 +88,7 @@ fn norms_are_those_of_the_difference() {
     };
     let worst = of("temperature").worst().expect("times");
     assert_eq!((worst.time, worst.largest, worst.rms), (2.0, 2.0, 1.0));
-    // of the largest value in both logs, 402 K
+    // relative to the largest value in both logs, 402 K
     assert_eq!(of("temperature").worst_relative(), 2.0 / 402.0);
     assert_eq!(of("position").worst_relative(), 0.0);
     // the zero at the start of the line is compared by the size of the line

@@ -1,7 +1,7 @@
 //! Solidification events for ExaCA, a cellular automaton of grain structure (Lawrence Livermore and Oak Ridge National
 //! Laboratories): the format of its time-temperature history files. The first line names the columns, each further line is one
-//! event of a point: x, y, z (m), time at which the point went above the liquidus (s), time at which it fell below (s), and
-//! its rate of cooling then (K/s).
+//! event of a point: x, y, z (m), times (s) at which its temperature rose above and fell below the liquidus, and the cooling
+//! rate at the second (K/s).
 
 use std::collections::HashMap;
 use std::io::{self, Write};
@@ -19,13 +19,13 @@ pub(super) const FIELDS: [&str; 4] = [
 /// A solidification of a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Event {
-    /// m.
+    /// Position, m.
     position: [f64; 3],
     /// s.
     melted: f64,
     /// s.
     solidified: f64,
-    /// K/s.
+    /// Cooling rate, K/s.
     rate: f64,
 }
 
@@ -33,9 +33,9 @@ struct Event {
 #[derive(Debug, Default)]
 pub(super) struct Events {
     found: Vec<Event>,
-    /// Solidifications of each point so far, by the bits of its position.
+    /// Number of solidifications of each point, by the bits of its position.
     counted: HashMap<[u64; 3], f64>,
-    /// Events that another one followed before the next logged state.
+    /// Number of events that another one followed before the next logged state.
     pub lost: u64,
 }
 
@@ -102,7 +102,7 @@ mod tests {
         for state in [
             state(0.0, [[0.0; 2]; 4]),
             state(1.0, [[0.2, 0.0], [0.5, 0.0], [100.0, 0.0], [1.0, 0.0]]),
-            // the same as before, and the first of the other point
+            // unchanged events, and the first of the other point
             state(2.0, [[0.2, 1.1], [0.5, 1.5], [100.0, 50.0], [1.0, 1.0]]),
             // again, after two that no state saw
             state(3.0, [[2.5, 1.1], [2.75, 1.5], [80.0, 50.0], [4.0, 1.0]]),

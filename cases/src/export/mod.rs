@@ -30,8 +30,8 @@ use perimelt_core::log::{BodyInfo, Log, LogError};
 
 use crate::argument::{self, UnknownBody, suggestion};
 use crate::file_names::FileNames;
-use crate::log_file::sound;
-use crate::moment::{MomentError, states_at, tell_other_times};
+use crate::log_file::skip_damaged;
+use crate::moment::{MomentError, note_other_times, states_at};
 use crate::output::write_whole;
 use crate::output::{beside, create_folder};
 use crate::quantity::survey::Reference;
@@ -116,7 +116,7 @@ pub enum ExportError {
     },
 }
 
-/// What was exported.
+/// Result of an export.
 #[derive(Clone, Debug, Default)]
 pub struct Exported {
     /// the files, the ParaView collection last
@@ -147,83 +147,78 @@ pub fn export(args: &ExportArgs) -> Result<Exported, ExportError> {
         written: Vec::new(),
     };
 
-    for (name, series) in log.probes() {
-        folder.write((&format!("probe-{name}"), "csv"), |file| {
-            csv::series(file, series)
-        })?;
-    }
-    if !log.balance().columns.is_empty() {
-        folder.write(("balance", "csv"), |file| csv::series(file, log.balance()))?;
-    }
-    if !log.progress().is_empty() {
-        folder.write(("progress", "csv"), |file| {
-            csv::progress(file, log.progress())
-        })?;
-    }
-    let mut collection = Vec::new();
-    let mut is_displaced = false;
+    folder.write_series(&log)?;
     if let Some(body) = bodies.first() {
-        tell_other_times(log.times(&body.name), &args.at);
+        note_other_times(log.times(&body.name), &args.at);
     }
-    if args.format == ExportFormat::Exaca {
-        export_events(&log, &bodies, &mut folder)?;
-        return Ok(Exported {
-            files: folder.written,
-            is_displaced,
-        });
-    }
-    for (part, body) in bodies.into_iter().enumerate() {
-        let times = log.times(&body.name);
-        let reference = Reference::new(&log, body)?;
-        is_displaced |= reference.is_of_solid();
-        for index in chosen_times(times, args)? {
-            let Some(mut cloud) = sound(log.cloud(&body.name, index))? else {
-                continue;
-            };
-            // spacings and displacements are needed for the cells, exported or not
-            let positions = reference.positions(&cloud).into_owned();
-            let shown = reference.is_of_solid().then_some(&positions[..]);
-            let mesh = Mesh::new(body, &cloud, &positions);
-            if !args.field.is_empty() {
-                cloud
-                    .fields
-                    .retain(|field| args.field.contains(&field.name));
+    let mut is_displaced = false;
+    match args.format {
+        ExportFormat::Exaca => export_events(&log, &bodies, &mut folder)?,
+        ExportFormat::Vtk | ExportFormat::Csv => {
+            let mut collection = Vec::new();
+            for (part, body) in bodies.into_iter().enumerate() {
+                let reference = Reference::new(&log, body)?;
+                is_displaced |= reference.is_of_solid();
+                let states = export_states(&log, body, &reference, args, &mut folder)?;
+                let states = states.into_iter();
+                collection.extend(states.map(|(time, file)| vtu::DataSet { time, part, file }));
             }
-            let state = format!("{}-{index:05}", body.name);
-            let name = match args.format {
-                ExportFormat::Vtk => folder.write((&state, "vtu"), |file| {
-                    vtu::write_cloud(file, &cloud, &mesh, shown)
-                })?,
-                // returned above
-                ExportFormat::Exaca => continue,
-                ExportFormat::Csv => {
-                    folder.write((&state, "csv"), |file| csv::cloud(file, &cloud))?
-                }
-            };
-            collection.push(vtu::DataSet {
-                time: cloud.time,
-                part,
-                file: name,
-            });
+            if args.format == ExportFormat::Vtk {
+                // readers need ascending times
+                collection.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.part.cmp(&b.part)));
+                let stem = args.log.file_stem().unwrap_or_default().to_string_lossy();
+                folder.write(&stem, "pvd", |file| {
+                    vtu::write_collection(file, &collection)
+                })?;
+            }
         }
-        if args.format == ExportFormat::Csv {
-            folder.write((&format!("{}-times", body.name), "csv"), |file| {
-                csv::times(file, times)
-            })?;
-        }
-    }
-    if args.format == ExportFormat::Vtk {
-        // readers need ascending times
-        collection.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.part.cmp(&b.part)));
-        let stem = args.log.file_stem().unwrap_or_default().to_string_lossy();
-        folder.write((&*stem, "pvd"), |file| {
-            vtu::write_collection(file, &collection)
-        })?;
     }
     Ok(Exported {
         files: folder.written,
         is_displaced,
     })
+}
+
+/// Writes the states of a body as meshes or tables; times (s) and names of the files.
+fn export_states(
+    log: &Log,
+    body: &BodyInfo,
+    reference: &Reference,
+    args: &ExportArgs,
+    folder: &mut Folder,
+) -> Result<Vec<(f64, String)>, ExportError> {
+    let times = log.times(&body.name);
+    let mut written = Vec::new();
+    for index in chosen_times(times, args)? {
+        let Some(mut cloud) = skip_damaged(log.cloud(&body.name, index))? else {
+            continue;
+        };
+        // the cells need spacings and displacements, exported or not
+        let positions = reference.positions(&cloud).into_owned();
+        let mesh = Mesh::new(body, &cloud, &positions);
+        if !args.field.is_empty() {
+            cloud
+                .fields
+                .retain(|field| args.field.contains(&field.name));
+        }
+        let state = format!("{}-{index:05}", body.name);
+        let file = match args.format {
+            ExportFormat::Csv => folder.write(&state, "csv", |file| csv::cloud(file, &cloud))?,
+            _ => {
+                let shown = reference.is_of_solid().then_some(&positions[..]);
+                folder.write(&state, "vtu", |file| {
+                    vtu::write_cloud(file, &cloud, &mesh, shown)
+                })?
+            }
+        };
+        written.push((cloud.time, file));
+    }
+    if args.format == ExportFormat::Csv {
+        folder.write(&format!("{}-times", body.name), "csv", |file| {
+            csv::times(file, times)
+        })?;
+    }
+    Ok(written)
 }
 
 /// Writes the solidification events of bodies that have them, from all logged states.
@@ -234,7 +229,7 @@ fn export_events(log: &Log, bodies: &[&BodyInfo], folder: &mut Folder) -> Result
         let mut events = exaca::Events::default();
         let mut is_told = false;
         for index in 0..log.times(&body.name).len() {
-            let Some(cloud) = sound(log.cloud(&body.name, index))? else {
+            let Some(cloud) = skip_damaged(log.cloud(&body.name, index))? else {
                 continue;
             };
             is_told |= events.take(&cloud, &reference.positions(&cloud)).is_some();
@@ -250,7 +245,7 @@ fn export_events(log: &Log, bodies: &[&BodyInfo], folder: &mut Folder) -> Result
                 body.name, events.lost
             ));
         }
-        folder.write((&format!("{}-solidification", body.name), "csv"), |file| {
+        folder.write(&format!("{}-solidification", body.name), "csv", |file| {
             events.write(file)
         })?;
     }
@@ -260,7 +255,7 @@ fn export_events(log: &Log, bodies: &[&BodyInfo], folder: &mut Folder) -> Result
     }
 }
 
-/// Every field asked for must be logged for at least one of the bodies.
+/// Every requested field must be logged for at least one of the bodies.
 fn check_fields(log: &Log, bodies: &[&BodyInfo], asked: &[String]) -> Result<(), ExportError> {
     let mut known = Vec::new();
     for body in bodies
@@ -294,7 +289,7 @@ fn chosen_times(times: &[f64], args: &ExportArgs) -> Result<Vec<usize>, MomentEr
     states_at(times, &args.at)
 }
 
-/// Where the files go.
+/// The folder of the files.
 struct Folder {
     path: PathBuf,
     names: FileNames,
@@ -302,10 +297,29 @@ struct Folder {
 }
 
 impl Folder {
-    /// Writes a file; the name that it gets.
+    /// Writes probes, balance and progress.
+    fn write_series(&mut self, log: &Log) -> Result<(), ExportError> {
+        for (name, series) in log.probes() {
+            self.write(&format!("probe-{name}"), "csv", |file| {
+                csv::series(file, series)
+            })?;
+        }
+        if !log.balance().columns.is_empty() {
+            self.write("balance", "csv", |file| csv::series(file, log.balance()))?;
+        }
+        if !log.progress().is_empty() {
+            self.write("progress", "csv", |file| {
+                csv::progress(file, log.progress())
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Writes a file and returns its name.
     fn write(
         &mut self,
-        (name, extension): (&str, &str),
+        name: &str,
+        extension: &str,
         write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
     ) -> Result<String, ExportError> {
         let name = self.names.of(name, extension);

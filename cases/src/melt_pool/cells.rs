@@ -34,8 +34,7 @@ impl CellValues<'_> {
     }
 
     /// Smallest and largest coordinate (m) along a unit vector of the region at or above a level that is connected with a
-    /// cell: of the places where it ends on the lines between centres of cells, by linear interpolation, and at faces. Of
-    /// the cells `within` only.
+    /// cell, by linear interpolation on the lines between centres of cells, and at faces. Only the cells `within` count.
     pub fn extent(
         &self,
         from: usize,
@@ -152,7 +151,7 @@ impl CellValues<'_> {
     }
 }
 
-/// Part of the largest slope below which a slope is taken to be this part, for the quotients of polynomials.
+/// Smallest slope over the largest one: smaller slopes are replaced, because the quotients of polynomials divide by them.
 const LEAST: f64 = 1e-3;
 
 /// Area of the plane `normal . x = height` (unit normal) within the unit cube around the origin.
@@ -179,7 +178,7 @@ fn fraction_above(height: f64, slope: [f64; 3]) -> f64 {
     if height.abs() >= half {
         return if height > 0.0 { 1.0 } else { 0.0 };
     }
-    // of the smaller part: the corner tetrahedron without those beyond the other faces
+    // the smaller part: the corner tetrahedron less the tetrahedra beyond the other faces
     let depth = half - height.abs();
     let cube = |x: f64| x.max(0.0).powi(3);
     let beyond: f64 = m.iter().map(|m| cube(depth - m)).sum();

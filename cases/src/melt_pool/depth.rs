@@ -9,7 +9,7 @@ use super::cells::CellValues;
 use super::directions::dot;
 use super::{axis_of, extent, profile};
 
-/// Where the region above an isotherm ends along the beam.
+/// End of the region above an isotherm along the beam.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Penetration {
     /// largest depth, m
@@ -22,7 +22,7 @@ pub(crate) struct Penetration {
 pub(super) struct Region<'a> {
     pub cells: &'a CellValues<'a>,
     pub isotherm: f64,
-    /// by cell
+    /// whether each cell is in the region
     pub is_inside: Vec<bool>,
 }
 
@@ -30,7 +30,8 @@ impl<'a> Region<'a> {
     /// The region around a cell, of the cells `within` only.
     pub fn around(
         cells: &'a CellValues<'a>,
-        (from, isotherm): (usize, f64),
+        from: usize,
+        isotherm: f64,
         within: impl Fn([f64; 3]) -> bool,
     ) -> Self {
         let mut is_inside = vec![false; cells.values.len()];
@@ -120,7 +121,7 @@ impl<'a> Region<'a> {
                 continue;
             }
             let (last, down) = self.cells.ray(index, beam);
-            // of the last cell, the metal ends where the ray leaves it
+            // in the last cell the metal ends where the ray leaves the cell
             let below = match self.end_below(index, beam) {
                 Some(below) => below.min(down),
                 None if last == index => down,
@@ -158,7 +159,7 @@ impl<'a> Region<'a> {
         })
     }
 
-    /// How far the region reaches from the centre of one of its cells along the beam, in cells: up to where the value,
+    /// Extent of the region from the centre of one of its cells along the beam, in cells: up to where the value,
     /// linear between this centre and the next ones, falls to the isotherm; `None` where it does not fall below.
     fn end_below(&self, index: usize, beam: [f64; 3]) -> Option<f64> {
         let (cell, value) = (self.cells.cell(index), self.cells.values[index]);
@@ -251,7 +252,7 @@ impl<'a> Region<'a> {
         let mut ends = [(f64::INFINITY, f64::NEG_INFINITY); 2];
         let mut length = 0.0;
         while let Some(first) = root.last().copied() {
-            let part = Region::around(self.cells, (first, self.isotherm), |centre| {
+            let part = Region::around(self.cells, first, self.isotherm, |centre| {
                 let index = self.cells.index_at(centre);
                 index.is_some_and(|i| self.is_inside[i] && is_far(i))
             });

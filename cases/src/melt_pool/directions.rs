@@ -16,9 +16,9 @@ pub(super) const ONE_DIRECTION: f64 = 0.985;
 /// direction normal to both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Directions {
-    /// of travel
+    /// direction of travel
     pub travel: [f64; 3],
-    /// of the beam, into the material
+    /// direction of the beam, into the material
     pub beam: [f64; 3],
 }
 
@@ -69,10 +69,10 @@ fn normalised(v: [f64; 3]) -> Option<[f64; 3]> {
     (length > 1e-9 && length.is_finite()).then(|| v.map(|x| x / length))
 }
 
-/// What a moving heat source reports.
+/// Reported state of a heat source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SourceState {
-    /// m
+    /// Position, m.
     pub position: [f64; 3],
     /// Unit vector; `None` for a source that never moves.
     pub travel: Option<[f64; 3]>,
@@ -80,12 +80,12 @@ pub struct SourceState {
     pub beam: [f64; 3],
     /// Whether its toolpath has power, pulses aside.
     pub is_on: bool,
-    /// Length of the path with power so far, m.
+    /// Length of the path with power up to this state, m.
     pub path: f64,
 }
 
 impl SourceState {
-    /// From the reports of a coupler by name; `None` of one that is no moving source.
+    /// The state from the reports of a coupler by name; `None` for a coupler that is no moving source.
     fn read(value: impl Fn(&str) -> Option<f64>) -> Option<Self> {
         let vector = |what: &str| -> Option<[f64; 3]> {
             let [x, y, z] = ["x", "y", "z"].map(|axis| value(&format!("{what}.{axis}")));
@@ -100,14 +100,14 @@ impl SourceState {
         })
     }
 
-    /// The source in coordinates that count from a place (m).
+    /// The source in coordinates relative to a place (m).
     #[must_use]
     pub(crate) fn seen_from(&self, place: [f64; 3]) -> Self {
         let position = [0, 1, 2].map(|axis| self.position[axis] - place[axis]);
         SourceState { position, ..*self }
     }
 
-    /// Of the sources that are on (of all, if none is) the one nearest to a place (m).
+    /// The source nearest to a place (m) among those that are on, or among all if none is on.
     pub(crate) fn nearest(sources: &[SourceState], place: [f64; 3]) -> Option<&SourceState> {
         let is_any_on = sources.iter().any(|source| source.is_on);
         let distance = |source: &SourceState| {
@@ -185,7 +185,7 @@ impl LoggedSources {
             .collect()
     }
 
-    /// At a time (s) of a logged state.
+    /// Sources at the time (s) of a logged state.
     pub(crate) fn at(&self, time: f64) -> &[SourceState] {
         // times of clouds and reports are the same number
         let next = self.times.partition_point(|t| *t <= time);
@@ -194,7 +194,7 @@ impl LoggedSources {
     }
 }
 
-/// What determines the directions of a melt pool.
+/// Sources from which the directions of a melt pool follow.
 #[derive(Clone, Copy, Debug)]
 pub struct Aim<'a> {
     /// Sources that may have made the pool.
@@ -204,7 +204,7 @@ pub struct Aim<'a> {
 }
 
 impl Aim<'_> {
-    /// These directions, whatever the sources.
+    /// Fixed directions, independent of sources.
     pub fn fixed(directions: impl Into<Directions>) -> Self {
         Aim {
             sources: &[],

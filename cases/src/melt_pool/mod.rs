@@ -15,9 +15,9 @@
 //! ends on the lines between the centres of cells, by linear interpolation (`cells`). Between these lines it may reach
 //! `dx^2 / (8 R)` farther, R its radius of curvature.
 //!
-//! A pool that reaches a plane of symmetry of the body (coupler `symmetry`) goes on behind it: its width is that of both
+//! A pool that reaches a plane of symmetry of the body (coupler `symmetry`) continues behind it: its width is that of both
 //! halves, and its volume counts the mirror images. Where half of a body is simulated without that coupler, whose face is
-//! insulated, nothing says so and half of the width is measured.
+//! insulated, the symmetry is unknown and half of the width is measured.
 //!
 //! Where there are several pools, it is the one around the hottest point; the volume is that of all.
 
@@ -108,7 +108,7 @@ impl MeltPoolGauge {
             Some(lattice) => CellGrid::new(&positions, lattice.spacing),
             None => CellGrid::of_spacings(&positions, &body.points.spacing),
         };
-        let gauge = Self::on(grid?, (body.dimension, body.thickness), isotherm);
+        let gauge = Self::on(grid?, body.dimension, body.thickness, isotherm);
         Some(gauge.with_symmetry(symmetry))
     }
 
@@ -123,7 +123,7 @@ impl MeltPoolGauge {
     }
 
     /// A gauge for points on a grid, of a body of this dimension and thickness (m; m² in 1D).
-    pub(crate) fn on(grid: CellGrid, (dimension, thickness): (usize, f64), isotherm: f64) -> Self {
+    pub(crate) fn on(grid: CellGrid, dimension: usize, thickness: f64, isotherm: f64) -> Self {
         Self {
             grid,
             dimension,
@@ -133,7 +133,7 @@ impl MeltPoolGauge {
         }
     }
 
-    /// The same gauge for a body with these planes of symmetry.
+    /// Sets the planes of symmetry of the body.
     pub(crate) fn with_symmetry(mut self, faces: &[Face]) -> Self {
         self.symmetry = faces.to_vec();
         self
@@ -144,14 +144,15 @@ impl MeltPoolGauge {
     /// is NaN.
     #[must_use]
     pub fn measure(&self, temperature: &[f64], aim: Aim<'_>) -> Option<MeltPool> {
-        self.measure_present((temperature, None), aim)
+        self.measure_present(temperature, None, aim)
     }
 
-    /// As [`MeltPoolGauge::measure`], of a body whose points have material where `activity` says so.
+    /// [`MeltPoolGauge::measure`] for a body whose points have material where `activity` says so.
     #[must_use]
     pub fn measure_present(
         &self,
-        (temperature, activity): (&[f64], Option<&[f64]>),
+        temperature: &[f64],
+        activity: Option<&[f64]>,
         aim: Aim<'_>,
     ) -> Option<MeltPool> {
         let grid = &self.grid;
@@ -190,7 +191,7 @@ impl MeltPoolGauge {
         let present = (0..values.len()).filter(|&cell| !values[cell].is_nan());
         let hottest = present.max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
         let directions = aim.at(cells.centre(cells.cell(hottest)));
-        let region = Region::around(&cells, (hottest, self.isotherm), |_| true);
+        let region = Region::around(&cells, hottest, self.isotherm, |_| true);
         let alone = region.alone();
         let along = |direction: [f64; 3]| {
             let Some(axis) = axis_of(direction) else {
@@ -228,13 +229,13 @@ impl MeltPoolGauge {
         })
     }
 
-    /// Where the region above the isotherm lies along an axis, in cells from the first centre.
+    /// Ends of the region above the isotherm along an axis, in cells from the first centre.
     fn in_cells(&self, values: &[f64], axis: usize) -> Option<(f64, f64)> {
         let profile = profile(values, self.grid.cells, axis, self.dimension);
         extent(&profile, self.isotherm)
     }
 
-    /// Where a face of the body lies along its axis, in cells from the first centre.
+    /// Coordinate of a face of the body along its axis, in cells from the first centre.
     fn face_in_cells(&self, face: Face) -> f64 {
         match face.is_upper() {
             true => self.grid.cells[face.axis()] as f64 - 0.5,
@@ -242,7 +243,7 @@ impl MeltPoolGauge {
         }
     }
 
-    /// By axis: 2 where a plane of symmetry normal to it cuts the region above the isotherm, 1 otherwise.
+    /// 2 for each axis whose normal plane of symmetry cuts the region above the isotherm, else 1.
     fn halves(&self, values: &[f64]) -> [f64; 3] {
         let is_cut = |face: Face| {
             let axis = face.axis();
@@ -327,7 +328,7 @@ fn line_maximum(count: usize, value: impl Fn(usize) -> f64) -> f64 {
     }
 }
 
-/// Where the interval around the maximum of a profile lies above a level, in cells from the first
+/// Ends of the interval around the maximum of a profile that is above a level, in cells from the first
 /// centre; it ends half a cell beyond the last centre at most.
 fn extent(profile: &[f64], level: f64) -> Option<(f64, f64)> {
     let above = |index: &usize| profile[*index] >= level;

@@ -8,15 +8,15 @@ use super::directions::{SourceState, dot};
 pub(super) const STRAIGHT: f64 = 0.94;
 
 /// A state with the source that made its pool.
-pub(crate) type State<'a> = (&'a MeltPool, &'a SourceState);
+pub(crate) type PoolState<'a> = (&'a MeltPool, &'a SourceState);
 
 /// The states, by their numbers, in which the pool is steady: the source is on and farther than the longest pool of the
 /// straight part of its path from the first and from the last state of that part.
-pub(crate) fn steady(states: &[Option<State<'_>>]) -> Vec<usize> {
+pub(crate) fn steady(states: &[Option<PoolState<'_>>]) -> Vec<usize> {
     let mut steady = Vec::new();
-    let mut part: Vec<(usize, State<'_>)> = Vec::new();
+    let mut part: Vec<(usize, PoolState<'_>)> = Vec::new();
     for (index, state) in states.iter().enumerate() {
-        let goes_on = |(pool, source): &State<'_>| {
+        let goes_on = |(pool, source): &PoolState<'_>| {
             let last = part.last().is_none_or(|(_, (last, before))| {
                 dot(last.travel, pool.travel) > STRAIGHT && source.path > before.path
             });
@@ -37,10 +37,10 @@ pub(crate) fn steady(states: &[Option<State<'_>>]) -> Vec<usize> {
 }
 
 /// The states of a straight part that are not near its ends.
-fn inside<'a>(part: &'a [(usize, State<'a>)]) -> impl Iterator<Item = usize> + 'a {
+fn inside<'a>(part: &'a [(usize, PoolState<'a>)]) -> impl Iterator<Item = usize> + 'a {
     let longest = part.iter().map(|(_, (pool, _))| pool.length());
     let longest = longest.fold(0.0, f64::max);
-    let path = |state: Option<&(usize, State<'_>)>| state.map_or(0.0, |(_, (_, s))| s.path);
+    let path = |state: Option<&(usize, PoolState<'_>)>| state.map_or(0.0, |(_, (_, s))| s.path);
     let (first, last) = (path(part.first()), path(part.last()));
     let is_inside = move |path: f64| path - first >= longest && last - path >= longest;
     let inside = part.iter().filter(move |(_, (_, s))| is_inside(s.path));
@@ -81,7 +81,7 @@ mod tests {
             (pool, source)
         };
         let states: Vec<_> = (0..30).map(state).collect();
-        let states: Vec<Option<State<'_>>> = states.iter().map(|(p, s)| Some((p, s))).collect();
+        let states: Vec<Option<PoolState<'_>>> = states.iter().map(|(p, s)| Some((p, s))).collect();
         assert_eq!(steady(&states), [3, 4, 5, 6, 7, 14, 15, 16, 17]);
     }
 }

@@ -28,7 +28,7 @@ fn ellipsoid(positions: &[[f64; 3]], centre: [f64; 3], half_axes: [f64; 3]) -> V
 
 fn gauge(positions: &[[f64; 3]], dimension: usize) -> MeltPoolGauge {
     let grid = CellGrid::new(positions, SPACING).expect("a lattice");
-    MeltPoolGauge::on(grid, (dimension, 1.0), 1500.0)
+    MeltPoolGauge::on(grid, dimension, 1.0, 1500.0)
 }
 
 fn measured(

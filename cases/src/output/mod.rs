@@ -5,9 +5,9 @@
 //! handed to the disk before and after the rename that gives the file its name: after a power cut either the old or the new file
 //! is there. [`write_whole`] does this for exports, pictures and the files of a sweep.
 //!
-//! A log is written for hours, so its [`Place`] is claimed before the case is composed: an empty lock file beside it,
-//! `.<name>.lock`, is locked until the run has ended. Every command that would replace the log finds it locked. [`Placed`]
-//! tells whether the name still leads to the log that the run writes.
+//! A log is written for hours, so its [`LogPlace`] is claimed before the case is composed: an empty lock file beside it,
+//! `.<name>.lock`, is locked until the run has ended. Every command that would replace the log finds it locked. [`NamedLog`]
+//! checks whether the name still leads to the log that the run writes.
 
 use std::fs::{File, TryLockError};
 use std::io::{self, BufWriter, Write};
@@ -24,12 +24,12 @@ pub enum PlaceError {
     /// A folder, a pipe or a device.
     #[error("{path} is {what}, and a log is a regular file; give another `--out`", path = path.display())]
     NotAFile {
-        /// As given.
+        /// The path as given.
         path: PathBuf,
-        /// What it is.
+        /// Kind of the file.
         what: &'static str,
     },
-    /// It exists, and nobody asked to replace it.
+    /// It exists, and the command may not replace it.
     #[error(
         "{path} exists: `--force` replaces it, {}",
         if *is_log {
@@ -40,7 +40,7 @@ pub enum PlaceError {
         path = path.display()
     )]
     Exists {
-        /// As given.
+        /// The path as given.
         path: PathBuf,
         /// Whether it is the log of a run.
         is_log: bool,
@@ -67,14 +67,14 @@ pub enum PlaceError {
     },
 }
 
-/// What to do with a file that is there.
+/// Treatment of an existing file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Existing {
     /// Keep it; the command fails.
     Keep,
-    /// The same; the user is told that the run of a log can be continued.
+    /// Keep it; the command fails with a message that the run of a log can be continued.
     KeepRun,
-    /// Replace it: the user asked for that, or the new log contains what the old one does.
+    /// Replace it: on request, or because the new log contains the old one.
     Replace,
 }
 
@@ -88,15 +88,15 @@ impl Existing {
 
 /// The place of a log, claimed until this is dropped. Links lead to the file that is replaced.
 #[derive(Debug)]
-pub struct Place {
+pub struct LogPlace {
     given: PathBuf,
     /// Without links.
     file: PathBuf,
-    /// Removed when the place is given up.
+    /// Removed when the place is released.
     _lock: LockFile,
 }
 
-impl Place {
+impl LogPlace {
     /// Claims the place called `given`.
     ///
     /// # Errors
@@ -125,7 +125,7 @@ impl Place {
         guard()?;
         let lock = LockFile::take(&file).map_err(failed)?;
         let lock = lock.ok_or_else(|| in_use(given))?;
-        // another run may have put its log there before it gave up the lock
+        // another run may have put its log there before it released the lock
         guard()?;
         remove_leftovers(&file);
         Ok(Self {
@@ -146,10 +146,10 @@ impl Place {
     ///
     /// # Errors
     /// The operating system refuses.
-    pub fn begin(&self) -> Result<Part<'_>, PlaceError> {
+    pub fn begin(&self) -> Result<PendingLog<'_>, PlaceError> {
         let made = temporary(&self.file).and_then(|file| {
             let writable = file.as_file().try_clone()?;
-            Ok(Part {
+            Ok(PendingLog {
                 place: self,
                 _unfinished: Unfinished::new(file.path()),
                 writable: Some(writable),
@@ -173,18 +173,18 @@ fn in_use(given: &Path) -> PlaceError {
 
 /// A log that is not in its place yet.
 #[derive(Debug)]
-pub struct Part<'a> {
-    place: &'a Place,
+pub struct PendingLog<'a> {
+    place: &'a LogPlace,
     file: NamedTempFile,
     writable: Option<File>,
     _unfinished: Unfinished,
 }
 
-impl<'a> Part<'a> {
-    /// Where a writer of logs writes; its messages name the place.
+impl<'a> PendingLog<'a> {
+    /// Destination for a writer of logs, whose messages name the place.
     ///
     /// # Panics
-    /// When it is called twice.
+    /// The second call.
     pub fn destination(&mut self) -> Destination {
         let file = self.writable.take();
         Destination::new(
@@ -197,21 +197,21 @@ impl<'a> Part<'a> {
     ///
     /// # Errors
     /// The operating system refuses.
-    pub fn put_in_place(self) -> Result<Placed<'a>, PlaceError> {
+    pub fn put_in_place(self) -> Result<NamedLog<'a>, PlaceError> {
         let place = self.place;
         let file = put(self.file, &place.file).map_err(|source| place.failed(source))?;
-        Ok(Placed { place, file })
+        Ok(NamedLog { place, file })
     }
 }
 
 /// A log that has its name.
 #[derive(Debug)]
-pub struct Placed<'a> {
-    place: &'a Place,
+pub struct NamedLog<'a> {
+    place: &'a LogPlace,
     file: File,
 }
 
-impl Placed<'_> {
+impl NamedLog<'_> {
     /// Whether the name leads to this log.
     ///
     /// # Errors
@@ -229,7 +229,7 @@ impl Placed<'_> {
 /// Writes a file that takes its name when it is complete. A regular file or a link of that name is replaced.
 ///
 /// # Errors
-/// Something else has the name, or what the operating system says.
+/// The name belongs to something else than a regular file, or an error of the operating system.
 pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
@@ -254,7 +254,7 @@ impl WholeFile {
     /// Begins the file called `path`.
     ///
     /// # Errors
-    /// Something else has the name, or what the operating system says.
+    /// The name belongs to something else than a regular file, or an error of the operating system.
     pub fn begin(path: &Path) -> io::Result<Self> {
         // what a link leads to is not written to: the link is replaced
         if std::fs::symlink_metadata(path).is_ok_and(|data| !data.is_symlink())
@@ -272,10 +272,10 @@ impl WholeFile {
         })
     }
 
-    /// Where to write.
+    /// The file to write.
     ///
     /// # Errors
-    /// What the operating system says.
+    /// An error of the operating system.
     pub fn writable(&self) -> io::Result<File> {
         self.file.as_file().try_clone()
     }
@@ -283,7 +283,7 @@ impl WholeFile {
     /// Gives the file its name.
     ///
     /// # Errors
-    /// What the operating system says.
+    /// An error of the operating system.
     pub fn put_in_place(self) -> io::Result<()> {
         put(self.file, &self.path).map(drop)
     }
@@ -319,7 +319,7 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// A new file beside `path` with a name that nobody else has: `.<name>.<six characters>.part`.
+/// A new file beside `path` with a unique name: `.<name>.<six characters>.part`.
 fn temporary(path: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     let prefix = hidden(path) + ".";
@@ -327,7 +327,7 @@ fn temporary(path: &Path) -> io::Result<NamedTempFile> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
-        // as of any new file; the system takes the user's mask from it
+        // the mode of any new file, before the mask of the user
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
     builder.tempfile_in(folder_of(path))
@@ -345,7 +345,7 @@ fn hidden(path: &Path) -> String {
     format!(".{}", &name[..end.unwrap_or(0)])
 }
 
-/// Removes what killed runs left of this log; its place is claimed, so that nobody writes them.
+/// Removes temporary files that killed runs of this log left. Its place is claimed, so that no process writes them.
 fn remove_leftovers(file: &Path) {
     let prefix = hidden(file) + ".";
     let Ok(entries) = std::fs::read_dir(folder_of(file)) else {
@@ -370,7 +370,7 @@ struct LockFile {
     path: PathBuf,
     /// Has the lock while it is open.
     _file: File,
-    /// Of an empty file; one with content is the user's and stays.
+    /// Removes an empty file; one with content is the user's and stays.
     _unfinished: Option<Unfinished>,
 }
 
@@ -391,7 +391,7 @@ impl LockFile {
                             path.display()
                         )));
                     }
-                    // of a run that goes on, or one that was killed
+                    // the lock of another run, which may have been killed
                     match File::options().write(true).open(&path) {
                         Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
                         opened => opened?,
@@ -404,7 +404,7 @@ impl LockFile {
                 // some file systems have no locks
                 Ok(()) | Err(TryLockError::Error(_)) => {}
             }
-            // the process that had it may have removed it meanwhile
+            // the process that held the lock may have removed the file meanwhile
             if leads_to(&path, &file) {
                 let is_ours = file.metadata()?.len() == 0;
                 let _unfinished = is_ours.then(|| Unfinished::new(&path));
@@ -443,7 +443,7 @@ fn behind_links(given: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("its links lead in a circle"))
 }
 
-/// What something is that is no regular file. What has no name yet or cannot be looked at is refused when it is opened.
+/// Kind of a path that is no regular file; `None` where it does not exist or its metadata cannot be read.
 fn irregular(file: &Path) -> Option<&'static str> {
     match std::fs::metadata(file) {
         Ok(data) if data.is_dir() => Some("a folder"),

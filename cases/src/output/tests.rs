@@ -2,8 +2,8 @@ use std::os::unix::fs::symlink;
 
 use super::*;
 
-fn claimed(path: &Path) -> Place {
-    Place::claim(path, Existing::Replace).expect("free")
+fn claimed(path: &Path) -> LogPlace {
+    LogPlace::claim(path, Existing::Replace).expect("free")
 }
 
 fn names(folder: &Path) -> Vec<String> {
@@ -33,7 +33,7 @@ fn links_lead_to_the_file_that_is_replaced() {
     drop(place);
     assert_eq!(names(&at("data")), ["log"]);
     symlink("circle", at("circle")).expect("a link");
-    let refused = Place::claim(&at("circle"), Existing::Keep);
+    let refused = LogPlace::claim(&at("circle"), Existing::Keep);
     let refused = refused.expect_err("a circle").to_string();
     assert!(refused.contains("lead in a circle"), "{refused}");
 }
@@ -45,7 +45,7 @@ fn what_was_begun_and_failed_is_removed() {
     drop(place.begin().expect("writable"));
     drop(place);
     assert!(names(folder.path()).is_empty());
-    let refused = Place::claim(folder.path(), Existing::Replace);
+    let refused = LogPlace::claim(folder.path(), Existing::Replace);
     let refused = refused.expect_err("a folder").to_string();
     assert!(
         refused.contains("is a folder, and a log is a regular file"),
@@ -57,7 +57,7 @@ fn what_was_begun_and_failed_is_removed() {
 fn a_place_is_claimed_once_and_its_leftovers_are_removed() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
-    // of a run that was killed, and two files of the user
+    // a file of a killed run and two files of the user
     for name in [
         ".log.lock",
         ".log.Ab12xY.part",
@@ -67,7 +67,7 @@ fn a_place_is_claimed_once_and_its_leftovers_are_removed() {
         std::fs::write(at(name), "").expect("writable");
     }
     let place = claimed(&at("log"));
-    let refused = Place::claim(&at("log"), Existing::Replace);
+    let refused = LogPlace::claim(&at("log"), Existing::Replace);
     let refused = refused.expect_err("claimed").to_string();
     assert!(
         refused.contains("is being written by another run"),

@@ -96,7 +96,7 @@ pub enum PictureKind {
 }
 
 impl PictureKind {
-    /// As on the command line.
+    /// The name on the command line.
     pub(super) fn name(&self) -> &'static str {
         match self {
             Self::Fields => "fields",

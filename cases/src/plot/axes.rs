@@ -155,16 +155,16 @@ fn power_of_ten(power: i32) -> String {
     }
 }
 
-/// A frame with a horizontal and a vertical axis; numbers become pixels by [`Frame::place`].
+/// A frame with a horizontal and a vertical axis; numbers become pixels by [`ChartFrame::place`].
 #[derive(Clone, Debug)]
-pub(crate) struct Frame {
+pub(crate) struct ChartFrame {
     /// left, top, right, bottom, pixels
     pub edges: [f64; 4],
     pub horizontal: ChartAxis,
     pub vertical: ChartAxis,
 }
 
-impl Frame {
+impl ChartFrame {
     /// Pixel of a pair of numbers.
     pub(crate) fn place(&self, x: f64, y: f64) -> [f64; 2] {
         let [left, top, right, bottom] = self.edges;

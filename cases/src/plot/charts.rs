@@ -11,7 +11,7 @@ use crate::log_names::RELATIVE_ERROR;
 use crate::melt_pool::MeltPool;
 use crate::quantity::isotherm::Isotherm;
 use crate::quantity::scalar::Scalar;
-use crate::quantity::survey::Survey;
+use crate::quantity::survey::BodySurvey;
 use crate::unit::{self, Shown};
 
 /// Errors of the balances relative to what was stored or supplied, over time, with the limit that `perimelt verify` sets.
@@ -76,7 +76,8 @@ fn computed_errors(balance: &Series) -> Vec<(String, Vec<f64>)> {
 /// contained in the series.
 pub(super) fn line_probe_chart(
     title: String,
-    (series, rows): (&Series, &[usize]),
+    series: &Series,
+    rows: &[usize],
     field: &str,
     celsius: bool,
 ) -> Chart {
@@ -157,7 +158,7 @@ pub(super) fn line_chart(
 /// Length, width and depth over time; empty if no point ever melts.
 pub(super) fn melt_pool_chart(
     body: &BodyInfo,
-    survey: &Survey,
+    survey: &BodySurvey,
     isotherm: Option<&Isotherm>,
     celsius: bool,
 ) -> Chart {

@@ -8,8 +8,8 @@ pub(crate) const GREY: Colour = (120, 120, 126);
 pub(crate) const LIGHT_GREY: Colour = (226, 226, 230);
 pub(crate) const WHITE: Colour = (255, 255, 255);
 
-/// Lines of charts: the palette of Okabe and Ito (2008), which colour-blind readers can tell
-/// apart, without its yellow, which is too pale for a line on white.
+/// Lines of charts: the palette of Okabe and Ito (2008), which colour-blind readers can
+/// distinguish, without its yellow, which is too pale for a line on white.
 pub(crate) const LINES: [Colour; 6] = [
     (0, 114, 178),
     (213, 94, 0),
@@ -19,7 +19,7 @@ pub(crate) const LINES: [Colour; 6] = [
     (230, 159, 0),
 ];
 
-/// Isotherms, to be told apart from each other and, with a dark seam, from the colour maps.
+/// Isotherms: distinct from each other and, with a dark seam, from the colour maps.
 pub(crate) const ISOTHERMS: [Colour; 8] = [
     (255, 255, 255),
     (110, 225, 255),
@@ -98,7 +98,7 @@ const BLUE_RED: [Colour; 9] = [
 ];
 
 impl ColourMap {
-    /// Its control points, equidistant.
+    /// Equidistant control points.
     pub(crate) fn control_points(self) -> &'static [Colour] {
         match self {
             Self::Inferno => &INFERNO,

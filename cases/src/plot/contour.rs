@@ -27,7 +27,7 @@ pub(crate) fn contour(raster: &Raster, level: f64) -> Vec<Segment> {
                     corners.swap(1, 3);
                 }
                 let values = corners.map(|corner| corner_value(raster, cell, corner));
-                let centre = raster.centre((i, j));
+                let centre = raster.centre([i, j]);
                 let place = |corner: [i64; 2]| {
                     let half = 0.5 * raster.spacing;
                     [0, 1].map(|axis| centre[axis] + half * corner[axis] as f64)
@@ -100,7 +100,7 @@ fn face_value(raster: &Raster, cell: [i64; 2], axis: usize, side: i64) -> Option
 
 /// Values at the corners, in the middles of the faces and in the centre of a cell, by their side of the centre (-1, 0, 1) plus 1
 /// along both axes; `None` for a cell without a finite value.
-pub(super) fn cell_values(raster: &Raster, (i, j): (usize, usize)) -> Option<[[f64; 3]; 3]> {
+pub(super) fn cell_values(raster: &Raster, [i, j]: [usize; 2]) -> Option<[[f64; 3]; 3]> {
     let cell = [i as i64, j as i64];
     finite(raster, cell)?;
     Some([-1, 0, 1].map(|x| [-1, 0, 1].map(|y| corner_value(raster, cell, [x, y]))))
@@ -204,7 +204,7 @@ mod tests {
         };
         for j in 0..n {
             for i in 0..n {
-                let place = raster.centre((i, j));
+                let place = raster.centre([i, j]);
                 raster.values.push(value(place));
                 raster.heights.push(height(place));
             }

@@ -3,7 +3,7 @@
 use perimelt_core::log::{Column, Series};
 
 use super::{
-    axes::{ChartAxis, Frame, LABEL, TICK, look},
+    axes::{ChartAxis, ChartFrame, LABEL, TICK, look},
     colour::{GREY, LINES},
     heading::{ROW, draw_heading, draw_rows, heading_height, rows},
     picture::{Anchor, Picture},
@@ -81,10 +81,10 @@ impl Chart {
     pub(crate) fn draw(&self, case: &str, width: u32) -> Option<Picture> {
         let horizontal = self.horizontal_axis()?;
         let right = f64::from(width) - RIGHT;
-        let placed: Vec<Placed> = self
+        let placed: Vec<PlacedPanel> = self
             .panels
             .iter()
-            .filter_map(|panel| Placed::new(panel, right - LEFT))
+            .filter_map(|panel| PlacedPanel::new(panel, right - LEFT))
             .collect();
         if placed.is_empty() {
             return None;
@@ -100,7 +100,7 @@ impl Chart {
         for (index, placed) in placed.iter().enumerate() {
             let top = below + placed.above;
             below = top + height + GAP;
-            let frame = Frame {
+            let frame = ChartFrame {
                 edges: [LEFT, top, right, top + height],
                 horizontal: horizontal.clone(),
                 vertical: placed.vertical.clone(),
@@ -109,8 +109,8 @@ impl Chart {
             if let Some((name, value)) = &placed.panel.limit {
                 draw_limit(&mut picture, &frame, name, *value);
             }
-            for (line, (_, values)) in placed.panel.lines.iter().enumerate() {
-                self.draw_line(&mut picture, &frame, (values, placed.panel.has_dots), line);
+            for line in 0..placed.panel.lines.len() {
+                self.draw_line(&mut picture, &frame, placed.panel, line);
             }
             frame.draw(&mut picture, index + 1 == count as usize);
             if !placed.panel.title.is_empty() {
@@ -143,17 +143,11 @@ impl Chart {
         }
     }
 
-    fn draw_line(
-        &self,
-        picture: &mut Picture,
-        frame: &Frame,
-        (values, has_dots): (&[f64], bool),
-        line: usize,
-    ) {
+    fn draw_line(&self, picture: &mut Picture, frame: &ChartFrame, panel: &Panel, line: usize) {
         let colour = LINES[line % LINES.len()];
         let mut points: Vec<[f64; 2]> = Vec::new();
         let mut pieces = Vec::new();
-        for (&x, &y) in self.horizontal.iter().zip(values) {
+        for (&x, &y) in self.horizontal.iter().zip(&panel.lines[line].1) {
             if x.is_finite() && y.is_finite() && (y > 0.0 || !frame.vertical.logarithmic) {
                 points.push(frame.place(x, y));
             } else {
@@ -162,7 +156,7 @@ impl Chart {
         }
         pieces.push(points);
         for piece in pieces {
-            if has_dots {
+            if panel.has_dots {
                 piece.iter().for_each(|p| picture.dot(*p, 5.0, colour));
             }
             match piece[..] {
@@ -175,7 +169,7 @@ impl Chart {
 }
 
 /// A panel with its axis and legend.
-struct Placed<'a> {
+struct PlacedPanel<'a> {
     panel: &'a Panel,
     vertical: ChartAxis,
     names: Vec<String>,
@@ -185,7 +179,7 @@ struct Placed<'a> {
     above: f64,
 }
 
-impl<'a> Placed<'a> {
+impl<'a> PlacedPanel<'a> {
     /// `None` for a panel without numbers.
     fn new(panel: &'a Panel, room: f64) -> Option<Self> {
         let lines = panel.lines.iter().flat_map(|(_, values)| values.iter());
@@ -238,7 +232,7 @@ impl Panel {
 }
 
 /// A dashed line across the frame, with its name.
-fn draw_limit(picture: &mut Picture, frame: &Frame, name: &str, value: f64) {
+fn draw_limit(picture: &mut Picture, frame: &ChartFrame, name: &str, value: f64) {
     const DASH: f64 = 14.0;
     let [left, top, right, _] = frame.edges;
     let [_, y] = frame.place(frame.horizontal.from, value);

@@ -1,4 +1,4 @@
-//! What can go wrong with a plot.
+//! Errors of plots.
 
 use std::path::PathBuf;
 
@@ -43,7 +43,7 @@ pub enum PlotError {
     SectionOutside {
         /// name of the axis
         axis: &'static str,
-        /// coordinate asked for, m
+        /// requested coordinate, m
         at: f64,
         /// the body
         body: String,
@@ -55,20 +55,20 @@ pub enum PlotError {
         "`--width {width}` is too narrow for letters of `--dpi {dpi}`: expected at least {least} pixels"
     )]
     Narrow {
-        /// width asked for, pixels
+        /// requested width, pixels
         width: u32,
-        /// resolution asked for, pixels per inch
+        /// requested resolution, pixels per inch
         dpi: u32,
         /// the least width at this resolution, pixels
         least: u32,
     },
-    /// No picture of the kinds asked for.
+    /// No picture of the requested kinds.
     #[error(
         "`--only {}`: the log has nothing of this kind to draw",
         kinds.iter().map(PictureKind::name).collect::<Vec<_>>().join(",")
     )]
     NoneOfKind {
-        /// the kinds asked for
+        /// the requested kinds
         kinds: Vec<PictureKind>,
     },
     /// A film of an unknown format.

@@ -15,13 +15,13 @@ use super::{
 };
 use crate::quantity::isotherm::{Isotherm, of_highest_temperatures};
 use crate::quantity::scalar::{Scalar, scalar};
-use crate::quantity::survey::{Hottest, Reference, Survey, grid_of};
+use crate::quantity::survey::{BodySurvey, Hottest, Reference, grid_of};
 use crate::unit::{self, Shown};
 
 /// The field whose isotherms are the macrograph of a weld.
 pub(super) const HIGHEST_TEMPERATURES: &str = "peak_temperature";
 
-/// What all pictures of a field of a body have in common.
+/// Common data of all pictures of a field of a body.
 #[derive(Clone, Debug)]
 pub(super) struct FieldPlot<'a> {
     pub body: &'a BodyInfo,
@@ -43,13 +43,13 @@ pub(super) enum Drawn {
 }
 
 impl Plotter<'_> {
-    /// How the pictures of a field are made.
+    /// Settings for the pictures of a field.
     pub(super) fn field_plot<'a>(
         &self,
         body: &'a BodyInfo,
         field: &'a str,
         isotherms: &[Isotherm],
-        survey: &Survey,
+        survey: &BodySurvey,
     ) -> Result<FieldPlot<'a>, LogError> {
         let reference = Reference::new(self.log, body)?;
         Ok(FieldPlot {
@@ -70,7 +70,7 @@ impl Plotter<'_> {
         })
     }
 
-    /// The sections asked for, or those along and across through a point.
+    /// The requested sections, or those along and across through a point.
     pub(super) fn cuts(&self, hottest: Option<Hottest>) -> Vec<Cut> {
         if !self.args.section.is_empty() {
             return self.args.section.clone();
@@ -89,7 +89,7 @@ impl Plotter<'_> {
         cloud: &LoggedCloud,
     ) -> Result<Option<Drawn>, PlotError> {
         let body = plot.body;
-        // of a body without material nothing is shown
+        // a body without material is not drawn
         let Some(scalar) = scalar(cloud, plot.field).filter(|_| !cloud.positions.is_empty()) else {
             return Ok(None);
         };

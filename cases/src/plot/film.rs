@@ -17,7 +17,7 @@ use super::{
     palette::Palette,
     scale::ColourScale,
 };
-use crate::log_file::sound;
+use crate::log_file::skip_damaged;
 use crate::output::WholeFile;
 use crate::quantity::isotherm;
 use crate::quantity::scalar::scalar;
@@ -25,12 +25,12 @@ use crate::quantity::survey::survey;
 
 /// File format of a film, by the end of its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
+enum FilmFormat {
     Gif,
     Png,
 }
 
-impl Format {
+impl FilmFormat {
     fn of(path: &Path) -> Result<Self, PlotError> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         match extension.as_deref() {
@@ -42,14 +42,14 @@ impl Format {
 }
 
 /// A picture of a film: red, green and blue of all pixels.
-struct Frame {
+struct FilmFrame {
     width: u32,
     height: u32,
     pixels: Vec<u8>,
 }
 
-impl Frame {
-    /// The same on paper of another size: cut off, or with white below it.
+impl FilmFrame {
+    /// The picture with another height: cut off, or with white below it.
     fn fitted(mut self, width: u32, height: u32) -> Self {
         if self.width == width {
             self.pixels
@@ -63,7 +63,7 @@ impl Frame {
 impl Plotter<'_> {
     /// Draws a film of the first field of the first of these bodies that has more than one dimension.
     pub(super) fn film(&mut self, bodies: &[&BodyInfo], path: &Path) -> Result<(), PlotError> {
-        let format = Format::of(path)?;
+        let format = FilmFormat::of(path)?;
         let is_drawn =
             |body: &&&BodyInfo| body.dimension > 1 && !self.log.times(&body.name).is_empty();
         let body = bodies.iter().find(is_drawn).ok_or(PlotError::NoFilm)?;
@@ -79,10 +79,10 @@ impl Plotter<'_> {
             (None, Some(range)) => ColourScale::new(field, range.from, range.to).map,
             (None, None) => ColourMap::Viridis,
         };
-        let mut film = Film::create(path, (format, map), (chosen.len(), self.args.rate))?;
+        let mut film = Film::create(path, format, map, chosen.len(), self.args.rate)?;
         for index in chosen {
             // the picture before a damaged state stays for longer
-            let Some(cloud) = sound(self.log.cloud(&body.name, index))? else {
+            let Some(cloud) = skip_damaged(self.log.cloud(&body.name, index))? else {
                 film.repeat()?;
                 continue;
             };
@@ -93,7 +93,7 @@ impl Plotter<'_> {
                         what,
                     })?;
                     let (width, height) = picture.size();
-                    film.add(Frame {
+                    film.add(FilmFrame {
                         width,
                         height,
                         pixels,
@@ -126,7 +126,7 @@ impl Plotter<'_> {
         };
         let mut extent = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
         for &index in chosen {
-            let Some(cloud) = sound(self.log.cloud(&plot.body.name, index))? else {
+            let Some(cloud) = skip_damaged(self.log.cloud(&plot.body.name, index))? else {
                 continue;
             };
             let values = scalar(&cloud, plot.field).map_or(Vec::new(), |scalar| scalar.values);
@@ -165,13 +165,15 @@ impl Plotter<'_> {
 struct Film {
     path: PathBuf,
     whole: WholeFile,
-    format: Format,
+    format: FilmFormat,
     palette: Palette,
-    /// number of pictures, pictures in a second
-    length: (usize, u16),
+    /// number of pictures
+    pictures: usize,
+    /// pictures in a second
+    rate: u16,
     file: Option<BufWriter<File>>,
     encoder: Option<Encoder>,
-    last: Option<Frame>,
+    last: Option<FilmFrame>,
     /// pictures before the first one
     missing: usize,
 }
@@ -184,8 +186,10 @@ enum Encoder {
 impl Film {
     fn create(
         path: &Path,
-        (format, map): (Format, ColourMap),
-        length: (usize, u16),
+        format: FilmFormat,
+        map: ColourMap,
+        pictures: usize,
+        rate: u16,
     ) -> Result<Self, PlotError> {
         let failed = |source| PlotError::Io {
             action: "create",
@@ -199,7 +203,8 @@ impl Film {
             whole,
             format,
             palette: Palette::new(map),
-            length,
+            pictures,
+            rate,
             file: Some(BufWriter::new(file)),
             encoder: None,
             last: None,
@@ -208,7 +213,7 @@ impl Film {
     }
 
     /// Adds a picture; the first one gives the size of all.
-    fn add(&mut self, frame: Frame) -> Result<(), PlotError> {
+    fn add(&mut self, frame: FilmFrame) -> Result<(), PlotError> {
         if let Some(file) = self.file.take() {
             self.encoder = Some(self.encoder(file, &frame)?);
         }
@@ -231,10 +236,9 @@ impl Film {
         self.encode()
     }
 
-    fn encoder(&self, file: BufWriter<File>, frame: &Frame) -> Result<Encoder, PlotError> {
-        let (count, rate) = self.length;
+    fn encoder(&self, file: BufWriter<File>, frame: &FilmFrame) -> Result<Encoder, PlotError> {
         match self.format {
-            Format::Gif => {
+            FilmFormat::Gif => {
                 let side = |pixels: u32| {
                     u16::try_from(pixels)
                         .map_err(|_| self.failed("the pictures are too large for a GIF"))
@@ -251,13 +255,13 @@ impl Film {
                     .map_err(|error| self.failed(error))?;
                 Ok(Encoder::Gif(Box::new(encoder)))
             }
-            Format::Png => {
+            FilmFormat::Png => {
                 let mut encoder = png::Encoder::new(file, frame.width, frame.height);
                 encoder.set_color(png::ColorType::Rgb);
-                let frames = u32::try_from(count).unwrap_or(u32::MAX);
+                let frames = u32::try_from(self.pictures).unwrap_or(u32::MAX);
                 let animated = encoder
                     .set_animated(frames, 0)
-                    .and_then(|()| encoder.set_frame_delay(1, rate));
+                    .and_then(|()| encoder.set_frame_delay(1, self.rate));
                 animated.map_err(|error| self.failed(error))?;
                 let writer = encoder.write_header().map_err(|error| self.failed(error))?;
                 Ok(Encoder::Png(Box::new(writer)))
@@ -271,11 +275,11 @@ impl Film {
         };
         let written = match encoder {
             Encoder::Gif(encoder) => {
-                // the side was found to fit
+                // the sizes fit, as checked at the first picture
                 let (width, height) = (frame.width as u16, frame.height as u16);
                 let pixels = self.palette.indices(&frame.pixels);
                 let mut picture = gif::Frame::from_indexed_pixels(width, height, pixels, None);
-                picture.delay = 100 / self.length.1;
+                picture.delay = 100 / self.rate;
                 encoder.write_frame(&picture).map_err(|e| e.to_string())
             }
             Encoder::Png(writer) => writer

@@ -94,31 +94,36 @@ pub(crate) fn write_log(path: &Path, cells: [usize; 3]) {
                 .points(&body.name, Precision::F64, &cloud)
                 .expect("written");
         }
-        let (hot, cold) = (300.0 + 900.0 * time.sqrt(), 300.0 + 200.0 * time);
-        let probe = [
-            ("near_weld", "K", hot),
-            ("far", "K", cold),
-            ("uz", "m", -2e-5 * time),
-        ];
-        writer
-            .probe("thermocouples", time, &probe)
-            .expect("written");
-        let error = 1e-13 * (1.0 + time * 30.0);
-        let balance = [
-            ("heat.energy.stored", "J", 500.0 * time),
-            ("heat.energy.error", "J", -error),
-            ("heat.energy.relative_error", "1", error / 500.0),
-        ];
-        writer.balance(time, &balance).expect("written");
-        let mut progress = Progress {
-            time,
-            step: step as u64,
-            ..Progress::default()
-        };
-        progress.sub_steps.insert("heat".into(), 20);
-        writer.progress(&progress).expect("written");
+        write_series(&mut writer, step as u64, time);
     }
     writer.finish().expect("written");
+}
+
+/// A probe, a balance and the progress.
+fn write_series(writer: &mut Writer, step: u64, time: f64) {
+    let (hot, cold) = (300.0 + 900.0 * time.sqrt(), 300.0 + 200.0 * time);
+    let probe = [
+        ("near_weld", "K", hot),
+        ("far", "K", cold),
+        ("uz", "m", -2e-5 * time),
+    ];
+    writer
+        .probe("thermocouples", time, &probe)
+        .expect("written");
+    let error = 1e-13 * (1.0 + time * 30.0);
+    let balance = [
+        ("heat.energy.stored", "J", 500.0 * time),
+        ("heat.energy.error", "J", -error),
+        ("heat.energy.relative_error", "1", error / 500.0),
+    ];
+    writer.balance(time, &balance).expect("written");
+    let mut progress = Progress {
+        time,
+        step,
+        ..Progress::default()
+    };
+    progress.sub_steps.insert("heat".into(), 20);
+    writer.progress(&progress).expect("written");
 }
 
 /// Positions, temperature and displacement, the hot spot at 30 % to 70 % of the length.

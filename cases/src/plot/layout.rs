@@ -3,16 +3,16 @@
 use super::snapshot::{LEFT, RIGHT};
 use super::unit;
 
-/// One view alone is at most this many times as high as the picture is wide.
+/// Largest height of a single view over the width of the picture.
 const HIGHEST_ALONE: f64 = 0.75;
-/// One view of several is.
+/// Largest height of one of several views over the width of the picture.
 const HIGHEST: f64 = 0.45;
 /// A view that would be lower than this is stretched, pixels.
 const LOWEST: f64 = 120.0;
 
 /// A view in a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Panel {
+pub(super) struct ViewPanel {
     /// lower left and upper right corner of what is shown, m
     pub bounds: [[f64; 2]; 2],
     /// width and height, pixels
@@ -23,7 +23,7 @@ pub(super) struct Panel {
     pub corner: [f64; 2],
 }
 
-impl Panel {
+impl ViewPanel {
     /// The caption of the view, with its scale if heights and widths have different ones.
     pub(super) fn caption(&self, view: &str) -> String {
         if self.stretch == 1.0 {
@@ -36,7 +36,7 @@ impl Panel {
 
 /// Panels for views with these bounds (m) and axes in a picture of this width (pixels). Views with the same horizontal axis have
 /// the same scale, so that places below each other belong together.
-pub(super) fn panels(bounds: &[[[f64; 2]; 2]], axes: &[[usize; 2]], width: f64) -> Vec<Panel> {
+pub(super) fn panels(bounds: &[[[f64; 2]; 2]], axes: &[[usize; 2]], width: f64) -> Vec<ViewPanel> {
     let room = width - LEFT - RIGHT;
     let highest = if bounds.len() > 1 {
         HIGHEST
@@ -56,7 +56,7 @@ pub(super) fn panels(bounds: &[[[f64; 2]; 2]], axes: &[[usize; 2]], width: f64) 
         let pixels_per_metre = alike.map(|(b, _)| scale(b)).fold(f64::INFINITY, f64::min);
         let [wide, high] = extent(b).map(|metres| metres * pixels_per_metre);
         let stretch = stretch(high, highest);
-        Panel {
+        ViewPanel {
             bounds: *b,
             size: [wide, high * stretch],
             stretch,

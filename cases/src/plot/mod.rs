@@ -41,19 +41,19 @@ use crate::argument;
 use crate::case::of_log::case_of;
 use crate::file_names::FileNames;
 use crate::log_file::open_log;
-use crate::moment::{states_at, tell_other_times};
+use crate::moment::{note_other_times, states_at};
 use crate::output::{beside, create_folder};
 use crate::probe::ProbeKind;
 use crate::probe::is_line;
-use crate::quantity::isotherm::{self, Isotherm};
+use crate::quantity::isotherm;
 use crate::quantity::scalar::{check_scalars, scalar};
-use crate::quantity::survey::{Survey, survey};
+use crate::quantity::survey::{BodySurvey, survey};
 use crate::unit;
 pub use args::{Cut, PictureFormat, PictureKind, PlotArgs, ValueRange};
 use charts::{balance_chart, line_probe_chart, melt_pool_chart};
 use curves::Chart;
 pub use error::PlotError;
-use fields::Drawn;
+use fields::{Drawn, FieldPlot};
 use picture::Picture;
 
 /// A file with a picture.
@@ -123,7 +123,7 @@ pub fn plot(args: &PlotArgs) -> Result<Vec<Plotted>, PlotError> {
         source,
     })?;
     if let Some(body) = bodies.first() {
-        tell_other_times(log.times(&body.name), &args.at);
+        note_other_times(log.times(&body.name), &args.at);
     }
     for body in bodies {
         plotter.plot_body(body)?;
@@ -199,7 +199,8 @@ impl Plotter<'_> {
             };
             wanted.sort_unstable();
             wanted.dedup();
-            self.plot_field((body, field), &wanted, &isotherms, &survey)?;
+            let plot = self.field_plot(body, field, &isotherms, &survey)?;
+            self.plot_field(plot, &wanted, &survey)?;
         }
         if !self.wants(PictureKind::MeltPool) {
             return Ok(());
@@ -208,7 +209,7 @@ impl Plotter<'_> {
         self.write_chart(&format!("{}-melt-pool", body.name), &chart)
     }
 
-    /// The temperatures of the isotherms that are asked for, K.
+    /// The temperatures of the requested isotherms, K.
     fn isotherms(&self) -> Vec<f64> {
         let celsius = unit::Shown::new("K", 0.0, self.args.celsius);
         self.args
@@ -237,20 +238,23 @@ impl Plotter<'_> {
     /// One picture of a field for each of these clouds.
     fn plot_field(
         &mut self,
-        (body, field): (&BodyInfo, &str),
+        mut plot: FieldPlot<'_>,
         wanted: &[usize],
-        isotherms: &[Isotherm],
-        survey: &Survey,
+        survey: &BodySurvey,
     ) -> Result<(), PlotError> {
-        let mut plot = self.field_plot(body, field, isotherms, survey)?;
         for &index in wanted {
             plot.cuts = self.cuts(survey.hottest_of(index));
-            let cloud = match self.log.cloud(&body.name, index) {
-                // the survey told of it
+            let cloud = match self.log.cloud(&plot.body.name, index) {
+                // the survey has reported it
                 Err(LogError::Damaged { .. }) => continue,
                 cloud => cloud?,
             };
-            let name = format!("{}-{field}-{}", body.name, unit::time_text(cloud.time));
+            let name = format!(
+                "{}-{}-{}",
+                plot.body.name,
+                plot.field,
+                unit::time_text(cloud.time)
+            );
             match self.draw_field(&plot, &cloud)? {
                 Some(Drawn::Picture(picture)) => self.write(&name, &picture)?,
                 Some(Drawn::Chart(chart)) => self.write_chart(&name, &chart)?,
@@ -260,9 +264,9 @@ impl Plotter<'_> {
         Ok(())
     }
 
-    /// A probe over time; one along a line over the distance from its start, at the times asked for or at some others.
+    /// A probe over time; one along a line over the distance from its start, at the requested times or at five times.
     fn probe_chart(&self, name: &str, series: &Series) -> Result<Chart, PlotError> {
-        /// times that are shown if none are asked for
+        /// number of times that are shown by default
         const TIMES: usize = 5;
         let title = unit::pretty_name(name);
         let columns = series.columns.iter().map(|column| column.name.as_str());
@@ -279,7 +283,7 @@ impl Plotter<'_> {
         rows.dedup();
         let field = self.probed_field(name).unwrap_or_default();
         let celsius = self.args.celsius;
-        Ok(line_probe_chart(title, (series, &rows), &field, celsius))
+        Ok(line_probe_chart(title, series, &rows, &field, celsius))
     }
 
     /// Field and component of a line probe, from the case.

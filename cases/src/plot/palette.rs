@@ -1,4 +1,4 @@
-//! The 256 colours of a GIF, the same in all pictures of a film, so that nothing flickers.
+//! The 256 colours of a GIF. All pictures of a film have the same ones, because a palette for each picture makes them flicker.
 
 use std::collections::HashMap;
 
@@ -13,12 +13,12 @@ const GREYS: usize = 256 - OF_MAP - ISOTHERMS.len() - 1;
 #[derive(Clone, Debug)]
 pub(super) struct Palette {
     colours: Vec<Colour>,
-    /// numbers of colours that were looked for before
+    /// numbers of the colours found before
     known: HashMap<Colour, u8>,
 }
 
 impl Palette {
-    /// For pictures with a colour map.
+    /// The palette for pictures with a colour map.
     pub(super) fn new(map: ColourMap) -> Self {
         let of_map = (0..OF_MAP).map(|i| map.colour(i as f64 / (OF_MAP - 1) as f64));
         let mix = |from: u8, to: u8, i: usize| {

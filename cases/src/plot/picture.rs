@@ -29,13 +29,13 @@ const LEAST_SCALE: u32 = 2;
 pub(super) const DENSITY: f64 = 96.0;
 /// Name of the fingerprint in a file.
 const FINGERPRINT: &str = "Perimelt";
-/// What follows the fingerprint in an SVG file.
+/// Text after the fingerprint in an SVG file.
 const END: &str = "</metadata>\n</svg>";
 const FONT: &str = "sans-serif";
 const REGULAR: &[u8] = include_bytes!("../../assets/fonts/Roboto-Regular-subset.ttf");
 const MEDIUM: &[u8] = include_bytes!("../../assets/fonts/Roboto-Medium-subset.ttf");
 
-/// Where a text is relative to its point.
+/// Position of a text relative to its point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Anchor {
     /// to the right, middle height
@@ -82,7 +82,7 @@ pub(crate) struct Picture {
     marks: Vec<Mark>,
 }
 
-/// How a text looks.
+/// Style of a text.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TextLook {
     /// height of the letters, pixels
@@ -106,7 +106,7 @@ impl Picture {
         }
     }
 
-    /// The same picture with this many pixels across: letters and lines grow with it.
+    /// The picture with this many pixels across; letters and lines are scaled with it.
     pub(crate) fn scaled_to(self, pixels_wide: u32) -> Self {
         Self {
             pixels_wide,
@@ -246,7 +246,7 @@ impl Picture {
         Ok(true)
     }
 
-    /// What tells this picture from others: a hash of its marks and size, and the version of the program that draws it.
+    /// Hash of the marks and the size, and the version of the program: equal pictures are not written again.
     fn fingerprint(&self) -> String {
         let text = format!("{} {:?}", env!("CARGO_PKG_VERSION"), self);
         // FNV-1a: the hashes of the standard library may change with its version
@@ -259,7 +259,7 @@ impl Picture {
     /// Red, green and blue of all pixels, row by row.
     ///
     /// # Errors
-    /// What cannot be drawn.
+    /// The reason why the picture cannot be drawn.
     pub(crate) fn pixels(&self) -> Result<Vec<u8>, String> {
         register_fonts();
         let (wide, tall) = self.drawn_size();

@@ -32,7 +32,7 @@ impl ColourScale {
         Self { map, from, to }
     }
 
-    /// The scale for a range that was asked for, as it is.
+    /// The scale of a requested range.
     pub(crate) fn asked(name: &str, ValueRange { from, to }: ValueRange) -> Self {
         let is_symmetric = (from + to).abs() < 1e-6 * (to - from);
         let map = if is_symmetric {

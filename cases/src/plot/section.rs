@@ -25,7 +25,7 @@ impl Raster {
         self.values[j * self.cells[0] + i]
     }
 
-    pub(crate) fn centre(&self, (i, j): (usize, usize)) -> [f64; 2] {
+    pub(crate) fn centre(&self, [i, j]: [usize; 2]) -> [f64; 2] {
         let centre = |axis: usize, index: usize| self.origin[axis] + index as f64 * self.spacing;
         [centre(0, i), centre(1, j)]
     }
@@ -36,11 +36,11 @@ impl Raster {
 pub(crate) struct View {
     /// the two axes that it shows (0, 1, 2 for x, y, z)
     pub axes: [usize; 2],
-    /// what it is, empty for a plane body
+    /// caption, empty for a plane body
     pub caption: String,
     /// the plane of a section, with its letter
     pub cut: Option<(Cut, char)>,
-    /// what it shows
+    /// the values shown
     pub raster: Raster,
 }
 

@@ -69,7 +69,7 @@ fn pieces(corners: [[f64; 2]; 4]) -> usize {
     2 * ((0.5 * longest / PIECE).ceil().max(1.0) as usize).min(MOST / 2)
 }
 
-/// The place in a cell with these corners at these parts of the way from the first one.
+/// The position in a cell with these corners, by fractions of its edges.
 fn between(corners: [[f64; 2]; 4], [u, v]: [f64; 2]) -> [f64; 2] {
     let [a, b, c, d] = corners;
     [0, 1].map(|axis| {
@@ -107,11 +107,11 @@ mod tests {
         };
         for j in 0..4 {
             for i in 0..4 {
-                raster.values.push(field(raster.centre((i, j))));
+                raster.values.push(field(raster.centre([i, j])));
             }
         }
         // inside of the surface, where values are extrapolated by the law of faces without gradient
-        let values = cell_values(&raster, (1, 2)).expect("a value");
+        let values = cell_values(&raster, [1, 2]).expect("a value");
         for at in [[0.1, 0.2], [0.5, 0.5], [0.9, 0.3], [0.0, 1.0]] {
             let place = [1.0 + at[0] - 0.5, 2.0 + at[1] - 0.5];
             // rounding only
@@ -119,7 +119,7 @@ mod tests {
             assert!(error.abs() < 1e-9, "{at:?}: {error}");
         }
         raster.values[9] = f64::NAN;
-        assert!(cell_values(&raster, (1, 2)).is_none());
+        assert!(cell_values(&raster, [1, 2]).is_none());
     }
 
     #[test]

@@ -2,11 +2,11 @@
 
 use super::{
     args::Cut,
-    axes::{ChartAxis, Frame, LABEL, TICK, look},
+    axes::{ChartAxis, ChartFrame, LABEL, TICK, look},
     colour::{BLACK, Colour, GREY, ISOTHERMS, WHITE},
     contour::{contour, joined},
     heading::{ROW, draw_heading, draw_rows, heading_height, row_width, rows},
-    layout::{Panel, panels},
+    layout::{ViewPanel, panels},
     picture::{Anchor, Picture},
     scale::ColourScale,
     section::View,
@@ -123,8 +123,8 @@ impl Snapshot<'_> {
         picture
     }
 
-    /// How much higher than usual the caption of the first view is, so that no letter of a section covers it, pixels.
-    fn caption_lift(&self, panel: &Panel) -> f64 {
+    /// Lift of the caption of the first view, so that no letter of a section covers it, pixels.
+    fn caption_lift(&self, panel: &ViewPanel) -> f64 {
         let view = &self.views[0];
         let text = panel.caption(&view.caption);
         let end = super::picture::text_width(&text, TICK) + LETTER;
@@ -145,7 +145,7 @@ impl Snapshot<'_> {
         &self,
         picture: &mut Picture,
         view: &View,
-        panel: &Panel,
+        panel: &ViewPanel,
         isotherms: &[(usize, &[Vec<[f64; 2]>])],
     ) {
         let [[_, _], [high, _]] = panel.bounds;
@@ -156,7 +156,7 @@ impl Snapshot<'_> {
             ChartAxis::linear(from * lengths.factor, to * lengths.factor, label)
         };
         let [left, top] = panel.corner;
-        let frame = Frame {
+        let frame = ChartFrame {
             edges: [left, top, left + panel.size[0], top + panel.size[1]],
             horizontal: axis(0),
             vertical: axis(1),
@@ -174,7 +174,7 @@ impl Snapshot<'_> {
         }
         if view.cut.is_none() {
             for (cut, letter) in self.views.iter().filter_map(|view| view.cut) {
-                draw_cut(picture, &frame, (cut, letter), lengths.factor);
+                draw_cut(picture, &frame, cut, letter, lengths.factor);
             }
         }
         frame.draw(picture, true);
@@ -200,7 +200,7 @@ impl Snapshot<'_> {
     fn bounds(&self, view: &View) -> [[f64; 2]; 2] {
         let raster = &view.raster;
         let half = 0.5 * raster.spacing;
-        let last = raster.centre((raster.cells[0] - 1, raster.cells[1] - 1));
+        let last = raster.centre(raster.cells.map(|n| n - 1));
         let mut bounds = [raster.origin.map(|x| x - half), last.map(|x| x + half)];
         if let Some(extent) = self.extent {
             for side in 0..2 {
@@ -228,11 +228,11 @@ impl Snapshot<'_> {
         self.visit_places(view, |_, corners, value| visit(corners, value));
     }
 
-    /// As [`Self::visit_cells`], with the place of the cell in the raster.
+    /// [`Self::visit_cells`] with the indices of the cell in the raster.
     pub(super) fn visit_places(
         &self,
         view: &View,
-        mut visit: impl FnMut((usize, usize), [[f64; 2]; 4], f64),
+        mut visit: impl FnMut([usize; 2], [[f64; 2]; 4], f64),
     ) {
         let raster = &view.raster;
         let [nx, ny] = raster.cells;
@@ -270,14 +270,14 @@ impl Snapshot<'_> {
                 if point(i, j).is_none() {
                     continue;
                 }
-                let [x, y] = raster.centre((i, j));
+                let [x, y] = raster.centre([i, j]);
                 let corner = |right: usize, up: usize| {
                     let [u, v] = moved(i + right, j + up);
                     let side = |index: usize| (2.0 * index as f64 - 1.0) * half;
                     [x + side(right) + u, y + side(up) + v]
                 };
                 let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
-                visit((i, j), corners, raster.value(i, j));
+                visit([i, j], corners, raster.value(i, j));
             }
         }
     }
@@ -387,9 +387,9 @@ fn draw_isotherm(picture: &mut Picture, line: Vec<[f64; 2]>, index: usize) {
     picture.line(line, 2.2, ISOTHERMS[index % ISOTHERMS.len()]);
 }
 
-/// Where a section cuts the body that is seen from above: a line with black and white dashes, visible on any
+/// Marks the plane of a section in the view from above: a line with black and white dashes, visible on any
 /// colour, and the letter of the section at its end.
-fn draw_cut(picture: &mut Picture, frame: &Frame, (cut, letter): (Cut, char), factor: f64) {
+fn draw_cut(picture: &mut Picture, frame: &ChartFrame, cut: Cut, letter: char, factor: f64) {
     const DASH: f64 = 12.0;
     const PAUSE: f64 = 12.0;
     let [left, top, right, bottom] = frame.edges;

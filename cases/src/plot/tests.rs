@@ -240,7 +240,7 @@ fn letters_grow_with_the_picture_or_keep_their_size_on_paper() {
         pictures[0]
     };
     let (_, usual) = of(1200, None);
-    // the same picture with twice the pixels
+    // this picture with twice the pixels
     assert_eq!(of(2400, None), (2400, 2 * usual));
     assert_eq!(of(2400, Some(192)), (2400, 2 * usual));
     // letters and the height of a chart stay, the chart becomes wider
@@ -315,7 +315,7 @@ fn what_did_not_change_is_not_written_again() {
         for (plotted, before) in again.iter().zip(&bytes) {
             assert_eq!(&fs::read(&plotted.path).expect("there"), before);
         }
-        // what shows temperatures is drawn anew, what does not is not
+        // only pictures of temperatures are drawn again
         args.celsius = true;
         for plotted in plot(&args).expect("pictures") {
             let name = plotted.path.to_string_lossy().into_owned();

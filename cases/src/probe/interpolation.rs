@@ -37,10 +37,10 @@ pub struct Weights {
 
 /// A cell along an axis.
 #[derive(Clone, Copy, Debug)]
-struct Node {
+struct AxisNode {
     cell: i64,
     weight: f64,
-    /// Where it is the mirror image of a cell behind a face: the face, the cell in front of it, and the factor on the
+    /// For the mirror image of a cell behind a face: the face, the cell in front of it, and the factor on the
     /// difference between the values on the face and in that cell.
     behind: Option<(Face, i64, f64)>,
 }
@@ -53,7 +53,7 @@ impl Weights {
     /// surface, and scales the other weights up.
     ///
     /// # Errors
-    /// The position lies off the body, or cubic interpolation is asked for where there is no
+    /// The position lies off the body, or cubic interpolation is requested where there is no
     /// complete lattice around it.
     pub fn at(
         body: &Body,
@@ -100,8 +100,8 @@ impl Weights {
             .extend(other.faces.iter().map(|(p, face, w)| (*p, *face, -w)));
     }
 
-    /// The value of a field at the position. Points without material are left out and the other weights scaled up; not a
-    /// number where they have less than half of the weight.
+    /// The value of a field at the position. Points without material are left out and the other weights scaled up; NaN
+    /// where these have less than half of the weight.
     pub(crate) fn value(&self, component: Component, world: &World) -> f64 {
         let activity = component.activity(world);
         let is_there = |point: usize| activity.as_ref().is_none_or(|a| is_active(a[point]));
@@ -117,7 +117,7 @@ impl Weights {
             .map(|&(point, weight)| weight * component.at(world, point))
             .sum();
         let to_face = |&(point, face, factor): &(usize, Face, f64)| {
-            let on_face = component.on_face(world, (point, face))?;
+            let on_face = component.on_face(world, point, face)?;
             Some(factor * (on_face - component.at(world, point)))
         };
         let faces = self.faces.iter().filter(|(p, ..)| is_there(*p));
@@ -133,16 +133,17 @@ fn on_lattice(
     interpolation: Interpolation,
 ) -> Option<Weights> {
     let relative = (Vector3::from(position) - lattice.origin) / lattice.spacing;
-    let alone = Node {
+    let alone = AxisNode {
         cell: 0,
         weight: 1.0,
         behind: None,
     };
-    let mut axes: [Vec<Node>; 3] = std::array::from_fn(|_| vec![alone]);
+    let mut axes: [Vec<AxisNode>; 3] = std::array::from_fn(|_| vec![alone]);
     for axis in 0..dimension {
         axes[axis] = along(
             relative[axis] - 0.5,
-            (axis, lattice.cells[axis]),
+            axis,
+            lattice.cells[axis],
             interpolation,
         )?;
     }
@@ -194,7 +195,7 @@ impl Weights {
     fn face_missing(
         &mut self,
         lattice: &Lattice,
-        axes: &[Vec<Node>; 3],
+        axes: &[Vec<AxisNode>; 3],
         cell: [i64; 3],
         weight: f64,
     ) {
@@ -217,16 +218,17 @@ impl Weights {
 /// Cells and weights along an axis; `at` counts cells from the first centre.
 fn along(
     at: f64,
-    (axis, cells): (usize, usize),
+    axis: usize,
+    cells: usize,
     interpolation: Interpolation,
-) -> Option<Vec<Node>> {
+) -> Option<Vec<AxisNode>> {
     let last = cells as i64 - 1;
     if !(at > -0.5 - 1e-6 && at < last as f64 + 0.5 + 1e-6) {
         return None;
     }
     // a position on a cell centre, but for rounding, is that point alone
     if (at - at.round()).abs() < 1e-6 {
-        return Some(vec![Node {
+        return Some(vec![AxisNode {
             cell: at.round() as i64,
             weight: 1.0,
             behind: None,
@@ -259,7 +261,7 @@ fn along(
     };
     let node = |(step, weight): (i64, f64)| {
         let cell = low as i64 + step;
-        Node {
+        AxisNode {
             cell: mirrored(cell),
             weight,
             behind: behind(cell),
@@ -393,7 +395,7 @@ mod tests {
 
     #[test]
     fn a_single_row_of_cells_is_its_own_mirror_image() {
-        let nodes = along(0.3, (0, 1), Interpolation::Linear).expect("within the cell");
+        let nodes = along(0.3, 0, 1, Interpolation::Linear).expect("within the cell");
         let weights: Vec<_> = nodes.iter().map(|n| (n.cell, n.weight)).collect();
         assert_eq!(weights, [(0, 0.7), (0, 0.3)]);
     }

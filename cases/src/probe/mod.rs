@@ -45,13 +45,13 @@ struct Spot {
 }
 
 impl Spot {
-    /// On a body, in its reference configuration. Mistakes are reported at `key`.
+    /// A position on a body in its reference configuration. Mistakes are reported at `key`.
     fn new(body: &Body, position: [f64; 3], key: &str) -> Result<Spot, SetupError> {
         let weights = Weights::at(body, position, Interpolation::Linear, key)?;
         Ok(Spot { position, weights })
     }
 
-    /// The value that a window of finer points has there, if it is there now and has the field.
+    /// The value on a refined window that has the field and covers the position now.
     fn on_window(&self, component: Option<Component>, world: &World) -> Option<f64> {
         let component = component?;
         let window = world.fields().field(component.field).body;
@@ -172,10 +172,10 @@ impl Probe {
             Quantity::MeltPool(field, pool) => {
                 let data = world.fields().field(*field).data();
                 let activity = world.activity(self.body);
-                // the gauge counts from where the case places the body
+                // the gauge has the initial position of the body
                 let shift: [f64; 3] = world.window_shift(self.body).into();
                 let sources: Vec<_> = sources.iter().map(|s| s.seen_from(shift)).collect();
-                pool.measure((data.flat(), activity.as_deref()), &sources)
+                pool.measure(data.flat(), activity.as_deref(), &sources)
             }
         }
     }
@@ -290,8 +290,8 @@ fn along(body: &Body, line: &LineProbe) -> Result<(Vec<String>, Vec<Spot>), Setu
     Ok((names, spots))
 }
 
-/// Distances of equally spaced positions from the start of a line of `length` (m), with 6 significant digits or as many
-/// as tell them apart, and without an exponent.
+/// Distances of equally spaced positions from the start of a line of `length` (m), with 6 significant digits, or more where
+/// neighbours would be equal, and without an exponent.
 fn distances(length: f64, number: usize) -> Vec<String> {
     let distance = |i: usize| length * (i as f64 / (number - 1) as f64);
     let rounded = |decimals: usize, distance: f64| -> f64 {
@@ -343,12 +343,17 @@ impl PoolProbe {
     /// Length, width and depth (m), and volume (m³) of the region above the isotherm: zero
     /// while there is none, and along axes that the body does not have.
     /// Points without material do not count.
-    fn measure(&self, state: (&[f64], Option<&[f64]>), sources: &[SourceState]) -> Vec<f64> {
+    fn measure(
+        &self,
+        temperature: &[f64],
+        activity: Option<&[f64]>,
+        sources: &[SourceState],
+    ) -> Vec<f64> {
         let aim = Aim {
             sources: if self.is_fixed { &[] } else { sources },
             otherwise: self.otherwise,
         };
-        let Some(pool) = self.gauge.measure_present(state, aim) else {
+        let Some(pool) = self.gauge.measure_present(temperature, activity, aim) else {
             return vec![0.0; 4];
         };
         let (width, depth) = (pool.width.unwrap_or(0.0), pool.depth.unwrap_or(0.0));
@@ -424,13 +429,13 @@ mod tests {
             .iter()
             .map(|p| 1130.0 - 100.0 * (p.x - 2.0).abs())
             .collect();
-        let values = pool.measure((&temperature, None), &[]);
+        let values = pool.measure(&temperature, None, &[]);
         for (value, exact) in values.iter().zip([2.6, 3.0, 2.0]) {
             // interpolation is exact away from the kink at x = 2
             assert!((value - exact).abs() < 1e-12, "{value} for {exact}");
         }
         let cold = vec![300.0; temperature.len()];
-        let cold = pool.measure((&cold, None), &[]);
+        let cold = pool.measure(&cold, None, &[]);
         assert_eq!(cold, [0.0; 4]);
     }
 

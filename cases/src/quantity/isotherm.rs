@@ -10,7 +10,7 @@ use crate::log_file::plugins_of;
 /// An isotherm to draw.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Isotherm {
-    /// such as `solidus`; empty for a temperature that was asked for
+    /// such as `solidus`; empty for a requested temperature
     pub name: String,
     /// temperature, K
     pub temperature: f64,
@@ -27,13 +27,13 @@ impl Isotherm {
     }
 }
 
-/// The isotherm that bounds the melt pool: the solidus of the case, or else the first of those asked for (K).
+/// The isotherm that bounds the melt pool: the solidus of the case, or else the first requested one (K).
 pub(crate) fn bound(log: &Log, body: &str, asked: &[f64]) -> Option<Isotherm> {
     let of_case = isotherms(log, body, &[]).into_iter().next();
     of_case.or_else(|| isotherms(log, body, asked).into_iter().next())
 }
 
-/// The isotherms asked for, or else solidus and liquidus of the first material of the body
+/// The requested isotherms, or else solidus and liquidus of the first material of the body
 /// that melts, as the case file in the log gives it.
 pub(crate) fn isotherms(log: &Log, body: &str, asked: &[f64]) -> Vec<Isotherm> {
     if !asked.is_empty() {
@@ -53,7 +53,7 @@ pub(crate) fn isotherms(log: &Log, body: &str, asked: &[f64]) -> Vec<Isotherm> {
         .unwrap_or_default()
 }
 
-/// The isotherms asked for (K), or else those of the macrograph: the fusion line, and `Ac1` of a steel.
+/// The requested isotherms (K), or else those of the macrograph: the fusion line, and `Ac1` of a steel.
 pub(crate) fn of_highest_temperatures(log: &Log, body: &str, asked: &[f64]) -> Vec<Isotherm> {
     if !asked.is_empty() {
         return isotherms(log, body, asked);

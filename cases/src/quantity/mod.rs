@@ -1,4 +1,4 @@
-//! What is read off the logged state of a body: scalars, reference positions, isotherms.
+//! Quantities of the logged state of a body: scalars, reference positions, isotherms.
 
 pub(crate) mod isotherm;
 pub(crate) mod scalar;

@@ -7,46 +7,45 @@ use perimelt_core::log::{BodyInfo, FieldInfo, LatticeInfo, Log, LogError, Logged
 
 use super::scalar::scalar;
 use crate::cell_grid::CellGrid;
-use crate::log_file::sound;
+use crate::log_file::skip_damaged;
 use crate::log_names::SPACING;
 use crate::melt_pool::{Aim, LoggedSources, MeltPool, MeltPoolGauge, Travel};
 
 const DISPLACEMENT: &str = "displacement";
 
-/// Result of the pass.
+/// Peaks of the fields of a body and its melt pools.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Survey {
+pub(crate) struct BodySurvey {
     /// number of the cloud in which the field reaches its largest value
     pub peak: BTreeMap<String, usize>,
     /// times (s), melt pools, `None` while nothing is molten, and the hottest places (m)
     pub pools: Vec<(f64, Option<MeltPool>, [f64; 3])>,
-    /// by cloud: the highest temperature (of a body without, the largest value of the first field), and where it is (m)
+    /// hottest point of each cloud; of the first field where the body has no temperature
     hottest: Vec<Hottest>,
 }
 
 /// The hottest point of a cloud.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Hottest {
-    /// its value
+    /// temperature (K), or the value of the first field
     value: f64,
-    /// its reference position, m
+    /// reference position, m
     pub place: [f64; 3],
     /// number of the cloud
     pub index: usize,
-    /// whether it is above the isotherm that bounds the melt pool
+    /// whether the value is above the isotherm that bounds the melt pool
     is_molten: bool,
 }
 
-impl Survey {
-    /// The hottest point half way through the times at which it is hot: a section there is not beside the weld, nor at one of
-    /// its ends.
+impl BodySurvey {
+    /// The hottest point halfway through the times at which it is hot: a section there lies on the weld and away from its ends.
     pub(crate) fn middle(&self) -> Option<Hottest> {
         let from = self.hot_from();
         let hot: Vec<_> = self.hottest.iter().filter(|h| h.value >= from).collect();
         hot.get(hot.len() / 2).map(|hottest| **hottest)
     }
 
-    /// The hottest point of a cloud that is hot, or else that of half way.
+    /// The hottest point of a cloud if it is hot, else [`Self::middle`].
     pub(crate) fn hottest_of(&self, index: usize) -> Option<Hottest> {
         let of_cloud = self.hottest.iter().find(|hottest| hottest.index == index);
         let hot = of_cloud.filter(|h| h.is_molten || h.value >= self.hot_from());
@@ -55,7 +54,7 @@ impl Survey {
 
     /// The value from which on the hottest point of a cloud counts as hot.
     fn hot_from(&self) -> f64 {
-        /// part of the range of the highest temperatures
+        /// fraction of the range of the highest temperatures
         const HOT: f64 = 0.7;
         let values = || self.hottest.iter().map(|hottest| hottest.value);
         let low = values().fold(f64::INFINITY, f64::min);
@@ -67,7 +66,7 @@ impl Survey {
 /// The highest of the finite values and its place (m): where several points have it, such as those of a body of one
 /// temperature, the one in their middle.
 fn highest(values: &[f64], positions: &[[f64; 3]]) -> Option<(f64, [f64; 3])> {
-    /// part of the highest value that is rounding
+    /// relative rounding error of the highest value
     const ROUNDING: f64 = 1e-9;
     let finite = || values.iter().zip(positions).filter(|(v, _)| v.is_finite());
     let highest = finite().map(|(v, _)| *v).max_by(f64::total_cmp)?;
@@ -96,13 +95,13 @@ pub(crate) fn survey(
     fields: &[String],
     isotherm: Option<f64>,
     travel: Travel,
-) -> Result<Survey, LogError> {
-    let mut survey = Survey::default();
+) -> Result<BodySurvey, LogError> {
+    let mut survey = BodySurvey::default();
     let mut largest: BTreeMap<&str, f64> = BTreeMap::new();
     let reference = Reference::new(log, body)?;
     let sources = LoggedSources::of_log(log);
     for index in 0..log.times(&body.name).len() {
-        let Some(cloud) = sound(log.cloud(&body.name, index))? else {
+        let Some(cloud) = skip_damaged(log.cloud(&body.name, index))? else {
             continue;
         };
         for name in fields {
@@ -134,7 +133,8 @@ pub(crate) fn survey(
                 sources: sources.at(cloud.time),
                 ..Aim::fixed(travel)
             };
-            let pool = reference.pool((body, &cloud), (isotherm, aim), &temperature.values);
+            let gauge = reference.gauge(body, &cloud, isotherm);
+            let pool = gauge.and_then(|gauge| gauge.measure(&temperature.values, aim));
             let hottest = survey.hottest.last().map_or([0.0; 3], |h| h.place);
             survey.pools.push((cloud.time, pool, hottest));
         }
@@ -145,14 +145,14 @@ pub(crate) fn survey(
 /// Reference positions of a body, whose deformed positions do not form a lattice.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Reference {
-    /// of the points of the first state; `None` of a body without displacements
+    /// positions of the points in the first state; `None` for a body without displacements
     first: Option<Vec<[f64; 3]>>,
     lattice: Option<LatticeInfo>,
     spacing: f64,
 }
 
 impl Reference {
-    /// Of the body of a log.
+    /// Reference positions of a body of a log.
     pub(crate) fn new(log: &Log, body: &BodyInfo) -> Result<Self, LogError> {
         if log.times(&body.name).is_empty() {
             return Ok(Self::default());
@@ -223,25 +223,15 @@ impl Reference {
         some.len() == others.len() && both.all(|(a, b)| is_near(a, b, self.spacing))
     }
 
-    /// The region around the highest of the temperatures (K) that is above the isotherm (K).
-    pub(crate) fn pool(
-        &self,
-        (body, cloud): (&BodyInfo, &LoggedCloud),
-        (isotherm, aim): (f64, Aim<'_>),
-        temperatures: &[f64],
-    ) -> Option<MeltPool> {
-        let gauge = self.gauge((body, cloud), isotherm)?;
-        gauge.measure(temperatures, aim)
-    }
-
     /// Measures regions above an isotherm (K); `None` if the points are scattered too widely for a grid.
     pub(crate) fn gauge(
         &self,
-        (body, cloud): (&BodyInfo, &LoggedCloud),
+        body: &BodyInfo,
+        cloud: &LoggedCloud,
         isotherm: f64,
     ) -> Option<MeltPoolGauge> {
         let grid = grid_of(body, cloud, &self.positions(cloud))?;
-        let gauge = MeltPoolGauge::on(grid, (body.dimension, body.thickness), isotherm);
+        let gauge = MeltPoolGauge::on(grid, body.dimension, body.thickness, isotherm);
         Some(gauge.with_symmetry(&body.symmetry))
     }
 }

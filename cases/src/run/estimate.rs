@@ -1,7 +1,7 @@
 //! Estimated duration and memory of a run, from its first steps.
 //!
 //! The duration is a sum over the kinds of work: the sub-steps of each physics, which take up most of the time and of which
-//! `update = "log"` needs few, what else a macro step does, logged states, and checkpoints. Each kind has its measured time
+//! `update = "log"` needs few, the rest of a macro step, logged states, and checkpoints. Each kind has its measured time
 //! and its number of steps that are left ([`Remaining`]). The time of a step grows while a body heats up and yields: that of the
 //! last third of the measured time counts. A part that cools takes less work in a step than one that is welded: the clock then
 //! skips to the middle of each later phase of the run ([`Simulation::phases`]), and some steps are measured there, with the
@@ -44,7 +44,7 @@ const LARGEST_LOG: f64 = 5e8;
 /// Measured times of one kind of work.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Work {
-    /// Number of steps so far and their wall time, s; both grow.
+    /// Number of steps and their wall time, s; both ascend.
     samples: Vec<(f64, f64)>,
     /// Wall time of a step before these, s.
     before: f64,
@@ -57,7 +57,7 @@ impl Work {
         }
     }
 
-    /// Of the steps that follow.
+    /// Starts the measurement of the steps that follow.
     fn next(&self) -> Work {
         Work {
             samples: self.samples.last().copied().into_iter().collect(),
@@ -110,7 +110,7 @@ impl Drop for TrialLog {
     }
 }
 
-/// What some steps of a run tell about the whole.
+/// Estimate for a whole run from its first steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
     /// Wall time of the whole run, s.
@@ -123,7 +123,7 @@ pub struct Estimate {
     pub unmeasured: Vec<String>,
     /// Whether the time of writing the log is included.
     pub with_log: bool,
-    /// Largest memory of the program so far, bytes; `None` where the operating system does not tell.
+    /// Largest memory of the program, bytes; `None` where the operating system does not report it.
     pub memory: Option<f64>,
 }
 
@@ -197,7 +197,7 @@ struct Measured {
     started: Instant,
     log: Option<TrialLog>,
     physics: Vec<Work>,
-    /// What else a macro step does.
+    /// The rest of a macro step.
     steps: Work,
     /// Number of logged states and their wall time, s. Few of them are written to the disk at once.
     logged: (f64, f64),
@@ -275,7 +275,7 @@ impl Measured {
         self.steps.add(progress.macro_steps as f64, rest);
     }
 
-    /// What is measured of steps from now on counts; without any, what was measured before.
+    /// Restarts all measurements; a measurement without further steps keeps its previous value.
     fn next_phase(&mut self) {
         self.physics.iter_mut().for_each(|work| *work = work.next());
         self.steps = self.steps.next();
@@ -291,7 +291,7 @@ impl Measured {
     }
 }
 
-/// Largest memory (bytes) that this program had so far.
+/// Largest memory of this program, bytes.
 fn peak_memory() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status

@@ -10,7 +10,7 @@ use toml::{Table, Value};
 use super::MAY_CHANGE;
 use crate::case::Case;
 
-/// Bytes of a file of which all are read; of larger ones, such as logs, the beginning and the end.
+/// Largest file (bytes) that is read completely; larger ones, such as logs, are read at the beginning and the end.
 const WHOLE: u64 = 1 << 28;
 
 /// Bytes of the beginning and of the end.
@@ -49,7 +49,7 @@ fn texts<'v>(value: &'v Value, found: &mut Vec<&'v str>) {
 /// A file that a case names; `None` for a text that is no name of a regular file.
 fn file(name: &str, folder: &Path) -> Option<InputFile> {
     let path = folder.join(name);
-    // to open a pipe would wait for its writer
+    // opening a pipe would block until it has a writer
     let bytes = std::fs::metadata(&path).ok().filter(|d| d.is_file())?.len();
     let mut file = File::open(&path).ok()?;
     let mut parts = vec![(0, bytes)];
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(changed(&before, folder.path()), None);
         write("1,3");
         assert_eq!(changed(&before, folder.path()), Some(&before[0]));
-        // who reads it tells that it is missing
+        // the reader of the file reports that it is missing
         std::fs::remove_file(folder.path().join("path.csv")).expect("removable");
         assert_eq!(changed(&before, folder.path()), None);
     }

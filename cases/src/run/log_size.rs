@@ -25,7 +25,7 @@ pub struct LogSize {
 }
 
 impl LogSize {
-    /// Of the log of a case, from now on.
+    /// Size of the log of a case from the present state on.
     ///
     /// # Errors
     /// The state cannot be saved, or a mistake in a probe.
@@ -64,7 +64,7 @@ impl LogSize {
         self.states * self.state as f64 + self.checkpoints * self.checkpoint as f64
     }
 
-    /// What to tell of a log that may not fit into the folder of `log`. Nothing where the free space is not known.
+    /// Warning about a log that may not fit into the folder of `log`; `None` where the free space is unknown.
     pub fn warning(&self, log: &Path) -> Option<String> {
         let folder = match log.parent() {
             Some(folder) if !folder.as_os_str().is_empty() => folder,

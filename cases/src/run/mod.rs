@@ -15,21 +15,21 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-use perimelt_core::log::{Log, LogError, Writer};
+use perimelt_core::log::{Log, LogError, RunHeader, Writer};
 use perimelt_core::{RunError, Simulation};
 
 use crate::case::of_log::case_of;
 use crate::case::{Case, CaseError, SECTIONS, StartError};
 use crate::interrupt;
 use crate::log_file::open_log;
-use crate::output::{Existing, Place, PlaceError, Placed};
+use crate::output::{Existing, LogPlace, NamedLog, PlaceError};
 use crate::terminal::warn;
 use display::Display;
 use log_size::LogSize;
-use outcome::Outcome;
+use outcome::RunOutcome;
 use record::Recorder;
 
-/// How to run.
+/// Options of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// The log.
@@ -40,11 +40,11 @@ pub struct Options {
     pub until: Option<f64>,
     /// Show nothing but errors.
     pub quiet: bool,
-    /// Other than zero: the number of the signal that asks for an early end.
+    /// Number of the signal that requests an early end; zero without one.
     pub stop: Arc<AtomicUsize>,
 }
 
-/// The log of a case unless another is asked for: its name with `.mcap`, in the working directory.
+/// The default log of a case: its name with `.mcap`, in the working directory.
 #[must_use]
 pub fn log_of(case: &Path) -> PathBuf {
     // appended, because a name such as `tension-0.5` contains dots
@@ -77,9 +77,9 @@ pub struct Summary {
     pub wall_seconds: f64,
     /// The log.
     pub log: PathBuf,
-    /// Sentences about what the run came to.
+    /// Sentences about the result.
     pub facts: Vec<String>,
-    /// Sentences about what may be a mistake.
+    /// Sentences about possible mistakes.
     pub warnings: Vec<String>,
 }
 
@@ -106,9 +106,9 @@ pub enum Failure {
     UntilIsPast {
         /// The log.
         path: PathBuf,
-        /// Asked for, s.
+        /// The requested end, s.
         until: f64,
-        /// Of the checkpoint to go on from, s.
+        /// Time of the checkpoint, s.
         time: f64,
     },
     /// The run is finished already.
@@ -178,7 +178,7 @@ pub fn on_workers<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// # Errors
 /// A mistake in the case (no file is written then), a step that fails, a log that cannot be written.
 pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
-    let place = Place::claim(&options.out, Existing::KeepRun.unless(options.force))?;
+    let place = LogPlace::claim(&options.out, Existing::KeepRun.unless(options.force))?;
     let mut simulation = case.compose()?;
     case.start(&mut simulation)?;
     if !options.quiet {
@@ -199,16 +199,16 @@ pub fn run(case: &Case, options: &Options) -> Result<Summary, Failure> {
 }
 
 /// Resumes from the last checkpoint of the log at `path`; the new log takes its place, or
-/// that of `options.out`. A `case` may have another end, other steps and other times of logging than that of the log.
+/// that of `options.out`. A `case` may have another end, other steps and other logging times.
 ///
 /// # Errors
-/// As [`run`], or the log has no checkpoint or has reached its end, or the case describes another process.
+/// Those of [`run`], or the log has no checkpoint or has reached its end, or the case describes another process.
 pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Summary, Failure> {
     let in_place = matches!(
         (path.canonicalize(), options.out.canonicalize()),
         (Ok(old), Ok(new)) if old == new
     );
-    let place = Place::claim(
+    let place = LogPlace::claim(
         &options.out,
         Existing::KeepRun.unless(options.force || in_place),
     )?;
@@ -275,8 +275,12 @@ pub fn resume(path: &Path, case: Option<&Case>, options: &Options) -> Result<Sum
     let mut info = log.run().clone();
     let now = record::run_info(case, &simulation);
     (info.case_folder, info.inputs) = (now.case_folder, now.inputs);
-    let described = (&info, &*case.file_name(), case.file.text.as_str());
-    let writer = Writer::continue_from(&log, part.destination(), last, described)?;
+    let header = RunHeader {
+        run: &info,
+        case_name: &case.file_name(),
+        case_text: &case.file.text,
+    };
+    let writer = Writer::continue_from(&log, part.destination(), last, header)?;
     let mut recorder = Recorder::new(case, &simulation, writer, wall)?.continuing(log.balance());
     drop(log);
     let placed = part.put_in_place()?;
@@ -317,14 +321,14 @@ fn changed_file(log: &Log) -> Option<String> {
 fn go_on(
     mut simulation: Simulation,
     mut recorder: Recorder,
-    placed: &Placed,
+    placed: &NamedLog,
     options: &Options,
 ) -> Result<Summary, Failure> {
     interrupt::leave_to_run();
     let started = Instant::now();
     let until = options.until.unwrap_or(f64::INFINITY);
     let mut display = Display::new(&simulation, until, options.quiet);
-    let mut outcome = Outcome::new(&simulation);
+    let mut outcome = RunOutcome::new(&simulation);
     let end = loop {
         if simulation.is_finished() {
             break End::Finished;

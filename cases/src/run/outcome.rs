@@ -1,17 +1,18 @@
-//! What a run came to, in a few sentences: energies of heat sources, and the hottest temperature that was logged.
+//! Summary of a run in a few sentences: energies of heat sources and the highest logged temperature.
 
 use perimelt_core::Simulation;
+use perimelt_core::material::Material;
 
 use crate::tables;
 use crate::unit;
 
-/// Share of the energy that may miss the body without a warning.
+/// Fraction of the energy that may miss the body without a warning.
 const LOST: f64 = 0.05;
 
 /// No element is condensed above this temperature, K.
 const PLASMA: f64 = 1e4;
 
-/// Highest temperature (K) of each body whose temperature somebody provides. Elsewhere the field may exist, without values.
+/// Highest temperature (K) of each body whose temperature is computed or prescribed; other bodies have a field without values.
 pub(super) fn hottest(simulation: &Simulation) -> impl Iterator<Item = (usize, f64)> {
     largest_of(simulation, "temperature")
 }
@@ -25,21 +26,21 @@ fn largest_of(simulation: &Simulation, field: &str) -> impl Iterator<Item = (usi
     })
 }
 
-/// Follows a run.
+/// Temperatures over a run.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct RunOutcome {
     /// Time of the first state, s.
     since: f64,
-    /// By body: highest logged temperature, K.
+    /// Highest logged temperature of each body, K.
     peaks: Vec<Option<f64>>,
-    /// By body: lowest logged temperature, K.
+    /// Lowest logged temperature of each body, K.
     lowest: Vec<f64>,
 }
 
-impl Outcome {
-    /// Of a run that continues from the state of `simulation`.
+impl RunOutcome {
+    /// Starts at the state of `simulation`.
     pub fn new(simulation: &Simulation) -> Self {
-        let mut outcome = Outcome {
+        let mut outcome = RunOutcome {
             since: simulation.time(),
             peaks: vec![None; simulation.world().bodies().len()],
             lowest: vec![f64::INFINITY; simulation.world().bodies().len()],
@@ -48,7 +49,7 @@ impl Outcome {
         outcome
     }
 
-    /// Takes note of the present state.
+    /// Updates the extremes by the present state.
     pub fn observe(&mut self, simulation: &Simulation) {
         // the highest temperatures also between the logged states, where they are recorded
         let recorded = largest_of(simulation, "peak_temperature");
@@ -57,7 +58,7 @@ impl Outcome {
             *peak = Some(peak.map_or(hottest, |peak| peak.max(hottest)));
         }
         for field in simulation.lasting().filter(|f| f.name == "temperature") {
-            // zero where nobody has set a temperature
+            // zero means that no temperature is set
             let data = field.data();
             let values = data.flat().iter().copied().filter(|t| *t > 0.0);
             let coldest = values.fold(f64::INFINITY, f64::min);
@@ -69,47 +70,25 @@ impl Outcome {
     /// Sentences about sources and temperatures, and warnings, also of states outside the validity of models.
     pub fn sentences(&self, simulation: &Simulation) -> (Vec<String>, Vec<String>) {
         let (mut facts, mut warnings) = (Vec::new(), Vec::new());
-        for (label, reports) in simulation.reports() {
-            let energy = |what: &str| {
-                let name = format!("energy.{what}");
-                reports.iter().find(|r| r.name == name).map(|r| r.value)
-            };
-            let (Some(asked), Some(deposited), Some(lost)) =
-                (energy("asked"), energy("deposited"), energy("lost"))
-            else {
-                continue;
-            };
-            let mirrored = energy("mirrored").unwrap_or(0.0);
-            let [a, d, m, l] = [asked, deposited, mirrored, lost].map(|e| unit::number(e, 4));
-            let mirrored = match mirrored {
-                0.0 => String::new(),
-                _ => format!("{m} J in the mirrored part of the body, "),
-            };
-            facts.push(format!(
-                "{label}: {a} J asked for, {d} J deposited, {mirrored}{l} J lost beside the body"
-            ));
-            if lost > LOST * asked {
-                let share = unit::number(100.0 * lost / asked, 3);
-                let until = match simulation.is_finished() {
-                    true => String::new(),
-                    false => format!(" until {} s", unit::number(simulation.time(), 4)),
-                };
-                warnings.push(format!(
-                    "{label}: {share} % of the energy missed the body{until}: cells without material, or a curved surface that falls \
-                     off from the plane of the source"
-                ));
-            }
-        }
-        let mut told = simulation.unreached();
+        source_energies(simulation, &mut facts, &mut warnings);
+        let mut messages = simulation.unreached();
         if simulation.is_finished() {
-            told.extend(simulation.unfinished());
+            messages.extend(simulation.unfinished());
         }
-        let remarks = simulation.remarks().into_iter();
-        told.extend(remarks);
-        warnings.extend(
-            told.into_iter()
-                .map(|(label, message)| format!("{label}: {message}")),
-        );
+        messages.extend(simulation.remarks());
+        let messages = messages.into_iter();
+        warnings.extend(messages.map(|(label, message)| format!("{label}: {message}")));
+        self.temperatures(simulation, &mut facts, &mut warnings);
+        (facts, warnings)
+    }
+
+    /// Sentences about the highest temperatures.
+    fn temperatures(
+        &self,
+        simulation: &Simulation,
+        facts: &mut Vec<String>,
+        warnings: &mut Vec<String>,
+    ) {
         let fields = simulation.world().fields();
         let bodies = simulation.world().bodies().iter().enumerate();
         for ((index, body), peak) in bodies.zip(&self.peaks) {
@@ -121,8 +100,7 @@ impl Outcome {
             let left = tables::left_by(&body.materials, has_field, range);
             let sentence = tables::sentence(&left, range);
             warnings.extend(sentence.map(|s| format!("{}: {s}", body.name)));
-            let boiling =
-                |m: &perimelt_core::material::Material| m.constant("boiling_temperature").ok();
+            let boiling = |m: &Material| m.constant("boiling_temperature").ok();
             let boiling = body.materials.iter().filter_map(boiling).reduce(f64::min);
             let since = match self.since {
                 0.0 => String::new(),
@@ -148,7 +126,41 @@ impl Outcome {
                 ));
             }
         }
-        (facts, warnings)
+    }
+}
+
+/// Sentences about the energies of the heat sources.
+fn source_energies(simulation: &Simulation, facts: &mut Vec<String>, warnings: &mut Vec<String>) {
+    for (label, reports) in simulation.reports() {
+        let energy = |what: &str| {
+            let name = format!("energy.{what}");
+            reports.iter().find(|r| r.name == name).map(|r| r.value)
+        };
+        let (Some(asked), Some(deposited), Some(lost)) =
+            (energy("asked"), energy("deposited"), energy("lost"))
+        else {
+            continue;
+        };
+        let mirrored = energy("mirrored").unwrap_or(0.0);
+        let [a, d, m, l] = [asked, deposited, mirrored, lost].map(|e| unit::number(e, 4));
+        let mirrored = match mirrored {
+            0.0 => String::new(),
+            _ => format!("{m} J in the mirrored part of the body, "),
+        };
+        facts.push(format!(
+            "{label}: {a} J asked for, {d} J deposited, {mirrored}{l} J lost beside the body"
+        ));
+        if lost > LOST * asked {
+            let percent = unit::number(100.0 * lost / asked, 3);
+            let until = match simulation.is_finished() {
+                true => String::new(),
+                false => format!(" until {} s", unit::number(simulation.time(), 4)),
+            };
+            warnings.push(format!(
+                "{label}: {percent} % of the energy missed the body{until}: cells without material, or a curved surface that falls \
+                 off from the plane of the source"
+            ));
+        }
     }
 }
 
@@ -187,7 +199,7 @@ mod tests {
             let case = Case::parse("bar.toml", text, Path::new("")).expect("valid");
             let mut simulation = case.compose().expect("complete");
             simulation.start().expect("starts");
-            Outcome::new(&simulation)
+            RunOutcome::new(&simulation)
                 .sentences(&simulation)
                 .1
                 .join("; ")
@@ -235,7 +247,7 @@ mod tests {
             let case = Case::parse("bar.toml", text, Path::new("")).expect("valid");
             let mut simulation = case.compose().expect("complete");
             simulation.start().expect("starts");
-            let (facts, _) = Outcome::new(&simulation).sentences(&simulation);
+            let (facts, _) = RunOutcome::new(&simulation).sentences(&simulation);
             (facts, hottest(&simulation).count())
         };
         assert_eq!(case("", ""), (vec![], 0));

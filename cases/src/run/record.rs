@@ -87,7 +87,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// The same for a log that already has balances, with their columns.
+    /// Keeps the columns of a log that already has balances.
     pub fn continuing(mut self, balance: &Series) -> Recorder {
         let has = |c: &Column| c.name.ends_with(RELATIVE_ERROR);
         self.with_relative_errors = balance.columns.is_empty() || balance.columns.iter().any(has);
@@ -109,7 +109,7 @@ impl Recorder {
             })
             .collect();
         // points without material are left out
-        let there = Present::of(world, body);
+        let there = PresentPoints::of(world, body);
         let positions = there.rows(&positions, 1);
         let values: Vec<Cow<'_, [f64]>> = data
             .iter()
@@ -237,7 +237,7 @@ impl Recorder {
         self.next_checkpoint = (done + 1.0 - 1e-3) * self.checkpoint_interval;
     }
 
-    /// Tells the writer that its file has its name.
+    /// To be called when the file of the log has its name.
     pub fn placed(&mut self) {
         self.writer.placed();
     }
@@ -249,7 +249,7 @@ impl Recorder {
 }
 
 /// Fields in the point cloud of each body. The displacement of a body whose points get or lose material is always one of
-/// them: without it, no reader knows the reference positions of the points in a state.
+/// them: the reference positions of the points in a state follow from it.
 pub fn logged_fields(case: &Case, simulation: &Simulation) -> Vec<Vec<FieldIndex>> {
     let chosen = |body: usize| {
         let changes = simulation.world().activity(body).is_some();
@@ -270,16 +270,16 @@ pub fn logged_fields(case: &Case, simulation: &Simulation) -> Vec<Vec<FieldIndex
 }
 
 /// Points of a body that have material; `None` where all have.
-struct Present(Option<Vec<usize>>);
+struct PresentPoints(Option<Vec<usize>>);
 
-impl Present {
-    fn of(world: &World, body: usize) -> Present {
+impl PresentPoints {
+    fn of(world: &World, body: usize) -> PresentPoints {
         let there = world.activity(body).map(|activity| {
             let points = activity.iter().enumerate();
             let points = points.filter(|(_, a)| is_active(**a));
             points.map(|(point, _)| point).collect::<Vec<_>>()
         });
-        Present(there.filter(|t| t.len() < world.body(body).points.len()))
+        PresentPoints(there.filter(|t| t.len() < world.body(body).points.len()))
     }
 
     /// The values of these points, `width` for each.
@@ -305,7 +305,7 @@ fn lattice_info(body: &Body) -> Option<LatticeInfo> {
     })
 }
 
-/// What does not change during a run.
+/// Constant data of a run.
 pub fn run_info(case: &Case, simulation: &Simulation) -> RunInfo {
     let body = |(index, body): (usize, &perimelt_core::Body)| BodyInfo {
         name: body.name.clone(),

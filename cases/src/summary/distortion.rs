@@ -5,20 +5,20 @@
 //! transverse shrinkage is the approach of the centres of both parts, and the longitudinal one the shortening between the ends
 //! of the body along the weld.
 
-use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
+use perimelt_core::log::LogError;
 
-use super::ReadOff;
-use crate::melt_pool::{Directions, LoggedSources, Travel};
+use super::{BodyRecord, Label, ReadOff};
+use crate::melt_pool::{Directions, Travel};
 use crate::quantity::survey::Reference;
 
-/// Parts of the extents on each side of a weld that are left out, because they deform.
+/// Fraction of the extent on each side of a weld that is left out because it deforms.
 const STRIP: f64 = 0.3;
 
 /// Fewest points of a part.
 const FEWEST: usize = 8;
 
-/// A part beside a weld.
-struct Part {
+/// Rigid motion of a part beside a weld.
+struct RigidMotion {
     /// centre in the reference configuration, m
     centre: [f64; 3],
     /// mean displacement, m
@@ -27,31 +27,35 @@ struct Part {
     rotation: f64,
 }
 
-const ANGULAR: (&str, &str) = ("distortion.angular", "angular distortion at the end");
-
 /// Reads off the distortion of a body of a straight path.
 ///
 /// # Errors
 /// A log that cannot be read.
 pub(super) fn distortion(
-    (log, sources): (&Log, &LoggedSources),
-    (body, last): (&BodyInfo, &LoggedCloud),
+    record: &BodyRecord<'_>,
     travel: Travel,
     found: &mut Vec<ReadOff>,
 ) -> Result<(), LogError> {
+    let &BodyRecord {
+        log,
+        sources,
+        body,
+        last,
+    } = record;
     let is_solid = body.fields.iter().any(|f| f.name == "stress") && body.dimension == 3;
     let displacement = last.fields.iter().find(|f| f.name == "displacement");
     let path = sources.path();
     let (Some(displacement), Some(first), true) = (displacement, path.first(), is_solid) else {
         return Ok(());
     };
+    let angular = Label::new("distortion.angular", "angular distortion at the end");
     let directions = first.directions(Directions::from(travel));
     if !path
         .iter()
         .all(|state| state.directions(directions).is_close(&directions))
     {
         let reason = "the path turns, which leaves no two sides of one weld";
-        found.push(ReadOff::left_out(&body.name, ANGULAR, "rad", reason));
+        found.push(ReadOff::left_out(&body.name, angular, "rad", reason));
         return Ok(());
     }
     let reference = Reference::new(log, body)?;
@@ -63,7 +67,7 @@ pub(super) fn distortion(
         directions,
     };
     let [one, other] = plates.parts();
-    let is_half = |part: &Option<Part>| part.is_none() && !body.symmetry.is_empty();
+    let is_half = |part: &Option<RigidMotion>| part.is_none() && !body.symmetry.is_empty();
     let across = directions.across();
     let along = |v: [f64; 3], d: [f64; 3]| (0..3).map(|a| v[a] * d[a]).sum::<f64>();
     let both = match (&one, &other) {
@@ -79,10 +83,10 @@ pub(super) fn distortion(
             true => 2.0 * one.rotation,
             false => other.rotation - one.rotation,
         };
-        found.push(ReadOff::new(&body.name, ANGULAR, turned.abs(), "rad"));
-        // of flat plates: those of a fillet do not lie opposite to each other
+        found.push(ReadOff::new(&body.name, angular, turned.abs(), "rad"));
+        // the plates of a fillet do not lie opposite to each other
         if plates.is_flat() {
-            let approach = |part: &Part| {
+            let approach = |part: &RigidMotion| {
                 let side = along(part.centre, across) - along(plates.place, across);
                 -side.signum() * along(part.displacement, across)
             };
@@ -90,12 +94,12 @@ pub(super) fn distortion(
                 true => 2.0 * approach(one),
                 false => approach(one) + approach(other),
             };
-            let name = ("distortion.transverse", "transverse shrinkage at the end");
+            let name = Label::new("distortion.transverse", "transverse shrinkage at the end");
             found.push(ReadOff::new(&body.name, name, shrinkage, "m"));
         }
     }
     if let Some(shortening) = plates.shortening() {
-        let name = (
+        let name = Label::new(
             "distortion.longitudinal",
             "longitudinal shrinkage along the weld at the end",
         );
@@ -108,7 +112,7 @@ pub(super) fn distortion(
 struct Plates<'a> {
     positions: &'a [[f64; 3]],
     displacement: &'a [f64],
-    /// of the torch, m
+    /// position of the torch, m
     place: [f64; 3],
     directions: Directions,
 }
@@ -135,7 +139,7 @@ impl Plates<'_> {
         Some([unit(axes.next()?), unit(axes.next()?)])
     }
 
-    fn parts(&self) -> [Option<Part>; 2] {
+    fn parts(&self) -> [Option<RigidMotion>; 2] {
         let Some(sides) = self.sides() else {
             return [None, None];
         };
@@ -159,7 +163,7 @@ impl Plates<'_> {
     }
 
     /// The best rigid motion of some points in the plane normal to the direction of travel.
-    fn rigid_motion(&self, points: &[usize]) -> Option<Part> {
+    fn rigid_motion(&self, points: &[usize]) -> Option<RigidMotion> {
         if points.len() < FEWEST {
             return None;
         }
@@ -190,7 +194,7 @@ impl Plates<'_> {
             moment += dot(cross, t);
             inertia += dot(r, r) - dot(r, t).powi(2);
         }
-        (inertia > 0.0).then(|| Part {
+        (inertia > 0.0).then(|| RigidMotion {
             centre,
             displacement,
             rotation: moment / inertia,
@@ -235,7 +239,8 @@ mod tests {
 
     /// Plates of 2 mm cells around the origin, moved by `motion`; the weld lies along x through `place`.
     fn plates<'a>(
-        (positions, displacement): (&'a [[f64; 3]], &'a [f64]),
+        positions: &'a [[f64; 3]],
+        displacement: &'a [f64],
         beam: [f64; 3],
     ) -> Plates<'a> {
         Plates {
@@ -281,7 +286,7 @@ mod tests {
             ]
         };
         let (positions, displacement) = moved(is_there, motion);
-        let plates = plates((&positions, &displacement), [0.0, 0.0, -1.0]);
+        let plates = plates(&positions, &displacement, [0.0, 0.0, -1.0]);
         let [Some(one), Some(other)] = plates.parts() else {
             panic!("two sides");
         };
@@ -303,7 +308,7 @@ mod tests {
         };
         let (positions, displacement) = moved(|p| is_base(p) || is_web(p), motion);
         let beam = [0.0, -0.5_f64.sqrt(), -0.5_f64.sqrt()];
-        let plates = plates((&positions, &displacement), beam);
+        let plates = plates(&positions, &displacement, beam);
         let [Some(one), Some(other)] = plates.parts() else {
             panic!("two plates");
         };

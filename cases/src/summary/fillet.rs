@@ -6,17 +6,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use perimelt_core::log::{BodyInfo, LatticeInfo, Log, LogError, LoggedCloud};
+use perimelt_core::log::{LatticeInfo, LogError, LoggedCloud};
 use perimelt_core::text;
 
-use super::{ReadOff, median};
-use crate::melt_pool::LoggedSources;
+use super::{BodyRecord, Label, ReadOff, median};
 use crate::quantity::survey::Reference;
 
 /// Fewest sections along a weld.
 const FEWEST: usize = 3;
 
-/// A contact on a side counts if it is at least this part of the longest contact.
+/// Smallest length of a contact that counts, as a fraction of the longest contact.
 const LEAST_CONTACT: f64 = 0.25;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -25,11 +24,13 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 ///
 /// # Errors
 /// A log that cannot be read.
-pub(super) fn fillet(
-    (log, sources): (&Log, &LoggedSources),
-    (body, last): (&BodyInfo, &LoggedCloud),
-    found: &mut Vec<ReadOff>,
-) -> Result<(), LogError> {
+pub(super) fn fillet(record: &BodyRecord<'_>, found: &mut Vec<ReadOff>) -> Result<(), LogError> {
+    let &BodyRecord {
+        log,
+        sources,
+        body,
+        last,
+    } = record;
     let Some(lattice) = body.lattice.as_ref().filter(|_| body.dimension == 3) else {
         return Ok(());
     };
@@ -54,9 +55,9 @@ pub(super) fn fillet(
     let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
     let welds = connected(&deposited);
     let all = welds.iter().map(|weld| sections(&parent, weld, axis));
-    let fillets: Vec<Vec<Section>> = all.filter(|s| s.len() >= FEWEST).collect();
+    let fillets: Vec<Vec<FilletSection>> = all.filter(|s| s.len() >= FEWEST).collect();
     for (index, sections) in fillets.iter().enumerate() {
-        // as of both sides of a T-joint
+        // a T-joint has a fillet on both sides
         let (id, of) = match fillets.len() {
             1 => (String::new(), "the deposited fillet".to_string()),
             _ => {
@@ -72,24 +73,24 @@ pub(super) fn fillet(
                 )
             }
         };
-        let mut add = |name: (String, String), of: &dyn Fn(&Section) -> f64| {
+        let mut add = |name: Label, of: &dyn Fn(&FilletSection) -> f64| {
             let values = sections.iter().map(of).collect();
             found.push(median(&body.name, name, values, "m", super::OUTSIDE));
         };
         for (leg, along) in [u, v].into_iter().enumerate() {
-            let name = (
+            let name = Label::new(
                 format!("fillet{id}.leg.{}", AXES[along]),
                 format!("leg of {of} along {}", AXES[along]),
             );
             add(name, &|section| section.legs[leg] * spacing);
         }
-        let name = (format!("fillet{id}.throat"), format!("throat of {of}"));
+        let name = Label::new(format!("fillet{id}.throat"), format!("throat of {of}"));
         add(name, &|s| s.throat() * spacing);
     }
     Ok(())
 }
 
-/// The parts of a set of cells that hang together by faces, in the order of their first cells.
+/// The parts of a set of cells that are connected by faces, in the order of their first cells.
 fn connected(cells: &BTreeSet<[i64; 3]>) -> Vec<BTreeSet<[i64; 3]>> {
     let mut left = cells.clone();
     let mut parts = Vec::new();
@@ -118,14 +119,14 @@ fn cell_of(lattice: &LatticeInfo, x: &[f64; 3]) -> [i64; 3] {
 
 /// A section of a fillet, in cells.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Section {
+struct FilletSection {
     /// along the first and the second axis of the section
     legs: [f64; 2],
     area: f64,
     middle: [f64; 3],
 }
 
-impl Section {
+impl FilletSection {
     fn throat(&self) -> f64 {
         2.0 * self.area / self.legs[0].hypot(self.legs[1])
     }
@@ -137,9 +138,9 @@ fn sections(
     parent: &BTreeSet<[i64; 3]>,
     deposited: &BTreeSet<[i64; 3]>,
     axis: usize,
-) -> Vec<Section> {
+) -> Vec<FilletSection> {
     let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
-    let mut all: BTreeMap<i64, Slice> = BTreeMap::new();
+    let mut all: BTreeMap<i64, SectionCounts> = BTreeMap::new();
     for cell in deposited {
         let slice = all.entry(cell[axis]).or_default();
         slice.cells += 1.0;
@@ -154,21 +155,21 @@ fn sections(
             }
         }
     }
-    all.values().filter_map(Slice::section).collect()
+    all.values().filter_map(SectionCounts::section).collect()
 }
 
 /// Counts of the deposited cells of a section.
 #[derive(Clone, Copy, Debug, Default)]
-struct Slice {
+struct SectionCounts {
     cells: f64,
-    /// Sums of their places.
+    /// Sums of the cell indices.
     places: [f64; 3],
-    /// With parent metal, by axis and side.
+    /// Contacts with parent metal, by axis and side.
     contacts: [[f64; 2]; 2],
 }
 
-impl Slice {
-    fn section(&self) -> Option<Section> {
+impl SectionCounts {
+    fn section(&self) -> Option<FilletSection> {
         let longest = self.contacts.iter().flatten().copied().fold(0.0, f64::max);
         let one_side = |sides: [f64; 2]| {
             let [least, most] = [sides[0].min(sides[1]), sides[0].max(sides[1])];
@@ -176,7 +177,7 @@ impl Slice {
             (counts(most) && !counts(least)).then_some(most)
         };
         // a contact with a face normal to one axis is a leg along the other
-        Some(Section {
+        Some(FilletSection {
             legs: [one_side(self.contacts[1])?, one_side(self.contacts[0])?],
             area: self.cells,
             middle: self.places.map(|sum| sum / self.cells),
@@ -192,7 +193,7 @@ mod tests {
     fn of(
         is_parent: impl Fn(i64, i64) -> bool,
         is_deposited: impl Fn(f64, f64) -> bool,
-    ) -> Vec<Section> {
+    ) -> Vec<FilletSection> {
         let (mut parent, mut deposited) = (BTreeSet::new(), BTreeSet::new());
         for x in 0..3 {
             for j in -10..60 {

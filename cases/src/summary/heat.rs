@@ -4,7 +4,8 @@ use perimelt_core::log::{Log, LogError, Series};
 use perimelt_core::material::Material;
 use serde_json::Value;
 
-use super::ReadOff;
+use super::passes::SourceReports;
+use super::{Label, ReadOff};
 use crate::case::of_log::case_of;
 use crate::log_file::plugins_of;
 use crate::log_names::REPORTS;
@@ -12,98 +13,113 @@ use crate::quantity::scalar::scalar;
 
 /// Energies of the heat sources, and energy per length of their paths.
 pub(super) fn sources(log: &Log, found: &mut Vec<ReadOff>) -> Result<(), LogError> {
-    let Some(reports) = log.probes().get(REPORTS) else {
+    let Some(series) = log.probes().get(REPORTS) else {
         return Ok(());
     };
-    let deposits = deposits(log, reports)?;
-    let names = || reports.columns.iter().map(|c| &c.name);
-    let number = names()
-        .filter(|name| name.ends_with(".energy.asked"))
-        .count();
-    let column = |name: &str| {
-        let column = reports.columns.iter().find(|c| c.name == name)?;
-        Some(&column.values[..])
-    };
-    for name in names() {
-        let Some(source) = name.strip_suffix(".energy.asked") else {
-            continue;
+    let deposits = deposits(log, series)?;
+    let names = series.columns.iter().map(|c| &*c.name);
+    let sources: Vec<&str> = names
+        .filter_map(|name| name.strip_suffix(".energy.asked"))
+        .collect();
+    for &source in &sources {
+        let reports = SourceReports { series, source };
+        let is_of_source = |d: &&Deposited| match &d.source {
+            Some(name) => name == source,
+            None => sources.len() == 1,
         };
-        let last = |what: &str| column(&format!("{source}.{what}"))?.last().copied();
-        let mirrored = last("energy.mirrored").filter(|energy| *energy > 0.0);
-        for (id, part, energy) in [
-            ("energy.asked", "asked", last("energy.asked")),
-            ("energy.deposited", "deposited", last("energy.deposited")),
-            (
-                "energy.mirrored",
-                "deposited in the mirrored part of the body",
-                mirrored,
-            ),
-            ("energy.lost", "lost", last("energy.lost")),
-        ] {
-            let name = (id, format!("energy {part}"));
-            found.extend(energy.map(|e| ReadOff::new(source, name, e, "J")));
-        }
-        if let (Some(energy), Some(path)) = (last("energy.deposited"), last("path"))
-            && path > 0.0
-        {
-            let energy = energy + mirrored.unwrap_or(0.0);
-            let name = ("path.length", "length of the path with power");
-            found.push(ReadOff::new(source, name, path, "m"));
-            let name = (
-                "path.energy_per_length",
-                "energy deposited per length of the path",
-            );
-            found.push(ReadOff::new(source, name, energy / path, "J/m"));
-            let of_path = |d: &&Deposited| match &d.source {
-                Some(name) => name == source,
-                None => number == 1,
-            };
-            let deposited: Vec<&Deposited> = deposits.iter().filter(of_path).collect();
-            // the source deposits mirror images of the metal as it heats those of the body
-            let copies = match last("energy.deposited") {
-                Some(body) if body > 0.0 => 1.0 + mirrored.unwrap_or(0.0) / body,
-                _ => 1.0,
-            };
-            let heat: f64 = copies * deposited.iter().map(|d| d.heat).sum::<f64>();
-            if heat > 0.0 {
-                let name = (
-                    "deposited_metal.heat",
-                    "heat of the deposited metal above the temperature at the start",
-                );
-                found.push(ReadOff::new(source, name, heat, "J"));
-                let name = (
-                    "path.total_energy_per_length",
-                    "total energy per length of the path, with the deposited metal",
-                );
-                let total = (energy + heat) / path;
-                found.push(ReadOff::new(source, name, total, "J/m"));
-            }
-        }
-        for pass in 1.. {
-            let Some(start) = last(&format!("pass.{pass}.start")) else {
-                break;
-            };
-            let temperature = last(&format!("pass.{pass}.temperature"));
-            if !start.is_finite() {
-                break;
-            }
-            let name = (
-                format!("pass.{pass}.start"),
-                format!("start of pass {pass}"),
-            );
-            found.push(ReadOff::new(source, name, start, "s"));
-            let name = (
-                format!("pass.{pass}.interpass_temperature"),
-                format!("interpass temperature before pass {pass}"),
-            );
-            let temperature = temperature.filter(|t| t.is_finite());
-            found.extend(temperature.map(|t| ReadOff::new(source, name, t, "K").at(start)));
-        }
+        let deposited = deposits.iter().filter(is_of_source);
+        let heat = deposited.map(|d| d.heat).sum::<f64>();
+        energies(&reports, found);
+        energy_per_length(&reports, heat, found);
+        interpass_temperatures(&reports, found);
     }
     Ok(())
 }
 
-/// Metal that a coupler `deposit` brought.
+/// Energy deposited in the mirrored part of the body, J.
+fn mirrored_energy(reports: &SourceReports<'_>) -> Option<f64> {
+    reports
+        .last("energy.mirrored")
+        .filter(|energy| *energy > 0.0)
+}
+
+fn energies(reports: &SourceReports<'_>, found: &mut Vec<ReadOff>) {
+    let last = |what: &str| reports.last(what);
+    for (id, part, energy) in [
+        ("energy.asked", "asked", last("energy.asked")),
+        ("energy.deposited", "deposited", last("energy.deposited")),
+        (
+            "energy.mirrored",
+            "deposited in the mirrored part of the body",
+            mirrored_energy(reports),
+        ),
+        ("energy.lost", "lost", last("energy.lost")),
+    ] {
+        let name = Label::new(id, format!("energy {part}"));
+        found.extend(energy.map(|e| ReadOff::new(reports.source, name, e, "J")));
+    }
+}
+
+/// Energy per length of the path, without and with the heat (J) of the deposited metal.
+fn energy_per_length(reports: &SourceReports<'_>, metal_heat: f64, found: &mut Vec<ReadOff>) {
+    let source = reports.source;
+    let path = reports.last("path").filter(|path| *path > 0.0);
+    let (Some(deposited), Some(path)) = (reports.last("energy.deposited"), path) else {
+        return;
+    };
+    let mirrored = mirrored_energy(reports).unwrap_or(0.0);
+    let energy = deposited + mirrored;
+    let name = Label::new("path.length", "length of the path with power");
+    found.push(ReadOff::new(source, name, path, "m"));
+    let name = Label::new(
+        "path.energy_per_length",
+        "energy deposited per length of the path",
+    );
+    found.push(ReadOff::new(source, name, energy / path, "J/m"));
+    // the source deposits mirror images of the metal as it heats those of the body
+    let copies = match deposited > 0.0 {
+        true => 1.0 + mirrored / deposited,
+        false => 1.0,
+    };
+    let heat = copies * metal_heat;
+    if heat > 0.0 {
+        let name = Label::new(
+            "deposited_metal.heat",
+            "heat of the deposited metal above the temperature at the start",
+        );
+        found.push(ReadOff::new(source, name, heat, "J"));
+        let name = Label::new(
+            "path.total_energy_per_length",
+            "total energy per length of the path, with the deposited metal",
+        );
+        let total = (energy + heat) / path;
+        found.push(ReadOff::new(source, name, total, "J/m"));
+    }
+}
+
+/// Starts of passes that waited for an interpass temperature, with that temperature.
+fn interpass_temperatures(reports: &SourceReports<'_>, found: &mut Vec<ReadOff>) {
+    for pass in 1.. {
+        let start = reports.last(&format!("pass.{pass}.start"));
+        let Some(start) = start.filter(|start| start.is_finite()) else {
+            break;
+        };
+        let name = Label::new(
+            format!("pass.{pass}.start"),
+            format!("start of pass {pass}"),
+        );
+        found.push(ReadOff::new(reports.source, name, start, "s"));
+        let name = Label::new(
+            format!("pass.{pass}.interpass_temperature"),
+            format!("interpass temperature before pass {pass}"),
+        );
+        let temperature = reports.last(&format!("pass.{pass}.temperature"));
+        let temperature = temperature.filter(|t| t.is_finite());
+        found.extend(temperature.map(|t| ReadOff::new(reports.source, name, t, "K").at(start)));
+    }
+}
+
+/// Metal that a coupler `deposit` added.
 struct Deposited {
     /// The heat source whose path it follows, if it has no path of its own.
     source: Option<String>,
@@ -117,7 +133,7 @@ fn deposits(log: &Log, reports: &Series) -> Result<Vec<Deposited>, LogError> {
     let Ok(case) = case_of(log) else {
         return Ok(deposits);
     };
-    // those of `deposit` report points, volume and mass
+    // only couplers `deposit` report a volume
     let labels = reports.columns.iter();
     let mut labels = labels.filter_map(|c| c.name.strip_suffix(".volume"));
     for body in &log.run().bodies {
@@ -155,7 +171,7 @@ fn deposits(log: &Log, reports: &Series) -> Result<Vec<Deposited>, LogError> {
 
 /// Enthalpy of a material at a temperature (K) above that at 0 K with the specific heat of its coldest row, J/m³.
 fn enthalpy(material: &Material, temperature: f64, melts: bool) -> Option<f64> {
-    /// the specific heat of a table is linear between its rows; this resolves rows that are 10 K apart
+    /// K; resolves rows 10 K apart of a specific heat that is linear between rows
     const STEP: f64 = 2.0;
     let density = material.reference_density().ok()?;
     let capacity = material.get("specific_heat")?;

@@ -1,18 +1,17 @@
-//! What the physics `thermal_history` recorded, of the points where it happened.
+//! Numbers that the physics `thermal_history` recorded, over the points that have them.
 
-use perimelt_core::log::{BodyInfo, Log, LoggedCloud};
+use perimelt_core::log::Log;
 
-use super::{OUTSIDE, ReadOff, largest, median};
+use super::{BodyRecord, Label, OUTSIDE, ReadOff, largest, median};
 use crate::log_file::plugins_of;
 use crate::quantity::scalar::scalar;
 use crate::unit;
 
 /// Reads off times and solidification.
-pub(super) fn history(
-    log: &Log,
-    (body, last): (&BodyInfo, &LoggedCloud),
-    found: &mut Vec<ReadOff>,
-) {
+pub(super) fn history(record: &BodyRecord<'_>, found: &mut Vec<ReadOff>) {
+    let &BodyRecord {
+        log, body, last, ..
+    } = record;
     let above = name_of_time_above(log, &body.name);
     for (field, quantity) in [
         ("time_above", &*above),
@@ -36,17 +35,12 @@ pub(super) fn history(
         if field == "time_above"
             && let Some((value, place)) = largest(body, last, field)
         {
-            let name = (format!("{field}.largest"), format!("largest {quantity}"));
+            let name = Label::new(format!("{field}.largest"), format!("largest {quantity}"));
             let longest = ReadOff::new(&body.name, name, value, unit);
             found.push(longest.within(place));
         }
-        found.push(median(
-            &body.name,
-            (field, quantity),
-            happened,
-            unit,
-            OUTSIDE,
-        ));
+        let name = Label::new(field, quantity);
+        found.push(median(&body.name, name, happened, unit, OUTSIDE));
     }
 }
 

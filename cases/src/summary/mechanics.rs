@@ -2,7 +2,7 @@
 
 use perimelt_core::log::{BodyInfo, Log, LogError};
 
-use super::{ReadOff, largest};
+use super::{Label, ReadOff, largest};
 use crate::case::of_log::case_of;
 use crate::log_file::plugins_of;
 use crate::log_names::REPORTS;
@@ -25,7 +25,7 @@ pub(super) fn before_release(
         let mut releases: Vec<f64> = couplers.filter_map(|c| c[key].as_f64()).collect();
         releases.sort_by(f64::total_cmp);
         releases.dedup();
-        // the state at the time itself is still held
+        // in the state at the time itself the clamp still holds
         let is_before = |time: f64, release: f64| time <= release + 1e-9 * release.abs();
         releases.retain(|release| times.last().is_some_and(|end| !is_before(*end, *release)));
         let number_of = |index: usize| match releases.len() {
@@ -41,7 +41,7 @@ pub(super) fn before_release(
             let displaced = largest(body, &cloud, "displacement");
             found.extend(displaced.map(|(value, place)| {
                 let number = number_of(index);
-                let name = (
+                let name = Label::new(
                     format!("displacement.before_{coupler}.{}", index + 1),
                     format!("largest displacement before {event}{number}"),
                 );
@@ -53,7 +53,7 @@ pub(super) fn before_release(
     Ok(())
 }
 
-/// Largest and smallest stress at the end along the lines of probes, and where.
+/// Largest and smallest stress at the end along the lines of probes, with their positions.
 pub(super) fn stress_along_lines(log: &Log, found: &mut Vec<ReadOff>) {
     let Ok(case) = case_of(log) else {
         return;
@@ -82,7 +82,7 @@ pub(super) fn stress_along_lines(log: &Log, found: &mut Vec<ReadOff>) {
         let smallest = values.min_by(|a, b| a.0.total_cmp(&b.0));
         for (which, value) in [("largest", largest), ("smallest", smallest)] {
             found.extend(value.map(|(value, distance)| {
-                let name = (
+                let name = Label::new(
                     format!("stress.{component}.{which}"),
                     format!("{which} stress {component} at the end"),
                 );
@@ -105,7 +105,7 @@ pub(super) fn beyond_yield(log: &Log, found: &mut Vec<ReadOff>) {
         let states = reports.times.iter().zip(&column.values);
         let largest = states.max_by(|a, b| a.1.total_cmp(b.1));
         if let Some((time, ratio)) = largest.filter(|(_, ratio)| **ratio > 1.0) {
-            let name = (
+            let name = Label::new(
                 "stress.over_yield",
                 "largest von Mises stress over the yield stress, without plasticity",
             );

@@ -10,7 +10,7 @@ use crate::log_names::RELATIVE_ERROR;
 use crate::melt_pool::{LoggedSources, MeltPool, SourceState, Travel, steady};
 use crate::quantity::isotherm::isotherms;
 use crate::quantity::scalar::scalar;
-use crate::quantity::survey::{Survey, survey};
+use crate::quantity::survey::{BodySurvey, survey};
 use crate::tables;
 use crate::unit;
 
@@ -25,7 +25,7 @@ mod stress;
 mod testing;
 mod zones;
 
-/// Parts of the points with the smallest and the largest values that ranges leave out.
+/// Fraction of the points that ranges leave out at either end.
 const OUTSIDE: f64 = 0.1;
 
 /// Fewest logged states with a steady melt pool whose median is given.
@@ -41,33 +41,33 @@ pub struct ReadOff {
     pub of: String,
     /// Name for programs, such as "pool.width.steady", which stays as it is when the wording of `quantity` changes.
     pub id: String,
-    /// What it is.
+    /// Name in words.
     pub quantity: String,
-    /// In the SI unit; not a number where it is left out.
+    /// The value in the SI unit; NaN where it is left out.
     pub value: f64,
     /// SI unit.
     pub unit: String,
-    /// Smallest and largest value where it is a median.
+    /// Smallest and largest value; given for medians.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<[f64; 2]>,
-    /// When, s.
+    /// Time at which the value occurs, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub time: Option<f64>,
-    /// Where, m.
+    /// Position at which the value occurs, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub place: Option<[f64; 3]>,
-    /// Where on the line of a probe, by the distance from its start, m.
+    /// Distance from the start of the line of a probe, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distance: Option<f64>,
-    /// Why it is left out.
+    /// Reason why the value is left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_out: Option<String>,
-    /// Why it cannot be relied on.
+    /// Reason why the value is unreliable.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warning: Option<String>,
 }
 
-/// What the numbers are read off with.
+/// Options of [`read_off`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SummaryOptions {
     /// Isotherm (K) that bounds melt pool and fusion zone; the solidus of the body's material when left out.
@@ -78,17 +78,38 @@ pub struct SummaryOptions {
     pub travel: Travel,
 }
 
+/// Names of a number.
+struct Label {
+    /// [`ReadOff::id`].
+    id: String,
+    /// [`ReadOff::quantity`].
+    name: String,
+}
+
+impl Label {
+    fn new(id: impl Into<String>, name: impl Into<String>) -> Self {
+        Label {
+            id: id.into(),
+            name: name.into(),
+        }
+    }
+}
+
+/// The logged data of a body.
+struct BodyRecord<'a> {
+    log: &'a Log,
+    sources: &'a LoggedSources,
+    body: &'a BodyInfo,
+    /// The last state.
+    last: &'a LoggedCloud,
+}
+
 impl ReadOff {
-    fn new(
-        of: &str,
-        (id, quantity): (impl Into<String>, impl Into<String>),
-        value: f64,
-        unit: &str,
-    ) -> Self {
+    fn new(of: &str, label: Label, value: f64, unit: &str) -> Self {
         ReadOff {
             of: of.into(),
-            id: id.into(),
-            quantity: quantity.into(),
+            id: label.id,
+            quantity: label.name,
             value,
             unit: unit.into(),
             range: None,
@@ -101,15 +122,10 @@ impl ReadOff {
     }
 
     /// A quantity that has no value, for a reason.
-    fn left_out(
-        of: &str,
-        name: (impl Into<String>, impl Into<String>),
-        unit: &str,
-        reason: &str,
-    ) -> Self {
+    fn left_out(of: &str, label: Label, unit: &str, reason: &str) -> Self {
         ReadOff {
             left_out: Some(reason.into()),
-            ..ReadOff::new(of, name, f64::NAN, unit)
+            ..ReadOff::new(of, label, f64::NAN, unit)
         }
     }
 
@@ -151,34 +167,39 @@ pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, Log
         let isotherm = isotherms(log, &body.name, options.isotherm.as_slice());
         let isotherm = isotherm.first().map(|i| i.temperature);
         let last = log.cloud(&body.name, last)?;
-        let sources = &logged_sources;
-        let survey = temperatures((log, sources), (body, &last), isotherm, options, &mut found)?;
+        let record = BodyRecord {
+            log,
+            sources: &logged_sources,
+            body,
+            last: &last,
+        };
+        let survey = temperatures(&record, isotherm, options, &mut found)?;
         if let Some(survey) = survey {
-            passes::of_body(log, (body, &survey), &passes, &mut found)?;
+            passes::of_body(log, body, &survey, &passes, &mut found)?;
         }
-        zones::zones((log, sources), (body, &last), isotherm, options, &mut found)?;
-        history::history(log, (body, &last), &mut found);
+        zones::zones(&record, isotherm, options, &mut found)?;
+        history::history(&record, &mut found);
         mechanics::before_release(log, body, &mut found)?;
-        fillet::fillet((log, sources), (body, &last), &mut found)?;
-        distortion::distortion((log, sources), (body, &last), options.travel, &mut found)?;
+        fillet::fillet(&record, &mut found)?;
+        distortion::distortion(&record, options.travel, &mut found)?;
         let mut extreme = |field: &str, quantity: &str, unit: &str| {
             found.extend(largest(body, &last, field).map(|(value, place)| {
-                // shares that rounding has left are none
+                // fractions at the level of rounding are zero
                 let value = if unit == "1" && value < 1e-12 {
                     0.0
                 } else {
                     value
                 };
-                ReadOff::new(&body.name, (format!("{field}.end"), quantity), value, unit)
-                    .at(end)
-                    .within(place)
+                let name = Label::new(format!("{field}.end"), quantity);
+                let number = ReadOff::new(&body.name, name, value, unit);
+                number.at(end).within(place)
             }));
         };
         extreme("displacement", "largest displacement at the end", "m");
         extreme("damage", "largest damage at the end", "1");
         extreme("hardness", "largest hardness at the end", "HV");
         extreme("martensite", "largest share of martensite at the end", "1");
-        stress::stresses(log, (body, &last), &mut found);
+        stress::stresses(&record, &mut found);
     }
     mechanics::stress_along_lines(log, &mut found);
     mechanics::beyond_yield(log, &mut found);
@@ -188,7 +209,7 @@ pub fn read_off(log: &Log, options: &SummaryOptions) -> Result<Vec<ReadOff>, Log
     Ok(found)
 }
 
-/// Largest finite value of a field in a state, and where (m, in the present configuration).
+/// Largest finite value of a field in a state, and its position (m) in the present configuration.
 fn largest(body: &BodyInfo, cloud: &LoggedCloud, field: &str) -> Option<(f64, [f64; 3])> {
     // a rigid motion of a fluid or of a free body is no distortion
     let is_solid = field != "displacement" || body.fields.iter().any(|f| f.name == "stress");
@@ -201,12 +222,17 @@ fn largest(body: &BodyInfo, cloud: &LoggedCloud, field: &str) -> Option<(f64, [f
 }
 
 fn temperatures(
-    (log, sources): (&Log, &LoggedSources),
-    (body, last): (&BodyInfo, &LoggedCloud),
+    record: &BodyRecord<'_>,
     isotherm: Option<f64>,
     options: &SummaryOptions,
     found: &mut Vec<ReadOff>,
-) -> Result<Option<Survey>, LogError> {
+) -> Result<Option<BodySurvey>, LogError> {
+    let &BodyRecord {
+        log,
+        sources,
+        body,
+        last,
+    } = record;
     let Some(at_end) = largest(body, last, "temperature") else {
         return Ok(None);
     };
@@ -217,8 +243,10 @@ fn temperatures(
         let logged = largest(body, &cloud, "temperature");
         // also between the logged states
         let recorded = largest(body, last, "peak_temperature");
-        let name = ("temperature.largest", "highest logged temperature");
-        let of = |(peak, place)| ReadOff::new(&body.name, name, peak, "K").within(place);
+        let of = |(peak, place)| {
+            let name = Label::new("temperature.largest", "highest logged temperature");
+            ReadOff::new(&body.name, name, peak, "K").within(place)
+        };
         let hottest = match (logged, recorded) {
             (Some(logged), Some(recorded)) if recorded.0 > logged.0 => Some(of(recorded)),
             (logged, _) => logged.map(|logged| of(logged).at(cloud.time)),
@@ -230,7 +258,7 @@ fn temperatures(
                 .flat_map(|peak| left_tables(log, body, peak)),
         );
     }
-    let name = ("temperature.end", "highest temperature at the end");
+    let name = Label::new("temperature.end", "highest temperature at the end");
     found.push(ReadOff::new(&body.name, name, at_end.0, "K").at(last.time));
     let states: Vec<_> = survey
         .pools
@@ -246,7 +274,7 @@ fn temperatures(
             .filter_map(|(index, (time, pool, _))| Some((index, *time, size(pool.as_ref()?)?)))
             .collect();
         if let Some(&(_, time, value)) = sizes.iter().max_by(|a, b| a.2.total_cmp(&b.2)) {
-            let name = (
+            let name = Label::new(
                 format!("pool.{name}.largest"),
                 format!("largest {name} of the melt pool"),
             );
@@ -255,7 +283,7 @@ fn temperatures(
         let of_steady = sizes.iter().filter(|(index, ..)| is_steady.contains(index));
         let of_steady: Vec<f64> = of_steady.map(|(.., value)| *value).collect();
         if of_steady.len() >= FEWEST_STEADY {
-            let name = (
+            let name = Label::new(
                 format!("pool.{name}.steady"),
                 format!("{name} of the melt pool, steady part"),
             );
@@ -263,7 +291,7 @@ fn temperatures(
         } else if sizes.len() >= FEWEST {
             let middle = sizes.len() / 4..sizes.len() - sizes.len() / 4;
             let middle: Vec<f64> = sizes[middle].iter().map(|(.., value)| *value).collect();
-            let name = (
+            let name = Label::new(
                 format!("pool.{name}.middle"),
                 format!("{name} of the melt pool, middle half of its time"),
             );
@@ -287,37 +315,32 @@ fn left_tables(log: &Log, body: &BodyInfo, peak: f64) -> Vec<ReadOff> {
             table.property, table.material
         );
         let id = format!("table_end.{}.{}", table.material, table.property);
-        ReadOff::new(&body.name, (id, quantity), table.rows[1], "K")
+        let name = Label::new(id, quantity);
+        ReadOff::new(&body.name, name, table.rows[1], "K")
     };
     left.into_iter().map(read_off).collect()
 }
 
-type Size = fn(&MeltPool) -> Option<f64>;
+pub(crate) type Size = fn(&MeltPool) -> Option<f64>;
 
 /// Extents of a melt pool.
-const SIZES: [(&str, Size); 3] = [
+pub(crate) const SIZES: [(&str, Size); 3] = [
     ("length", |pool| Some(pool.length())),
     ("width", |pool| pool.width),
     ("depth", |pool| pool.depth),
 ];
 
 /// The median of some values and their range without the outermost parts.
-fn median(
-    of: &str,
-    name: (impl Into<String>, impl Into<String>),
-    mut values: Vec<f64>,
-    unit: &str,
-    outside: f64,
-) -> ReadOff {
+fn median(of: &str, label: Label, mut values: Vec<f64>, unit: &str, outside: f64) -> ReadOff {
     values.sort_by(f64::total_cmp);
-    let at = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize];
+    let at = |fraction: f64| values[((values.len() - 1) as f64 * fraction).round() as usize];
     ReadOff {
         range: Some([at(outside), at(1.0 - outside)]),
-        ..ReadOff::new(of, name, at(0.5), unit)
+        ..ReadOff::new(of, label, at(0.5), unit)
     }
 }
 
-/// Relative errors of the balances at the end, of those that have changed.
+/// Relative errors at the end of the balances that have changed.
 fn errors(log: &Log) -> impl Iterator<Item = ReadOff> + '_ {
     let balance = log.balance();
     balance.columns.iter().filter_map(move |column| {
@@ -331,7 +354,7 @@ fn errors(log: &Log) -> impl Iterator<Item = ReadOff> + '_ {
         let size = change.max(last("supplied")?.abs());
         let logged = last(&RELATIVE_ERROR[1..]);
         let error = logged.unwrap_or(column.values.last()?.abs() / size);
-        let name = (
+        let name = Label::new(
             format!("error.{quantity}"),
             format!("relative error of {quantity}"),
         );
@@ -339,10 +362,10 @@ fn errors(log: &Log) -> impl Iterator<Item = ReadOff> + '_ {
     })
 }
 
-/// Prints the numbers in the units of the workshop.
+/// Prints the numbers in practical units.
 ///
 /// # Errors
-/// When the output cannot be written.
+/// The output cannot be written.
 pub fn print(found: &[ReadOff], out: &mut impl Write) -> std::io::Result<()> {
     let widest = found
         .iter()
@@ -373,7 +396,7 @@ pub fn print(found: &[ReadOff], out: &mut impl Write) -> std::io::Result<()> {
     Ok(())
 }
 
-/// A value, its range, and when and where it occurs.
+/// Prints a value with its range, time and position.
 fn print_value(read_off: &ReadOff, out: &mut impl Write) -> std::io::Result<()> {
     let (factor, unit) = unit::value(&read_off.unit, read_off.value);
     let number = |value: f64| unit::number(value * factor, 4);
@@ -427,7 +450,6 @@ mod tests {
                 .unwrap_or_else(|| panic!("{quantity} in {found:?}"))
                 .value
         };
-        // that of the clouds themselves
         let hottest = (0..log.times("plate").len()).map(|index| {
             let cloud = log.cloud("plate", index).expect("a cloud");
             let scalar = scalar(&cloud, "temperature").expect("a temperature");
@@ -448,7 +470,7 @@ mod tests {
     #[test]
     fn a_median_has_a_range() {
         let values = (1..=101).map(f64::from).rev().collect();
-        let found = median("a", ("b", "b"), values, "s", 0.1);
+        let found = median("a", Label::new("b", "b"), values, "s", 0.1);
         assert_eq!((found.value, found.range), (51.0, Some([11.0, 91.0])));
     }
 }

@@ -1,15 +1,15 @@
 //! Read-offs by pass: heat input, interpass temperature, melt pool, cooling time.
 //!
-//! A pass is what a heat source does between two waits of its path, or, on a path without waits, between two logged states without
-//! power. Jumps between two logged states begin no pass.
+//! A pass of a heat source lies between two waits of its path for an interpass temperature, or, on a path without waits, between
+//! two logged states without power. Jumps between two logged states begin no pass.
 
 use perimelt_core::log::{BodyInfo, Log, LogError, Series};
 
-use super::{ReadOff, SIZES, median};
-use crate::log_file::{plugins_of, sound};
+use super::{Label, ReadOff, SIZES, median};
+use crate::log_file::{plugins_of, skip_damaged};
 use crate::log_names::REPORTS;
 use crate::quantity::scalar::scalar;
-use crate::quantity::survey::{Reference, Survey};
+use crate::quantity::survey::{BodySurvey, Reference};
 
 /// Fewest logged states with power of each pass.
 const FEWEST_STATES: usize = 3;
@@ -20,9 +20,8 @@ const MOST_PASSES: usize = 50;
 /// A pass of a source.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Pass {
-    /// The source.
     pub source: String,
-    /// From 1.
+    /// Number of the pass, from 1.
     pub number: usize,
     /// Start and end of the time with power, s, and start of the next pass.
     pub times: [f64; 3],
@@ -32,22 +31,27 @@ pub(super) struct Pass {
     waited: bool,
 }
 
-/// Where a pass begins.
+/// Start of a pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Begin {
-    /// s.
+struct PassStart {
+    /// Time, s.
     start: f64,
     /// Whether the path waited for a temperature before it.
     waited: bool,
 }
 
 /// Reports of one source.
-struct Reports<'a> {
-    series: &'a Series,
-    source: &'a str,
+pub(super) struct SourceReports<'a> {
+    pub series: &'a Series,
+    pub source: &'a str,
 }
 
-impl Reports<'_> {
+impl SourceReports<'_> {
+    /// The last value of a quantity.
+    pub(super) fn last(&self, what: &str) -> Option<f64> {
+        self.column(what)?.last().copied()
+    }
+
     fn column(&self, what: &str) -> Option<&[f64]> {
         let is_it = |name: &str| {
             let rest = name.strip_prefix(self.source);
@@ -57,7 +61,7 @@ impl Reports<'_> {
         Some(&column.values)
     }
 
-    /// A cumulated quantity at a time (s) at which a pass begins or ends: that of a state beside it in which the source is off, else
+    /// A cumulative quantity at the start or end (s) of a pass: the value of an adjacent state in which the source is off, else
     /// linear between logged states.
     fn at(&self, what: &str, time: f64) -> Option<f64> {
         let (times, values) = (&self.series.times, self.column(what)?);
@@ -92,7 +96,7 @@ impl Reports<'_> {
         let begins = |number: usize| {
             let start = *self.column(&format!("pass.{number}.start"))?.last()?;
             let waited = self.column(&format!("pass.{number}.temperature")).is_some();
-            start.is_finite().then_some(Begin { start, waited })
+            start.is_finite().then_some(PassStart { start, waited })
         };
         let was_off = |start: f64| {
             let next = times.partition_point(|time| *time <= start);
@@ -101,7 +105,7 @@ impl Reports<'_> {
                 .flatten()
                 .any(|row| self.is_off(row))
         };
-        let known: Vec<Begin> = (1..)
+        let known: Vec<PassStart> = (1..)
             .map_while(|number| Some((number, begins(number)?)))
             .filter(|(number, begin)| *number == 1 || begin.waited || was_off(begin.start))
             .map(|(_, begin)| begin)
@@ -129,12 +133,12 @@ impl Reports<'_> {
             let of_path = known.iter().rev().find(|begin| begin.start <= first);
             let before = part[0].checked_sub(1).map_or(first, |row| times[row]);
             let of_path = of_path.filter(|_| known.len() > 1).copied();
-            of_path.unwrap_or(Begin {
+            of_path.unwrap_or(PassStart {
                 start: before,
                 waited: false,
             })
         };
-        let begins: Vec<Begin> = parts.iter().map(|part| start_of(part)).collect();
+        let begins: Vec<PassStart> = parts.iter().map(|part| start_of(part)).collect();
         let pass = |(index, part): (usize, &Vec<usize>)| {
             let axis = |name| Some(self.column(&format!("position.{name}"))?[part[0]]);
             let place = || Some([axis("x")?, axis("y")?, axis("z")?]);
@@ -166,7 +170,7 @@ pub(super) fn passes(log: &Log) -> Vec<Pass> {
     };
     let names = series.columns.iter();
     let sources = names.filter_map(|c| c.name.strip_suffix(".on"));
-    let of = |source| Reports { series, source }.passes();
+    let of = |source| SourceReports { series, source }.passes();
     sources.flat_map(of).collect()
 }
 
@@ -177,7 +181,7 @@ pub(super) fn heat_input(log: &Log, passes: &[Pass], found: &mut Vec<ReadOff>) {
     };
     for pass in passes {
         let source = &*pass.source;
-        let reports = Reports { series, source };
+        let reports = SourceReports { series, source };
         let [start, _, next] = pass.times;
         let within = |what| Some(reports.at(what, next)? - reports.at(what, start)?);
         let Some(energy) = within("energy.deposited") else {
@@ -185,7 +189,7 @@ pub(super) fn heat_input(log: &Log, passes: &[Pass], found: &mut Vec<ReadOff>) {
         };
         let energy = energy + within("energy.mirrored").unwrap_or(0.0);
         if let Some(path) = within("path").filter(|path| *path > 0.0) {
-            let name = (
+            let name = Label::new(
                 format!("pass.{}.energy_per_length", pass.number),
                 format!("pass {}: energy deposited per length", pass.number),
             );
@@ -200,19 +204,20 @@ pub(super) fn heat_input(log: &Log, passes: &[Pass], found: &mut Vec<ReadOff>) {
 /// A log that cannot be read.
 pub(super) fn of_body(
     log: &Log,
-    (body, survey): (&BodyInfo, &Survey),
+    body: &BodyInfo,
+    survey: &BodySurvey,
     passes: &[Pass],
     found: &mut Vec<ReadOff>,
 ) -> Result<(), LogError> {
     let sources = |pass: &Pass| passes.iter().any(|other| other.source != pass.source);
-    let label = |pass: &Pass, (id, quantity): (&str, &str)| {
+    let label = |pass: &Pass, id: &str, quantity: &str| {
         let number = pass.number;
         match sources(pass) {
-            true => (
+            true => Label::new(
                 format!("{}.pass.{number}.{id}", pass.source),
                 format!("{}, pass {number}: {quantity}", pass.source),
             ),
-            false => (
+            false => Label::new(
                 format!("pass.{number}.{id}"),
                 format!("pass {number}: {quantity}"),
             ),
@@ -224,11 +229,9 @@ pub(super) fn of_body(
         if index > 0 && !pass.waited && passes[index - 1].source == pass.source {
             let before = temperature_before(log, body, pass)?;
             found.extend(before.map(|(time, temperature)| {
-                let name = (
-                    "interpass_temperature",
-                    "temperature at its start, before it",
-                );
-                ReadOff::new(&body.name, label(pass, name), temperature, "K").at(time)
+                let quantity = "temperature at its start, before it";
+                let name = label(pass, "interpass_temperature", quantity);
+                ReadOff::new(&body.name, name, temperature, "K").at(time)
             }));
         }
         let in_pass = |time: &f64| *time > start && *time <= end;
@@ -237,17 +240,14 @@ pub(super) fn of_body(
             let sizes: Vec<f64> = pools.filter_map(|(_, p, _)| size(p.as_ref()?)).collect();
             if sizes.len() >= FEWEST_STATES {
                 let (id, quantity) = (format!("pool.{name}"), format!("{name} of the melt pool"));
-                let name = label(pass, (&id, &quantity));
+                let name = label(pass, &id, &quantity);
                 found.push(median(&body.name, name, sizes, "m", 0.0));
             }
         }
         if !cooling[index].is_empty() {
-            let name = (
-                "cooling_time",
-                "cooling time (t8/5 unless the case says otherwise)",
-            );
+            let quantity = "cooling time (t8/5 unless the case says otherwise)";
+            let name = label(pass, "cooling_time", quantity);
             let times = cooling[index].clone();
-            let name = label(pass, name);
             found.push(median(&body.name, name, times, "s", super::OUTSIDE));
         }
     }
@@ -265,7 +265,7 @@ fn temperature_before(
     let (Some(state), Some(place)) = (before.checked_sub(1), pass.place) else {
         return Ok(None);
     };
-    let Some(cloud) = sound(log.cloud(&body.name, state))? else {
+    let Some(cloud) = skip_damaged(log.cloud(&body.name, state))? else {
         return Ok(None);
     };
     let distance = |x: &[f64; 3]| (0..3).map(|a| (x[a] - place[a]).powi(2)).sum::<f64>();
@@ -277,13 +277,13 @@ fn temperature_before(
         .map(|((point, _), t)| (cloud.time, t.values[point])))
 }
 
-/// Points of a body by number that stay the same while points get and lose material.
-struct Numbers<'a> {
+/// Numbers of the points of a body that do not change while points get and lose material.
+struct PointNumbers<'a> {
     body: &'a BodyInfo,
     reference: Reference,
 }
 
-impl Numbers<'_> {
+impl PointNumbers<'_> {
     fn of(&self, cloud: &perimelt_core::log::LoggedCloud) -> Vec<usize> {
         let positions = self.reference.positions(cloud);
         let Some(lattice) = &self.body.lattice else {
@@ -316,7 +316,7 @@ fn cooling_times(log: &Log, body: &BodyInfo, passes: &[Pass]) -> Result<Vec<Vec<
     let Some([upper, lower]) = cooling.filter(|_| !passes.is_empty()) else {
         return Ok(found);
     };
-    let numbers = Numbers {
+    let numbers = PointNumbers {
         body,
         reference: Reference::new(log, body)?,
     };
@@ -330,7 +330,7 @@ fn cooling_times(log: &Log, body: &BodyInfo, passes: &[Pass]) -> Result<Vec<Vec<
     let pass_at = |time: f64| passes.iter().rposition(|pass| pass.times[0] < time);
     let mut now = None;
     for state in 0..log.times(&body.name).len() {
-        let Some(cloud) = sound(log.cloud(&body.name, state))? else {
+        let Some(cloud) = skip_damaged(log.cloud(&body.name, state))? else {
             continue;
         };
         let Some(temperature) = scalar(&cloud, "temperature") else {
@@ -374,7 +374,7 @@ fn collect(cooled: &mut [Option<(usize, f64)>], found: &mut [Vec<f64>]) {
 #[cfg(test)]
 mod tests {
     use crate::log_names::REPORTS;
-    use crate::summary::testing::{Field, Plate, Row, number, positions};
+    use crate::summary::testing::{Field, Plate, SeriesRow, number, positions};
     use crate::summary::{ReadOff, SummaryOptions, read_off};
     use serde_json::json;
 
@@ -385,7 +385,7 @@ mod tests {
     ];
 
     /// Two passes of 3 s, 4 mm/s and 100 W, then 200 W.
-    fn rows(jump: bool) -> Vec<Row<'static>> {
+    fn rows(jump: bool) -> Vec<SeriesRow<'static>> {
         let (mut energy, mut path) = (0.0, 0.0);
         let row = |state: usize| {
             let power = match state {
@@ -424,7 +424,7 @@ mod tests {
         (0..TEMPERATURES.len()).map(row).collect()
     }
 
-    fn found(series: Vec<Row<'static>>) -> Vec<ReadOff> {
+    fn found(series: Vec<SeriesRow<'static>>) -> Vec<ReadOff> {
         let state =
             |t: &f64| -> Vec<Field> { vec![("temperature", "K", 1, vec![*t; positions().len()])] };
         let plate = Plate {

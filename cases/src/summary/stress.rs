@@ -1,9 +1,9 @@
-//! Residual stresses at the end, and sentences about those that cannot be right.
+//! Residual stresses at the end, with warnings about impossible values.
 
 use perimelt_core::log::{BodyInfo, Log, LoggedCloud};
 use perimelt_core::material::Material;
 
-use super::ReadOff;
+use super::{BodyRecord, Label, ReadOff};
 use crate::case::of_log::case_of;
 use crate::log_file::plugins_of;
 use crate::quantity::scalar::scalar;
@@ -14,11 +14,10 @@ use crate::unit;
 const MOST_HYDROSTATIC: f64 = 3.0;
 
 /// Reads off hydrostatic and principal stresses.
-pub(super) fn stresses(
-    log: &Log,
-    (body, last): (&BodyInfo, &LoggedCloud),
-    found: &mut Vec<ReadOff>,
-) {
+pub(super) fn stresses(record: &BodyRecord<'_>, found: &mut Vec<ReadOff>) {
+    let &BodyRecord {
+        log, body, last, ..
+    } = record;
     let extreme = |component: &str, is_better: fn(f64, f64) -> bool| {
         let stress = scalar(last, &format!("stress.{component}"))?;
         let values = stress.values.iter().copied().enumerate();
@@ -32,9 +31,9 @@ pub(super) fn stresses(
         })
     };
     let mut add =
-        |(id, quantity): (&str, &str), value: Option<(usize, f64)>, warning: Option<String>| {
+        |id: &str, quantity: &str, value: Option<(usize, f64)>, warning: Option<String>| {
             found.extend(value.map(|(point, value)| {
-                let name = (id, format!("{quantity} at the end"));
+                let name = Label::new(id, format!("{quantity} at the end"));
                 let stress = ReadOff::new(&body.name, name, value, "Pa").at(last.time);
                 ReadOff {
                     warning,
@@ -46,21 +45,20 @@ pub(super) fn stresses(
     let von_mises = extreme("von_mises", |a, b| a > b);
     let of_elastic = von_mises.and_then(|(point, value)| {
         let yields = yields.as_ref().filter(|_| !is_plastic(log, body))?;
-        yields.exceeded((value, 1.0), temperature_at(last, point))
+        yields.exceeded(value, 1.0, temperature_at(last, point))
     });
     let of_elastic = of_elastic.map(|(limit, _)| {
         format!(
             "the yield stress of {limit} is exceeded in a computation without plastic flow: give `plasticity` in `mechanical`"
         )
     });
-    let name = ("stress.von_mises.end", "largest von Mises stress");
-    add(name, von_mises, of_elastic);
+    let name = "largest von Mises stress";
+    add("stress.von_mises.end", name, von_mises, of_elastic);
     let hydrostatic = extreme("hydrostatic", |a, b| a.abs() > b.abs());
     let too_large = hydrostatic.and_then(|(point, value)| {
-        let limit = (value.abs(), MOST_HYDROSTATIC);
-        yields
-            .as_ref()?
-            .exceeded(limit, temperature_at(last, point))
+        let temperature = temperature_at(last, point);
+        let yields = yields.as_ref()?;
+        yields.exceeded(value.abs(), MOST_HYDROSTATIC, temperature)
     });
     let too_large = too_large.map(|(limit, ratio)| {
         format!(
@@ -68,17 +66,14 @@ pub(super) fn stresses(
              do not rely on the stresses near this place"
         )
     });
-    let name = (
-        "stress.hydrostatic.end",
-        "largest hydrostatic stress (by size)",
-    );
-    add(name, hydrostatic, too_large);
+    let name = "largest hydrostatic stress (by size)";
+    add("stress.hydrostatic.end", name, hydrostatic, too_large);
     let largest = extreme("principal_1", |a, b| a > b);
-    let name = ("stress.principal_1.end", "largest principal stress");
-    add(name, largest, None);
+    let name = "largest principal stress";
+    add("stress.principal_1.end", name, largest, None);
     let smallest = extreme("principal_3", |a, b| a < b);
-    let name = ("stress.principal_3.end", "smallest principal stress");
-    add(name, smallest, None);
+    let name = "smallest principal stress";
+    add("stress.principal_3.end", name, smallest, None);
 }
 
 fn temperature_at(last: &LoggedCloud, point: usize) -> Option<f64> {
@@ -104,7 +99,8 @@ impl Yield {
     /// stress of the materials at a temperature (K), that of the table's coldest row without one.
     fn exceeded(
         &self,
-        (stress, factor): (f64, f64),
+        stress: f64,
+        factor: f64,
         temperature: Option<f64>,
     ) -> Option<(String, String)> {
         let of = |material: &Material| {

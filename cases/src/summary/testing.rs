@@ -40,7 +40,7 @@ interval = 0.2
 pub(super) type Field = (&'static str, &'static str, usize, Vec<f64>);
 
 /// Names, units and values of the columns of a time series at one time.
-pub(super) type Row<'a> = Vec<(String, &'a str, f64)>;
+pub(super) type SeriesRow<'a> = Vec<(String, &'a str, f64)>;
 
 /// A log of the plate.
 #[derive(Default)]
@@ -52,7 +52,7 @@ pub(super) struct Plate<'a> {
     /// Tables of probes in the case.
     pub probes: &'a str,
     /// Name of a time series, with its row in each state.
-    pub series: Option<(&'a str, Vec<Row<'a>>)>,
+    pub series: Option<(&'a str, Vec<SeriesRow<'a>>)>,
 }
 
 /// Reference positions of the plate, m.

@@ -1,21 +1,26 @@
 //! Fusion zone and heat-affected zone, from the highest temperatures that `thermal_history` recorded.
 
-use perimelt_core::log::{BodyInfo, Log, LogError, LoggedCloud};
+use perimelt_core::log::{BodyInfo, Log, LogError};
 
-use super::{ReadOff, SummaryOptions};
-use crate::melt_pool::{Aim, LoggedSources, Root, Zone};
+use super::{BodyRecord, Label, ReadOff, SummaryOptions};
+use crate::melt_pool::{Aim, Root, Zone};
 use crate::quantity::isotherm::ac1;
 use crate::quantity::scalar::scalar;
 use crate::quantity::survey::Reference;
 
 /// Reads off both zones. The isotherm (K) is that of the fusion zone.
 pub(super) fn zones(
-    (log, sources): (&Log, &LoggedSources),
-    (body, last): (&BodyInfo, &LoggedCloud),
+    record: &BodyRecord<'_>,
     isotherm: Option<f64>,
     options: &SummaryOptions,
     found: &mut Vec<ReadOff>,
 ) -> Result<(), LogError> {
+    let &BodyRecord {
+        log,
+        sources,
+        body,
+        last,
+    } = record;
     let Some(highest) = scalar(last, "peak_temperature") else {
         return Ok(());
     };
@@ -30,35 +35,40 @@ pub(super) fn zones(
         ..Aim::fixed(options.travel)
     };
     let measured = |level: f64| {
-        let gauge = reference.gauge((body, last), level)?;
+        let gauge = reference.gauge(body, last, level)?;
         gauge.zone(&highest.values, aim)
     };
     let fusion = isotherm.and_then(measured);
     if let Some(zone) = &fusion {
-        extents(zone, (body, ("fusion_zone", "fusion zone")), found);
+        let name = Label::new("fusion_zone", "fusion zone");
+        extents(zone, body, &name, found);
         penetration(zone, body, found);
     }
     let Some((temperature, name)) = border(log, body, options.haz) else {
         return Ok(());
     };
+    let heat_affected = Label::new(
+        "heat_affected_zone",
+        "heat-affected zone, fusion zone included",
+    );
     // a border above the isotherm bounds no zone around the fusion zone
     if isotherm.is_some_and(|isotherm| temperature >= isotherm) {
         let reason = "its border is not below that of the fusion zone";
-        found.push(ReadOff::left_out(&body.name, HEAT_AFFECTED, "m", reason));
+        found.push(ReadOff::left_out(&body.name, heat_affected, "m", reason));
         return Ok(());
     }
     let Some(zone) = measured(temperature) else {
         return Ok(());
     };
-    let border = (
+    let border = Label::new(
         "heat_affected_zone.border",
         format!("border of the heat-affected zone{name}"),
     );
     found.push(ReadOff::new(&body.name, border, temperature, "K"));
-    extents(&zone, (body, HEAT_AFFECTED), found);
+    extents(&zone, body, &heat_affected, found);
     let beside = fusion.as_ref().and_then(|inner| zone.width_beside(inner));
     found.extend(beside.map(|width| {
-        let name = (
+        let name = Label::new(
             "heat_affected_zone.width_beside",
             "width of the heat-affected zone beside the fusion zone",
         );
@@ -67,12 +77,9 @@ pub(super) fn zones(
     Ok(())
 }
 
-const HEAT_AFFECTED: (&str, &str) = (
-    "heat_affected_zone",
-    "heat-affected zone, fusion zone included",
-);
-
-fn extents(zone: &Zone, (body, (id, name)): (&BodyInfo, (&str, &str)), found: &mut Vec<ReadOff>) {
+/// Length, width, depth and area of a zone.
+fn extents(zone: &Zone, body: &BodyInfo, label: &Label, found: &mut Vec<ReadOff>) {
+    let Label { id, name } = label;
     let is_flat = body.dimension < 3;
     let path = "the path turns, which leaves no single direction of travel";
     let sections = "no section follows one direction of the path alone";
@@ -88,7 +95,7 @@ fn extents(zone: &Zone, (body, (id, name)): (&BodyInfo, (&str, &str)), found: &m
             sections,
         ),
     ] {
-        let name = (format!("{id}.{part}"), format!("{size} of the {name}"));
+        let name = Label::new(format!("{id}.{part}"), format!("{size} of the {name}"));
         match value {
             Some(value) => found.push(ReadOff::new(&body.name, name, value, unit)),
             // a body of fewer dimensions does not have all sizes
@@ -100,29 +107,30 @@ fn extents(zone: &Zone, (body, (id, name)): (&BodyInfo, (&str, &str)), found: &m
     }
 }
 
-/// How far the fusion zone goes through the metal, and its root where it goes through.
+/// Penetration of the fusion zone, and the root where it is complete.
 fn penetration(zone: &Zone, body: &BodyInfo, found: &mut Vec<ReadOff>) {
-    let mut add = |name: (&str, &str), value: f64, unit: &str| {
+    let mut add = |name: Label, value: f64, unit: &str| {
         found.push(ReadOff::new(&body.name, name, value, unit));
     };
     if let Some(penetration) = zone.penetration.filter(|p| p.fraction.is_finite()) {
-        let name = (
+        let name = Label::new(
             "fusion_zone.penetration",
             "largest depth of the fusion zone over the thickness of the metal there",
         );
         add(name, penetration.fraction, "1");
     }
     if let Some(Root { width, fraction }) = zone.root {
-        let name = (
+        let name = Label::new(
             "root.length_fraction",
             "full penetration, fraction of the length of the fusion zone",
         );
         add(name, fraction, "1");
-        add(("root.width", "largest width of the root"), width, "m");
+        let name = Label::new("root.width", "largest width of the root");
+        add(name, width, "m");
     }
 }
 
-/// Temperature (K) that bounds the heat-affected zone, and its name in brackets: the one asked for, or `Ac1` of the physics
+/// Temperature (K) that bounds the heat-affected zone, and its name in brackets: the requested one, or `Ac1` of the physics
 /// `metallurgy` or of the composition of the first steel of the body.
 fn border(log: &Log, body: &BodyInfo, asked: Option<f64>) -> Option<(f64, &'static str)> {
     if let Some(temperature) = asked {

@@ -1,4 +1,4 @@
-//! Runs of one case with several values of some of its keys, and a table and a picture of what they came to.
+//! Runs of one case with several values of some of its keys, and a table and a picture of the results.
 
 mod picture;
 mod table;
@@ -15,13 +15,13 @@ use perimelt_core::log::Log;
 use crate::case::of_log::early_end;
 use crate::case::{Case, CaseError};
 use crate::melt_pool::Travel;
-use crate::output::{Place, create_folder, write_whole};
+use crate::output::{LogPlace, create_folder, write_whole};
 use crate::plot::{PictureFormat, PlotError};
 use crate::summary::{SummaryOptions, read_off};
 use crate::terminal::tell;
 use crate::unit::duration;
-use picture::{Choice, Comparison};
-use table::{Outcome, Table};
+use picture::{Choice, FormulaComparison};
+use table::{SweepTable, VariantResult};
 use variants::{Variant, variants};
 
 /// Width of the picture, pixels.
@@ -66,9 +66,9 @@ pub enum SweepError {
         "`--set {given}`: {message}; expected a key and a list of values, such as `couplers.goldak.power=[1500, 2000]`"
     )]
     Set {
-        /// As given.
+        /// The argument.
         given: String,
-        /// What is wrong with it.
+        /// The mistake.
         message: String,
     },
     /// A `--compare` that cannot be drawn.
@@ -76,9 +76,9 @@ pub enum SweepError {
         "`--compare {given}`: {message}; expected a number and a formula in x, such as `cooling time=4e-4 * x`"
     )]
     Compare {
-        /// As given.
+        /// The argument.
         given: String,
-        /// What is wrong with it.
+        /// The mistake.
         message: String,
     },
     /// An `--only` that no number has.
@@ -92,7 +92,7 @@ pub enum SweepError {
     /// Lists of different lengths, with `--together`.
     #[error("with `--together` all lists need as many values, and they have {0} and {1}")]
     Lengths(usize, usize),
-    /// No job.
+    /// `--jobs` is zero.
     #[error("`--jobs` must be at least 1")]
     NoJobs,
     /// A file of another sweep.
@@ -106,14 +106,14 @@ pub enum SweepError {
         /// Error of the operating system.
         source: io::Error,
     },
-    /// Some of the runs.
+    /// Some of the runs failed or were interrupted.
     #[error("{}; the messages of runs that failed are in the `.txt` files of {path}", count_text(*failed, *interrupted, *all), path = path.display())]
     Failed {
-        /// How many failed.
+        /// Number of failed runs.
         failed: usize,
-        /// How many were interrupted by a signal.
+        /// Number of runs interrupted by a signal.
         interrupted: usize,
-        /// How many there are.
+        /// Number of all runs.
         all: usize,
         /// Folder of the sweep.
         path: PathBuf,
@@ -133,17 +133,17 @@ fn count_text(failed: usize, interrupted: usize, all: usize) -> String {
 }
 
 /// Runs all variants that are not at their end yet, prints the table and writes it beside the logs, with a picture where a
-/// number varies. A sweep that was interrupted goes on where it was.
+/// number varies. An interrupted sweep continues where it stopped.
 ///
 /// # Errors
 /// A mistake before the first run, or runs that failed, once the others are done.
 pub fn sweep(args: &SweepArgs, out: &mut dyn io::Write) -> Result<(), Box<dyn std::error::Error>> {
     let case = Case::read(&args.case)?;
     let variants = variants(&case, &args.set, args.together)?;
-    let compared: Vec<Comparison> = args
+    let compared: Vec<FormulaComparison> = args
         .compare
         .iter()
-        .map(|given| Comparison::new(given))
+        .map(|given| FormulaComparison::new(given))
         .collect::<Result<_, _>>()?;
     let folder = args.out.clone().unwrap_or_else(|| {
         let mut name = args.case.file_stem().unwrap_or_default().to_os_string();
@@ -156,7 +156,7 @@ pub fn sweep(args: &SweepArgs, out: &mut dyn io::Write) -> Result<(), Box<dyn st
         return Err(SweepError::NoJobs.into());
     }
     write_cases(&folder, &variants)?;
-    let (failed, interrupted) = run_all(&folder, &variants, (jobs, (cores / jobs).max(1)));
+    let (failed, interrupted) = run_all(&folder, &variants, jobs, (cores / jobs).max(1));
     let result = |v: &Variant| {
         let log = Log::open(v.log(&folder)).ok();
         let options = SummaryOptions {
@@ -164,13 +164,13 @@ pub fn sweep(args: &SweepArgs, out: &mut dyn io::Write) -> Result<(), Box<dyn st
             ..SummaryOptions::default()
         };
         let numbers = |log: &Log| read_off(log, &options).ok();
-        Outcome {
+        VariantResult {
             numbers: log.as_ref().and_then(numbers),
             is_at_end: log.is_some_and(|log| early_end(&log).is_none()),
         }
     };
-    let results: Vec<Outcome> = variants.iter().map(result).collect();
-    let table = Table::new(&variants, &results);
+    let results: Vec<VariantResult> = variants.iter().map(result).collect();
+    let table = SweepTable::new(&variants, &results);
     write!(out, "{table}")?;
     let path = folder.join("sweep.csv");
     let written = table.write_csv(&path);
@@ -217,7 +217,7 @@ fn write_cases(folder: &Path, variants: &[Variant]) -> Result<(), SweepError> {
         let text = &variant.text;
         match std::fs::read_to_string(&path) {
             Ok(present) if present == *text => {}
-            // what is the beginning of it was cut off by a full disk
+            // a file that contains only the beginning was cut off by a full disk
             Ok(present) if !text.starts_with(&present) => {
                 return Err(SweepError::OtherSweep(path));
             }
@@ -231,8 +231,8 @@ fn write_text(path: &Path, text: &[u8]) -> io::Result<()> {
     write_whole(path, |file| file.write_all(text))
 }
 
-/// Runs what is not at its end, several at a time; how many failed, and how many were interrupted.
-fn run_all(folder: &Path, variants: &[Variant], (jobs, threads): (usize, usize)) -> (usize, usize) {
+/// Runs the variants that are not complete, several at a time; numbers of failed and of interrupted runs.
+fn run_all(folder: &Path, variants: &[Variant], jobs: usize, threads: usize) -> (usize, usize) {
     let next = AtomicUsize::new(0);
     let (failed, interrupted) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let work = || {
@@ -265,7 +265,7 @@ fn run_all(folder: &Path, variants: &[Variant], (jobs, threads): (usize, usize))
     (failed.into_inner(), interrupted.into_inner())
 }
 
-/// Why a run is not at its end.
+/// Why a run is not complete.
 enum RunFailure {
     /// A signal.
     Interrupted,
@@ -279,7 +279,7 @@ impl From<io::Error> for RunFailure {
     }
 }
 
-/// Runs a variant in a process of its own, so that one that fails does not end the others.
+/// Runs a variant in a separate process, so that a failure does not end the others.
 fn run_one(folder: &Path, variant: &Variant, threads: usize) -> Result<(), RunFailure> {
     let log = variant.log(folder);
     wait_for(&log);
@@ -287,7 +287,7 @@ fn run_one(folder: &Path, variant: &Variant, threads: usize) -> Result<(), RunFa
     if present.as_ref().is_some_and(|log| early_end(log).is_none()) {
         return Ok(());
     }
-    // without a checkpoint the run starts anew
+    // without a checkpoint the run starts from the beginning
     let present = present.filter(|log| log.last_sound_checkpoint().is_ok());
     let program = std::env::current_exe()?;
     let mut command = Command::new(program);
@@ -300,7 +300,7 @@ fn run_one(folder: &Path, variant: &Variant, threads: usize) -> Result<(), RunFa
             .arg(&log),
     };
     command.args(["--quiet", "--threads", &threads.to_string()]);
-    // its input ends with this process, however that ends, and the run with it
+    // the run ends with its input, which closes when this process ends
     command.arg("--end-with-input").stdin(Stdio::piped());
     command.stdout(Stdio::null()).stderr(Stdio::piped());
     let mut child = command.spawn()?;
@@ -318,11 +318,11 @@ fn run_one(folder: &Path, variant: &Variant, threads: usize) -> Result<(), RunFa
     }
 }
 
-/// Waits while a run writes a log, as that of a sweep that was ended a moment ago does until the end of its step.
+/// Blocks while another run writes a log. A run of a sweep that has just ended writes until the end of its step.
 fn wait_for(log: &Path) {
     const INTERVAL: Duration = Duration::from_millis(100);
     let mut is_told = false;
-    while !Place::is_free(log) {
+    while !LogPlace::is_free(log) {
         if !is_told {
             tell(&format!(
                 "waiting for another run that writes {}",

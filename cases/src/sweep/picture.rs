@@ -3,13 +3,13 @@
 use perimelt_core::Formula;
 
 use super::SweepError;
-use super::table::{Row, Table};
+use super::table::{SweepRow, SweepTable};
 use crate::plot::curves::{Chart, Panel};
 use crate::unit::Shown;
 
 /// A formula with which a number read off is compared, from `quantity=formula`.
 #[derive(Clone, Debug)]
-pub struct Comparison {
+pub struct FormulaComparison {
     /// Part of the name of the number.
     quantity: String,
     /// Formula in `x`, the value that varies, in the SI unit of the number; other variables are zero.
@@ -18,12 +18,12 @@ pub struct Comparison {
     text: String,
 }
 
-impl Comparison {
+impl FormulaComparison {
     /// Reads `quantity=formula`.
     ///
     /// # Errors
     /// No `=`, or a mistake in the formula.
-    pub fn new(given: &str) -> Result<Comparison, SweepError> {
+    pub fn new(given: &str) -> Result<FormulaComparison, SweepError> {
         let wrong = |message: String| SweepError::Compare {
             given: given.into(),
             message,
@@ -31,7 +31,7 @@ impl Comparison {
         let parts = given.split_once('=');
         let (quantity, text) = parts.ok_or_else(|| wrong("there is no `=`".into()))?;
         let formula = Formula::new(text.trim()).map_err(|e| wrong(e.to_string()))?;
-        Ok(Comparison {
+        Ok(FormulaComparison {
             quantity: quantity.trim().into(),
             formula,
             text: text.trim().into(),
@@ -43,12 +43,12 @@ impl Comparison {
 #[derive(Clone, Debug, Default)]
 pub struct Choice {
     /// Formulas to compare numbers with; only these numbers are drawn then.
-    pub compared: Vec<Comparison>,
+    pub compared: Vec<FormulaComparison>,
     /// Parts of the names of the numbers that are drawn; all that change without.
     pub only: Vec<String>,
 }
 
-/// Most panels of a picture for which nobody asked.
+/// Most panels of a picture without `--only`.
 const MOST_PANELS: usize = 8;
 
 /// Parts of the names of numbers that are drawn first where there are more than fit, in this order.
@@ -64,15 +64,19 @@ const FIRST: [&str; 9] = [
     "temperature",
 ];
 
-/// A chart of the numbers over the values of the key that varies: those that are compared with a formula, those asked for, or
+/// A chart of the numbers over the values of the key that varies: those that are compared with a formula, those requested, or
 /// those that change. Where several keys vary, the one with the most numbers is the horizontal axis, and each combination of the
 /// others has a line. `None` where no key with numbers varies, or where there is nothing to draw.
 ///
 /// # Errors
-/// A comparison or a number asked for that no run has, or where no number varies.
-pub fn chart(table: &Table, title: &str, choice: &Choice) -> Result<Option<Chart>, SweepError> {
+/// A requested comparison or number that no run has, or that does not vary.
+pub fn chart(
+    table: &SweepTable,
+    title: &str,
+    choice: &Choice,
+) -> Result<Option<Chart>, SweepError> {
     let compared = &choice.compared[..];
-    let missing = |c: &Comparison, message: &str| SweepError::Compare {
+    let missing = |c: &FormulaComparison, message: &str| SweepError::Compare {
         given: format!("{}={}", c.quantity, c.text),
         message: message.into(),
     };
@@ -82,7 +86,7 @@ pub fn chart(table: &Table, title: &str, choice: &Choice) -> Result<Option<Chart
             Err(missing(c, "a key must vary whose values are numbers"))
         });
     };
-    let is_meant = |row: &Row, c: &Comparison| row.name.contains(&c.quantity);
+    let is_meant = |row: &SweepRow, c: &FormulaComparison| row.name.contains(&c.quantity);
     if let Some(c) = compared
         .iter()
         .find(|c| !table.numbers.iter().any(|row| is_meant(row, c)))
@@ -102,7 +106,7 @@ pub fn chart(table: &Table, title: &str, choice: &Choice) -> Result<Option<Chart
         };
         let formulas = compared.iter().filter(|c| is_meant(row, c));
         let measured = lines.len();
-        lines.extend(formulas.map(|Comparison { formula, text, .. }| {
+        lines.extend(formulas.map(|FormulaComparison { formula, text, .. }| {
             let at = runs
                 .horizontal
                 .iter()
@@ -137,7 +141,7 @@ pub fn chart(table: &Table, title: &str, choice: &Choice) -> Result<Option<Chart
 }
 
 /// Lines in SI units, in the unit that suits their size.
-fn panel(row: &Row, mut lines: Vec<(String, Vec<f64>)>) -> Panel {
+fn panel(row: &SweepRow, mut lines: Vec<(String, Vec<f64>)>) -> Panel {
     let finite = lines.iter().flat_map(|(_, values)| values);
     let largest = finite
         .filter(|v| v.is_finite())
@@ -157,7 +161,7 @@ fn panel(row: &Row, mut lines: Vec<(String, Vec<f64>)>) -> Panel {
 
 /// The runs of a sweep by the values of their keys.
 struct Runs {
-    /// of the horizontal axis
+    /// key of the horizontal axis
     key: String,
     /// values of this key, each once, in order
     horizontal: Vec<f64>,
@@ -169,7 +173,7 @@ struct Runs {
 
 impl Runs {
     /// `None` where no key with numbers varies.
-    fn new(table: &Table) -> Option<Self> {
+    fn new(table: &SweepTable) -> Option<Self> {
         let different = |values: &[String]| {
             let mut different: Vec<String> = values.to_vec();
             different.sort();
@@ -194,7 +198,7 @@ impl Runs {
         let mut horizontal = of_runs.clone();
         horizontal.sort_by(f64::total_cmp);
         horizontal.dedup();
-        // keys that vary together with that of the axis tell no lines apart
+        // keys that vary together with that of the axis do not distinguish lines
         let others = varying.iter().filter(|(other, _)| other != key);
         let is_independent = |(_, other): &&&(String, Vec<String>)| {
             (0..other.len())
@@ -226,7 +230,7 @@ impl Runs {
     }
 
     /// The values of a number by line; NaN where a run has none.
-    fn lines(&self, row: &Row) -> Vec<(String, Vec<f64>)> {
+    fn lines(&self, row: &SweepRow) -> Vec<(String, Vec<f64>)> {
         let name = |line: &String| match line.as_str() {
             "" => "runs".to_string(),
             line => line.to_string(),
@@ -248,20 +252,20 @@ impl Runs {
 mod tests {
     use super::*;
 
-    fn table(keys: &[(&str, &[&str])], numbers: &[(&str, &[f64])]) -> Table {
+    fn table(keys: &[(&str, &[&str])], numbers: &[(&str, &[f64])]) -> SweepTable {
         let keys = keys.iter().map(|(key, values)| {
             let values = values.iter().map(|v| v.to_string()).collect();
             (key.to_string(), values)
         });
-        let numbers = numbers.iter().map(|(name, values)| Row {
+        let numbers = numbers.iter().map(|(name, values)| SweepRow {
             name: name.to_string(),
             unit: "m".into(),
             values: values.iter().map(|v| Some(*v)).collect(),
         });
-        Table::of(keys.collect(), numbers.collect())
+        SweepTable::of(keys.collect(), numbers.collect())
     }
 
-    fn drawn(table: &Table, choice: &Choice) -> Chart {
+    fn drawn(table: &SweepTable, choice: &Choice) -> Chart {
         let chart = chart(table, "sweep", choice).expect("valid");
         chart.expect("something to draw")
     }

@@ -12,10 +12,10 @@ use crate::unit;
 /// Most runs whose numbers are printed side by side.
 const MOST_COLUMNS: usize = 8;
 
-/// What a run came to.
+/// Result of a run.
 #[derive(Clone, Debug)]
-pub struct Outcome {
-    /// Read off its log; `None` where there is none.
+pub struct VariantResult {
+    /// Read off the log; `None` without a log.
     pub numbers: Option<Vec<ReadOff>>,
     /// Whether it reached the end of its case.
     pub is_at_end: bool,
@@ -23,16 +23,16 @@ pub struct Outcome {
 
 /// A row for each key that varies and for each number read off, a column for each run.
 #[derive(Clone, Debug)]
-pub struct Table {
+pub struct SweepTable {
     runs: usize,
     /// Keys with their values as TOML.
     pub(super) keys: Vec<(String, Vec<String>)>,
-    pub(super) numbers: Vec<Row>,
-    /// By run: whether it reached the end of its case.
+    pub(super) numbers: Vec<SweepRow>,
+    /// Whether each run reached the end of its case.
     is_at_end: Vec<bool>,
 }
 
-/// Name of the row and column that tells which runs reached the end of their cases.
+/// Name of the row and column of the runs that reached the end of their cases.
 const AT_END: &str = "reached its end";
 
 fn yes_or_no(yes: bool) -> &'static str {
@@ -41,20 +41,20 @@ fn yes_or_no(yes: bool) -> &'static str {
 
 /// A number read off the runs.
 #[derive(Clone, Debug)]
-pub(super) struct Row {
+pub(super) struct SweepRow {
     pub(super) name: String,
     /// SI unit.
     pub(super) unit: String,
-    /// By run.
+    /// Value in each run.
     pub(super) values: Vec<Option<f64>>,
 }
 
-impl Table {
-    /// Of runs that have all reached their ends.
+impl SweepTable {
+    /// The table of runs that have all reached their ends.
     #[cfg(test)]
-    pub(super) fn of(keys: Vec<(String, Vec<String>)>, numbers: Vec<Row>) -> Self {
+    pub(super) fn of(keys: Vec<(String, Vec<String>)>, numbers: Vec<SweepRow>) -> Self {
         let runs = keys.first().map_or(0, |(_, values)| values.len());
-        Table {
+        SweepTable {
             runs,
             keys,
             numbers,
@@ -62,8 +62,8 @@ impl Table {
         }
     }
 
-    /// The values of the variants, and what their runs came to.
-    pub fn new(variants: &[Variant], results: &[Outcome]) -> Self {
+    /// The values of the variants, and the results of their runs.
+    pub fn new(variants: &[Variant], results: &[VariantResult]) -> Self {
         let first = variants.first().map_or(&[][..], |v| &v.changes);
         let values = |index: usize| {
             let values = variants.iter().map(|v| v.changes[index].value.clone());
@@ -71,7 +71,7 @@ impl Table {
         };
         let keys = first.iter().enumerate();
         let keys = keys.map(|(i, change)| (change.key.clone(), values(i)));
-        let mut numbers: Vec<Row> = Vec::new();
+        let mut numbers: Vec<SweepRow> = Vec::new();
         for (run, found) in results.iter().enumerate() {
             let all = found.numbers.iter().flatten();
             for ReadOff {
@@ -89,7 +89,7 @@ impl Table {
                 let at = match numbers.iter().position(|row| row.name == name) {
                     Some(at) => at,
                     None => {
-                        numbers.push(Row {
+                        numbers.push(SweepRow {
                             name,
                             unit: unit.clone(),
                             values: vec![None; results.len()],
@@ -100,7 +100,7 @@ impl Table {
                 numbers[at].values[run] = Some(*value);
             }
         }
-        Table {
+        SweepTable {
             runs: results.len(),
             keys: keys.collect(),
             numbers,
@@ -142,7 +142,7 @@ impl Table {
     }
 }
 
-impl fmt::Display for Table {
+impl fmt::Display for SweepTable {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut lines: Vec<(String, Vec<String>)> = self.keys.clone();
         if self.is_at_end.contains(&false) {

@@ -9,9 +9,9 @@ use crate::case::change::Change;
 /// One case of a sweep.
 #[derive(Clone, Debug)]
 pub struct Variant {
-    /// From 1.
+    /// Number of the variant, from 1.
     pub number: usize,
-    /// What differs from the case of the sweep.
+    /// Differences to the case of the sweep.
     pub changes: Vec<Change>,
     /// Text of the case.
     pub text: String,
@@ -24,17 +24,17 @@ impl Variant {
         folder.join(format!("{number:0digits$}.{extension}"))
     }
 
-    /// Its case file.
+    /// The case file.
     pub fn case(&self, folder: &Path) -> PathBuf {
         self.file(folder, "toml")
     }
 
-    /// Its log.
+    /// The log.
     pub fn log(&self, folder: &Path) -> PathBuf {
         self.file(folder, "mcap")
     }
 
-    /// Its values in the order of the keys.
+    /// The values in the order of the keys.
     pub fn values(&self) -> String {
         let values: Vec<&str> = self.changes.iter().map(|c| c.value.as_str()).collect();
         values.join(", ")
@@ -66,7 +66,7 @@ fn set(given: &str) -> Result<Vec<Change>, SweepError> {
 /// Cases with all combinations of the values, the last key varying fastest; or with all keys varying together.
 ///
 /// # Errors
-/// What is not `key=[values]`, a key without a place in the case, a value that it does not take.
+/// The argument is not `key=[values]`, the case has no place for the key, or the key does not take the value.
 pub fn variants(case: &Case, given: &[String], together: bool) -> Result<Vec<Variant>, SweepError> {
     let sets: Vec<Vec<Change>> = given.iter().map(|g| set(g)).collect::<Result<_, _>>()?;
     let mut combinations: Vec<Vec<Change>> = vec![Vec::new()];

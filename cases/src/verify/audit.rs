@@ -1,6 +1,6 @@
-//! Audits of what every run must keep: its balances, and the convergence of its repeated passes.
+//! Audits of every run: balances, and convergence of repeated passes.
 //!
-//! They are made without being asked for. A check of a balance in the case file replaces the audit of that quantity.
+//! They need no key of the case file. A check of a balance in the case file replaces the audit of that quantity.
 
 use std::collections::BTreeMap;
 
@@ -13,10 +13,10 @@ use crate::probe::largest;
 /// Times at which balances are audited in a run: a sum over all points costs less than a step.
 const AUDITS: f64 = 100.0;
 
-/// Worst relative errors of the balances of a run so far.
+/// Worst relative errors of the balances of a run.
 #[derive(Debug, Default)]
 pub(super) struct Audit {
-    /// By label of the physics and quantity.
+    /// Errors by label of the physics and quantity.
     worst: BTreeMap<(String, String), f64>,
     done: u32,
     /// Macro steps whose passes did not converge, where passes are repeated.
@@ -24,7 +24,7 @@ pub(super) struct Audit {
 }
 
 impl Audit {
-    /// Looks at the state after a step: at the first one after each hundredth of the run, and at the last one.
+    /// Updates the errors after a step: the first one after each hundredth of the run, and the last one.
     pub(super) fn observe(&mut self, simulation: &Simulation) {
         let due = f64::from(self.done + 1) / AUDITS * simulation.options().end;
         if simulation.time() < due && !simulation.is_finished() {
@@ -43,7 +43,7 @@ impl Audit {
         }
     }
 
-    /// What was found in the run of a case, without the balances that `is_checked` by the case itself.
+    /// Outcomes for a case, without the balances that `is_checked` by the case itself.
     pub(super) fn outcomes(&self, case: &str, is_checked: impl Fn(&str) -> bool) -> Vec<Outcome> {
         let balances = self.worst.iter().filter(|((_, q), _)| !is_checked(q));
         let balances = balances.map(|((label, quantity), worst)| {

@@ -1,4 +1,4 @@
-//! Results of `perimelt verify` as a page: tables, descriptions of the cases, and plots of what was measured against the
+//! Results of `perimelt verify` as a page: tables, descriptions of the cases, and plots of measured values against the
 //! reference.
 
 use std::fmt::Write;
@@ -59,7 +59,7 @@ pub fn write(
             checks.len(),
             unit::number(seconds, 2),
         );
-        section(&mut sections, folder, (name, case), &checks)?;
+        section(&mut sections, folder, name, case, &checks)?;
     }
     let failed = results.checks.iter().filter(|c| !c.outcome.passed).count();
     let page = format!(
@@ -91,7 +91,8 @@ fn sessions(results: &Results) -> String {
 fn section(
     text: &mut String,
     folder: &Path,
-    (name, case): (&str, &Case),
+    name: &str,
+    case: &Case,
     recorded: &[&Recorded],
 ) -> Result<(), VerifyError> {
     let _ = writeln!(
@@ -141,7 +142,7 @@ fn section(
     Ok(())
 }
 
-/// What was measured and its reference, along the line of the positions or by number.
+/// Measured values and reference along the line of the positions, or by number.
 fn chart(outcome: &Outcome, check: Option<&Check>) -> Chart {
     let part = |part: usize| -> Vec<f64> {
         let values = outcome.compared.iter();

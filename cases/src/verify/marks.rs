@@ -31,11 +31,11 @@ const END: &str = "<!-- end -->";
 pub struct MarkError {
     /// Number of the line.
     pub line: usize,
-    /// What is wrong with it.
+    /// The mistake.
     pub what: String,
 }
 
-/// What a mark shows of an outcome.
+/// Part of an outcome that a mark shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Shown {
     Measured,
@@ -152,7 +152,7 @@ fn find<'r>(case: &str, quantity: &str, results: &'r Results) -> Result<&'r Outc
     ))
 }
 
-/// How a figure is written.
+/// Format of a figure.
 struct Format {
     digits: usize,
     factor: f64,

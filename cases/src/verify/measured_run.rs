@@ -18,7 +18,7 @@ use crate::run::display::Display;
 use crate::terminal::tell;
 use crate::unit::duration;
 
-/// What a run gave.
+/// Results of a run.
 pub(super) struct MeasuredRun {
     /// Values or the reason why there are none, by planned check; checks of other cases have none.
     measured: Vec<Result<Vec<f64>, String>>,

@@ -2,16 +2,14 @@
 //! running simulation (not of its log) with the references in their `[[verify]]` tables.
 //!
 //! [`check`] has the tables of case files, `measured_run` runs a case and takes the values by [`measurement`], `audit`
-//! watches what every run must keep, [`table`] compares and prints. [`results`] keeps the outcomes in a file, from which
-//! [`report`] makes the tables of `docs/benchmarks.md`, and [`marks`] figures in the text of documents.
+//! checks balances and convergence of every run, [`table`] compares and prints. [`results`] keeps the outcomes in a file, from
+//! which [`report`] makes the tables of `docs/benchmarks.md`, and [`marks`] figures in the text of documents.
 //!
-//! Mistakes that can be found before the first run end the command. What goes wrong with one case after that makes
-//! its checks fail, with the reason, and no others.
+//! Mistakes that can be found before the first run end the command. A later failure of one case makes
+//! the checks of that case fail, with the reason, and no others.
 
 pub(crate) mod audit;
 pub mod benchmarks;
-#[cfg(test)]
-mod benchmarks_tests;
 pub mod check;
 pub mod html;
 pub mod limit;
@@ -90,7 +88,7 @@ pub enum VerifyError {
     NoSuchCase {
         /// The case.
         case: String,
-        /// What is measured.
+        /// The measured quantity.
         quantity: String,
         /// The case that is missing.
         of: String,
@@ -98,7 +96,7 @@ pub enum VerifyError {
     /// No case to run.
     #[error("no case has `{filter}` in its name or description{}", close.as_ref().map_or(String::new(), |c| format!("; did you mean `{c}`?")))]
     Nothing {
-        /// What was asked for.
+        /// The argument.
         filter: String,
         /// The nearest name.
         close: Option<String>,
@@ -114,7 +112,7 @@ pub enum VerifyError {
     File {
         /// The file.
         path: PathBuf,
-        /// What it cannot.
+        /// The action that failed.
         what: &'static str,
         /// Error of the operating system or of the format.
         cause: Box<dyn std::error::Error + Send + Sync>,

@@ -13,7 +13,7 @@ use super::table::Outcome;
 /// Outcomes of several sessions: of each check the last one.
 #[derive(Clone, Debug, Default, Deserialize)]
 pub struct Results {
-    /// What the outcomes were made with.
+    /// Sessions in which the outcomes were computed.
     pub sessions: Vec<Session>,
     /// Outcomes, in the order of the cases.
     pub checks: Vec<Recorded>,
@@ -47,11 +47,11 @@ pub struct Recorded {
 }
 
 impl Session {
-    /// Headings of its [`Session::cells`].
+    /// Headings of [`Session::cells`].
     pub(super) const HEADINGS: [&str; 6] =
         ["version", "commit", "date", "machine", "threads", "level"];
 
-    /// What a table shows of it.
+    /// Cells of a table.
     pub(super) fn cells(&self) -> [String; 6] {
         let level = match self.level {
             Level::Everyday => "everyday",
@@ -120,7 +120,7 @@ impl Results {
             session: number,
             outcome: outcome.clone(),
         }));
-        // sessions of which nothing is left
+        // sessions without outcomes
         let used: BTreeSet<usize> = self.checks.iter().map(|c| c.session).collect();
         let used: Vec<usize> = used.into_iter().collect();
         self.sessions = used.iter().map(|&n| self.sessions[n].clone()).collect();

@@ -12,7 +12,7 @@ use super::limit::Limit;
 pub struct Outcome {
     /// Name of the case.
     pub case: String,
-    /// What was compared.
+    /// The compared quantity.
     pub quantity: String,
     /// Measured value with the largest error.
     #[serde(with = "null_for_nan")]
@@ -33,7 +33,7 @@ pub struct Outcome {
     pub failure: Option<String>,
     /// Source of the reference.
     pub source: String,
-    /// When it is checked.
+    /// Level of the check.
     pub level: Level,
     /// Wall time of the run of the case, s.
     pub seconds: f64,
@@ -165,7 +165,7 @@ impl Outcome {
         }
     }
 
-    /// What a table shows of it.
+    /// Cells of a table.
     pub(super) fn cells(&self) -> [String; 7] {
         let percent = |value: f64| format!("{} %", number(100.0 * value));
         let of_peak = |value: f64| format!("{} % of peak", number(100.0 * value));

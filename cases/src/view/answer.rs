@@ -28,7 +28,7 @@ const TEXT: &str = "text/plain; charset=utf-8";
 const JSON: &str = "application/json";
 const BINARY: &str = "application/octet-stream";
 
-/// What answers.
+/// Answers of the server.
 pub(super) struct Answer {
     /// the logs, the first one first
     pub(super) stores: Vec<Store>,
@@ -111,11 +111,11 @@ impl Answer {
                 .map(file)
                 .ok_or_else(|| Reply::refusal(404, format!("the page has no file `{name}`"))),
             ["log", log, ref rest @ ..] => {
-                let of_log = self.of_log(number(log)?, (path, rest), known);
+                let of_log = self.of_log(number(log)?, path, rest, known);
                 of_log.unwrap_or_else(|| Err(nothing_at(path)))
             }
             ref rest => {
-                let of_log = self.of_log(0, (path, rest), known);
+                let of_log = self.of_log(0, path, rest, known);
                 of_log.unwrap_or_else(|| Err(nothing_at(path)))
             }
         }
@@ -125,14 +125,15 @@ impl Answer {
     fn of_log(
         &self,
         log: usize,
-        (path, parts): (&str, &[&str]),
+        path: &str,
+        parts: &[&str],
         known: &str,
     ) -> Option<Result<Reply, Reply>> {
-        let of_log = OfLog {
+        let of_log = LogAnswer {
             answer: self,
             store: self.stores.get(log)?,
         };
-        Some(of_log.get((path, parts), known))
+        Some(of_log.get(path, parts, known))
     }
 
     /// `/run.json` of a log, with what holds for all of them.
@@ -144,14 +145,14 @@ impl Answer {
     }
 }
 
-/// What answers for one log.
-struct OfLog<'a> {
+/// Answers for one log.
+struct LogAnswer<'a> {
     answer: &'a Answer,
     store: &'a Store,
 }
 
-impl OfLog<'_> {
-    fn get(&self, (path, parts): (&str, &[&str]), known: &str) -> Result<Reply, Reply> {
+impl LogAnswer<'_> {
+    fn get(&self, path: &str, parts: &[&str], known: &str) -> Result<Reply, Reply> {
         match *parts {
             ["run.json"] => Ok(Reply::json(&self.answer.run(self.store)?)),
             ["series.json"] => Ok(Reply::json(&describe::series(&self.store.refreshed()))),
@@ -245,8 +246,8 @@ impl OfLog<'_> {
         ))
     }
 
-    /// One number in all states that can be read, of the point whose place at rest is next to one, such as `0.01,0,-0.002` (m);
-    /// `null` while there is none within a spacing. Bodies that grow number their points anew.
+    /// One number in all states that can be read, of the point nearest in the reference position to a place such as
+    /// `0.01,0,-0.002` (m); `null` while there is none within a spacing. Bodies that grow number their points anew.
     fn history(&self, name: &str, of: &str, place: &str) -> Result<Reply, Reply> {
         let place = place_of(place)?;
         let log = self.store.log();

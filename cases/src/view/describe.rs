@@ -1,4 +1,4 @@
-//! What the page has to know of a run, as JSON.
+//! Description of a run for the page, as JSON.
 
 use perimelt_core::log::{BodyInfo, Ending, Log, LogError, Series};
 use serde_json::{Value, json};
@@ -7,9 +7,10 @@ use super::store::{Pools, Store};
 use crate::case::of_log::{case_of, early_end};
 use crate::component::Number;
 use crate::log_names::{REPORTS, SPACING};
-use crate::melt_pool::{LoggedSources, MeltPool, SourceState, Travel};
+use crate::melt_pool::{LoggedSources, SourceState, Travel};
 use crate::plot::colour::{ColourMap, LINES};
 use crate::quantity::isotherm::Isotherm;
+use crate::summary::{SIZES, Size};
 use crate::unit::duration;
 use crate::unit::{RULES, pretty_name, pretty_unit};
 
@@ -178,14 +179,6 @@ pub(super) fn melt_pool(store: &Store, body: &BodyInfo, travel: Travel) -> Resul
         "columns": columns,
     }))
 }
-
-type Size = fn(&MeltPool) -> Option<f64>;
-
-const SIZES: [(&str, Size); 3] = [
-    ("length", |pool| Some(pool.length())),
-    ("width", |pool| pool.width),
-    ("depth", |pool| pool.depth),
-];
 
 fn size(pools: &Pools, name: &str, size: Size) -> Option<Value> {
     let values: Vec<Option<f64>> = pools

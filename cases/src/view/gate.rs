@@ -1,8 +1,8 @@
-//! Who may connect to `--live`: viewers, not the page of any site.
+//! Filter of connections to `--live`: viewers are admitted, pages of other sites are not.
 //!
 //! A browser lets every page open a WebSocket to every address, and names the site of the page in the header `Origin`. The server
-//! of the protocol does not look at it. It listens on an address of the loopback network that nobody knows; the address
-//! that users give to viewers leads here, where the head of each connection is read and then passed on with all that follows.
+//! of the protocol does not check it. It listens on a random address of the loopback network; the address that users give to
+//! viewers leads here, where the head of each connection is checked and then forwarded with all that follows.
 
 use std::io::{self, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -12,18 +12,18 @@ use std::time::{Duration, Instant};
 
 use super::http::{Request, head};
 
-/// Sites whose pages are viewers.
+/// Origins of viewers.
 const VIEWERS: [&str; 3] = [
     "https://app.foxglove.dev",
     "https://studio.foxglove.dev",
-    // the program of Foxglove
+    // the desktop program of Foxglove
     "file://",
 ];
 
 /// Connections at a time.
 const MOST: usize = 32;
 
-/// An address for the server behind: of the sixteen million of the loopback network one by chance, where the system has them.
+/// A random address for the server behind, out of the 16 million of the loopback network where the system has them.
 pub(super) fn hidden_address() -> String {
     use std::hash::{BuildHasher, RandomState};
     let random = RandomState::new().hash_one(0);
@@ -97,7 +97,7 @@ fn pass(mut viewer: TcpStream, port: u16, behind: SocketAddr) -> io::Result<()> 
     Ok(())
 }
 
-/// Passes bytes on as they come, and their end.
+/// Forwards bytes and their end.
 fn copy(from: &mut TcpStream, to: &mut TcpStream) -> io::Result<()> {
     let mut part = vec![0; 1 << 16];
     let mut pass = || -> io::Result<()> {

@@ -1,7 +1,7 @@
 //! The part of HTTP that the page needs: requests without a body, one for each connection.
 //!
 //! A thread serves a connection and ends with it. Each request has a time limit as a whole, and when there are too many connections
-//! those that wait for their clients are closed, the oldest first: slow clients keep nobody away.
+//! idle ones are closed, the oldest first, so that slow clients do not block others.
 //! Browsers open several connections and keep them; a pool of threads lets
 //! requests wait behind idle connections for minutes (`tiny_http` 0.12 did in a test).
 
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 /// Most bytes of a request.
 const LONGEST: usize = 1 << 14;
 
-/// Connections at a time. A browser opens six. For a further one the oldest that waits for its client is closed.
+/// Connections at a time. A browser opens six. A further one replaces the oldest idle one.
 const MOST: usize = 64;
 
 /// Time for a client to send its whole request. A browser takes milliseconds.
@@ -54,13 +54,13 @@ impl Request {
         })
     }
 
-    /// How often a header is given, by its name in small letters.
+    /// Number of headers of a name in lower case.
     #[cfg(any(feature = "live", test))]
     pub(super) fn count(&self, name: &str) -> usize {
         self.headers.iter().filter(|(n, _)| n == name).count()
     }
 
-    /// Value of a header, by its name in small letters; empty if it is missing or there are several.
+    /// Value of a header, by its name in lower case; empty if it is missing or there are several.
     pub(super) fn header(&self, name: &str) -> &str {
         let mut found = self.headers.iter().filter(|(n, _)| n == name);
         match (found.next(), found.next()) {
@@ -127,21 +127,21 @@ fn left(deadline: Instant) -> io::Result<Duration> {
 
 /// The open connections, the oldest first.
 #[derive(Default)]
-struct Connections(Mutex<Vec<Open>>);
+struct Connections(Mutex<Vec<OpenConnection>>);
 
-struct Open {
+struct OpenConnection {
     number: u64,
     stream: TcpStream,
-    /// Whether its answer is being made, not its client waited for.
+    /// Whether its answer is being computed; else it is idle.
     is_answered: bool,
 }
 
 impl Connections {
-    fn change<T>(&self, change: impl FnOnce(&mut Vec<Open>) -> T) -> T {
+    fn change<T>(&self, change: impl FnOnce(&mut Vec<OpenConnection>) -> T) -> T {
         change(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Takes up a connection, if need be in place of the oldest that waits for its client. False where all are being answered.
+    /// Adds a connection, in place of the oldest idle one if there are too many; false if none is idle.
     fn admit(&self, number: u64, stream: &TcpStream) -> bool {
         let Ok(stream) = stream.try_clone() else {
             return false;
@@ -153,7 +153,7 @@ impl Connections {
                 };
                 let _ = open.remove(oldest).stream.shutdown(Shutdown::Both);
             }
-            open.push(Open {
+            open.push(OpenConnection {
                 number,
                 stream,
                 is_answered: false,
@@ -220,7 +220,7 @@ fn converse(mut stream: TcpStream, answer: impl Fn(Option<&Request>) -> Reply) -
     Ok(())
 }
 
-/// What comes before the first empty line until a deadline, and what has come behind it; `None` if it is too long or not UTF-8.
+/// The text before the first empty line, read until a deadline, and the bytes after it; `None` if it is too long or not UTF-8.
 pub(super) fn head(
     stream: &mut TcpStream,
     deadline: Instant,
@@ -260,7 +260,7 @@ mod tests {
                 headers: Vec::new(),
             });
         });
-        // of more than are served at a time none ends its request
+        // more connections than are served at a time, none of which completes its request
         let slow: Vec<TcpStream> = (0..3 * MOST)
             .map(|_| {
                 let mut stream = TcpStream::connect(address).expect("it listens");

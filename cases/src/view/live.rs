@@ -18,10 +18,10 @@ use perimelt_core::log::{Channel, Follow, Log, LogError, RawMessage};
 use super::{ViewError, gate};
 use crate::terminal::tell;
 
-/// Time between two looks at the file.
+/// Polling interval for the file.
 const INTERVAL: Duration = Duration::from_millis(100);
 
-/// Messages that wait for a slow viewer; it loses older ones.
+/// Messages queued for a slow viewer; older ones are dropped.
 const BACKLOG: usize = 256;
 
 /// A channel and its newest message.
@@ -48,7 +48,7 @@ impl ServerListener for Subscriptions {
     }
 }
 
-/// What is served.
+/// The served data.
 struct Live {
     path: PathBuf,
     follow: Follow,

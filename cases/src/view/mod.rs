@@ -15,7 +15,7 @@
 //! | `/point/<body>/<number>/<state>` | all values of one point |
 //! | `/history/<body>/<scalar>/<x,y,z>` | one number in all states, of the point at a place (m) at rest |
 //! | `/sources.json` | places, directions and powers of the moving heat sources |
-//! | `/log/<number>/...` | the same of another log, counted from 0 |
+//! | `/log/<number>/...` | these answers for another log, counted from 0 |
 //!
 //! Arrays are `f32`, little-endian. States are counted from 0. Nothing but the log is read from the disk.
 //!

@@ -9,13 +9,13 @@ use std::time::Duration;
 use super::ViewError;
 use crate::run::log_of;
 
-/// Time between two looks for the log.
+/// Polling interval for the log.
 const INTERVAL: Duration = Duration::from_millis(50);
 
-/// Runs a case in a process of its own, which goes on when the page is left, and waits for its log.
+/// Runs a case in a separate process, which continues after the page is closed, and blocks until its log exists.
 ///
 /// # Errors
-/// The program cannot be started, or the run ends before it has a log; it says why itself.
+/// The program cannot be started, or the run ends before it has a log; it prints the reason itself.
 pub(super) fn start(case: &Path) -> Result<PathBuf, ViewError> {
     let log = log_of(case);
     // a run refuses to replace a log: it ends before there is a new one

@@ -1,4 +1,4 @@
-//! The log that is shown, and what was computed from it.
+//! The log that is shown, and a cache of values computed from it.
 
 use std::collections::hash_map::DefaultHasher;
 use std::collections::{BTreeMap, VecDeque};
@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use perimelt_core::log::{BodyInfo, CloudField, Log, LogError, LoggedCloud};
 
-use crate::growing_log::{GrowingLog, Growth};
+use crate::growing_log::{GrowingLog, LogChange};
 use crate::melt_pool::{Aim, LoggedSources, MeltPool, Travel};
 use crate::quantity::isotherm::{Isotherm, isotherms};
 use crate::quantity::scalar::scalar;
@@ -21,23 +21,23 @@ const KEPT: usize = 1 << 26;
 /// Times (s) and melt pools of a body.
 pub(super) type Pools = Arc<Vec<(f64, Option<MeltPool>)>>;
 
-/// A log and what was read from it.
+/// A log with a cache of what was read and computed.
 pub(super) struct Store {
     log: Mutex<GrowingLog>,
-    /// held while a cloud is read, so that several requests for one cloud read it once
+    /// locked while a cloud is read, so that several requests for one cloud read it once
     clouds: Mutex<VecDeque<(Key, Arc<LoggedCloud>)>>,
     /// smallest and largest value of a scalar in a state; `None` where it has no finite one
     ranges: Mutex<BTreeMap<(String, Key), Option<Range>>>,
     outlines: Mutex<BTreeMap<String, Arc<LoggedCloud>>>,
     reference: Mutex<BTreeMap<String, Arc<Reference>>>,
     isotherms: Mutex<BTreeMap<String, Vec<Isotherm>>>,
-    /// with the number of states that they are of
+    /// with the number of states that were measured
     pools: Mutex<BTreeMap<String, (usize, Pools)>>,
 }
 
 /// A scalar over all states of a body.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize)]
-pub(super) struct Survey {
+pub(super) struct ScalarExtremes {
     /// smallest and largest finite value
     pub(super) range: Option<Range>,
     /// number of the state in which its size is largest
@@ -79,7 +79,7 @@ impl Store {
     /// The log as it is now. A file that cannot be read at the moment leaves the log as it was.
     pub(super) fn refreshed(&self) -> Arc<Log> {
         let mut growing = lock(&self.log);
-        if growing.refresh() == Growth::Replaced {
+        if growing.refresh() == LogChange::Replaced {
             self.forget();
         }
         growing.log().clone()
@@ -159,10 +159,10 @@ impl Store {
         }))
     }
 
-    /// Positions at rest of a body.
+    /// Reference positions of a body.
     ///
     /// # Errors
-    /// Its first state cannot be read.
+    /// The first state cannot be read.
     pub(super) fn reference(&self, body: &BodyInfo) -> Result<Arc<Reference>, LogError> {
         let mut known = lock(&self.reference);
         if let Some(reference) = known.get(&body.name) {
@@ -178,9 +178,9 @@ impl Store {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub(super) fn range(&self, body: &str, name: &str) -> Result<Survey, LogError> {
+    pub(super) fn range(&self, body: &str, name: &str) -> Result<ScalarExtremes, LogError> {
         let log = self.log();
-        let mut survey = Survey::default();
+        let mut survey = ScalarExtremes::default();
         let mut largest = f64::NEG_INFINITY;
         for index in 0..log.times(body).len() {
             let key = (name.to_owned(), (body.to_owned(), index));
@@ -243,7 +243,8 @@ impl Store {
                     sources: sources.at(cloud.time),
                     ..Aim::fixed(travel)
                 };
-                let pool = reference.pool((body, &cloud), (isotherm, aim), &temperature.values);
+                let gauge = reference.gauge(body, &cloud, isotherm);
+                let pool = gauge.and_then(|gauge| gauge.measure(&temperature.values, aim));
                 pools.push((cloud.time, pool));
             }
         }
@@ -253,7 +254,7 @@ impl Store {
     }
 }
 
-/// Whether `now` is a log that has grown out of `before`.
+/// Count of the numbers in a cloud.
 fn numbers(cloud: &LoggedCloud) -> usize {
     let values: usize = cloud.fields.iter().map(|field| field.values.len()).sum();
     values + 3 * cloud.positions.len()
@@ -272,7 +273,7 @@ fn union(one: Option<Range>, other: Option<Range>) -> Option<Range> {
     }
 }
 
-/// A number that tells positions apart.
+/// Hash of positions.
 pub(super) fn fingerprint(positions: &[[f64; 3]]) -> u64 {
     let mut hasher = DefaultHasher::new();
     hasher.write_usize(positions.len());

@@ -69,7 +69,7 @@ impl Cloud {
         &self.centre
     }
 
-    /// Whether the cells are those of a grid, which touch without gaps; those of a table are not.
+    /// Whether the cells form a grid and touch without gaps, unlike those of a table.
     pub fn is_tiled(&self) -> bool {
         self.slack == 0.0
     }

@@ -70,7 +70,7 @@ impl Cut {
         self.edges[0].cross(&self.edges[1])
     }
 
-    /// Whether its middle lies in a box between two corners (m) of a body of a dimension.
+    /// Whether the middle of the cut lies in a box between two corners (m) of a body of a dimension.
     pub fn is_within(&self, [min, max]: [Vector3<f64>; 2], dimension: usize) -> bool {
         let (middle, axes) = match self.outline {
             Outline::Disc => (self.corner, 3),
@@ -112,14 +112,14 @@ impl Cut {
         }
     }
 
-    /// Its copy behind a face of a periodic body with this `extent` (m) along the axis.
+    /// The copy of the cut behind a face of a periodic body with this `extent` (m) along the axis.
     pub(crate) fn shifted(&self, face: Face, extent: f64) -> Cut {
         let mut image = self.clone();
         image.corner[face.axis()] += if face.is_upper() { extent } else { -extent };
         image
     }
 
-    /// Its image behind the plane at `position` (m) of a face.
+    /// The image of the cut behind the plane at `position` (m) of a face.
     pub(crate) fn mirrored(&self, face: Face, position: f64) -> Cut {
         let axis = face.axis();
         let mut image = self.clone();

@@ -48,7 +48,7 @@ impl Horizon {
     /// A horizon below the (coarsest) spacing.
     pub fn check(self, body: &Body) -> Result<(), HorizonError> {
         let points = &body.points;
-        // of whole neighbourhoods, before any bond is counted
+        // the estimate assumes complete neighbourhoods
         let most = (0..points.len())
             .map(|p| points.horizon(p, self) / points.spacing[p])
             .fold(0.0, f64::max);

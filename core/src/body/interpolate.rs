@@ -29,12 +29,12 @@ impl Cloud {
         let near = |radius: f64, visit: &mut dyn FnMut(usize)| {
             self.list.visit_near(&at, radius + 0.9 * size, visit);
         };
-        let fit = fitted(near, &points.position, dimension, (&at, size));
+        let fit = fitted(near, &points.position, dimension, &at, size);
         Some(fit.unwrap_or_else(|| vec![(own, 1.0)]))
     }
 }
 
-/// Points and weights of a field at a position (m), as [`Cloud::weights`], for points at `positions` (m) with
+/// Points and weights of a field at a position (m) by the fit of [`Cloud::weights`], for points at `positions` (m) with
 /// spacings of about `size` (m). `None` if too few points are near.
 pub fn weights_among(
     positions: &[Vector3<f64>],
@@ -45,7 +45,7 @@ pub fn weights_among(
     let mut at = *at;
     (dimension..3).for_each(|a| at[a] = positions[0][a]);
     let all = |_: f64, visit: &mut dyn FnMut(usize)| (0..positions.len()).for_each(visit);
-    fitted(all, positions, dimension, (&at, size))
+    fitted(all, positions, dimension, &at, size)
 }
 
 /// The fit; `near` visits all points that can lie within a radius (m).
@@ -53,7 +53,8 @@ fn fitted(
     near: impl Fn(f64, &mut dyn FnMut(usize)),
     positions: &[Vector3<f64>],
     dimension: usize,
-    (at, size): (&Vector3<f64>, f64),
+    at: &Vector3<f64>,
+    size: f64,
 ) -> Option<Vec<(usize, f64)>> {
     for attempt in 0..ATTEMPTS {
         let radius = RADIUS * size * GROWTH.powi(attempt);

@@ -154,7 +154,7 @@ pub enum BodyError {
     NotPositive {
         /// The key.
         key: &'static str,
-        /// Its value.
+        /// Value of the key.
         value: f64,
     },
     /// Not 1, 2 or 3.
@@ -235,7 +235,7 @@ impl Body {
         }
     }
 
-    /// The same, with the shape that the points fill.
+    /// Sets the shape that the points fill.
     fn outlined(mut self, shape: &Shape) -> Body {
         self.outline = Outline::new(shape, &self);
         self
@@ -395,8 +395,8 @@ impl Body {
         self.surface_of(0..self.points.len(), faces, |_| true)
     }
 
-    /// As [`Body::surface`], of some of the points, where the body consists of the points with material only; on a cloud
-    /// all points have some.
+    /// [`Body::surface`] of some points of a body that consists of the points with material only; on a cloud all points
+    /// have material.
     pub fn surface_of(
         &self,
         points: impl Iterator<Item = usize>,

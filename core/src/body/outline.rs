@@ -54,7 +54,7 @@ impl Outline {
         (fraction * correction, part.is_some())
     }
 
-    /// The same without the correction, and the part of the surface, where it is inclined.
+    /// The area fraction without the correction, and the part of the surface, where it is inclined.
     fn projected(&self, at: Vector3<f64>, face: Face, spacing: f64) -> (f64, Option<usize>) {
         let outward = face.normal();
         let facing = Facing {

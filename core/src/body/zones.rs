@@ -163,7 +163,7 @@ impl Body {
         if horizon_factor.iter().all(|f| *f == 1.0) {
             horizon_factor.clear();
         }
-        if let Some(at) = left_out(shape, dimension, zones, (min, max)) {
+        if let Some(at) = uncovered(shape, dimension, zones, min, max) {
             return Err(BodyError::NotCovered { at: at.into() });
         }
         let volume = spacing.iter().map(|s| s.powi(dimension as i32) * depth);
@@ -179,11 +179,12 @@ impl Body {
 }
 
 /// A position inside the shape that no zone covers, if samples find one.
-fn left_out(
+fn uncovered(
     shape: &Shape,
     dimension: usize,
     zones: &[Zone],
-    (min, max): (Vector3<f64>, Vector3<f64>),
+    min: Vector3<f64>,
+    max: Vector3<f64>,
 ) -> Option<Vector3<f64>> {
     const SAMPLES: usize = 60;
     let samples: [usize; 3] = std::array::from_fn(|a| if a < dimension { SAMPLES } else { 1 });

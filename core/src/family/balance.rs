@@ -13,7 +13,7 @@
 //! weighted with `c_ij`: the vectors `l` are their Lagrange multipliers. Their equations are those of the
 //! displacements of springs between the points, symmetric and positive semidefinite, and are solved once, by conjugate gradients.
 //!
-//! Points whose families a bare surface cuts keep `l = 0`: their bonds do not balance for a good reason, since the heat of
+//! Points whose families a bare surface cuts keep `l = 0`: their bonds need not balance, since the heat of
 //! a linear field leaves through the surface. Mirrored layers mirror `l`.
 
 use nalgebra::Vector3;
@@ -25,11 +25,11 @@ use crate::solver::reduce::norm;
 use crate::solver::{Hints, Krylov, KrylovMethod, KrylovOptions};
 
 use super::build::continued_faces;
-use super::cloud::Member;
+use super::cloud::SlotBond;
 use super::images::Images;
 use super::{Bond, FamilyError, FamilySpec, Rows};
 
-/// What may be left of the balance, over the sum of the absolute values of its terms.
+/// Tolerance of the balance, relative to the sum of the absolute values of its terms.
 const TOLERANCE: f64 = 1e-12;
 
 /// Least factor of a bond. Heat flows against the temperature through bonds of negative factors, and smaller ones show that
@@ -58,7 +58,7 @@ impl Balance {
         body: &Body,
         spec: &FamilySpec,
         images: &Images,
-        bonds: Vec<Vec<Member>>,
+        bonds: Vec<Vec<SlotBond>>,
     ) -> Result<Balance, FamilyError> {
         let parts: Vec<Rows> = bonds
             .into_par_iter()

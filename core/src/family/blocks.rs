@@ -1,9 +1,9 @@
 //! Blocks: neighbouring points of a lattice whose bonds have weights of their own.
 //!
-//! At bare surfaces, beside cuts, and where bonds are corrected for the sake of a neighbour, bonds differ
-//! from the stencil in nothing but their weights: a bond that there is not has none. So [`BLOCK`] points
-//! advance together through the stencil as complete families do, with weights from memory. Blocks alike,
-//! such as those along an edge, share them: most stay in the cache.
+//! At bare surfaces, beside cuts, and where bonds are corrected because a neighbour is near a surface, bonds differ
+//! from the stencil in their weights only: a missing bond has weight zero. So [`BLOCK`] points
+//! advance together through the stencil as complete families do, with weights from memory. Equal blocks,
+//! such as those along an edge, share their weights, most of which stay in the cache.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -17,22 +17,22 @@ pub(super) type Weights<const LANES: usize = BLOCK> = [[f64; LANES]; 2];
 /// The blocks of a family.
 #[derive(Debug, Default)]
 pub(super) struct Blocks {
-    pub(super) head: Vec<Head>,
+    pub(super) head: Vec<BlockHead>,
     /// By pattern, then bond of the stencil.
     weights: Vec<Weights>,
     stencil: usize,
 }
 
-/// Consecutive points in consecutive slots; lanes from `len` on count nothing.
+/// Consecutive points in consecutive slots; lanes from `len` on have no point.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Head {
+pub(super) struct BlockHead {
     pub(super) point: u32,
     pub(super) slot: u32,
     pub(super) len: u32,
     pub(super) pattern: u32,
 }
 
-impl Head {
+impl BlockHead {
     #[inline(always)]
     pub(super) fn points(&self) -> Range<usize> {
         self.point as usize..(self.point + self.len) as usize
@@ -95,18 +95,18 @@ impl Blocks {
     }
 }
 
-/// Makes blocks of points, and finds those alike.
-pub(super) struct Builder {
+/// Gathers points in blocks and finds blocks of equal weights.
+pub(super) struct BlockBuilder {
     blocks: Blocks,
     /// Weights of the last block, which may still grow.
     open: Vec<Weights>,
     known: HashMap<Vec<[[u64; BLOCK]; 2]>, u32>,
 }
 
-impl Builder {
+impl BlockBuilder {
     /// No blocks; `stencil` is the number of its bonds.
     pub(super) fn new(stencil: usize) -> Self {
-        Builder {
+        BlockBuilder {
             blocks: Blocks::of_stencil(stencil),
             open: vec![[[0.0; BLOCK]; 2]; stencil],
             known: HashMap::new(),
@@ -121,14 +121,16 @@ impl Builder {
     /// Adds a point with its bonds (number in the stencil, weight, dual), after those before it.
     pub(super) fn push(
         &mut self,
-        (point, slot): (u32, u32),
+        point: u32,
+        slot: u32,
         bonds: impl Iterator<Item = (usize, [f64; 2])>,
     ) {
-        let follows =
-            |h: &Head| h.len < BLOCK as u32 && [h.point + h.len, h.slot + h.len] == [point, slot];
+        let follows = |h: &BlockHead| {
+            h.len < BLOCK as u32 && [h.point + h.len, h.slot + h.len] == [point, slot]
+        };
         if !self.blocks.head.last().is_some_and(follows) {
             self.close();
-            self.blocks.head.push(Head {
+            self.blocks.head.push(BlockHead {
                 point,
                 slot,
                 len: 0,

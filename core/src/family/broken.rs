@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Bond, Family, StencilBond};
 
-/// Which bonds of a family are broken, for ever. Both directions of a bond break together.
+/// Which bonds of a family are broken; they never heal. Both directions of a bond break together.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BrokenBonds {
     /// Words of a point.
@@ -21,7 +21,7 @@ impl BrokenBonds {
         self.count[point] as usize
     }
 
-    /// Whether `other` is of a family with as many points and bonds.
+    /// Whether `other` belongs to a family with as many points and bonds.
     #[must_use]
     pub fn is_of_same_family(&self, other: &BrokenBonds) -> bool {
         let sizes = |b: &BrokenBonds| (b.stride, b.words.len(), b.count.len());
@@ -143,7 +143,7 @@ impl Family {
         }
     }
 
-    /// Whether the bonds of a point are those of the stencil, with its weights.
+    /// Whether the bonds of a point have the weights of the stencil.
     pub fn shares_stencil(&self, point: usize) -> bool {
         let after = self.runs.partition_point(|r| r.point as usize <= point);
         let run = after.checked_sub(1).map(|run| self.runs[run]);
@@ -160,7 +160,7 @@ impl Family {
         span.slot as usize + point - span.point as usize
     }
 
-    /// The point in a slot, unless there is a layer point or nothing.
+    /// The point in a slot; `None` for layer points and empty slots.
     pub fn point_in(&self, slot: usize) -> Option<usize> {
         if !self.order.point_in.is_empty() {
             return self.order.point_in.get(slot).map(|&p| p as usize);

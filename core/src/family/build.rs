@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::body::{Body, Discretisation, Face, Lattice, Store};
 
-use super::blocks::{self, BLOCK};
+use super::blocks::{BLOCK, BlockBuilder};
 use super::lattice::{LatticeBonds, Member};
 use super::{Bond, Chunk, Family, FamilyError, FamilySpec, Rows, Span};
 use crate::body::Cut;
@@ -45,7 +45,7 @@ impl Family {
         };
         let mut rows = Rows::new();
         let mut layer_rows = Rows::new();
-        let mut blocks = blocks::Builder::new(bonds.steps.len());
+        let mut blocks = BlockBuilder::new(bonds.steps.len());
         let mut in_runs = vec![false; body.points.len()];
         let mut number = 0;
         for (point, &slot) in bonds.slot_of_point.iter().enumerate() {
@@ -70,7 +70,7 @@ impl Family {
                 rows.push(point, slot, members().map(weighted));
             } else if count < bonds.steps.len() || bonds.is_uneven(point) {
                 let own = members().map(|m| (usize::from(m.step), bonds.weights(point, &m)));
-                blocks.push((point as u32, slot), own);
+                blocks.push(point as u32, slot, own);
             } else {
                 in_runs[point] = true;
             }
@@ -104,14 +104,14 @@ impl Family {
     }
 }
 
-/// The faces behind which the body goes on, as a mirror image or as a copy.
+/// The faces behind which the body continues, as a mirror image or as a copy.
 pub(super) fn continued_faces(body: &Body, spec: &FamilySpec) -> Vec<Face> {
     let goes_on = |f: &Face| spec.layers.contains(f) || body.periodic[f.axis()];
     let faces = Face::ALL.into_iter().filter(|f| f.axis() < body.dimension);
     faces.filter(goes_on).collect()
 }
 
-/// The cuts of the body and their images behind the faces where it goes on.
+/// The cuts of the body and their images behind the faces where it continues.
 pub(super) fn cuts(body: &Body, spec: &FamilySpec) -> Vec<Cut> {
     let mut cuts = body.cuts.clone();
     for face in continued_faces(body, spec) {

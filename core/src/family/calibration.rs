@@ -52,7 +52,7 @@ impl Calibration {
 /// under any gradient and of elasticity under isotropic strain is the classical one.
 ///
 /// Wang (2025), eqs. 4.4 to 4.8, takes the radius of an ellipsoid with directional factors as
-/// semi-axes and the mean of both ends, which repairs surfaces but in part. Families too asymmetric
+/// semi-axes and the mean of both ends, which corrects surfaces only in part. Families too asymmetric
 /// for positive weights get one factor for all directions.
 ///
 /// Under uniaxial strain `sum_j weight |xi| n_m^4 = 3/(dimension + 2)` instead.
@@ -90,7 +90,7 @@ fn calibration<'a>(
     let least = bonds
         .map(|b| factor_along(b, &factors))
         .fold(f64::INFINITY, f64::min);
-    // an excess of stiffness along single bonds would bind the step
+    // a large stiffness along single bonds would limit the step
     if least > 0.1 * isotropic[0] {
         factors
     } else {

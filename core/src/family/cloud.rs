@@ -4,8 +4,6 @@
 //! (Wang (2025), eqs. 5.5, 5.12, 5.13; Khoshrou (2024), eq. 82). The partial volume of a
 //! bond belongs to the owner of the horizon: its horizon and the spacing of the other end.
 
-use std::sync::OnceLock;
-
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -13,20 +11,19 @@ use crate::body::Body;
 use crate::cell_list::CellList;
 
 use super::balance::Balance;
-use super::blocks::Blocks;
 use super::build::{chunks, cuts};
 use super::calibration::{Calibration, factor_along};
 use super::images::Images;
 use super::kernel::ROW_LANES;
 use super::lattice::stencil;
-use super::{Bond, Correction, Family, FamilyError, FamilySpec, Order, Rows, Span, TIE};
+use super::{Bond, Correction, Family, FamilyError, FamilySpec, Rows, Span, TIE};
 use crate::body::Cut;
 
-/// Bonds of a point beyond which a horizon is taken for a mistake.
+/// Bonds of a point beyond which a horizon is a mistake.
 const MOST_BONDS: usize = 65_535;
 
-/// Points and images, with what their families need.
-struct Members<'a> {
+/// Points and images, with the data from which their bonds follow.
+struct CloudBonds<'a> {
     spec: &'a FamilySpec,
     calibration: Calibration,
     images: Images,
@@ -37,13 +34,48 @@ struct Members<'a> {
     /// Moment of a family of horizon 1 m; it grows as a power of the horizon.
     unit_moment: f64,
     power: i32,
+    list: CellList,
+    /// Distance within which slots may be members, by slot, m.
+    reach: Vec<f64>,
 }
 
 /// A bond and the slot at its other end.
-pub(super) type Member = (u32, Bond);
+pub(super) type SlotBond = (u32, Bond);
 
-impl Members<'_> {
-    /// How far the family of `owner` holds points like `other`, m.
+impl<'a> CloudBonds<'a> {
+    fn new(body: &'a Body, spec: &'a FamilySpec) -> Self {
+        let horizon = body.points.horizons(spec.horizon);
+        let coarsest = body.coarsest_spacing();
+        let reach = |horizon: f64| spec.reach(horizon, coarsest);
+        let widest = reach(horizon.iter().copied().fold(0.0, f64::max));
+        let images = Images::new(body, spec, widest);
+        let of_slot = |&p: &u32| reach(horizon[p as usize]);
+        let reach: Vec<f64> = images.point.iter().map(of_slot).collect();
+        CloudBonds {
+            spec,
+            calibration: Calibration::new(body, spec),
+            list: CellList::new(&images.position, &reach),
+            images,
+            spacing: &body.points.spacing,
+            volume: &body.points.volume,
+            horizon,
+            unit_moment: spec.moment(body, 1.0),
+            power: body.dimension as i32 + 1,
+            reach,
+        }
+    }
+
+    /// Refuses a horizon that is a mistake, by the point with the finest spacing.
+    fn check_horizon(&self, body: &Body) -> Result<(), FamilyError> {
+        let finest = body.finest_spacing();
+        let densest = self.spacing.iter().position(|s| *s == finest);
+        match self.of(densest.unwrap_or(0)).len() {
+            bonds if bonds > MOST_BONDS => Err(FamilyError::HorizonTooLarge { bonds }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Distance within which the family of `owner` contains points like `other`, m.
     fn cut(&self, owner: usize, other: usize) -> f64 {
         self.spec.reach(self.horizon[owner], self.spacing[other])
     }
@@ -71,10 +103,11 @@ impl Members<'_> {
         })
     }
 
-    /// The bonds of a point, by slot.
-    fn of(&self, list: &CellList, reach: f64, point: usize) -> Vec<Member> {
+    /// The uncorrected bonds of a point, by slot.
+    fn of(&self, point: usize) -> Vec<SlotBond> {
+        let (position, reach) = (&self.images.position[point], self.reach[point]);
         let mut members = Vec::new();
-        list.visit_near(&self.images.position[point], reach, |slot| {
+        self.list.visit_near(position, reach, |slot| {
             if slot != point
                 && let Some(bond) = self.bond(point, slot)
             {
@@ -85,13 +118,20 @@ impl Members<'_> {
         members
     }
 
+    /// The bonds of a point, by slot, with the factors of both ends.
+    fn corrected(&self, point: usize, factors: &[[f64; 3]]) -> Vec<SlotBond> {
+        let mut row = self.of(point);
+        for (slot, bond) in &mut row {
+            let other = self.images.point[*slot as usize] as usize;
+            bond.weight *= factor_along(bond, &factors[point]);
+            bond.dual *= factor_along(bond, &factors[other]);
+        }
+        row
+    }
+
     /// Factors along the axes that calibrate a point's own family.
-    fn factors(
-        &self,
-        body: &Body,
-        point: usize,
-        members: &[Member],
-    ) -> Result<[f64; 3], FamilyError> {
+    fn factors(&self, body: &Body, point: usize) -> Result<[f64; 3], FamilyError> {
+        let members = self.of(point);
         let near = TIE * self.spacing[point];
         if members.iter().any(|(_, b)| b.length <= near) {
             return Err(FamilyError::Coincident {
@@ -105,9 +145,9 @@ impl Members<'_> {
         }
         if self.spec.correction == Correction::Zone {
             let horizon = self.horizon[point];
-            let cell = (self.spacing[point], self.volume[point]);
-            let members = stencil(body, self.spec, horizon, cell);
-            let complete = members.iter().map(|(_, b)| b);
+            let (spacing, volume) = (self.spacing[point], self.volume[point]);
+            let complete = stencil(body, self.spec, horizon, spacing, volume);
+            let complete = complete.iter().map(|(_, b)| b);
             return Ok(self.calibration.factors(horizon, complete));
         }
         Ok(self.calibration.factors(self.horizon[point], own()))
@@ -124,51 +164,20 @@ impl Members<'_> {
 impl Family {
     pub(super) fn on_cloud(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
         let points = body.points.len();
-        let horizon = body.points.horizons(spec.horizon);
-        let coarsest = body.coarsest_spacing();
-        let reach = |horizon: f64| spec.reach(horizon, coarsest);
-        let widest = reach(horizon.iter().copied().fold(0.0, f64::max));
-        let members = Members {
-            spec,
-            calibration: Calibration::new(body, spec),
-            images: Images::new(body, spec, widest),
-            spacing: &body.points.spacing,
-            volume: &body.points.volume,
-            unit_moment: spec.moment(body, 1.0),
-            power: body.dimension as i32 + 1,
-            horizon,
-        };
-        let of_slot = |&p: &u32| reach(members.horizon[p as usize]);
-        let reaches: Vec<f64> = members.images.point.iter().map(of_slot).collect();
-        let list = CellList::new(&members.images.position, &reaches);
-        let of = |p: usize| members.of(&list, reaches[p], p);
-        let finest = body.finest_spacing();
-        let densest = body.points.spacing.iter().position(|s| *s == finest);
-        let bonds = of(densest.unwrap_or(0)).len();
-        if bonds > MOST_BONDS {
-            return Err(FamilyError::HorizonTooLarge { bonds });
-        }
+        let bonds = CloudBonds::new(body, spec);
+        bonds.check_horizon(body)?;
 
-        // the factors of both ends of a bond are known only after all families
+        // the factors of both ends of a bond are available only after all families
         let factors: Vec<Result<[f64; 3], FamilyError>> = (0..points)
             .into_par_iter()
-            .map(|p| members.factors(body, p, &of(p)))
+            .map(|p| bonds.factors(body, p))
             .collect();
         let factors = factors.into_iter().collect::<Result<Vec<_>, _>>()?;
-
-        let corrected = |p: usize| {
-            let mut row = of(p);
-            for (slot, bond) in &mut row {
-                let other = members.images.point[*slot as usize] as usize;
-                bond.weight *= factor_along(bond, &factors[p]);
-                bond.dual *= factor_along(bond, &factors[other]);
-            }
-            row
-        };
+        let corrected = |p: usize| bonds.corrected(p, &factors);
         let balance = match spec.correction {
             Correction::Balanced => {
                 let whole = (0..points).into_par_iter().map(corrected).collect();
-                Some(Balance::new(body, spec, &members.images, whole)?)
+                Some(Balance::new(body, spec, &bonds.images, whole)?)
             }
             _ => None,
         };
@@ -178,7 +187,7 @@ impl Family {
             .map(|p| {
                 let mut row = corrected(p);
                 row.retain(|(slot, bond)| {
-                    !severed(&cuts, &members.images.position, p, *slot as usize, bond)
+                    !severed(&cuts, &bonds.images.position, p, *slot as usize, bond)
                 });
                 if let Some(balance) = &balance {
                     for (slot, bond) in &mut row {
@@ -191,10 +200,10 @@ impl Family {
             })
             .collect();
         if let Some(p) = rows.iter().position(|row| row.column.is_empty()) {
-            return Err(members.no_neighbours(body, p));
+            return Err(bonds.no_neighbours(body, p));
         }
 
-        let images = members.images;
+        let images = bonds.images;
         let audited = |row: &Rows| {
             let kept = |i: &usize| images.audited[row.column[*i] as usize];
             row.select((0..row.column.len()).filter(kept))
@@ -206,50 +215,32 @@ impl Family {
             Rows::joined(&parts)
         };
         let rows = Rows::joined(&rows);
-        let mut family = Family::of_rows(body, spec, (rows, layer_rows));
+        let mut family = Family::of_rows(body, spec, rows, layer_rows);
         family.take_images(images);
         Ok(family)
     }
 
     /// A family with a row for every point, without slots yet ([`Family::take_images`]).
-    pub(super) fn of_rows(
-        body: &Body,
-        spec: &FamilySpec,
-        (rows, layer_rows): (Rows, Rows),
-    ) -> Family {
+    pub(super) fn of_rows(body: &Body, spec: &FamilySpec, rows: Rows, layer_rows: Rows) -> Family {
         let points = body.points.len();
         Family {
             spec: spec.clone(),
             points,
-            bonds: 0,
-            slots: 0,
             spans: vec![Span {
                 slot: 0,
                 point: 0,
                 len: points as u32,
             }],
-            ghosts: Vec::new(),
-            layers: Vec::new(),
-            corners: Vec::new(),
             periodic: body.periodic,
             flat: body.dimension < 3,
-            places: Default::default(),
-            grid: None,
-            stencil: Vec::new(),
-            runs: Vec::new(),
             chunks: chunks(&[], 0, points),
-            blocks: Blocks::default(),
             rows,
             layer_rows,
-            order: Order::default(),
-            following: None,
-            growth: None,
-            unborn: Vec::new(),
-            pairs: OnceLock::new(),
+            ..Family::default()
         }
     }
 
-    /// Lets the columns of the rows be slots of these images.
+    /// Lays out slots; the columns of the rows refer to `images`.
     pub(super) fn take_images(&mut self, images: Images) {
         self.bonds = self.rows.column.len() - ROW_LANES;
         self.slots = images.position.len();
@@ -264,7 +255,7 @@ impl Family {
     }
 }
 
-/// Whether a cut separates the ends of a bond; asked from either end, the answer is the same.
+/// Whether a cut separates the ends of a bond, whichever end is `point`.
 fn severed(
     cuts: &[Cut],
     position: &[Vector3<f64>],
@@ -279,7 +270,7 @@ fn severed(
 }
 
 impl Rows {
-    pub(super) fn of_point(point: usize, members: &[Member]) -> Rows {
+    pub(super) fn of_point(point: usize, members: &[SlotBond]) -> Rows {
         Rows {
             point: vec![point as u32],
             slot: vec![point as u32],

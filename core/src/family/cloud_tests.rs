@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 use proptest::prelude::*;
 
 use super::{
-    Bond, BondKernel, ByRules, Correction, Family, FamilyError, FamilySpec, Influence, LayerRule,
-    Mirrored, PartialVolume, SlotField,
+    AxisPlane, Bond, BondKernel, ByRules, Correction, Family, FamilyError, FamilySpec, Influence,
+    LayerRule, Mirrored, PartialVolume, SlotField,
 };
 use crate::body::{Body, Cut, Face, Horizon, Jitter, Zone};
 use crate::shape::{BoxShape, Shape};
@@ -404,6 +404,7 @@ fn points_on_a_plane_count_as_below_it() {
     let family = Family::build(&body, &FamilySpec::new(2.0)).expect("valid");
     let mut across = Vec::new();
     let receive = |point: usize, [bonds]: [f64; 1]| across.push((point, bonds));
-    family.sum_across(&Count, ([], None), (0, 3.5), receive);
+    let plane = AxisPlane { axis: 0, at: 3.5 };
+    family.sum_across(&Count, [], None, plane, receive);
     assert_eq!(across, [(0, 0.0), (1, 0.0), (2, 1.0), (3, 2.0)]);
 }

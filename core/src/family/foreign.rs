@@ -1,6 +1,6 @@
 //! Bonds between the points of a body and those of another one: its *foreign ghosts*.
 //!
-//! A physics whose matter meets another body adds these bonds to the sums over its own family. They are weighted as
+//! A physics whose body touches another one adds these bonds to the sums over its own family. They are weighted as
 //! that family weighs its members, so that a foreign point in the place of an own one counts as much; the
 //! horizon and the spacing that partial volumes depend on are those of the body, so that both ends of a bond see the same
 //! influence. Each bond is visited once from either end: what it gives to the one end, the caller can take from
@@ -10,7 +10,7 @@
 //!
 //! Foreign points have no slots, and a [`SlotField`](super::SlotField) does not hold their fields: which points are near changes
 //! as bodies move, and values there belong to bonds rather than to ghosts. In an interface of a fluid, the velocity is extrapolated
-//! by the depth of the bond behind the surface, and the viscosity is that of the own point. Callers hence evaluate kernels bond by
+//! by the depth of the bond behind the surface, and the viscosity of the own point applies. Callers hence evaluate kernels bond by
 //! bond, and reflect the vectors of images ([`ForeignGhost::reflect`]).
 
 use std::ops::Range;
@@ -46,7 +46,7 @@ impl ForeignGhost {
         self.reflect(foreign[self.point]) + Vector3::from(self.offset)
     }
 
-    /// A vector of the foreign point as the ghost has it, or of the ghost as the foreign point has it.
+    /// Mirrors a vector of the foreign point to the ghost, or back.
     pub fn reflect(&self, vector: Vector3<f64>) -> Vector3<f64> {
         vector.component_mul(&Vector3::from(self.mirror))
     }
@@ -95,7 +95,7 @@ pub struct Places<'a> {
 }
 
 impl<'a> Places<'a> {
-    /// Those of the reference.
+    /// Reference positions and volumes.
     pub fn reference(body: &'a Body) -> Places<'a> {
         Places {
             positions: &body.points.position,
@@ -105,7 +105,7 @@ impl<'a> Places<'a> {
 }
 
 impl ForeignBonds {
-    /// Bonds as a family of `body` with points of one spacing would have them; none yet.
+    /// Weights bonds like a family of `body` with points of one spacing; there are none yet.
     pub fn new(body: &Body, spec: &FamilySpec) -> ForeignBonds {
         let spacing = body.finest_spacing();
         let horizon = spec.horizon.of(spacing);
@@ -134,7 +134,7 @@ impl ForeignBonds {
         }
     }
 
-    /// Lets own and foreign points be where they are now.
+    /// Updates the bonds to the current positions of own and foreign points.
     pub fn follow(&mut self, own: Places<'_>, foreign: Places<'_>) {
         let limit = (0.5 * SKIN * self.spacing).powi(2);
         let has_moved = |now: &[Vector3<f64>], before: &[Vector3<f64>]| {
@@ -329,7 +329,8 @@ impl ForeignBonds {
     pub fn for_each_foreign(
         &self,
         foreign: &[Vector3<f64>],
-        (at, reach): (&Vector3<f64>, f64),
+        at: &Vector3<f64>,
+        reach: f64,
         mut receive: impl FnMut(&ForeignGhost, Vector3<f64>),
     ) {
         // points may have moved by half the skin since they were sorted

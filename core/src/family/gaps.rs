@@ -1,4 +1,4 @@
-//! Families that reach where they should not: across gaps and holes of the body, or not beyond their own spacing.
+//! Families that reach across gaps and holes of the body, or not to the coarser points beside them.
 //!
 //! The points of a family that lie in matter of one piece are connected by cells that touch. A family that falls into
 //! pieces has bonds across empty space: two sides of a slit, or of a hole between coarse rows of points, hold together
@@ -17,7 +17,7 @@ use crate::cell_list::CellList;
 /// Gap between cells that touch, in spacings: of displaced points, and of rounding.
 const SLACK: [f64; 2] = [0.3, 1e-6];
 
-/// What is remarkable about the family of a point.
+/// A finding about the family of a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Finding {
     Alone,

@@ -5,7 +5,7 @@
 //! | images of a scalar, of a vector or a tensor; copies of periodic sides | [`Mirrored`] |
 //! | as boundaries prescribe | [`ByRules`], [`Curved`], [`WithTractions`] |
 //! | images that rise with the distance | [`Rising`] |
-//! | a value of each image, of whatever fields | [`ByImage`] |
+//! | a value of each image, for any fields | [`ByImage`] |
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -83,9 +83,9 @@ impl GhostRule for ByRules<'_> {
     }
 }
 
-/// As [`ByRules`]; the layers of a lattice behind faces that prescribe all components of a field, odd, get the curvature `c` of
-/// the parabola through the value `b` on the face and the two points before it, too: `c x^2` at the distance x, with
-/// `c = 4/3 (f2 - b - 3 (f1 - b)) / spacing^2`. An odd layer alone has no curvature on the face. Layers behind edges and
+/// [`ByRules`], and curvature behind faces of a lattice that prescribe all components of a field by odd layers: `c x^2` is
+/// added at the distance x, with the curvature `c = 4/3 (f2 - b - 3 (f1 - b)) / spacing^2` of the parabola through the value
+/// `b` on the face and the two points before it. An odd layer alone has no curvature on the face. Layers behind edges and
 /// corners are not curved.
 #[derive(Clone, Copy, Debug)]
 pub struct Curved<'a>(pub ByRules<'a>);
@@ -174,7 +174,7 @@ where
     }
 }
 
-/// Coordinate along an axis: that of the image, of copies of periodic sides their own.
+/// Coordinate along an axis: that of the mirrored point; copies of periodic sides have their own.
 struct Coordinate(usize);
 
 impl GhostRule for Coordinate {
@@ -227,20 +227,19 @@ impl SlotField {
 }
 
 impl Family {
-    /// Fills the ghosts of fields whose points have their values. All ghosts of all fields are filled here: ghosts that another
-    /// process owns will be exchanged here, before images of them are taken.
+    /// Fills the ghosts of fields whose points have their values. All ghosts of all fields are filled here.
     pub(super) fn fill_ghosts(&self, fields: &mut [SlotField], ghosts: impl GhostRule) {
         ghosts.fill(self, fields);
     }
 
-    /// The layers in the order in which they are filled: ghosts follow those of layers before theirs.
+    /// The layers in the order in which they are filled: ghosts may mirror ghosts of earlier layers.
     fn layers(&self) -> impl DoubleEndedIterator<Item = (Face, &[Ghost])> {
         let layers = self.layers.iter();
         layers.map(|(face, range)| (*face, &self.ghosts[range.clone()]))
     }
 
     /// Continues a field behind corners at which faces disagree: odd about the mean of what they prescribe, or
-    /// constant where their layers are. One face after the other would let the last one go on beyond the corner.
+    /// constant where their layers are constant. Filling face by face would continue the field of the last one.
     fn fill_corners(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
         for corner in &self.corners {
             if let Some(jump) = Jump::at(corner, rules, component) {
@@ -250,7 +249,7 @@ impl Family {
         }
     }
 
-    /// See [`Curved`].
+    /// Adds the curvature of [`Curved`].
     fn curve_layers(&self, rules: &[LayerRule], component: usize, slots: &mut [f64]) {
         let Some(grid) = &self.grid else {
             return;
@@ -307,7 +306,7 @@ impl Family {
         let mut done = 0;
         for (face, ghosts) in self.layers() {
             let axis = face.axis();
-            // plain mirror images hold already, bent layers from the order in which they are filled
+            // plain mirror images are final, bent layers once they are filled
             let usable = |faces: u8| faces & bent == 0 || faces & !done == 0;
             let even = LayerRule::even(face);
             let rule = rules.iter().find(|r| r.face == face).unwrap_or(&even);
@@ -326,7 +325,7 @@ impl Family {
                 (0..3).for_each(|a| bend.row_mut(a).scale_mut(rule.scale[a]));
                 bend.column_mut(axis).scale_mut(-1.0);
                 if let Some(traction) = &rule.traction {
-                    let lateral = grid.lateral(slots, (source, axis), usable);
+                    let lateral = grid.lateral(slots, source, axis, usable);
                     let slope = slope(face, traction, ghost.point as usize, &lateral);
                     let cells = [slot, source].map(|s| grid.cell(s, axis) as f64);
                     let distance = (cells[0] - cells[1]) * grid.spacing;

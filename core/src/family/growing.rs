@@ -1,9 +1,9 @@
 //! Families of bodies that grow: points without material have no bonds, and when points become active or inactive,
-//! only the weights around them are found again.
+//! only the weights around them are computed again.
 //!
 //! The weights of a point follow from the points that are present around it, so that a family depends on the present
-//! points alone, not on the order in which they came: a body that is complete has the same bonds as one that never
-//! grew, and a resumed run goes on bit by bit.
+//! points only, not on the order in which they became active: a body that is complete has the same bonds as one that never
+//! grew, and a resumed run is bit-identical.
 //!
 //! Points are divided into blocks of consecutive slots once and for all. A block is empty, shares the stencil, or has
 //! weights of its own, which equal blocks share ([`Patterns`]).
@@ -20,22 +20,22 @@ use rayon::prelude::*;
 
 use crate::body::{Body, Discretisation, Store};
 
-use super::blocks::{BLOCK, Blocks, Head, Weights};
+use super::blocks::{BLOCK, BlockHead, Blocks, Weights};
 use super::build::{chunks, stretches};
 use super::lattice::{EMPTY, LatticeBonds, Member};
 use super::{Family, FamilyError, FamilySpec, Rows, Span};
 
 /// Which points are present, and what the bonds follow from.
 #[derive(Debug)]
-pub(super) struct Growth {
+pub(super) struct GrowingBonds {
     bonds: LatticeBonds,
     active: Vec<bool>,
-    /// Layer slots with the points that they mirror, by point.
+    /// Points and the layer slots that mirror them, ordered by point.
     images: Vec<(u32, u32)>,
     /// All points, in blocks that do not change.
     parts: Vec<Span>,
     part_of_point: Vec<u32>,
-    state: Vec<PartState>,
+    state: Vec<BlockBonds>,
     patterns: Patterns,
     /// Points with bonds to audited layers.
     beside_layers: Vec<u32>,
@@ -44,30 +44,30 @@ pub(super) struct Growth {
     version: u64,
 }
 
-/// What the bonds of a block are.
+/// The bonds of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum PartState {
+enum BlockBonds {
     /// No point is active.
     Empty,
-    /// Those of the stencil.
+    /// All bonds equal those of the stencil.
     Stencil,
-    /// Those of a pattern.
+    /// The weights are those of this pattern.
     Own(u32),
 }
 
-/// What a block is to become.
-enum NewState {
+/// The new bonds of a block.
+enum NewBonds {
     Empty,
     Stencil,
     Own(Vec<Weights>),
 }
 
-/// Weights that blocks share, each counted.
+/// Weights that blocks share, with the number of blocks that use them.
 #[derive(Debug, Default)]
 struct Patterns {
-    /// By a hash of the weights.
+    /// Patterns by a hash of the weights.
     known: HashMap<u64, Vec<u32>>,
-    /// How many blocks have each pattern.
+    /// Number of blocks by pattern.
     uses: Vec<u32>,
     free: Vec<u32>,
 }
@@ -80,7 +80,7 @@ impl Patterns {
         hasher.finish()
     }
 
-    /// The number of these weights, which are added to `blocks` if they are new.
+    /// The pattern of these weights, which are added to `blocks` if they are new.
     fn take(&mut self, blocks: &mut Blocks, weights: &[Weights]) -> u32 {
         let alike = self.known.entry(Patterns::hash(weights)).or_default();
         let same = alike.iter().find(|&&n| blocks.pattern(n) == weights);
@@ -98,7 +98,7 @@ impl Patterns {
         number
     }
 
-    /// One block less has a pattern.
+    /// Counts one block less for a pattern.
     fn give_back(&mut self, blocks: &Blocks, number: u32) {
         self.uses[number as usize] -= 1;
         if self.uses[number as usize] == 0 {
@@ -111,10 +111,11 @@ impl Patterns {
 }
 
 impl Family {
-    /// A family whose points become active and inactive ([`Family::set_active`]), of those that are active now.
+    /// A family whose points become active and inactive ([`Family::set_active`]), with the bonds of those that are active
+    /// now.
     ///
     /// # Errors
-    /// As [`Family::build`], and a body whose families have no stencil or have cuts.
+    /// See [`Family::build`]; also for a body whose families have no stencil or have cuts.
     pub(crate) fn growing(
         body: &Body,
         spec: &FamilySpec,
@@ -146,8 +147,8 @@ impl Family {
             part_of_point[part.points()].fill(number);
         }
         let number = (0..points).map(|p| bonds.members(p).count()).sum();
-        let growth = Growth {
-            state: vec![PartState::Empty; parts.len()],
+        let growth = GrowingBonds {
+            state: vec![BlockBonds::Empty; parts.len()],
             active: vec![true; points],
             parts,
             part_of_point,
@@ -172,7 +173,7 @@ impl Family {
         Ok(family)
     }
 
-    /// Lets points be present or not; only bonds around those that change are found again.
+    /// Sets which points are present; only bonds around those that change are computed again.
     ///
     /// # Panics
     /// When there is not one value for each point.
@@ -189,7 +190,7 @@ impl Family {
         }
     }
 
-    /// Changes whether `points` are present; `all`: the bonds of all points are found.
+    /// Changes whether `points` are present; `all`: the bonds of all points are computed.
     fn change(&mut self, points: &[u32], all: bool) {
         let Some(mut growth) = self.growth.take() else {
             return;
@@ -206,7 +207,7 @@ impl Family {
         self.collect_parts();
     }
 
-    /// Lists what a sweep visits.
+    /// Updates the runs and blocks that a sweep visits.
     fn collect_parts(&mut self) {
         let Some(growth) = &self.growth else {
             return;
@@ -216,10 +217,10 @@ impl Family {
         self.blocks.head.clear();
         for (part, state) in growth.parts.iter().zip(&growth.state) {
             let list = match state {
-                PartState::Empty => &mut self.unborn,
-                PartState::Stencil => &mut self.runs,
-                PartState::Own(pattern) => {
-                    self.blocks.head.push(Head {
+                BlockBonds::Empty => &mut self.unborn,
+                BlockBonds::Stencil => &mut self.runs,
+                BlockBonds::Own(pattern) => {
+                    self.blocks.head.push(BlockHead {
                         point: part.point,
                         slot: part.slot,
                         len: part.len,
@@ -249,7 +250,7 @@ impl Family {
         self.growth.as_ref().map_or(0, |g| g.version)
     }
 
-    /// Points whose bonds differ from those of the version before, ascending.
+    /// Points whose bonds differ from the version before, ascending.
     pub fn recalibrated(&self) -> &[u32] {
         self.growth.as_ref().map_or(&[], |g| &g.recalibrated)
     }
@@ -262,12 +263,6 @@ impl Family {
 
     pub(super) fn is_unborn(&self, point: usize) -> bool {
         self.growth.as_ref().is_some_and(|g| !g.active[point])
-    }
-}
-
-impl Span {
-    fn points(&self) -> std::ops::Range<usize> {
-        self.point as usize..(self.point + self.len) as usize
     }
 }
 
@@ -285,7 +280,7 @@ fn parts(stretches: &[Span]) -> Vec<Span> {
     stretches.iter().flat_map(cut).collect()
 }
 
-impl Growth {
+impl GrowingBonds {
     /// Slots that carry or mirror a point.
     fn slots_of(&self, point: u32) -> impl Iterator<Item = usize> {
         let first = self.images.partition_point(|(p, _)| *p < point);
@@ -330,7 +325,7 @@ impl Growth {
         }
     }
 
-    /// Finds completeness and corrections again where `changed` points matter; the blocks whose weights may differ.
+    /// Computes completeness and corrections again around `changed` points; returns the blocks whose weights may differ.
     fn recalibrate(&mut self, changed: &[u32], all: bool) -> Vec<u32> {
         let mut marks = vec![all; self.active.len()];
         if !all {
@@ -353,15 +348,15 @@ impl Growth {
     }
 
     /// The bonds of a block.
-    fn new_state(&self, part: u32) -> NewState {
+    fn new_bonds(&self, part: u32) -> NewBonds {
         let points = self.parts[part as usize].points();
         if points.clone().all(|p| !self.active[p]) {
-            return NewState::Empty;
+            return NewBonds::Empty;
         }
         let bonds = &self.bonds;
         let shares = |p: usize| self.active[p] && bonds.is_complete(p) && !bonds.is_uneven(p);
         if points.clone().all(shares) {
-            return NewState::Stencil;
+            return NewBonds::Stencil;
         }
         let mut weights = vec![[[0.0; BLOCK]; 2]; bonds.steps.len()];
         for (lane, point) in points.enumerate().filter(|(_, p)| self.active[*p]) {
@@ -371,23 +366,23 @@ impl Growth {
                 (own[0][lane], own[1][lane]) = (weight, dual);
             }
         }
-        NewState::Own(weights)
+        NewBonds::Own(weights)
     }
 
-    /// Gives blocks the bonds of their points.
+    /// Computes the bonds of blocks.
     fn fill(&mut self, parts: &[u32], blocks: &mut Blocks) {
         /// Blocks whose weights are held at a time.
         const AT_ONCE: usize = 4096;
         for some in parts.chunks(AT_ONCE) {
-            let states: Vec<NewState> = some.par_iter().map(|&p| self.new_state(p)).collect();
+            let states: Vec<NewBonds> = some.par_iter().map(|&p| self.new_bonds(p)).collect();
             for (&part, new) in some.iter().zip(states) {
                 let new = match new {
-                    NewState::Empty => PartState::Empty,
-                    NewState::Stencil => PartState::Stencil,
-                    NewState::Own(weights) => PartState::Own(self.patterns.take(blocks, &weights)),
+                    NewBonds::Empty => BlockBonds::Empty,
+                    NewBonds::Stencil => BlockBonds::Stencil,
+                    NewBonds::Own(weights) => BlockBonds::Own(self.patterns.take(blocks, &weights)),
                 };
                 let old = std::mem::replace(&mut self.state[part as usize], new);
-                if let PartState::Own(pattern) = old {
+                if let BlockBonds::Own(pattern) = old {
                     self.patterns.give_back(blocks, pattern);
                 }
             }

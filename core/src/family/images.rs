@@ -26,7 +26,7 @@ pub(super) struct Images {
 /// One image of a coordinate: `n` counts the copies of the box from the original; odd ones are reversed
 /// between mirrors.
 #[derive(Clone, Copy)]
-struct Along {
+struct ImageCoordinate {
     n: i32,
     at: f64,
     depth: f64,
@@ -126,8 +126,8 @@ impl Images {
 }
 
 /// The images of a coordinate along an axis, within `reach` of the box.
-fn along(body: &Body, faces: &[Face], axis: usize, x: f64, reach: f64) -> Vec<Along> {
-    let mut found = vec![Along {
+fn along(body: &Body, faces: &[Face], axis: usize, x: f64, reach: f64) -> Vec<ImageCoordinate> {
+    let mut found = vec![ImageCoordinate {
         n: 0,
         at: x,
         depth: 0.0,
@@ -152,7 +152,7 @@ fn along(body: &Body, faces: &[Face], axis: usize, x: f64, reach: f64) -> Vec<Al
             };
             let depth = if n < 0 { low - at } else { at - high };
             if depth <= reach {
-                found.push(Along { n, at, depth });
+                found.push(ImageCoordinate { n, at, depth });
             }
         }
     }

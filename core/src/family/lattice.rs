@@ -11,23 +11,23 @@ use crate::body::{Body, Face, Lattice};
 use super::blocks::BLOCK;
 use super::build::continued_faces;
 use super::calibration::{Calibration, factor_along};
-use super::layer::Grid;
+use super::layer::SlotGrid;
 use super::{Bond, Family, FamilyError, FamilySpec, Ghost, Order, StencilBond};
 
-/// No layer, no point.
+/// A slot without a point or layer point.
 pub(super) const EMPTY: u32 = u32::MAX;
 
-/// What the bonds of all points follow from.
+/// Data from which the bonds of all points of a lattice follow.
 #[derive(Debug)]
 pub(super) struct LatticeBonds {
     /// Offsets in slots and bonds of a complete family, without correction.
     pub(super) steps: Vec<(isize, Bond)>,
     pub(super) slot_of_point: Vec<u32>,
-    /// By slot, the point whose state it carries or mirrors.
+    /// The point that each slot carries or mirrors.
     pub(super) mirror_of: Vec<u32>,
-    /// By slot, whether there is material.
+    /// Whether each slot holds material.
     pub(super) present: Vec<bool>,
-    /// By slot, whether it belongs to an audited layer.
+    /// Whether each slot belongs to an audited layer.
     pub(super) audited: Vec<bool>,
     pub(super) ghosts: Vec<Ghost>,
     layers: Vec<(Face, std::ops::Range<usize>)>,
@@ -39,7 +39,7 @@ pub(super) struct LatticeBonds {
     /// Whether points have factors of their own.
     is_by_point: bool,
     complete: Vec<bool>,
-    /// By point; empty where all have the same.
+    /// By point; empty where all are equal.
     factor: Vec<[f64; 3]>,
 }
 
@@ -59,10 +59,9 @@ impl LatticeBonds {
         body: &Body,
         lattice: &Lattice,
         spec: &FamilySpec,
-    ) -> Result<(LatticeBonds, Grid), FamilyError> {
+    ) -> Result<(LatticeBonds, SlotGrid), FamilyError> {
         let horizon = spec.horizon.of(lattice.spacing);
-        let cell = (lattice.spacing, body.points.volume[0]);
-        let stencil = stencil(body, spec, horizon, cell);
+        let stencil = stencil(body, spec, horizon, lattice.spacing, body.points.volume[0]);
         if stencil.len() > usize::from(u16::MAX) {
             return Err(FamilyError::HorizonTooLarge {
                 bonds: stencil.len(),
@@ -75,18 +74,7 @@ impl LatticeBonds {
             });
         }
         let reach = stencil.iter().map(|(step, _)| step[0]).max().unwrap_or(0);
-        let pad = |axis: usize| {
-            if axis < body.dimension {
-                reach as usize
-            } else {
-                0
-            }
-        };
-        let pad: [usize; 3] = std::array::from_fn(pad);
-        let padded = Padded {
-            cells: std::array::from_fn(|a| lattice.cells[a] + 2 * pad[a]),
-            pad,
-        };
+        let padded = PaddedLattice::new(body, lattice, reach as usize);
         let slot_of = |cell: &[u32; 3]| {
             let slot = padded.slot(cell.map(i64::from));
             slot.expect("points lie inside the padded lattice") as u32
@@ -97,9 +85,8 @@ impl LatticeBonds {
             mirror_of[slot as usize] = point as u32;
         }
         let faces = continued_faces(body, spec);
-        let (ghosts, layers) = mirror(body, lattice, (&faces, &padded), reach, &mut mirror_of);
-        let cells = (padded.cells, padded.pad);
-        let grid = Grid::new(body, lattice, cells, &mirror_of, &ghosts);
+        let (ghosts, layers) = mirror(body, lattice, &faces, &padded, &mut mirror_of);
+        let grid = SlotGrid::new(body, lattice, &padded, &mirror_of, &ghosts);
         // a corner mirrors a mirror: it is audited when any face on its way is
         let mut audited = vec![false; padded.len()];
         for (face, range) in &layers {
@@ -143,15 +130,15 @@ impl LatticeBonds {
         self.present.get(other).is_some_and(|p| *p).then_some(other)
     }
 
-    /// Whether all bonds of the stencil are there, by the slots around the point.
+    /// Whether the slots around a point complete all bonds of the stencil.
     fn finds_complete(&self, point: usize) -> bool {
         let slot = self.slot_of_point[point];
         let mut steps = self.steps.iter();
         steps.all(|(o, _)| self.neighbour(slot, *o).is_some())
     }
 
-    /// Factors along the axes, those of the lattice where the family is complete. A cut does not count as missing
-    /// material: at a crack nothing is repaired (docs/theory/heat_conduction.md, "Calibration").
+    /// Factors along the axes; equal to that of the lattice where the family is complete. A cut does not count as missing
+    /// material: bonds are not corrected at a crack (docs/theory/heat_conduction.md, "Calibration").
     fn find_factors(&self, point: usize) -> [f64; 3] {
         if self.complete[point] {
             return [self.lattice_factor; 3];
@@ -179,7 +166,7 @@ impl LatticeBonds {
         })
     }
 
-    /// Whether some bonds of a point have other weights than those of the stencil.
+    /// Whether the weights of some bonds of a point differ from the stencil.
     pub(super) fn is_uneven(&self, point: usize) -> bool {
         let truncated = |point: usize| !self.complete[point];
         let mut slots = self.members(point).map(|m| m.slot);
@@ -197,7 +184,7 @@ impl LatticeBonds {
         factors.map(|factor| member.bond.weight * factor)
     }
 
-    /// Finds completeness and factors of these points again; those for which one of them differs.
+    /// Computes completeness and factors of these points again; returns the points for which one of them differs.
     pub(super) fn recalibrate(&mut self, points: &[u32]) -> Vec<u32> {
         let complete: Vec<bool> = points
             .par_iter()
@@ -231,7 +218,7 @@ impl LatticeBonds {
     }
 
     /// A family with these slots and layers, and without bonds.
-    pub(super) fn layout(&self, body: &Body, spec: &FamilySpec, grid: Grid) -> Family {
+    pub(super) fn layout(&self, body: &Body, spec: &FamilySpec, grid: SlotGrid) -> Family {
         let factor = self.lattice_factor;
         let corrected = |(offset, bond): &(isize, Bond)| StencilBond {
             offset: *offset,
@@ -261,13 +248,22 @@ impl LatticeBonds {
     }
 }
 
-/// The lattice with a margin that holds the layers; slots are its cells, x fastest.
-struct Padded {
-    cells: [usize; 3],
-    pad: [usize; 3],
+/// The lattice with a margin for the layers; slots are its cells, x fastest.
+pub(super) struct PaddedLattice {
+    pub(super) cells: [usize; 3],
+    /// Width of the margin along each axis, in cells.
+    pub(super) pad: [usize; 3],
 }
 
-impl Padded {
+impl PaddedLattice {
+    fn new(body: &Body, lattice: &Lattice, reach: usize) -> Self {
+        let pad = std::array::from_fn(|axis| if axis < body.dimension { reach } else { 0 });
+        PaddedLattice {
+            cells: std::array::from_fn(|a| lattice.cells[a] + 2 * pad[a]),
+            pad,
+        }
+    }
+
     fn slot(&self, cell: [i64; 3]) -> Option<usize> {
         let shifted: [i64; 3] = std::array::from_fn(|a| cell[a] + self.pad[a] as i64);
         let inside = (0..3).all(|a| shifted[a] >= 0 && shifted[a] < self.cells[a] as i64);
@@ -296,7 +292,8 @@ pub(super) fn stencil(
     body: &Body,
     spec: &FamilySpec,
     horizon: f64,
-    (spacing, volume): (f64, f64),
+    spacing: f64,
+    volume: f64,
 ) -> Vec<([i64; 3], Bond)> {
     let moment = spec.moment(body, horizon);
     let horizon = horizon / spacing;
@@ -339,8 +336,8 @@ pub(super) fn stencil(
 fn mirror(
     body: &Body,
     lattice: &Lattice,
-    (faces, padded): (&[Face], &Padded),
-    reach: i64,
+    faces: &[Face],
+    padded: &PaddedLattice,
     mirror_of: &mut [u32],
 ) -> (Vec<Ghost>, Vec<(Face, std::ops::Range<usize>)>) {
     let mut ghosts: Vec<Ghost> = Vec::new();
@@ -351,7 +348,7 @@ fn mirror(
         for &face in faces {
             let first = ghosts.len();
             let axis = face.axis();
-            for depth in 0..reach {
+            for depth in 0..padded.pad[axis] as i64 {
                 // cells at `depth` behind the face mirror those at the same depth before it, or copy those
                 // before the opposite face
                 let size = lattice.cells[axis] as i64;
@@ -397,7 +394,7 @@ fn mirror(
 }
 
 /// The `index`-th cell of the padded plane normal to `axis`.
-fn plane_cell(padded: &Padded, axis: usize, index: usize) -> [i64; 3] {
+fn plane_cell(padded: &PaddedLattice, axis: usize, index: usize) -> [i64; 3] {
     let [u, v] = match axis {
         0 => [1, 2],
         1 => [0, 2],
@@ -415,7 +412,7 @@ mod tests {
 
     #[test]
     fn slots_and_cells_of_a_padded_lattice_belong_together() {
-        let padded = Padded {
+        let padded = PaddedLattice {
             cells: [7, 5, 4],
             pad: [2, 1, 0],
         };

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! with the distance along the normal and q the derivative of the displacement along the axis of the
-//! normal, which the physics knows from the traction and the derivatives along the face. Exact for
+//! normal, which the physics derives from the traction and the derivatives along the face. Exact for
 //! affine fields. Such an operator is not symmetric.
 
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::body::{Body, Face, Lattice};
 
-use super::lattice::EMPTY;
+use super::lattice::{EMPTY, PaddedLattice};
 use super::{Family, Ghost, SlotField};
 
 /// How a field continues in the mirrored layer behind a face:
@@ -32,8 +32,8 @@ pub struct LayerRule {
     pub scale: [f64; 3],
     /// Added to the mirrored components, in the unit of the field.
     pub offset: [f64; 3],
-    /// What is prescribed on the face in front of each point of the body, where that is not the same everywhere; of scalar
-    /// fields, in place of the offset.
+    /// Value prescribed on the face in front of each point of the body, where it is not uniform; replaces the offset of
+    /// scalar fields.
     pub values: Option<Arc<[f64]>>,
     /// Traction that bends the layer, of vector fields.
     pub traction: Option<Traction>,
@@ -66,7 +66,7 @@ impl LayerRule {
         (scale != 1.0).then(|| self.offset_of(component, point) / (1.0 - scale))
     }
 
-    /// What is added to a component of the image of a point.
+    /// Offset of a component of the image of a point.
     pub(super) fn offset_of(&self, component: usize, point: u32) -> f64 {
         match &self.values {
             Some(values) => (1.0 - self.scale[component]) * values[point as usize],
@@ -74,7 +74,7 @@ impl LayerRule {
         }
     }
 
-    /// Whether it adds something to the image of a component.
+    /// Whether the rule adds something to the image of a component.
     pub(super) fn has_offset(&self, component: usize) -> bool {
         self.values.is_some() || self.offset[component] != 0.0
     }
@@ -93,7 +93,7 @@ impl LayerRule {
     }
 }
 
-/// How a vector field continues at the moment, see [`WithTractions`](super::WithTractions).
+/// How a vector field currently continues, see [`WithTractions`](super::WithTractions).
 #[derive(Clone, Debug, Default)]
 pub struct Continuation {
     pub(super) rules: Vec<LayerRule>,
@@ -189,9 +189,9 @@ pub struct Image {
     pub scale: [f64; 3],
     /// Signs of the axes: -1 where mirrored.
     pub mirror: [f64; 3],
-    /// What tractions add to the gradient.
+    /// Contribution of tractions to the gradient.
     pub bend: Matrix3<f64>,
-    /// Whether it lies behind a face under traction.
+    /// Whether the layer point lies behind a face under traction.
     pub is_bent: bool,
 }
 
@@ -203,31 +203,31 @@ impl Image {
     }
 }
 
-/// Slots as cells, and what is in them.
+/// The cells of slots and their content.
 #[derive(Debug)]
-pub(super) struct Grid {
+pub(super) struct SlotGrid {
     cells: [usize; 3],
     /// Lower corner of the slots, m.
     origin: Vector3<f64>,
     pub(super) spacing: f64,
     dimension: usize,
-    /// The faces that mirrored the content of each slot, one bit each; none for points.
+    /// The faces that mirrored the content of each slot, one bit each; zero for points.
     pub(super) mirrored: Vec<u8>,
 }
 
-/// Neither point nor layer.
+/// A slot without a point or layer point.
 const NOTHING: u8 = u8::MAX;
 
-impl Grid {
+impl SlotGrid {
     pub(super) fn new(
         body: &Body,
         lattice: &Lattice,
-        (cells, pad): ([usize; 3], [usize; 3]),
+        padded: &PaddedLattice,
         mirror_of: &[u32],
         ghosts: &[Ghost],
     ) -> Self {
         let dimension = body.dimension;
-        let margin = Vector3::from(pad.map(|p| p as f64 * lattice.spacing));
+        let margin = Vector3::from(padded.pad.map(|p| p as f64 * lattice.spacing));
         let content = mirror_of
             .iter()
             .map(|&m| if m == EMPTY { NOTHING } else { 0 });
@@ -237,8 +237,8 @@ impl Grid {
             mirrored[ghost.slot as usize] =
                 bits.fold(0, |bits, (face, &n)| bits | u8::from(n > 0) << face);
         }
-        Grid {
-            cells,
+        SlotGrid {
+            cells: padded.cells,
             origin: lattice.origin - margin,
             spacing: lattice.spacing,
             dimension,
@@ -269,7 +269,8 @@ impl Grid {
     pub(super) fn lateral(
         &self,
         field: &[SlotField],
-        (slot, normal): (usize, usize),
+        slot: usize,
+        normal: usize,
         usable: impl Fn(u8) -> bool,
     ) -> Matrix3<f64> {
         let usable = |s: &usize| self.mirrored[*s] != NOTHING && usable(self.mirrored[*s]);

@@ -1,20 +1,20 @@
 //! Families: all bonds of the points of a body, behind one interface.
 //!
-//! 1. A physics describes the family it wants ([`FamilySpec`]): horizon, partial-volume rule,
-//!    correction, and the faces behind which the body goes on as a mirrored layer.
+//! 1. A physics describes the family it needs ([`FamilySpec`]): horizon, partial-volume rule,
+//!    correction, and the faces behind which the body continues as a mirrored layer.
 //! 2. [`Family::build`] leaves out bonds across the body's [`Cut`](crate::Cut)s and lays out *slots*: one for each point and one for each layer point
 //!    (*ghost*). Inputs of kernels are fields by slot ([`SlotField`]); a [`GhostRule`] says how the values of
 //!    ghosts follow from those of points.
 //! 3. [`Family::sum`] evaluates a [`BondKernel`] over all bonds of all points, and
 //!    [`Family::sum_unbroken`] over those that are not among the [`BrokenBonds`].
 //!
-//! Three stores hide behind this. On a lattice, points whose family is complete share one stencil
+//! There are three stores. On a lattice, points whose family is complete share one stencil
 //! and are swept in contiguous runs with SIMD; all others (at bare surfaces, next to them when bonds
 //! are corrected) have weights of their own for that stencil, in blocks. With
 //! [`Store::List`](crate::body::Store::List) every point has a row of its own. All add the bonds of a point
 //! in the same order, so they agree to rounding. On a cloud every point has a row
-//! over the union of its horizon and its dual horizon. Families of points that move ([`Family::moving`]) have
-//! rows, too, which are found again as points move; the [`World`](crate::World) owns them.
+//! over the union of its horizon and its dual horizon. Families of moving points ([`Family::moving`]) have
+//! rows, too, which are rebuilt as points move; the [`World`](crate::World) owns them.
 
 mod balance;
 #[cfg(test)]
@@ -32,6 +32,7 @@ mod ghost_rule;
 mod growing;
 mod images;
 mod influence;
+#[allow(unsafe_code)]
 mod kernel;
 mod lattice;
 mod layer;
@@ -44,14 +45,14 @@ pub use broken::BrokenBonds;
 pub use foreign::{ForeignBonds, ForeignGhost, Places};
 pub use ghost_rule::{ByImage, ByRules, Curved, GhostRule, Mirrored, Rising, WithTractions};
 pub use influence::Influence;
-pub use kernel::{Bond, BondKernel};
+pub use kernel::{AxisPlane, Bond, BondKernel};
 pub use layer::{Continuation, Image, LayerRule, Layout, Traction};
 pub use operator::Operator;
 pub use slot_field::{PointValues, SlotField};
 pub use spec::{Correction, FamilyError, FamilySpec, PartialVolume};
 
 pub(crate) use gaps::warnings;
-pub(crate) use moving::{must_look_again, skin};
+pub(crate) use moving::{needs_rebuild, skin};
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -61,13 +62,13 @@ use rayon::prelude::*;
 use crate::body::Face;
 use blocks::Blocks;
 use kernel::Pairs;
-use layer::Grid;
+use layer::SlotGrid;
 use spec::TIE;
 
 /// Slots that a thread fills at a time.
 const SLOTS: usize = 1 << 14;
 
-/// All bonds of the points of a body; by default of no points.
+/// All bonds of the points of a body; no points by default.
 #[derive(Debug, Default)]
 pub struct Family {
     spec: FamilySpec,
@@ -81,27 +82,27 @@ pub struct Family {
     corners: Vec<Ghost>,
     /// Axes along which layers are copies.
     periodic: [bool; 3],
-    /// Reference position of each slot along each axis, m; of clouds only.
+    /// Reference position of each slot along each axis, m; empty on lattices.
     places: [Vec<f64>; 3],
     /// Whether all points lie in a plane of constant z.
     flat: bool,
-    /// Of lattices only.
-    grid: Option<Grid>,
+    /// Cells of the slots; on lattices only.
+    grid: Option<SlotGrid>,
     stencil: Vec<StencilBond>,
     runs: Vec<Span>,
     blocks: Blocks,
     rows: Rows,
     layer_rows: Rows,
     chunks: Vec<Chunk>,
-    /// Of families that move, whose slots follow the points in space; else empty, and `spans` tell.
+    /// Order of slots in space, for moving families; empty otherwise (see `spans`).
     order: Order,
-    /// Of families that move only.
+    /// For moving families only.
     following: Option<Box<moving::Following>>,
-    /// Of families that grow only.
-    growth: Option<Box<growing::Growth>>,
-    /// Points without material, of families that grow only.
+    /// For growing families only.
+    growth: Option<Box<growing::GrowingBonds>>,
+    /// Points without material, in growing families.
     unborn: Vec<Span>,
-    /// Made by the first kernel that asks for them.
+    /// Built by the first kernel with paired sums.
     pairs: OnceLock<Option<Pairs>>,
 }
 
@@ -111,6 +112,13 @@ struct Span {
     slot: u32,
     point: u32,
     len: u32,
+}
+
+impl Span {
+    #[inline(always)]
+    fn points(&self) -> Range<usize> {
+        self.point as usize..(self.point + self.len) as usize
+    }
 }
 
 /// Points by slot and slots by point.
@@ -129,7 +137,7 @@ impl Order {
         Order { point_in, slot_of }
     }
 
-    /// Values by slot of values by point.
+    /// Copies values by point to their slots.
     fn arrange<T: Copy + Send + Sync>(&self, by_point: &[T], by_slot: &mut [T]) {
         let slots = by_slot.par_iter_mut().zip(&self.point_in);
         let slots = slots.with_min_len(SLOTS);
@@ -137,8 +145,8 @@ impl Order {
     }
 }
 
-/// A layer point: its slot and the slot that it mirrors, the layer point in that slot if it is one,
-/// the point that is its image in the end, and how often each face mirrored it on the way.
+/// A layer point: its slot, the slot that it mirrors, the layer point in that slot if it holds one,
+/// the point that it finally mirrors, and how often each face mirrored that point on the way.
 #[derive(Clone, Copy, Debug)]
 struct Ghost {
     slot: u32,
@@ -149,7 +157,7 @@ struct Ghost {
 }
 
 impl Ghost {
-    /// Whether faces of several axes mirrored it, each once.
+    /// Whether faces of several axes mirrored the point, each once.
     fn is_corner(&self) -> bool {
         let along = self.passes.as_chunks::<2>().0.iter();
         let along = along.map(|[lower, upper]| lower + upper);
@@ -170,14 +178,14 @@ struct Rows {
     slot: Vec<u32>,
     start: Vec<usize>,
     column: Vec<u32>,
-    /// Bond of the stencil that each one is a corrected copy of; on a lattice only.
+    /// Number in the stencil; on a lattice only.
     step: Vec<u16>,
     weight: Vec<f64>,
-    /// Empty where it is the weight, as of families that move.
+    /// Empty where equal to `weight`, as in moving families.
     dual: Vec<f64>,
 }
 
-/// A share of the work, sized to keep all cores busy.
+/// A part of the work, sized to keep all cores busy.
 #[derive(Clone, Debug)]
 struct Chunk {
     runs: Range<usize>,
@@ -186,7 +194,7 @@ struct Chunk {
 }
 
 impl Family {
-    /// The description that it was built from.
+    /// The description from which the family was built.
     pub fn spec(&self) -> &FamilySpec {
         &self.spec
     }
@@ -213,7 +221,7 @@ impl Family {
         self.slots
     }
 
-    /// Share of the points that are swept with the shared stencil.
+    /// Fraction of the points that are swept with the shared stencil.
     pub fn stencil_share(&self) -> f64 {
         self.runs.iter().map(|r| f64::from(r.len)).sum::<f64>() / self.points as f64
     }

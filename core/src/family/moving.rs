@@ -1,9 +1,9 @@
 //! Families that follow their points: neighbours, images and weights change as points move.
 //!
 //! Rows hold all members within the horizon and a skin; members in the skin have weight zero. Rows stay as they are
-//! until a point has moved by half the skin. Then [`Family::look_from`] finds new rows and puts slots and rows in
+//! until a point has moved by half the skin. Then [`Family::rebuild_rows`] finds new rows and puts slots and rows in
 //! the order in which the points lie in space, so that neighbours stay close together in memory however much the
-//! points mix. [`Family::place_at`] moves the images behind faces with their points and computes the weights; it is
+//! points mix. [`Family::update_weights`] moves the images behind faces with their points and computes the weights; it is
 //! called for every new configuration. The [`World`](crate::World) owns the families of moving bodies and calls both.
 
 use nalgebra::Vector3;
@@ -13,7 +13,7 @@ use crate::body::{Body, spatial_order};
 use crate::cell_list::CellList;
 
 use super::images::Images;
-use super::kernel::{ROW_LANES, Weighing};
+use super::kernel::{ROW_LANES, RowOwner, Weighing};
 use super::{Correction, Family, FamilyError, FamilySpec, Order, Rows, TIE};
 
 /// Width of the skin, in spacings of the finest points.
@@ -27,9 +27,8 @@ pub(crate) fn skin(body: &Body) -> f64 {
     SKIN * body.finest_spacing()
 }
 
-/// Whether a point has moved so far from where the rows were found (m) that new rows are needed for its present
-/// position (m).
-pub(crate) fn must_look_again(
+/// Whether a point has moved so far from `found_at` (m) that the rows must be rebuilt for its current position (m).
+pub(crate) fn needs_rebuild(
     found_at: &[Vector3<f64>],
     positions: &[Vector3<f64>],
     skin: f64,
@@ -69,10 +68,10 @@ fn check(body: &Body, spec: &FamilySpec) -> Result<(), FamilyError> {
     Ok(())
 }
 
-/// What a family needs to follow its points.
+/// Data by which a family follows its points.
 #[derive(Debug)]
 pub(super) struct Following {
-    /// With positions and volumes as they are now, by slot.
+    /// The body with current positions and volumes, by slot.
     body: Body,
     /// By point, m.
     spacing_of_point: Vec<f64>,
@@ -82,11 +81,11 @@ pub(super) struct Following {
     /// Positions of the points at which the rows were found, m.
     found_at: Vec<Vector3<f64>>,
     list: CellList,
-    /// Of a family of horizon 1 m; it grows as a power of the horizon.
+    /// Moment of a family of horizon 1 m; it grows as a power of the horizon.
     unit_moment: f64,
-    /// Of each slot, m³.
+    /// By slot, m³.
     volume: Vec<f64>,
-    /// Of each slot, m.
+    /// By slot, m.
     spacing: Vec<f64>,
 }
 
@@ -95,12 +94,12 @@ impl Family {
     /// [`follow`](Family::follow) them.
     ///
     /// # Errors
-    /// As [`Family::build`]; and for cuts, corrections and horizons that differ, which families of moving points do
-    /// not support.
+    /// See [`Family::build`]; also for cuts, corrections and different horizons, which families of moving points do not
+    /// support.
     pub fn moving(body: &Body, spec: &FamilySpec) -> Result<Family, FamilyError> {
         check(body, spec)?;
         let spacings = &body.points.spacing;
-        let mut family = Family::of_rows(body, spec, (Rows::default(), Rows::joined(&[])));
+        let mut family = Family::of_rows(body, spec, Rows::default(), Rows::joined(&[]));
         family.following = Some(Box::new(Following {
             body: body.clone(),
             spacing_of_point: spacings.clone(),
@@ -112,30 +111,30 @@ impl Family {
             volume: Vec::new(),
             spacing: Vec::new(),
         }));
-        family.look_from(&body.points.position);
+        family.rebuild_rows(&body.points.position);
         family.weigh(&body.points.volume);
         Ok(family)
     }
 
-    /// Lets points be where they are now (m), with the volumes (m³) that they have now: [`Family::look_from`] where a
-    /// point has moved by half the skin, then [`Family::place_at`].
+    /// Updates the family to current positions (m) and volumes (m³): [`Family::rebuild_rows`] where a
+    /// point has moved by half the skin, then [`Family::update_weights`].
     ///
     /// # Panics
     /// When the family does not move, or for another number of points.
     pub fn follow(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) {
         let following = self.following.as_ref().expect("a moving family");
-        if must_look_again(&following.found_at, positions, following.skin) {
-            self.look_from(positions);
+        if needs_rebuild(&following.found_at, positions, following.skin) {
+            self.rebuild_rows(positions);
         }
-        self.place_at(positions, volumes);
+        self.update_weights(positions, volumes);
     }
 
     /// Moves points and their images to these positions (m) and computes the weights of all bonds, for these volumes
     /// (m³). No point may be farther than half the skin from where the rows were found.
     ///
     /// # Panics
-    /// As [`Family::follow`].
-    pub fn place_at(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) {
+    /// See [`Family::follow`].
+    pub fn update_weights(&mut self, positions: &[Vector3<f64>], volumes: &[f64]) {
         let following = self.following.as_mut().expect("a moving family");
         self.order
             .arrange(positions, &mut following.body.points.position);
@@ -144,16 +143,11 @@ impl Family {
     }
 
     /// Finds the neighbours of all points at these positions (m). Slots change with the images behind faces, so
-    /// that [`Family::slots`] must be asked again. The weights are those of no configuration until
-    /// [`Family::place_at`] is called.
+    /// that [`Family::slots`] changes. The weights are valid only after [`Family::update_weights`].
     ///
     /// # Panics
-    /// As [`Family::follow`].
-    pub fn look_from(&mut self, positions: &[Vector3<f64>]) {
-        self.find_rows(positions);
-    }
-
-    fn find_rows(&mut self, positions: &[Vector3<f64>]) {
+    /// See [`Family::follow`].
+    pub fn rebuild_rows(&mut self, positions: &[Vector3<f64>]) {
         let following = self.following.as_mut().expect("a moving family");
         let Following {
             body,
@@ -272,28 +266,21 @@ impl Family {
                 by_slot.push(by_slot[ghost.source as usize]);
             }
         }
-        let weighing = Weighing::new(
-            &self.spec,
-            self.slots,
-            (&self.places, self.flat),
-            [volume, spacing],
-        );
+        let weighing = Weighing::new(&self.spec, &self.places, self.flat, volume, spacing);
         let power = body.dimension as i32 + 1;
-        let moment = |slot: usize| *unit_moment * horizon[slot].powi(power);
-        self.rows
-            .weigh(&weighing, &|slot| (slot, horizon[slot], moment(slot)));
-        self.layer_rows
-            .weigh(&weighing, &|slot| (slot, horizon[slot], moment(slot)));
+        let owner = |slot: usize| RowOwner {
+            slot,
+            horizon: horizon[slot],
+            moment: *unit_moment * horizon[slot].powi(power),
+        };
+        self.rows.weigh(&weighing, &owner);
+        self.layer_rows.weigh(&weighing, &owner);
     }
 }
 
 impl Rows {
-    /// Weights of all bonds; `owner` gives the slot of a point with its horizon (m) and the moment of its family.
-    fn weigh(
-        &mut self,
-        weighing: &Weighing<'_>,
-        owner: &(impl Fn(usize) -> (usize, f64, f64) + Sync),
-    ) {
+    /// Weights of all bonds; `owner` gives the point in a slot.
+    fn weigh(&mut self, weighing: &Weighing<'_>, owner: &(impl Fn(usize) -> RowOwner + Sync)) {
         let Rows {
             slot,
             start,

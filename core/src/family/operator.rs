@@ -1,5 +1,5 @@
-//! A kernel's sums over scalar fields, with the arrays that they need: the short way for a
-//! physics of its own. The hot kernels of `thermal` and `mechanical` pack their inputs
+//! Sums of a kernel over scalar fields, with the arrays that they need, for simple
+//! physics. The hot kernels of `thermal` and `mechanical` pack their inputs
 //! themselves.
 
 use std::sync::Arc;

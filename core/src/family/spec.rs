@@ -1,4 +1,4 @@
-//! What a physics asks for when it obtains a family, and what is refused.
+//! Description of the family that a physics requests, and errors in it.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -66,7 +66,7 @@ impl Correction {
     }
 }
 
-/// What a physics asks for.
+/// Description of a family.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FamilySpec {
     /// Radius.
@@ -79,7 +79,7 @@ pub struct FamilySpec {
     pub correction: Correction,
     /// Faces behind which the body continues as a mirrored layer.
     pub layers: Vec<Face>,
-    /// Those of `layers` whose exchange with the body is wanted ([`crate::Family::sum_from_layers`]).
+    /// Faces of `layers` whose exchange with the body is summed ([`crate::Family::sum_from_layers`]).
     pub audited: Vec<Face>,
 }
 
@@ -153,9 +153,8 @@ impl FamilySpec {
     }
 
     /// `integral of w |xi| n_m^2 dV` over a full horizon (m) on `body`, along any axis m, with the
-    /// influence function w: what weights of bonds are divided by, and what [`Correction`]
-    /// restores, m⁴ (3D). It is that of the energy of conduction under a uniform gradient and of
-    /// elasticity under isotropic strain.
+    /// influence function w, m⁴ (3D). Weights of bonds are divided by it, and [`Correction`] restores it. The energy of
+    /// conduction under a uniform gradient and that of elasticity under isotropic strain contain this moment.
     pub fn moment(&self, body: &Body, horizon: f64) -> f64 {
         self.integral(body, horizon, 1) / body.dimension as f64
     }
@@ -192,16 +191,16 @@ pub enum FamilyError {
         /// Spacing, m.
         spacing: f64,
     },
-    /// More bonds than anybody can compute with.
+    /// Too many bonds.
     #[error("the horizon holds {bonds} neighbours of every point: choose a smaller one")]
     HorizonTooLarge {
         /// Bonds of a complete family.
         bonds: usize,
     },
-    /// A tank holds the body, whose points stay.
+    /// The points of a body in a tank do not move.
     #[error("the points of a body in a tank must move, and change neighbours")]
     Tank,
-    /// A family of moving points was asked for something that it does not support.
+    /// The description of a family of moving points has something unsupported.
     #[error("a family of moving points does not support {what}; expected {expected}")]
     Moving {
         /// What is not supported.
@@ -209,7 +208,7 @@ pub enum FamilyError {
         /// What is supported.
         expected: &'static str,
     },
-    /// A family of a body that grows was asked for something that it does not support.
+    /// The description of a growing family has something unsupported.
     #[error("material is deposited on bodies with a lattice; {0} are not supported there")]
     Growing(&'static str),
     /// No factors of the bonds put a linear field in equilibrium.

@@ -32,7 +32,7 @@ pub use placed::{Placed, PlacedError};
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum InSpace {
-    /// The same everywhere, as it changes in time.
+    /// A value that is uniform in space.
     Uniform(InTime),
     /// A formula in x, y, z and t.
     Formula(Formula),
@@ -72,11 +72,12 @@ impl InSpace {
     /// A file that cannot be read.
     pub fn at(
         &self,
-        (field, folder): (&str, &Path),
+        field: &str,
+        folder: &Path,
         positions: Vec<Vector3<f64>>,
         dimension: usize,
     ) -> Result<Placed, PlacedError> {
-        Placed::new(self, (field, folder), positions, dimension)
+        Placed::new(self, field, folder, positions, dimension)
     }
 }
 
@@ -203,7 +204,7 @@ mod tests {
     }
 
     fn at(value: &InSpace, position: [f64; 3], time: f64) -> f64 {
-        let placed = value.at(("value", Path::new("")), vec![position.into()], 3);
+        let placed = value.at("value", Path::new(""), vec![position.into()], 3);
         placed.expect("no file").at(time).expect("finite")[0]
     }
 

@@ -1,4 +1,4 @@
-//! Values of an [`InSpace`] at the positions for which somebody asks.
+//! Values of an [`InSpace`] at fixed positions.
 
 use std::path::Path;
 
@@ -25,7 +25,7 @@ pub enum PlacedError {
     NotFinite {
         /// The formula.
         formula: String,
-        /// Its value.
+        /// Value of the formula.
         value: f64,
         /// Position, m.
         at: [f64; 3],
@@ -48,7 +48,7 @@ impl PlacedError {
 /// Values at fixed positions, as they change in time.
 #[derive(Clone, Debug)]
 pub struct Placed {
-    source: Source,
+    source: ValueSource,
     positions: Vec<Vector3<f64>>,
     dimension: usize,
     /// Values at the time for which they were computed last, s.
@@ -59,7 +59,7 @@ pub struct Placed {
 }
 
 #[derive(Clone, Debug)]
-enum Source {
+enum ValueSource {
     InTime(InTime),
     Formula(Formula),
     States(States, Option<Window>),
@@ -77,19 +77,20 @@ impl Placed {
     /// Reads the first values.
     pub(crate) fn new(
         value: &InSpace,
-        (field, case_folder): (&str, &Path),
+        field: &str,
+        case_folder: &Path,
         positions: Vec<Vector3<f64>>,
         dimension: usize,
     ) -> Result<Placed, PlacedError> {
         let source = match value {
-            InSpace::Uniform(value) => Source::InTime(value.clone()),
-            InSpace::Formula(formula) => Source::Formula(formula.clone()),
+            InSpace::Uniform(value) => ValueSource::InTime(value.clone()),
+            InSpace::Formula(formula) => ValueSource::Formula(formula.clone()),
             InSpace::File(file) => match rows_in_time(file, case_folder)? {
-                Some(rows) => Source::InTime(rows),
-                None => Source::States(States::of_file(file, field, case_folder)?, None),
+                Some(rows) => ValueSource::InTime(rows),
+                None => ValueSource::States(States::of_file(file, field, case_folder)?, None),
             },
             InSpace::Series(series) => {
-                Source::States(States::of_series(series, field, case_folder)?, None)
+                ValueSource::States(States::of_series(series, field, case_folder)?, None)
             }
         };
         let values = vec![0.0; positions.len()];
@@ -121,18 +122,18 @@ impl Placed {
 
     fn compute(&mut self, time: f64) -> Result<(), PlacedError> {
         match &mut self.source {
-            Source::InTime(value) => {
+            ValueSource::InTime(value) => {
                 let value = value.at(time);
                 self.values.fill(value);
             }
-            Source::Formula(formula) => {
+            ValueSource::Formula(formula) => {
                 let at = |p: &Vector3<f64>| formula.at((*p).into(), time);
                 self.positions
                     .par_iter()
                     .map(at)
                     .collect_into_vec(&mut self.values);
             }
-            Source::States(states, window) => {
+            ValueSource::States(states, window) => {
                 let times = states.times();
                 let after = times
                     .partition_point(|t| *t <= time)
@@ -187,9 +188,8 @@ impl Placed {
             None => Ok(()),
             Some(index) => Err(PlacedError::NotFinite {
                 formula: match &self.source {
-                    Source::Formula(formula) | Source::InTime(InTime::Formula(formula)) => {
-                        formula.text().into()
-                    }
+                    ValueSource::Formula(formula)
+                    | ValueSource::InTime(InTime::Formula(formula)) => formula.text().into(),
                     _ => "the value".into(),
                 },
                 value: self.values[index],
@@ -202,18 +202,18 @@ impl Placed {
     /// Whether the values change in time.
     pub fn changes(&self) -> bool {
         match &self.source {
-            Source::InTime(value) => !matches!(value, InTime::Constant(_)),
-            Source::Formula(formula) => formula.depends_on_time(),
-            Source::States(states, _) => states.times().len() > 1,
+            ValueSource::InTime(value) => !matches!(value, InTime::Constant(_)),
+            ValueSource::Formula(formula) => formula.depends_on_time(),
+            ValueSource::States(states, _) => states.times().len() > 1,
         }
     }
 
     /// The first time later than `after` (s) at which values have a kink, on which steps should land.
     pub fn next_event(&self, after: f64) -> Option<f64> {
         match &self.source {
-            Source::InTime(value) => value.next_event(after),
-            Source::Formula(_) => None,
-            Source::States(states, _) => match states.times() {
+            ValueSource::InTime(value) => value.next_event(after),
+            ValueSource::Formula(_) => None,
+            ValueSource::States(states, _) => match states.times() {
                 [_] => None,
                 times => times.iter().copied().find(|t| *t > after),
             },
@@ -240,7 +240,7 @@ fn rows_in_time(file: &FieldFile, case_folder: &Path) -> Result<Option<InTime>, 
     if extension.is_some_and(|e| ["vtu", "vtp", "pvd"].contains(&e.as_str())) {
         return Ok(None);
     }
-    // a file that cannot be read is told by the reader of values by place
+    // the reader of values by place reports a file that cannot be read
     let Ok(text) = input::read_text(&path, input::LIMIT) else {
         return Ok(None);
     };

@@ -6,7 +6,7 @@ use mcap::records::Record;
 
 use super::topic::{self, Topic};
 
-/// What the messages of a topic are.
+/// Format of the messages of a topic.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Channel {
     /// topic

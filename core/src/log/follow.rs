@@ -5,7 +5,7 @@ use mcap::records::{Record, op};
 use super::{
     LogError,
     channels::{Channel, Channels},
-    source::{Limit, Source},
+    source::{Limit, RecordReader},
     topic::Topic,
 };
 
@@ -22,7 +22,7 @@ pub struct RawMessage<'a> {
 
 /// A log that may still grow, read message by message.
 pub struct Follow {
-    source: Source,
+    source: RecordReader,
     offset: u64,
     channels: Channels,
     is_finished: bool,
@@ -30,7 +30,7 @@ pub struct Follow {
 
 impl Follow {
     /// From the record at `offset` on, with the channels that are known.
-    pub(super) fn new(source: Source, offset: u64, channels: Channels) -> Self {
+    pub(super) fn new(source: RecordReader, offset: u64, channels: Channels) -> Self {
         Self {
             source,
             offset,

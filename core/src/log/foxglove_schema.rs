@@ -1,6 +1,6 @@
 //! The official `foxglove.PointCloud` schema as a protobuf `FileDescriptorSet`.
 //!
-//! Built here, not shipped as a binary blob, so that it can be read; `tests/python/read_log.py`
+//! Code instead of a binary file, so that it can be read; `tests/python/read_log.py`
 //! compares it with the published one.
 
 use prost::Message;
@@ -14,7 +14,12 @@ pub(super) const NAME: &str = "foxglove.PointCloud";
 
 /// The encoded `FileDescriptorSet`: `PointCloud.proto` and all it imports.
 pub(super) fn file_descriptor_set() -> Vec<u8> {
-    let double = |name, number| field(name, number, Type::Double);
+    let doubles = |name: &str, components: &[&str]| {
+        let components = (1..).zip(components);
+        let fields = components.map(|(number, name)| field(name, number, Type::Double));
+        let path = format!("foxglove/{name}.proto");
+        file(&path, &[], message(name, fields.collect()))
+    };
     let files = vec![
         file(
             "google/protobuf/timestamp.proto",
@@ -27,27 +32,8 @@ pub(super) fn file_descriptor_set() -> Vec<u8> {
                 ],
             ),
         ),
-        file(
-            "foxglove/Vector3.proto",
-            &[],
-            message(
-                "Vector3",
-                vec![double("x", 1), double("y", 2), double("z", 3)],
-            ),
-        ),
-        file(
-            "foxglove/Quaternion.proto",
-            &[],
-            message(
-                "Quaternion",
-                vec![
-                    double("x", 1),
-                    double("y", 2),
-                    double("z", 3),
-                    double("w", 4),
-                ],
-            ),
-        ),
+        doubles("Vector3", &["x", "y", "z"]),
+        doubles("Quaternion", &["x", "y", "z", "w"]),
         file(
             "foxglove/Pose.proto",
             &["foxglove/Quaternion.proto", "foxglove/Vector3.proto"],

@@ -59,7 +59,7 @@ pub use follow::{Follow, RawMessage};
 pub use reader::Log;
 pub use scan::{Damage, Ending};
 pub use series::{Column, Series};
-pub use writer::{Destination, Writer, check_unused, leads_to};
+pub use writer::{Destination, RunHeader, Writer, check_unused, leads_to};
 
 /// One body at one time, as read back from a log.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,7 +119,7 @@ pub enum Precision {
     F64,
 }
 
-/// What was run: everything about a run that does not change while it runs.
+/// Description of a run: everything that does not change during the run.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RunInfo {
     /// version of the program

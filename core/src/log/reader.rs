@@ -12,12 +12,12 @@ use super::{
     CheckpointInfo, Damage, Ending, Follow, LogError, LoggedCloud, Progress, RunInfo, Series,
     point_cloud, rescue,
     scan::{Contents, MessagePlace, is_of_checkpoint},
-    source::{Limit, Source},
+    source::{Limit, RecordReader},
     topic,
 };
 
 /// A log opened for reading. Time series are in memory; point clouds and checkpoints are read
-/// from the file when asked for.
+/// from the file on request.
 pub struct Log {
     path: PathBuf,
     run: RunInfo,
@@ -27,11 +27,11 @@ pub struct Log {
     /// times of the point clouds by body, s
     times: BTreeMap<String, Vec<f64>>,
     checkpoints: Vec<CheckpointInfo>,
-    source: Mutex<Source>,
+    source: Mutex<RecordReader>,
 }
 
 impl Log {
-    /// Opens a log. One that is unfinished or damaged is read up to there, see
+    /// Opens a log. An unfinished or damaged log is read up to its last complete record, see
     /// [`ending`](Self::ending).
     ///
     /// # Errors
@@ -39,10 +39,10 @@ impl Log {
     /// begins with.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, LogError> {
         let path = path.as_ref();
-        let mut source = Source::open(path)?;
+        let mut source = RecordReader::open(path)?;
         let (mut contents, ending) = Contents::scan(&mut source)?;
 
-        // what is lost of a log of ours is told; of another file it is the reason why it is none
+        // the damage of a log of Perimelt is reported; for other files it is the reason why they are refused
         let is_ours = contents.is_ours && contents.channels.bodies().next().is_some();
         let missing = |missing| LogError::NotARun {
             path: path.into(),
@@ -116,7 +116,7 @@ impl Log {
         &self.path
     }
 
-    /// What was run.
+    /// Description of the run.
     #[must_use]
     pub fn run(&self) -> &RunInfo {
         &self.run
@@ -316,7 +316,7 @@ impl Log {
     /// Follows the log from its newest state on.
     #[must_use]
     pub fn follow(self) -> Follow {
-        // what belongs to the newest state comes after the chunk with the state before it
+        // messages of the newest state follow the chunk with the state before it
         let offset = self.run.bodies.first().and_then(|body| {
             let (newest, before) = self.messages(&topic::points(&body.name)).split_last()?;
             let mut ends = before.iter().rev().map(|state| state.place.end());

@@ -72,7 +72,7 @@ struct Texts {
 
 impl Texts {
     fn take<T: DeserializeOwned>(&mut self, key: &'static str) -> Option<T> {
-        // what older versions did not write is no damage
+        // entries that older versions did not write are not damage
         let text = match self.metadata.remove(key) {
             None if matches!(key, "case_folder" | "case_file" | "inputs") => return None,
             text => text.unwrap_or_default(),

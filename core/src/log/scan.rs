@@ -1,8 +1,8 @@
-//! One pass over a log: finds its end, keeps the small messages and notes where the large are.
+//! One pass over a log: finds its end, keeps the small messages and the places of the large ones.
 //!
 //! Chunks with large messages only are not unpacked; the message indexes behind them are
 //! sufficient. The summary at the end of the file is not needed, so an unfinished log is read
-//! like any other, up to the first record that is incomplete. What is damaged is left out, see [`Damage`].
+//! like any other, up to the first incomplete record. Damaged parts are left out, see [`Damage`].
 
 use std::{
     borrow::Cow,
@@ -16,7 +16,7 @@ use super::{
     CheckpointInfo, LogError, Progress, Series,
     channels::Channels,
     series,
-    source::{Limit, Place, SERIES_BYTES, Source},
+    source::{Limit, RecordPlace, RecordReader, SERIES_BYTES},
     topic::{self, Topic},
 };
 
@@ -44,7 +44,7 @@ pub enum Ending {
     },
 }
 
-/// A part of a log that cannot be read; the log goes on behind it.
+/// A part of a log that cannot be read, with readable parts behind it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Damage {
     /// what it is, such as `a chunk`
@@ -60,7 +60,7 @@ pub struct Damage {
 /// A message: the `ordinal`-th of its channel in the chunk at `place`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MessagePlace {
-    pub(super) place: Place,
+    pub(super) place: RecordPlace,
     pub(super) channel: u16,
     pub(super) ordinal: usize,
     pub(super) log_time: u64,
@@ -83,7 +83,7 @@ impl IndexLine {
     }
 }
 
-/// What one pass over the file finds.
+/// Contents of a log, by one pass over the file.
 #[derive(Default)]
 pub(super) struct Contents {
     pub(super) run: Option<BTreeMap<String, String>>,
@@ -92,7 +92,7 @@ pub(super) struct Contents {
     /// whether the header says that Perimelt wrote it
     pub(super) is_ours: bool,
     /// chunks (and messages outside chunks), in file order, with what they may have
-    pub(super) chunks: Vec<(Place, Limit)>,
+    pub(super) chunks: Vec<(RecordPlace, Limit)>,
     /// by topic
     pub(super) large: BTreeMap<String, Vec<MessagePlace>>,
     pub(super) probes: BTreeMap<String, Series>,
@@ -108,12 +108,12 @@ pub(super) struct Contents {
 
 impl Contents {
     /// Reads the whole log; the error is only for what is not a log at all or cannot be read.
-    pub(super) fn scan(source: &mut Source) -> Result<(Self, Ending), LogError> {
+    pub(super) fn scan(source: &mut RecordReader) -> Result<(Self, Ending), LogError> {
         let mut contents = Self::default();
         contents.summary(source)?;
         contents.known_chunks.sort_unstable();
         let mut offset = mcap::MAGIC.len() as u64;
-        let mut pending: Option<(Place, Vec<MessageIndex>)> = None;
+        let mut pending: Option<(RecordPlace, Vec<MessageIndex>)> = None;
         let ending = loop {
             let Some((opcode, place)) = source.record(offset)? else {
                 let what = WRONG_LENGTH.to_owned();
@@ -140,64 +140,38 @@ impl Contents {
             {
                 contents.sound_chunk(source, chunk, &indexes)?;
             }
-            let taken = match opcode {
-                op::CHUNK => {
-                    pending = Some((place, Vec::new()));
-                    Ok(())
-                }
-                op::DATA_END if source.ends_with_magic()? => break Ending::Finished,
-                op::MESSAGE => {
-                    contents.chunks.push((place, Limit::Series));
-                    contents.unpack(source, place)
-                }
-                _ => source.visit(place, Limit::Series, |record| {
-                    if let (Record::MessageIndex(index), Some((_, indexes))) =
-                        (&record, &mut pending)
-                    {
-                        indexes.push(index.clone());
-                    }
-                    contents.record(record)
-                }),
-            };
-            match taken {
+            if opcode == op::DATA_END && source.ends_with_magic()? {
+                break Ending::Finished;
+            }
+            match contents.take(source, opcode, place, &mut pending) {
                 Err(LogError::Damaged {
                     offset: at,
                     source: what,
                     ..
                 }) => {
                     let what = what.to_string();
-                    // a record of the right length is left out alone
-                    let next = match source.goes_on_at(place.end())? {
-                        true => Some(place.end()),
-                        false => contents.chunk_after(source, at)?,
-                    };
-                    let Some(next) = next else {
+                    let Some(next) = contents.after_damage(source, place, at)? else {
                         break Ending::Damaged { at, what };
                     };
-                    let part = match opcode {
-                        op::ATTACHMENT => "an attachment",
-                        op::METADATA => "a record of metadata",
-                        _ => "a record",
-                    };
-                    contents.lose(part, at, what);
+                    contents.lose(part_name(opcode), at, what);
                     offset = next;
                 }
                 taken => {
                     taken?;
                     offset = place.end();
-                    // the library does not look at what is behind the entries of metadata
+                    // the library does not check what is behind the entries of metadata
                     if opcode == op::METADATA
                         && !source.goes_on_at(offset)?
                         && let Some(next) = contents.chunk_after(source, place.offset)?
                     {
-                        contents.lose("a record of metadata", place.offset, WRONG_LENGTH.into());
+                        contents.lose(part_name(opcode), place.offset, WRONG_LENGTH.into());
                         offset = next;
                     }
                 }
             }
         };
-        // the indexes behind the last chunk of an unfinished log may not be complete; a chunk that is larger than those of time
-        // series has one state, and one index
+        // The indexes behind the last chunk of an unfinished log may be incomplete. A chunk that is larger than those of time
+        // series has one state, and one index.
         if let Some((chunk, indexes)) = pending {
             let size = source.unpacked_size(chunk).ok().flatten();
             let is_large = size.is_some_and(|size| size > SERIES_BYTES);
@@ -207,9 +181,50 @@ impl Contents {
         Ok((contents, ending))
     }
 
-    /// Takes schemas and channels from the summary behind the data of a finished log, which repeats them: those in a
-    /// damaged chunk are needed to read all others. Without a summary those of the chunks are left.
-    fn summary(&mut self, source: &mut Source) -> Result<(), LogError> {
+    /// Adds a record; `pending` is a chunk whose message indexes follow.
+    fn take(
+        &mut self,
+        source: &mut RecordReader,
+        opcode: u8,
+        place: RecordPlace,
+        pending: &mut Option<(RecordPlace, Vec<MessageIndex>)>,
+    ) -> Result<(), LogError> {
+        match opcode {
+            op::CHUNK => {
+                *pending = Some((place, Vec::new()));
+                Ok(())
+            }
+            op::MESSAGE => {
+                self.chunks.push((place, Limit::Series));
+                self.unpack(source, place)
+            }
+            _ => source.visit(place, Limit::Series, |record| {
+                if let (Record::MessageIndex(index), Some((_, indexes))) = (&record, &mut *pending)
+                {
+                    indexes.push(index.clone());
+                }
+                self.record(record)
+            }),
+        }
+    }
+
+    /// Where the log continues after the record at `place`, which is damaged `at` this byte.
+    fn after_damage(
+        &self,
+        source: &mut RecordReader,
+        place: RecordPlace,
+        at: u64,
+    ) -> Result<Option<u64>, LogError> {
+        // if its length is right, only this record is left out
+        match source.goes_on_at(place.end())? {
+            true => Ok(Some(place.end())),
+            false => self.chunk_after(source, at),
+        }
+    }
+
+    /// Reads schemas and channels from the summary behind the data of a finished log, which repeats them: those in a
+    /// damaged chunk are needed to read all others. Without a summary only the chunks provide them.
+    fn summary(&mut self, source: &mut RecordReader) -> Result<(), LogError> {
         let Some(mut offset) = source.summary_start()? else {
             return Ok(());
         };
@@ -225,11 +240,11 @@ impl Contents {
         Ok(())
     }
 
-    /// As [`Contents::chunk`]; a damaged one is noted and left out.
+    /// [`Contents::chunk`]; a damaged chunk is listed and left out.
     fn sound_chunk(
         &mut self,
-        source: &mut Source,
-        place: Place,
+        source: &mut RecordReader,
+        place: RecordPlace,
         indexes: &[MessageIndex],
     ) -> Result<(), LogError> {
         match self.chunk(source, place, indexes) {
@@ -245,7 +260,7 @@ impl Contents {
         }
     }
 
-    /// Takes note of a part that cannot be read.
+    /// Lists a part that cannot be read.
     pub(super) fn lose(&mut self, part: impl Into<Cow<'static, str>>, at: u64, what: String) {
         self.damage.push(Damage {
             part: part.into(),
@@ -260,9 +275,9 @@ impl Contents {
         self.known_chunks.get(later).copied()
     }
 
-    /// Start of the first chunk after `offset`: the summary names it. Without a summary it is looked for before the
-    /// first chunk only, where the case and the description of the run are.
-    fn chunk_after(&self, source: &mut Source, offset: u64) -> Result<Option<u64>, LogError> {
+    /// Start of the first chunk after `offset` by the summary. Without a summary the file is searched before the first
+    /// chunk only, where the case and the description of the run are.
+    fn chunk_after(&self, source: &mut RecordReader, offset: u64) -> Result<Option<u64>, LogError> {
         match self.known_chunk_after(offset) {
             Some(start) => Ok(Some(start)),
             None if self.chunks.is_empty() => source.find_chunk(offset),
@@ -283,8 +298,8 @@ impl Contents {
     /// A chunk with the message indexes that follow it.
     fn chunk(
         &mut self,
-        source: &mut Source,
-        place: Place,
+        source: &mut RecordReader,
+        place: RecordPlace,
         indexes: &[MessageIndex],
     ) -> Result<(), LogError> {
         let large = |index: &MessageIndex| {
@@ -324,7 +339,7 @@ impl Contents {
         Ok(())
     }
 
-    fn unpack(&mut self, source: &mut Source, place: Place) -> Result<(), LogError> {
+    fn unpack(&mut self, source: &mut RecordReader, place: RecordPlace) -> Result<(), LogError> {
         let mut counts = HashMap::new();
         source.visit(place, Limit::Series, |record| match record {
             Record::Message { header, data } => {
@@ -432,6 +447,15 @@ impl Contents {
             .get(&(topic.to_owned(), log_time))
             .copied()
             .unwrap_or(rounded)
+    }
+}
+
+/// Name of a record in messages.
+fn part_name(opcode: u8) -> &'static str {
+    match opcode {
+        op::ATTACHMENT => "an attachment",
+        op::METADATA => "a record of metadata",
+        _ => "a record",
     }
 }
 

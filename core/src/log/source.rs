@@ -22,7 +22,7 @@ pub(super) enum Limit {
     Series,
     /// A point cloud: positions do not shrink by the ratio that zeros do.
     Points,
-    /// A checkpoint, which may consist of zeros: what a message can have.
+    /// A checkpoint, which may consist of zeros: the limit is that of a message.
     Checkpoint,
 }
 
@@ -47,14 +47,14 @@ const MESSAGE_BYTES: u64 = (1 << 31) + (1 << 16);
 /// Bytes of the opcode and the length before each record.
 const RECORD_HEAD: u64 = 9;
 
-/// A record, or rather where it is in the file.
+/// The place of a record in the file.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct RecordPlace {
     pub(super) offset: u64,
     pub(super) length: u64,
 }
 
-impl Place {
+impl RecordPlace {
     /// Where the next record starts.
     pub(super) fn end(&self) -> u64 {
         self.offset + self.length
@@ -62,7 +62,7 @@ impl Place {
 }
 
 /// The file and the position of the reader.
-pub(super) struct Source {
+pub(super) struct RecordReader {
     path: PathBuf,
     reader: BufReader<File>,
     position: u64,
@@ -71,14 +71,14 @@ pub(super) struct Source {
     series: u64,
 }
 
-impl Source {
+impl RecordReader {
     pub(super) fn open(path: &Path) -> Result<Self, LogError> {
         let error = |source| LogError::Io {
             action: "read",
             path: path.into(),
             source,
         };
-        // to open a pipe would wait for its writer
+        // opening a pipe would block until a writer opens it
         if !std::fs::metadata(path).map_err(error)?.is_file() {
             return Err(LogError::NotAFile { path: path.into() });
         }
@@ -102,7 +102,7 @@ impl Source {
         Ok(source)
     }
 
-    /// Takes note of what was written since the file was opened.
+    /// Updates the length of a file that grows.
     pub(super) fn update_length(&mut self) -> Result<(), LogError> {
         self.length = self.length_now().map_err(|source| LogError::Io {
             action: "read",
@@ -116,7 +116,7 @@ impl Source {
         Ok(self.reader.get_ref().metadata()?.len())
     }
 
-    /// Whether another file has its name now. A file that only grows is at least as long at each look as at the one before.
+    /// Whether another file has the name of this one now. A file that only grows is never shorter than before.
     pub(super) fn is_replaced(&self) -> bool {
         let of_name = || std::fs::metadata(&self.path).map(|data| data.len());
         match (self.length_now(), of_name(), self.length_now()) {
@@ -147,7 +147,7 @@ impl Source {
     }
 
     /// Opcode and place of the record at `offset`, `None` if it is incomplete.
-    pub(super) fn record(&mut self, offset: u64) -> Result<Option<(u8, Place)>, LogError> {
+    pub(super) fn record(&mut self, offset: u64) -> Result<Option<(u8, RecordPlace)>, LogError> {
         let left = self.length.saturating_sub(offset);
         if left < RECORD_HEAD {
             return Ok(None);
@@ -158,14 +158,14 @@ impl Source {
         let body = u64::from_le_bytes(length);
         Ok((body <= left - RECORD_HEAD).then(|| {
             let length = RECORD_HEAD + body;
-            (opcode, Place { offset, length })
+            (opcode, RecordPlace { offset, length })
         }))
     }
 
     /// Visits the record at `place`, or if it is a chunk the records in it, after its checksum.
     pub(super) fn visit(
         &mut self,
-        place: Place,
+        place: RecordPlace,
         limit: Limit,
         mut visit: impl FnMut(Record) -> Result<(), LogError>,
     ) -> Result<(), LogError> {
@@ -221,7 +221,7 @@ impl Source {
 
     /// Bytes of the records of a chunk, `None` for another record. Refuses a chunk whose records end elsewhere than the chunk;
     /// the library counts below zero there.
-    pub(super) fn unpacked_size(&mut self, place: Place) -> Result<Option<u64>, LogError> {
+    pub(super) fn unpacked_size(&mut self, place: RecordPlace) -> Result<Option<u64>, LogError> {
         // two times, size of the records when unpacked, checksum, length of the name of the compression
         const FIXED: usize = RECORD_HEAD as usize + 8 + 8 + 8 + 4 + 4;
         let mut head = [0; FIXED];
@@ -300,7 +300,7 @@ impl Source {
         Ok((footer[0] == op::FOOTER && start > 0 && start < at).then_some(start))
     }
 
-    /// Whether the file goes on after `offset` and was closed by its writer.
+    /// Whether the file continues after `offset` and was closed by its writer.
     pub(super) fn is_closed_after(&mut self, offset: u64) -> Result<bool, LogError> {
         Ok(offset + (mcap::MAGIC.len() as u64) < self.length && self.ends_with_magic()?)
     }

@@ -7,7 +7,7 @@ pub(super) const INDEX: &str = "/index";
 const PROBES: &str = "/probes/";
 const POINTS: &str = "/points";
 
-/// What a topic holds.
+/// Content of a topic.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Topic<'a> {
     /// the point clouds of a body
@@ -59,7 +59,7 @@ impl<'a> Topic<'a> {
         )
     }
 
-    /// Point clouds and checkpoints are large and stay in the file until asked for.
+    /// Point clouds and checkpoints are large and are read from the file on request.
     pub(super) fn is_large(self) -> bool {
         matches!(self, Self::Points(_) | Self::Part(_) | Self::Checkpoint)
     }

@@ -43,11 +43,22 @@ pub struct Writer {
     is_resumable: bool,
     mcap: mcap::Writer<BufWriter<File>>,
     channels: BTreeMap<String, Channel>,
-    clock: Clock,
+    clock: LogClock,
     /// the message being encoded; kept because point clouds are large
     buffer: Vec<u8>,
     /// a larger state is split into messages of at most this many bytes of payload
     pub(super) part_bytes: usize,
+}
+
+/// Description of a run and its case at the start of a log.
+#[derive(Clone, Copy, Debug)]
+pub struct RunHeader<'a> {
+    /// the run
+    pub run: &'a RunInfo,
+    /// name of the case file
+    pub case_name: &'a str,
+    /// text of the case file
+    pub case_text: &'a str,
 }
 
 struct Channel {
@@ -62,11 +73,11 @@ struct Channel {
 
 /// Turns simulated time into `log_time`, see the [module](super).
 #[derive(Default)]
-struct Clock {
+struct LogClock {
     last: Option<(f64, u64)>,
 }
 
-impl Clock {
+impl LogClock {
     fn log_time(&mut self, time: f64) -> u64 {
         let nanoseconds = (time * 1e9).round() as u64;
         let log_time = match self.last {
@@ -113,7 +124,7 @@ impl Writer {
         case_text: &str,
     ) -> Result<Self, LogError> {
         check_names(run)?;
-        // of a file that another run writes nothing may be cut off
+        // a file that another run writes must not be truncated
         lock(&file, &path)?;
         file.set_len(0).map_err(|source| LogError::Io {
             action: "create",
@@ -137,11 +148,15 @@ impl Writer {
             is_resumable: false,
             mcap,
             channels: BTreeMap::new(),
-            clock: Clock::default(),
+            clock: LogClock::default(),
             buffer: Vec::new(),
             part_bytes: MAX_PART_BYTES,
         };
-        writer.describe(run, case_file_name, case_text)?;
+        writer.describe(RunHeader {
+            run,
+            case_name: case_file_name,
+            case_text,
+        })?;
         Ok(writer)
     }
 

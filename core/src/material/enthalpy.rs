@@ -73,7 +73,7 @@ pub enum EnthalpyError {
     NotPositive {
         /// The property.
         property: &'static str,
-        /// Its value.
+        /// Value of the property.
         value: f64,
     },
     /// The liquidus lies below the solidus.
@@ -121,7 +121,7 @@ pub struct EnthalpyCurve {
     /// Where piece 1, 2, ... starts, as temperature and as enthalpy; piece 0 lies below.
     temperatures: Vec<f64>,
     enthalpies: Vec<f64>,
-    /// The same as combined temperatures, K.
+    /// Starts of the pieces as combined temperatures, K.
     combined: Vec<f64>,
     pieces: Vec<Piece>,
     density: f64,

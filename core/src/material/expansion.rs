@@ -146,13 +146,12 @@ impl Expansion {
         Ok(Some(Expansion(kind)))
     }
 
-    /// Whether the strain depends on the temperature from which mean coefficients count, and that is not given.
+    /// Whether the strain depends on the reference temperature of mean coefficients, which is not given.
     pub fn lacks_reference(&self) -> bool {
         matches!(&self.0, Kind::Mean { coefficient, reference: None } if varies(coefficient))
     }
 
-    /// The same expansion, with mean coefficients that count from `temperature` (K) where the material does not say from
-    /// which.
+    /// Lets mean coefficients count from `temperature` (K), unless the material gives a reference temperature.
     pub fn with_default_reference(mut self, temperature: f64) -> Self {
         if let Kind::Mean { reference, .. } = &mut self.0 {
             reference.get_or_insert(temperature);
@@ -162,7 +161,7 @@ impl Expansion {
 
     /// Linear strain between two states.
     ///
-    /// Mean coefficients that count from an unknown temperature count from that of the first state.
+    /// Without a reference temperature mean coefficients count from the temperature of the first state.
     pub fn strain(&self, from: ThermalState, to: ThermalState) -> f64 {
         match &self.0 {
             Kind::Mean {
@@ -210,7 +209,7 @@ impl Expansion {
     }
 }
 
-/// What a function of the table of each phase gives, weighted by the liquid fraction; zero for a number.
+/// Values of a function of the table of each phase, weighted by the liquid fraction; zero for a number.
 fn mixture(property: &Property, state: ThermalState, of: fn(&Table, f64) -> f64) -> f64 {
     match property {
         Property::Constant(_) => 0.0,

@@ -32,7 +32,7 @@ fn library() -> Vec<Material> {
         .collect()
 }
 
-/// What a physics registers that this crate does not know.
+/// Registrations of a physics, which this crate does not depend on.
 macro_rules! contents {
     ($($element:literal)*) => {
         $(inventory::submit! {

@@ -22,7 +22,7 @@ use super::vocabulary::nearest_name;
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum Property {
-    /// The same at every temperature.
+    /// A constant.
     Constant(f64),
     /// A function of temperature (K).
     Table(Table),
@@ -151,12 +151,12 @@ impl<'de> Visitor<'de> for PropertyVisitor {
         let mut value: Option<Vec<f64>> = None;
         let mut solid: Option<OnePhase> = None;
         let mut liquid: Option<OnePhase> = None;
-        while let Some(part) = map.next_key_seed(PartSeed)? {
+        while let Some(part) = map.next_key_seed(PropertyKeySeed)? {
             match part {
-                Part::Temperature => temperature = Some(map.next_value()?),
-                Part::Value => value = Some(map.next_value()?),
-                Part::Solid => solid = Some(map.next_value()?),
-                Part::Liquid => liquid = Some(map.next_value()?),
+                PropertyKey::Temperature => temperature = Some(map.next_value()?),
+                PropertyKey::Value => value = Some(map.next_value()?),
+                PropertyKey::Solid => solid = Some(map.next_value()?),
+                PropertyKey::Liquid => liquid = Some(map.next_value()?),
             }
         }
         match (temperature, value, solid, liquid) {
@@ -177,7 +177,7 @@ impl<'de> Visitor<'de> for PropertyVisitor {
 }
 
 #[derive(Clone, Copy)]
-enum Part {
+enum PropertyKey {
     Temperature,
     Value,
     Solid,
@@ -185,18 +185,18 @@ enum Part {
 }
 
 /// Reads a key on its own, so that the reader's error points at the key.
-struct PartSeed;
+struct PropertyKeySeed;
 
-impl<'de> DeserializeSeed<'de> for PartSeed {
-    type Value = Part;
+impl<'de> DeserializeSeed<'de> for PropertyKeySeed {
+    type Value = PropertyKey;
 
-    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<Part, D::Error> {
+    fn deserialize<D: Deserializer<'de>>(self, deserializer: D) -> Result<PropertyKey, D::Error> {
         let key = Cow::<str>::deserialize(deserializer)?;
         let parts = [
-            ("temperature", Part::Temperature),
-            ("value", Part::Value),
-            ("solid", Part::Solid),
-            ("liquid", Part::Liquid),
+            ("temperature", PropertyKey::Temperature),
+            ("value", PropertyKey::Value),
+            ("solid", PropertyKey::Solid),
+            ("liquid", PropertyKey::Liquid),
         ];
         if let Some((_, part)) = parts.iter().find(|(name, _)| *name == key) {
             return Ok(*part);

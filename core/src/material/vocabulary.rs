@@ -24,7 +24,7 @@ pub struct PropertyKey {
     pub name: &'static str,
     /// SI unit.
     pub unit: &'static str,
-    /// What it is, in a line.
+    /// Meaning, in one line.
     pub meaning: &'static str,
     /// Values it may take.
     pub range: ValueRange,

@@ -45,6 +45,53 @@ pub(super) fn exponents(dimension: usize, order: usize) -> Vec<[u8; 3]> {
     all
 }
 
+/// Place of the derivative along axes `a` and `b` among those of a point, for operators of at least second
+/// order.
+#[inline(always)]
+pub const fn second(dimension: usize, a: usize, b: usize) -> usize {
+    let (low, high) = if a < b { (a, b) } else { (b, a) };
+    // rows of an upper triangle, each one shorter than the one before
+    dimension + low * (2 * dimension + 1 - low) / 2 + high - low
+}
+
+/// Evaluates `$body` with `$D` and `$N`, the number of monomials, as constants. Where the dimension is a constant
+/// already (`const D`), `$body` is compiled for no other.
+macro_rules! with_basis {
+    (const $D:ident, $order:expr, |$N:ident| $body:expr) => {
+        with_basis!(@table constant $D, $order, $N, $body)
+    };
+    ($dimension:expr, $order:expr, |$D:ident, $N:ident| $body:expr) => {
+        with_basis!(@table variable $dimension, $order, $D, $N, $body)
+    };
+    (@table $kind:ident $($arguments:tt)*) => {
+        with_basis!(@$kind $($arguments)*;
+            (1, 1, 1), (1, 2, 2), (1, 3, 3), (1, 4, 4),
+            (2, 1, 2), (2, 2, 5), (2, 3, 9), (2, 4, 14),
+            (3, 1, 3), (3, 2, 9), (3, 3, 19), (3, 4, 34))
+    };
+    (@variable $dimension:expr, $order:expr, $D:ident, $N:ident, $body:expr; $(($d:literal, $o:literal, $n:literal)),*) => {
+        match ($dimension, $order) {
+            $(($d, $o) => {
+                const $D: usize = $d;
+                const $N: usize = $n;
+                $body
+            })*
+            _ => unreachable!("the order was checked when the operator was built"),
+        }
+    };
+    (@constant $D:ident, $order:expr, $N:ident, $body:expr; $(($d:literal, $o:literal, $n:literal)),*) => {
+        match $order {
+            $($o if const { $D == $d } => {
+                const $N: usize = $n;
+                $body
+            })*
+            _ => unreachable!("the order was checked when the operator was built"),
+        }
+    };
+}
+
+pub(super) use with_basis;
+
 #[cfg(test)]
 mod tests {
     use super::*;

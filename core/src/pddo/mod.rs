@@ -6,27 +6,28 @@
 //! ```
 //!
 //! `p` are the monomials of the bond up to the order of the operator, `n` the exponents of one of them,
-//! `w V_j` the weight of the bond in its family, of which a factor common to all cancels. As A belongs to
+//! `w V_j` the weight of the bond in its family, of which a common factor cancels. As A belongs to
 //! the point, the sums are evaluated as `D^n f = n! e_n . A^-1 sum_j w p (f_j - f_i) V_j`: the kernel needs
-//! nothing but the bond, whatever the store of the family. Derivatives are exact for polynomials up to the
+//! the bond only, whatever the store of the family. Derivatives are exact for polynomials up to the
 //! order on any family that determines them.
 
 mod basis;
+mod derivatives;
+mod sums;
 #[cfg(test)]
 mod tests;
 
 use std::sync::Arc;
 
-use nalgebra::{Matrix3, SMatrix, Vector3};
+use nalgebra::{SMatrix, Vector3};
 use rayon::prelude::*;
 
-use crate::body::Body;
-use crate::body::Horizon;
+use crate::body::{Body, Horizon};
 use crate::cell_list::CellList;
-use crate::family::{
-    Bond, BondKernel, Correction, Family, FamilySpec, Influence, PartialVolume, SlotField,
-};
-use basis::{exponents, monomials};
+use crate::family::{Bond, BondKernel, Correction, Family, FamilySpec, Influence, PartialVolume};
+pub use basis::second;
+use basis::{exponents, monomials, with_basis};
+pub use derivatives::Derivatives;
 
 /// A family does not determine the derivatives at its point.
 #[derive(Debug, thiserror::Error)]
@@ -53,42 +54,6 @@ pub enum PddoError {
 /// Pivot of the moment matrix, with ones on its diagonal, below which a family counts as degenerate.
 const SMALLEST_PIVOT: f64 = 1e-12;
 
-/// Evaluates `$body` with `$D` and `$N`, the number of monomials, as constants. Where the dimension is a constant
-/// already (`const D`), `$body` is compiled for no other.
-macro_rules! with_basis {
-    (const $D:ident, $order:expr, |$N:ident| $body:expr) => {
-        with_basis!(@table constant $D, $order, $N, $body)
-    };
-    ($dimension:expr, $order:expr, |$D:ident, $N:ident| $body:expr) => {
-        with_basis!(@table variable $dimension, $order, $D, $N, $body)
-    };
-    (@table $kind:ident $($arguments:tt)*) => {
-        with_basis!(@$kind $($arguments)*;
-            (1, 1, 1), (1, 2, 2), (1, 3, 3), (1, 4, 4),
-            (2, 1, 2), (2, 2, 5), (2, 3, 9), (2, 4, 14),
-            (3, 1, 3), (3, 2, 9), (3, 3, 19), (3, 4, 34))
-    };
-    (@variable $dimension:expr, $order:expr, $D:ident, $N:ident, $body:expr; $(($d:literal, $o:literal, $n:literal)),*) => {
-        match ($dimension, $order) {
-            $(($d, $o) => {
-                const $D: usize = $d;
-                const $N: usize = $n;
-                $body
-            })*
-            _ => unreachable!("the order was checked when the operator was built"),
-        }
-    };
-    (@constant $D:ident, $order:expr, $N:ident, $body:expr; $(($d:literal, $o:literal, $n:literal)),*) => {
-        match $order {
-            $($o if const { $D == $d } => {
-                const $N: usize = $n;
-                $body
-            })*
-            _ => unreachable!("the order was checked when the operator was built"),
-        }
-    };
-}
-
 /// The operator for all points of a family.
 #[derive(Debug)]
 pub struct Pddo {
@@ -96,20 +61,12 @@ pub struct Pddo {
     dimension: usize,
     order: usize,
     exponents: Vec<[u8; 3]>,
-    /// `n! A^-1`, column by column; the first for all points that share their stencil.
+    /// `n! A^-1`, column by column; the first applies to all points that share their stencil.
     inverse: Vec<f64>,
     /// Which inverse belongs to each point.
     inverse_of_point: Vec<u32>,
     /// The point, or one of them, to which each inverse belongs.
     point_of_inverse: Vec<u32>,
-}
-
-/// Derivatives of one field at all points.
-#[derive(Clone, Debug, Default)]
-pub struct Derivatives {
-    dimension: usize,
-    exponents: Vec<[u8; 3]>,
-    values: Vec<f64>,
 }
 
 struct Moments<const D: usize, const N: usize>;
@@ -123,41 +80,6 @@ impl<const D: usize, const N: usize> BondKernel<1, N> for Moments<D, N> {
         monomials::<D, N>(&bond.xi).map(|p| p * difference)
     }
 }
-
-/// `O` sums of derivatives of `I` fields where all points share an inverse.
-struct Contraction<const D: usize, const N: usize, const I: usize, const O: usize> {
-    /// What the moments of each field count in each sum.
-    rows: [[[f64; N]; I]; O],
-}
-
-impl<const D: usize, const N: usize, const I: usize, const O: usize> BondKernel<I, O>
-    for Contraction<D, N, I, O>
-{
-    /// Physics need second order; of the sums of first order there are gradient and divergence only.
-    const RARE: bool = match (D, N) {
-        (2, 5) | (3, 9) => false,
-        (2, 2) | (3, 3) => I * O != D,
-        _ => true,
-    };
-
-    #[inline(always)]
-    fn bond(&self, bond: &Bond, own: [f64; I], other: [f64; I]) -> [f64; O] {
-        let monomials = monomials::<D, N>(&bond.xi);
-        let difference: [f64; I] = std::array::from_fn(|i| bond.weight * (other[i] - own[i]));
-        std::array::from_fn(|o| {
-            let part = |i: usize| {
-                let share = (0..N)
-                    .map(|r| self.rows[o][i][r] * monomials[r])
-                    .sum::<f64>();
-                share * difference[i]
-            };
-            (0..I).map(part).sum()
-        })
-    }
-}
-
-/// Places of the first derivatives.
-const FIRST: [&[usize]; 3] = [&[0], &[1], &[2]];
 
 /// Columns of `n! A^-1` of a point; `None` where its family is degenerate.
 fn inverse_of<const D: usize, const N: usize>(
@@ -260,7 +182,7 @@ impl Pddo {
         Ok(pddo)
     }
 
-    /// Finds the inverses for the family as it is, of points at these positions (m).
+    /// Computes the inverses for the current family, of points at these positions (m).
     fn invert(&mut self, positions: &[Vector3<f64>]) -> Result<(), PddoError> {
         let (family, exponents) = (&*self.family, &self.exponents[..]);
         let points = &self.point_of_inverse;
@@ -289,11 +211,10 @@ impl Pddo {
         })
     }
 
-    /// Lets the points of a moving family be where they are now (m), with these volumes (m³), and finds the
-    /// operator there.
+    /// Updates the operator to the current positions (m) and volumes (m³) of the points of a moving family.
     ///
     /// # Errors
-    /// As [`Pddo::build`].
+    /// See [`Pddo::build`].
     ///
     /// # Panics
     /// When the family does not move or is shared.
@@ -303,11 +224,11 @@ impl Pddo {
         self.invert(positions)
     }
 
-    /// Finds the operator on another family of the same points, which lie at these positions (m) now. The family so
-    /// far is released before `family` is called, so that its owner can update it in place.
+    /// Computes the operator on another family of these points, which lie at `positions` (m) now. The previous family is
+    /// released before `family` is called, so that its owner can update it in place.
     ///
     /// # Errors
-    /// As [`Pddo::build`].
+    /// See [`Pddo::build`].
     pub fn rebuild(
         &mut self,
         positions: &[Vector3<f64>],
@@ -348,144 +269,6 @@ impl Pddo {
                 *sums = times(&inverses[inverse as usize], sums);
             });
         });
-    }
-
-    /// The first derivatives of a field, whose values by slot are `field`, one row for each point; as the other sums
-    /// of derivatives below faster than all derivatives where points share their stencil. `work` keeps what is
-    /// needed on the way.
-    ///
-    /// # Panics
-    /// As [`Pddo::differentiate`].
-    pub fn gradient(&self, field: &[f64], work: &mut Derivatives, rows: &mut Vec<f64>) {
-        let [x, y, z] = FIRST.map(|derivative| [derivative]);
-        match self.dimension {
-            1 => self.contract::<1, _, _>([field], [x], work, rows),
-            2 => self.contract::<2, _, _>([field], [x, y], work, rows),
-            _ => self.contract::<3, _, _>([field], [x, y, z], work, rows),
-        }
-    }
-
-    /// [`Pddo::gradient`], and after it in each row the sum of the second derivatives along the axes.
-    ///
-    /// # Panics
-    /// As [`Pddo::differentiate`], or when the operator is of first order.
-    pub fn gradient_and_laplacian(
-        &self,
-        field: &[f64],
-        work: &mut Derivatives,
-        rows: &mut Vec<f64>,
-    ) {
-        let [x, y, z] = FIRST.map(|derivative| [derivative]);
-        let along = self.along_axes();
-        let laplacian = [&along[..self.dimension]];
-        match self.dimension {
-            1 => self.contract::<1, _, _>([field], [x, laplacian], work, rows),
-            2 => self.contract::<2, _, _>([field], [x, y, laplacian], work, rows),
-            _ => self.contract::<3, _, _>([field], [x, y, z, laplacian], work, rows),
-        }
-    }
-
-    /// The sum of the second derivatives along the axes of a field, whose values by slot are `field`, at all
-    /// points.
-    ///
-    /// # Panics
-    /// As [`Pddo::gradient_and_laplacian`].
-    pub fn laplacian(&self, field: &[f64], work: &mut Derivatives, laplacian: &mut Vec<f64>) {
-        let along = self.along_axes();
-        let derivatives = [[&along[..self.dimension]]];
-        match self.dimension {
-            1 => self.contract::<1, _, _>([field], derivatives, work, laplacian),
-            2 => self.contract::<2, _, _>([field], derivatives, work, laplacian),
-            _ => self.contract::<3, _, _>([field], derivatives, work, laplacian),
-        }
-    }
-
-    /// The divergence at all points of a vector field, whose values by slot are `field`, one array for each
-    /// axis.
-    ///
-    /// # Panics
-    /// When an array of `field` is not [`Family::slots`] long, or there is not one for each axis.
-    pub fn divergence(
-        &self,
-        field: &[SlotField],
-        work: &mut Derivatives,
-        divergence: &mut Vec<f64>,
-    ) {
-        assert_eq!(field.len(), self.dimension, "components");
-        let [a, b, c] = FIRST;
-        match field {
-            [x] => self.contract::<1, _, _>([x], [[a]], work, divergence),
-            [x, y] => self.contract::<2, _, _>([x, y], [[a, b]], work, divergence),
-            [x, y, z] => self.contract::<3, _, _>([x, y, z], [[a, b, c]], work, divergence),
-            _ => unreachable!("of up to three axes"),
-        }
-    }
-
-    /// The first derivatives of the divergence of a vector field, one row for each point.
-    ///
-    /// # Panics
-    /// As [`Pddo::divergence`], or when the operator is of first order.
-    pub fn gradient_of_divergence(
-        &self,
-        field: &[SlotField],
-        work: &mut Derivatives,
-        rows: &mut Vec<f64>,
-    ) {
-        assert_eq!(field.len(), self.dimension, "components");
-        let all: [[[usize; 1]; 3]; 3] =
-            std::array::from_fn(|a| std::array::from_fn(|b| [self.second(a, b)]));
-        let [a, b, c] = all.each_ref().map(|row| row.each_ref().map(|at| &at[..]));
-        match field {
-            [x] => self.contract::<1, _, _>([x], [[a[0]]], work, rows),
-            [x, y] => self.contract::<2, _, _>([x, y], [[a[0], a[1]], [b[0], b[1]]], work, rows),
-            [x, y, z] => self.contract::<3, _, _>([x, y, z], [a, b, c], work, rows),
-            _ => unreachable!("of up to three axes"),
-        }
-    }
-
-    /// Place of the derivative along axes `a` and `b`.
-    fn second(&self, a: usize, b: usize) -> usize {
-        assert!(self.order > 1, "an operator of second order");
-        second(self.dimension, a, b)
-    }
-
-    /// Places of the second derivatives along the axes.
-    fn along_axes(&self) -> [usize; 3] {
-        std::array::from_fn(|a| self.second(a, a))
-    }
-
-    /// Sums of derivatives in `D` dimensions, given by their places for each field; one row for each point.
-    fn contract<const D: usize, const I: usize, const O: usize>(
-        &self,
-        fields: [&[f64]; I],
-        derivatives: [[&[usize]; I]; O],
-        work: &mut Derivatives,
-        rows: &mut Vec<f64>,
-    ) {
-        rows.resize(O * self.inverse_of_point.len(), 0.0);
-        let (rows, _) = rows.as_chunks_mut::<O>();
-        if let [_] = self.point_of_inverse[..] {
-            with_basis!(const D, self.order, |N| {
-                let (columns, _) = self.inverse.as_chunks::<N>();
-                let share = |of: &[usize], r: usize| of.iter().map(|&q| columns[r][q]).sum();
-                let shares =
-                    derivatives.map(|of| of.map(|of| std::array::from_fn(|r| share(of, r))));
-                let kernel = Contraction::<D, N, I, O> { rows: shares };
-                self.family.sum(&kernel, fields, rows);
-            });
-            return;
-        }
-        rows.fill([0.0; O]);
-        for (i, field) in fields.into_iter().enumerate() {
-            self.differentiate(field, work);
-            let points = rows.par_iter_mut().enumerate().with_min_len(1024);
-            points.for_each(|(point, row)| {
-                let all = work.at(point);
-                for (sum, of) in row.iter_mut().zip(&derivatives) {
-                    *sum += of[i].iter().map(|&q| all[q]).sum::<f64>();
-                }
-            });
-        }
     }
 
     /// Passes slot of the other end and `g^n V` of every bond of a point to `receive`, with the functions in
@@ -588,58 +371,4 @@ pub fn largest_wave_number(
         }
     }
     largest
-}
-
-/// Place of the derivative along axes `a` and `b` among those of a point, for operators of at least second
-/// order.
-#[inline(always)]
-pub const fn second(dimension: usize, a: usize, b: usize) -> usize {
-    let (low, high) = if a < b { (a, b) } else { (b, a) };
-    // rows of an upper triangle, each one shorter than the one before
-    dimension + low * (2 * dimension + 1 - low) / 2 + high - low
-}
-
-impl Derivatives {
-    /// All derivatives at a point, in the order of [`Pddo::exponents`].
-    #[inline]
-    pub fn at(&self, point: usize) -> &[f64] {
-        let number = self.exponents.len();
-        &self.values[point * number..][..number]
-    }
-
-    /// First derivatives at a point.
-    pub fn gradient(&self, point: usize) -> Vector3<f64> {
-        let all = self.at(point);
-        Vector3::from_fn(|a, _| if a < self.dimension { all[a] } else { 0.0 })
-    }
-
-    /// Second derivatives at a point; zero for an operator of first order.
-    pub fn second(&self, point: usize) -> Matrix3<f64> {
-        let all = self.at(point);
-        Matrix3::from_fn(|a, b| match a.max(b) < self.dimension {
-            true => all
-                .get(second(self.dimension, a, b))
-                .copied()
-                .unwrap_or(0.0),
-            false => 0.0,
-        })
-    }
-
-    /// Sum of the second derivatives along the axes at a point.
-    #[inline]
-    pub fn laplacian(&self, point: usize) -> f64 {
-        let all = self.at(point);
-        let along = |a: usize| all.get(second(self.dimension, a, a)).copied();
-        (0..self.dimension).filter_map(along).sum()
-    }
-
-    /// What the Taylor series adds to the value of a point at the distance `xi` (m) from it.
-    fn series(&self, point: usize, xi: &Vector3<f64>) -> f64 {
-        let term = |(e, derivative): (&[u8; 3], &f64)| {
-            let axes = e.iter().zip(xi.iter());
-            let power = |(&e, x): (&u8, &f64)| (1..=e).map(|n| x / f64::from(n)).product::<f64>();
-            derivative * axes.map(power).product::<f64>()
-        };
-        self.exponents.iter().zip(self.at(point)).map(term).sum()
-    }
 }

@@ -10,15 +10,16 @@ const NEIGHBOURS: [usize; 3] = [4, 12, 24];
 /// Directions in which the points extend less than this fraction of their extent have no slope.
 const FLAT: f64 = 1e-4;
 
-/// Value at a position (m): that of the points there, else that of a linear field fitted to the points around with weights
-/// `((R - r) / (R r))^2` (Franke and Nielson, Int. J. Numer. Methods Eng. 15 (1980) 1691), which interpolates and is exact for
-/// linear fields. Where the points do not lie on a line the fit is limited to their range, so that no value is made up beyond
-/// the outermost points.
+/// Value at a position (m): the mean of the points there, else that of a linear field fitted to the points around with
+/// weights `((R - r) / (R r))^2` (Franke and Nielson, Int. J. Numer. Methods Eng. 15 (1980) 1691), which interpolates and is
+/// exact for linear fields. Where the field is not linear the fit is limited to the range of their values, so that it does not
+/// extrapolate beyond the outermost points.
 pub(super) fn value(
     tree: &Tree,
     values: &[f64],
     dimension: usize,
-    (at, positions): (&Vector3<f64>, &[Vector3<f64>]),
+    positions: &[Vector3<f64>],
+    at: &Vector3<f64>,
 ) -> f64 {
     let near = tree.nearest(at, NEIGHBOURS[dimension - 1]);
     let radius = near.last().map_or(0.0, |(d, _)| d.sqrt());

@@ -63,9 +63,9 @@ pub struct Samples {
 /// Names by which a column is chosen.
 #[derive(Clone, Debug)]
 pub struct Wanted {
-    /// As given.
+    /// The name of the column in the case file.
     pub column: Option<String>,
-    /// Otherwise.
+    /// Name of the column where `column` is not given.
     pub field: String,
 }
 
@@ -113,7 +113,7 @@ fn plain_name(header: &str) -> Result<String, SamplesFault> {
 
 /// Values at one of the times of a file.
 #[derive(Clone, Debug)]
-enum State {
+enum SampledState {
     /// Read already.
     Known(Arc<Samples>),
     /// In a file.
@@ -125,9 +125,9 @@ enum State {
 pub struct States {
     /// s, strictly increasing; one without a meaning for values at all times.
     times: Vec<f64>,
-    states: Vec<State>,
+    states: Vec<SampledState>,
     wanted: Wanted,
-    /// Of the file that was given, or of the first one.
+    /// Path of the given file, or of the first one.
     path: PathBuf,
 }
 
@@ -176,7 +176,7 @@ impl States {
                 fault: SamplesFault::Lengths { times, files },
             });
         }
-        let file = |f: &PathBuf| State::File(folder.join(f));
+        let file = |f: &PathBuf| SampledState::File(folder.join(f));
         States {
             times: series.time.clone(),
             states: series.file.iter().map(file).collect(),
@@ -211,9 +211,9 @@ impl States {
                 },
             ));
         }
-        // a file that is missing is told before the run
+        // a missing file is reported before the run
         for state in &self.states {
-            if let State::File(path) = state {
+            if let SampledState::File(path) = state {
                 std::fs::metadata(path)
                     .map_err(|e| error(path, input::InputError::from(e).into()))?;
             }
@@ -225,8 +225,8 @@ impl States {
     /// A mistake in the file of a state.
     pub(crate) fn error(&self, index: usize, fault: SamplesFault) -> SamplesError {
         let path = match &self.states[index] {
-            State::File(path) => path.clone(),
-            State::Known(_) => self.path.clone(),
+            SampledState::File(path) => path.clone(),
+            SampledState::Known(_) => self.path.clone(),
         };
         SamplesError { path, fault }
     }
@@ -242,15 +242,15 @@ impl States {
     /// The mistake in the file.
     pub fn samples(&self, index: usize) -> Result<Arc<Samples>, SamplesError> {
         match &self.states[index] {
-            State::Known(samples) => Ok(samples.clone()),
-            State::File(path) => {
+            SampledState::Known(samples) => Ok(samples.clone()),
+            SampledState::File(path) => {
                 let of_path = |fault| SamplesError {
                     path: path.clone(),
                     fault,
                 };
                 let mut states = read_states(path, &self.wanted).map_err(of_path)?;
                 match states.pop() {
-                    Some((_, State::Known(samples))) if states.is_empty() => Ok(samples),
+                    Some((_, SampledState::Known(samples))) if states.is_empty() => Ok(samples),
                     _ => Err(of_path(SamplesFault::Empty)),
                 }
             }
@@ -258,14 +258,14 @@ impl States {
     }
 }
 
-fn read_states(path: &Path, wanted: &Wanted) -> Result<Vec<(f64, State)>, SamplesFault> {
+fn read_states(path: &Path, wanted: &Wanted) -> Result<Vec<(f64, SampledState)>, SamplesFault> {
     let extension = path
         .extension()
         .map_or(String::new(), |e| e.to_string_lossy().to_lowercase());
     match extension.as_str() {
         "vtu" | "vtp" => Ok(vec![(
             0.0,
-            State::Known(Arc::new(Samples::of_vtk(
+            SampledState::Known(Arc::new(Samples::of_vtk(
                 &input::read_bytes(path, input::LIMIT)?,
                 wanted,
             )?)),
@@ -275,7 +275,7 @@ fn read_states(path: &Path, wanted: &Wanted) -> Result<Vec<(f64, State)>, Sample
             let files = vtu::collection(&input::read_text(path, input::LIMIT)?)?;
             Ok(files
                 .into_iter()
-                .map(|(time, file)| (time, State::File(folder.join(file))))
+                .map(|(time, file)| (time, SampledState::File(folder.join(file))))
                 .collect())
         }
         _ => {
@@ -283,7 +283,7 @@ fn read_states(path: &Path, wanted: &Wanted) -> Result<Vec<(f64, State)>, Sample
             let states = Samples::of_table(&NumberTable::new(&text), wanted)?;
             Ok(states
                 .into_iter()
-                .map(|(time, s)| (time, State::Known(Arc::new(s))))
+                .map(|(time, s)| (time, SampledState::Known(Arc::new(s))))
                 .collect())
         }
     }
@@ -442,7 +442,7 @@ impl Samples {
             });
         }
         let tree = Tree::new(&own);
-        let value = |p: &Vector3<f64>| fit::value(&tree, &self.values, extended, (p, &own[..]));
+        let value = |p: &Vector3<f64>| fit::value(&tree, &self.values, extended, &own, p);
         Ok(Interpolated {
             values: asked.par_iter().map(value).collect(),
             outside,

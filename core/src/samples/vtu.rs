@@ -8,7 +8,7 @@ use std::io::Read;
 use nalgebra::Vector3;
 use roxmltree::{Document, Node};
 
-/// What a file of VTK cannot be read for.
+/// Why a file of VTK cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum VtkError {
     /// No XML.
@@ -25,7 +25,7 @@ pub enum VtkError {
     /// Numbers that are not there.
     #[error("the array `{array}` cannot be read: {reason}")]
     Array {
-        /// Its name.
+        /// Name of the array.
         array: String,
         /// Why.
         reason: &'static str,

@@ -8,7 +8,6 @@ use super::Setup;
 use crate::body::{Body, Cut, Region};
 use crate::error::{Problem, SetupError};
 use crate::in_space::{InSpace, Placed};
-use crate::material::{Expansion, Material, MaterialError, Property};
 use crate::world::{BodyIndex, World};
 
 impl Setup<'_> {
@@ -35,7 +34,7 @@ impl Setup<'_> {
         positions: Vec<Vector3<f64>>,
     ) -> Result<Placed, SetupError> {
         let dimension = self.body(body).dimension;
-        let placed = value.at((field, &self.folder), positions, dimension);
+        let placed = value.at(field, &self.folder, positions, dimension);
         let mut placed = placed.map_err(|e| SetupError::other(key, e))?;
         placed.at(0.0).map_err(|e| SetupError::other(key, e))?;
         if let Some(warning) = placed.warning() {
@@ -109,84 +108,6 @@ impl Setup<'_> {
             return Err(SetupError::new(key, problem));
         }
         Ok(region.clone())
-    }
-
-    /// The property `name` of each material of a body.
-    ///
-    /// # Errors
-    /// When a material lacks it.
-    pub fn property(&self, body: BodyIndex, name: &str) -> Result<Vec<Property>, SetupError> {
-        self.of_materials(body, name, |m| Ok(m.get(name).cloned()))
-    }
-
-    /// The thermal expansion of each material of a body.
-    ///
-    /// # Errors
-    /// When a material states none.
-    pub fn expansions(&self, body: BodyIndex) -> Result<Vec<Expansion>, SetupError> {
-        self.of_materials(body, "thermal_expansion", Expansion::of)
-    }
-
-    /// What each material of a body has; `property` names what is missing where it has none.
-    fn of_materials<T>(
-        &self,
-        body: BodyIndex,
-        property: &str,
-        of: impl Fn(&Material) -> Result<Option<T>, MaterialError>,
-    ) -> Result<Vec<T>, SetupError> {
-        let body = self.body(body);
-        let missing = |material: &Material| {
-            let problem = Problem::MissingProperty {
-                material: material.name().into(),
-                body: body.name.clone(),
-                property: property.into(),
-            };
-            SetupError::new("", problem)
-        };
-        let materials = body.materials.iter().map(|material| {
-            let found = of(material).map_err(|e| SetupError::other("", e))?;
-            found.ok_or_else(|| missing(material))
-        });
-        materials.collect()
-    }
-
-    /// The property `name` of the material of each point of a body, as a number.
-    ///
-    /// # Errors
-    /// When a material lacks it or it is not constant.
-    pub fn constant_at_points(&self, body: BodyIndex, name: &str) -> Result<Vec<f64>, SetupError> {
-        let number = |property: &Property| {
-            property.constant().ok_or_else(|| {
-                let message = format!("`{name}` is a table");
-                SetupError::value("", message, format!("one number for `{name}`"))
-            })
-        };
-        let properties = self.property(body, name)?;
-        let by_material: Vec<f64> = properties.iter().map(number).collect::<Result<_, _>>()?;
-        let materials = self.body(body).material_of_point.iter();
-        Ok(materials.map(|&m| by_material[m as usize]).collect())
-    }
-
-    /// Density that fixes the mass of the points of each material of a body, kg/m³
-    /// ([`Material::reference_density`]).
-    ///
-    /// # Errors
-    /// When a material lacks it.
-    pub fn reference_densities(&self, body: BodyIndex) -> Result<Vec<f64>, SetupError> {
-        let materials = self.body(body).materials.iter();
-        let densities = materials.map(Material::reference_density);
-        let densities: Result<_, MaterialError> = densities.collect();
-        densities.map_err(|e| SetupError::other("", e))
-    }
-
-    /// [`Setup::reference_densities`] for each point of the body, kg/m³.
-    ///
-    /// # Errors
-    /// As [`Setup::reference_densities`].
-    pub fn density_at_points(&self, body: BodyIndex) -> Result<Vec<f64>, SetupError> {
-        let by_material = self.reference_densities(body)?;
-        let materials = self.body(body).material_of_point.iter();
-        Ok(materials.map(|&m| by_material[m as usize]).collect())
     }
 
     /// Cuts a body: no family obtained from now on has bonds across `cut`. Called by crack

@@ -24,6 +24,7 @@ use std::rc::Rc;
 
 use crate::error::{Problem, SetupError};
 use crate::family::FamilySpec;
+use crate::plugin::Stepping;
 use crate::world::changes::{Change, Changes};
 use crate::world::facts::{Fact, FactRule};
 use crate::world::{BodyIndex, World};
@@ -41,12 +42,12 @@ pub struct Warning {
 }
 
 /// A plugin in the order of the case: couplers first, then physics.
-#[derive(Clone, Debug)]
 struct Plugin {
     label: String,
     is_physics: bool,
     /// What may happen to the points of the bodies on which it acts.
     supports: Changes,
+    stepping: Stepping,
 }
 
 /// Something that happens to the points of a body, and the plugin that does it.
@@ -67,8 +68,9 @@ struct RefusedChange {
 }
 
 /// What the set-up found.
-#[derive(Debug, Default)]
 pub struct Declared {
+    /// How plugins are stepped.
+    pub stepping: Vec<Stepping>,
     /// What plugins touch.
     pub declarations: Vec<Declaration>,
     /// What may be a mistake.
@@ -113,14 +115,15 @@ impl<'w> Setup<'w> {
         }
     }
 
-    /// Adds a coupler, by the name that messages use; declarations are its own from here on. It supports all that happens
+    /// Adds a plugin, by the name that messages use; declarations are its own from here on. It supports all that happens
     /// to points.
     pub fn next_plugin(&mut self, label: &str) {
         self.current = self.add_plugin(label, false, Changes::ALL);
     }
 
     /// As [`Setup::next_plugin`], for a physics; couplers come before all of them.
-    pub fn next_physics(&mut self, label: &str) {
+    #[cfg(test)]
+    pub(crate) fn next_physics(&mut self, label: &str) {
         self.current = self.add_plugin(label, true, Changes::ALL);
     }
 
@@ -130,6 +133,7 @@ impl<'w> Setup<'w> {
             label: label.to_string(),
             is_physics,
             supports,
+            stepping: Stepping::default(),
         });
         self.plugins.len() - 1
     }
@@ -188,6 +192,11 @@ impl<'w> Setup<'w> {
     pub fn facts<T: Fact>(&self, body: BodyIndex) -> impl Iterator<Item = &T> {
         self.world.facts.note_reader::<T>(body);
         self.world.facts(body)
+    }
+
+    /// Declares how the calling plugin is stepped; the default where it does not.
+    pub fn stepping(&mut self, stepping: Stepping) {
+        self.plugins[self.current].stepping = stepping;
     }
 
     /// Makes known what the calling plugin shares with others by its name, such as the path of a torch; in `publish`.
@@ -283,8 +292,10 @@ impl<'w> Setup<'w> {
             return Err(mistakes);
         }
         self.world.provided = provided;
+        let requests = self.requests();
         Ok(Declared {
-            requests: self.requests(),
+            requests,
+            stepping: self.plugins.into_iter().map(|p| p.stepping).collect(),
             declarations: self.declarations,
             warnings: self.warnings,
             notes: self.notes,

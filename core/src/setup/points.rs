@@ -32,38 +32,23 @@ impl Setup<'_> {
         });
     }
 
-    /// Declares that the calling coupler deposits material on a body, at `points` that have none at first, and hands
-    /// over the activity of the points, which the coupler sets to 1.
+    /// Declares that the calling coupler deposits material on a body ([`Change::Births`]) or cuts it off ([`Change::Cuts`])
+    /// during the run, and hands over the activity of the points, which are active at first but for those `without` material.
+    /// Such couplers share it: each changes its own points only.
     ///
     /// # Errors
     /// When the body has no lattice.
-    pub fn deposit(&mut self, body: BodyIndex, points: &[u32]) -> Result<Write<f64>, SetupError> {
-        let active =
-            self.change_activity(body, Change::Births, "on whose cells material is deposited")?;
-        let field = self.world.fields.values_mut(active.field);
-        points.iter().for_each(|&p| field[p as usize] = 0.0);
-        Ok(active)
-    }
-
-    /// Declares that the calling coupler cuts material off a body during the run, and hands over the activity of the
-    /// points, which the coupler sets to 0.
-    ///
-    /// # Errors
-    /// When the body has no lattice.
-    pub fn cut_off(&mut self, body: BodyIndex) -> Result<Write<f64>, SetupError> {
-        self.change_activity(body, Change::Cuts, "whose cells are cut off")
-    }
-
-    /// The activity of a body whose points become active or inactive. Couplers that deposit and that cut share it: each
-    /// changes its own points only.
-    fn change_activity(
+    pub fn change_material(
         &mut self,
         body: BodyIndex,
         change: Change,
-        cells: &str,
+        without: &[u32],
     ) -> Result<Write<f64>, SetupError> {
         if self.body(body).lattice().is_none() {
-            let message = format!("body `{}` has no lattice, {cells}", self.body(body).name);
+            let message = format!(
+                "body `{}` has no lattice, on whose cells material is deposited or cut off",
+                self.body(body).name
+            );
             let expected = "a body with `spacing`, without `zones`, `jitter` or `points`";
             return Err(SetupError::value("body", message, expected));
         }
@@ -83,6 +68,8 @@ impl Setup<'_> {
                 Write::new(field)
             }
         };
+        let values = self.world.fields.values_mut(active.field);
+        without.iter().for_each(|&p| values[p as usize] = 0.0);
         self.happens(body, change);
         Ok(active)
     }

@@ -116,15 +116,18 @@ fn properties_are_those_of_the_material_of_a_point() {
     let setup = Setup::new(&mut world, Path::new("."));
     let row = [8000.0, 8000.0, 9000.0, 9000.0];
     let expected = [row, row, row].concat();
-    assert_eq!(setup.density_at_points(0).expect("given"), expected);
+    assert_eq!(setup.world().density_at_points(0).expect("given"), expected);
     assert_eq!(
-        setup.constant_at_points(0, "density").expect("given"),
+        setup
+            .world()
+            .constant_at_points(0, "density")
+            .expect("given"),
         expected
     );
-    let table = setup.constant_at_points(0, "youngs_modulus");
+    let table = setup.world().constant_at_points(0, "youngs_modulus");
     let message = table.expect_err("of steel").to_string();
     assert!(message.contains("`youngs_modulus` is a table"), "{message}");
-    let lacking = setup.property(0, "conductivity");
+    let lacking = setup.world().property(0, "conductivity");
     let message = lacking.expect_err("not given").to_string();
     assert!(
         message.contains("material `steel` of body `plate`"),
@@ -434,7 +437,7 @@ fn plugins_support_what_happens_to_the_points_on_which_they_act() {
             for plugin in order {
                 setup.enter(plugin);
                 match plugin == deposit {
-                    true => setup.deposit(0, &[3]).map(|_| ()),
+                    true => setup.change_material(0, Change::Births, &[3]).map(|_| ()),
                     false => setup.add(body, &SINK).map(|_| ()),
                 }
                 .expect("told at the end");

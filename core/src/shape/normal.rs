@@ -17,7 +17,7 @@ pub struct SurfacePart {
     pub foot: Vector3<f64>,
     /// Outward unit normal there.
     pub normal: Vector3<f64>,
-    /// Area on the surface over the area at the position asked for, projected along the normals.
+    /// Area on the surface over the area at the given position, projected along the normals.
     pub stretch: f64,
     /// Whether the part is curved, so that its normal changes from place to place.
     pub curved: bool,
@@ -25,7 +25,7 @@ pub struct SurfacePart {
     pub part: usize,
 }
 
-/// Where the surface is asked for.
+/// A position near the surface, and the direction in which the surface is sought.
 #[derive(Clone, Copy, Debug)]
 pub struct Facing {
     /// A position near the surface, m.

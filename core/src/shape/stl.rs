@@ -269,7 +269,8 @@ impl Surface {
 }
 
 impl Columns {
-    fn new(vertices: &[Vector3<f64>], triangles: &[[u32; 3]], (low, high): Bounds) -> Columns {
+    fn new(vertices: &[Vector3<f64>], triangles: &[[u32; 3]], bounds: Bounds) -> Columns {
+        let (low, high) = bounds;
         let extent = [high.y - low.y, high.z - low.z];
         // about one cell for each triangle, of equal sides
         let edge = (extent[0] * extent[1] / triangles.len() as f64).sqrt();
@@ -357,7 +358,7 @@ impl Surface {
         self.triangles[triangle as usize].map(|v| self.vertices[v as usize])
     }
 
-    /// What a triangle in front of the position along x adds to the winding number.
+    /// Contribution to the winding number of a triangle in front of the position along x.
     fn winding(&self, triangle: u32, position: &Vector3<f64>) -> i32 {
         let at = position.yz();
         let numbers = self.triangles[triangle as usize];

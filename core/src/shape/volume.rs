@@ -30,36 +30,37 @@ impl Shape {
     }
 }
 
-/// A box by its middle and its halves.
+/// A box by its middle and half its edges.
 #[derive(Clone, Copy)]
-struct Part {
+struct SampleBox {
     middle: Vector3<f64>,
     half: Vector3<f64>,
 }
 
-impl Part {
+impl SampleBox {
     fn size(&self, dimension: usize) -> f64 {
         (0..dimension).map(|a| 2.0 * self.half[a]).product()
     }
 
     /// The two halves across the longest edge.
-    fn halves(&self) -> [Part; 2] {
+    fn halves(&self) -> [SampleBox; 2] {
         let axis = self.half.imax();
         [-0.5, 0.5].map(|side| {
-            let mut part = *self;
-            part.middle[axis] += side * self.half[axis];
-            part.half[axis] *= 0.5;
-            part
+            let mut half = *self;
+            half.middle[axis] += side * self.half[axis];
+            half.half[axis] *= 0.5;
+            half
         })
     }
 }
 
-fn sampled(shape: &Shape, (low, high): Bounds, dimension: usize) -> f64 {
+fn sampled(shape: &Shape, bounds: Bounds, dimension: usize) -> f64 {
+    let (low, high) = bounds;
     let mut half = 0.5 * (high - low);
     for axis in dimension..3 {
         half[axis] = 0.0;
     }
-    let whole = Part {
+    let whole = SampleBox {
         middle: 0.5 * (low + high),
         half,
     };
@@ -68,7 +69,7 @@ fn sampled(shape: &Shape, (low, high): Bounds, dimension: usize) -> f64 {
     // boxes of one generation have equal sizes
     while !surface.is_empty() && surface.len() <= BOXES {
         let mut next = Vec::with_capacity(surface.len());
-        for part in surface.iter().flat_map(Part::halves) {
+        for part in surface.iter().flat_map(SampleBox::halves) {
             let reach = part.half.norm();
             if shape.contains(&part.middle, -reach) {
                 inside += part.size(dimension);

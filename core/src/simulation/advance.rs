@@ -18,7 +18,7 @@ impl Simulation {
     }
 
     fn is_due(&self, physics: usize, logging: bool) -> bool {
-        logging || self.physics[physics].plugin.clock().update == Update::Step
+        logging || self.physics[physics].stepping.update == Update::Step
     }
 
     /// Advances the physics of a group to `end` (s): a single one as it likes, several in common steps.
@@ -40,10 +40,7 @@ impl Simulation {
             return Ok(());
         }
         let members = &self.plan.groups[g].members;
-        if members
-            .iter()
-            .all(|&p| self.physics[p].plugin.is_steady_state())
-        {
+        if members.iter().all(|&p| self.physics[p].stepping.is_steady) {
             return self.find_steady_group(g, (start, end), logging);
         }
         let count = self.steps_within((first, self.group_steps[g]), start, end)?;
@@ -119,7 +116,7 @@ impl Simulation {
         let start = self.clock.advanced_to[p];
         let count = self.steps_within((p, self.sub_step[p]), start, end)?;
         let size = (end - start) / count as f64;
-        let steady = |&c: &usize| self.couplers[c].plugin.is_steady();
+        let steady = |&c: &usize| self.couplers[c].stepping.is_steady;
         let repeatable = self.plan.one_way[p] && self.plan.before[p].iter().all(steady);
         for s in 0..count {
             let step = Step {
@@ -195,30 +192,23 @@ impl Simulation {
     pub(super) fn check_state(&mut self, p: usize, step: Step) -> Result<(), RunError> {
         for &index in &self.plan.owned[p] {
             let field = self.world.fields.field(index);
-            let limit = self.plausible[p]
-                .iter()
-                .find(|(f, _)| *f == index)
-                .map_or(f64::MAX, |(_, l)| *l);
             let data = field.data();
             let largest = max_abs(data.flat());
-            if largest <= limit {
-                continue;
-            }
             let components = data.components();
-            let beyond = |v: &f64| match largest.is_finite() {
-                true => v.abs() > limit,
-                false => !v.is_finite(),
+            let at = match largest.is_finite() {
+                false => data.flat().iter().position(|v| !v.is_finite()).unwrap_or(0),
+                true => {
+                    drop(data);
+                    let plugin = &mut self.physics[p].plugin;
+                    let Some(point) = plugin.find_blow_up(&self.world, &field.name, largest) else {
+                        continue;
+                    };
+                    let data = field.data();
+                    let size = |c: &usize| data.flat()[components * point + c].abs();
+                    let largest = (0..components).max_by(|a, b| size(a).total_cmp(&size(b)));
+                    components * point + largest.unwrap_or(0)
+                }
             };
-            let mut at = data.flat().iter().position(beyond).unwrap_or(0);
-            if largest.is_finite() {
-                let (name, first) = (field.name.clone(), at / components);
-                drop(data);
-                let plugin = &mut self.physics[p].plugin;
-                let Some(point) = plugin.find_blow_up(&self.world, &name, first) else {
-                    continue;
-                };
-                at = components * point + at % components;
-            }
             let field = self.world.fields.field(index);
             let data = field.data();
             let body = &self.world.bodies[field.body];

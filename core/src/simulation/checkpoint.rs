@@ -1,11 +1,12 @@
 //! Checkpoints: everything needed to go on bit by bit; and the copies that repeated passes start from.
 
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
-use super::{ClockState, Named, Simulation};
+use super::{ClockState, Ready, Simulation};
 use crate::error::RunError;
 use crate::field::FieldIndex;
-use crate::plugin::{Coupler, Physics, Step, Update};
+use crate::plugin::{RunningCoupler, RunningPhysics, Step, Update};
 
 /// Values of the owned fields of a physics, and its packed internal state.
 pub(super) type SavedPhysics = (Vec<Vec<f64>>, Vec<u8>);
@@ -17,6 +18,9 @@ struct SavedField {
     #[serde(with = "serde_bytes")]
     values: Vec<u8>,
 }
+
+/// Version of the layout of checkpoints, those of plugins included.
+const FORMAT: u32 = 2;
 
 #[derive(Serialize, Deserialize)]
 struct Checkpoint {
@@ -30,7 +34,7 @@ struct Checkpoint {
 
 impl Simulation {
     pub(super) fn save_physics(&self) -> Result<Vec<SavedPhysics>, RunError> {
-        let save = |(p, owned): (&Named<dyn Physics>, &Vec<FieldIndex>)| {
+        let save = |(p, owned): (&Ready<dyn RunningPhysics>, &Vec<FieldIndex>)| {
             let fields = owned
                 .iter()
                 .map(|&f| self.world.fields.field(f).data().flat().to_vec())
@@ -63,12 +67,11 @@ impl Simulation {
         let broken =
             |e: erased_serde::Error| RunError::Checkpoint(format!("state of {label}: {e}"));
         let physics = &mut self.physics[p].plugin;
-        physics.load(&mut erased).map_err(broken)?;
-        physics.restored(&self.world)
+        physics.load(&self.world, &mut erased).map_err(broken)
     }
 
     pub(super) fn save_couplers(&self) -> Result<Vec<serde_bytes::ByteBuf>, RunError> {
-        let save = |c: &Named<dyn Coupler>| Ok(pack(&*c.plugin.save())?.into());
+        let save = |c: &Ready<dyn RunningCoupler>| Ok(pack(&*c.plugin.save())?.into());
         self.couplers.iter().map(save).collect()
     }
 
@@ -80,8 +83,7 @@ impl Simulation {
             let mut source = rmp_serde::Deserializer::from_read_ref(state);
             let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
             let broken = |e| RunError::Checkpoint(format!("state of {}: {e}", c.label));
-            c.plugin.load(&mut erased).map_err(broken)?;
-            c.plugin.restored(&self.world);
+            c.plugin.load(&self.world, &mut erased).map_err(broken)?;
         }
         Ok(())
     }
@@ -112,7 +114,7 @@ impl Simulation {
             couplers: self.save_couplers()?,
             rows_found_at: self.world.rows_found_at(),
         };
-        rmp_serde::to_vec(&checkpoint).map_err(|e| RunError::Checkpoint(e.to_string()))
+        rmp_serde::to_vec(&(FORMAT, checkpoint)).map_err(|e| RunError::Checkpoint(e.to_string()))
     }
 
     /// Restores what [`Simulation::save`] gave, instead of [`Simulation::start`].
@@ -121,7 +123,13 @@ impl Simulation {
     /// When the data are damaged or belong to another case.
     pub fn load(&mut self, checkpoint: &[u8]) -> Result<(), RunError> {
         let misfit = |what: String| RunError::Checkpoint(what);
-        let saved: Checkpoint =
+        let format: Result<(u32, IgnoredAny), _> = rmp_serde::from_slice(checkpoint);
+        if !format.is_ok_and(|(format, _)| format == FORMAT) {
+            let message = "it is damaged, or another version of the program wrote it: resume with that version, or start the \
+                           run again";
+            return Err(misfit(message.into()));
+        }
+        let (_, saved): (u32, Checkpoint) =
             rmp_serde::from_slice(checkpoint).map_err(|e| misfit(e.to_string()))?;
         if saved.physics.len() != self.physics.len() || saved.couplers.len() != self.couplers.len()
         {
@@ -166,9 +174,8 @@ impl Simulation {
             let mut source = rmp_serde::Deserializer::from_read_ref(state);
             let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut source);
             p.plugin
-                .load(&mut erased)
+                .load(&self.world, &mut erased)
                 .map_err(|e| misfit(format!("state of {}: {e}", p.label)))?;
-            p.plugin.restored(&self.world)?;
         }
         self.restore_couplers(&saved.couplers)?;
         self.clock = saved.clock;
@@ -206,7 +213,7 @@ impl Simulation {
             return Err(format!("its time is {time} s"));
         }
         for (physics, reached) in self.physics.iter().zip(advanced_to) {
-            let is_reached = match physics.plugin.clock().update {
+            let is_reached = match physics.stepping.update {
                 Update::Step => reached == time,
                 // waits for the next logged state
                 Update::Log => (0.0..=*time).contains(reached),

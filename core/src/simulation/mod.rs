@@ -27,20 +27,21 @@ pub use log_times::{LogStage, LogTimes};
 pub use remaining::Remaining;
 
 use std::path::Path;
-use std::sync::Arc;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::body::Horizon;
 use crate::error::{Problem, RunError, SetupError};
-use crate::family::{self, Family, FamilySpec};
-use crate::field::FieldIndex;
-use crate::plugin::{Balance, Coupler, Physics, Report, Step, StepSize, Update, supported};
+use crate::family::{self, FamilySpec};
+use crate::plugin::{
+    Balance, Coupler, Physics, Report, RunningCoupler, RunningPhysics, Step, StepSize, Stepping,
+    Update, supported,
+};
+use crate::programme::Programme;
 use crate::schedule::Plan;
 use crate::setup::{Setup, Warning};
 use crate::world::World;
-use crate::world::families::WorldFamily;
 
 /// A plugin with the name that messages use.
 pub struct Named<P: ?Sized> {
@@ -48,6 +49,13 @@ pub struct Named<P: ?Sized> {
     pub label: String,
     /// The plugin.
     pub plugin: Box<P>,
+}
+
+/// A plugin that is ready to run.
+struct Ready<P: ?Sized> {
+    label: String,
+    plugin: Box<P>,
+    stepping: Stepping,
 }
 
 /// A part of the run with a macro step of its own.
@@ -106,11 +114,39 @@ struct ClockState {
     progress: Progress,
 }
 
+impl ClockState {
+    fn at_start(physics: usize) -> Self {
+        ClockState {
+            time: 0.0,
+            logs: 0,
+            advanced_to: vec![0.0; physics],
+            progress: Progress {
+                sub_steps: vec![0; physics],
+                iterations: vec![0; physics],
+                evaluations: vec![0; physics],
+                ..Progress::default()
+            },
+        }
+    }
+}
+
+impl<P: ?Sized> Ready<P> {
+    fn new(plugin: Box<P>, (stepping, label): (Stepping, String)) -> Self {
+        Ready {
+            label,
+            plugin,
+            stepping,
+        }
+    }
+}
+
 /// A world, its plugins and the clock that steps them.
 pub struct Simulation {
     world: World,
-    couplers: Vec<Named<dyn Coupler>>,
-    physics: Vec<Named<dyn Physics>>,
+    couplers: Vec<Ready<dyn RunningCoupler>>,
+    physics: Vec<Ready<dyn RunningPhysics>>,
+    /// The plugins as composed.
+    composition: serde_json::Value,
     plan: Plan,
     options: TimeOptions,
     clock: ClockState,
@@ -122,7 +158,6 @@ pub struct Simulation {
     group_steps: Vec<f64>,
     /// What the exchanges of each group added in its present step, by sink.
     rates: Vec<Vec<Vec<f64>>>,
-    plausible: Vec<Vec<(FieldIndex, f64)>>,
     family_sizes: Vec<FamilySize>,
     /// Plugin, body and request of each family of points that stay.
     requests: Vec<(String, usize, FamilySpec)>,
@@ -161,7 +196,7 @@ impl Simulation {
     /// Prepares every plugin and derives the order. `folder` is where relative paths start.
     ///
     /// # Errors
-    /// The mistakes of what couplers share, else those of all plugins, else those of how the plugins fit together.
+    /// The mistakes of what plugins publish, else those of all plugins, else those of how the plugins fit together.
     pub fn prepare(
         mut world: World,
         mut couplers: Vec<Named<dyn Coupler>>,
@@ -169,69 +204,34 @@ impl Simulation {
         options: TimeOptions,
         folder: &Path,
     ) -> Result<Simulation, Faults> {
-        let culprit = |plugin: usize, couplers: usize| match plugin.checked_sub(couplers) {
+        let composition = composition(&couplers, &physics);
+        let couplers_count = couplers.len();
+        let culprit = |plugin: usize| match plugin.checked_sub(couplers_count) {
             Some(physics) => Culprit::Physics(physics),
             None => Culprit::Coupler(plugin),
         };
+        let at = |(plugin, error)| (culprit(plugin), error);
         let mut setup = Setup::new(&mut world, folder);
-        let mut faults = Faults::new();
-        let count = couplers.len();
-        for c in &couplers {
-            let supports = supported::<dyn Coupler>(c.plugin.typetag_name());
-            setup.add_plugin(&c.label, false, supports);
-        }
-        for p in &physics {
-            let supports = supported::<dyn Physics>(p.plugin.typetag_name());
-            setup.add_plugin(&p.label, true, supports);
-        }
-        for (i, c) in couplers.iter_mut().enumerate() {
-            setup.enter(i);
-            let published = c.plugin.publish(&mut setup);
-            faults.extend(published.err().map(|e| (Culprit::Coupler(i), e)));
-        }
-        for (i, p) in physics.iter_mut().enumerate() {
-            setup.enter(count + i);
-            let published = p.plugin.publish(&mut setup);
-            faults.extend(published.err().map(|e| (Culprit::Physics(i), e)));
-        }
-        // a plugin may need what another publishes
-        if !faults.is_empty() {
-            return Err(faults);
-        }
-        for (i, c) in couplers.iter_mut().enumerate() {
-            setup.enter(i);
-            let prepared = c.plugin.prepare(&mut setup);
-            faults.extend(prepared.err().map(|e| (Culprit::Coupler(i), e)));
-        }
-        // those that decide where points are come first: others sum over the same bonds
-        let mut order: Vec<usize> = (0..physics.len()).collect();
-        order.sort_by_key(|i| !setup.decides_points(count + i));
-        for i in order {
-            setup.enter(count + i);
-            let prepared = physics[i].plugin.prepare(&mut setup);
-            faults.extend(prepared.err().map(|e| (Culprit::Physics(i), e)));
-        }
-        if !faults.is_empty() {
-            return Err(faults);
-        }
-        let size = |(of, f): (&WorldFamily, Arc<Family>)| FamilySize {
-            body: of.body,
-            horizon: f.spec().horizon,
-            bonds: f.bonds(),
-            memory: f.memory(),
-        };
-        let declared = setup.finish().map_err(|mistakes| {
-            let mistakes = mistakes.into_iter();
-            let at = |(plugin, e)| (culprit(plugin, count), e);
-            mistakes.map(at).collect::<Faults>()
-        })?;
-        let family_sizes = world.families().map(size).collect();
-        let labels: Vec<String> = couplers
-            .iter()
-            .map(|c| &c.label)
+        publish(&mut setup, &mut couplers, &mut physics)
+            .map_err(|faults| faults.into_iter().map(at).collect::<Faults>())?;
+        let labels = couplers.iter().map(|c| &c.label);
+        let labels: Vec<String> = labels
             .chain(physics.iter().map(|p| &p.label))
             .cloned()
             .collect();
+        let ready = prepare_all(&mut setup, couplers, physics);
+        let (couplers, physics) =
+            ready.map_err(|faults| faults.into_iter().map(at).collect::<Faults>())?;
+        let mut declared = setup
+            .finish()
+            .map_err(|mistakes| mistakes.into_iter().map(at).collect::<Faults>())?;
+        let family_sizes = world.families().map(|(of, family)| FamilySize {
+            body: of.body,
+            horizon: family.spec().horizon,
+            bonds: family.bonds(),
+            memory: family.memory(),
+        });
+        let family_sizes = family_sizes.collect();
         let body_of_field: Vec<usize> = world.fields.iter().map(|f| f.body).collect();
         let counts = (couplers.len(), physics.len());
         let plan = Plan::derive(counts, &declared.declarations, &body_of_field, &labels);
@@ -240,23 +240,18 @@ impl Simulation {
                 Problem::Cycle(names) => labels.iter().position(|l| Some(l) == names.first()),
                 _ => None,
             };
-            let culprit = culprit(first.unwrap_or(0), couplers.len());
-            vec![(culprit, SetupError::new("", problem))]
+            vec![(culprit(first.unwrap_or(0)), SetupError::new("", problem))]
         })?;
+        let mut stepping = declared.stepping.drain(..).zip(labels);
+        let couplers = couplers.into_iter().zip(&mut stepping);
+        let couplers: Vec<_> = couplers
+            .map(|(plugin, of)| Ready::new(plugin, of))
+            .collect();
+        let physics = physics.into_iter().zip(&mut stepping);
+        let physics: Vec<_> = physics.map(|(plugin, of)| Ready::new(plugin, of)).collect();
+        drop(stepping);
         check_updates(&plan, &physics).map_err(|fault| vec![fault])?;
         world.set_times(&(0..body_of_field.len()).collect::<Vec<_>>(), 0.0);
-        let progress = Progress {
-            sub_steps: vec![0; physics.len()],
-            iterations: vec![0; physics.len()],
-            evaluations: vec![0; physics.len()],
-            ..Progress::default()
-        };
-        let clock = ClockState {
-            time: 0.0,
-            logs: 0,
-            advanced_to: vec![0.0; physics.len()],
-            progress,
-        };
         let count = physics.len();
         let rates = plan.groups.iter();
         let rates = rates.map(|g| vec![Vec::new(); g.rates.len()]).collect();
@@ -264,15 +259,15 @@ impl Simulation {
             world,
             couplers,
             physics,
+            composition,
             plan,
             options,
-            clock,
+            clock: ClockState::at_start(count),
             sub_step: vec![f64::INFINITY; count],
             stable_step: vec![None; count],
             stable_exchange: Vec::new(),
             group_steps: Vec::new(),
             rates,
-            plausible: vec![Vec::new(); count],
             family_sizes,
             requests: declared.requests,
             warnings: declared.warnings,
@@ -411,8 +406,7 @@ impl Simulation {
         }
         self.find_steps();
         self.apply_all(Step::new(0.0, 0.0))?;
-        self.observe();
-        Ok(())
+        self.observe()
     }
 
     /// Whether the end is reached.
@@ -420,10 +414,11 @@ impl Simulation {
         self.clock.time >= self.options.end
     }
 
-    fn observe(&mut self) {
-        for p in &mut self.physics {
-            p.plugin.observe(&self.world);
-        }
+    /// Lets physics examine and complete the state before it is logged.
+    fn observe(&mut self) -> Result<(), RunError> {
+        let time = self.clock.time;
+        let mut physics = self.physics.iter_mut();
+        physics.try_for_each(|p| p.plugin.observe(&self.world, time))
     }
 
     /// Conserved totals of all physics: label and balances.
@@ -440,16 +435,30 @@ impl Simulation {
         let couplers = couplers.map(|c| (c.label.as_str(), c.plugin.report()));
         let physics = self.physics.iter();
         couplers
-            .chain(physics.map(|p| (p.label.as_str(), p.plugin.report())))
+            .chain(physics.map(|p| (p.label.as_str(), p.plugin.report(&self.world).numbers)))
             .collect()
     }
 
-    /// What couplers still wait for: their names and a sentence.
+    /// Programmes of all plugins with their names, as known at a time (s): those that they state, or their events after that
+    /// time.
+    fn programmes(&self, time: f64) -> impl Iterator<Item = (&str, Programme)> {
+        let couplers = self.couplers.iter().map(move |c| {
+            let limits = |after| c.plugin.step_limits(after);
+            (c.label.as_str(), c.stepping.programme_at(time, limits))
+        });
+        let physics = self.physics.iter().map(move |p| {
+            let limits = |after| p.plugin.step_limits(after);
+            (p.label.as_str(), p.stepping.programme_at(time, limits))
+        });
+        let all = couplers.chain(physics);
+        all.filter_map(|(label, programme)| Some((label, programme?)))
+    }
+
+    /// What plugins still wait for: their names and a sentence.
     pub fn unfinished(&self) -> Vec<(&str, String)> {
-        let couplers = self.couplers.iter();
-        let waiting = |c: &'_ Named<dyn Coupler>| c.plugin.unfinished(self.clock.time);
-        couplers
-            .filter_map(|c| Some((c.label.as_str(), waiting(c)?)))
+        let programmes = self.programmes(self.clock.time);
+        programmes
+            .filter_map(|(label, programme)| Some((label, programme.waits?)))
             .collect()
     }
 
@@ -457,21 +466,17 @@ impl Simulation {
     /// are left out.
     pub fn unreached(&self) -> Vec<(&str, String)> {
         let end = self.options.end;
-        let couplers = self.couplers.iter().filter(|c| {
-            let waits = self.is_finished() && c.plugin.unfinished(self.clock.time).is_some();
-            !waits
-        });
-        let couplers = couplers.map(|c| (c.label.as_str(), c.plugin.programme(end)));
-        let physics = self.physics.iter();
-        let all = couplers.chain(physics.map(|p| (p.label.as_str(), p.plugin.programme(end))));
-        all.filter_map(|(label, programme)| Some((label, programme?.unreached(end)?)))
+        let is_waiting = |p: &Programme| self.is_finished() && p.waits.is_some();
+        let programmes = self.programmes(end).filter(|(_, p)| !is_waiting(p));
+        programmes
+            .filter_map(|(label, programme)| Some((label, programme.unreached(end)?)))
             .collect()
     }
 
     /// What physics say of states outside the validity of their models: their names and a sentence.
     pub fn remarks(&self) -> Vec<(&str, String)> {
+        let remarks = |p: &'_ Ready<dyn RunningPhysics>| p.plugin.report(&self.world).remarks;
         let physics = self.physics.iter();
-        let remarks = |p: &'_ Named<dyn Physics>| p.plugin.remarks(&self.world);
         physics
             .flat_map(|p| remarks(p).into_iter().map(|r| (p.label.as_str(), r)))
             .collect()
@@ -489,24 +494,101 @@ impl Simulation {
 
     /// The plugins as composed, all defaults filled in: `{"physics": [...], "couplers": [...]}`.
     pub fn composition(&self) -> serde_json::Value {
-        let physics: Vec<_> = self
-            .physics
-            .iter()
-            .map(|p| serde_json::to_value(&p.plugin).unwrap_or_default())
-            .collect();
-        let couplers: Vec<_> = self
-            .couplers
-            .iter()
-            .map(|c| serde_json::to_value(&c.plugin).unwrap_or_default())
-            .collect();
-        serde_json::json!({ "physics": physics, "couplers": couplers })
+        self.composition.clone()
     }
 }
 
+fn composition(
+    couplers: &[Named<dyn Coupler>],
+    physics: &[Named<dyn Physics>],
+) -> serde_json::Value {
+    let physics = physics.iter();
+    let physics: Vec<_> = physics
+        .map(|p| serde_json::to_value(&p.plugin).unwrap_or_default())
+        .collect();
+    let couplers = couplers.iter();
+    let couplers: Vec<_> = couplers
+        .map(|c| serde_json::to_value(&c.plugin).unwrap_or_default())
+        .collect();
+    serde_json::json!({ "physics": physics, "couplers": couplers })
+}
+
+/// Lets all plugins publish what others need when they are prepared. Mistakes come with the position of the plugin.
+fn publish(
+    setup: &mut Setup<'_>,
+    couplers: &mut [Named<dyn Coupler>],
+    physics: &mut [Named<dyn Physics>],
+) -> Result<(), Vec<(usize, SetupError)>> {
+    for c in &*couplers {
+        let supports = supported::<dyn Coupler>(c.plugin.typetag_name());
+        setup.add_plugin(&c.label, false, supports);
+    }
+    for p in &*physics {
+        let supports = supported::<dyn Physics>(p.plugin.typetag_name());
+        setup.add_plugin(&p.label, true, supports);
+    }
+    let mut faults = Vec::new();
+    for (i, c) in couplers.iter_mut().enumerate() {
+        setup.enter(i);
+        let published = c.plugin.publish(setup);
+        faults.extend(published.err().map(|e| (i, e)));
+    }
+    for (i, p) in (couplers.len()..).zip(physics) {
+        setup.enter(i);
+        let published = p.plugin.publish(setup);
+        faults.extend(published.err().map(|e| (i, e)));
+    }
+    match faults.is_empty() {
+        true => Ok(()),
+        false => Err(faults),
+    }
+}
+
+/// Couplers and physics that are ready to run, in the order of the case.
+type Prepared = (Vec<Box<dyn RunningCoupler>>, Vec<Box<dyn RunningPhysics>>);
+
+/// Prepares couplers, then physics: those first that decide where points are, since others sum over the same bonds.
+fn prepare_all(
+    setup: &mut Setup<'_>,
+    couplers: Vec<Named<dyn Coupler>>,
+    physics: Vec<Named<dyn Physics>>,
+) -> Result<Prepared, Vec<(usize, SetupError)>> {
+    let count = couplers.len();
+    let mut faults = Vec::new();
+    let mut ready = Vec::new();
+    for (i, c) in couplers.into_iter().enumerate() {
+        setup.enter(i);
+        match c.plugin.prepare(setup) {
+            Ok(coupler) => ready.push(coupler),
+            Err(e) => faults.push((i, e)),
+        }
+    }
+    let mut in_order: Vec<_> = (count..).zip(physics).collect();
+    in_order.sort_by_key(|(i, _)| !setup.decides_points(*i));
+    let mut ready_physics = Vec::new();
+    for (i, p) in in_order {
+        setup.enter(i);
+        match p.plugin.prepare(setup) {
+            Ok(physics) => ready_physics.push((i, physics)),
+            Err(e) => faults.push((i, e)),
+        }
+    }
+    if !faults.is_empty() {
+        faults.sort_by_key(|(i, _)| *i);
+        return Err(faults);
+    }
+    ready_physics.sort_by_key(|(i, _)| *i);
+    let physics = ready_physics.into_iter().map(|(_, physics)| physics);
+    Ok((ready, physics.collect()))
+}
+
 /// Refuses physics that advance together although one of them advances only once per log interval.
-fn check_updates(plan: &Plan, physics: &[Named<dyn Physics>]) -> Result<(), (Culprit, SetupError)> {
+fn check_updates(
+    plan: &Plan,
+    physics: &[Ready<dyn RunningPhysics>],
+) -> Result<(), (Culprit, SetupError)> {
     let coupled = plan.groups.iter().filter(|g| g.members.len() > 1);
-    let rare = |p: &&usize| physics[**p].plugin.clock().update == Update::Log;
+    let rare = |p: &&usize| physics[**p].stepping.update == Update::Log;
     match coupled.flat_map(|g| &g.members).find(rare) {
         Some(&p) => {
             let message = format!(

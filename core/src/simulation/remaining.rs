@@ -30,9 +30,7 @@ impl Simulation {
     /// as toolpaths, and some in between where these are far apart.
     pub fn phases(&self) -> Vec<f64> {
         let end = self.options.end;
-        let couplers = self.couplers.iter().map(|c| c.plugin.programme(end));
-        let physics = self.physics.iter().map(|p| p.plugin.programme(end));
-        let mut ends: Vec<f64> = couplers.chain(physics).flatten().map(|p| p.end).collect();
+        let mut ends: Vec<f64> = self.programmes(end).map(|(_, p)| p.end).collect();
         ends.retain(|time| *time < end);
         ends.sort_by(f64::total_cmp);
         ends.push(end);
@@ -87,7 +85,7 @@ impl Simulation {
             let steps = count((target - time) / limit);
             left.macro_steps += steps;
             for (p, physics) in self.physics.iter().enumerate() {
-                let is_rare = physics.plugin.clock().update == Update::Log;
+                let is_rare = physics.stepping.update == Update::Log;
                 if is_rare && !is_log {
                     continue;
                 }

@@ -1,36 +1,15 @@
 //! Sizes of steps: what is stable, what was asked for, and macro steps that land on log times and events.
 
-use super::{Culprit, Named, Simulation};
+use super::{Culprit, Ready, Simulation};
 use crate::error::{Problem, RunError, SetupError};
-use crate::plugin::{Coupler, Step, StepSize};
+use crate::plugin::{RunningCoupler, Step, StepSize};
 use crate::schedule::Group;
 
 impl Simulation {
     pub(super) fn find_steps(&mut self) {
-        let ask = |c: &mut Named<dyn Coupler>| c.plugin.stable_step(&self.world);
+        let ask = |c: &mut Ready<dyn RunningCoupler>| c.plugin.stable_step(&self.world);
         self.stable_exchange = self.couplers.iter_mut().map(ask).collect();
-        for (i, p) in self.physics.iter_mut().enumerate() {
-            let stable = p.plugin.stable_step(&self.world);
-            self.stable_step[i] = stable;
-            let exchanges = self.plan.before[i].iter();
-            let exchanges = exchanges.filter_map(|&c| self.stable_exchange[c]);
-            let stable = exchanges.chain(stable).fold(f64::INFINITY, f64::min);
-            self.sub_step[i] = match p.plugin.clock().step {
-                StepSize::Fixed(step) => step,
-                StepSize::Auto => self.options.safety * stable,
-            };
-            let find = |(name, limit): (&str, f64)| {
-                let owned = self.plan.owned[i].iter().copied();
-                let named = owned.filter(|&f| self.world.fields.field(f).name == name);
-                named.map(|f| (f, limit)).collect::<Vec<_>>()
-            };
-            self.plausible[i] = p
-                .plugin
-                .plausible(&self.world)
-                .into_iter()
-                .flat_map(find)
-                .collect();
-        }
+        self.limit_steps();
         self.find_group_steps();
     }
 
@@ -52,19 +31,19 @@ impl Simulation {
         self.group_steps = self.plan.groups.iter().map(step).collect();
     }
 
-    /// Takes up stable steps that change during the run.
+    /// Takes up the stable steps of physics, which may change during the run.
     fn limit_steps(&mut self) {
         let mut any = false;
-        for (i, p) in self.physics.iter().enumerate() {
-            let Some(stable) = p.plugin.changed_stable_step() else {
-                continue;
+        for (i, p) in self.physics.iter_mut().enumerate() {
+            let stable = p.plugin.stable_step(&self.world);
+            any |= std::mem::replace(&mut self.stable_step[i], stable) != stable;
+            let exchanges = self.plan.before[i].iter();
+            let exchanges = exchanges.filter_map(|&c| self.stable_exchange[c]);
+            let stable = exchanges.chain(stable).fold(f64::INFINITY, f64::min);
+            self.sub_step[i] = match p.stepping.step {
+                StepSize::Fixed(step) => step,
+                StepSize::Auto => self.options.safety * stable,
             };
-            any |= self.stable_step[i].replace(stable) != Some(stable);
-            if p.plugin.clock().step == StepSize::Auto {
-                let exchanges = self.plan.before[i].iter();
-                let exchanges = exchanges.filter_map(|&c| self.stable_exchange[c]);
-                self.sub_step[i] = self.options.safety * exchanges.fold(stable, f64::min);
-            }
         }
         if any {
             self.find_group_steps();
@@ -77,7 +56,7 @@ impl Simulation {
     /// The physics at fault, with both numbers.
     pub fn check_steps(&self) -> Result<(), (Culprit, SetupError)> {
         for (i, p) in self.physics.iter().enumerate() {
-            let StepSize::Fixed(fixed) = p.plugin.clock().step else {
+            let StepSize::Fixed(fixed) = p.stepping.step else {
                 continue;
             };
             let exceeds = |stable: &f64| fixed > stable * (1.0 + 1e-9);
@@ -131,11 +110,11 @@ impl Simulation {
         let physics = self
             .physics
             .iter()
-            .filter_map(|p| p.plugin.step_limit(time));
+            .filter_map(|p| p.plugin.step_limits(time).longest);
         let couplers = self
             .couplers
             .iter()
-            .filter_map(|c| c.plugin.step_limit(time));
+            .filter_map(|c| c.plugin.step_limits(time).longest);
         physics.chain(couplers).fold(longest, f64::min)
     }
 
@@ -158,11 +137,11 @@ impl Simulation {
         let couplers = self
             .couplers
             .iter()
-            .filter_map(|c| c.plugin.next_event(after));
+            .filter_map(|c| c.plugin.step_limits(after).next_event);
         let physics = self
             .physics
             .iter()
-            .filter_map(|p| p.plugin.next_event(after));
+            .filter_map(|p| p.plugin.step_limits(after).next_event);
         let stages = self.options.stages.iter().map(|s| s.from);
         let stage = stages.filter(|from| *from > after).fold(log, f64::min);
         let event = couplers.chain(physics).fold(stage, f64::min);
@@ -209,10 +188,7 @@ impl Simulation {
         self.clock.progress.macro_steps += 1;
         self.clock.progress.last_step = end - time;
         if logging {
-            for p in &mut self.physics {
-                p.plugin.examine(&self.world, end)?;
-            }
-            self.observe();
+            self.observe()?;
             self.clock.logs += 1;
         }
         Ok(logging)

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::*;
 use crate::body::Body;
 use crate::field::{Key, Read, Write};
-use crate::plugin::{Clock, Update, Work};
+use crate::plugin::{StepLimits, Update, Work};
 use crate::setup::Access;
 use crate::shape::{BoxShape, Shape};
 
@@ -87,7 +87,10 @@ fn sink_of(field: &str) -> Key<f64> {
 
 #[typetag::serialize(name = "test_ruled")]
 impl Physics for Ruled {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
         self.own = Some(setup.own(body_of(self.field), &key(self.field))?);
         let (body, sink) = (body_of(self.field), sink_of(self.field));
         self.sink = match self.sums {
@@ -96,39 +99,32 @@ impl Physics for Ruled {
         };
         self.is_read
             .set(setup.is_declared(body_of(self.field), &key(self.field), Access::Read));
-        Ok(())
-    }
-
-    fn clock(&self) -> Clock {
-        Clock {
+        setup.stepping(Stepping {
             step: self.clock_step,
             update: self.update,
+            ..Stepping::default()
+        });
+        Ok(self)
+    }
+}
+
+impl RunningPhysics for Ruled {
+    fn stable_step(&mut self, _world: &World) -> Option<f64> {
+        let changed = self.changed.filter(|(from, _)| self.time >= *from);
+        changed.map(|(_, step)| step).or(self.stable)
+    }
+
+    fn step_limits(&self, time: f64) -> StepLimits {
+        let limit = self.limit.filter(|(from, _)| time >= *from);
+        StepLimits {
+            next_event: self.event.filter(|event| *event > time),
+            longest: limit.map(|(_, step)| step),
         }
     }
 
-    fn stable_step(&mut self, _world: &World) -> Option<f64> {
-        self.stable
-    }
-
-    fn changed_stable_step(&self) -> Option<f64> {
-        let (from, step) = self.changed?;
-        (self.time >= from).then_some(step)
-    }
-
-    fn step_limit(&self, time: f64) -> Option<f64> {
-        let (from, step) = self.limit?;
-        (time >= from).then_some(step)
-    }
-
-    fn next_event(&self, after: f64) -> Option<f64> {
-        self.event.filter(|event| *event > after)
-    }
-
-    fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {
-        self.plausible
-            .map(|limit| (self.field, limit))
-            .into_iter()
-            .collect()
+    fn find_blow_up(&mut self, world: &World, _field: &str, largest: f64) -> Option<usize> {
+        let limit = self.plausible.filter(|limit| largest > *limit)?;
+        world.first_beyond(Read::from(self.own?), limit)
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
@@ -171,7 +167,10 @@ struct Seen {
 
 #[typetag::serialize(name = "test_seen")]
 impl Coupler for Seen {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         for name in &self.reads {
             setup.read(body_of(name), &key(name))?;
         }
@@ -184,23 +183,24 @@ impl Coupler for Seen {
         for warning in &self.warnings {
             setup.warn(*warning);
         }
-        Ok(())
+        setup.stepping(Stepping {
+            is_steady: self.is_steady,
+            ..Stepping::default()
+        });
+        Ok(self)
     }
+}
 
+impl RunningCoupler for Seen {
     fn stable_step(&mut self, _world: &World) -> Option<f64> {
         self.stable
     }
 
-    fn next_event(&self, after: f64) -> Option<f64> {
-        self.event.filter(|event| *event > after)
-    }
-
-    fn step_limit(&self, _time: f64) -> Option<f64> {
-        self.limit
-    }
-
-    fn is_steady(&self) -> bool {
-        self.is_steady
+    fn step_limits(&self, time: f64) -> StepLimits {
+        StepLimits {
+            next_event: self.event.filter(|event| *event > time),
+            longest: self.limit,
+        }
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {

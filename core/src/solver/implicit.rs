@@ -5,15 +5,15 @@
 //! y_new = y + dt ((1 - theta) f(t, y) + theta f(t + dt, z))        flux form
 //! ```
 //!
-//! The second line looks like a repetition of the first, but `z` meets it only to the
-//! tolerance of the iteration. Its right side is a rate: when the entries of `f` add up to
-//! zero (or to the heat put in), the sum of the state changes by that and by rounding,
+//! The second line seems to repeat the first, but `z` meets it only to the
+//! tolerance of the iteration. The right side of the second line is a rate: when the entries of `f` add up to
+//! zero (or to the supplied heat), the sum of the state changes by that and by rounding,
 //! however loose the tolerance. `y_new` differs from `z` by the residual, within the tolerance.
 //!
-//! `z` is sought by the unknowns of [`Rhs::unknowns`]. Heat with phase change shows why: far above the explicit limit
-//! the flow of heat dominates, which is nearly linear in the temperature; in the enthalpy, which is the state, it changes
-//! its slope wherever a point starts or ends to melt, and Newton's method does not get past so many kinks. The Jacobian is
-//! not symmetric in general, hence BiCGStab.
+//! Newton's method solves for the unknowns of [`Rhs::unknowns`]. Example, heat with phase change: far above the explicit
+//! limit the flow of heat dominates, which is nearly linear in the temperature. As a function of the enthalpy, which is the
+//! state, its slope jumps wherever a point starts or ends to melt, and Newton's method fails at so many kinks. The Jacobian
+//! is not symmetric in general, hence BiCGStab.
 
 use super::error::{SolverError, positive};
 use super::krylov::Hints;
@@ -32,12 +32,12 @@ pub struct Implicit {
     old_rate: Vec<f64>,
     history: Vec<f64>,
     candidate: Vec<f64>,
-    work: Work,
+    work: StepVectors,
 }
 
-/// Unknowns, the state that belongs to them, the derivative by them, and a direction, as [`Rhs::state`] has them.
+/// Unknowns, the state that belongs to them, its derivative by them ([`Rhs::state`]), and a direction.
 #[derive(Debug, Clone, Default)]
-struct Work {
+struct StepVectors {
     unknowns: Vec<f64>,
     state: Vec<f64>,
     slope: Vec<f64>,
@@ -63,14 +63,14 @@ impl Implicit {
             old_rate: Vec::new(),
             history: Vec::new(),
             candidate: Vec::new(),
-            work: Work::default(),
+            work: StepVectors::default(),
         }
     }
 
     /// Advances `state` from `time` by `dt` (s). After an error the state is as it was.
     ///
     /// # Errors
-    /// A step that is not positive, and those of [`Newton::solve`].
+    /// A step that is not positive, and the errors of [`Newton::solve`].
     pub fn step(
         &mut self,
         rhs: &mut dyn Rhs,
@@ -115,7 +115,7 @@ impl Implicit {
         };
         let mut report = newton.solve(&mut equation, time + dt, candidate, Hints::default())?;
 
-        // history is no longer needed: its memory holds the new rate from here on
+        // from here on the memory of `history` holds the new rate
         rhs.state(candidate, &mut work.state, &mut work.slope);
         rhs.rate(time + dt, &work.state, history)?;
         report.evaluations += if old > 0.0 { 2 } else { 1 };
@@ -125,17 +125,19 @@ impl Implicit {
         Ok(report)
     }
 
-    /// Writes the estimated error of the last step into `error`, from the states `before` and `after` it, with one more rate.
+    /// Writes the estimated error of the last step, from `time` by `dt` (s), into `error`, with one more rate; `[before,
+    /// after]`: the states before and after the step.
     ///
-    /// That of implicit Euler is half the change of the rate times the step. That of Crank-Nicolson is the difference
-    /// from Simpson's rule over the cubic through both states with both rates, `-dt^3 d3y/dt3 / 12`.
+    /// The error of implicit Euler is half the change of the rate times the step. The error of Crank-Nicolson is the
+    /// difference from Simpson's rule over the cubic through both states with both rates, `-dt^3 d3y/dt3 / 12`.
     ///
     /// # Errors
-    /// Those of the model.
+    /// Errors of the model.
     pub fn error(
         &mut self,
         rhs: &mut dyn Rhs,
-        (time, dt): (f64, f64),
+        time: f64,
+        dt: f64,
         [before, after]: [&[f64]; 2],
         error: &mut [f64],
     ) -> Result<(), SolverError> {
@@ -174,11 +176,11 @@ struct StepEquation<'a> {
     rhs: &'a mut dyn Rhs,
     history: &'a [f64],
     weight: f64,
-    work: &'a mut Work,
+    work: &'a mut StepVectors,
 }
 
 impl StepEquation<'_> {
-    /// Finds the state, unless the unknowns are those of the last time, as in all products with one tangent.
+    /// Finds the state, unless the unknowns are unchanged, as in all products with one tangent.
     fn find_state(&mut self, unknowns: &[f64]) {
         let work = &mut *self.work;
         if work.unknowns != unknowns {
@@ -204,10 +206,10 @@ impl Rhs for StepEquation<'_> {
         self.rhs.scale()
     }
 
-    /// That of the state, which is found from the unknowns, and that of the rate over the step: with steps far above the
-    /// explicit limit the latter is larger. For the unknowns of the last evaluation, which are those at hand.
+    /// Rounding error of the residual: of the state, which is computed from the unknowns, plus that of the rate times the
+    /// step. The rate dominates for steps far above the explicit limit. The unknowns are those of the last evaluation.
     fn rounding(&self, at: At) -> f64 {
-        let Work { state, slope, .. } = &*self.work;
+        let StepVectors { state, slope, .. } = &*self.work;
         let [squares] = sum_points(state.len(), |i| [(slope[i] * at.state[i]).powi(2)]);
         let time = at.time;
         4.0 * f64::EPSILON * (norm(state) + squares.sqrt())
@@ -217,7 +219,7 @@ impl Rhs for StepEquation<'_> {
     fn tangent(&mut self, at: At, direction: &[f64], out: &mut [f64]) -> Result<bool, SolverError> {
         let weight = self.weight;
         self.find_state(at.state);
-        let Work {
+        let StepVectors {
             state,
             slope,
             direction: of_state,
@@ -233,7 +235,7 @@ impl Rhs for StepEquation<'_> {
     fn tangent_diagonal(&mut self, at: At, out: &mut [f64]) -> Result<bool, SolverError> {
         let weight = self.weight;
         self.find_state(at.state);
-        let Work { state, slope, .. } = &*self.work;
+        let StepVectors { state, slope, .. } = &*self.work;
         let time = at.time;
         let offered = self.rhs.tangent_diagonal(At { time, state }, out)?;
         update(out, [slope], |diagonal, [slope]| {
@@ -279,7 +281,7 @@ mod tests {
             let (mut y, mut error) = ([1.0], [0.0]);
             method.step(&mut decay, 0.0, dt, &mut y).unwrap();
             method
-                .error(&mut decay, (0.0, dt), [&[1.0], &y], &mut error)
+                .error(&mut decay, 0.0, dt, [&[1.0], &y], &mut error)
                 .unwrap();
             let exact = y[0] - (-dt).exp();
             // the next term is about dt relative to the first
@@ -336,7 +338,7 @@ mod tests {
             rhs: &mut Decays([1.0, 20.0, 0.3]),
             history: &[0.0; 3],
             weight: 0.7,
-            work: &mut Work {
+            work: &mut StepVectors {
                 unknowns: Vec::new(),
                 state: vec![0.0; 3],
                 slope: vec![0.0; 3],

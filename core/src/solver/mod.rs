@@ -1,4 +1,4 @@
-//! Solvers over flat vectors, for any physics; none of them knows of fields or plugins.
+//! Solvers over flat vectors, for any physics; they do not depend on fields or plugins.
 //!
 //! Which solver for which problem:
 //!
@@ -47,4 +47,4 @@ pub use rhs::{At, Rhs, rhs};
 pub use rkl2::Rkl2;
 pub use spectrum::largest_eigenvalue;
 pub use steady::steady_state;
-pub use verlet::{Dynamics, HalfKick, Motion, Verlet};
+pub use verlet::{Dynamics, HalfKick, Verlet, VerletState};

@@ -7,14 +7,17 @@
 //! |f(y + s d)| <= (1 - 1e-4 s) |f(y)|   or   -0.8 <= f(y + s d) . d / f(y) . d <= 1
 //! ```
 //!
-//! For forces with an energy `E` the second is a step down to its minimum along `d`, where `dE/ds = -f . d` is zero, or not
-//! far beyond. Plastic flow needs it: the first tangent of a step is elastic, and the flow that begins raises the norm of
-//! the forces while the energy falls; near the limit load it falls along the whole step. The sign is that of a restoring force or of diffusion: for
-//! them `-J` is positive (semi-)definite and conjugate gradients may be chosen. Where that holds
+//! For forces with an energy `E` the second condition holds up to the minimum along `d`, where `dE/ds = -f . d` is zero, and
+//! not far beyond. Plastic flow needs it: the first tangent of a step is elastic, and the flow that begins raises the norm of
+//! the forces while the energy falls; near the limit load the energy falls along the whole step. The sign suits restoring
+//! forces and diffusion: for them `-J` is positive (semi-)definite and conjugate gradients may be chosen. Where that holds
 //! only for `-diag(w) J`, the system is multiplied by the weights of [`Rhs::weights`].
 //!
 //! Sources: Knoll & Keyes (2004), J. Comput. Phys. 193, 357-397; line search by the work: Matthies & Strang (1979), Int. J.
-//! Numer. Methods Eng. 14, 1613-1626, who ask for 0.8 of the work on both sides; accuracy of the linear solves after Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16-32, choice 2.
+//! Numer. Methods Eng. 14, 1613-1626, who require 0.8 of the work on both sides; accuracy of the linear solves after Eisenstat & Walker (1996), SIAM J. Sci. Comput. 17, 16-32, choice 2.
+
+#[cfg(test)]
+mod tests;
 
 use super::error::SolverError;
 use super::krylov::{Hints, Krylov, KrylovMethod, KrylovOptions};
@@ -57,7 +60,7 @@ impl Default for NewtonOptions {
     }
 }
 
-/// What a Newton iteration did.
+/// Report of a Newton iteration.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct NewtonReport {
     /// Newton iterations spent.
@@ -87,7 +90,7 @@ pub struct Newton {
 /// Fraction of the full step below which a line search gives up.
 const SHORTEST_STEP: f64 = 1.0 / 1024.0;
 
-/// Part of the work along a direction that may be left beyond the point where it is zero.
+/// Fraction of the work along a direction that may remain beyond the point where it is zero.
 const WORK_BEYOND: f64 = 0.8;
 
 impl Newton {
@@ -113,7 +116,7 @@ impl Newton {
     /// convergence.
     ///
     /// # Errors
-    /// No convergence, those of [`Krylov::solve`], and errors of the model.
+    /// No convergence, errors of [`Krylov::solve`] and of the model.
     pub fn solve(
         &mut self,
         rhs: &mut dyn Rhs,
@@ -121,41 +124,20 @@ impl Newton {
         state: &mut [f64],
         hints: Hints,
     ) -> Result<NewtonReport, SolverError> {
-        let Self {
-            options,
-            krylov,
-            value,
-            step,
-            trial,
-            trial_value,
-            diagonal,
-            weights,
-        } = self;
-        weights.clear();
-        weights.extend_from_slice(rhs.weights().unwrap_or(&[]));
-        for vector in [
-            &mut *value,
-            &mut *step,
-            &mut *trial,
-            &mut *trial_value,
-            &mut *diagonal,
-        ] {
-            vector.resize(state.len(), 0.0);
-        }
-        krylov.method = options.krylov;
-        krylov.options.max_iterations = options.max_krylov_iterations;
-
-        rhs.rate(time, state, value)?;
-        weigh(weights, value);
+        self.start(rhs, state.len());
+        rhs.rate(time, state, &mut self.value)?;
+        weigh(&self.weights, &mut self.value);
         let mut report = NewtonReport {
-            residual: norm(value),
+            residual: norm(&self.value),
             evaluations: 1,
             ..Default::default()
         };
+        let options = self.options;
         let asked = options.relative_tolerance * report.residual + options.absolute_tolerance;
         let mut forcing: f64 = 0.1;
         loop {
-            let tolerance = asked + rhs.rounding(At { time, state });
+            let at = At { time, state };
+            let tolerance = asked + rhs.rounding(at);
             if !report.residual.is_finite() {
                 let iteration = report.iterations;
                 return Err(SolverError::NotFinite {
@@ -166,7 +148,7 @@ impl Newton {
             if report.residual <= tolerance {
                 return Ok(report);
             }
-            let not_converged = |advice| SolverError::NotConverged {
+            let not_converged = |report: NewtonReport, advice| SolverError::NotConverged {
                 method: "Newton's method",
                 iterations: report.iterations,
                 residual: report.residual,
@@ -175,74 +157,135 @@ impl Newton {
             };
             if report.iterations == options.max_iterations {
                 return Err(not_converged(
+                    report,
                     "take a smaller step or a better initial guess",
                 ));
             }
-
-            let at = At { time, state };
-            let has_diagonal = rhs.tangent_diagonal(at, diagonal)?;
-            update(diagonal, [], |entry, []| -entry);
-            if has_diagonal {
-                weigh(weights, diagonal);
-            }
-            let hints = Hints {
-                diagonal: has_diagonal.then_some(&**diagonal),
-                ..hints
-            };
             // The linear system need not be solved better than the tolerance; the factor below 1 leaves room for
             // rounding and nonlinearity.
-            krylov.options.relative_tolerance = if options.linear {
+            self.krylov.options.relative_tolerance = if options.linear {
                 0.9 * tolerance / report.residual
             } else {
                 forcing.max(0.5 * tolerance / report.residual)
             };
-            step.fill(0.0);
-            let linear = options.linear;
-            let linear_report = krylov.solve(
-                |direction, out| {
-                    report.evaluations += 1;
-                    if rhs.tangent(at, direction, out)? {
-                        weigh(weights, out);
-                    } else {
-                        let work = (&mut trial[..], &value[..], &mut *out);
-                        difference(rhs, at, direction, (linear, weights), work)?;
-                    }
-                    update(out, [], |entry, []| -entry);
-                    Ok(())
-                },
-                value,
-                step,
-                hints,
-            )?;
-            report.krylov_iterations += linear_report.iterations;
-
+            self.find_direction(rhs, at, hints, &mut report)?;
             let before = report.residual;
-            let work = rhs.is_force().then(|| dot(value, step));
-            let mut fraction = 1.0;
-            report.residual = loop {
-                update(trial, [state, step], |_, [y, d]| y + fraction * d);
-                rhs.rate(time, trial, trial_value)?;
-                report.evaluations += 1;
-                weigh(weights, trial_value);
-                let residual = norm(trial_value);
-                let works_less =
-                    |work| (-WORK_BEYOND..=1.0).contains(&(dot(trial_value, step) / work));
-                if residual <= (1.0 - 1e-4 * fraction) * before || work.is_some_and(works_less) {
-                    break residual;
-                }
-                fraction *= 0.5;
-                if fraction < SHORTEST_STEP {
-                    return Err(not_converged(
-                        "no step along the Newton direction lowers the residual: loads that do not balance, a tolerance below rounding, or a kink of the model",
-                    ));
-                }
-            };
-            state.copy_from_slice(trial);
-            std::mem::swap(value, trial_value);
+            report.residual = self.search_line(rhs, at, &mut report)?.ok_or_else(|| {
+                not_converged(
+                    report,
+                    "no step along the Newton direction lowers the residual: loads that do not balance, a tolerance below rounding, or a kink of the model",
+                )
+            })?;
+            state.copy_from_slice(&self.trial);
+            std::mem::swap(&mut self.value, &mut self.trial_value);
             report.iterations += 1;
             // the residual may have risen
             forcing = (0.9 * (report.residual / before).powi(2)).clamp(1e-6, 0.1);
         }
+    }
+
+    /// Sizes the work vectors for so many unknowns.
+    fn start(&mut self, rhs: &dyn Rhs, unknowns: usize) {
+        self.weights.clear();
+        self.weights.extend_from_slice(rhs.weights().unwrap_or(&[]));
+        for vector in [
+            &mut self.value,
+            &mut self.step,
+            &mut self.trial,
+            &mut self.trial_value,
+            &mut self.diagonal,
+        ] {
+            vector.resize(unknowns, 0.0);
+        }
+        self.krylov.method = self.options.krylov;
+        self.krylov.options.max_iterations = self.options.max_krylov_iterations;
+    }
+
+    /// Solves `-J d = f` for the direction `d`.
+    fn find_direction(
+        &mut self,
+        rhs: &mut dyn Rhs,
+        at: At,
+        hints: Hints,
+        report: &mut NewtonReport,
+    ) -> Result<(), SolverError> {
+        let Self {
+            options,
+            krylov,
+            value,
+            step,
+            trial,
+            diagonal,
+            weights,
+            ..
+        } = self;
+        let has_diagonal = rhs.tangent_diagonal(at, diagonal)?;
+        update(diagonal, [], |entry, []| -entry);
+        if has_diagonal {
+            weigh(weights, diagonal);
+        }
+        let hints = Hints {
+            diagonal: has_diagonal.then_some(&**diagonal),
+            ..hints
+        };
+        let mut difference = Difference {
+            linear: options.linear,
+            weights,
+            value,
+            trial,
+        };
+        step.fill(0.0);
+        let linear_report = krylov.solve(
+            |direction, out| {
+                report.evaluations += 1;
+                if rhs.tangent(at, direction, out)? {
+                    weigh(weights, out);
+                } else {
+                    difference.evaluate(rhs, at, direction, out)?;
+                }
+                update(out, [], |entry, []| -entry);
+                Ok(())
+            },
+            value,
+            step,
+            hints,
+        )?;
+        report.krylov_iterations += linear_report.iterations;
+        Ok(())
+    }
+
+    /// Finds a step along the direction; `trial` and `trial_value` then hold the new state and its value. Returns the
+    /// residual, `None` where no step is accepted.
+    fn search_line(
+        &mut self,
+        rhs: &mut dyn Rhs,
+        at: At,
+        report: &mut NewtonReport,
+    ) -> Result<Option<f64>, SolverError> {
+        let Self {
+            value,
+            step,
+            trial,
+            trial_value,
+            weights,
+            ..
+        } = self;
+        let work = rhs.is_force().then(|| dot(value, step));
+        let mut fraction = 1.0;
+        while fraction >= SHORTEST_STEP {
+            update(trial, [at.state, step], |_, [y, d]| y + fraction * d);
+            rhs.rate(at.time, trial, trial_value)?;
+            report.evaluations += 1;
+            weigh(weights, trial_value);
+            let residual = norm(trial_value);
+            let works_less = |work| (-WORK_BEYOND..=1.0).contains(&(dot(trial_value, step) / work));
+            let decreases = residual <= (1.0 - 1e-4 * fraction) * report.residual;
+            if decreases || work.is_some_and(works_less) {
+                return Ok(Some(residual));
+            }
+            fraction *= 0.5;
+        }
+        Ok(None)
     }
 }
 
@@ -253,206 +296,43 @@ fn weigh(weights: &[f64], vector: &mut [f64]) {
     }
 }
 
-/// `out = (f(y + e v) - f(y)) / e`, an approximation of `J v` with `e |v| = sqrt(eps) (scale + |y|)` and an error
-/// of the order of `sqrt(eps)`. For a function linear in the state the only error is rounding, and `e` is large.
-///
-/// `(work, value, out)`: work vector, `f(y)`, result, the latter two multiplied by the weights.
-fn difference(
-    rhs: &mut dyn Rhs,
-    at: At,
-    direction: &[f64],
-    (linear, weights): (bool, &[f64]),
-    (work, value, out): (&mut [f64], &[f64], &mut [f64]),
-) -> Result<(), SolverError> {
-    let length = norm(direction);
-    if length == 0.0 {
-        out.fill(0.0);
-        return Ok(());
-    }
-    let relative = if linear { 1.0 } else { f64::EPSILON.sqrt() };
-    let e = relative * (rhs.scale() + norm(at.state)) / length;
-    update(work, [at.state, direction], |_, [y, v]| y + e * v);
-    rhs.rate(at.time, work, out)?;
-    weigh(weights, out);
-    update(out, [value], |moved, [value]| (moved - value) / e);
-    Ok(())
+/// The difference quotient that replaces a tangent.
+struct Difference<'a> {
+    /// The function is linear in the state.
+    linear: bool,
+    weights: &'a [f64],
+    /// `f(y)`, multiplied by the weights.
+    value: &'a [f64],
+    /// Work vector.
+    trial: &'a mut [f64],
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::solver::rhs;
-
-    /// A bar whose springs harden, `N(e) = e + e^3`, held at the left, pulled by `p` at the right.
-    fn hardening_bar(p: f64) -> impl Rhs {
-        rhs(move |_, u, force| {
-            force.fill(0.0);
-            for i in 0..u.len() {
-                let e = u[i] - if i == 0 { 0.0 } else { u[i - 1] };
-                force[i] -= e + e * e * e;
-                if i > 0 {
-                    force[i - 1] += e + e * e * e;
-                }
-            }
-            *force.last_mut().unwrap() += p;
-            Ok(())
-        })
-    }
-
-    #[test]
-    fn all_krylov_methods_find_the_nonlinear_equilibrium() {
-        for krylov in [
-            KrylovMethod::ConjugateGradient,
-            KrylovMethod::BiCgStab,
-            KrylovMethod::Gmres,
-        ] {
-            let mut newton = Newton::new(NewtonOptions {
-                krylov,
-                relative_tolerance: 1e-11,
-                ..Default::default()
-            });
-            let mut u = vec![0.0; 50];
-            // e + e^3 = 10 for e = 2
-            let report = newton
-                .solve(&mut hardening_bar(10.0), 0.0, &mut u, Hints::default())
-                .unwrap();
-            for (i, u) in u.iter().enumerate() {
-                // residual 1e-10 on a chain whose flexibility is at most 50
-                assert!((u - 2.0 * (i + 1) as f64).abs() < 1e-8, "{krylov:?}");
-            }
-            assert!(report.iterations < 20, "{report:?}");
-            assert!(report.krylov_iterations >= report.iterations, "{report:?}");
+impl Difference<'_> {
+    /// `out = (f(y + e v) - f(y)) / e`, multiplied by the weights, an approximation of `J v` with
+    /// `e |v| = sqrt(eps) (scale + |y|)` and an error of the order of `sqrt(eps)`. For a function linear in the state the
+    /// only error is rounding, and `e` is large.
+    fn evaluate(
+        &mut self,
+        rhs: &mut dyn Rhs,
+        at: At,
+        direction: &[f64],
+        out: &mut [f64],
+    ) -> Result<(), SolverError> {
+        let length = norm(direction);
+        if length == 0.0 {
+            out.fill(0.0);
+            return Ok(());
         }
-    }
-
-    #[test]
-    fn a_linear_function_takes_one_iteration() {
-        let mut bar = rhs(|_, u, force| {
-            for i in 0..u.len() {
-                let left = if i == 0 { 0.0 } else { u[i - 1] };
-                let right = if i + 1 == u.len() { 1.0 } else { u[i + 1] };
-                force[i] = left - 2.0 * u[i] + right;
-            }
-            Ok(())
-        });
-        let krylov = KrylovMethod::ConjugateGradient;
-        let mut newton = Newton::new(NewtonOptions {
-            krylov,
-            linear: true,
-            ..Default::default()
-        });
-        let mut u = vec![0.0; 99];
-        let report = newton
-            .solve(&mut bar, 0.0, &mut u, Hints::default())
-            .unwrap();
-        assert_eq!(report.iterations, 1);
-        for (i, u) in u.iter().enumerate() {
-            // relative residual 1e-8 times the condition number, about 4000
-            assert!((u - (i + 1) as f64 / 100.0).abs() < 4e-5);
-        }
-    }
-
-    #[test]
-    fn the_line_search_rescues_a_start_from_which_full_steps_diverge() {
-        // atan has full steps of growing size from |y| > 1.392
-        let mut function = rhs(|_, y, value| {
-            value[0] = -y[0].atan();
-            Ok(())
-        });
-        let mut y = [20.0];
-        Newton::new(NewtonOptions::default())
-            .solve(&mut function, 0.0, &mut y, Hints::default())
-            .unwrap();
-        assert!(y[0].abs() < 1e-7);
-    }
-
-    /// A spring of stiffness 1 that is pulled, behind it a spring that holds the end of a lever: it yields at the force 1 and
-    /// hardens by 0.1. The state is the displacement at the load and the angle of the lever.
-    struct YieldingLever {
-        load: f64,
-        is_force: bool,
-    }
-
-    impl YieldingLever {
-        const ARM: f64 = 100.0;
-
-        /// Derivatives of the extensions of both springs by the state.
-        const EXTENSIONS: [[f64; 2]; 2] = [[1.0, -Self::ARM], [0.0, Self::ARM]];
-
-        /// Force and stiffness of both springs; the stiffness at the kink is that below it.
-        fn springs(state: &[f64]) -> [(f64, f64); 2] {
-            let [pulled, held] = Self::EXTENSIONS.map(|[x, angle]| x * state[0] + angle * state[1]);
-            let yields = held > 1.0 + 1e-12;
-            let holding = match yields {
-                true => (1.0 + 0.1 * (held - 1.0), 0.1),
-                false => (held, 1.0),
-            };
-            [(pulled, 1.0), holding]
-        }
-
-        fn minus_sum(tensions: [f64; 2], out: &mut [f64]) {
-            for (i, out) in out.iter_mut().enumerate() {
-                let springs = Self::EXTENSIONS.iter().zip(tensions);
-                *out = -springs.map(|(e, tension)| e[i] * tension).sum::<f64>();
-            }
-        }
-    }
-
-    impl Rhs for YieldingLever {
-        fn rate(&mut self, _: f64, state: &[f64], force: &mut [f64]) -> Result<(), SolverError> {
-            Self::minus_sum(Self::springs(state).map(|(tension, _)| tension), force);
-            force[0] += self.load;
-            Ok(())
-        }
-
-        fn tangent(&mut self, at: At, v: &[f64], out: &mut [f64]) -> Result<bool, SolverError> {
-            let extensions = Self::EXTENSIONS.map(|e| e[0] * v[0] + e[1] * v[1]);
-            let springs = Self::springs(at.state);
-            let tensions = [0, 1].map(|spring| springs[spring].1 * extensions[spring]);
-            Self::minus_sum(tensions, out);
-            Ok(true)
-        }
-
-        fn is_force(&self) -> bool {
-            self.is_force
-        }
-    }
-
-    /// The tangent of the state at which the spring is about to yield is elastic. What it does not bear after that acts on the
-    /// lever as a moment, so that the norm of the forces rises in all but the shortest steps; the energy falls.
-    #[test]
-    fn yielding_is_brought_to_equilibrium_by_the_work() {
-        let solve = |is_force| {
-            let mut lever = YieldingLever {
-                load: 1.2,
-                is_force,
-            };
-            let mut newton = Newton::new(NewtonOptions {
-                krylov: KrylovMethod::ConjugateGradient,
-                ..Default::default()
-            });
-            let mut state = [2.0, 1.0 / YieldingLever::ARM];
-            let report = newton.solve(&mut lever, 0.0, &mut state, Hints::default());
-            (report, state)
+        let relative = if self.linear {
+            1.0
+        } else {
+            f64::EPSILON.sqrt()
         };
-        let (report, state) = solve(true);
-        assert!(report.expect("an equilibrium").iterations <= 10);
-        let expected = [3.0 + 1.2, 3.0 / YieldingLever::ARM];
-        for (found, expected) in state.iter().zip(expected) {
-            assert!((found / expected - 1.0).abs() < 1e-6, "{state:?}");
-        }
-        assert!(solve(false).0.is_err(), "the norm alone finds no step");
-    }
-
-    #[test]
-    fn a_function_without_zero_is_reported() {
-        let mut function = rhs(|_, y, value| {
-            value[0] = -1.0 - y[0] * y[0];
-            Ok(())
-        });
-        let error = Newton::new(NewtonOptions::default())
-            .solve(&mut function, 0.0, &mut [0.5], Hints::default())
-            .unwrap_err();
-        assert!(matches!(error, SolverError::NotConverged { .. }), "{error}");
+        let e = relative * (rhs.scale() + norm(at.state)) / length;
+        update(self.trial, [at.state, direction], |_, [y, v]| y + e * v);
+        rhs.rate(at.time, self.trial, out)?;
+        weigh(self.weights, out);
+        update(out, [self.value], |moved, [value]| (moved - value) / e);
+        Ok(())
     }
 }

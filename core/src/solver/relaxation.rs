@@ -43,7 +43,7 @@ impl Default for RelaxationOptions {
     }
 }
 
-/// What a relaxation did.
+/// Report of a relaxation.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct RelaxationReport {
     /// Iterations, each with one evaluation of the force.

@@ -10,14 +10,14 @@ pub trait Rhs {
     /// Writes `f(time, state)` into `rate`, which holds unspecified numbers on entry.
     ///
     /// # Errors
-    /// Those of the model; wrap them with [`SolverError::model`].
+    /// Errors of the model; wrap them with [`SolverError::model`].
     fn rate(&mut self, time: f64, state: &[f64], rate: &mut [f64]) -> Result<(), SolverError>;
 
     /// Writes `df/dy(at) . direction` into `out` and returns true, or returns false if the
     /// model has no tangent: then a difference of two rates over a distance by [`Rhs::scale`] replaces it.
     ///
     /// # Errors
-    /// Those of the model.
+    /// Errors of the model.
     fn tangent(
         &mut self,
         _at: At,
@@ -32,7 +32,7 @@ pub trait Rhs {
     /// all entries must be negative.
     ///
     /// # Errors
-    /// Those of the model.
+    /// Errors of the model.
     fn tangent_diagonal(&mut self, _at: At, _out: &mut [f64]) -> Result<bool, SolverError> {
         Ok(false)
     }
@@ -83,7 +83,7 @@ pub trait Rhs {
     }
 }
 
-/// Where a tangent is taken.
+/// Time and state at which a tangent is evaluated.
 #[derive(Debug, Clone, Copy)]
 pub struct At<'a> {
     /// Time (s), or a load factor.

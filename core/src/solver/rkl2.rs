@@ -1,6 +1,6 @@
 //! Explicit steps for `y' = f(t, y)` by a stabilised Runge-Kutta method.
 //!
-//! The state is what is conserved. Heat conduction advances the enthalpy; its rate function
+//! The state is the conserved quantity. Heat conduction advances the enthalpy; the rate function
 //! turns enthalpy into temperature and sums the heat flow over the bonds. If the entries of
 //! the rate add up to zero, the entries of the state keep their sum to rounding.
 
@@ -34,6 +34,8 @@ pub struct Rkl2 {
     stage: Vec<f64>,
     increment: Vec<f64>,
     previous: Vec<f64>,
+    /// Number of stages of the last step.
+    stages: usize,
 }
 
 impl Rkl2 {
@@ -91,7 +93,9 @@ impl Rkl2 {
             stage,
             increment,
             previous,
+            stages: last_stages,
         } = self;
+        *last_stages = stages;
         for vector in [
             &mut *first_rate,
             &mut *rate,
@@ -130,23 +134,25 @@ impl Rkl2 {
         Ok(())
     }
 
-    /// Writes the estimated error of the last step into `error`, from the states `before` and `after` it, with one more rate.
+    /// Writes the estimated error of the last step, from `time` by `dt` (s), into `error`, with one more rate; `[before,
+    /// after]`: the states before and after the step.
     ///
     /// The cubic coefficient of the stability polynomial is `c = (s^2 + s - 6) / (s^2 + s - 2) / 9`: a step is wrong by
-    /// `(1/6 - c) dt^3 d3y/dt3`, the trapezoidal rule over both rates differs from it by `(1/4 - c) dt^3 d3y/dt3`. As that of
+    /// `(1/6 - c) dt^3 d3y/dt3`, the trapezoidal rule over both rates differs from it by `(1/4 - c) dt^3 d3y/dt3`. Compare
     /// Sommeijer, Shampine and Verwer (1998), J. Comput. Appl. Math. 88, 315-326, eq. 2.8, for another polynomial.
     ///
     /// # Errors
-    /// Those of the model.
+    /// Errors of the model.
     pub fn error(
         &mut self,
         rhs: &mut dyn Rhs,
-        (time, dt, stages): (f64, f64, usize),
+        time: f64,
+        dt: f64,
         [before, after]: [&[f64]; 2],
         error: &mut [f64],
     ) -> Result<(), SolverError> {
         rhs.rate(time + dt, after, &mut self.rate)?;
-        let s = stages as f64;
+        let s = self.stages as f64;
         let c = (s * s + s - 6.0) / (s * s + s - 2.0) / 9.0;
         let factor = (1.0 / 6.0 - c) / (1.0 / 4.0 - c);
         let inputs = [before, after, &self.first_rate, &self.rate];
@@ -189,9 +195,8 @@ mod tests {
             let (dt, mut decay) = (0.01, decay());
             let (mut method, mut y, mut error) = (Rkl2::default(), [1.0], [0.0]);
             method.step(&mut decay, 0.0, dt, stages, &mut y).unwrap();
-            let step = (0.0, dt, stages);
             method
-                .error(&mut decay, step, [&[1.0], &y], &mut error)
+                .error(&mut decay, 0.0, dt, [&[1.0], &y], &mut error)
                 .unwrap();
             let exact = y[0] - (-dt).exp();
             // the next term is about dt relative to the first

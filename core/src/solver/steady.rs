@@ -19,7 +19,7 @@ use super::vector::update;
 /// little when the guess is already good.
 ///
 /// # Errors
-/// Those of [`Newton::solve`]; no convergence if there is no steady state, as in an
+/// Errors of [`Newton::solve`]; no convergence if there is no steady state, as in an
 /// insulated body that is heated.
 pub fn steady_state(
     newton: &mut Newton,

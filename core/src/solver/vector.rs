@@ -30,7 +30,7 @@ pub(crate) fn update<const N: usize>(
     }
 }
 
-/// As [`update`], of two vectors of one length at once.
+/// [`update`] of two vectors of one length at once.
 pub(crate) fn update_both<const N: usize>(
     [first, second]: [&mut [f64]; 2],
     inputs: [&[f64]; N],

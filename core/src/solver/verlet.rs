@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// The moving state, all vectors of one length: components of all points, in any order.
 #[derive(Debug)]
-pub struct Motion<'a> {
+pub struct VerletState<'a> {
     /// Displacement (m).
     pub displacement: &'a mut [f64],
     /// Velocity (m/s).
@@ -19,7 +19,7 @@ pub struct Motion<'a> {
     pub inverse_mass: &'a [f64],
 }
 
-impl Motion<'_> {
+impl VerletState<'_> {
     fn check(&self, dt: f64) -> Result<usize, SolverError> {
         positive("the time step [s]", dt)?;
         let n = self.displacement.len();
@@ -31,12 +31,12 @@ impl Motion<'_> {
 
 /// The forces of a motion.
 ///
-/// A closure `|time, displacement, force| { ...; Ok(()) }` will do.
+/// A closure `|time, displacement, force| { ...; Ok(()) }` implements it.
 pub trait Dynamics {
     /// Writes `F(time, displacement)` into `out`.
     ///
     /// # Errors
-    /// Those of the model; wrap them with [`SolverError::model`].
+    /// Errors of the model; wrap them with [`SolverError::model`].
     fn force(
         &mut self,
         time: f64,
@@ -105,7 +105,7 @@ impl HalfKick<'_> {
 /// v_new  = ((1 - c dt/4) v_half + dt/2 F(t + dt, u_new)/m) / (1 + c dt/4)
 /// ```
 ///
-/// One force per step: that at the end serves the next step. It is part of the state: it
+/// One force per step: the force at the end serves the next step. It is part of the state and
 /// goes into a checkpoint with `serde`. After a load jumped or the displacement was changed from outside, call
 /// [`Verlet::forget_force`].
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -142,11 +142,11 @@ impl Verlet {
         &mut self,
         time: f64,
         dt: f64,
-        motion: Motion,
+        motion: VerletState,
         mut dynamics: impl Dynamics,
     ) -> Result<(), SolverError> {
         let n = motion.check(dt)?;
-        let Motion {
+        let VerletState {
             displacement,
             velocity,
             inverse_mass,
@@ -209,7 +209,7 @@ mod tests {
         let dt = end / steps as f64;
         let mut energy_drift = 0f64;
         for n in 0..steps {
-            let motion = Motion {
+            let motion = VerletState {
                 displacement: &mut u,
                 velocity: &mut v,
                 inverse_mass: &[1.0],
@@ -238,7 +238,7 @@ mod tests {
             let mut verlet = Verlet::new(0.0);
             let dt = 1.0 / steps as f64;
             for n in 0..steps {
-                let motion = Motion {
+                let motion = VerletState {
                     displacement: &mut u,
                     velocity: &mut v,
                     inverse_mass: &[1.0],
@@ -269,7 +269,7 @@ mod tests {
         let (mut u, mut v) = ([0.0, 1.0], [3.0, 0.0]);
         let mut verlet = Verlet::new(0.7);
         for n in 0..10 {
-            let motion = Motion {
+            let motion = VerletState {
                 displacement: &mut u,
                 velocity: &mut v,
                 inverse_mass: &[0.0, 1.0],
@@ -296,7 +296,7 @@ mod tests {
                     let saved = serde_json::to_string(&verlet).unwrap();
                     verlet = serde_json::from_str(&saved).unwrap();
                 }
-                let motion = Motion {
+                let motion = VerletState {
                     displacement: &mut u,
                     velocity: &mut v,
                     inverse_mass: &[1.0],

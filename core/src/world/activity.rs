@@ -1,10 +1,9 @@
 //! Bodies that grow: points without material become active when it is deposited.
 //!
-//! A coupler that deposits material declares so at set-up and names the points that have no material at first
-//! ([`Setup::deposit`](crate::Setup::deposit)); one that cuts material off declares that
-//! ([`Setup::cut_off`](crate::Setup::cut_off)). They write the field [`keys::ACTIVE`], which says for each point whether
-//! there is material: 1, or 0. The field is part of the configuration of the body and of every checkpoint. Everybody else
-//! asks [`World::activity`].
+//! A coupler that deposits material or cuts it off declares so at set-up and names the points that have no material at first
+//! ([`Setup::change_material`](crate::Setup::change_material)). It writes the field [`keys::ACTIVE`], which says for each
+//! point whether there is material: 1, or 0. The field is part of the configuration of the body and of every checkpoint.
+//! Everybody else asks [`World::activity`].
 //!
 //! A point without material has no bonds, no mass and no heat, and no surface. Plugins that act on a body that grows must
 //! know that: they declare it with their registration ([`Change::Births`], [`Change::Cuts`]), and those that do not are

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use super::configuration::Configuration;
 use super::{BodyIndex, World};
 use crate::body::Body;
-use crate::family::{Family, FamilyError, FamilySpec, must_look_again, skin};
+use crate::family::{Family, FamilyError, FamilySpec, needs_rebuild, skin};
 
 /// A family of a body, owned by the [`World`]: [`World::family`] gives it as it is at the time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,10 +66,10 @@ impl MovingState {
         }
         let family = Arc::get_mut(&mut self.family).expect("nobody else has it");
         if self.has_old_rows {
-            family.look_from(&self.found_at);
+            family.rebuild_rows(&self.found_at);
             self.has_old_rows = false;
         }
-        family.place_at(now.positions(), now.volumes());
+        family.update_weights(now.positions(), now.volumes());
         self.placed_for = now.version();
     }
 }
@@ -180,7 +180,7 @@ impl World {
                 continue;
             };
             let state = &mut *state.borrow_mut();
-            if must_look_again(&state.found_at, positions, *skin) {
+            if needs_rebuild(&state.found_at, positions, *skin) {
                 state.found_at.copy_from_slice(positions);
                 state.has_old_rows = true;
             }

@@ -6,6 +6,7 @@ pub mod configuration;
 pub mod exchange;
 pub mod facts;
 pub mod families;
+mod materials;
 pub mod refinement;
 
 use std::cell::{Ref, RefCell, RefMut};
@@ -15,10 +16,9 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 
 use crate::body::{Body, Face};
-use crate::error::SetupError;
 use crate::family::{LayerRule, Traction};
 use crate::field::{FieldIndex, Fields, Read, ReadIfProvided, Value, Write, keys};
-use crate::material::{EnthalpyCurve, LatentHeatForm, Material, MaterialError, MushyCapacity};
+use crate::material::{LatentHeatForm, MushyCapacity};
 use crate::solver::reduce::weighted_sum;
 
 use changes::Changes;
@@ -164,32 +164,6 @@ impl World {
         &self.bodies[index]
     }
 
-    /// Enthalpy against temperature of each material of a body, with latent heat where the
-    /// body has a phase change and the material all of solidus, liquidus and latent heat.
-    ///
-    /// # Errors
-    /// When density or specific heat are missing, or the curve cannot be.
-    pub fn enthalpy_curves(&self, body: BodyIndex) -> Result<Vec<EnthalpyCurve>, SetupError> {
-        let change = self.fact::<PhaseChange>(body).copied();
-        let curve = |material: &Material| {
-            // a material that does not say how it melts stays solid
-            let melts = ["solidus", "liquidus", "latent_heat"]
-                .iter()
-                .all(|p| material.get(p).is_some());
-            let latent = match change.filter(|_| melts) {
-                Some(change) => Some(material.latent_heat(change.mushy_capacity, change.form)?),
-                None => None,
-            };
-            material.enthalpy_curve(latent)
-        };
-        self.bodies[body]
-            .materials
-            .iter()
-            .map(curve)
-            .collect::<Result<_, MaterialError>>()
-            .map_err(|e| SetupError::other("", e))
-    }
-
     /// Facts of a type about a body, in the order in which they were published.
     pub fn facts<T: Fact>(&self, body: BodyIndex) -> impl Iterator<Item = &T> {
         self.facts.of(body).map(|(_, fact)| fact)
@@ -281,6 +255,13 @@ impl World {
         prescribed
             .or_else(exchanged)
             .filter(|value| value.is_finite())
+    }
+
+    /// The first point at which the magnitude of a component of a field is above a limit.
+    pub fn first_beyond<T>(&self, handle: Read<T>, limit: f64) -> Option<usize> {
+        let data = self.fields.field(handle.field).data();
+        let first = data.flat().iter().position(|v| v.abs() > limit)?;
+        Some(first / data.components())
     }
 
     /// Values of a field, if anybody provides it.

@@ -2,10 +2,13 @@
 
 use nalgebra::Vector3;
 use perimelt_core::{
-    Axis, Coupler, Programme, RunError, Setup, SetupError, Step, World, Write, keys,
+    Axis, Coupler, Programme, RunError, RunningCoupler, Setup, SetupError, Step, StepLimits, World,
+    Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use super::with_programme;
 
 /// Holds the points of a region at zero displacement.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -22,19 +25,17 @@ pub struct Clamp {
     /// Time of release (s); default never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until: Option<f64>,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<ClampedPoints>,
 }
 
-#[derive(Debug)]
-struct ClampedPoints {
+/// A clamp that is ready to act.
+struct RunningClamp {
     points: Vec<u32>,
     held: [bool; 3],
+    until: Option<f64>,
     constraint: Write<Vector3<f64>>,
 }
 
-impl Clamp {
+impl RunningClamp {
     /// Whether the clamp is closed at the end of `step`. The tolerance keeps rounding from releasing it a step early.
     fn is_closed(&self, step: Step) -> bool {
         self.until
@@ -44,7 +45,10 @@ impl Clamp {
 
 #[typetag::serialize(name = "clamp")]
 impl Coupler for Clamp {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let dimension = setup.body(body).dimension;
         let held = match &self.components {
@@ -65,33 +69,34 @@ impl Coupler for Clamp {
             ));
         }
         // the sum of held displacements is zero without an addition
-        self.prepared = Some(ClampedPoints {
+        let released = |until| Programme::new("the clamp is released", until);
+        setup.stepping(with_programme(self.until.map(released)));
+        Ok(Box::new(RunningClamp {
             points: setup.region(body, "region", &self.region)?.points,
             held,
+            until: self.until,
             constraint: setup.add(body, &keys::CONSTRAINT)?,
-        });
-        Ok(())
+        }))
     }
+}
 
+impl RunningCoupler for RunningClamp {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_ref().expect("prepared before the run");
         if self.is_closed(step) {
-            let mut constraint = world.write(p.constraint);
-            let held = Vector3::from(p.held.map(|h| f64::from(u8::from(h))));
-            p.points
+            let mut constraint = world.write(self.constraint);
+            let held = Vector3::from(self.held.map(|h| f64::from(u8::from(h))));
+            self.points
                 .iter()
                 .for_each(|&point| constraint[point as usize] += held);
         }
         Ok(())
     }
 
-    fn next_event(&self, after: f64) -> Option<f64> {
-        self.until.filter(|until| *until > after)
-    }
-
-    fn programme(&self, _run_end: f64) -> Option<Programme> {
-        let until = self.until?;
-        Some(Programme::new("the clamp is released", until))
+    fn step_limits(&self, time: f64) -> StepLimits {
+        StepLimits {
+            next_event: self.until.filter(|until| *until > time),
+            ..StepLimits::default()
+        }
     }
 }
 
@@ -105,16 +110,16 @@ mod tests {
     #[test]
     fn a_clamp_holds_its_components_up_to_its_release() {
         let mut world = World::new(vec![block([2, 1, 1], 2, STEEL)]);
-        let mut clamp: Clamp = read("region = 'left'\nuntil = 3");
-        prepare(&mut world, &mut clamp, |setup| {
+        let clamp: Clamp = read("region = 'left'\nuntil = 3");
+        let (mut clamp, _) = prepare(&mut world, clamp, |setup| {
             setup.consume(0, &keys::CONSTRAINT).expect("free");
         })
         .expect("valid");
-        assert_eq!(clamp.next_event(0.0), Some(3.0));
-        assert_eq!(clamp.next_event(3.0), None);
+        assert_eq!(clamp.step_limits(0.0).next_event, Some(3.0));
+        assert_eq!(clamp.step_limits(3.0).next_event, None);
         for (start, held) in [(0.0, 1.0), (2.0, 1.0), (2.0 + 1e-15, 1.0), (3.0, 0.0)] {
             set_vector(&mut world, &keys::CONSTRAINT, Vector3::zeros());
-            apply(&world, &mut clamp, start);
+            apply(&world, &mut *clamp, start);
             let constraint = values(&world, &keys::CONSTRAINT);
             assert_eq!(constraint, [held, held, 0.0, 0.0, 0.0, 0.0], "from {start}");
         }
@@ -123,12 +128,12 @@ mod tests {
     #[test]
     fn a_clamp_may_hold_some_components_for_ever() {
         let mut world = World::new(vec![block([2, 1, 1], 3, STEEL)]);
-        let mut clamp: Clamp = read("region = 'left'\ncomponents = ['z', 'x']");
-        prepare(&mut world, &mut clamp, |setup| {
+        let clamp: Clamp = read("region = 'left'\ncomponents = ['z', 'x']");
+        let (mut clamp, _) = prepare(&mut world, clamp, |setup| {
             setup.consume(0, &keys::CONSTRAINT).expect("free");
         })
         .expect("valid");
-        apply(&world, &mut clamp, 1e9);
+        apply(&world, &mut *clamp, 1e9);
         let held = [1.0, 0.0, 1.0, 0.0, 0.0, 0.0];
         assert_eq!(values(&world, &keys::CONSTRAINT), held);
     }
@@ -137,8 +142,8 @@ mod tests {
     fn a_plate_is_not_held_along_z() {
         for components in ["['z']", "['x', 'z']", "[]"] {
             let mut world = World::new(vec![block([2, 1, 1], 2, STEEL)]);
-            let mut clamp: Clamp = read(&format!("region = 'left'\ncomponents = {components}"));
-            assert!(refusal(&mut world, &mut clamp).contains("one that a 2D body does not have"));
+            let clamp: Clamp = read(&format!("region = 'left'\ncomponents = {components}"));
+            assert!(refusal(&mut world, clamp).contains("one that a 2D body does not have"));
         }
     }
 }

@@ -10,12 +10,15 @@ use perimelt_core::formula::Formula;
 use perimelt_core::material::Property;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
-use perimelt_core::{Coupler, Face, Programme, Report, RunError, Setup, SetupError, Step, World};
+use perimelt_core::{
+    Coupler, Face, Programme, Report, RunError, RunningCoupler, Setup, SetupError, Step,
+    StepLimits, World,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::with_programme;
 use crate::InTime;
-
 use crate::surface::{SurfaceHeat, all_faces};
 
 /// Heat exchange with a fluid around the body.
@@ -40,9 +43,6 @@ pub struct Convection {
     pub factor: Option<Formula>,
     /// Temperature of the fluid (K): a number, or `{ time = [...], value = [...] }`, times in s.
     pub ambient: InTime,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<ConvectionState>,
 }
 
 /// What a factor may be.
@@ -54,9 +54,11 @@ fn is_fraction(value: f64) -> bool {
     (-1e-12..=1.0 + 1e-12).contains(&value)
 }
 
-#[derive(Debug)]
-struct ConvectionState {
+/// A convection that is ready to act.
+struct RunningConvection {
     body: BodyIndex,
+    factor: Option<Formula>,
+    ambient: InTime,
     heat: SurfaceHeat<ConvectionLaw>,
 }
 
@@ -98,7 +100,10 @@ impl SurfaceLaw for ConvectionLaw {
 
 #[typetag::serialize(name = "convection")]
 impl Coupler for Convection {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let coefficients = self.coefficient.values();
         if self.coefficient.is_by_phase() || coefficients.iter().any(|h| *h < 0.0) {
@@ -110,7 +115,7 @@ impl Coupler for Convection {
         }
         let law = ConvectionLaw {
             largest: coefficients.iter().fold(0.0, |a: f64, h| a.max(*h)),
-            coefficient: self.coefficient.clone(),
+            coefficient: self.coefficient,
             ambient: self.ambient.at(0.0),
             factor: Vec::new(),
         };
@@ -127,22 +132,29 @@ impl Coupler for Convection {
                 }
             }
         }
-        self.prepared = Some(ConvectionState { body, heat });
-        Ok(())
+        let programme = Programme::of_values([("ambient", &self.ambient)]);
+        setup.stepping(with_programme(programme));
+        Ok(Box::new(RunningConvection {
+            body,
+            factor: self.factor,
+            ambient: self.ambient,
+            heat,
+        }))
     }
+}
 
+impl RunningCoupler for RunningConvection {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_mut().expect("prepared before the run");
-        p.heat.follow(world);
-        let mut law = p.heat.law();
+        self.heat.follow(world);
+        let mut law = self.heat.law();
         law.ambient = self.ambient.at(step.middle());
         let Some(factor) = &self.factor else {
             return Ok(());
         };
-        let positions = &world.body(p.body).points.position;
-        let shift = world.window_shift(p.body);
+        let positions = &world.body(self.body).points.position;
+        let shift = world.window_shift(self.body);
         law.factor.clear();
-        for cell in p.heat.cells().iter() {
+        for cell in self.heat.cells().iter() {
             let at = (positions[cell.point as usize] + shift).into();
             let value = factor.at(at, step.middle());
             if !is_fraction(value) {
@@ -157,17 +169,15 @@ impl Coupler for Convection {
         Ok(())
     }
 
-    fn next_event(&self, after: f64) -> Option<f64> {
-        self.ambient.next_event(after)
-    }
-
-    fn programme(&self, _run_end: f64) -> Option<Programme> {
-        Programme::of_values([("ambient", &self.ambient)])
+    fn step_limits(&self, time: f64) -> StepLimits {
+        StepLimits {
+            next_event: self.ambient.next_event(time),
+            ..StepLimits::default()
+        }
     }
 
     fn report(&self) -> Vec<Report> {
-        let prepared = self.prepared.as_ref();
-        prepared.map_or_else(Vec::new, |p| p.heat.report())
+        self.heat.report()
     }
 }
 
@@ -187,12 +197,12 @@ mod tests {
     #[test]
     fn each_surface_point_exchanges_at_its_own_temperature_and_area() {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
-        let mut boundary: Convection = read(
+        let boundary: Convection = read(
             "coefficient = { temperature = [300, 500], value = [10, 30] }
              ambient = { time = [0, 2], value = [250, 350] }",
         );
-        let exchange = exchange(&mut world, &mut boundary);
-        apply(&world, &mut boundary, 0.0);
+        let (mut boundary, exchange) = exchange(&mut world, boundary);
+        apply(&world, &mut *boundary, 0.0);
         // middle of the first second: 275 K; coefficient 20; corner, edge, face, heart
         let heat = heat(&world, &exchange, |_| 400.0);
         let expected = [3.0, 2.0, 1.0, 0.0].map(|faces| faces * 20.0 * (275.0 - 400.0));
@@ -206,16 +216,16 @@ mod tests {
     #[test]
     fn the_coefficient_depends_on_place_and_time() {
         let mut world = World::new(vec![block([5, 3, 3], 3, STEEL)]);
-        let mut boundary: Convection = read(
+        let boundary: Convection = read(
             "faces = ['z+']
              coefficient = { temperature = [300, 500], value = [10, 30] }
              factor = 'exp(-((x - 2 * t) / 1.5)^2) * (1 + y) / 4'
              ambient = 300",
         );
-        let exchange = exchange(&mut world, &mut boundary);
+        let (mut boundary, exchange) = exchange(&mut world, boundary);
         let positions = world.body(0).points.position.clone();
         for start in [0.0, 1.0, 7.0] {
-            apply(&world, &mut boundary, start);
+            apply(&world, &mut *boundary, start);
             let heat = heat(&world, &exchange, |_| 400.0);
             for (x, heat) in positions.iter().zip(heat) {
                 let at_top = if x.z > 2.0 { 1.0 } else { 0.0 };
@@ -232,15 +242,15 @@ mod tests {
     #[test]
     fn a_factor_outside_0_to_1_is_refused() {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
-        let mut boundary: Convection = read("coefficient = 1\nambient = 300\nfactor = '0.5 * x'");
-        let message = refusal(&mut world, &mut boundary);
+        let boundary: Convection = read("coefficient = 1\nambient = 300\nfactor = '0.5 * x'");
+        let message = refusal(&mut world, boundary);
         assert!(
             message.starts_with("factor: `factor` is 1.25 at"),
             "{message}"
         );
-        let mut later: Convection = read("coefficient = 1\nambient = 300\nfactor = '0.5 * t'");
+        let later: Convection = read("coefficient = 1\nambient = 300\nfactor = '0.5 * t'");
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
-        prepare(&mut world, &mut later, |setup| {
+        let (mut later, _) = prepare(&mut world, later, |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
             assert_eq!(setup.facts::<Rc<Exchange>>(0).count(), 1);
         })
@@ -253,14 +263,14 @@ mod tests {
     #[test]
     fn a_negative_coefficient_is_refused() {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
-        let mut boundary: Convection = read("coefficient = -1\nambient = 300");
-        assert!(refusal(&mut world, &mut boundary).starts_with("coefficient: "));
+        let boundary: Convection = read("coefficient = -1\nambient = 300");
+        assert!(refusal(&mut world, boundary).starts_with("coefficient: "));
     }
 
     #[test]
     fn a_body_without_heat_is_refused() {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
-        let mut boundary: Convection = read("coefficient = 1\nambient = 300");
-        assert!(refusal(&mut world, &mut boundary).contains("temperature"));
+        let boundary: Convection = read("coefficient = 1\nambient = 300");
+        assert!(refusal(&mut world, boundary).contains("temperature"));
     }
 }

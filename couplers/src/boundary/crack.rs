@@ -6,9 +6,11 @@
 //! `fracture`. Without `contact` its faces pass through each other when it closes.
 
 use perimelt_core::text::position;
-use perimelt_core::{Body, Coupler, Cut, Face, RunError, Setup, SetupError, Step, World};
+use perimelt_core::{Body, Coupler, Cut, Face, RunningCoupler, Setup, SetupError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use super::Idle;
 
 /// A crack: a line (`from`, `to`) or chain of lines (`through`) through the whole thickness, or in 3D a
 /// plane part (`corner`, `edges`) or a `disc`.
@@ -109,7 +111,10 @@ fn separates_cells(body: &Body, cut: &Cut) -> bool {
 
 #[typetag::serialize(name = "insulated_crack")]
 impl Coupler for InsulatedCrack {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let (cuts, key) = self.cuts()?;
         let this = setup.body(body);
@@ -130,11 +135,7 @@ impl Coupler for InsulatedCrack {
         for cut in cuts {
             setup.cut(body, cut);
         }
-        Ok(())
-    }
-
-    fn apply(&mut self, _world: &World, _step: Step) -> Result<(), RunError> {
-        Ok(())
+        Ok(Box::new(Idle))
     }
 }
 
@@ -144,8 +145,8 @@ perimelt_core::register_coupler!("insulated_crack", InsulatedCrack);
 mod tests {
     use super::*;
     use crate::testing::{STEEL, block, prepare, read, refusal};
-    use perimelt_core::FamilySpec;
     use perimelt_core::shape::{BoxShape, Difference, Shape};
+    use perimelt_core::{FamilySpec, World};
 
     fn bonds(setup: &mut Setup<'_>) -> usize {
         let spec = FamilySpec::new(1.0);
@@ -165,8 +166,8 @@ mod tests {
             ),
         ] {
             let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
-            let mut coupler: InsulatedCrack = read(crack);
-            let left = prepare(&mut world, &mut coupler, bonds).expect("valid");
+            let coupler: InsulatedCrack = read(crack);
+            let (_, left) = prepare(&mut world, coupler, bonds).expect("valid");
             // edges of the lattice along x, y, z; each is two directed bonds
             let whole = 2 * (3 * 3 * 2 + 4 * 2 * 2 + 4 * 3);
             assert_eq!(left, whole - cut, "{crack}");
@@ -187,8 +188,8 @@ mod tests {
             setup.world().family(family).bonds()
         };
         let mut world = World::new(vec![body]);
-        let mut coupler: InsulatedCrack = read("from = [0, 1.5]\nto = [4, 1.5]");
-        let left = prepare(&mut world, &mut coupler, across).expect("valid");
+        let coupler: InsulatedCrack = read("from = [0, 1.5]\nto = [4, 1.5]");
+        let (_, left) = prepare(&mut world, coupler, across).expect("valid");
         // two rows of four points, each with bonds to neighbours and next ones, both ways
         assert_eq!(left, 2 * 2 * (3 + 2));
     }
@@ -208,11 +209,8 @@ mod tests {
             ("through = [[1, 1]]", "length or area of the crack is zero"),
         ] {
             let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
-            let mut coupler: InsulatedCrack = read(crack);
-            assert!(
-                refusal(&mut world, &mut coupler).contains(message),
-                "{crack}"
-            );
+            let coupler: InsulatedCrack = read(crack);
+            assert!(refusal(&mut world, coupler).contains(message), "{crack}");
         }
     }
 }

@@ -1,7 +1,9 @@
 //! Weight: `body_force += rho g`, with the reference density of each material.
 
 use nalgebra::Vector3;
-use perimelt_core::{Coupler, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, RunError, RunningCoupler, Setup, SetupError, Step, World, Write, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -14,13 +16,10 @@ pub struct Gravity {
     pub body: Option<String>,
     /// Acceleration (m/s²), such as `[0.0, 0.0, -9.81]`.
     pub acceleration: [f64; 3],
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<GravityState>,
 }
 
-#[derive(Debug)]
-struct GravityState {
+/// A weight that is ready to act.
+struct RunningGravity {
     body: usize,
     /// By material, N/m³.
     weight: Vec<Vector3<f64>>,
@@ -29,28 +28,31 @@ struct GravityState {
 
 #[typetag::serialize(name = "gravity")]
 impl Coupler for Gravity {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        setup.property(body, "density")?;
+        setup.world().property(body, "density")?;
         let acceleration = Vector3::from(self.acceleration);
-        let densities = setup.reference_densities(body)?;
-        self.prepared = Some(GravityState {
+        let densities = setup.world().reference_densities(body)?;
+        Ok(Box::new(RunningGravity {
             body,
             weight: densities
                 .into_iter()
                 .map(|rho| rho * acceleration)
                 .collect(),
             body_force: setup.add(body, &keys::BODY_FORCE)?,
-        });
-        Ok(())
+        }))
     }
+}
 
+impl RunningCoupler for RunningGravity {
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_ref().expect("prepared before the run");
-        let material = &world.body(p.body).material_of_point;
-        let mut body_force = world.write(p.body_force);
+        let material = &world.body(self.body).material_of_point;
+        let mut body_force = world.write(self.body_force);
         let points = body_force.iter_mut().zip(material);
-        points.for_each(|(sum, material)| *sum += p.weight[*material as usize]);
+        points.for_each(|(sum, material)| *sum += self.weight[*material as usize]);
         Ok(())
     }
 }
@@ -65,12 +67,12 @@ mod tests {
     #[test]
     fn every_point_has_its_weight() {
         let mut world = World::new(vec![block([2, 1, 1], 3, STEEL)]);
-        let mut gravity: Gravity = read("acceleration = [0, 0, -10]");
-        prepare(&mut world, &mut gravity, |setup| {
+        let gravity: Gravity = read("acceleration = [0, 0, -10]");
+        let (mut gravity, _) = prepare(&mut world, gravity, |setup| {
             setup.consume(0, &keys::BODY_FORCE).expect("free");
         })
         .expect("valid");
-        apply(&world, &mut gravity, 0.0);
+        apply(&world, &mut *gravity, 0.0);
         assert_eq!(
             values(&world, &keys::BODY_FORCE),
             [0.0, 0.0, -8e4, 0.0, 0.0, -8e4]

@@ -8,7 +8,9 @@
 use nalgebra::Vector3;
 use perimelt_core::cell_list::CellList;
 use perimelt_core::world::BondBreaker;
-use perimelt_core::{Body, Coupler, Horizon, Report, RunError, Setup, SetupError, Step, World};
+use perimelt_core::{
+    Body, Coupler, Horizon, Report, RunError, RunningCoupler, Setup, SetupError, Step, World,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -33,17 +35,16 @@ pub struct GrowingCrack {
     #[serde(default = "usual_reach")]
     #[schemars(extend("minimum" = 1))]
     pub reach: f64,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<State>,
 }
 
 fn usual_reach() -> f64 {
     4.0
 }
 
-#[derive(Debug)]
-struct State {
+/// A crack that is ready to grow.
+struct RunningGrowingCrack {
+    speed: f64,
+    start_time: f64,
     breaker: BondBreaker,
     /// Pairs whose bond crosses the line, with the distance from its beginning (m), in the order of growth.
     crossings: Vec<(f64, [u32; 2])>,
@@ -116,7 +117,10 @@ impl GrowingCrack {
 
 #[typetag::serialize(name = "growing_crack")]
 impl Coupler for GrowingCrack {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         self.check()?;
         let body = setup.find_body(self.body.as_deref())?;
         if setup.body(body).dimension != 2 {
@@ -132,36 +136,34 @@ impl Coupler for GrowingCrack {
                 "a line through the body",
             ));
         }
-        self.prepared = Some(State {
+        Ok(Box::new(RunningGrowingCrack {
+            speed: self.speed,
+            start_time: self.start_time,
             breaker: setup.break_bonds(body, true)?,
             crossings,
             broken: 0,
             length: 0.0,
-        });
-        Ok(())
+        }))
     }
+}
 
+impl RunningCoupler for RunningGrowingCrack {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_mut().expect("prepared before the run");
-        p.length = self.speed * (step.end() - self.start_time).max(0.0);
-        let crossed = p.crossings.partition_point(|(place, _)| *place <= p.length);
+        self.length = self.speed * (step.end() - self.start_time).max(0.0);
+        let crossed = self
+            .crossings
+            .partition_point(|(place, _)| *place <= self.length);
         // also all of them, after a restart
-        if p.broken < crossed {
-            let new = p.crossings[p.broken..crossed].iter();
-            world.break_pairs(&p.breaker, new.map(|(_, pair)| *pair));
-            p.broken = crossed;
+        if self.broken < crossed {
+            let new = self.crossings[self.broken..crossed].iter();
+            world.break_pairs(&self.breaker, new.map(|(_, pair)| *pair));
+            self.broken = crossed;
         }
         Ok(())
     }
 
     fn report(&self) -> Vec<Report> {
-        let prepared = self.prepared.as_ref();
-        let crack = prepared.map(|p| Report {
-            name: "length".into(),
-            unit: "m".into(),
-            value: p.length,
-        });
-        crack.into_iter().collect()
+        vec![Report::new("length", "m", self.length)]
     }
 }
 
@@ -175,8 +177,8 @@ mod tests {
     #[test]
     fn pairs_break_when_the_tip_has_passed_them() {
         let mut world = World::new(vec![block([4, 4, 1], 2, STEEL)]);
-        let mut crack: GrowingCrack = read("from = [0, 2]\nto = [3, 2]\nspeed = 1\nreach = 1");
-        prepare(&mut world, &mut crack, |_| ()).expect("valid");
+        let crack: GrowingCrack = read("from = [0, 2]\nto = [3, 2]\nspeed = 1\nreach = 1");
+        let (mut crack, _) = prepare(&mut world, crack, |_| ()).expect("valid");
         let mut broken = Vec::new();
         for second in 0..5 {
             let step = Step::new(f64::from(second), 1.0);
@@ -193,15 +195,16 @@ mod tests {
     #[test]
     fn several_cracks_grow_on_one_body() {
         let mut world = World::new(vec![block([4, 4, 1], 2, STEEL)]);
-        let mut cracks: [GrowingCrack; 2] = [
+        let cracks: [GrowingCrack; 2] = [
             read("from = [2, 2]\nto = [4, 2]\nspeed = 1\nreach = 1"),
             read("from = [2, 2]\nto = [0, 2]\nspeed = 2\nreach = 1"),
         ];
         let mut setup = Setup::new(&mut world, std::path::Path::new("."));
-        for crack in &mut cracks {
+        let mut cracks = cracks.map(|crack| {
             setup.next_plugin("a crack");
-            crack.prepare(&mut setup).expect("cracks share a body");
-        }
+            let crack = Box::new(crack).prepare(&mut setup);
+            crack.expect("cracks share a body")
+        });
         setup.next_plugin("fracture");
         let message = setup.break_bonds(0, false).expect_err("taken").to_string();
         assert!(
@@ -227,9 +230,9 @@ mod tests {
     #[test]
     fn a_crack_rests_until_its_start() {
         let mut world = World::new(vec![block([4, 4, 1], 2, STEEL)]);
-        let mut crack: GrowingCrack =
+        let crack: GrowingCrack =
             read("from = [0, 2]\nto = [3, 2]\nspeed = 1\nreach = 1\nstart_time = 2");
-        prepare(&mut world, &mut crack, |_| ()).expect("valid");
+        let (mut crack, _) = prepare(&mut world, crack, |_| ()).expect("valid");
         for (start, length) in [(0.0, 0.0), (1.0, 0.0), (2.0, 1.0), (3.0, 2.0)] {
             crack.apply(&world, Step::new(start, 1.0)).expect("applies");
             assert_eq!(crack.report()[0].value, length);
@@ -277,8 +280,10 @@ mod tests {
             ),
         ] {
             let mut world = World::new(vec![block([4, 4, 1], 2, STEEL)]);
-            let mut crack: GrowingCrack = read(keys);
-            assert!(refusal(&mut world, &mut crack).starts_with(key), "{keys}");
+            assert!(
+                refusal(&mut world, read::<GrowingCrack>(keys)).starts_with(key),
+                "{keys}"
+            );
         }
     }
 
@@ -292,8 +297,7 @@ mod tests {
             assert_eq!(found.len(), expected, "{reach}");
             let crack: GrowingCrack = read(&keys);
             let mut solid = World::new(vec![block([4, 4, 4], 3, STEEL)]);
-            let mut crack = crack;
-            assert!(refusal(&mut solid, &mut crack).starts_with("body: "));
+            assert!(refusal(&mut solid, crack).starts_with("body: "));
         }
     }
 }

@@ -2,10 +2,14 @@
 //! `q area / volume` (Wang (2025), eq. 7.18; here q is positive into the body).
 
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
-use perimelt_core::{Coupler, Face, Programme, Report, RunError, Setup, SetupError, Step, World};
+use perimelt_core::{
+    Coupler, Face, Programme, Report, RunError, RunningCoupler, Setup, SetupError, Step,
+    StepLimits, World,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::with_programme;
 use crate::InTime;
 use crate::surface::SurfaceHeat;
 
@@ -23,9 +27,12 @@ pub struct HeatFlux {
     pub region: Option<String>,
     /// Flux into the body (W/m²): a number, or `{ time = [...], value = [...] }`, times in s.
     pub flux: InTime,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<SurfaceHeat<PrescribedFlux>>,
+}
+
+/// A heat flux that is ready to act.
+struct RunningHeatFlux {
+    flux: InTime,
+    heat: SurfaceHeat<PrescribedFlux>,
 }
 
 /// A flux that does not depend on the temperature, W/m².
@@ -51,33 +58,37 @@ impl SurfaceLaw for PrescribedFlux {
 
 #[typetag::serialize(name = "heat_flux")]
 impl Coupler for HeatFlux {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let surface = (&self.faces[..], self.region.as_deref());
         let law = PrescribedFlux(self.flux.at(0.0));
-        self.prepared = Some(SurfaceHeat::prepare(setup, body, surface, law)?);
-        Ok(())
+        let heat = SurfaceHeat::prepare(setup, body, surface, law)?;
+        let programme = Programme::of_values([("flux", &self.flux)]);
+        setup.stepping(with_programme(programme));
+        let flux = self.flux;
+        Ok(Box::new(RunningHeatFlux { flux, heat }))
     }
+}
 
+impl RunningCoupler for RunningHeatFlux {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let heat = self.prepared.as_mut().expect("prepared before the run");
-        heat.follow(world);
-        heat.law().0 = self.flux.at(step.middle());
+        self.heat.follow(world);
+        self.heat.law().0 = self.flux.at(step.middle());
         Ok(())
     }
 
-    fn next_event(&self, after: f64) -> Option<f64> {
-        self.flux.next_event(after)
-    }
-
-    fn programme(&self, _run_end: f64) -> Option<Programme> {
-        Programme::of_values([("flux", &self.flux)])
+    fn step_limits(&self, time: f64) -> StepLimits {
+        StepLimits {
+            next_event: self.flux.next_event(time),
+            ..StepLimits::default()
+        }
     }
 
     fn report(&self) -> Vec<Report> {
-        self.prepared
-            .as_ref()
-            .map_or_else(Vec::new, SurfaceHeat::report)
+        self.heat.report()
     }
 }
 
@@ -98,9 +109,8 @@ mod tests {
             ),
         ] {
             let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
-            let mut boundary: HeatFlux = read(table);
-            let exchange = exchange(&mut world, &mut boundary);
-            apply(&world, &mut boundary, 1.0);
+            let (mut boundary, exchange) = exchange(&mut world, read::<HeatFlux>(table));
+            apply(&world, &mut *boundary, 1.0);
             let heat = heat(&world, &exchange, |_| 300.0);
             assert_eq!(heat.iter().sum::<f64>(), power, "{table}");
         }

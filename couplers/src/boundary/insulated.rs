@@ -5,11 +5,12 @@
 //! zero. A face without any boundary is insulated too: its families are truncated.
 
 use perimelt_core::{
-    Coupler, Face, Key, LayerRole, RunError, Setup, SetupError, Step, World, keys,
+    Coupler, Face, Key, LayerRole, RunningCoupler, Setup, SetupError, Stepping, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::Idle;
 use crate::surface::all_faces;
 
 /// Faces without flux.
@@ -33,7 +34,10 @@ fn temperature() -> String {
 
 #[typetag::serialize(name = "insulated")]
 impl Coupler for Insulated {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         // the owner of the field gives it its unit
         let key = Key::<f64>::named(self.field.clone(), String::new());
@@ -46,15 +50,11 @@ impl Coupler for Insulated {
                 .layer(body, &key, face, LayerRole::Free)
                 .map_err(|e| SetupError::new("faces", e.problem))?;
         }
-        Ok(())
-    }
-
-    fn is_steady(&self) -> bool {
-        true
-    }
-
-    fn apply(&mut self, _world: &World, _step: Step) -> Result<(), RunError> {
-        Ok(())
+        setup.stepping(Stepping {
+            is_steady: true,
+            ..Stepping::default()
+        });
+        Ok(Box::new(Idle))
     }
 }
 
@@ -63,13 +63,13 @@ perimelt_core::register_coupler!("insulated", Insulated, supports: [Motion, Flow
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{STEEL, block, prepare, read};
+    use crate::testing::{STEEL, block, prepare, read, refusal};
+    use perimelt_core::World;
 
     #[test]
     fn layers_are_even_and_not_prescribed() {
         let mut world = World::new(vec![block([3, 2, 1], 2, STEEL)]);
-        let mut boundary: Insulated = read("");
-        let layers = prepare(&mut world, &mut boundary, |setup| {
+        let (_, layers) = prepare(&mut world, read::<Insulated>(""), |setup| {
             setup.own(0, &keys::TEMPERATURE).expect("free");
             setup.layers(0, &keys::TEMPERATURE)
         })
@@ -85,8 +85,7 @@ mod tests {
     #[test]
     fn a_field_that_nobody_owns_is_refused() {
         let mut world = World::new(vec![block([3, 2, 1], 2, STEEL)]);
-        let mut boundary: Insulated = read("field = 'moisture'");
-        let error = prepare(&mut world, &mut boundary, |_| ()).expect_err("no owner");
-        assert!(error.to_string().contains("field `moisture`"));
+        let boundary: Insulated = read("field = 'moisture'");
+        assert!(refusal(&mut world, boundary).contains("field `moisture`"));
     }
 }

@@ -37,7 +37,9 @@ pub use wall::{Wall, WallKind};
 pub use water_jet::WaterJet;
 
 use perimelt_core::world::BodyIndex;
-use perimelt_core::{Face, Setup, SetupError};
+use perimelt_core::{
+    Face, Programme, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -59,6 +61,23 @@ impl LayerKind {
             LayerKind::Mirrored => (-1.0, 2.0 * b),
             LayerKind::Constant => (0.0, b),
         }
+    }
+}
+
+/// A coupler that has nothing to do while the case runs.
+pub(crate) struct Idle;
+
+impl RunningCoupler for Idle {
+    fn apply(&mut self, _world: &World, _step: Step) -> Result<(), RunError> {
+        Ok(())
+    }
+}
+
+/// The stepping of a coupler whose programme is known at set-up.
+pub(crate) fn with_programme(programme: Option<Programme>) -> Stepping {
+    Stepping {
+        programme: Some(Box::new(move |_| programme.clone())),
+        ..Stepping::default()
     }
 }
 

@@ -10,13 +10,13 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::in_space::{Placed, PlacedError};
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, InSpace, LayerRole, Programme, RunError, Setup, SetupError, Step, World, Write,
-    keys,
+    Coupler, Face, InSpace, LayerRole, Programme, RunError, RunningCoupler, Setup, SetupError,
+    Step, StepLimits, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{LayerKind, Place, place};
+use super::{LayerKind, Place, place, with_programme};
 use crate::in_time::earlier;
 
 /// Displacement of a face or of the points of a region; components left out are free.
@@ -45,13 +45,11 @@ pub struct PrescribedDisplacement {
     /// Values in the layer behind a face; default `mirrored`.
     #[serde(default)]
     pub layer: LayerKind,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<DisplacementState>,
 }
 
-#[derive(Debug)]
-struct DisplacementState {
+/// A prescribed displacement that is ready to act.
+struct RunningPrescribedDisplacement {
+    layer: LayerKind,
     /// At the points of the region, or one for a face.
     values: [Option<Placed>; 3],
     sink: DisplacementSink,
@@ -76,7 +74,10 @@ impl PrescribedDisplacement {
 
 #[typetag::serialize(name = "prescribed_displacement")]
 impl Coupler for PrescribedDisplacement {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let dimension = setup.body(body).dimension;
         let given = self.components().map(|c| c.is_some());
@@ -131,24 +132,30 @@ impl Coupler for PrescribedDisplacement {
             let place = |given| setup.placed((body, name), name, given, positions.clone());
             values[axis] = given.map(place).transpose()?;
         }
-        self.prepared = Some(DisplacementState { values, sink });
-        Ok(())
+        let named = ["x", "y", "z"].into_iter().zip(self.components());
+        let uniform = named.filter_map(|(key, value)| Some((key, value?.uniform()?)));
+        setup.stepping(with_programme(Programme::of_values(uniform)));
+        Ok(Box::new(RunningPrescribedDisplacement {
+            layer: self.layer,
+            values,
+            sink,
+        }))
     }
+}
 
+impl RunningCoupler for RunningPrescribedDisplacement {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let time = step.end();
         let error = |e: PlacedError| e.during("prescribed_displacement", time);
-        let DisplacementState { values, sink } =
-            self.prepared.as_mut().expect("prepared before the run");
         let mut at_time: [Option<&[f64]>; 3] = [None; 3];
-        for (at_time, value) in at_time.iter_mut().zip(values) {
+        for (at_time, value) in at_time.iter_mut().zip(&mut self.values) {
             *at_time = value
                 .as_mut()
                 .map(|v| v.at(time))
                 .transpose()
                 .map_err(error)?;
         }
-        match sink {
+        match &self.sink {
             DisplacementSink::Layer(layer) => {
                 let rules = at_time.map(|v| v.map_or((1.0, 0.0), |v| self.layer.rule(v[0])));
                 world.set_layer(*layer, rules.map(|r| r.0), rules.map(|r| r.1));
@@ -171,19 +178,12 @@ impl Coupler for PrescribedDisplacement {
         Ok(())
     }
 
-    fn next_event(&self, after: f64) -> Option<f64> {
-        let Some(prepared) = &self.prepared else {
-            let given = self.components().into_iter().flatten();
-            let given = given.filter_map(InSpace::uniform);
-            return given.map(|v| v.next_event(after)).fold(None, earlier);
-        };
-        let values = prepared.values.iter().flatten();
-        values.map(|v| v.next_event(after)).fold(None, earlier)
-    }
-
-    fn programme(&self, _run_end: f64) -> Option<Programme> {
-        let named = ["x", "y", "z"].into_iter().zip(self.components());
-        Programme::of_values(named.filter_map(|(key, value)| Some((key, value?.uniform()?))))
+    fn step_limits(&self, time: f64) -> StepLimits {
+        let values = self.values.iter().flatten();
+        StepLimits {
+            next_event: values.map(|v| v.next_event(time)).fold(None, earlier),
+            ..StepLimits::default()
+        }
     }
 }
 
@@ -197,32 +197,32 @@ mod tests {
     #[test]
     fn a_layer_prescribes_the_given_components_and_mirrors_the_others() {
         let mut world = World::new(vec![block([3, 3, 1], 2, STEEL)]);
-        let mut boundary: PrescribedDisplacement =
+        let boundary: PrescribedDisplacement =
             read("face = 'x-'\ny = { time = [0, 2], value = [0, 1e-3] }");
-        let layers = prepare(&mut world, &mut boundary, |setup| {
+        let (mut boundary, layers) = prepare(&mut world, boundary, |setup| {
             setup.own(0, &keys::DISPLACEMENT).expect("free");
             setup.layers(0, &keys::DISPLACEMENT).handle
         })
         .expect("valid");
-        apply(&world, &mut boundary, 0.0);
+        apply(&world, &mut *boundary, 0.0);
         let rule = &world.layer_rules(layers)[0];
         assert_eq!(
             (rule.scale, rule.offset),
             ([1.0, -1.0, 1.0], [0.0, 1e-3, 0.0])
         );
-        assert_eq!(boundary.next_event(0.0), Some(2.0));
+        assert_eq!(boundary.step_limits(0.0).next_event, Some(2.0));
     }
 
     #[test]
     fn points_are_held_in_the_given_components() {
         let mut world = World::new(vec![block([2, 1, 1], 3, STEEL)]);
-        let mut boundary: PrescribedDisplacement = read("region = 'left'\nx = 0.5\nz = 0");
-        prepare(&mut world, &mut boundary, |setup| {
+        let boundary: PrescribedDisplacement = read("region = 'left'\nx = 0.5\nz = 0");
+        let (mut boundary, _) = prepare(&mut world, boundary, |setup| {
             setup.consume(0, &keys::CONSTRAINT).expect("free");
             setup.consume(0, &keys::HELD_DISPLACEMENT).expect("free");
         })
         .expect("valid");
-        apply(&world, &mut boundary, 0.0);
+        apply(&world, &mut *boundary, 0.0);
         assert_eq!(
             values(&world, &keys::CONSTRAINT),
             [1.0, 0.0, 1.0, 0.0, 0.0, 0.0]
@@ -236,13 +236,13 @@ mod tests {
     #[test]
     fn the_displacement_of_a_region_may_depend_on_the_place() {
         let mut world = World::new(vec![block([2, 1, 1], 3, STEEL)]);
-        let mut boundary: PrescribedDisplacement = read("region = 'left'\nx = '2 * x * t'");
-        prepare(&mut world, &mut boundary, |setup| {
+        let boundary: PrescribedDisplacement = read("region = 'left'\nx = '2 * x * t'");
+        let (mut boundary, _) = prepare(&mut world, boundary, |setup| {
             setup.consume(0, &keys::CONSTRAINT).expect("free");
             setup.consume(0, &keys::HELD_DISPLACEMENT).expect("free");
         })
         .expect("valid");
-        apply(&world, &mut boundary, 2.0);
+        apply(&world, &mut *boundary, 2.0);
         // at x = 0.5 m and the end of the step, 3 s
         assert_eq!(
             values(&world, &keys::HELD_DISPLACEMENT)[..3],
@@ -264,11 +264,8 @@ mod tests {
             ),
         ] {
             let mut world = World::new(vec![block([3, 3, 1], 2, STEEL)]);
-            let mut boundary: PrescribedDisplacement = read(table);
-            assert!(
-                refusal(&mut world, &mut boundary).contains(message),
-                "{table}"
-            );
+            let boundary: PrescribedDisplacement = read(table);
+            assert!(refusal(&mut world, boundary).contains(message), "{table}");
         }
     }
 }

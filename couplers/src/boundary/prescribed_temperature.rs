@@ -10,13 +10,13 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Body, Coupler, Face, InSpace, LayerRole, Placed, Programme, RunError, Setup, SetupError, Step,
-    World, Write, keys,
+    Body, Coupler, Face, InSpace, LayerRole, Placed, Programme, RunError, RunningCoupler, Setup,
+    SetupError, Step, StepLimits, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{LayerKind, Place, place};
+use super::{LayerKind, Place, place, with_programme};
 
 /// Temperature of a face or of the points of a region.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
@@ -37,15 +37,18 @@ pub struct PrescribedTemperature {
     /// Values in the layer behind a face; default `mirrored`.
     #[serde(default)]
     pub layer: LayerKind,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<TemperatureSink>,
+}
+
+/// A prescribed temperature that is ready to act.
+struct RunningPrescribedTemperature {
+    layer: LayerKind,
+    sink: TemperatureSink,
 }
 
 /// Where the prescribed temperature goes.
 #[derive(Debug)]
 enum TemperatureSink {
-    /// The same on the whole face.
+    /// One value on the whole face.
     Layer(LayerHandle, Placed),
     LayerByPlace(LayerHandle, OnFace),
     Points {
@@ -91,10 +94,13 @@ fn in_front(body: &Body, face: Face) -> (Vec<Vector3<f64>>, Vec<u32>) {
 
 #[typetag::serialize(name = "prescribed_temperature")]
 impl Coupler for PrescribedTemperature {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let field = (body, "temperature");
-        let prepared = match place(setup, body, self.face, self.region.as_deref())? {
+        let sink = match place(setup, body, self.face, self.region.as_deref())? {
             Place::Face(face) if self.value.uniform().is_some() => {
                 let centre = vec![Vector3::zeros()];
                 let value = setup.placed(field, "value", &self.value, centre)?;
@@ -120,15 +126,19 @@ impl Coupler for PrescribedTemperature {
                 held: setup.add(body, &keys::HELD_TEMPERATURE)?,
             },
         };
-        self.prepared = Some(prepared);
-        Ok(())
+        let programme = Programme::of_values(self.value.uniform().map(|value| ("value", value)));
+        setup.stepping(with_programme(programme));
+        let layer = self.layer;
+        Ok(Box::new(RunningPrescribedTemperature { layer, sink }))
     }
+}
 
+impl RunningCoupler for RunningPrescribedTemperature {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let time = step.end();
         let error =
             |e: perimelt_core::in_space::PlacedError| e.during("prescribed_temperature", time);
-        match self.prepared.as_mut().expect("prepared before the run") {
+        match &mut self.sink {
             TemperatureSink::Layer(layer, value) => {
                 let value = value.at(time).map_err(error)?[0];
                 let (scale, offset) = self.layer.rule(value);
@@ -157,18 +167,14 @@ impl Coupler for PrescribedTemperature {
         Ok(())
     }
 
-    fn next_event(&self, after: f64) -> Option<f64> {
-        let Some(prepared) = &self.prepared else {
-            return self.value.uniform()?.next_event(after);
-        };
+    fn step_limits(&self, time: f64) -> StepLimits {
         let (TemperatureSink::Layer(_, value)
         | TemperatureSink::LayerByPlace(_, OnFace { places: value, .. })
-        | TemperatureSink::Points { value, .. }) = prepared;
-        value.next_event(after)
-    }
-
-    fn programme(&self, _run_end: f64) -> Option<Programme> {
-        Programme::of_values(self.value.uniform().map(|value| ("value", value)))
+        | TemperatureSink::Points { value, .. }) = &self.sink;
+        StepLimits {
+            next_event: value.next_event(time),
+            ..StepLimits::default()
+        }
     }
 }
 
@@ -186,33 +192,33 @@ mod tests {
         for (kind, rule) in [("mirrored", (-1.0, 1000.0)), ("constant", (0.0, 500.0))] {
             let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
             let table = format!("face = 'x+'\nlayer = '{kind}'\n{RAMP}");
-            let mut boundary: PrescribedTemperature = read(&table);
-            let layers = prepare(&mut world, &mut boundary, |setup| {
+            let boundary: PrescribedTemperature = read(&table);
+            let (mut boundary, layers) = prepare(&mut world, boundary, |setup| {
                 setup.own(0, &keys::TEMPERATURE).expect("free");
                 setup.layers(0, &keys::TEMPERATURE)
             })
             .expect("valid");
             assert_eq!(layers.faces(), [Face::XMax]);
             assert_eq!(layers.prescribed, [Face::XMax]);
-            apply(&world, &mut boundary, 1.0);
+            apply(&world, &mut *boundary, 1.0);
             let rules = world.layer_rules(layers.handle);
             assert_eq!((rules[0].scale[0], rules[0].offset[0]), rule, "{kind}");
-            assert_eq!(boundary.next_event(0.0), Some(4.0));
+            assert_eq!(boundary.step_limits(0.0).next_event, Some(4.0));
         }
     }
 
     #[test]
     fn the_points_of_a_region_are_held_and_no_others() {
         let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
-        let mut boundary: PrescribedTemperature = read(&format!("region = 'left'\n{RAMP}"));
-        prepare(&mut world, &mut boundary, |setup| {
+        let boundary: PrescribedTemperature = read(&format!("region = 'left'\n{RAMP}"));
+        let (mut boundary, _) = prepare(&mut world, boundary, |setup| {
             setup
                 .consume(0, &keys::TEMPERATURE_CONSTRAINT)
                 .expect("free");
             setup.consume(0, &keys::HELD_TEMPERATURE).expect("free");
         })
         .expect("valid");
-        apply(&world, &mut boundary, 0.0);
+        apply(&world, &mut *boundary, 0.0);
         assert_eq!(
             values(&world, &keys::TEMPERATURE_CONSTRAINT),
             [1.0, 0.0, 0.0]
@@ -226,13 +232,13 @@ mod tests {
         for (layer, factor) in [("mirrored", -1.0), ("constant", 0.0)] {
             let mut world = World::new(vec![block([3, 2, 1], 2, STEEL)]);
             let table = format!("face = 'x+'\nlayer = '{layer}'\nvalue = '100 * x + 10 * y + t'");
-            let mut boundary: PrescribedTemperature = read(&table);
-            let layers = prepare(&mut world, &mut boundary, |setup| {
+            let boundary: PrescribedTemperature = read(&table);
+            let (mut boundary, layers) = prepare(&mut world, boundary, |setup| {
                 setup.own(0, &keys::TEMPERATURE).expect("free");
                 setup.layers(0, &keys::TEMPERATURE)
             })
             .expect("valid");
-            apply(&world, &mut boundary, 1.0);
+            apply(&world, &mut *boundary, 1.0);
             let rule = &world.layer_rules(layers.handle)[0];
             assert_eq!(rule.scale[0], factor, "{layer}");
             // at x = 3, y = 0.5 and 1.5 and the end of the step, 2 s
@@ -244,23 +250,23 @@ mod tests {
             );
         }
         let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
-        let mut boundary: PrescribedTemperature = read("region = 'left'\nvalue = '100 * x + 300'");
-        prepare(&mut world, &mut boundary, |setup| {
+        let boundary: PrescribedTemperature = read("region = 'left'\nvalue = '100 * x + 300'");
+        let (mut boundary, _) = prepare(&mut world, boundary, |setup| {
             setup
                 .consume(0, &keys::TEMPERATURE_CONSTRAINT)
                 .expect("free");
             setup.consume(0, &keys::HELD_TEMPERATURE).expect("free");
         })
         .expect("valid");
-        apply(&world, &mut boundary, 0.0);
+        apply(&world, &mut *boundary, 0.0);
         assert_eq!(values(&world, &keys::HELD_TEMPERATURE), [350.0, 0.0, 0.0]);
     }
 
     #[test]
     fn a_value_that_is_not_finite_is_refused() {
         let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
-        let mut boundary: PrescribedTemperature = read("face = 'x-'\nvalue = '300 + sqrt(x - 1)'");
-        let message = refusal(&mut world, &mut boundary);
+        let boundary: PrescribedTemperature = read("face = 'x-'\nvalue = '300 + sqrt(x - 1)'");
+        let message = refusal(&mut world, boundary);
         assert!(
             message.contains("value: `300 + sqrt(x - 1)` is NaN at [0, 0.5, 0.5] m"),
             "{message}"
@@ -272,8 +278,7 @@ mod tests {
         let both = "value = 1\nface = 'x-'\nregion = 'left'";
         for (table, message) in [("value = 1", "neither `face` nor `region`"), (both, "both")] {
             let mut world = World::new(vec![block([3, 1, 1], 1, STEEL)]);
-            let mut boundary: PrescribedTemperature = read(table);
-            assert!(refusal(&mut world, &mut boundary).contains(message));
+            assert!(refusal(&mut world, read::<PrescribedTemperature>(table)).contains(message));
         }
     }
 }

@@ -6,10 +6,14 @@
 
 use perimelt_core::material::Property;
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
-use perimelt_core::{Coupler, Face, Programme, Report, RunError, Setup, SetupError, Step, World};
+use perimelt_core::{
+    Coupler, Face, Programme, Report, RunError, RunningCoupler, Setup, SetupError, Step,
+    StepLimits, World,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::with_programme;
 use crate::InTime;
 use crate::surface::{SurfaceHeat, all_faces};
 
@@ -36,14 +40,12 @@ pub struct Radiation {
     /// Temperature of the surroundings (K): a number, or `{ time = [...], value = [...] }`,
     /// times in s.
     pub ambient: InTime,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<RadiationState>,
 }
 
-#[derive(Debug)]
-struct RadiationState {
+/// A radiation that is ready to act.
+struct RunningRadiation {
     body: usize,
+    ambient: InTime,
     heat: SurfaceHeat<RadiationLaw>,
 }
 
@@ -57,7 +59,7 @@ struct RadiationLaw {
     material: Vec<u16>,
     /// Counts the changes of the cell faces that `material` belongs to.
     version: Option<u64>,
-    /// Of the surroundings now, and the highest at all times, K.
+    /// Temperature of the surroundings now, and the highest one at all times, K.
     ambient: f64,
     highest_ambient: f64,
 }
@@ -83,11 +85,14 @@ impl SurfaceLaw for RadiationLaw {
 
 #[typetag::serialize(name = "radiation")]
 impl Coupler for Radiation {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        let emissivity = match &self.emissivity {
-            Some(given) => vec![given.clone(); setup.body(body).materials.len()],
-            None => setup.property(body, "emissivity")?,
+        let emissivity = match self.emissivity {
+            Some(given) => vec![given; setup.body(body).materials.len()],
+            None => setup.world().property(body, "emissivity")?,
         };
         let mut values = emissivity.iter().flat_map(Property::values);
         if let Some(value) = values.find(|e| !(0.0..=1.0).contains(e)) {
@@ -116,35 +121,39 @@ impl Coupler for Radiation {
         };
         let surface = (&self.faces[..], self.region.as_deref());
         let heat = SurfaceHeat::prepare(setup, body, surface, law)?;
-        self.prepared = Some(RadiationState { body, heat });
-        Ok(())
+        let programme = Programme::of_values([("ambient", &self.ambient)]);
+        setup.stepping(with_programme(programme));
+        Ok(Box::new(RunningRadiation {
+            body,
+            ambient: self.ambient,
+            heat,
+        }))
     }
+}
 
+impl RunningCoupler for RunningRadiation {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_mut().expect("prepared before the run");
-        p.heat.follow(world);
-        let mut law = p.heat.law();
+        self.heat.follow(world);
+        let mut law = self.heat.law();
         law.ambient = self.ambient.at(step.middle());
-        if law.emissivity.len() > 1 && law.version != Some(p.heat.version()) {
-            law.version = Some(p.heat.version());
-            let material = &world.body(p.body).material_of_point;
-            let cells = p.heat.cells();
+        if law.emissivity.len() > 1 && law.version != Some(self.heat.version()) {
+            law.version = Some(self.heat.version());
+            let material = &world.body(self.body).material_of_point;
+            let cells = self.heat.cells();
             law.material = cells.iter().map(|c| material[c.point as usize]).collect();
         }
         Ok(())
     }
 
-    fn next_event(&self, after: f64) -> Option<f64> {
-        self.ambient.next_event(after)
-    }
-
-    fn programme(&self, _run_end: f64) -> Option<Programme> {
-        Programme::of_values([("ambient", &self.ambient)])
+    fn step_limits(&self, time: f64) -> StepLimits {
+        StepLimits {
+            next_event: self.ambient.next_event(time),
+            ..StepLimits::default()
+        }
     }
 
     fn report(&self) -> Vec<Report> {
-        let prepared = self.prepared.as_ref();
-        prepared.map_or_else(Vec::new, |p| p.heat.report())
+        self.heat.report()
     }
 }
 
@@ -157,9 +166,8 @@ mod tests {
 
     fn power(table: &str) -> f64 {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
-        let mut boundary: Radiation = read(table);
-        let exchange = exchange(&mut world, &mut boundary);
-        apply(&world, &mut boundary, 0.0);
+        let (mut boundary, exchange) = exchange(&mut world, read::<Radiation>(table));
+        apply(&world, &mut *boundary, 0.0);
         check_slopes(&exchange, &[310.0, 1000.0, 1900.0]);
         heat(&world, &exchange, |_| 1000.0).iter().sum()
     }
@@ -185,8 +193,7 @@ mod tests {
             ("ambient = -3", "ambient"),
         ] {
             let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
-            let mut boundary: Radiation = read(table);
-            assert!(refusal(&mut world, &mut boundary).starts_with(key));
+            assert!(refusal(&mut world, read::<Radiation>(table)).starts_with(key));
         }
     }
 }

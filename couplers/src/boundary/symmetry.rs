@@ -5,7 +5,10 @@
 
 use perimelt_core::world::LayerHandle;
 use perimelt_core::world::SymmetryPlane;
-use perimelt_core::{Coupler, Face, LayerRole, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::{
+    Coupler, Face, LayerRole, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World,
+    keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -18,9 +21,13 @@ pub struct Symmetry {
     pub body: Option<String>,
     /// Face of the body's box, such as `"y-"`.
     pub face: Face,
-    #[serde(skip)]
-    #[schemars(skip)]
-    vectors: Vec<LayerHandle>,
+}
+
+/// A plane of symmetry that is ready to act.
+struct RunningSymmetry {
+    face: Face,
+    /// Layers of vector fields.
+    vectors: [LayerHandle; 2],
 }
 
 #[typetag::serialize(name = "symmetry")]
@@ -30,25 +37,31 @@ impl Coupler for Symmetry {
         setup.publish(body, SymmetryPlane(self.face))
     }
 
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         // a fresh layer is even
         setup.layer(body, &keys::TEMPERATURE, self.face, LayerRole::IfProvided)?;
-        for vector in [&keys::DISPLACEMENT, &keys::VELOCITY] {
-            let layer = setup.layer(body, vector, self.face, LayerRole::IfProvided)?;
-            self.vectors.push(layer);
-        }
-        Ok(())
+        let mut layer = |vector| setup.layer(body, vector, self.face, LayerRole::IfProvided);
+        let vectors = [layer(&keys::DISPLACEMENT)?, layer(&keys::VELOCITY)?];
+        setup.stepping(Stepping {
+            is_steady: true,
+            ..Stepping::default()
+        });
+        Ok(Box::new(RunningSymmetry {
+            face: self.face,
+            vectors,
+        }))
     }
+}
 
-    fn is_steady(&self) -> bool {
-        true
-    }
-
+impl RunningCoupler for RunningSymmetry {
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
         let mut scale = [1.0; 3];
         scale[self.face.axis()] = -1.0;
-        for &layer in &self.vectors {
+        for layer in self.vectors {
             world.set_layer(layer, scale, [0.0; 3]);
         }
         Ok(())
@@ -65,15 +78,15 @@ mod tests {
     #[test]
     fn the_normal_displacement_is_odd_and_temperature_need_not_exist() {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
-        let mut boundary: Symmetry = read("face = 'y-'");
-        let layers = prepare(&mut world, &mut boundary, |setup| {
-            setup.own(0, &keys::DISPLACEMENT).expect("free");
-            setup.layers(0, &keys::DISPLACEMENT)
-        })
-        .expect("a case without temperature is fine");
+        let (mut boundary, layers) =
+            prepare(&mut world, read::<Symmetry>("face = 'y-'"), |setup| {
+                setup.own(0, &keys::DISPLACEMENT).expect("free");
+                setup.layers(0, &keys::DISPLACEMENT)
+            })
+            .expect("a case without temperature is fine");
         assert_eq!(layers.faces(), [Face::YMin]);
         assert_eq!(layers.prescribed, []);
-        apply(&world, &mut boundary, 0.0);
+        apply(&world, &mut *boundary, 0.0);
         let rule = &world.layer_rules(layers.handle)[0];
         assert_eq!((rule.scale, rule.offset), ([1.0, -1.0, 1.0], [0.0; 3]));
     }

@@ -15,12 +15,13 @@ use perimelt_core::in_space::PlacedError;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::world::activity::is_active;
 use perimelt_core::{
-    Coupler, Face, InSpace, LayerRole, Placed, Programme, Report, RunError, Setup, SetupError,
-    Step, World, Write, keys,
+    Coupler, Face, InSpace, LayerRole, Placed, Programme, Report, RunError, RunningCoupler, Setup,
+    SetupError, Step, StepLimits, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::with_programme;
 use crate::InTime;
 use crate::in_time::earlier;
 use crate::surface::select;
@@ -51,9 +52,6 @@ pub struct Traction {
     /// default 1.
     #[serde(default = "constant")]
     pub factor: InTime,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<TractionState>,
 }
 
 /// Where a traction acts.
@@ -71,9 +69,10 @@ fn constant() -> InTime {
     InTime::Constant(1.0)
 }
 
-#[derive(Debug)]
-struct TractionState {
+/// A traction that is ready to act.
+struct RunningTraction {
     body: usize,
+    factor: InTime,
     cells: Vec<SurfaceCell>,
     load: Load,
     sink: TractionSink,
@@ -168,7 +167,10 @@ impl Traction {
 
 #[typetag::serialize(name = "traction")]
 impl Coupler for Traction {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let cells = select(setup, body, &self.faces, self.region.as_deref())?;
         let load = match (self.traction, &self.pressure) {
@@ -192,33 +194,36 @@ impl Coupler for Traction {
                 return Err(SetupError::value("traction", message, expected));
             }
         };
-        self.prepared = Some(TractionState {
+        let programme = Programme::of_values([("factor", &self.factor)]);
+        setup.stepping(with_programme(programme));
+        Ok(Box::new(RunningTraction {
             body,
             cells,
             load,
             sink: self.sink(setup, body)?,
+            factor: self.factor,
             force: Vector3::zeros(),
-        });
-        Ok(())
+        }))
     }
+}
 
+impl RunningCoupler for RunningTraction {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_mut().expect("prepared before the run");
         let factor = self.factor.at(step.end());
-        let points = &world.body(p.body).points;
-        let loads = p.load.at(step.end());
+        let points = &world.body(self.body).points;
+        let loads = self.load.at(step.end());
         let loads = loads.map_err(|e| e.during("traction", step.end()))?;
         let on_cell = |(index, cell): (usize, &SurfaceCell)| {
             loads.on(index, cell.face) * (factor * cell.face_area)
         };
-        let activity = world.activity(p.body);
+        let activity = world.activity(self.body);
         let is_there = |(_, cell): &(usize, &SurfaceCell)| {
             let activity = activity.as_ref();
             activity.is_none_or(|a| is_active(a[cell.point as usize]))
         };
-        let cells = || p.cells.iter().enumerate().filter(is_there);
-        p.force = cells().map(on_cell).sum();
-        match &p.sink {
+        let cells = || self.cells.iter().enumerate().filter(is_there);
+        self.force = cells().map(on_cell).sum();
+        match &self.sink {
             TractionSink::Points(body_force) => {
                 let mut body_force = world.write(*body_force);
                 for (index, cell) in cells() {
@@ -228,7 +233,7 @@ impl Coupler for Traction {
             }
             TractionSink::Layers(layers) => {
                 for (face, layer) in layers {
-                    let on_face = p.cells.iter().position(|cell| cell.face == *face);
+                    let on_face = self.cells.iter().position(|cell| cell.face == *face);
                     let load = on_face.map_or_else(Vector3::zeros, |cell| loads.on(cell, *face));
                     let stress = factor * load;
                     world.set_traction_layer(*layer, stress.into());
@@ -238,29 +243,21 @@ impl Coupler for Traction {
         Ok(())
     }
 
-    fn next_event(&self, after: f64) -> Option<f64> {
-        let pressure = self.prepared.as_ref().and_then(|p| match &p.load {
+    fn step_limits(&self, time: f64) -> StepLimits {
+        let pressure = match &self.load {
             Load::Traction(_) => None,
-            Load::Pressure(pressure) => pressure.next_event(after),
-        });
-        earlier(self.factor.next_event(after), pressure)
-    }
-
-    fn programme(&self, _run_end: f64) -> Option<Programme> {
-        Programme::of_values([("factor", &self.factor)])
+            Load::Pressure(pressure) => pressure.next_event(time),
+        };
+        StepLimits {
+            next_event: earlier(self.factor.next_event(time), pressure),
+            ..StepLimits::default()
+        }
     }
 
     fn report(&self) -> Vec<Report> {
-        let force = self
-            .prepared
-            .as_ref()
-            .map_or_else(Vector3::zeros, |p| p.force);
-        let component = |axis: usize| Report {
-            name: format!("force.{}", ["x", "y", "z"][axis]),
-            unit: "N".into(),
-            value: force[axis],
-        };
-        (0..3).map(component).collect()
+        let axes = ["x", "y", "z"].into_iter().zip(&self.force);
+        axes.map(|(axis, force)| Report::new(format!("force.{axis}"), "N", *force))
+            .collect()
     }
 }
 
@@ -273,12 +270,11 @@ mod tests {
 
     fn loaded(table: &str) -> (Vec<f64>, Vec<f64>) {
         let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
-        let mut boundary: Traction = read(table);
-        prepare(&mut world, &mut boundary, |setup| {
+        let (mut boundary, _) = prepare(&mut world, read::<Traction>(table), |setup| {
             setup.consume(0, &keys::BODY_FORCE).expect("free");
         })
         .expect("valid");
-        apply(&world, &mut boundary, 1.0);
+        apply(&world, &mut *boundary, 1.0);
         let force = boundary.report().iter().map(|r| r.value).collect();
         (values(&world, &keys::BODY_FORCE), force)
     }
@@ -320,20 +316,19 @@ mod tests {
         }
         let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
         let table = "faces = ['x+']\npressure = 'y'\nby = 'layer'";
-        let mut boundary: Traction = read(table);
-        assert!(refusal(&mut world, &mut boundary).starts_with("pressure"));
+        assert!(refusal(&mut world, read::<Traction>(table)).starts_with("pressure"));
     }
 
     #[test]
     fn a_layer_carries_the_load_instead_of_the_points() {
         let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
-        let mut boundary: Traction = read("faces = ['x-']\npressure = 2\nby = 'layer'");
-        let layers = prepare(&mut world, &mut boundary, |setup| {
+        let boundary: Traction = read("faces = ['x-']\npressure = 2\nby = 'layer'");
+        let (mut boundary, layers) = prepare(&mut world, boundary, |setup| {
             setup.own(0, &keys::DISPLACEMENT).expect("free");
             setup.layers(0, &keys::DISPLACEMENT).handle
         })
         .expect("nobody needs to take up a body force");
-        apply(&world, &mut boundary, 0.0);
+        apply(&world, &mut *boundary, 0.0);
         let traction = world.layer_rules(layers)[0].traction.expect("it was set");
         assert_eq!(traction.stress, [2.0, 0.0, 0.0]);
         assert_eq!(boundary.report()[0].value, 12.0);
@@ -348,16 +343,18 @@ mod tests {
         assert_eq!(body_force[3 * 13 + 2], 0.0);
 
         let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
-        let mut boundary: Traction = read("faces = ['z+']\npressure = 2");
+        let boundary: Traction = read("faces = ['z+']\npressure = 2");
         let mut setup = Setup::new(&mut world, std::path::Path::new("."));
         setup.next_plugin("deposit");
-        setup.deposit(0, &[12, 13]).expect("a lattice");
+        setup
+            .change_material(0, perimelt_core::Change::Births, &[12, 13])
+            .expect("a lattice");
         setup.next_plugin("traction");
-        boundary.prepare(&mut setup).expect("valid");
+        let mut boundary = Box::new(boundary).prepare(&mut setup).expect("valid");
         setup.next_plugin("mechanical");
         setup.consume(0, &keys::BODY_FORCE).expect("free");
         setup.finish().expect("complete");
-        apply(&world, &mut boundary, 0.0);
+        apply(&world, &mut *boundary, 0.0);
         assert_eq!(boundary.report()[2].value, -2.0 * 10.0);
         let body_force = values(&world, &keys::BODY_FORCE);
         assert_eq!(
@@ -370,14 +367,13 @@ mod tests {
     fn a_layer_has_whole_faces() {
         let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
         let table = "faces = ['x+']\npressure = 2\nby = 'layer'\nregion = 'left'";
-        let mut boundary: Traction = read(table);
-        assert!(refusal(&mut world, &mut boundary).starts_with("region"));
+        assert!(refusal(&mut world, read::<Traction>(table)).starts_with("region"));
     }
 
     #[test]
     fn one_kind_of_load_is_needed() {
         let mut world = World::new(vec![block([4, 3, 2], 3, STEEL)]);
-        let mut boundary: Traction = read("faces = ['x+']");
-        assert!(refusal(&mut world, &mut boundary).contains("either `traction` or `pressure`"));
+        let boundary: Traction = read("faces = ['x+']");
+        assert!(refusal(&mut world, boundary).contains("either `traction` or `pressure`"));
     }
 }

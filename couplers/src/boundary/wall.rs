@@ -6,7 +6,10 @@
 //! 5.102). This is first order: the velocity of the wall is reached a fraction of a spacing outside.
 
 use perimelt_core::world::LayerHandle;
-use perimelt_core::{Coupler, Face, LayerRole, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::{
+    Coupler, Face, LayerRole, RunError, RunningCoupler, Setup, SetupError, Step, Stepping, World,
+    keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -30,9 +33,6 @@ pub struct Wall {
     /// The layer behind a wall without slip.
     #[serde(default)]
     pub layer: LayerKind,
-    #[serde(skip)]
-    #[schemars(skip)]
-    layers: Vec<(Face, LayerHandle)>,
 }
 
 /// Whether a fluid sticks to a wall.
@@ -46,14 +46,35 @@ pub enum WallKind {
     Slip,
 }
 
+/// Walls that are ready to act.
+struct RunningWall {
+    /// Layers behind the faces, with the scale and the offset of each component.
+    layers: Vec<(LayerHandle, [(f64, f64); 3])>,
+}
+
+impl Wall {
+    /// Scale and offset of each component in the layer behind a face.
+    fn rules(&self, face: Face) -> [(f64, f64); 3] {
+        std::array::from_fn(|axis| match self.kind {
+            WallKind::NoSlip => self.layer.rule(self.velocity[axis]),
+            WallKind::Slip if axis == face.axis() => (-1.0, 0.0),
+            WallKind::Slip => (1.0, 0.0),
+        })
+    }
+}
+
 #[typetag::serialize(name = "wall")]
 impl Coupler for Wall {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         if self.kind == WallKind::Slip && self.layer != LayerKind::default() {
             let message = "`layer` applies to walls without slip only";
             return Err(SetupError::value("layer", message, "`kind = \"no_slip\"`"));
         }
+        let mut layers = Vec::new();
         for &face in &self.faces {
             let across = self.velocity[face.axis()];
             if across != 0.0 {
@@ -67,10 +88,8 @@ impl Coupler for Wall {
                     "a velocity along the wall",
                 ));
             }
-            self.layers.push((
-                face,
-                setup.layer(body, &keys::VELOCITY, face, LayerRole::Prescribed)?,
-            ));
+            let layer = setup.layer(body, &keys::VELOCITY, face, LayerRole::Prescribed)?;
+            layers.push((layer, self.rules(face)));
         }
         if self.faces.is_empty() {
             return Err(SetupError::value(
@@ -79,20 +98,17 @@ impl Coupler for Wall {
                 "faces such as [\"y-\"]",
             ));
         }
-        Ok(())
+        setup.stepping(Stepping {
+            is_steady: true,
+            ..Stepping::default()
+        });
+        Ok(Box::new(RunningWall { layers }))
     }
+}
 
-    fn is_steady(&self) -> bool {
-        true
-    }
-
+impl RunningCoupler for RunningWall {
     fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
-        for &(face, layer) in &self.layers {
-            let rules: [(f64, f64); 3] = std::array::from_fn(|axis| match self.kind {
-                WallKind::NoSlip => self.layer.rule(self.velocity[axis]),
-                WallKind::Slip if axis == face.axis() => (-1.0, 0.0),
-                WallKind::Slip => (1.0, 0.0),
-            });
+        for &(layer, rules) in &self.layers {
             world.set_layer(layer, rules.map(|r| r.0), rules.map(|r| r.1));
         }
         Ok(())
@@ -104,18 +120,17 @@ perimelt_core::register_coupler!("wall", Wall, supports: [Motion, Flow]);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{STEEL, apply, block, prepare, read};
+    use crate::testing::{STEEL, apply, block, prepare, read, refusal};
     use perimelt_core::family::LayerRule;
 
     fn rule(keys: &str) -> LayerRule {
         let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
-        let mut wall: Wall = read(keys);
-        let layers = prepare(&mut world, &mut wall, |setup| {
+        let (mut wall, layers) = prepare(&mut world, read::<Wall>(keys), |setup| {
             setup.own(0, &keys::VELOCITY).expect("free");
             setup.layers(0, &keys::VELOCITY)
         })
         .expect("valid");
-        apply(&world, &mut wall, 0.0);
+        apply(&world, &mut *wall, 0.0);
         world.layer_rules(layers.handle)[0].clone()
     }
 
@@ -143,9 +158,8 @@ mod tests {
             ("faces = []", "faces"),
         ] {
             let mut world = World::new(vec![block([3, 3, 3], 3, STEEL)]);
-            let mut wall: Wall = read(keys);
-            let error = prepare(&mut world, &mut wall, |_| ()).expect_err(keys);
-            assert_eq!(error.key, key, "{error}");
+            let message = refusal(&mut world, read::<Wall>(keys));
+            assert!(message.starts_with(&format!("{key}: ")), "{message}");
         }
     }
 }

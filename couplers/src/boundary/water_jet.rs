@@ -22,7 +22,9 @@ use std::collections::BTreeMap;
 use nalgebra::Vector3;
 use perimelt_core::material::Property;
 use perimelt_core::world::exchange::{SurfaceFlux, SurfaceLaw};
-use perimelt_core::{Coupler, Face, Read, Report, RunError, Setup, SetupError, Step, World, keys};
+use perimelt_core::{
+    Coupler, Face, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step, World, keys,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -64,9 +66,6 @@ pub struct WaterJet {
     #[serde(default = "usual_film_coefficient")]
     #[schemars(extend("minimum" = 0))]
     pub film_coefficient: f64,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<State>,
 }
 
 fn usual_film_coefficient() -> f64 {
@@ -151,20 +150,29 @@ struct Part {
 /// In the order of the flow.
 type Row = Vec<Part>;
 
-#[derive(Debug)]
-struct State {
+/// A water jet that is ready to act.
+struct RunningWaterJet {
+    flow: Face,
+    /// Coordinate along the flow at time 0, m.
+    start: f64,
+    /// m/s.
+    speed: f64,
+    /// m.
+    impingement: f64,
+    /// K.
+    leidenfrost: f64,
     heat: SurfaceHeat<FilmLaw>,
     temperature: Read<f64>,
     /// By point: the cells of the row in which it lies, and its distance along the flow from the origin (m).
     place: Vec<([u32; 3], f64)>,
     rows: Vec<Row>,
-    /// Of [`Film::ALL`], m².
+    /// Area of each of [`Film::ALL`], m².
     areas: [f64; 3],
     /// Changes of the cell faces that the rows include.
     version: u64,
 }
 
-impl State {
+impl RunningWaterJet {
     /// Finds the rows of the surface that is bare now.
     fn find_rows(&mut self) {
         let mut rows: BTreeMap<(Face, [u32; 3]), Row> = BTreeMap::new();
@@ -238,7 +246,10 @@ impl WaterJet {
 
 #[typetag::serialize(name = "water_jet")]
 impl Coupler for WaterJet {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         self.check()?;
         let body = setup.find_body(self.body.as_deref())?;
         let region = self.region.as_deref();
@@ -283,16 +294,21 @@ impl Coupler for WaterJet {
         }
         let law = FilmLaw {
             film: Vec::new(),
-            boiling: self.flux.clone(),
+            largest_coefficient: self.largest_coefficient(),
+            boiling: self.flux,
             water: self.water,
             film_coefficient: self.film_coefficient,
-            largest_coefficient: self.largest_coefficient(),
         };
         let heat = match through_plane {
             true => SurfaceHeat::through_plane(setup, body, region, law)?,
             false => SurfaceHeat::prepare(setup, body, (&self.faces, region), law)?,
         };
-        let mut state = State {
+        let mut running = RunningWaterJet {
+            flow: self.flow,
+            start: self.start,
+            speed: self.speed,
+            impingement: self.impingement,
+            leidenfrost: self.leidenfrost,
             heat,
             temperature: setup.read(body, &keys::TEMPERATURE)?,
             rows: Vec::new(),
@@ -300,25 +316,25 @@ impl Coupler for WaterJet {
             place,
             version: 0,
         };
-        state.find_rows();
-        self.prepared = Some(state);
-        Ok(())
+        running.find_rows();
+        Ok(Box::new(running))
     }
+}
 
+impl RunningCoupler for RunningWaterJet {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_mut().expect("prepared before the run");
-        p.heat.follow(world);
-        if p.version != p.heat.version() {
-            p.find_rows();
+        self.heat.follow(world);
+        if self.version != self.heat.version() {
+            self.find_rows();
         }
-        let temperature = world.read(p.temperature);
+        let temperature = world.read(self.temperature);
         let jet = self.start + self.speed * step.middle();
         let jet = if self.flow.is_upper() { jet } else { -jet };
-        p.areas = [0.0; 3];
-        let mut law = p.heat.law();
-        let cells = p.heat.cells().len();
+        self.areas = [0.0; 3];
+        let mut law = self.heat.law();
+        let cells = self.heat.cells().len();
         law.film.resize(cells, Film::Dry);
-        for row in &p.rows {
+        for row in &self.rows {
             let mut lifted = false;
             for part in row {
                 let behind = part.along - jet;
@@ -328,7 +344,7 @@ impl Coupler for WaterJet {
                     (true, false) => Film::Wet,
                     (true, true) => Film::LiftedOff,
                 };
-                p.areas[film as usize] += part.area;
+                self.areas[film as usize] += part.area;
                 law.film[part.cell] = film;
             }
         }
@@ -336,16 +352,9 @@ impl Coupler for WaterJet {
     }
 
     fn report(&self) -> Vec<Report> {
-        let Some(p) = &self.prepared else {
-            return Vec::new();
-        };
-        let area = |(film, value): (Film, f64)| Report {
-            name: film.report_name().into(),
-            unit: "m2".into(),
-            value,
-        };
-        let areas = Film::ALL.into_iter().zip(p.areas).map(area);
-        p.heat.report().into_iter().chain(areas).collect()
+        let area = |(film, value): (Film, f64)| Report::new(film.report_name(), "m2", value);
+        let areas = Film::ALL.into_iter().zip(self.areas).map(area);
+        self.heat.report().into_iter().chain(areas).collect()
     }
 }
 

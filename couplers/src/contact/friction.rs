@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use perimelt_core::World;
 use rayon::prelude::*;
 
-use super::{ContactState, POINTS, Touch};
+use super::{POINTS, RunningContact, Touch};
 
 /// Stiffness of the spring of points that stick, over that along the normal: the usual one of grains (Silbert et al. (2001)).
 const TANGENTIAL: f64 = 2.0 / 7.0;
@@ -15,14 +15,13 @@ pub(super) type Springs = Vec<(u32, [f64; 3])>;
 /// What a step of a contact with friction needs besides the points.
 #[derive(Clone, Copy)]
 pub(super) struct Rubbing {
-    pub(super) coefficient: f64,
     /// Size of the step, s.
     pub(super) dt: f64,
     /// Length of the spring before, m.
     pub(super) spring: Vector3<f64>,
 }
 
-impl ContactState {
+impl RunningContact {
     pub(super) fn load_velocities(&mut self, world: &World) {
         let mut rest = &mut self.velocity[..];
         for side in &self.sides {
@@ -48,19 +47,16 @@ impl ContactState {
         &self,
         (i, j): (usize, usize),
         touch: &Touch,
-        rubbing: Rubbing,
+        Rubbing { dt, spring }: Rubbing,
     ) -> (Vector3<f64>, Vector3<f64>) {
-        let Rubbing {
-            coefficient, dt, ..
-        } = rubbing;
         let across = |vector: Vector3<f64>| vector - touch.normal * touch.normal.dot(&vector);
         let velocity = across(self.velocity[i] - self.velocity[j]);
-        let spring = across(rubbing.spring);
+        let spring = across(spring);
         let inverse = |p: usize| self.contacts[p] / self.points[p].mass;
         let stop = velocity / (inverse(i) + inverse(j));
         let of_length = dt * TANGENTIAL * touch.stiffness;
         let sticking = -(stop + spring * of_length);
-        let (size, limit) = (sticking.norm(), coefficient * touch.impulse);
+        let (size, limit) = (sticking.norm(), self.friction_coefficient * touch.impulse);
         // a step without duration gives no impulse along the normal either
         if size <= limit || dt == 0.0 {
             return (sticking.cap_magnitude(limit), spring + velocity * dt);

@@ -4,7 +4,9 @@
 //! the body's own material lay at its surface: `f = k V depth n`, with k as for the contact of points.
 
 use nalgebra::Vector3;
-use perimelt_core::{Coupler, Read, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step, World, Write, keys,
+};
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -33,14 +35,13 @@ pub struct Impactor {
     #[serde(default = "fifteen")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub stiffness: f64,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<Prepared>,
 }
 
-#[derive(Debug)]
-struct Prepared {
+/// An impactor that is ready to act.
+struct RunningImpactor {
     body: usize,
+    radius: f64,
+    mass: Option<f64>,
     motion: Motion,
     body_force: Write<Vector3<f64>>,
     /// N/m⁶ per metre of depth, by point.
@@ -88,7 +89,10 @@ struct Ball {
 
 #[typetag::serialize(name = "impactor")]
 impl Coupler for Impactor {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         check_stiffness(self.stiffness)?;
         for (key, value) in [("radius", Some(self.radius)), ("mass", self.mass)] {
             if value.is_some_and(|v| v.is_nan() || v <= 0.0) {
@@ -109,8 +113,10 @@ impl Coupler for Impactor {
                 "a place beside the body",
             ));
         }
-        self.prepared = Some(Prepared {
+        Ok(Box::new(RunningImpactor {
             body,
+            radius: self.radius,
+            mass: self.mass,
             motion: Motion::of(setup, body)?,
             body_force: setup.add(body, &keys::BODY_FORCE)?,
             stiffness: stiffness(setup, body, self.stiffness)?,
@@ -120,65 +126,56 @@ impl Coupler for Impactor {
                 velocity: self.velocity.into(),
             },
             force: Vector3::zeros(),
-        });
-        Ok(())
+        }))
     }
+}
 
+impl RunningCoupler for RunningImpactor {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_mut().expect("prepared before the run");
-        let points = &world.body(p.body).points;
-        p.motion
-            .extrapolate(world, (&points.position, step.size), &mut p.position);
-        p.ball.centre += step.size * p.ball.velocity;
-        p.force = Vector3::zeros();
-        let mut body_force = world.write(p.body_force);
-        for (i, (y, sum)) in p.position.iter().zip(body_force.iter_mut()).enumerate() {
-            let out = y - p.ball.centre;
+        let points = &world.body(self.body).points;
+        self.motion
+            .extrapolate(world, (&points.position, step.size), &mut self.position);
+        self.ball.centre += step.size * self.ball.velocity;
+        self.force = Vector3::zeros();
+        let mut body_force = world.write(self.body_force);
+        for (i, (y, sum)) in self.position.iter().zip(body_force.iter_mut()).enumerate() {
+            let out = y - self.ball.centre;
             let distance = out.norm();
             if distance < self.radius && distance > 0.0 {
                 let depth = self.radius - distance;
-                let force = out * (p.stiffness[i] * points.volume[i] * depth / distance);
+                let force = out * (self.stiffness[i] * points.volume[i] * depth / distance);
                 *sum += force;
-                p.force -= force * points.volume[i];
+                self.force -= force * points.volume[i];
             }
         }
         if let Some(mass) = self.mass {
-            p.ball.velocity += p.force * (step.size / mass);
+            self.ball.velocity += self.force * (step.size / mass);
         }
         Ok(())
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        let prepared = self.prepared.as_ref().expect("prepared before a save");
-        Box::new(prepared.ball)
+        Box::new(self.ball)
     }
 
     fn load(
         &mut self,
+        _world: &World,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        let p = self.prepared.as_mut().expect("prepared before a restart");
-        p.ball = erased_serde::deserialize(state)?;
+        self.ball = erased_serde::deserialize(state)?;
         Ok(())
     }
 
     fn report(&self) -> Vec<Report> {
-        let Some(p) = &self.prepared else {
-            return Vec::new();
-        };
         let vectors = [
-            ("centre", "m", p.ball.centre),
-            ("velocity", "m/s", p.ball.velocity),
-            ("force", "N", p.force),
+            ("centre", "m", self.ball.centre),
+            ("velocity", "m/s", self.ball.velocity),
+            ("force", "N", self.force),
         ];
-        let report = |(name, unit, vector): (&str, &str, Vector3<f64>)| {
+        let report = |(name, unit, vector): (&'static str, &'static str, Vector3<f64>)| {
             let axes = ["x", "y", "z"].into_iter().zip(vector.data.0[0]);
-            let one = |(axis, value)| Report {
-                name: format!("{name}.{axis}"),
-                unit: unit.into(),
-                value,
-            };
-            axes.map(one).collect::<Vec<_>>()
+            axes.map(move |(axis, value)| Report::new(format!("{name}.{axis}"), unit, value))
         };
         vectors.into_iter().flat_map(report).collect()
     }
@@ -204,8 +201,8 @@ mod tests {
         let mut world = World::new(vec![block([3, 3, 3], 3, ELASTIC)]);
         let keys_given =
             "centre = [1.5, 1.5, 4.4]\nradius = 1.5\nvelocity = [0, 0, -10]\nmass = 500";
-        let mut impactor: Impactor = read(keys_given);
-        prepare(&mut world, &mut impactor, own).expect("valid");
+        let impactor: Impactor = read(keys_given);
+        let (mut impactor, _) = prepare(&mut world, impactor, own).expect("valid");
         // 0.4 m above the topmost point: after one tenth of a second it is 0.6 m deep
         impactor
             .apply(&world, Step::new(0.0, 0.03))
@@ -234,15 +231,16 @@ mod tests {
     #[test]
     fn points_inside_the_ball_are_pushed_out_by_their_depth() {
         let mut world = World::new(vec![block([3, 1, 1], 2, ELASTIC)]);
+        let setup = Setup::new(&mut world, std::path::Path::new("."));
+        let k = stiffness(&setup, 0, 15.0).expect("a modulus")[1];
         // in a plane the centre has the height of the points
         let keys_given = "centre = [1.5, 2.3, 9]\nradius = 1.25\nvelocity = [0, -10, 0]";
-        let mut impactor: Impactor = read(keys_given);
-        prepare(&mut world, &mut impactor, own).expect("valid");
+        let impactor: Impactor = read(keys_given);
+        let (mut impactor, _) = prepare(&mut world, impactor, own).expect("valid");
         impactor
             .apply(&world, Step::new(0.0, 0.1))
             .expect("applies");
         // 0.8 m above the middle point, sqrt(1.64) m from its neighbours
-        let k = impactor.prepared.as_ref().expect("prepared").stiffness[1];
         let force = values(&world, &keys::BODY_FORCE);
         let expected = [0.0, 0.0, 0.0, 0.0, -0.45 * k, 0.0, 0.0, 0.0, 0.0];
         for (found, expected) in force.iter().zip(expected) {
@@ -272,11 +270,8 @@ mod tests {
             ("centre = [9, 1, 1]\nradius = 1\nmass = -1", "no mass"),
         ] {
             let mut world = World::new(vec![block([3, 3, 3], 3, ELASTIC)]);
-            let mut impactor: Impactor = read(&format!("{keys}\nvelocity = [1, 0, 0]"));
-            assert!(
-                refusal(&mut world, &mut impactor).contains(message),
-                "{keys}"
-            );
+            let impactor: Impactor = read(&format!("{keys}\nvelocity = [1, 0, 0]"));
+            assert!(refusal(&mut world, impactor).contains(message), "{keys}");
         }
     }
 }

@@ -42,8 +42,8 @@ use normals::Neighbourhoods;
 use nalgebra::Vector3;
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::{
-    Coupler, FamilySpec, PairList, Read, Report, RunError, Setup, SetupError, Step, World, Write,
-    keys,
+    Coupler, FamilySpec, PairList, Read, Report, RunError, RunningCoupler, Setup, SetupError, Step,
+    World, Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -67,9 +67,6 @@ pub struct Contact {
     #[serde(default)]
     #[schemars(extend("minimum" = 0))]
     pub friction: f64,
-    #[serde(skip)]
-    #[schemars(skip)]
-    state: Option<ContactState>,
 }
 
 fn fifteen() -> f64 {
@@ -93,15 +90,16 @@ const FACING_COSINE: f64 = -0.3;
 /// Contacts along the normal that a point may have at a time, by dimension: for the stable step.
 const FACING: [f64; 3] = [1.0, 2.0, 4.0];
 
-#[derive(Debug)]
-struct ContactState {
+/// A contact that is ready to act.
+struct RunningContact {
+    friction_coefficient: f64,
     sides: Vec<Side>,
     pairs: PairList,
     /// Version of the pairs that `squares` belong to.
     version: u64,
     /// Square of the distance at which each candidate is met, m².
     squares: Vec<f64>,
-    /// Of two bodies.
+    /// Surfaces, where two bodies meet.
     surfaces: Option<Surfaces>,
     /// The following are by point, those of the first body first.
     points: Vec<ContactPoint>,
@@ -166,7 +164,7 @@ fn felt(spacing: f64) -> f64 {
 
 /// Stiffness of the contact of each point, N/m⁷.
 fn stiffness(setup: &Setup<'_>, body: usize, factor: f64) -> Result<Vec<f64>, SetupError> {
-    let modulus = setup.property(body, "youngs_modulus")?;
+    let modulus = setup.world().property(body, "youngs_modulus")?;
     let this = setup.body(body);
     // of a bond-based solid: 2 d bulk
     let constant = [2.0, 3.0, 4.0][this.dimension - 1];
@@ -198,7 +196,7 @@ struct Touch {
     stiffness: f64,
 }
 
-impl ContactState {
+impl RunningContact {
     fn update_pairs(&mut self, world: &World) {
         self.pairs.update(world);
         if self.version == self.pairs.version() {
@@ -291,7 +289,8 @@ impl ContactState {
     }
 
     /// Impulses of a step of `dt` (s).
-    fn evaluate(&mut self, world: &World, dt: f64, friction: f64) {
+    fn evaluate(&mut self, world: &World, dt: f64) {
+        let has_friction = self.friction_coefficient > 0.0;
         self.step = dt;
         self.update_pairs(world);
         if let Some(surfaces) = &mut self.surfaces {
@@ -299,7 +298,7 @@ impl ContactState {
             let normals = &mut surfaces.normals;
             surfaces.neighbourhoods.normals(positions, normals);
         }
-        if friction > 0.0 {
+        if has_friction {
             self.load_velocities(world);
             self.count_contacts();
         }
@@ -312,10 +311,9 @@ impl ContactState {
             springs.clear();
             self.for_each_touch(i, dt, |j, touch| {
                 *sum += touch.normal * touch.impulse;
-                if friction > 0.0 {
+                if has_friction {
                     let last = self.last_springs[i].iter().find(|(p, _)| *p == j as u32);
                     let rubbing = Rubbing {
-                        coefficient: friction,
                         dt,
                         spring: last.map_or_else(Vector3::zeros, |(_, s)| (*s).into()),
                     };
@@ -327,15 +325,6 @@ impl ContactState {
             *sum /= self.points[i].volume;
         });
         (self.impulse, self.springs) = (impulse, springs);
-    }
-
-    /// `2 / omega` of two points of the stiffest contact.
-    fn stable_step(&self) -> f64 {
-        let square = |point: &ContactPoint| {
-            2.0 * FACING[self.dimension - 1] * point.stiffness * point.volume * point.volume
-                / point.mass
-        };
-        2.0 / self.points.iter().map(square).fold(0.0, f64::max).sqrt()
     }
 
     /// Impulse on the first body in the last step over its size, N.
@@ -372,7 +361,10 @@ impl Contact {
 
 #[typetag::serialize(name = "contact")]
 impl Coupler for Contact {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         check_stiffness(self.stiffness)?;
         if !(self.friction >= 0.0 && self.friction.is_finite()) {
             let message = format!("the coefficient of friction is {}", self.friction);
@@ -388,7 +380,7 @@ impl Coupler for Contact {
                 impulse: setup.add(body, &keys::IMPULSE)?,
             });
             let stiffness = stiffness(setup, body, self.stiffness)?;
-            let density = setup.density_at_points(body)?;
+            let density = setup.world().density_at_points(body)?;
             let own = &setup.body(body).points;
             points.extend((0..own.len()).map(|i| ContactPoint {
                 position: own.position[i],
@@ -410,7 +402,8 @@ impl Coupler for Contact {
             }
             (all, own) => PairList::within(all[0], std::mem::take(&mut own[0])),
         };
-        self.state = Some(ContactState {
+        Ok(Box::new(RunningContact {
+            friction_coefficient: self.friction,
             sides,
             pairs,
             version: 0,
@@ -424,15 +417,15 @@ impl Coupler for Contact {
             dimension: setup.body(bodies[0]).dimension,
             step: 0.0,
             points,
-        });
-        Ok(())
+        }))
     }
+}
 
+impl RunningCoupler for RunningContact {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let state = self.state.as_mut().expect("prepared before the run");
-        state.evaluate(world, step.size, self.friction);
-        let mut rest = &state.impulse[..];
-        for side in &state.sides {
+        self.evaluate(world, step.size);
+        let mut rest = &self.impulse[..];
+        for side in &self.sides {
             let mut impulse = world.write(side.impulse);
             let (own, others) = rest.split_at(impulse.len());
             let points = impulse.par_iter_mut().zip(own).with_min_len(POINTS);
@@ -442,55 +435,46 @@ impl Coupler for Contact {
         Ok(())
     }
 
+    /// `2 / omega` of two points of the stiffest contact.
     fn stable_step(&mut self, _world: &World) -> Option<f64> {
-        self.state.as_ref().map(ContactState::stable_step)
+        let square = |point: &ContactPoint| {
+            2.0 * FACING[self.dimension - 1] * point.stiffness * point.volume * point.volume
+                / point.mass
+        };
+        Some(2.0 / self.points.iter().map(square).fold(0.0, f64::max).sqrt())
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        let springs = self.state.as_ref().map(|state| &state.springs);
-        let touching = |springs: &'_ &Vec<Springs>| springs.iter().any(|s| !s.is_empty());
-        Box::new(springs.filter(touching))
+        let touching = self.springs.iter().any(|s| !s.is_empty());
+        Box::new(touching.then_some(&self.springs))
     }
 
     fn load(
         &mut self,
+        _world: &World,
         saved: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
         let springs: Option<Vec<Springs>> = erased_serde::deserialize(saved)?;
-        let Some(state) = &mut self.state else {
-            return Ok(());
-        };
-        let points = state.points.len();
+        let points = self.points.len();
         let springs = springs.unwrap_or_else(|| vec![Springs::new(); points]);
         if springs.len() != points {
             let message = format!("springs of {} points, not {points}", springs.len());
             return Err(serde::de::Error::custom(message));
         }
-        state.springs = springs;
+        self.springs = springs;
         Ok(())
     }
 
     fn report(&self) -> Vec<Report> {
-        let Some(state) = &self.state else {
-            return Vec::new();
-        };
-        if state.sides.len() == 2 {
-            let force = state.force();
-            let axes = ["x", "y", "z"].into_iter().zip(force.iter());
+        if self.sides.len() == 2 {
+            let force = self.force();
+            let axes = ["x", "y", "z"].into_iter().zip(&force);
             return axes
-                .map(|(axis, force)| Report {
-                    name: format!("force.{axis}"),
-                    unit: "N".into(),
-                    value: *force,
-                })
+                .map(|(axis, force)| Report::new(format!("force.{axis}"), "N", *force))
                 .collect();
         }
-        let touched = state.impulse.iter().filter(|j| j.norm_squared() > 0.0);
-        vec![Report {
-            name: "points".into(),
-            unit: "1".into(),
-            value: touched.count() as f64,
-        }]
+        let touched = self.impulse.iter().filter(|j| j.norm_squared() > 0.0);
+        vec![Report::new("points", "1", touched.count() as f64)]
     }
 }
 

@@ -31,7 +31,8 @@ use std::rc::Rc;
 use perimelt_core::programme::DoneFraction;
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{
-    Coupler, Face, Programme, Report, RunError, Setup, SetupError, Step, World, Write, keys,
+    Change, Coupler, Face, Programme, Report, RunError, RunningCoupler, Setup, SetupError, Step,
+    StepLimits, Stepping, World, Write, keys,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -87,13 +88,6 @@ pub struct Deposit {
     /// Direction in which the body is built up; default `"z+"` in 3D, `"y+"` in 2D, `"x+"` in 1D.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub up: Option<Face>,
-    #[serde(skip)]
-    #[schemars(skip)]
-    prepared: Option<DepositState>,
-    /// Whether the heat of the material was taken out of that of the source.
-    #[serde(skip)]
-    #[schemars(skip)]
-    has_taken: bool,
 }
 
 /// Where the heat of deposited material comes from.
@@ -108,29 +102,28 @@ pub enum DepositHeat {
     FromSource,
 }
 
-#[derive(Debug)]
-struct DepositState {
+/// A deposit that is ready to act.
+struct RunningDeposit {
     body: BodyIndex,
     active: Write<f64>,
     birth_temperature: Write<f64>,
-    /// The path whose clock the times of the births follow; else they are times of the run.
-    path: Option<Rc<TimedPath>>,
-    /// In the order of time.
-    births: Vec<Birth>,
+    schedule: Rc<Schedule>,
     /// Times at which births begin after a pause, s, as those of the births.
     starts: Vec<f64>,
-    /// Longest step while a toolpath deposits, s.
-    step_limit: Option<f64>,
+    /// K.
+    temperature: InTime,
     /// Mass of each point, kg.
     mass: Vec<f64>,
     /// Number of births so far.
     born: usize,
     /// Volume (m³) and mass (kg) of these.
     deposited: [f64; 2],
+    /// Temperature (K) above which the heat of the material counts that is still to be taken out of that of the source.
+    takes_heat_above: Option<f64>,
 }
 
 impl Deposit {
-    fn births(&self, setup: &mut Setup<'_>, part: &Placed) -> Result<Births, SetupError> {
+    fn schedule(&self, setup: &mut Setup<'_>, part: &Placed) -> Result<Schedule, SetupError> {
         let path = self.path(setup)?;
         match (path, &self.bead, &self.layers) {
             (Some(path), Some(bead), None) => {
@@ -144,7 +137,7 @@ impl Deposit {
                 let spacing = setup.body(part.body).finest_spacing();
                 let step_limit = (speed > 0.0).then(|| STEP_FRACTION * spacing / speed);
                 self.check_coverage(setup, (part, track), births.len())?;
-                Ok(Births {
+                Ok(Schedule {
                     path: Some(path),
                     births,
                     step_limit,
@@ -152,7 +145,7 @@ impl Deposit {
             }
             (None, None, Some(layers)) => {
                 check_layers(layers, setup.body(part.body).finest_spacing())?;
-                Ok(Births {
+                Ok(Schedule {
                     path: None,
                     births: part.of(setup).by_layers(layers),
                     step_limit: None,
@@ -174,32 +167,6 @@ impl Deposit {
                 "`source` or `toolpath`, with `bead`; or `layers`",
             )),
         }
-    }
-
-    /// Takes the heat of all material out of that of the source, with the mirror images of the material that the source deposits
-    /// from planes of symmetry.
-    fn take_heat(&self, world: &World) {
-        let Some((p, path)) = self
-            .prepared
-            .as_ref()
-            .and_then(|p| Some((p, p.path.as_ref()?)))
-        else {
-            return;
-        };
-        // `thermal` has found the same ones at set-up
-        let curves = world.enthalpy_curves(p.body).unwrap_or_default();
-        let body = world.body(p.body);
-        let feed = self.feed_temperature.unwrap_or(FEED_TEMPERATURE);
-        let (grid, symmetry) = (grid(body), world.symmetry(p.body));
-        let heat = |birth: &Birth| {
-            let copies = mirror_copies(&grid, &symmetry, &path.track().pose(birth.time));
-            let point = birth.point as usize;
-            let curve = curves.get(usize::from(body.material_of_point[point]))?;
-            let temperature = self.temperature.at(birth.time);
-            let enthalpy = curve.enthalpy(temperature) - curve.enthalpy(feed);
-            Some((birth.time, copies * body.points.volume[point] * enthalpy))
-        };
-        path.take(p.births.iter().filter_map(heat));
     }
 
     /// The path of the nozzle, if there is one: that of a heat source or an own one.
@@ -277,14 +244,17 @@ impl Placed {
     }
 }
 
-struct Births {
+/// When material is deposited.
+struct Schedule {
+    /// The path whose clock the times of the births follow; else they are times of the run.
     path: Option<Rc<TimedPath>>,
+    /// In the order of time.
     births: Vec<Birth>,
-    /// s.
+    /// Longest step while a toolpath deposits, s.
     step_limit: Option<f64>,
 }
 
-impl DepositState {
+impl Schedule {
     /// Time of the births at a time of the run, s.
     fn at(&self, time: f64) -> TrackTime {
         match &self.path {
@@ -298,12 +268,74 @@ impl DepositState {
         self.path.as_ref().map_or(birth, |path| path.time_of(birth))
     }
 
+    /// Number of births up to a time of the births.
+    fn until(&self, time: TrackTime) -> usize {
+        self.births.partition_point(|b| time.has_passed(b.time))
+    }
+
+    /// Times at which births begin after a pause, s.
+    fn starts(&self) -> Vec<f64> {
+        // births one after the other along a toolpath are no events
+        let pause = PAUSE * self.step_limit.unwrap_or(0.0);
+        let mut last = f64::NEG_INFINITY;
+        let begins = |birth: &Birth| birth.time - std::mem::replace(&mut last, birth.time) > pause;
+        let times = self.births.iter().copied().filter(begins);
+        times.map(|birth| birth.time).collect()
+    }
+
+    fn programme(&self, time: f64) -> Option<Programme> {
+        let end = self.time_of(self.births.last()?.time);
+        let done = self.until(self.at(time));
+        Some(Programme {
+            done: Some(DoneFraction {
+                fraction: done as f64 / self.births.len() as f64,
+                of: "the points",
+            }),
+            ..Programme::new("the last material is deposited", end)
+        })
+    }
+
+    /// Longest step at a time of the run (s) while a toolpath deposits, s.
+    fn longest_step(&self, time: f64) -> Option<f64> {
+        let limit = self.step_limit?;
+        let TrackTime::Running(now) = self.path.as_ref()?.foreseen(time) else {
+            return None;
+        };
+        let next = self.births.partition_point(|b| b.time <= now);
+        let next = self.births.get(next)?;
+        (next.time - now <= PAUSE * limit).then_some(limit)
+    }
+}
+
+impl RunningDeposit {
+    /// Takes the heat of all material above a temperature (K) out of that of the source, with the mirror images of the material
+    /// that the source deposits from planes of symmetry.
+    fn take_heat(&self, world: &World, feed: f64) {
+        let Schedule { path, births, .. } = &*self.schedule;
+        let Some(path) = path else {
+            return;
+        };
+        // `thermal` has found the same ones at set-up
+        let curves = world.enthalpy_curves(self.body).unwrap_or_default();
+        let body = world.body(self.body);
+        let (grid, symmetry) = (grid(body), world.symmetry(self.body));
+        let heat = |birth: &Birth| {
+            let copies = mirror_copies(&grid, &symmetry, &path.track().pose(birth.time));
+            let point = birth.point as usize;
+            let curve = curves.get(usize::from(body.material_of_point[point]))?;
+            let temperature = self.temperature.at(birth.time);
+            let enthalpy = curve.enthalpy(temperature) - curve.enthalpy(feed);
+            Some((birth.time, copies * body.points.volume[point] * enthalpy))
+        };
+        path.take(births.iter().filter_map(heat));
+    }
+
     /// Counts the births so far from the first one on.
     fn count_again(&mut self, world: &World) {
         (self.born, self.deposited) = (0, [0.0; 2]);
         // by their temperature: points that were born may have been cut off since
         let birth_temperature = world.read(self.birth_temperature.into());
-        let births = self.births.iter();
+        let births = self.schedule.births.iter();
         let born = births
             .take_while(|b| birth_temperature[b.point as usize] > 0.0)
             .count();
@@ -312,7 +344,7 @@ impl DepositState {
 
     fn count(&mut self, world: &World, born: usize) {
         let volume = &world.body(self.body).points.volume;
-        for birth in &self.births[self.born..born] {
+        for birth in &self.schedule.births[self.born..born] {
             let point = birth.point as usize;
             self.deposited[0] += volume[point];
             self.deposited[1] += self.mass[point];
@@ -323,7 +355,10 @@ impl DepositState {
 
 #[typetag::serialize(name = "deposit")]
 impl Coupler for Deposit {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let temperatures = self.temperature.values();
         if let Some(value) = temperatures.iter().find(|t| !(**t > 0.0)) {
@@ -336,133 +371,94 @@ impl Coupler for Deposit {
             points: setup.region(body, "region", &self.region)?.points,
             up: direction(self.up, setup.body(body).dimension)?,
         };
-        let active = setup.deposit(body, &part.points)?;
-        let Births {
-            path,
-            births,
-            step_limit,
-        } = self.births(setup, &part)?;
-        self.check_heat(path.as_deref())?;
+        let active = setup.change_material(body, Change::Births, &part.points)?;
+        let schedule = Rc::new(self.schedule(setup, &part)?);
+        self.check_heat(schedule.path.as_deref())?;
         let volume = &setup.body(body).points.volume;
-        let density = setup.density_at_points(body)?;
+        let density = setup.world().density_at_points(body)?;
         let mass = density.iter().zip(volume).map(|(d, v)| d * v).collect();
-        // births one after the other along a toolpath are no events
-        let pause = PAUSE * step_limit.unwrap_or(0.0);
-        let mut starts: Vec<f64> = Vec::new();
-        let mut last = f64::NEG_INFINITY;
-        for birth in &births {
-            if birth.time - last > pause {
-                starts.push(birth.time);
-            }
-            last = birth.time;
-        }
-        self.prepared = Some(DepositState {
+        let known = schedule.clone();
+        setup.stepping(Stepping {
+            programme: Some(Box::new(move |time| known.programme(time))),
+            ..Stepping::default()
+        });
+        let feed = self.feed_temperature.unwrap_or(FEED_TEMPERATURE);
+        Ok(Box::new(RunningDeposit {
             body,
             active,
             birth_temperature: setup.write(body, &keys::BIRTH_TEMPERATURE)?,
-            path,
-            births,
-            starts,
-            step_limit,
+            starts: schedule.starts(),
+            schedule,
+            temperature: self.temperature,
             mass,
             born: 0,
             deposited: [0.0; 2],
-        });
-        Ok(())
+            takes_heat_above: (self.heat == DepositHeat::FromSource).then_some(feed),
+        }))
     }
+}
 
+impl RunningCoupler for RunningDeposit {
     fn begin_step(&mut self, world: &World, _time: f64) {
-        if self.heat == DepositHeat::FromSource && !self.has_taken {
-            self.has_taken = true;
-            self.take_heat(world);
+        if let Some(feed) = self.takes_heat_above.take() {
+            self.take_heat(world, feed);
         }
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_mut().expect("prepared before the run");
         // nothing is deposited before the first step
         if step.size == 0.0 {
             return Ok(());
         }
-        if p.born == 0 {
-            p.count_again(world);
+        if self.born == 0 {
+            self.count_again(world);
         }
-        let until = p.at(step.middle());
-        let due = p.births.partition_point(|b| until.has_passed(b.time));
-        if due > p.born {
-            let mut active = world.write(p.active);
-            let mut birth_temperature = world.write(p.birth_temperature);
-            for birth in &p.births[p.born..due] {
+        let due = self.schedule.until(self.schedule.at(step.middle()));
+        if due > self.born {
+            let mut active = world.write(self.active);
+            let mut birth_temperature = world.write(self.birth_temperature);
+            for birth in &self.schedule.births[self.born..due] {
                 let point = birth.point as usize;
                 active[point] = 1.0;
-                birth_temperature[point] = self.temperature.at(p.time_of(birth.time));
+                let time = self.schedule.time_of(birth.time);
+                birth_temperature[point] = self.temperature.at(time);
             }
             drop((active, birth_temperature));
-            p.count(world, due);
+            self.count(world, due);
         }
         Ok(())
     }
 
-    fn next_event(&self, after: f64) -> Option<f64> {
-        let p = self.prepared.as_ref()?;
+    fn step_limits(&self, time: f64) -> StepLimits {
         let next = |after: f64| {
-            let starts = &p.starts;
+            let starts = &self.starts;
             starts.get(starts.partition_point(|t| *t <= after)).copied()
         };
-        match &p.path {
-            Some(path) => path.next_of(after, next),
-            None => next(after),
+        StepLimits {
+            next_event: match &self.schedule.path {
+                Some(path) => path.next_of(time, next),
+                None => next(time),
+            },
+            longest: self.schedule.longest_step(time),
         }
     }
 
-    fn programme(&self, run_end: f64) -> Option<Programme> {
-        let p = self.prepared.as_ref()?;
-        let end = p.time_of(p.births.last()?.time);
-        let until = p.at(run_end);
-        let done = p.births.partition_point(|b| until.has_passed(b.time));
-        Some(Programme {
-            done: Some(DoneFraction {
-                fraction: done as f64 / p.births.len() as f64,
-                of: "the points",
-            }),
-            ..Programme::new("the last material is deposited", end)
-        })
-    }
-
-    /// While a toolpath deposits.
-    fn step_limit(&self, time: f64) -> Option<f64> {
-        let p = self.prepared.as_ref()?;
-        let limit = p.step_limit?;
-        let path = p.path.as_ref()?;
-        let TrackTime::Running(now) = path.foreseen(time) else {
-            return None;
-        };
-        let next = p.births.partition_point(|b| b.time <= now);
-        let next = p.births.get(next)?;
-        (next.time - now <= PAUSE * limit).then_some(limit)
-    }
-
     fn report(&self) -> Vec<Report> {
-        let Some(p) = &self.prepared else {
-            return Vec::new();
-        };
-        let report = |name: &str, unit: &str, value: f64| Report {
-            name: name.into(),
-            unit: unit.into(),
-            value,
-        };
         vec![
-            report("points", "1", p.born as f64),
-            report("volume", "m3", p.deposited[0]),
-            report("mass", "kg", p.deposited[1]),
+            Report::new("points", "1", self.born as f64),
+            Report::new("volume", "m3", self.deposited[0]),
+            Report::new("mass", "kg", self.deposited[1]),
         ]
     }
 
     /// Births are counted again in the next step, from the restored temperatures.
-    fn restored(&mut self, _world: &World) {
-        if let Some(p) = &mut self.prepared {
-            (p.born, p.deposited) = (0, [0.0; 2]);
-        }
+    fn load(
+        &mut self,
+        _world: &World,
+        _state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> Result<(), erased_serde::Error> {
+        (self.born, self.deposited) = (0, [0.0; 2]);
+        Ok(())
     }
 }
 

@@ -24,13 +24,12 @@ fn active(world: &World) -> Vec<Vector3<f64>> {
     there.map(|(_, x)| *x).collect()
 }
 
-fn deposit(world: &mut World, table: &str) -> Deposit {
-    let mut coupler: Deposit = read(table);
-    prepare(world, &mut coupler, |_| ()).expect("valid");
-    coupler
+fn deposit(world: &mut World, table: &str) -> Box<dyn RunningCoupler> {
+    let coupler: Deposit = read(table);
+    prepare(world, coupler, |_| ()).expect("valid").0
 }
 
-fn apply(world: &World, coupler: &mut Deposit, step: Step) {
+fn apply(world: &World, coupler: &mut dyn RunningCoupler, step: Step) {
     coupler.apply(world, step).expect("it applies");
 }
 
@@ -43,9 +42,10 @@ fn layers_come_one_after_the_other_and_several_at_once_where_asked() {
              layers = {{ height = 1, interval = 10, first = 5, at_once = {at_once} }}"
         );
         let mut coupler = deposit(&mut world, &table);
-        apply(&world, &mut coupler, Step::new(0.0, 0.0));
+        apply(&world, &mut *coupler, Step::new(0.0, 0.0));
         let mut events = Vec::new();
-        while let Some(event) = coupler.next_event(events.last().copied().unwrap_or(0.0)) {
+        let next = |after: f64| coupler.step_limits(after).next_event;
+        while let Some(event) = next(events.last().copied().unwrap_or(0.0)) {
             events.push(event);
         }
         let layers: Vec<f64> = (0..4 / at_once)
@@ -55,7 +55,7 @@ fn layers_come_one_after_the_other_and_several_at_once_where_asked() {
         for (index, layers) in expected.into_iter().enumerate() {
             // the steps that end and begin at the event
             let start = 10.0 * index as f64 - 5.0;
-            apply(&world, &mut coupler, Step::new(start, 10.0));
+            apply(&world, &mut *coupler, Step::new(start, 10.0));
             assert_eq!(active(&world).len(), 6 * (2 + layers), "{at_once}");
         }
         let birth = values(&world, &keys::BIRTH_TEMPERATURE);
@@ -77,7 +77,7 @@ fn a_bead_covers_what_lies_within_its_cross_section() {
     let mut until = 0.0;
     let mut count = before;
     while until < 11.0 {
-        apply(&world, &mut coupler, Step::new(until, 0.25));
+        apply(&world, &mut *coupler, Step::new(until, 0.25));
         until += 0.25;
         let now = active(&world);
         let front = 5.0 + 2.0 * until.min(5.0) + 2.0;
@@ -97,8 +97,12 @@ fn a_bead_covers_what_lies_within_its_cross_section() {
     let volume = coupler.report()[1].value;
     let exact = 2.0 * 2.0 * (4.0 * 10.0 + std::f64::consts::PI * 4.0);
     assert!((volume / exact - 1.0).abs() < 0.05, "{volume} {exact}");
-    assert_eq!(coupler.step_limit(until), None, "all is deposited");
-    assert_eq!(coupler.next_event(0.1), Some(6.0), "the second bead");
+    assert_eq!(coupler.step_limits(until).longest, None, "all is deposited");
+    assert_eq!(
+        coupler.step_limits(0.1).next_event,
+        Some(6.0),
+        "the second bead"
+    );
 }
 
 #[test]
@@ -107,17 +111,16 @@ fn a_restored_coupler_goes_on_and_counts_the_same() {
     let mut world = World::new(vec![part([4, 3, 8], 3, 3.0)]);
     let mut first = deposit(&mut world, table);
     for step in 0..3 {
-        apply(&world, &mut first, Step::new(f64::from(step), 1.0));
+        apply(&world, &mut *first, Step::new(f64::from(step), 1.0));
     }
-    let mut second: Deposit = read(table);
     let mut other = World::new(vec![part([4, 3, 8], 3, 3.0)]);
-    prepare(&mut other, &mut second, |_| ()).expect("valid");
+    let mut second = deposit(&mut other, table);
     for key in [&keys::ACTIVE, &keys::BIRTH_TEMPERATURE] {
         let saved = values(&world, key);
         crate::testing::set(&mut other, key, |point| saved[point]);
     }
     for (world, coupler) in [(&world, &mut first), (&other, &mut second)] {
-        apply(world, coupler, Step::new(3.0, 1.0));
+        apply(world, &mut **coupler, Step::new(3.0, 1.0));
     }
     assert_eq!(first.report(), second.report());
     assert_eq!(values(&world, &keys::ACTIVE), values(&other, &keys::ACTIVE));
@@ -129,7 +132,7 @@ fn plates_and_rods_are_built_up_along_their_last_axis() {
         let mut world = World::new(vec![part([6, 6, 1], dimension, 2.0)]);
         let table = "region = 'top'\ntemperature = 900\nlayers = { height = 1, interval = 1 }";
         let mut coupler = deposit(&mut world, table);
-        apply(&world, &mut coupler, Step::new(0.9, 0.9));
+        apply(&world, &mut *coupler, Step::new(0.9, 0.9));
         let highest = active(&world)
             .iter()
             .map(|x| x[dimension - 1])
@@ -192,15 +195,15 @@ fn mistakes_are_told_with_their_key() {
     ] {
         let dimension = if key == "up" { 2 } else { 3 };
         let mut world = World::new(vec![part([4, 3, 5], dimension, 2.0)]);
-        let mut coupler: Deposit = read(table);
-        let message = refusal(&mut world, &mut coupler);
+        let coupler: Deposit = read(table);
+        let message = refusal(&mut world, coupler);
         assert!(message.starts_with(&format!("{key}: ")), "{message}");
         assert!(message.contains(words), "{message}");
     }
 }
 
 /// A deposit that follows a path of two passes, the second of which waits, and the path.
-fn following(world: &mut World) -> (Deposit, Rc<TimedPath>) {
+fn following(world: &mut World) -> (Box<dyn RunningCoupler>, Rc<TimedPath>) {
     let toolpath: Toolpath = toml::from_str(
         "sequence = { passes = [
             { toolpath.line = { start = [5, 4, 3], end = [15, 4, 3], speed = 2 } },
@@ -209,7 +212,7 @@ fn following(world: &mut World) -> (Deposit, Rc<TimedPath>) {
     .expect("well formed");
     let track = toolpath.track(Some(100.0), std::path::Path::new(""));
     let path = Rc::new(TimedPath::new(track.expect("valid")));
-    let mut coupler: Deposit = read(
+    let coupler: Deposit = read(
         "region = 'top'\nsource = 'torch'\nbead = { width = 4, height = 2 }
          temperature = { time = [0, 100], value = [1000, 2000] }",
     );
@@ -219,8 +222,8 @@ fn following(world: &mut World) -> (Deposit, Rc<TimedPath>) {
     path.prepare(&mut setup, 0)
         .expect("a body with a temperature");
     setup.next_plugin("the deposit");
-    coupler.prepare(&mut setup).expect("it follows the torch");
-    (coupler, path)
+    let running = Box::new(coupler).prepare(&mut setup);
+    (running.expect("it follows the torch"), path)
 }
 
 #[test]
@@ -229,32 +232,32 @@ fn the_deposit_of_a_source_waits_with_it() {
     let (mut coupler, path) = following(&mut world);
     crate::testing::set(&mut world, &keys::TEMPERATURE, |_| 500.0);
     path.begin_step(&world, 0.0);
-    assert!(coupler.step_limit(0.0).is_some(), "the bead begins at once");
+    assert!(
+        coupler.step_limits(0.0).longest.is_some(),
+        "the bead begins at once"
+    );
     for step in 0..20 {
         apply(
             &world,
-            &mut coupler,
+            &mut *coupler,
             Step::new(0.25 * f64::from(step), 0.25),
         );
     }
     let first = active(&world).len();
     path.begin_step(&world, 5.0);
-    apply(&world, &mut coupler, Step::new(5.0, 35.0));
+    apply(&world, &mut *coupler, Step::new(5.0, 35.0));
     path.begin_step(&world, 40.0);
     assert_eq!(
         active(&world).len(),
         first,
         "nothing is deposited during the wait"
     );
-    assert_eq!(
-        (coupler.step_limit(40.0), coupler.next_event(40.0)),
-        (None, None)
-    );
+    assert_eq!(coupler.step_limits(40.0), StepLimits::default());
 
     crate::testing::set(&mut world, &keys::TEMPERATURE, |_| 399.0);
     path.begin_step(&world, 40.0);
-    assert!(coupler.step_limit(40.0).is_some());
-    apply(&world, &mut coupler, Step::new(40.0, 0.25));
+    assert!(coupler.step_limits(40.0).longest.is_some());
+    apply(&world, &mut *coupler, Step::new(40.0, 0.25));
     assert!(active(&world).len() > first);
     let birth = values(&world, &keys::BIRTH_TEMPERATURE);
     let hottest = birth.iter().copied().fold(0.0, f64::max);
@@ -288,8 +291,8 @@ fn sources_that_a_deposit_cannot_follow_are_told() {
         ),
     ] {
         let mut world = World::new(vec![part([4, 3, 5], 3, 2.0)]);
-        let mut coupler: Deposit = read(&format!("{bead}\n{keys}"));
-        let message = refusal(&mut world, &mut coupler);
+        let coupler: Deposit = read(&format!("{bead}\n{keys}"));
+        let message = refusal(&mut world, coupler);
         assert!(message.starts_with(&format!("{key}: ")), "{message}");
         assert!(message.contains(words), "{message}");
     }
@@ -338,16 +341,16 @@ fn weld(path: &str, keys: &str, is_half: bool, times: &[f64]) -> Vec<[f64; 2]> {
     let shape = "power = 2e11\nefficiency = 0.8\nhalf_length = 2\nhalf_width = 2\ndepth = 2";
     let mut world = World::new(vec![part([20, 9, 5], 3, 3.0)]);
     let mut torch: crate::heat_source::EllipsoidSource = read(&format!("{shape}\n{path}"));
-    let mut coupler: Deposit = read(&format!("{BEAD}\n{keys}"));
+    let coupler: Deposit = read(&format!("{BEAD}\n{keys}"));
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     if is_half {
         setup.publish(0, SymmetryPlane(Face::YMin)).expect("free");
     }
     setup.next_plugin("torch");
     torch.publish(&mut setup).expect("valid");
-    torch.prepare(&mut setup).expect("valid");
+    let mut torch = Box::new(torch).prepare(&mut setup).expect("valid");
     setup.next_plugin("the deposit");
-    coupler.prepare(&mut setup).expect("valid");
+    let mut coupler = Box::new(coupler).prepare(&mut setup).expect("valid");
     setup.next_plugin("the physics");
     setup.consume(0, &keys::HEAT_SOURCE).expect("free");
     setup.finish().expect("complete");
@@ -356,10 +359,14 @@ fn weld(path: &str, keys: &str, is_half: bool, times: &[f64]) -> Vec<[f64; 2]> {
         while at < *until {
             coupler.begin_step(&world, at);
             torch.begin_step(&world, at);
-            let end = torch.next_event(at).unwrap_or(*until).min(*until);
+            let end = torch
+                .step_limits(at)
+                .next_event
+                .unwrap_or(*until)
+                .min(*until);
             let step = Step::new(at, end.min(at + 0.25) - at);
             torch.apply(&world, step).expect("applies");
-            apply(&world, &mut coupler, step);
+            apply(&world, &mut *coupler, step);
             at = step.end();
         }
         let reports = torch.report();
@@ -417,7 +424,7 @@ fn heat_of_the_material_is_taken_out_of_that_of_the_source() {
     ] {
         let bead = BEAD.replace("source = 'torch'\n", "");
         let mut world = World::new(vec![part([20, 9, 5], 3, 3.0)]);
-        let message = refusal(&mut world, &mut read::<Deposit>(&format!("{bead}\n{keys}")));
+        let message = refusal(&mut world, read::<Deposit>(&format!("{bead}\n{keys}")));
         assert!(message.starts_with(&format!("{key}: ")), "{message}");
     }
 }

@@ -12,16 +12,17 @@ fn two(along: f64) -> World {
 }
 
 /// The interface of two bodies with these temperatures (K) after a step.
-fn applied(world: &mut World, table: &str, temperatures: [f64; 2]) -> HeatInterface {
-    let mut interface: HeatInterface = read(table);
-    let handles = prepare(world, &mut interface, |setup| {
+fn applied(world: &mut World, table: &str, temperatures: [f64; 2]) -> Box<dyn RunningCoupler> {
+    let interface: HeatInterface = read(table);
+    let prepared = prepare(world, interface, |setup| {
         [0, 1].map(|body| {
             setup.consume(body, &keys::HEAT_SOURCE).expect("free");
             setup.consume(body, &keys::HEAT_CONDUCTANCE).expect("free");
             setup.own(body, &keys::TEMPERATURE).expect("free")
         })
     });
-    for (handle, temperature) in handles.expect("valid").into_iter().zip(temperatures) {
+    let (mut interface, handles) = prepared.expect("valid");
+    for (handle, temperature) in handles.into_iter().zip(temperatures) {
         world.write(handle).fill(temperature);
     }
     let step = Step::new(0.0, 1.0);
@@ -76,8 +77,8 @@ fn mistakes_are_refused() {
             "the gap is inf",
         ),
     ] {
-        let mut interface: HeatInterface = read(keys);
-        let found = refusal(&mut two(0.0), &mut interface);
+        let interface: HeatInterface = read(keys);
+        let found = refusal(&mut two(0.0), interface);
         assert!(found.contains(message), "{found}");
     }
 }

@@ -60,25 +60,14 @@ impl Account {
     pub fn report(&self) -> Vec<Report> {
         let named = |what: &'static str, unit: &'static str, values: [f64; 4]| {
             let names = ["asked", "deposited", "mirrored", "lost"];
-            names
-                .into_iter()
-                .zip(values)
-                .map(move |(name, value)| Report {
-                    name: format!("{what}.{name}"),
-                    unit: unit.into(),
-                    value,
-                })
+            let values = names.into_iter().zip(values);
+            values.map(move |(name, value)| Report::new(format!("{what}.{name}"), unit, value))
         };
         let powers = named("power", "W", self.power);
         let rest = [
-            ("path", "m", self.path),
-            ("on", "1", f64::from(u8::from(self.was_on))),
+            Report::new("path", "m", self.path),
+            Report::new("on", "1", f64::from(u8::from(self.was_on))),
         ];
-        let rest = rest.map(|(name, unit, value)| Report {
-            name: name.into(),
-            unit: unit.into(),
-            value,
-        });
         let energies = named("energy", "J", self.energy);
         powers.chain(energies).chain(rest).collect()
     }

@@ -3,95 +3,28 @@
 use super::MovingSource;
 use crate::source;
 
-/// A coupler that consists of a [`MovingSource`].
-pub trait HasSource {
-    /// Shape of the source.
-    type Shape;
-
-    /// The source.
-    fn moving(&self) -> &MovingSource<Self::Shape>;
-
-    /// The source.
-    fn moving_mut(&mut self) -> &mut MovingSource<Self::Shape>;
-}
-
-impl<S> HasSource for MovingSource<S> {
-    type Shape = S;
-
-    fn moving(&self) -> &MovingSource<S> {
-        self
-    }
-
-    fn moving_mut(&mut self) -> &mut MovingSource<S> {
-        self
-    }
-}
-
-/// Implements `Coupler` for a type that [`HasSource`], and registers it.
+/// Implements `Coupler` for a [`MovingSource`], or for a type with one in a field, and registers it.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! couple_source {
-    ($name:literal, $source:ty) => {
+    ($name:literal, $source:ty $(, $field:tt)?) => {
         #[typetag::serialize(name = $name)]
         impl $crate::perimelt_core::Coupler for $source {
             fn publish(
                 &mut self,
                 setup: &mut $crate::perimelt_core::Setup<'_>,
             ) -> ::std::result::Result<(), $crate::perimelt_core::SetupError> {
-                $crate::heat_source::HasSource::moving_mut(self).publish_path(setup)
+                self$(.$field)?.publish_path(setup)
             }
 
             fn prepare(
-                &mut self,
+                self: ::std::boxed::Box<Self>,
                 setup: &mut $crate::perimelt_core::Setup<'_>,
-            ) -> ::std::result::Result<(), $crate::perimelt_core::SetupError> {
-                $crate::heat_source::HasSource::moving_mut(self).prepare_source(setup)
-            }
-
-            fn apply(
-                &mut self,
-                world: &$crate::perimelt_core::World,
-                step: $crate::perimelt_core::Step,
-            ) -> ::std::result::Result<(), $crate::perimelt_core::RunError> {
-                $crate::heat_source::HasSource::moving_mut(self).apply_source(world, step)
-            }
-
-            fn begin_step(&mut self, world: &$crate::perimelt_core::World, time: f64) {
-                $crate::heat_source::HasSource::moving_mut(self).begin_source(world, time);
-            }
-
-            fn unfinished(&self, time: f64) -> ::std::option::Option<String> {
-                $crate::heat_source::HasSource::moving(self).unfinished_path(time)
-            }
-
-            fn next_event(&self, after: f64) -> ::std::option::Option<f64> {
-                $crate::heat_source::HasSource::moving(self).next_switch(after)
-            }
-
-            fn programme(
-                &self,
-                run_end: f64,
-            ) -> ::std::option::Option<$crate::perimelt_core::Programme> {
-                $crate::heat_source::HasSource::moving(self).path_programme(run_end)
-            }
-
-            fn step_limit(&self, time: f64) -> ::std::option::Option<f64> {
-                $crate::heat_source::HasSource::moving(self).longest_step(time)
-            }
-
-            fn report(&self) -> ::std::vec::Vec<$crate::perimelt_core::Report> {
-                $crate::heat_source::HasSource::moving(self).report_source()
-            }
-
-            fn save(&self) -> ::std::boxed::Box<dyn $crate::erased_serde::Serialize + '_> {
-                $crate::heat_source::HasSource::moving(self).saved()
-            }
-
-            fn load(
-                &mut self,
-                state: &mut dyn $crate::erased_serde::Deserializer<'_>,
-            ) -> ::std::result::Result<(), $crate::erased_serde::Error> {
-                $crate::heat_source::HasSource::moving_mut(self).restore(state)
+            ) -> ::std::result::Result<
+                ::std::boxed::Box<dyn $crate::perimelt_core::RunningCoupler>,
+                $crate::perimelt_core::SetupError,
+            > {
+                (*self)$(.$field)?.prepare_source(setup)
             }
         }
 
@@ -112,18 +45,6 @@ macro_rules! register_source {
     ($name:literal, $source:ident, $shape:ty) => {
         #[doc = concat!("The moving heat source `", $name, "`.")]
         pub struct $source($crate::heat_source::MovingSource<$shape>);
-
-        impl $crate::heat_source::HasSource for $source {
-            type Shape = $shape;
-
-            fn moving(&self) -> &$crate::heat_source::MovingSource<$shape> {
-                &self.0
-            }
-
-            fn moving_mut(&mut self) -> &mut $crate::heat_source::MovingSource<$shape> {
-                &mut self.0
-            }
-        }
 
         impl $crate::perimelt_core::serde::Serialize for $source {
             fn serialize<S: $crate::perimelt_core::serde::Serializer>(
@@ -154,7 +75,7 @@ macro_rules! register_source {
             }
         }
 
-        $crate::couple_source!($name, $source);
+        $crate::couple_source!($name, $source, 0);
     };
 }
 

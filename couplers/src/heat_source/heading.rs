@@ -35,10 +35,8 @@ impl Heading {
     pub fn report(&self) -> impl Iterator<Item = Report> {
         let of = |what: &'static str, direction: Vector3<f64>| {
             let axes = ["x", "y", "z"].into_iter().enumerate();
-            axes.map(move |(axis, name)| Report {
-                name: format!("{what}.{name}"),
-                unit: "1".into(),
-                value: direction[axis],
+            axes.map(move |(axis, name)| {
+                Report::new(format!("{what}.{name}"), "1", direction[axis])
             })
         };
         of("travel", self.travel).chain(of("beam", self.beam))

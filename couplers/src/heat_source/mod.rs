@@ -43,11 +43,11 @@ mod moving;
 #[cfg(test)]
 mod profile_tests;
 mod pulsed;
+mod running;
 mod step_positions;
 mod supply;
 
 pub(crate) use account::mirror_copies;
-pub use coupling::HasSource;
 pub(crate) use lattice::grid;
 pub use moving::{MovingSource, SourceShape};
 pub use pulsed::PulsedLaserSource;

@@ -6,20 +6,19 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 use perimelt_core::text::{number, position};
-use perimelt_core::{
-    Body, Change, Programme, Report, RunError, Setup, SetupError, Step, World, Write, keys,
-};
+use perimelt_core::{Body, Change, RunningCoupler, Setup, SetupError, Stepping, keys};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::account::{Account, mirror_copies};
+use super::account::Account;
 use super::heading::Heading;
 use super::keys::{Keys, read, schema};
 use super::lattice::{LatticeBody, grid};
+use super::running::RunningSource;
 use super::step_positions::StepPositions;
 use super::supply::Supply;
-use crate::source::{self, CellGrid, Cells, Depositor, HeatedSurface, Source};
-use crate::toolpath::{Clock, TimedPath, Toolpath, Track};
+use crate::source::{self, Depositor, HeatedSurface, Source};
+use crate::toolpath::{TimedPath, Toolpath, Track};
 
 /// Fraction of the shortest length that the source may move in a step.
 const STEP_FRACTION: f64 = 0.25;
@@ -125,37 +124,8 @@ pub struct MovingSource<S> {
     /// Its power density.
     pub shape: S,
     supply: Supply,
-    /// The toolpath in time, shared with whatever follows this source.
+    /// The toolpath in time, shared with whatever follows this source; once it is published.
     path: Option<Rc<TimedPath>>,
-    prepared: Option<MovingSourceState>,
-    account: Account,
-    positions: StepPositions,
-}
-
-/// What has to be known after a restart.
-#[derive(Serialize, Deserialize)]
-struct Saved {
-    account: Account,
-    clock: Option<Clock>,
-    /// Of the fastest point of a fluid, m/s.
-    point_speed: f64,
-}
-
-/// Handles, the lattice and the toolpath in time.
-struct MovingSourceState {
-    body: usize,
-    grid: CellGrid,
-    path: Rc<TimedPath>,
-    depositor: Depositor,
-    heat_source: Write<f64>,
-    /// Longest way of the source over the points in a step while it is on, m.
-    longest_way: f64,
-    /// Largest speed on the path, m/s.
-    speed: f64,
-    /// At the end of the last step, m.
-    position: Vector3<f64>,
-    /// In the middle of the last step.
-    heading: Heading,
 }
 
 impl<S: SourceShape> MovingSource<S> {
@@ -193,8 +163,12 @@ impl<S: SourceShape> MovingSource<S> {
         Ok(())
     }
 
+    /// [`Coupler::prepare`](perimelt_core::Coupler::prepare).
     #[doc(hidden)]
-    pub fn prepare_source(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    pub fn prepare_source(
+        mut self,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let index = setup.find_body(self.body.as_deref())?;
         let path = self.timed_path(&setup.path(""))?;
         self.shape.complete(setup, index)?;
@@ -218,19 +192,27 @@ impl<S: SourceShape> MovingSource<S> {
         self.warn_of_size(setup, index);
         path.prepare(setup, index)?;
         let first = path.track().pose(path.track().start());
-        let heading = Heading::new(&depositor, self.shape.surface(), &first, speed > 0.0);
-        self.prepared = Some(MovingSourceState {
+        let surface = self.shape.surface();
+        let heading = Heading::new(&depositor, surface, &first, speed > 0.0);
+        let known = path.clone();
+        setup.stepping(Stepping {
+            programme: Some(Box::new(move |time| known.programme(time))),
+            ..Stepping::default()
+        });
+        Ok(Box::new(RunningSource {
             body: index,
             grid,
             depositor,
+            surface,
             heat_source: setup.add(index, &keys::HEAT_SOURCE)?,
             longest_way: STEP_FRACTION * length,
             speed,
             position: path.first_position(),
             heading,
             path,
-        });
-        Ok(())
+            account: Account::default(),
+            positions: StepPositions::default(),
+        }))
     }
 
     /// Tells of a source that is finer than the points that it heats, and of a power in other units.
@@ -326,126 +308,6 @@ impl<S: SourceShape> MovingSource<S> {
             "a path over the body",
         ))
     }
-
-    #[doc(hidden)]
-    pub fn apply_source(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_mut().expect("prepared before the run");
-        let body = world.body(p.body);
-        let mut pose = p.path.pose(step.middle());
-        let left = p.path.left(step.middle(), p.depositor.efficiency());
-        if left < 0.0 {
-            return Err(RunError::Plugin {
-                plugin: "deposit".into(),
-                time: step.start,
-                cause: format!(
-                    "the droplets take {:.3} times the heat of the source in this pass; expected less than 1",
-                    1.0 - left
-                )
-                .into(),
-            });
-        }
-        pose.power *= left;
-        // the points of a window are where they are at set-up, moved by its shift
-        pose.position -= world.window_shift(p.body);
-        let mut heat_source = world.write(p.heat_source);
-        let now = self.positions.at(world, p.body, step.middle());
-        let deposit = match Cells::of(world, p.body, now, p.grid) {
-            Some(cells) => (p.depositor).add_to_cells(&cells, &pose, &mut heat_source),
-            None => {
-                let body = LatticeBody {
-                    body,
-                    grid: p.grid,
-                    activity: world.activity(p.body),
-                };
-                p.depositor.add(&body, &pose, &mut heat_source)
-            }
-        };
-        let copies = mirror_copies(&p.grid, &world.symmetry(p.body), &pose);
-        // a pulsed source goes on between its pulses
-        let is_on = p.path.is_on_after(step.middle());
-        let speed = is_on.then_some(pose.speed);
-        self.account.book(&deposit, copies, step.size, speed);
-        p.position = p.path.pose(step.end()).position;
-        let moves = p.speed > 0.0;
-        // a jump without power turns no melt pool
-        let pose = p.path.last_pose_with_power(step.middle());
-        p.heading = Heading::new(&p.depositor, self.shape.surface(), &pose, moves);
-        Ok(())
-    }
-
-    /// Takes note of positions, and begins the passes that need no longer wait.
-    #[doc(hidden)]
-    pub fn begin_source(&mut self, world: &World, time: f64) {
-        let Some(p) = &self.prepared else {
-            return;
-        };
-        self.positions.begin_step(world, p.body, time);
-        if !p.path.track().passes().is_empty() {
-            p.path.begin_step(world, time);
-        }
-    }
-
-    /// What the path waits for.
-    #[doc(hidden)]
-    pub fn unfinished_path(&self, time: f64) -> Option<String> {
-        self.path.as_ref()?.unfinished(time)
-    }
-
-    #[doc(hidden)]
-    pub fn next_switch(&self, after: f64) -> Option<f64> {
-        self.prepared.as_ref()?.path.next_event(after)
-    }
-
-    #[doc(hidden)]
-    pub fn path_programme(&self, run_end: f64) -> Option<Programme> {
-        self.path.as_ref()?.programme(run_end)
-    }
-
-    #[doc(hidden)]
-    pub fn longest_step(&self, time: f64) -> Option<f64> {
-        let p = self.prepared.as_ref()?;
-        let speed = p.speed + self.positions.speed;
-        (speed > 0.0 && p.path.will_be_on(time)).then(|| p.longest_way / speed)
-    }
-
-    #[doc(hidden)]
-    pub fn saved(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(Saved {
-            account: self.account,
-            clock: self.path.as_ref().map(|path| path.save()),
-            point_speed: self.positions.speed,
-        })
-    }
-
-    /// Restores what [`MovingSource::saved`] gave.
-    #[doc(hidden)]
-    pub fn restore(
-        &mut self,
-        state: &mut dyn erased_serde::Deserializer<'_>,
-    ) -> Result<(), erased_serde::Error> {
-        let saved = Saved::deserialize(state)?;
-        self.account = saved.account;
-        self.positions.speed = saved.point_speed;
-        if let (Some(path), Some(clock)) = (&self.path, saved.clock) {
-            path.load(clock);
-        }
-        Ok(())
-    }
-
-    #[doc(hidden)]
-    pub fn report_source(&self) -> Vec<Report> {
-        let position = self.prepared.as_ref().map(|p| p.position);
-        let component = |(axis, name): (usize, &str)| Report {
-            name: format!("position.{name}"),
-            unit: "m".into(),
-            value: position.map_or(0.0, |p| p[axis]),
-        };
-        let mut reports = self.account.report();
-        reports.extend(["x", "y", "z"].into_iter().enumerate().map(component));
-        reports.extend(self.prepared.iter().flat_map(|p| p.heading.report()));
-        reports.extend(self.path.iter().flat_map(|path| path.report()));
-        reports
-    }
 }
 
 impl<S: Serialize + Clone> Serialize for MovingSource<S> {
@@ -469,9 +331,6 @@ impl<'de, S: Deserialize<'de>> Deserialize<'de> for MovingSource<S> {
             shape: keys.shape,
             supply: keys.supply,
             path: None,
-            prepared: None,
-            account: Account::default(),
-            positions: StepPositions::default(),
         })
     }
 }

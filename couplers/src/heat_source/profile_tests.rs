@@ -1,21 +1,21 @@
 //! Sources by formula, powers by voltage and current, and pulses.
 
 use nalgebra::Vector3;
-use perimelt_core::{Body, Coupler, Setup, World, keys};
+use perimelt_core::{Body, Coupler, RunningCoupler, Setup, World, keys};
 
 use super::*;
 use crate::testing::{STEEL, apply, block, prepare, read, refusal, total, values, zones};
 
-fn ready(body: Body, source: &mut dyn Coupler) -> World {
+fn ready(body: Body, source: impl Coupler + 'static) -> (World, Box<dyn RunningCoupler>) {
     let mut world = World::new(vec![body]);
-    prepare(&mut world, source, |setup: &mut Setup<'_>| {
+    let (running, ()) = prepare(&mut world, source, |setup: &mut Setup<'_>| {
         setup.consume(0, &keys::HEAT_SOURCE).expect("free");
     })
     .expect("valid");
-    world
+    (world, running)
 }
 
-fn report(source: &dyn Coupler, name: &str) -> f64 {
+fn report(source: &dyn RunningCoupler, name: &str) -> f64 {
     let reports = source.report();
     let found = reports.iter().find(|r| r.name == name);
     found.expect("reported").value
@@ -41,18 +41,20 @@ fn centre(world: &World) -> Vector3<f64> {
 /// A Gaussian by formula heats as the Gaussian does.
 #[test]
 fn a_formula_is_the_source_that_it_describes() {
-    let heat = |source: &mut dyn Coupler| {
-        let world = ready(block([20, 20, 8], 3, STEEL), source);
-        apply(&world, source, 0.0);
+    let heat = |(world, mut source): (World, Box<dyn RunningCoupler>)| {
+        apply(&world, &mut *source, 0.0);
         values(&world, &keys::HEAT_SOURCE)
     };
-    let formula = heat(&mut profile(
+    let body = || block([20, 20, 8], 3, STEEL);
+    let formula = profile(
         "exp(-r^2 / (2 * 1.2^2))",
         &format!("{LINE}\nfinest = 0.6\nefficiency = 0.5"),
-    ));
-    let gaussian = heat(&mut read::<GaussianSource>(&format!(
+    );
+    let formula = heat(ready(body(), formula));
+    let gaussian = read::<GaussianSource>(&format!(
         "power = 50\nsigma = 1.2\neffective_depth = 3\n{LINE}"
-    )));
+    ));
+    let gaussian = heat(ready(body(), gaussian));
     let peak = gaussian.iter().copied().fold(0.0, f64::max);
     let apart = formula.iter().zip(&gaussian).map(|(a, b)| (a - b).abs());
     // what lies beyond the reach of 3.3 sigma, 0.4 %, is spread over the rest
@@ -79,14 +81,14 @@ fn the_power_of_a_formula_is_exact_on_every_body_and_under_every_torch() {
         ] {
             // in the middle of the face y+
             let path = path.replace(", 8]", if keys == side { ", 4]" } else { ", 8]" });
-            let mut source = profile(formula, &format!("{path}\n{keys}"));
-            let world = ready(body.clone(), &mut source);
-            apply(&world, &mut source, 1.0);
+            let source = profile(formula, &format!("{path}\n{keys}"));
+            let (world, mut source) = ready(body.clone(), source);
+            apply(&world, &mut *source, 1.0);
             let power = total(&world, &keys::HEAT_SOURCE);
             // a sum over 1e3 cells
             assert!((power - 100.0).abs() < 1e-9, "{keys} {path}: {power} W");
-            assert!((report(&source, "energy.deposited") - 100.0).abs() < 1e-9);
-            assert_eq!(report(&source, "energy.lost"), 0.0, "{keys} {path}");
+            assert!((report(&*source, "energy.deposited") - 100.0).abs() < 1e-9);
+            assert_eq!(report(&*source, "energy.lost"), 0.0, "{keys} {path}");
         }
     }
 }
@@ -95,12 +97,12 @@ fn the_power_of_a_formula_is_exact_on_every_body_and_under_every_torch() {
 fn the_part_of_a_formula_beside_the_body_is_lost() {
     for keys in ["", "heated_surface.direction = [0, 1, -1]"] {
         let start = "toolpath.line = { start = [-1, 10, 8], direction = [1, 0, 0], speed = 2 }";
-        let mut source = profile("exp(-r^2)", &format!("{start}\n{keys}"));
-        let world = ready(block([20, 20, 8], 3, STEEL), &mut source);
+        let source = profile("exp(-r^2)", &format!("{start}\n{keys}"));
+        let (world, mut source) = ready(block([20, 20, 8], 3, STEEL), source);
         // half of the source is over the edge in the middle of the first second
-        apply(&world, &mut source, 0.0);
+        apply(&world, &mut *source, 0.0);
         assert!(
-            (report(&source, "power.lost") - 50.0).abs() < 1e-9,
+            (report(&*source, "power.lost") - 50.0).abs() < 1e-9,
             "{keys}"
         );
         assert!(
@@ -130,13 +132,13 @@ fn local_coordinates_turn_with_the_travel() {
             let path = format!(
                 "toolpath.line = {{ start = [10, 10, 8], direction = {direction:?}, speed = 1e-9 }}\nfinest = 0.2"
             );
-            let mut source = profile(formula, &path);
-            let world = ready(block([20, 20, 8], 3, STEEL), &mut source);
-            apply(&world, &mut source, 0.0);
+            let source = profile(formula, &path);
+            let (world, mut source) = ready(block([20, 20, 8], 3, STEEL), source);
+            apply(&world, &mut *source, 0.0);
             let even = {
-                let mut source = profile("exp(-r^2)", &path);
-                let world = ready(block([20, 20, 8], 3, STEEL), &mut source);
-                apply(&world, &mut source, 0.0);
+                let source = profile("exp(-r^2)", &path);
+                let (world, mut source) = ready(block([20, 20, 8], 3, STEEL), source);
+                apply(&world, &mut *source, 0.0);
                 centre(&world)
             };
             let shift = centre(&world) - even;
@@ -181,10 +183,7 @@ fn formulas_that_are_no_density_are_refused() {
         ("1", "finest = 1e-9", "the heat source spans"),
         ("1", "efficiency = 2", "efficiency: "),
     ] {
-        let refused = refusal(
-            &mut world,
-            &mut profile(formula, &format!("{LINE}\n{keys}")),
-        );
+        let refused = refusal(&mut world, profile(formula, &format!("{LINE}\n{keys}")));
         assert!(refused.contains(message), "{formula}: {refused}");
     }
     let text = format!("profile = 'exp(-t)'\nreach = 1\ndepth = 1\npower = 1\n{LINE}");
@@ -207,19 +206,19 @@ fn ellipsoid(keys: &str) -> EllipsoidSource {
 
 #[test]
 fn the_power_is_voltage_times_current() {
-    let mut source = ellipsoid(&format!(
+    let source = ellipsoid(&format!(
         "voltage = 25\ncurrent = 8\nefficiency = 0.75\n{LINE}"
     ));
-    let world = ready(block([20, 20, 8], 3, STEEL), &mut source);
-    apply(&world, &mut source, 0.0);
-    assert!((report(&source, "power.asked") - 150.0).abs() < 1e-12);
+    let (world, mut source) = ready(block([20, 20, 8], 3, STEEL), source);
+    apply(&world, &mut *source, 0.0);
+    assert!((report(&*source, "power.asked") - 150.0).abs() < 1e-12);
     // a power of the toolpath replaces it
     let path =
         "toolpath.line = { start = [5, 10, 8], direction = [1, 0, 0], speed = 2, power = 60 }";
-    let mut source = ellipsoid(&format!("voltage = 25\ncurrent = 8\n{path}"));
-    let world = ready(block([20, 20, 8], 3, STEEL), &mut source);
-    apply(&world, &mut source, 0.0);
-    assert_eq!(report(&source, "power.asked"), 60.0);
+    let source = ellipsoid(&format!("voltage = 25\ncurrent = 8\n{path}"));
+    let (world, mut source) = ready(block([20, 20, 8], 3, STEEL), source);
+    apply(&world, &mut *source, 0.0);
+    assert_eq!(report(&*source, "power.asked"), 60.0);
     let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
     for (keys, message) in [
         (
@@ -247,7 +246,7 @@ fn the_power_is_voltage_times_current() {
             "pulse.frequency: `pulse.frequency` of the heat source is 0",
         ),
     ] {
-        let refused = refusal(&mut world, &mut ellipsoid(&format!("{keys}\n{LINE}")));
+        let refused = refusal(&mut world, ellipsoid(&format!("{keys}\n{LINE}")));
         assert!(refused.starts_with(message), "{keys}: {refused}");
     }
     let json = serde_json::to_value(ellipsoid(&format!("voltage = 25\ncurrent = 8\n{LINE}")))
@@ -259,11 +258,16 @@ fn the_power_is_voltage_times_current() {
 }
 
 /// Applies a source over steps that end at its events and at 0.3 s at most; the energy asked for, J.
-fn energy(source: &mut dyn Coupler, world: &World, end: f64) -> f64 {
+fn energy(source: &mut dyn RunningCoupler, world: &World, end: f64) -> f64 {
     let mut at = 0.0;
     while at < end {
         source.begin_step(world, at);
-        let next = source.next_event(at).unwrap_or(end).min(at + 0.3).min(end);
+        let next = source
+            .step_limits(at)
+            .next_event
+            .unwrap_or(end)
+            .min(at + 0.3)
+            .min(end);
         source
             .apply(world, perimelt_core::Step::new(at, next - at))
             .expect("applies");
@@ -296,28 +300,28 @@ fn the_energy_of_pulses_is_exact() {
             200.0 * 4.0 * 0.1,
         ),
     ] {
-        let mut source = ellipsoid(&format!("power = 100\npulse = {pulse}\n{path}"));
-        let world = ready(block([20, 20, 8], 3, STEEL), &mut source);
-        let found = energy(&mut source, &world, 4.0);
+        let source = ellipsoid(&format!("power = 100\npulse = {pulse}\n{path}"));
+        let (world, mut source) = ready(block([20, 20, 8], 3, STEEL), source);
+        let found = energy(&mut *source, &world, 4.0);
         assert!(
             (found - expected).abs() < 1e-9 * expected,
             "{pulse} {path}: {found} J"
         );
         // the weld is as long as without pulses
-        let mut steady = ellipsoid(&format!("power = 100\n{path}"));
-        let world = ready(block([20, 20, 8], 3, STEEL), &mut steady);
-        energy(&mut steady, &world, 4.0);
-        let [length, whole] = [&source, &steady].map(|source| report(source, "path"));
+        let steady = ellipsoid(&format!("power = 100\n{path}"));
+        let (world, mut steady) = ready(block([20, 20, 8], 3, STEEL), steady);
+        energy(&mut *steady, &world, 4.0);
+        let [length, whole] = [&source, &steady].map(|source| report(&**source, "path"));
         assert!((length / whole - 1.0).abs() < 1e-9, "{length} {whole}");
     }
     // without power no switches
     let path = "toolpath.line = { start = [5, 10, 8], end = [7, 10, 8], speed = 2 }";
-    let mut source = ellipsoid(&format!(
+    let source = ellipsoid(&format!(
         "power = 100\npulse = {{ frequency = 4, duty = 0.5 }}\n{path}"
     ));
-    ready(block([20, 20, 8], 3, STEEL), &mut source);
-    let events: Vec<f64> =
-        std::iter::successors(source.next_event(0.0), |t| source.next_event(*t)).collect();
+    let (_, source) = ready(block([20, 20, 8], 3, STEEL), source);
+    let next = |after: &f64| source.step_limits(*after).next_event;
+    let events: Vec<f64> = std::iter::successors(next(&0.0), next).collect();
     assert_eq!(events, [0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0]);
 }
 
@@ -328,10 +332,10 @@ fn pulses_of_a_power_that_rises_are_exact() {
     let file = folder.path().join("ramp.csv");
     std::fs::write(&file, "time,x,y,z,power\n0,5,10,8,0\n4,9,10,8,400\n").expect("written");
     let table = format!("toolpath.table.file = '{}'", file.display());
-    let mut source = ellipsoid(&format!(
+    let source = ellipsoid(&format!(
         "pulse = {{ frequency = 1, duty = 0.5, base = 0.1 }}\n{table}"
     ));
-    let world = ready(block([20, 20, 8], 3, STEEL), &mut source);
+    let (world, mut source) = ready(block([20, 20, 8], 3, STEEL), source);
     // integral of 100 t over [k, k + 1/2] and a tenth of it over the rest
     let expected: f64 = (0..4)
         .map(|k| {
@@ -340,7 +344,7 @@ fn pulses_of_a_power_that_rises_are_exact() {
             part(k, k + 0.5) + 0.1 * part(k + 0.5, k + 1.0)
         })
         .sum();
-    let found = energy(&mut source, &world, 5.0);
+    let found = energy(&mut *source, &world, 5.0);
     assert!(
         (found - expected).abs() < 1e-9 * expected,
         "{found} J, expected {expected}"
@@ -353,22 +357,23 @@ fn pulses_rest_during_a_wait() {
     let passes = "toolpath.sequence = { wait_until = { temperature = 400 }, passes = [
         { toolpath.line = { start = [5, 10, 8], end = [7, 10, 8], speed = 2 } },
         { toolpath.line = { start = [5, 10, 8], end = [7, 10, 8], speed = 2 } } ] }";
-    let mut source = ellipsoid(&format!(
+    let source = ellipsoid(&format!(
         "power = 100\npulse = {{ frequency = 4, duty = 0.5 }}\n{passes}"
     ));
     let mut world = World::new(vec![block([20, 20, 8], 3, STEEL)]);
-    prepare(&mut world, &mut source, |setup: &mut Setup<'_>| {
+    let (mut source, ()) = prepare(&mut world, source, |setup: &mut Setup<'_>| {
         setup.consume(0, &keys::HEAT_SOURCE).expect("free");
         setup.own(0, &keys::TEMPERATURE).expect("free");
     })
     .expect("valid");
     crate::testing::set(&mut world, &keys::TEMPERATURE, |_| 500.0);
-    let first = energy(&mut source, &world, 1.7);
+    let first = energy(&mut *source, &world, 1.7);
     assert!((first - 50.0).abs() < 1e-9, "{first}");
     crate::testing::set(&mut world, &keys::TEMPERATURE, |_| 300.0);
     source.begin_step(&world, 1.7);
     let next = source
-        .next_event(1.7)
+        .step_limits(1.7)
+        .next_event
         .expect("the first switch of the second pass");
     assert!((next - 1.825).abs() < 1e-12, "{next}");
 }

@@ -5,7 +5,11 @@
 
 use std::borrow::Cow;
 
-use perimelt_core::{Coupler, Report, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::world::BodyIndex;
+use perimelt_core::{
+    Coupler, Report, RunError, RunningCoupler, Setup, SetupError, Step, StepLimits, World, Write,
+    keys,
+};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -28,29 +32,26 @@ pub struct PulsedLaserSource {
     pub body: Option<String>,
     /// Pulse and absorption.
     pub shape: source::PulsedLaser,
-    prepared: Option<PulsedLaserState>,
-    account: Account,
-    positions: StepPositions,
 }
 
-/// Handles and the lattice of the body.
-struct PulsedLaserState {
-    body: usize,
+/// A laser pulse that is ready to heat.
+struct RunningPulsedLaserSource {
+    shape: source::PulsedLaser,
+    body: BodyIndex,
     grid: CellGrid,
     /// Of the cells that face the laser, m².
     area: f64,
     heat_source: Write<f64>,
-}
-
-impl PulsedLaserSource {
-    fn end(&self) -> f64 {
-        self.shape.peak_time() + TAIL / self.shape.decay * self.shape.pulse_duration
-    }
+    account: Account,
+    positions: StepPositions,
 }
 
 #[typetag::serialize(name = "pulsed_laser")]
 impl Coupler for PulsedLaserSource {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let fault = |e: source::SourceError| SetupError::other(e.key(), e);
         self.shape.validate().map_err(fault)?;
@@ -60,28 +61,35 @@ impl Coupler for PulsedLaserSource {
             true => this.surface(&[face]).iter().map(|c| c.area).sum(),
             false => this.points.volume.iter().sum::<f64>() / grid.spacing[face.axis()],
         };
-        self.prepared = Some(PulsedLaserState {
+        Ok(Box::new(RunningPulsedLaserSource {
+            shape: self.shape,
             body,
             grid,
             area,
             heat_source: setup.add(body, &keys::HEAT_SOURCE)?,
-        });
-        Ok(())
+            account: Account::default(),
+            positions: StepPositions::default(),
+        }))
+    }
+}
+
+impl RunningCoupler for RunningPulsedLaserSource {
+    fn begin_step(&mut self, world: &World, time: f64) {
+        self.positions.begin_step(world, self.body, time);
     }
 
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let p = self.prepared.as_ref().expect("prepared before the run");
         if step.size > 0.0 {
-            let body = world.body(p.body);
-            let mut heat_source = world.write(p.heat_source);
+            let body = world.body(self.body);
+            let mut heat_source = world.write(self.heat_source);
             let span = (step.start, step.end());
-            let now = self.positions.at(world, p.body, step.middle());
-            let deposit = match Cells::of(world, p.body, now, p.grid) {
-                Some(cells) => (self.shape).add_to_cells(&cells, span, p.area, &mut heat_source),
+            let now = self.positions.at(world, self.body, step.middle());
+            let deposit = match Cells::of(world, self.body, now, self.grid) {
+                Some(cells) => (self.shape).add_to_cells(&cells, span, self.area, &mut heat_source),
                 None => {
                     let body = LatticeBody {
                         body,
-                        grid: p.grid,
+                        grid: self.grid,
                         activity: None,
                     };
                     self.shape.add(&body, span, &mut heat_source)
@@ -92,19 +100,13 @@ impl Coupler for PulsedLaserSource {
         Ok(())
     }
 
-    fn begin_step(&mut self, world: &World, time: f64) {
-        if let Some(p) = &self.prepared {
-            self.positions.begin_step(world, p.body, time);
+    fn step_limits(&self, time: f64) -> StepLimits {
+        let duration = self.shape.pulse_duration;
+        let end = self.shape.peak_time() + TAIL / self.shape.decay * duration;
+        StepLimits {
+            next_event: self.shape.next_event(time),
+            longest: (time < end).then_some(STEP_FRACTION * duration),
         }
-    }
-
-    fn next_event(&self, after: f64) -> Option<f64> {
-        self.shape.next_event(after)
-    }
-
-    fn step_limit(&self, time: f64) -> Option<f64> {
-        let limit = STEP_FRACTION * self.shape.pulse_duration;
-        (time < self.end()).then_some(limit)
     }
 
     fn report(&self) -> Vec<Report> {
@@ -117,6 +119,7 @@ impl Coupler for PulsedLaserSource {
 
     fn load(
         &mut self,
+        _world: &World,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
         self.account = Account::deserialize(state)?;
@@ -144,9 +147,6 @@ impl<'de> Deserialize<'de> for PulsedLaserSource {
         Ok(PulsedLaserSource {
             body: keys.body,
             shape: keys.shape,
-            prepared: None,
-            account: Account::default(),
-            positions: StepPositions::default(),
         })
     }
 }
@@ -168,16 +168,20 @@ mod tests {
 
     const PULSE: &str = "fluence = 10\nreflectivity = 0.5\npulse_duration = 1\nabsorption_depth = 0.1\nheated_surface.face = 'x-'";
 
+    fn ready(world: &mut World) -> Box<dyn RunningCoupler> {
+        let laser: PulsedLaserSource = from_toml(PULSE);
+        let prepared = prepare(world, laser, |setup| {
+            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
+        });
+        prepared.expect("valid").0
+    }
+
     #[test]
     fn the_whole_fluence_arrives_in_steps_of_any_length() {
         for steps in [1, 7, 200] {
             let mut world = World::new(vec![block([30, 1, 1], 1, STEEL)]);
-            let mut laser: PulsedLaserSource = from_toml(PULSE);
-            prepare(&mut world, &mut laser, |setup| {
-                setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-            })
-            .expect("valid");
-            assert_eq!(laser.step_limit(0.0), Some(0.25));
+            let mut laser = ready(&mut world);
+            assert_eq!(laser.step_limits(0.0).longest, Some(0.25));
             let size = 40.0 / f64::from(steps);
             for s in 0..steps {
                 let start = f64::from(s) * size;
@@ -192,7 +196,7 @@ mod tests {
             let energy = energy.expect("reported").value;
             // rounding of 200 differences of numbers of order 1
             assert!((energy - expected).abs() < 1e-11, "{steps} steps: {energy}");
-            assert_eq!(laser.step_limit(40.0), None, "the pulse is over");
+            assert_eq!(laser.step_limits(40.0).longest, None, "the pulse is over");
         }
     }
 
@@ -200,15 +204,9 @@ mod tests {
     #[test]
     fn steps_are_short_and_energies_kept_until_the_pulse_is_over() {
         let mut world = World::new(vec![block([30, 1, 1], 1, STEEL)]);
-        let mut laser: PulsedLaserSource = from_toml(PULSE);
-        prepare(&mut world, &mut laser, |setup| {
-            setup.consume(0, &keys::HEAT_SOURCE).expect("free");
-        })
-        .expect("valid");
-        assert_eq!(
-            (laser.next_event(1.0), laser.next_event(2.0)),
-            (Some(2.0), None)
-        );
+        let mut laser = ready(&mut world);
+        let events = [1.0, 2.0].map(|after| laser.step_limits(after).next_event);
+        assert_eq!(events, [Some(2.0), None]);
         let end = 2.0 + 40.0 / 1.992;
         for (until, limit) in [
             (3.0, Some(0.25)),
@@ -217,14 +215,14 @@ mod tests {
         ] {
             let step = Step::new(until - 0.5, 0.5);
             laser.apply(&world, step).expect("applies");
-            assert_eq!(laser.step_limit(until), limit, "{until}");
+            assert_eq!(laser.step_limits(until).longest, limit, "{until}");
             let saved = serde_json::to_string(&laser.save()).expect("serialises");
             let mut json = serde_json::Deserializer::from_str(&saved);
-            let mut resumed: PulsedLaserSource = from_toml(PULSE);
+            let mut resumed = ready(&mut World::new(vec![block([30, 1, 1], 1, STEEL)]));
             let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut json);
-            resumed.load(&mut erased).expect("what was saved");
-            assert_eq!(resumed.account, laser.account);
-            assert_eq!(resumed.step_limit(until), limit);
+            resumed.load(&world, &mut erased).expect("what was saved");
+            assert_eq!(resumed.report(), laser.report());
+            assert_eq!(resumed.step_limits(until).longest, limit);
         }
     }
 
@@ -236,7 +234,7 @@ mod tests {
             .expect("no such key");
         assert!(error.message().contains("unknown field `toolpath`"));
         let mut world = World::new(vec![block([30, 1, 1], 1, STEEL)]);
-        let mut wrong: PulsedLaserSource = from_toml(&PULSE.replace("0.5", "1.5"));
-        assert!(refusal(&mut world, &mut wrong).starts_with("reflectivity: "));
+        let wrong: PulsedLaserSource = from_toml(&PULSE.replace("0.5", "1.5"));
+        assert!(refusal(&mut world, wrong).starts_with("reflectivity: "));
     }
 }

@@ -345,7 +345,7 @@ impl TimedPath {
     }
 
     /// What the path waits for at a time (s), as a sentence.
-    pub(crate) fn unfinished(&self, time: f64) -> Option<String> {
+    fn unfinished(&self, time: f64) -> Option<String> {
         let clock = self.clock.borrow();
         let passes = self.track.passes();
         let next = passes.get(clock.begun.len())?;
@@ -365,14 +365,21 @@ impl TimedPath {
         ))
     }
 
-    /// The path as a programme of a run that ends at `run_end` (s). Waits that have not begun count as none.
-    pub(crate) fn programme(&self, run_end: f64) -> Option<Programme> {
+    /// The path as a programme, as known at a time (s). Waits that have not begun count as none.
+    pub(crate) fn programme(&self, time: f64) -> Option<Programme> {
+        let waits = self.unfinished(time);
         let delay = self.clock.borrow().delay;
         let track = &self.track;
-        let end = track.power_end()?;
+        let Some(end) = track.power_end() else {
+            // nothing of a path without an end is left over
+            return waits.map(|waits| Programme {
+                waits: Some(waits),
+                ..Programme::new("its toolpath", time)
+            });
+        };
         let length = |until: f64| track.powered_length(until);
         let energy = |until: f64| track.energy(f64::NEG_INFINITY, until);
-        let now = run_end - delay;
+        let now = time - delay;
         let done = match length(end) > 0.0 {
             true => DoneFraction {
                 fraction: length(now) / length(end),
@@ -385,6 +392,7 @@ impl TimedPath {
         };
         Some(Programme {
             done: Some(done),
+            waits,
             ..Programme::new("its toolpath", end + delay)
         })
     }
@@ -396,27 +404,19 @@ impl TimedPath {
             return Vec::new();
         }
         let clock = self.clock.borrow();
-        let report = |name: String, unit: &str, value: f64| Report {
-            name,
-            unit: unit.into(),
-            value,
-        };
         let mut all = vec![
-            report("passes.begun".into(), "1", clock.begun.len() as f64),
-            report("passes.waited".into(), "s", clock.delay),
+            Report::new("passes.begun", "1", clock.begun.len() as f64),
+            Report::new("passes.waited", "s", clock.delay),
         ];
         for (index, pass) in passes.iter().enumerate().take(MOST_REPORTED) {
             let begun = clock.begun.get(index);
             let number = index + 1;
             let start = begun.map_or(f64::NAN, |(start, _)| *start);
-            all.push(report(format!("pass.{number}.start"), "s", start));
+            all.push(Report::new(format!("pass.{number}.start"), "s", start));
             if pass.wait.is_some() {
                 let temperature = begun.and_then(|(_, t)| *t).unwrap_or(f64::NAN);
-                all.push(report(
-                    format!("pass.{number}.temperature"),
-                    "K",
-                    temperature,
-                ));
+                let name = format!("pass.{number}.temperature");
+                all.push(Report::new(name, "K", temperature));
             }
         }
         all

@@ -186,7 +186,9 @@ mod tests {
         let gauge = wait.gauge(&setup, 0).expect("a place on the body");
         setup.next_plugin("the physics");
         setup.own(0, &keys::TEMPERATURE).expect("free");
-        setup.deposit(0, &[]).expect("free");
+        setup
+            .change_material(0, perimelt_core::Change::Births, &[])
+            .expect("free");
         setup.finish().expect("valid");
         set(&mut world, &keys::TEMPERATURE, |point| 100.0 * point as f64);
         for (there, expected) in [

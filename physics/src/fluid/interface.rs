@@ -17,7 +17,7 @@
 //! one body continues another one, and does not depend on how many points of the fluid are near.
 
 use nalgebra::{SMatrix, SVector, Vector3};
-use perimelt_core::family::{ForeignBonds, Places};
+use perimelt_core::family::{ForeignBonds, ForeignGhost, Places};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::{Access, Setup, World, Write, keys};
 use rayon::prelude::*;
@@ -149,12 +149,13 @@ impl Interface<'_> {
     /// images behind mirrored faces.
     fn for_each_in_solid(&self, at: &Vector3<f64>, mut receive: impl FnMut(Vector3<f64>, f64)) {
         let Places { positions, volumes } = self.solid;
-        let around = (at, self.reach());
-        self.bonds.for_each_foreign(positions, around, |ghost, xi| {
+        let receive = |ghost: &ForeignGhost, xi| {
             if xi != Vector3::zeros() {
                 receive(xi, volumes[ghost.point]);
             }
-        });
+        };
+        self.bonds
+            .for_each_foreign(positions, at, self.reach(), receive);
     }
 }
 

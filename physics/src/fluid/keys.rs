@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 use crate::advection::Convection;
 
 use super::collision::Collisions;
-use super::run::Run;
 use super::state::State;
 use super::walls::Walls;
 
@@ -101,9 +100,6 @@ pub struct Fluid {
     /// Step in s, or "auto".
     #[serde(default)]
     pub step: StepSize,
-    #[serde(skip)]
-    #[schemars(skip)]
-    pub(super) run: Option<Run>,
 }
 
 fn usual_volume_relaxation() -> f64 {

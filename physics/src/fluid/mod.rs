@@ -72,16 +72,19 @@ pub use keys::{Fluid, Form, Scheme, Stress, Surface};
 pub use perimelt_core::Description;
 pub use state::{State, Tait};
 
+use perimelt_core::keys as core_keys;
 use perimelt_core::plugin::check_length;
 use perimelt_core::{
-    Balance, Clock, PddoError, Physics, Report, RunError, Setup, SetupError, Step, Work, World,
+    Balance, PddoError, Physics, PhysicsReport, Read, RunError, RunningPhysics, Setup, SetupError,
+    Step, Stepping, Work, World,
 };
 
 use immersed::LARGEST_DISPLACEMENT;
 use nalgebra::Vector3;
 use point_motion::{LEAST_DISTORTION, PointMotion};
 use rates::Stability;
-use run::Run;
+use run::FluidRun;
+use serde::{Deserialize, Serialize};
 use wall_motion::WallMotion;
 use walls::Walls;
 
@@ -95,14 +98,37 @@ impl Physics for Fluid {
         setup.publish(body, self.description)
     }
 
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
-        self.run = Some(Run::prepare(self, setup)?);
-        Ok(())
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+        setup.stepping(Stepping {
+            step: self.step,
+            ..Stepping::default()
+        });
+        Ok(Box::new(self.ready(setup)?))
     }
+}
 
+impl Fluid {
+    fn ready(self, setup: &mut Setup<'_>) -> Result<RunningFluid, SetupError> {
+        let run = FluidRun::prepare(&self, setup)?;
+        Ok(RunningFluid { keys: self, run })
+    }
+}
+
+perimelt_core::register_physics!("fluid", Fluid, supports: [Motion, Flow]);
+
+/// A fluid that flows.
+struct RunningFluid {
+    keys: Fluid,
+    run: FluidRun,
+}
+
+impl RunningPhysics for RunningFluid {
     /// Density from the pressure at the start.
     fn start(&mut self, world: &World) -> Result<(), RunError> {
-        let run = self.run.as_mut().expect("prepared before the start");
+        let run = &mut self.run;
         run.complete_state(world);
         run.weigh_points(world);
         run.initial_mass = run.mass(world);
@@ -125,123 +151,123 @@ impl Physics for Fluid {
         Ok(())
     }
 
-    fn clock(&self) -> Clock {
-        Clock {
-            step: self.step,
-            ..Clock::default()
-        }
-    }
-
     fn stable_step(&mut self, world: &World) -> Option<f64> {
-        let stable = self.find_stable_step(world);
-        self.run_mut().stable_step = stable;
-        Some(stable)
+        if self.run.stable_step.is_none() {
+            self.run.stable_step = Some(self.find_stable_step(world));
+        }
+        self.run.stable_step
     }
 
-    fn changed_stable_step(&self) -> Option<f64> {
-        Some(self.run().stable_step)
-    }
-
-    fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {
-        let reference = &self.run().medium.reference_density;
-        let lightest = reference.iter().copied().fold(f64::INFINITY, f64::min);
-        let heaviest = reference.iter().copied().fold(0.0, f64::max);
-        vec![
-            ("velocity", 10.0 * self.state.sound_speed(lightest)),
-            ("density", 10.0 * heaviest),
-        ]
+    fn find_blow_up(&mut self, world: &World, field: &str, largest: f64) -> Option<usize> {
+        let reference = &self.run.medium.reference_density;
+        if field == core_keys::VELOCITY.name {
+            let lightest = reference.iter().copied().fold(f64::INFINITY, f64::min);
+            let limit = 10.0 * self.keys.state.sound_speed(lightest);
+            let velocity = Read::from(self.run.velocity);
+            return (largest > limit).then(|| world.first_beyond(velocity, limit))?;
+        }
+        let limit = 10.0 * reference.iter().copied().fold(0.0, f64::max);
+        let is_beyond = field == core_keys::DENSITY.name && largest > limit;
+        let density = Read::from(self.run.density);
+        is_beyond.then(|| world.first_beyond(density, limit))?
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
-        let mut run = self.run.take().expect("prepared before the first step");
-        let done = run.advance(self, world, step);
+        let run = &mut self.run;
+        let done = run.advance(&self.keys, world, step);
         let moves = run.moving.is_some() || run.rates.motion().is_some();
         let is_due = moves && run.steps.is_multiple_of(STEPS_BETWEEN_LIMITS);
         if is_due {
             run.update_stability();
+            run.stable_step = None;
         }
-        self.run = Some(run);
         done.map_err(|e| failed(e, step.end()))?;
         self.check_distortion(world, step.end())?;
         self.check_displacement(world, step.end())?;
-        if is_due {
-            self.stable_step(world);
-        }
         Ok(Work::of_stages(1))
     }
 
     fn balance(&self, world: &World) -> Vec<Balance> {
-        self.run().balances(world)
+        self.run.balances(world)
     }
 
-    fn report(&self) -> Vec<Report> {
-        self.run().reports()
+    fn report(&self, _world: &World) -> PhysicsReport {
+        self.run.reports().into()
     }
 
-    fn observe(&mut self, world: &World) {
-        self.run_mut().observe(world);
+    fn observe(&mut self, world: &World, _time: f64) -> Result<(), RunError> {
+        self.run.observe(world);
+        Ok(())
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        let run = self.run();
-        let mass = run.moving.as_ref().map(|m| &m.mass);
-        let motion = run.rates.motion().map(PointMotion::state);
-        Box::new((
-            run.initial_mass,
-            (run.momentum, run.angular_momentum),
-            run.steps,
-            run.stability,
-            mass,
-            run.rates.walls().map(Walls::motions),
-            (run.rates.fullness(), motion),
-        ))
+        let run = &self.run;
+        Box::new(SavedFluid {
+            initial_mass: run.initial_mass,
+            momentum: run.momentum,
+            angular_momentum: run.angular_momentum,
+            steps: run.steps,
+            stability: run.stability,
+            mass: run.moving.as_ref().map(|m| m.mass.clone()),
+            walls: run
+                .rates
+                .walls()
+                .map(|walls| walls.motions().into_iter().cloned().collect()),
+            fullness: run.rates.fullness().map(|fullness| fullness.to_vec()),
+            displacement: run.rates.motion().map(|motion| motion.state().to_vec()),
+        })
     }
 
     fn load(
         &mut self,
+        world: &World,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        let run = self.run_mut();
-        let mass: Option<Vec<f64>>;
-        let motions: Option<Vec<WallMotion>>;
-        let fullness: Option<Vec<f64>>;
-        let displacement: Option<Vec<Vector3<f64>>>;
-        (
-            run.initial_mass,
-            (run.momentum, run.angular_momentum),
-            run.steps,
-            run.stability,
-            mass,
-            motions,
-            (fullness, displacement),
-        ) = erased_serde::deserialize(state)?;
-        if let (Some(moving), Some(mass)) = (&mut run.moving, mass) {
+        let run = &mut self.run;
+        let saved: SavedFluid = erased_serde::deserialize(state)?;
+        run.initial_mass = saved.initial_mass;
+        run.momentum = saved.momentum;
+        run.angular_momentum = saved.angular_momentum;
+        run.steps = saved.steps;
+        run.stability = saved.stability;
+        run.stable_step = None;
+        if let (Some(moving), Some(mass)) = (&mut run.moving, saved.mass) {
             check_length("masses", mass.len(), moving.mass.len())?;
             moving.mass = mass;
         }
-        if let (Some(walls), Some(motions)) = (run.rates.walls_mut(), motions) {
+        if let (Some(walls), Some(motions)) = (run.rates.walls_mut(), saved.walls) {
             walls.set_motions(motions);
         }
-        if let (Some(motion), Some(displacement)) = (run.rates.motion_mut(), displacement) {
+        if let (Some(motion), Some(displacement)) = (run.rates.motion_mut(), saved.displacement) {
             check_length("displacements", displacement.len(), motion.state().len())?;
             motion.set_state(displacement);
         }
-        if let (Some(own), Some(fullness)) = (run.rates.fullness(), &fullness) {
+        if let (Some(own), Some(fullness)) = (run.rates.fullness(), &saved.fullness) {
             check_length("fullness", fullness.len(), own.len())?;
         }
-        if let Some(fullness) = fullness {
+        if let Some(fullness) = saved.fullness {
             run.rates.set_fullness(fullness);
         }
-        Ok(())
-    }
-
-    fn restored(&mut self, world: &World) -> Result<(), RunError> {
-        let run = self.run_mut();
-        run.set_configuration(world).map_err(|e| failed(e, 0.0))
+        run.set_configuration(world)
+            .map_err(serde::de::Error::custom)
     }
 }
 
-perimelt_core::register_physics!("fluid", Fluid, supports: [Motion, Flow]);
+/// The state that is saved with checkpoints.
+#[derive(Serialize, Deserialize)]
+struct SavedFluid {
+    initial_mass: f64,
+    momentum: Option<[Vector3<f64>; 3]>,
+    angular_momentum: Option<[Vector3<f64>; 3]>,
+    steps: u64,
+    stability: Stability,
+    /// Masses of points that move, kg.
+    mass: Option<Vec<f64>>,
+    walls: Option<Vec<WallMotion>>,
+    fullness: Option<Vec<f64>>,
+    /// Displacements of points that follow walls, m.
+    displacement: Option<Vec<Vector3<f64>>>,
+}
 
 fn failed(cause: PddoError, time: f64) -> RunError {
     RunError::Plugin {
@@ -279,10 +305,10 @@ struct PointsFold {
     place: [f64; 3],
 }
 
-impl Fluid {
+impl RunningFluid {
     /// Refuses to go on where points that follow walls are about to fold.
     fn check_distortion(&self, world: &World, time: f64) -> Result<(), RunError> {
-        let run = self.run();
+        let run = &self.run;
         let Some((least, point)) = run.rates.motion().map(PointMotion::distortion) else {
             return Ok(());
         };
@@ -303,7 +329,7 @@ impl Fluid {
 
     /// Refuses to go on where a wall has moved too far for points that rest.
     fn check_displacement(&self, world: &World, time: f64) -> Result<(), RunError> {
-        let run = self.run();
+        let run = &self.run;
         // points that follow walls have a limit of their own
         let walls = run.rates.walls().filter(|_| run.rates.motion().is_none());
         let Some((moved, wall)) = walls.and_then(Walls::largest_displacement) else {
@@ -327,20 +353,12 @@ impl Fluid {
         })
     }
 
-    fn run(&self) -> &Run {
-        self.run.as_ref().expect("prepared at set-up")
-    }
-
-    fn run_mut(&mut self) -> &mut Run {
-        self.run.as_mut().expect("prepared at set-up")
-    }
-
     /// Largest step (s) for which sound and viscosity are stable (docs/theory/fluids.md, "Largest step"), for speeds up
     /// to a tenth of that of sound: with the frequency `w = kappa c` of sound and the rate `r = 2 S (nu + D)` of viscosity and
     /// density diffusion, a symplectic step is stable for `dt^2 w^2 + 2 dt r < 4`. In an Eulerian fluid `w` is
     /// `kappa (c + |v|)`; convection in the middle of the step has no limit of its own.
     fn find_stable_step(&self, world: &World) -> f64 {
-        let run = self.run();
+        let run = &self.run;
         let medium = &run.medium;
         let Stability {
             wave_number,
@@ -348,9 +366,9 @@ impl Fluid {
         } = run.stability;
         let limit = |(i, &m): (usize, &u16)| {
             let sound = medium.sound_speed(i);
-            let passing = self.eulerian_convection().map(|c| (c, 0.1 * sound));
+            let passing = self.keys.eulerian_convection().map(|c| (c, 0.1 * sound));
             let speed = passing.map_or(0.0, |(_, speed)| speed);
-            let artificial = self.artificial_viscosity * medium.smoothing_length(i) * sound;
+            let artificial = self.keys.artificial_viscosity * medium.smoothing_length(i) * sound;
             let largest = medium.viscosity.largest(m) / medium.reference_density[i];
             // short waves lack more where the viscosity is small; their rate is that of the Laplacian squared
             let missing = passing.map_or(0.0, |(c, speed)| {
@@ -358,7 +376,7 @@ impl Fluid {
                 2.0 * c.missing_diffusivity(flow, laplacian, 0.0)
             });
             let viscosity = largest + artificial + missing;
-            let damping = viscosity + self.density_diffusion * medium.sound_diffusivity(i);
+            let damping = viscosity + self.keys.density_diffusion * medium.sound_diffusivity(i);
             let frequency = wave_number * (sound + speed);
             let rate = 2.0 * laplacian * damping;
             4.0 / (rate + (rate * rate + 4.0 * frequency * frequency).sqrt())

@@ -20,7 +20,7 @@ use super::keys::{Fluid, Form, Stress, Surface};
 use super::medium::{Coefficient, Medium};
 use super::point_motion::PointMotion;
 use super::rates::{LargestSums, Rates};
-use super::run::{FluidTemperature, Moving, Run};
+use super::run::{FluidRun, FluidTemperature, Moving};
 use super::treatments::Treatments;
 use super::walls::Walls;
 
@@ -30,8 +30,8 @@ struct Neighbours {
     moving: Option<(PointMover, FamilyHandle)>,
 }
 
-impl Run {
-    pub(super) fn prepare(fluid: &Fluid, setup: &mut Setup<'_>) -> Result<Run, SetupError> {
+impl FluidRun {
+    pub(super) fn prepare(fluid: &Fluid, setup: &mut Setup<'_>) -> Result<FluidRun, SetupError> {
         let body = setup.find_body(fluid.body.as_deref())?;
         fluid.check(setup.body(body))?;
         let velocity = setup.own(body, &keys::VELOCITY)?;
@@ -110,7 +110,7 @@ impl Run {
         let is_partly_periodic = this.periodic.contains(&true);
         let keeps_angular_momentum =
             !has_faces && !is_partly_periodic && fluid.keeps_angular_momentum();
-        Ok(Run {
+        Ok(FluidRun {
             body,
             velocity,
             density,
@@ -125,7 +125,7 @@ impl Run {
             medium,
             initial_stability: rates.stability(),
             stability: rates.stability(),
-            stable_step: 0.0,
+            stable_step: None,
             rates,
             treatments,
             slots: vec![SlotField::default(); this.dimension],
@@ -194,11 +194,11 @@ fn neighbours(
 }
 
 fn prepare_medium(fluid: &Fluid, setup: &Setup<'_>, body: BodyIndex) -> Result<Medium, SetupError> {
-    let viscosity = setup.property(body, "viscosity")?;
+    let viscosity = setup.world().property(body, "viscosity")?;
     let this = setup.body(body);
     Ok(Medium {
         state: fluid.state,
-        reference_density: setup.density_at_points(body)?,
+        reference_density: setup.world().density_at_points(body)?,
         spacing: this.points.spacing.clone(),
         viscosity: Coefficient::new(viscosity, &this.material_of_point),
     })

@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::{Balance, Report, World};
 
-use super::run::Run;
+use super::run::FluidRun;
 use super::walls::Walls;
 
-impl Run {
+impl FluidRun {
     /// Mass, and momentum and angular momentum where no face takes any.
     pub(super) fn balances(&self, world: &World) -> Vec<Balance> {
         let mass = Balance::new("mass", "kg", self.mass(world), self.initial_mass, 0.0);
@@ -37,14 +37,9 @@ impl Run {
     }
 
     pub(super) fn reports(&self) -> Vec<Report> {
-        let report = |name: &str, unit: &str, value: f64| Report {
-            name: name.into(),
-            unit: unit.into(),
-            value,
-        };
         let mut all = vec![
-            report("energy.kinetic", "J", self.kinetic_energy),
-            report("density.deviation", "1", self.density_deviation),
+            Report::new("energy.kinetic", "J", self.kinetic_energy),
+            Report::new("density.deviation", "1", self.density_deviation),
         ];
         all.extend(self.rates.walls().into_iter().flat_map(Walls::reports));
         all

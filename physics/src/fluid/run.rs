@@ -12,7 +12,7 @@ use super::treatments::Treatments;
 
 /// A prepared fluid.
 #[derive(Debug)]
-pub(super) struct Run {
+pub(super) struct FluidRun {
     pub(super) body: BodyIndex,
     pub(super) velocity: Write<Vector3<f64>>,
     pub(super) density: Write<f64>,
@@ -34,8 +34,8 @@ pub(super) struct Run {
     pub(super) initial_stability: Stability,
     /// At the positions at which it was last found, which a restart must not change.
     pub(super) stability: Stability,
-    /// Largest stable step, s; zero before it is asked for.
-    pub(super) stable_step: f64,
+    /// Largest stable step, s, once it is found.
+    pub(super) stable_step: Option<f64>,
     pub(super) treatments: Treatments,
     /// Components of the velocity by slot.
     pub(super) slots: Vec<SlotField>,
@@ -76,7 +76,7 @@ pub(super) struct Moving {
     pub(super) volume: Vec<f64>,
 }
 
-impl Run {
+impl FluidRun {
     /// Mass of each point, kg: that of a point that moves, or that in its reference volume.
     pub(super) fn mass_of_points<'a>(
         &'a self,

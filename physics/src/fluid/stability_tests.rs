@@ -38,7 +38,7 @@ fn step_between_walls(wall_density: f64) -> f64 {
         "body = 'block'\ndescription = 'eulerian'\nconvection = 'central'\nform = 'conservative'\nstate.tait.sound_speed = 1",
     );
     fluid.publish(&mut setup).expect("the only fluid");
-    fluid.prepare(&mut setup).expect("walls all around");
+    let fluid = fluid.ready(&mut setup).expect("walls all around");
     fluid.find_stable_step(&world)
 }
 

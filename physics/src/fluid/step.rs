@@ -19,7 +19,7 @@ use super::keys::{Fluid, Scheme, Stress, Surface};
 use super::least_distance::DistantPoints;
 use super::medium::Medium;
 use super::rates::{Rates, Terms};
-use super::run::{FluidTemperature, Moving, Run};
+use super::run::{FluidRun, FluidTemperature, Moving};
 use super::treatments::Treatments;
 
 /// Fields of the flow during a step.
@@ -76,7 +76,7 @@ impl Impulses<'_> {
     }
 }
 
-impl Run {
+impl FluidRun {
     pub(super) fn advance(
         &mut self,
         fluid: &Fluid,

@@ -214,8 +214,8 @@ fn a_face_without_a_wall_is_refused() {
     let mut world = perimelt_core::World::new(vec![body]);
     let mut setup = perimelt_core::Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("fluid");
-    let mut fluid: Fluid = read("description = 'eulerian'\nstate.tait.sound_speed = 1");
-    let error = perimelt_core::Physics::prepare(&mut fluid, &mut setup).expect_err("y is open");
+    let fluid: Fluid = read("description = 'eulerian'\nstate.tait.sound_speed = 1");
+    let error = fluid.ready(&mut setup).err().expect("y is open");
     assert!(error.to_string().contains("`y-`"), "{error}");
 }
 

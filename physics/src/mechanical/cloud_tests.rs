@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use perimelt_core::body::{Body, Jitter, Store, Zone};
 use perimelt_core::shape::{BoxShape, Shape};
-use perimelt_core::{Physics, Setup, World};
+use perimelt_core::{Setup, World};
 
 use super::Mechanical;
 use super::solid::Solid;
@@ -46,12 +46,11 @@ fn displaced_bodies() -> [Body; 2] {
 }
 
 fn solid(body: &Body, keys: &str) -> Box<dyn Solid> {
-    let mut mechanical: Mechanical = read(keys);
+    let mechanical: Mechanical = read(keys);
     let mut world = World::new(vec![body.clone()]);
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("mechanical");
-    mechanical.prepare(&mut setup).expect("valid");
-    mechanical.run.expect("prepared").solid
+    mechanical.ready(&mut setup).expect("valid").run.solid
 }
 
 fn displacement(body: &Body, of: impl Fn(&Vector3<f64>) -> Vector3<f64>) -> Vec<f64> {

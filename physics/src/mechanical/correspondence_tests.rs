@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use perimelt_core::body::{Body, Jitter, Store};
 use perimelt_core::solver::largest_eigenvalue;
-use perimelt_core::{Physics, Setup, World};
+use perimelt_core::{Setup, World};
 
 use super::Mechanical;
 use super::fracture::FractureState;
@@ -41,12 +41,11 @@ fn damaged(
     is_broken: impl Fn(Vector3<f64>, Vector3<f64>) -> bool,
 ) -> Box<dyn Solid> {
     let keys = format!("formulation = 'correspondence'\nfracture = {{}}\n{keys}");
-    let mut mechanical: Mechanical = read(&keys);
+    let mechanical: Mechanical = read(&keys);
     let mut world = World::new(vec![body.clone()]);
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("mechanical");
-    mechanical.prepare(&mut setup).expect("valid");
-    let mut solid = mechanical.run.expect("prepared").solid;
+    let mut solid = mechanical.ready(&mut setup).expect("valid").run.solid;
     let family = solid.family();
     let (mut broken, point_in) = (family.unbroken(), family.points_of_slots());
     let position = &body.points.position;
@@ -288,12 +287,12 @@ fn bonds_exceed_their_limit_by_their_thermoelastic_stretch() {
 #[test]
 fn breaking_by_the_energy_of_bonds_is_refused() {
     let keys = "formulation = 'correspondence'\nfracture.criterion = 'energy'";
-    let mut mechanical: Mechanical = read(keys);
+    let mechanical: Mechanical = read(keys);
     let steel = format!("{STEEL}\nfracture_energy = 1e4");
     let mut world = World::new(vec![block([9, 9, 1], 2, 1e-3, Store::Lattice, &steel)]);
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("mechanical");
-    let error = mechanical.prepare(&mut setup).expect_err("no such energy");
+    let error = mechanical.ready(&mut setup).err().expect("no such energy");
     assert!(
         format!("{error:?}").contains("fracture.criterion"),
         "{error:?}"

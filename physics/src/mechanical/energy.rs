@@ -5,7 +5,7 @@ use perimelt_core::solver::reduce::sum_points;
 use perimelt_core::{Report, World};
 use serde::{Deserialize, Serialize};
 
-use super::step::Run;
+use super::step::MechanicalRun;
 
 /// Energies of a body, J.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -30,11 +30,7 @@ impl Energy {
 
     /// For the log.
     pub(super) fn reports(&self) -> [Report; 3] {
-        let report = |name: &str, value| Report {
-            name: format!("energy.{name}"),
-            unit: "J".into(),
-            value,
-        };
+        let report = |name: &str, value| Report::new(format!("energy.{name}"), "J", value);
         [
             report("kinetic", self.kinetic),
             report("elastic", self.elastic),
@@ -43,14 +39,14 @@ impl Energy {
     }
 }
 
-impl Run {
+impl MechanicalRun {
     /// Energies of an explicit body now; without velocities only the elastic one.
     pub(super) fn energy(&mut self, world: &World) -> Energy {
         self.load_displacement(world);
         self.energy_as_set(world)
     }
 
-    /// As [`Run::energy`], at the displacement that the solid has.
+    /// As [`MechanicalRun::energy`], at the displacement that the solid has.
     pub(super) fn energy_as_set(&mut self, world: &World) -> Energy {
         let volume = &world.body(self.body).points.volume;
         let elastic = self.solid.elastic_energy();

@@ -32,7 +32,7 @@ use perimelt_core::{RunError, World};
 use serde::{Deserialize, Serialize};
 
 use super::energy::{Energy, work_of};
-use super::step::Run;
+use super::step::MechanicalRun;
 
 /// Steps from sample to sample, each of which costs as much as the forces of a few steps.
 const INTERVAL: u64 = 2048;
@@ -131,7 +131,7 @@ impl EnergyWatch {
     }
 }
 
-impl Run {
+impl MechanicalRun {
     /// Whether the work of the eigenstrain is summed from the stress conjugate to it, which is known in every step.
     fn knows_conjugate_stress(&self) -> bool {
         self.fields.conjugate_stress_is_read

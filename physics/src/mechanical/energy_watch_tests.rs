@@ -1,12 +1,13 @@
 //! Work of loads, and energy that grows without work.
 
+use super::RunningMechanical;
 use nalgebra::Vector3;
 use perimelt_core::body::Store;
 use perimelt_core::solver::reduce::sum_points;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Body, Coupler, Face, LayerRole, Physics, Read, RunError, Setup, SetupError, Simulation, Step,
-    World, Write, keys,
+    Body, Coupler, Face, LayerRole, Read, RunError, RunningCoupler, RunningPhysics, Setup,
+    SetupError, Simulation, Step, World, Write, keys,
 };
 use serde::{Deserialize, Serialize};
 
@@ -34,7 +35,7 @@ enum Load {
 /// A body under one load.
 struct Loaded {
     world: World,
-    mechanical: Mechanical,
+    mechanical: RunningMechanical,
     load: Load,
     vectors: Vec<Write<Vector3<f64>>>,
     eigenstrain: Option<Write<f64>>,
@@ -44,7 +45,7 @@ struct Loaded {
 impl Loaded {
     fn new(formulation: &str, load: Load) -> Self {
         let body = block([6, 5, 1], 2, 1e-3, Store::Lattice, STEEL);
-        let mut mechanical: Mechanical = read(&format!(
+        let mechanical: Mechanical = read(&format!(
             "formulation = '{formulation}'\nsolver.explicit = {{}}"
         ));
         let mut world = World::new(vec![body]);
@@ -71,11 +72,11 @@ impl Loaded {
             let layer = setup.layer(0, &keys::DISPLACEMENT, Face::XMin, LayerRole::Prescribed);
             layer.expect("free")
         });
-        setup.next_physics("mechanical");
-        mechanical.prepare(&mut setup).expect("valid");
+        setup.next_plugin("mechanical");
+        let mut mechanical = mechanical.ready(&mut setup).expect("valid");
         setup.finish().expect("complete");
         mechanical.start(&world).expect("starts");
-        let run = mechanical.run.as_mut().expect("prepared");
+        let run = &mut mechanical.run;
         // no heat follows the deformation, and is late
         run.scratch.is_repeated = true;
         Loaded {
@@ -121,7 +122,7 @@ impl Loaded {
     /// Energy that velocity Verlet keeps under constant loads of a linear body, `H - dt^2 / 8 sum V F^2 / rho`, and H with
     /// its bound, J.
     fn energies(&mut self) -> [f64; 3] {
-        let run = self.mechanical.run.as_mut().expect("prepared");
+        let run = &mut self.mechanical.run;
         let total = run.energy(&self.world).total();
         let volume = &self.world.body(0).points.volume;
         let (force, inverse) = (run.state.verlet.force(), &run.free_inverse_density);
@@ -210,7 +211,10 @@ struct Surroundings {
 
 #[typetag::serialize(name = "test_energy_surroundings")]
 impl Coupler for Surroundings {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         if self.ramp != 0.0 {
             self.force = Some(setup.add(0, &keys::BODY_FORCE)?);
         }
@@ -218,9 +222,11 @@ impl Coupler for Surroundings {
             let stress = setup.read(0, &keys::CONJUGATE_STRESS)?;
             self.strain = Some((stress, setup.add(0, &keys::EIGENSTRAIN)?));
         }
-        Ok(())
+        Ok(self)
     }
+}
 
+impl RunningCoupler for Surroundings {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         if let Some(force) = self.force {
             let size = self.ramp * step.end();

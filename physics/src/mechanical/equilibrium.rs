@@ -14,7 +14,7 @@ use super::keys::{MechanicalSolver, tolerance};
 use super::residual::{Linearised, Residual, Tangent};
 use super::rigid::{free_rigid_modes, rigid_modes};
 use super::solid::Solid;
-use super::step::Run;
+use super::step::MechanicalRun;
 
 /// The solvers of equilibrium with what they keep between steps.
 #[derive(Debug)]
@@ -96,10 +96,10 @@ impl Statics {
 /// Finds equilibrium by `balance`, breaks the bonds that exceed their limit most, and repeats until none exceeds
 /// it, or breaks all that exceed it `once`; returns the sum of the work.
 pub(super) fn balance_and_break(
-    run: &mut Run,
+    run: &mut MechanicalRun,
     world: &World,
     once: bool,
-    mut balance: impl FnMut(&mut Run) -> Result<Work, SolverError>,
+    mut balance: impl FnMut(&mut MechanicalRun) -> Result<Work, SolverError>,
 ) -> Result<Work, SolverError> {
     /// Bonds loaded to this fraction of the largest load break together: they are neighbours at a crack tip,
     /// which would break one after the other.
@@ -121,7 +121,11 @@ pub(super) fn balance_and_break(
 }
 
 /// Brings `run` into equilibrium by Newton-Krylov.
-pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<Work, SolverError> {
+pub(super) fn newton(
+    run: &mut MechanicalRun,
+    world: &World,
+    step: Step,
+) -> Result<Work, SolverError> {
     let body_force = run.fields.body_force.map(|b| world.read(b));
     let constraint = &run.constraints(world)[..];
     let rules = world.layer_rules(run.layers);
@@ -129,7 +133,7 @@ pub(super) fn newton(run: &mut Run, world: &World, step: Step) -> Result<Work, S
     let state: &mut [f64] = bytemuck::cast_slice_mut(&mut displacement);
     let body = world.body(run.body);
     let is_plastic = run.fields.plastic.is_some();
-    let Run {
+    let MechanicalRun {
         solid,
         statics,
         relative_volume,
@@ -283,7 +287,7 @@ fn rounding(solid: &mut dyn Solid, eigenstrain: f64, displacement: &[f64]) -> f6
 }
 
 /// Brings `run` into equilibrium by adaptive dynamic relaxation.
-pub(super) fn relax(run: &mut Run, world: &World) -> Result<Work, SolverError> {
+pub(super) fn relax(run: &mut MechanicalRun, world: &World) -> Result<Work, SolverError> {
     let body_force = run.fields.body_force.map(|b| world.read(b));
     let body_force: &[f64] = body_force
         .as_deref()
@@ -292,7 +296,7 @@ pub(super) fn relax(run: &mut Run, world: &World) -> Result<Work, SolverError> {
     let rules = world.layer_rules(run.layers);
     let mut displacement = world.write(run.fields.displacement);
     let dimension = world.body(run.body).dimension;
-    let Run { solid, work, .. } = run;
+    let MechanicalRun { solid, work, .. } = run;
     let free = |i: usize| constraint[i] == 0.0 && i % 3 < dimension;
     load_fictitious_mass(&mut **solid, work, &rules, free);
     let state = bytemuck::cast_slice_mut::<Vector3<f64>, f64>(&mut displacement);

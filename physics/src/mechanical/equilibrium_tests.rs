@@ -3,7 +3,9 @@
 use nalgebra::Vector3;
 use perimelt_core::body::Store;
 use perimelt_core::simulation::Simulation;
-use perimelt_core::{Coupler, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, RunError, RunningCoupler, Setup, SetupError, Step, World, Write, keys,
+};
 use serde::{Deserialize, Serialize};
 
 use super::Mechanical;
@@ -22,12 +24,17 @@ struct Stretching {
 
 #[typetag::serialize(name = "test_stretching")]
 impl Coupler for Stretching {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let constraint = setup.add(0, &keys::CONSTRAINT)?;
         self.fields = Some([constraint, setup.add(0, &keys::HELD_DISPLACEMENT)?]);
-        Ok(())
+        Ok(self)
     }
+}
 
+impl RunningCoupler for Stretching {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let [constraint, held] = self.fields.expect("prepared");
         let (mut constraint, mut held) = (world.write(constraint), world.write(held));

@@ -1,5 +1,5 @@
 use perimelt_core::body::Store;
-use perimelt_core::{Face, Horizon, Influence, LayerRole, Region};
+use perimelt_core::{Face, Horizon, Influence, LayerRole, Region, RunningCoupler};
 use proptest::prelude::*;
 
 use super::Mechanical;
@@ -302,15 +302,20 @@ struct Pull {
 
 #[typetag::serialize(name = "test_pull")]
 impl perimelt_core::Coupler for Pull {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), perimelt_core::SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, perimelt_core::SetupError> {
         for face in [Face::XMin, Face::XMax] {
             let key = &perimelt_core::keys::DISPLACEMENT;
             self.layers
                 .push(setup.layer(0, key, face, LayerRole::Free)?);
         }
-        Ok(())
+        Ok(self)
     }
+}
 
+impl RunningCoupler for Pull {
     fn apply(
         &mut self,
         world: &World,

@@ -49,7 +49,7 @@ use super::keys::{Formulation, Mechanical};
 use super::moduli::Moduli;
 use super::momentum::{Momentum, place};
 use super::plasticity::{Inelastic, elastic_strain};
-use super::step::Run;
+use super::step::MechanicalRun;
 use super::surface_stress::SurfaceStress;
 
 /// Strain that is continued from the body to what is deposited on it, of the order of the elastic limit of metals.
@@ -217,7 +217,7 @@ impl<'a> Surroundings<'a> {
     }
 }
 
-impl Run {
+impl MechanicalRun {
     /// Takes up points that became active or inactive since the last step; whether there are any.
     pub(super) fn follow_activity(&mut self, world: &World) -> bool {
         let Some(active) = world.activity(self.body).map(|a| mask(&a)) else {

@@ -1,7 +1,7 @@
 //! Strength of bonds between materials, through thin layers and across interfaces.
 
 use perimelt_core::body::{Jitter, Store};
-use perimelt_core::{Body, Physics, Region, Setup, World};
+use perimelt_core::{Body, Region, Setup, World};
 
 use super::Mechanical;
 use crate::testing::{block, material, read, simulation};
@@ -70,13 +70,13 @@ fn side(x: f64) -> i32 {
 
 /// The sides of the ends of bonds that broke, and of those that did not, when all bonds are stretched alike.
 fn broken_and_whole(body: Body, keys: &str, strain: f64) -> [Vec<[i32; 2]>; 2] {
-    let mut mechanical: Mechanical = read(keys);
+    let mechanical: Mechanical = read(keys);
     let mut world = World::new(vec![body]);
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("mechanical");
-    mechanical.prepare(&mut setup).expect("valid");
+    let mut mechanical = mechanical.ready(&mut setup).expect("valid");
     let positions = &world.body(0).points.position;
-    let solid = &mut mechanical.run.as_mut().expect("prepared").solid;
+    let solid = &mut mechanical.run.solid;
     let displacement: Vec<f64> = positions
         .iter()
         .flat_map(|x| [strain * x.x, strain * x.y, 0.0])
@@ -235,20 +235,21 @@ fn interfaces_that_make_no_sense_are_refused() {
             "strength is -1",
         ),
     ] {
-        let mut mechanical: Mechanical = read(&format!("fracture = {{ interface = {interface} }}"));
+        let mechanical: Mechanical = read(&format!("fracture = {{ interface = {interface} }}"));
         let mut world = World::new(vec![bar("energy", [1.0, 1.0], false)]);
         let mut setup = Setup::new(&mut world, std::path::Path::new("."));
         setup.next_plugin("mechanical");
         let error = mechanical
-            .prepare(&mut setup)
-            .expect_err("refused")
+            .ready(&mut setup)
+            .err()
+            .expect("refused")
             .to_string();
         assert!(error.contains(message), "{interface}: {error}");
     }
     let stretch = "fracture = { criterion = 'energy', interface = { between = ['left', 'right'], critical_stretch = 1 } }";
-    let mut mechanical: Mechanical = read(stretch);
+    let mechanical: Mechanical = read(stretch);
     let mut world = World::new(vec![bar("energy", [1.0, 1.0], false)]);
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("mechanical");
-    assert!(mechanical.prepare(&mut setup).is_err());
+    assert!(mechanical.ready(&mut setup).is_err());
 }

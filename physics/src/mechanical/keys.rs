@@ -9,7 +9,6 @@ use super::fracture::FractureSection;
 use super::moduli::Plane;
 use super::plasticity::PlasticitySection;
 use super::section::Section;
-use super::step::Run;
 use super::surface_stress::SurfaceStress;
 
 /// Thermoelastic solid: bond-based, ordinary state-based or by correspondence; owns `displacement` and `velocity`,
@@ -68,9 +67,6 @@ pub struct Mechanical {
     /// Stress of points near bare surfaces of a lattice.
     #[serde(default)]
     pub surface_stress: SurfaceStress,
-    #[serde(skip)]
-    #[schemars(skip)]
-    pub(super) run: Option<Run>,
 }
 
 fn tenth() -> f64 {

@@ -6,7 +6,7 @@ use perimelt_core::family::LayerRule;
 use perimelt_core::family::Traction;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, LayerRole, Physics, RunError, Setup, SetupError, Step, World, keys,
+    Coupler, Face, LayerRole, RunError, RunningCoupler, Setup, SetupError, Step, World, keys,
 };
 use serde::{Deserialize, Serialize};
 
@@ -33,7 +33,7 @@ fn body(cells: [usize; 3], is_cloud: bool) -> Body {
 
 /// A solid of `body` with layers behind `faces`.
 fn solid(body: &Body, keys: &str, rules: &[LayerRule]) -> Box<dyn Solid> {
-    let mut mechanical: Mechanical = read(keys);
+    let mechanical: Mechanical = read(keys);
     let mut world = World::new(vec![body.clone()]);
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("layers");
@@ -42,8 +42,7 @@ fn solid(body: &Body, keys: &str, rules: &[LayerRule]) -> Box<dyn Solid> {
         layer.expect("the face is free");
     }
     setup.next_plugin("mechanical");
-    mechanical.prepare(&mut setup).expect("valid");
-    mechanical.run.expect("prepared").solid
+    mechanical.ready(&mut setup).expect("valid").run.solid
 }
 
 fn rule(face: Face, scale: [f64; 3]) -> LayerRule {
@@ -239,12 +238,17 @@ struct FreeLayer {
 
 #[typetag::serialize(name = "test_free_layer")]
 impl Coupler for FreeLayer {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         self.layer =
             Some(setup.layer(0, &keys::DISPLACEMENT, Face::XMin, LayerRole::Prescribed)?);
-        Ok(())
+        Ok(self)
     }
+}
 
+impl RunningCoupler for FreeLayer {
     fn apply(&mut self, world: &World, _: Step) -> Result<(), RunError> {
         world.set_traction_layer(self.layer.expect("prepared"), [0.0; 3]);
         Ok(())
@@ -272,7 +276,7 @@ fn energy_that_grows_without_work_stops_the_run() {
 
 #[test]
 fn traction_layers_are_refused_in_explicit_motion() {
-    let mut mechanical: Mechanical = read("solver.explicit = {}");
+    let mechanical: Mechanical = read("solver.explicit = {}");
     let mut world = World::new(vec![body([6, 5, 1], false)]);
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("traction");
@@ -287,7 +291,7 @@ fn traction_layers_are_refused_in_explicit_motion() {
     };
     setup.announce_layer(layer.expect("free"), rule);
     setup.next_plugin("mechanical");
-    let error = mechanical.prepare(&mut setup).expect_err("it is refused");
+    let error = mechanical.ready(&mut setup).err().expect("it is refused");
     assert_eq!(error.key, "solver");
     assert!(error.to_string().contains("face `x-`"), "{error}");
 }

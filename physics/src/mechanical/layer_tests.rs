@@ -4,7 +4,7 @@ use perimelt_core::body::Store;
 use perimelt_core::simulation::Simulation;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, LayerRole, RunError, Setup, SetupError, Step, World, Write, keys,
+    Coupler, Face, LayerRole, RunError, RunningCoupler, Setup, SetupError, Step, World, Write, keys,
 };
 use serde::{Deserialize, Serialize};
 
@@ -30,16 +30,21 @@ struct Tension {
 
 #[typetag::serialize(name = "test_tension")]
 impl Coupler for Tension {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let dimension = setup.body(0).dimension;
         for face in Face::ALL.into_iter().filter(|f| f.axis() < dimension) {
             let layer = setup.layer(0, &keys::DISPLACEMENT, face, LayerRole::Prescribed)?;
             self.layers.push((face, layer));
         }
         self.eigenstrain = Some(setup.add(0, &keys::EIGENSTRAIN)?);
-        Ok(())
+        Ok(self)
     }
+}
 
+impl RunningCoupler for Tension {
     fn apply(&mut self, world: &World, _: Step) -> Result<(), RunError> {
         for (face, layer) in &self.layers {
             let mut odd = [1.0; 3];

@@ -85,14 +85,18 @@ pub mod surface_stress;
 mod tests;
 mod validity;
 
+use perimelt_core::keys as core_keys;
 use perimelt_core::plugin::check_length;
 use perimelt_core::{
-    Balance, Clock, Physics, Report, RunError, Setup, SetupError, Step, Work, World,
+    Balance, Physics, PhysicsReport, Report, RunError, RunningPhysics, Setup, SetupError, Step,
+    Stepping, Work, World,
 };
 
 use fracture::FractureState;
 pub use keys::{Formulation, Kinematics, Mechanical, MechanicalSolver};
-use step::State;
+use section::Section;
+use serde::{Deserialize, Serialize};
+use step::{MechanicalRun, State};
 
 /// Stretch of a bond that shows an instability once displacements are ten times as large as the body: where its ends have
 /// moved so far relative to each other over a chain of bonds as long as the body, bonds have a stretch of eight or more.
@@ -100,57 +104,93 @@ const IMPLAUSIBLE_STRETCH: f64 = 5.0;
 
 #[typetag::serialize(name = "mechanical")]
 impl Physics for Mechanical {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
-        self.run = Some(prepare::run(self, setup)?);
-        Ok(())
-    }
-
-    fn start(&mut self, world: &World) -> Result<(), RunError> {
-        let run = self.run.as_mut().expect("prepared before the start");
-        run.start(world);
-        Ok(())
-    }
-
-    fn clock(&self) -> Clock {
-        Clock {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+        setup.stepping(Stepping {
             step: self.step,
             update: self.update,
-        }
+            ..Stepping::default()
+        });
+        Ok(Box::new(self.ready(setup)?))
+    }
+}
+
+impl Mechanical {
+    fn ready(self, setup: &mut Setup<'_>) -> Result<RunningMechanical, SetupError> {
+        let run = prepare::run(&self, setup)?;
+        Ok(RunningMechanical {
+            is_explicit: matches!(self.solver, MechanicalSolver::Explicit { .. }),
+            breaks_once: self.fracture.as_ref().is_some_and(|f| f.once),
+            solver: self.solver,
+            sections: self.sections,
+            run,
+            stable_step: None,
+        })
+    }
+}
+
+perimelt_core::register_physics!("mechanical", Mechanical, supports: [Births, Cuts]);
+
+/// A body that deforms.
+struct RunningMechanical {
+    solver: MechanicalSolver,
+    is_explicit: bool,
+    /// Whether bonds break once in a step of equilibrium.
+    breaks_once: bool,
+    sections: Vec<Section>,
+    run: MechanicalRun,
+    /// Largest stable step of the explicit solver, s, once it is found.
+    stable_step: Option<f64>,
+}
+
+/// The state that is saved with checkpoints.
+#[derive(Deserialize)]
+struct SavedMechanical {
+    state: State,
+    broken: Option<FractureState>,
+}
+
+/// As [`SavedMechanical`], without copies.
+#[derive(Serialize)]
+struct SavedMechanicalRef<'a> {
+    state: &'a State,
+    broken: Option<&'a FractureState>,
+}
+
+impl RunningPhysics for RunningMechanical {
+    fn start(&mut self, world: &World) -> Result<(), RunError> {
+        self.run.start(world);
+        Ok(())
     }
 
     /// `2 / omega`, with the highest frequency.
     fn stable_step(&mut self, world: &World) -> Option<f64> {
-        let run = self.run.as_mut().expect("prepared before the start");
-        if !matches!(self.solver, MechanicalSolver::Explicit { .. }) {
-            return None;
+        if self.is_explicit && self.stable_step.is_none() {
+            self.stable_step = Some(2.0 / self.run.largest_frequency(world));
         }
-        Some(2.0 / run.largest_frequency(world))
-    }
-
-    /// Ten times the size of the body.
-    fn plausible(&self, world: &World) -> Vec<(&'static str, f64)> {
-        let body = self.run.as_ref().map_or(0, |r| r.body);
-        let (min, max) = world.body(body).bounds();
-        vec![("displacement", 10.0 * (max - min).norm())]
+        self.stable_step
     }
 
     /// A body that flies, and its pieces, may be displaced by any distance; a bond that has become several times as long
     /// is a sign of instability. Rigid motion does not stretch bonds, and broken bonds do not count.
-    fn find_blow_up(&mut self, world: &World, field: &str, first: usize) -> Option<usize> {
-        let run = self.run.as_mut().expect("prepared before the first step");
-        if field != "displacement" {
-            return Some(first);
+    fn find_blow_up(&mut self, world: &World, field: &str, largest: f64) -> Option<usize> {
+        let (min, max) = world.body(self.run.body).bounds();
+        // ten times the size of the body
+        if field != core_keys::DISPLACEMENT.name || largest <= 10.0 * (max - min).norm() {
+            return None;
         }
-        run.load_displacement(world);
-        run.solid.find_overstretched(IMPLAUSIBLE_STRETCH)
+        self.run.load_displacement(world);
+        self.run.solid.find_overstretched(IMPLAUSIBLE_STRETCH)
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
-        let run = self.run.as_mut().expect("prepared before the first step");
+        let run = &mut self.run;
         if !step.repeated {
             run.load(world, step);
         }
-        let once = self.fracture.as_ref().is_some_and(|f| f.once);
+        let once = self.breaks_once;
         let result = match self.solver {
             MechanicalSolver::QuasiStatic { .. } => {
                 equilibrium::balance_and_break(run, world, once, |run| {
@@ -177,72 +217,67 @@ impl Physics for Mechanical {
         if run.fields.conjugate_stress_is_read {
             run.provide_conjugate_stress(world);
         }
-        if matches!(self.solver, MechanicalSolver::Explicit { .. }) {
+        if self.is_explicit {
             run.watch_energy(world, (step.size, step.end()))?;
         }
         Ok(work)
     }
 
-    fn examine(&mut self, world: &World, time: f64) -> Result<(), RunError> {
-        let run = self.run.as_mut().expect("prepared before the first step");
-        match self.solver {
-            MechanicalSolver::Explicit { .. } => run.sample_energy(world, time),
-            _ => Ok(()),
+    fn observe(&mut self, world: &World, time: f64) -> Result<(), RunError> {
+        let run = &mut self.run;
+        if self.is_explicit {
+            run.sample_energy(world, time)?;
         }
-    }
-
-    fn observe(&mut self, world: &World) {
-        let run = self.run.as_mut().expect("prepared before the first step");
         run.provide_conjugate_stress(world);
         run.provide_stress(world);
         run.examine_validity(world);
-        if matches!(self.solver, MechanicalSolver::Explicit { .. }) {
+        if self.is_explicit {
             run.logged_energy = Some(run.energy(world));
         }
         for (i, section) in self.sections.iter().enumerate() {
             run.section_forces[i] = section.force(run, world);
         }
+        Ok(())
     }
 
-    fn report(&self) -> Vec<Report> {
-        let run = self.run.as_ref().expect("prepared before the first step");
+    fn report(&self, world: &World) -> PhysicsReport {
+        let run = &self.run;
         let forces = self.sections.iter().zip(&run.section_forces);
         let forces = forces.flat_map(|(s, force)| s.report(*force));
-        let broken = run.solid.fracture().map(|fracture| Report {
-            name: "bonds.broken".into(),
-            unit: "1".into(),
-            value: 0.5 * fracture.state.broken.total() as f64,
+        let broken = run.solid.fracture().map(|fracture| {
+            let bonds = 0.5 * fracture.state.broken.total() as f64;
+            Report::new("bonds.broken", "1", bonds)
         });
         let energies = run.logged_energy.iter().flat_map(|e| e.reports());
         let validity = run.validity.report();
         let others = broken.into_iter().chain(validity);
-        forces.chain(others).chain(energies).collect()
-    }
-
-    fn remarks(&self, world: &World) -> Vec<String> {
-        let run = self.run.as_ref().expect("prepared before the end");
-        run.validity.remarks(world.body(run.body))
+        PhysicsReport {
+            numbers: forces.chain(others).chain(energies).collect(),
+            remarks: run.validity.remarks(world.body(run.body)),
+        }
     }
 
     fn balance(&self, world: &World) -> Vec<Balance> {
-        let run = self.run.as_ref().expect("prepared before the first step");
-        if !matches!(self.solver, MechanicalSolver::Explicit { .. }) {
-            return Vec::new();
+        match self.is_explicit {
+            true => self.run.balances(world),
+            false => Vec::new(),
         }
-        run.balances(world)
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        let run = self.run.as_ref().expect("prepared before a save");
-        Box::new((&run.state, run.solid.fracture().map(|f| &f.state)))
+        Box::new(SavedMechanicalRef {
+            state: &self.run.state,
+            broken: self.run.solid.fracture().map(|f| &f.state),
+        })
     }
 
     fn load(
         &mut self,
+        world: &World,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        let run = self.run.as_mut().expect("prepared before a restart");
-        let (state, broken): (State, Option<FractureState>) = erased_serde::deserialize(state)?;
+        let run = &mut self.run;
+        let SavedMechanical { state, broken } = erased_serde::deserialize(state)?;
         if let (Some(own), Some(broken)) = (run.solid.fracture(), &broken) {
             let is_own = own.state.broken.is_of_same_family(&broken.broken);
             check_length("broken bonds", usize::from(is_own), 1)?;
@@ -254,11 +289,6 @@ impl Physics for Mechanical {
         if let Some(broken) = broken {
             run.solid.replace_fracture_state(broken);
         }
-        Ok(())
-    }
-
-    fn restored(&mut self, world: &World) -> Result<(), RunError> {
-        let run = self.run.as_ref().expect("prepared before a restart");
         if let (Some(fracture), Some(damage)) = (run.solid.fracture(), &run.fields.damage) {
             let pairs = fracture.broken_pairs(run.solid.family());
             world.replace_broken_pairs(&damage.breaker, pairs);
@@ -266,5 +296,3 @@ impl Physics for Mechanical {
         Ok(())
     }
 }
-
-perimelt_core::register_physics!("mechanical", Mechanical, supports: [Births, Cuts]);

@@ -140,12 +140,12 @@ impl Elasticity {
     ) -> Result<Self, SetupError> {
         let poissons_ratio = match bond_based || setup.body(body).dimension == 1 {
             true => None,
-            false => Some(setup.property(body, "poissons_ratio")?),
+            false => Some(setup.world().property(body, "poissons_ratio")?),
         };
         Ok(Elasticity {
             dimension: setup.body(body).dimension,
             plane,
-            youngs_modulus: setup.property(body, "youngs_modulus")?,
+            youngs_modulus: setup.world().property(body, "youngs_modulus")?,
             poissons_ratio,
         })
     }

@@ -18,7 +18,7 @@ use perimelt_core::solver::reduce::sum_points;
 use perimelt_core::{Balance, World};
 use serde::{Deserialize, Serialize};
 
-use super::step::Run;
+use super::step::MechanicalRun;
 
 /// Sums over a body of momenta or impulses, of their moments about the origin, and of the sizes of both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -165,7 +165,7 @@ pub(super) fn by_axis(f: impl Fn(usize) -> f64) -> [f64; 3] {
     [f(0), f(1), f(2)]
 }
 
-impl Run {
+impl MechanicalRun {
     /// Momentum of the body now; zero without the explicit solver.
     pub(super) fn momentum(&self, world: &World) -> Momentum {
         let Some(velocity) = self.fields.velocity else {

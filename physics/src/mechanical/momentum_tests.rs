@@ -5,7 +5,7 @@ use perimelt_core::body::Store;
 use perimelt_core::simulation::Simulation;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, LayerRole, RunError, Setup, SetupError, Step, World, Write, keys,
+    Coupler, Face, LayerRole, RunError, RunningCoupler, Setup, SetupError, Step, World, Write, keys,
 };
 use serde::{Deserialize, Serialize};
 
@@ -42,7 +42,10 @@ struct SinkFields {
 
 #[typetag::serialize(name = "test_surroundings")]
 impl Coupler for Surroundings {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let mut hold = None;
         if self.clamp {
             let constraint = setup.add(0, &keys::CONSTRAINT)?;
@@ -62,9 +65,11 @@ impl Coupler for Surroundings {
                 false => None,
             },
         });
-        Ok(())
+        Ok(self)
     }
+}
 
+impl RunningCoupler for Surroundings {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let fields = self.fields.expect("prepared");
         let dimension = world.body(0).dimension;

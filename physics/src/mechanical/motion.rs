@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 use perimelt_core::body::Points;
 use perimelt_core::family::LayerRule;
 use perimelt_core::solver::reduce::sum_points;
-use perimelt_core::solver::{Dynamics, HalfKick, Motion, SolverError};
+use perimelt_core::solver::{Dynamics, HalfKick, SolverError, VerletState};
 use perimelt_core::{Step, Work, World};
 use rayon::prelude::*;
 
@@ -14,9 +14,9 @@ use super::energy::work_of;
 use super::fields::Hold;
 use super::momentum::{Balanced, Momentum, by_axis, place};
 use super::solid::Solid;
-use super::step::Run;
+use super::step::MechanicalRun;
 
-impl Run {
+impl MechanicalRun {
     /// Moves the body over `step`. Held components keep the displacement that was loaded.
     pub(super) fn move_points(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
         self.take_up_impulses(world);
@@ -29,7 +29,7 @@ impl Run {
         let loaded = &self.state.loaded_body_force;
         let before = bytemuck::cast_slice(&displacement);
         self.state.watch.work += half_work_of_change(volume, [loaded, &*body_force], before);
-        let motion = Motion {
+        let motion = VerletState {
             displacement: bytemuck::cast_slice_mut::<Vector3<f64>, f64>(&mut displacement),
             velocity: bytemuck::cast_slice_mut(&mut velocity),
             inverse_mass: &self.free_inverse_density,

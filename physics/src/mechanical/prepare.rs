@@ -18,12 +18,12 @@ use super::momentum::Balanced;
 use super::ordinary::Ordinary;
 use super::plasticity::Plasticity;
 use super::solid::{Constitution, Solid};
-use super::step::{Run, State};
+use super::step::{MechanicalRun, State};
 use super::surface_stress::{Extrapolation, SurfaceStress};
 use super::validity::{Validity, shear_warning};
 
 /// Prepares the run of the body that `keys` name.
-pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, SetupError> {
+pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<MechanicalRun, SetupError> {
     keys.check()?;
     let body = setup.find_body(keys.body.as_deref())?;
     growth::check(keys, setup, body)?;
@@ -71,9 +71,9 @@ pub(super) fn run(keys: &Mechanical, setup: &mut Setup<'_>) -> Result<Run, Setup
     let kind = (!constitution.finite, features.is_plastic);
     let validity = Validity::new(setup.body(body), kind);
     let solid = solid(keys, setup, body, family, constitution)?;
-    let density = setup.density_at_points(body)?;
+    let density = setup.world().density_at_points(body)?;
     let fields = Fields::declare(setup, body, features)?;
-    Ok(Run {
+    Ok(MechanicalRun {
         balanced: Balanced {
             dimension: setup.body(body).dimension,
             angular: keys.kinematics == Kinematics::Finite,

@@ -3,9 +3,9 @@
 use perimelt_core::World;
 
 use super::classical;
-use super::step::Run;
+use super::step::MechanicalRun;
 
-impl Run {
+impl MechanicalRun {
     pub(super) fn provide_stress(&mut self, world: &World) {
         if let Some(eigenstrain) = self.fields.eigenstrain {
             self.solid.set_eigenstrain(&world.read(eigenstrain));

@@ -1,5 +1,6 @@
 //! Rigid displacements, however large, meet no force and are no blow-up.
 
+use super::step::MechanicalRun;
 use perimelt_core::body::Store;
 use perimelt_core::shape::Shape;
 use perimelt_core::{Body, BrokenBonds, Family, RunError, Setup, World};
@@ -48,13 +49,12 @@ fn variants() -> Vec<String> {
     variants
 }
 
-fn prepared(body: Body, keys: &str) -> Mechanical {
-    let mut mechanical: Mechanical = read(keys);
+fn prepared(body: Body, keys: &str) -> MechanicalRun {
+    let mechanical: Mechanical = read(keys);
     let mut world = World::new(vec![body]);
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("mechanical");
-    perimelt_core::Physics::prepare(&mut mechanical, &mut setup).expect("valid");
-    mechanical
+    mechanical.ready(&mut setup).expect("valid").run
 }
 
 /// Force over that of a strain of one across a spacing, energy and stress over the modulus: the largest of them.
@@ -94,7 +94,7 @@ fn displacements_by_the_vectors_of_a_family_meet_no_force() {
             let body = holed(dimension, store);
             let points = body.points.len();
             let mut mechanical = prepared(body, &keys);
-            let solid = &mut mechanical.run.as_mut().expect("prepared").solid;
+            let solid = &mut mechanical.solid;
             for damaged in [false, true] {
                 if damaged {
                     let state = FractureState {
@@ -134,7 +134,7 @@ fn points_in_one_place_have_finite_forces() {
         let x = body.points.position.iter();
         let displacement: Vec<f64> = x.flat_map(|x| [half(x.x), 0.0, 0.0]).collect();
         let mut mechanical = prepared(body, &keys);
-        let solid = &mut mechanical.run.as_mut().expect("prepared").solid;
+        let solid = &mut mechanical.solid;
         assert!(largest(&mut **solid, &displacement) > 1e-3, "{keys}");
     }
 }

@@ -1,11 +1,12 @@
 //! Force through a plane section of the body: the sum of the forces of all bonds that cross it (docs/theory/stress.md),
 //! which balances the forces on either side exactly.
 
+use perimelt_core::family::AxisPlane;
 use perimelt_core::{Axis, Report, Setup, SetupError, World};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::step::Run;
+use super::step::MechanicalRun;
 
 /// A plane across the body, best halfway between points.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -39,7 +40,7 @@ impl Section {
     }
 
     /// Force that the part above the plane exerts on the part below, N.
-    pub(super) fn force(&self, run: &mut Run, world: &World) -> [f64; 3] {
+    pub(super) fn force(&self, run: &mut MechanicalRun, world: &World) -> [f64; 3] {
         let body = world.body(run.body);
         let volume = &body.points.volume;
         let region = self.region.as_ref().map(|name| &body.regions[name].points);
@@ -49,7 +50,10 @@ impl Section {
             .flatten()
             .for_each(|&point| counts[point as usize] = true);
         let mut total = [0.0; 3];
-        let plane = (self.axis as usize, self.at);
+        let plane = AxisPlane {
+            axis: self.axis as usize,
+            at: self.at,
+        };
         run.solid.force_across(plane, &mut |point, force| {
             let part = if counts[point] { volume[point] } else { 0.0 };
             (0..3).for_each(|a| total[a] += force[a] * part);
@@ -61,10 +65,6 @@ impl Section {
         force
             .into_iter()
             .zip(["x", "y", "z"])
-            .map(|(value, axis)| Report {
-                name: format!("section.{}.{axis}", self.name),
-                unit: "N".into(),
-                value,
-            })
+            .map(|(value, axis)| Report::new(format!("section.{}.{axis}", self.name), "N", value))
     }
 }

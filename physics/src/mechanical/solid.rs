@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use nalgebra::Matrix3;
-use perimelt_core::family::{Continuation, LayerRule, WithTractions};
+use perimelt_core::family::{AxisPlane, Continuation, LayerRule, WithTractions};
 use perimelt_core::{Body, Family, SlotField};
 
 use super::elastic::ElasticPoints;
@@ -161,9 +161,9 @@ pub trait Solid: Debug {
     /// Stress of each point, Pa, with the inelastic strain of the last trial state.
     fn stress(&mut self) -> &[[f64; 6]];
 
-    /// Passes each point below the plane `x_axis = at` (m) and the force density of its bonds with points above
+    /// Passes each point below the plane and the force density of its bonds with points above
     /// the plane, N/m³, to `receive`.
-    fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3]));
+    fn force_across(&mut self, plane: AxisPlane, receive: &mut dyn FnMut(usize, [f64; 3]));
 }
 
 /// The strain from which a stress is evaluated.

@@ -25,7 +25,7 @@ use super::validity::Validity;
 
 /// A body between set-up and the end of the run.
 #[derive(Debug)]
-pub(super) struct Run {
+pub(super) struct MechanicalRun {
     pub(super) body: BodyIndex,
     pub(super) layers: LayersHandle,
     pub(super) fields: Fields,
@@ -77,7 +77,7 @@ pub(super) struct State {
     pub(super) layers: Vec<[[f64; 3]; 2]>,
 }
 
-impl Run {
+impl MechanicalRun {
     /// Completes the initial state.
     pub(super) fn start(&mut self, world: &World) {
         self.state.present = world

@@ -1,8 +1,9 @@
 //! Strains that vary linearly are free of stress in a free body, to rounding.
 
+use super::step::MechanicalRun;
 use nalgebra::Vector3;
 use perimelt_core::body::{Jitter, Store};
-use perimelt_core::{Body, BrokenBonds, Family, Physics, Setup, World};
+use perimelt_core::{Body, BrokenBonds, Family, Setup, World};
 
 use super::Mechanical;
 use super::classical::COMPONENTS;
@@ -97,13 +98,12 @@ fn bodies(dimension: usize) -> Vec<Body> {
     bodies
 }
 
-fn prepared(body: Body, keys: &str) -> Mechanical {
-    let mut mechanical: Mechanical = read(keys);
+fn prepared(body: Body, keys: &str) -> MechanicalRun {
+    let mechanical: Mechanical = read(keys);
     let mut world = World::new(vec![body]);
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("mechanical");
-    mechanical.prepare(&mut setup).expect("valid");
-    mechanical
+    mechanical.ready(&mut setup).expect("valid").run
 }
 
 /// Largest force (over modulus and spacing) and in-plane stress (over the modulus) in a displacement.
@@ -157,7 +157,7 @@ fn a_linear_temperature_is_free_of_stress() {
                     let kind = format!("{keys} {dimension}D {:?}", body.store);
                     let strain = Linear::isotropic(dimension);
                     let mut mechanical = prepared(body, &keys);
-                    let solid = &mut mechanical.run.as_mut().expect("prepared").solid;
+                    let solid = &mut mechanical.solid;
                     if keys.contains("fracture") {
                         let state = FractureState {
                             broken: some_broken(solid.family(), positions.len()),
@@ -190,7 +190,7 @@ fn a_linear_inherent_strain_is_free_of_stress() {
             let kind = format!("{dimension}D {:?}", body.store);
             let strain = Linear::tensor(dimension);
             let mut mechanical = prepared(body, "formulation = 'correspondence'");
-            let solid = &mut mechanical.run.as_mut().expect("prepared").solid;
+            let solid = &mut mechanical.solid;
             let inherent: Vec<[f64; 6]> = positions.iter().map(|x| strain.at(x)).collect();
             solid.set_stress_free(inherent.clone(), &inherent);
             let displacement: Vec<f64> = positions
@@ -210,7 +210,7 @@ fn stress_follows_from_strains_that_are_not_compatible() {
         let body = block([9, 8, 1], 2, 1e-3, Store::Lattice, MATERIAL);
         let positions = body.points.position.clone();
         let mut mechanical = prepared(body, &format!("formulation = '{formulation}'"));
-        let solid = &mut mechanical.run.as_mut().expect("prepared").solid;
+        let solid = &mut mechanical.solid;
         let curved: Vec<f64> = positions.iter().map(|x| 1e2 * x.x * x.x).collect();
         solid.set_eigenstrain(&curved);
         let none = vec![0.0; 3 * positions.len()];

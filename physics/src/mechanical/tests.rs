@@ -4,7 +4,8 @@ mod motion;
 use perimelt_core::body::Store;
 use perimelt_core::simulation::Simulation;
 use perimelt_core::{
-    Coupler, Family, FamilySpec, RunError, Setup, SetupError, Step, World, Write, keys,
+    Coupler, Family, FamilySpec, RunError, RunningCoupler, Setup, SetupError, Step, World, Write,
+    keys,
 };
 use serde::{Deserialize, Serialize};
 
@@ -25,11 +26,16 @@ struct Swelling {
 
 #[typetag::serialize(name = "test_swelling")]
 impl Coupler for Swelling {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         self.eigenstrain = Some(setup.add(0, &keys::EIGENSTRAIN)?);
-        Ok(())
+        Ok(self)
     }
+}
 
+impl RunningCoupler for Swelling {
     fn apply(&mut self, world: &World, _: Step) -> Result<(), RunError> {
         let field = self.eigenstrain.expect("prepared");
         world
@@ -80,12 +86,12 @@ fn evaluate(
     };
     let material = "density = 8000\nyoungs_modulus = 2e11\npoissons_ratio = 0.3";
     let body = block(cells, dimension, 1e-3, store, material);
-    let mut mechanical: Mechanical = read(keys);
+    let mechanical: Mechanical = read(keys);
     let mut world = World::new(vec![body]);
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("mechanical");
-    perimelt_core::Physics::prepare(&mut mechanical, &mut setup).expect("valid");
-    let solid = &mut mechanical.run.as_mut().expect("prepared").solid;
+    let mut mechanical = mechanical.ready(&mut setup).expect("valid");
+    let solid = &mut mechanical.run.solid;
     let points = &world.body(0).points;
     let u: Vec<f64> = points
         .position

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use perimelt_core::material::Property;
 use perimelt_core::{Body, Report, World};
 
-use super::step::Run;
+use super::step::MechanicalRun;
 
 /// Displacement of the ends of a bond relative to each other, over its length, beyond which displacements are not small: a
 /// rotation by 0.2 is a strain of 2 % to linear kinematics.
@@ -82,40 +82,50 @@ impl Validity {
 
     /// For the log: whether an elastic body is stressed beyond yield.
     pub(super) fn report(&self) -> Option<Report> {
-        (!self.yield_stress.is_empty()).then(|| Report {
-            name: "stress.over_yield".into(),
-            unit: "1".into(),
-            value: self.stress_over_yield,
-        })
+        (!self.yield_stress.is_empty())
+            .then(|| Report::new("stress.over_yield", "1", self.stress_over_yield))
     }
 
     /// Sentences without a full stop.
     pub(super) fn remarks(&self, body: &Body) -> Vec<String> {
-        let over_yield = self.largest.filter(|largest| largest.ratio > 1.0);
-        let over_yield = over_yield.map(|OverYield { ratio, stress, point, temperature }| {
-            let there = temperature.map_or_else(String::new, |t| format!(" at {t:.0} K"));
-            let [x, y, z]: [f64; 3] = body.points.position[point].into();
-            let material = body.materials[usize::from(body.material_of_point[point])].name();
-            format!(
-                "body `{}` is elastic, but its von Mises stress reaches {:.4} MPa at ({x:.4e}, {y:.4e}, {z:.4e}) m, where \
-                 `{material}` yields at {:.4} MPa{there} (use `plasticity`, or do not read stress as that of the material)",
-                body.name,
-                1e-6 * stress,
-                1e-6 * stress / ratio,
-            )
-        });
-        let displaced = self.relative_displacement.map(|largest| {
-            format!(
-                "body `{}` has bonds whose ends are displaced by up to {largest:.3} times their length relative to each other, \
-                 and `kinematics = \"linear\"` assumes small rotations and strains (use `kinematics = \"finite\"`)",
-                body.name
-            )
-        });
-        over_yield.into_iter().chain(displaced).collect()
+        let displaced = self.relative_displacement;
+        let displaced = displaced.map(|largest| remark_on_displacement(body, largest));
+        self.remark_on_yield(body)
+            .into_iter()
+            .chain(displaced)
+            .collect()
+    }
+
+    fn remark_on_yield(&self, body: &Body) -> Option<String> {
+        let over_yield = self.largest.filter(|largest| largest.ratio > 1.0)?;
+        let OverYield {
+            ratio,
+            stress,
+            point,
+            temperature,
+        } = over_yield;
+        let there = temperature.map_or_else(String::new, |t| format!(" at {t:.0} K"));
+        let [x, y, z]: [f64; 3] = body.points.position[point].into();
+        let material = body.materials[usize::from(body.material_of_point[point])].name();
+        Some(format!(
+            "body `{}` is elastic, but its von Mises stress reaches {:.4} MPa at ({x:.4e}, {y:.4e}, {z:.4e}) m, where \
+             `{material}` yields at {:.4} MPa{there} (use `plasticity`, or do not read stress as that of the material)",
+            body.name,
+            1e-6 * stress,
+            1e-6 * stress / ratio,
+        ))
     }
 }
 
-impl Run {
+fn remark_on_displacement(body: &Body, largest: f64) -> String {
+    format!(
+        "body `{}` has bonds whose ends are displaced by up to {largest:.3} times their length relative to each other, \
+         and `kinematics = \"linear\"` assumes small rotations and strains (use `kinematics = \"finite\"`)",
+        body.name
+    )
+}
+
+impl MechanicalRun {
     /// Takes note of a state that is logged, after its stress was provided.
     pub(super) fn examine_validity(&mut self, world: &World) {
         if !self.validity.has_begun {

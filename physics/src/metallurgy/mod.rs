@@ -35,8 +35,8 @@ pub mod transformation;
 use perimelt_core::material::{Table, ValueRange};
 use perimelt_core::plugin::load_points;
 use perimelt_core::{
-    Key, Physics, Read, Report, RunError, Setup, SetupError, Step, Work, World, Write, keys,
-    register_property,
+    Key, Physics, PhysicsReport, Read, Report, RunError, RunningPhysics, Setup, SetupError, Step,
+    Work, World, Write, keys, register_property,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -99,9 +99,6 @@ pub struct Metallurgy {
     /// Rate of cooling (K/s at 700 °C) at which the constituents of the start formed, for their hardness.
     #[serde(default = "usual_cooling_rate")]
     pub initial_cooling_rate: f64,
-    #[serde(skip)]
-    #[schemars(skip)]
-    run: Option<Run>,
 }
 
 fn usual_grain_size() -> f64 {
@@ -182,8 +179,9 @@ pub struct CurveSection {
 }
 
 #[derive(Debug)]
-struct Run {
+struct RunningMetallurgy {
     body: usize,
+    transformation_plasticity: f64,
     temperature: Read<f64>,
     shares: [Write<f64>; CONSTITUENTS],
     hardness: Write<f64>,
@@ -327,7 +325,16 @@ impl Metallurgy {
 
 #[typetag::serialize(name = "metallurgy")]
 impl Physics for Metallurgy {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+        Ok(Box::new(self.ready(setup)?))
+    }
+}
+
+impl Metallurgy {
+    fn ready(&self, setup: &mut Setup<'_>) -> Result<RunningMetallurgy, SetupError> {
         self.check()?;
         let body = setup.find_body(self.body.as_deref())?;
         let mut steels = Vec::new();
@@ -358,37 +365,37 @@ impl Physics for Metallurgy {
         let rate = self.initial_cooling_rate;
         let point = |m: &u16| Microstructure::new(initial[*m as usize], 0.0, rate);
         let points = material.iter().map(point).collect();
-        self.run = Some(Run {
+        Ok(RunningMetallurgy {
             body,
+            transformation_plasticity: self.transformation_plasticity,
             temperature,
             shares,
             hardness: setup.own(body, &keys::HARDNESS)?,
             compliance: setup.own(body, &keys::TRANSFORMATION_COMPLIANCE)?,
             steels,
             points,
-        });
-        Ok(())
+        })
     }
+}
 
+impl RunningPhysics for RunningMetallurgy {
     fn start(&mut self, world: &World) -> Result<(), RunError> {
-        let run = self.run.as_mut().expect("prepared before the start");
-        let temperature = world.read(run.temperature);
-        for (point, temperature) in run.points.iter_mut().zip(&*temperature) {
+        let temperature = world.read(self.temperature);
+        for (point, temperature) in self.points.iter_mut().zip(&*temperature) {
             *point = Microstructure::new(point.fractions, *temperature, point.cooling_rate);
         }
         drop(temperature);
-        run.publish(world);
+        self.publish(world);
         Ok(())
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
         let factor = self.transformation_plasticity;
-        let run = self.run.as_mut().expect("prepared before the first step");
-        let material = &world.body(run.body).material_of_point;
-        let temperature = world.read(run.temperature);
-        let mut compliance = world.write(run.compliance);
-        let steels = &run.steels;
-        let points = run.points.par_iter_mut().zip(&mut *compliance);
+        let material = &world.body(self.body).material_of_point;
+        let temperature = world.read(self.temperature);
+        let mut compliance = world.write(self.compliance);
+        let steels = &self.steels;
+        let points = self.points.par_iter_mut().zip(&mut *compliance);
         let points = points.zip(&temperature[..]).zip(material);
         points.for_each(|(((point, compliance), temperature), material)| {
             let before = transformed(point);
@@ -396,41 +403,37 @@ impl Physics for Metallurgy {
             *compliance += factor * (transformed(point) - before).max(0.0);
         });
         drop((temperature, compliance));
-        run.publish(world);
+        self.publish(world);
         Ok(Work::default())
     }
 
-    fn observe(&mut self, world: &World) {
-        let run = self.run.as_ref().expect("prepared before the first state");
-        let material = &world.body(run.body).material_of_point;
-        let mut hardness = world.write(run.hardness);
-        for ((hardness, point), material) in hardness.iter_mut().zip(&run.points).zip(material) {
-            *hardness = run.steels[*material as usize]
+    fn observe(&mut self, world: &World, _time: f64) -> Result<(), RunError> {
+        let material = &world.body(self.body).material_of_point;
+        let mut hardness = world.write(self.hardness);
+        for ((hardness, point), material) in hardness.iter_mut().zip(&self.points).zip(material) {
+            *hardness = self.steels[*material as usize]
                 .hardness(point)
                 .unwrap_or(0.0);
         }
+        Ok(())
     }
 
-    fn report(&self) -> Vec<Report> {
-        let points = self.run.as_ref().map_or(&[][..], |run| &run.points);
-        let hottest = points.iter().map(|p| p.fractions[0]).fold(0.0, f64::max);
-        vec![Report {
-            name: "largest share of austenite".into(),
-            unit: "1".into(),
-            value: hottest,
-        }]
+    fn report(&self, _world: &World) -> PhysicsReport {
+        let points = self.points.iter();
+        let hottest = points.map(|p| p.fractions[0]).fold(0.0, f64::max);
+        vec![Report::new("largest share of austenite", "1", hottest)].into()
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(&self.run.as_ref().expect("prepared before a save").points)
+        Box::new(&self.points)
     }
 
     fn load(
         &mut self,
+        _world: &World,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        let run = self.run.as_mut().expect("prepared before a restart");
-        run.points = load_points(state, run.points.len())?;
+        self.points = load_points(state, self.points.len())?;
         Ok(())
     }
 }
@@ -448,7 +451,7 @@ fn transformed(point: &Microstructure) -> f64 {
     1.0 - austenite * austenite
 }
 
-impl Run {
+impl RunningMetallurgy {
     fn publish(&self, world: &World) {
         for (index, share) in self.shares.iter().enumerate() {
             let mut share = world.write(*share);

@@ -16,19 +16,19 @@ const BARE: &str = "density = 7850";
 struct Heated {
     world: World,
     temperature: Write<f64>,
-    metallurgy: Metallurgy,
+    metallurgy: RunningMetallurgy,
     time: f64,
 }
 
 impl Heated {
     fn try_new(material: &str, keys: &str, initial: f64) -> Result<Self, SetupError> {
         let mut world = World::new(vec![block([1, 1, 1], 1, 0.1, Store::Lattice, material)]);
-        let mut metallurgy: Metallurgy = read(keys);
+        let metallurgy: Metallurgy = read(keys);
         let mut setup = Setup::new(&mut world, Path::new("."));
-        setup.next_physics("heat");
+        setup.next_plugin("heat");
         let temperature = setup.own(0, &keys::TEMPERATURE)?;
-        setup.next_physics("metallurgy");
-        metallurgy.prepare(&mut setup)?;
+        setup.next_plugin("metallurgy");
+        let mut metallurgy = metallurgy.ready(&mut setup)?;
         let finished = setup.finish();
         finished.map_err(|mut mistakes| mistakes.swap_remove(0).1)?;
         world.write(temperature).fill(initial);
@@ -53,7 +53,7 @@ impl Heated {
     }
 
     fn point(&self) -> &Microstructure {
-        &self.metallurgy.run.as_ref().expect("prepared").points[0]
+        &self.metallurgy.points[0]
     }
 
     fn share(&self, of: Constituent) -> f64 {
@@ -131,7 +131,8 @@ fn slow_cooling_gives_ferrite_and_pearlite_and_fast_cooling_martensite() {
 fn hardness_rises_with_the_rate_of_cooling() {
     let hardness = [0.1, 30.0, 1000.0].map(|rate| {
         let mut heated = cooled(rate, 5.0);
-        heated.metallurgy.observe(&heated.world);
+        let observed = heated.metallurgy.observe(&heated.world, heated.time);
+        observed.expect("valid");
         heated.field("hardness")
     });
     // by hand from the formulas, for pure constituents: 147 at 0.1 K/s, 450 at 1000 K/s
@@ -166,7 +167,8 @@ fn transformation_compliance_is_that_of_the_share() {
 fn hardness_is_that_of_the_mixture() {
     let keys = "initial = { austenite = 0.1, ferrite = 0.2, pearlite = 0.3, bainite = 0.15, martensite = 0.25 }\ninitial_cooling_rate = 2.777777777777778e-4";
     let mut heated = Heated::new("density = 7850\ncarbon = 0.3", keys, 300.0);
-    heated.metallurgy.observe(&heated.world);
+    let observed = heated.metallurgy.observe(&heated.world, heated.time);
+    observed.expect("valid");
     // 1 K/h, whose logarithm is 0
     let [ferrite_pearlite, bainite, martensite] = [
         42.0 + 223.0 * 0.3,
@@ -176,7 +178,10 @@ fn hardness_is_that_of_the_mixture() {
     let expected = 0.5 * ferrite_pearlite + 0.15 * bainite + 0.35 * martensite;
     let found = heated.field("hardness");
     assert!((found - expected).abs() < 1e-9, "{found} {expected}");
-    assert_eq!(heated.metallurgy.report()[0].value, 0.1);
+    assert_eq!(
+        heated.metallurgy.report(&heated.world).numbers[0].value,
+        0.1
+    );
 }
 
 /// Only cooling through 700 °C sets the rate that counts for hardness.
@@ -250,7 +255,10 @@ fn a_restart_goes_on_with_the_same_shares() {
     let mut second = ready();
     let mut json = serde_json::Deserializer::from_str(&saved);
     let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut json);
-    second.metallurgy.load(&mut erased).expect("what was saved");
+    second
+        .metallurgy
+        .load(&second.world, &mut erased)
+        .expect("what was saved");
     let shares = |heated: &mut Heated| {
         heated.step(2.0, 800.0);
         (heated.point().fractions, heated.point().cooling_rate)

@@ -81,6 +81,10 @@ fn log(states: &[(f64, f64)], offset: f64) -> (TempDir, PathBuf) {
     (folder, path)
 }
 
+fn ready(replay: Replay, setup: &mut Setup<'_>) -> Result<Box<dyn RunningPhysics>, SetupError> {
+    Box::new(replay).prepare(setup)
+}
+
 fn replay(path: &Path, fields: &[&str]) -> Replay {
     Replay {
         log: Some(path.into()),
@@ -88,8 +92,6 @@ fn replay(path: &Path, fields: &[&str]) -> Replay {
         logged_body: Some("old".into()),
         fields: fields.iter().map(|f| (*f).into()).collect(),
         values: BTreeMap::new(),
-        run: None,
-        placed: Vec::new(),
     }
 }
 
@@ -132,14 +134,17 @@ fn all_kinds_of_fields_are_linear_between_two_states() {
     ] {
         let (_folder, path) = log(states, 0.0);
         let mut world = World::new(vec![body()]);
-        let mut replay = replay(&path, &["stress", "temperature", "velocity"]);
+        let replay = replay(&path, &["stress", "temperature", "velocity"]);
         let mut setup = Setup::new(&mut world, Path::new("."));
-        setup.next_physics("replay");
-        replay.prepare(&mut setup).expect("the same points");
+        setup.next_plugin("replay");
+        let mut replay = ready(replay, &mut setup).expect("the same points");
         setup.finish().expect("complete");
-        assert_eq!(replay.next_event(0.0), Some(states[0].0));
-        assert_eq!(replay.next_event(states[0].0), states.get(1).map(|s| s.0));
-        assert_eq!(replay.next_event(1.0), None);
+        assert_eq!(replay.step_limits(0.0).next_event, Some(states[0].0));
+        assert_eq!(
+            replay.step_limits(states[0].0).next_event,
+            states.get(1).map(|s| s.0)
+        );
+        assert_eq!(replay.step_limits(1.0).next_event, None);
         for &(time, base) in at {
             let step = Step::new(time - 0.1, 0.1);
             replay.advance(&world, step).expect("reads");
@@ -186,14 +191,14 @@ fn fields_come_from_files_by_time_or_formulas() {
         ),
     ] {
         let mut world = World::new(vec![body()]);
-        let mut replay = of_keys(keys);
+        let replay = of_keys(keys);
         let mut setup = Setup::new(&mut world, folder.path());
-        setup.next_physics("replay");
-        replay.prepare(&mut setup).expect("valid");
+        setup.next_plugin("replay");
+        let mut replay = ready(replay, &mut setup).expect("valid");
         setup.finish().expect("complete");
         let mut after = 0.0;
         for time in times {
-            assert_eq!(replay.next_event(after), time);
+            assert_eq!(replay.step_limits(after).next_event, time);
             after = time.unwrap_or(after);
         }
         for (time, base) in [
@@ -238,10 +243,10 @@ fn fields_come_from_files_by_time_or_formulas() {
     ] {
         let mut world = World::new(vec![body()]);
         let mut setup = Setup::new(&mut world, folder.path());
-        setup.next_physics("replay");
-        let error = of_keys(keys)
-            .prepare(&mut setup)
-            .expect_err(keys)
+        setup.next_plugin("replay");
+        let error = ready(of_keys(keys), &mut setup)
+            .err()
+            .expect(keys)
             .to_string();
         assert!(error.contains(message), "{error}");
     }
@@ -295,9 +300,8 @@ fn a_log_of_another_body_is_refused() {
     ] {
         let mut world = World::new(vec![here]);
         let mut setup = Setup::new(&mut world, Path::new("."));
-        setup.next_physics("replay");
-        let mut replay = replay;
-        let refused = replay.prepare(&mut setup).err();
+        setup.next_plugin("replay");
+        let refused = ready(replay, &mut setup).err();
         let refused = refused.map(|e| (e.key.clone(), e.to_string()));
         match (&refused, expected) {
             (None, None) => {}

@@ -29,8 +29,8 @@ use nalgebra::{Matrix3, Vector3};
 use perimelt_core::world::BodyIndex;
 use perimelt_core::world::Rigid;
 use perimelt_core::{
-    Balance, Clock, Physics, Programme, Read, Report, RunError, Setup, SetupError, Step, StepSize,
-    Work, World, Write, keys,
+    Balance, Physics, PhysicsReport, Read, RunError, RunningPhysics, Setup, SetupError, Step,
+    StepLimits, StepSize, Stepping, Work, World, Write, keys,
 };
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -82,14 +82,13 @@ pub struct RigidBody {
     /// Step in s, or "auto": the largest stable one of the springs.
     #[serde(default)]
     pub step: StepSize,
-    #[serde(skip)]
-    #[schemars(skip)]
-    run: Option<Run>,
 }
 
-#[derive(Debug)]
-struct Run {
+/// A rigid body that moves.
+struct RunningRigidBody {
     body: BodyIndex,
+    initial_velocity: Option<[f64; 3]>,
+    initial_angular_velocity: Option<AngularVelocity>,
     name: String,
     displacement: Write<Vector3<f64>>,
     velocity: Write<Vector3<f64>>,
@@ -115,7 +114,7 @@ struct NotRigid {
     rotation: &'static str,
 }
 
-impl Run {
+impl RunningRigidBody {
     /// Loads on the body: the resultant of `body_force`, which stays with the points over a step.
     fn load(resultant: Option<Resultant>, state: &RigidState) -> Wrench {
         resultant.map_or_else(Wrench::default, |r| Wrench {
@@ -124,7 +123,7 @@ impl Run {
         })
     }
 
-    fn advance(&mut self, world: &World, step: Step) {
+    fn move_points(&mut self, world: &World, step: Step) {
         let before = self.dynamics.momenta(&self.state);
         if let Some(impulse) = self.impulse {
             let resultant = self.volumes.resultant(&world.read(impulse));
@@ -197,7 +196,7 @@ impl RigidBody {
             let message = format!("a mass of {mass} kg");
             return Err(SetupError::value("mass", message, "a positive mass in kg"));
         }
-        let density = match (setup.density_at_points(body), self.mass) {
+        let density = match (setup.world().density_at_points(body), self.mass) {
             (Ok(density), _) => density,
             // with a mass and no density the body counts as uniform
             (Err(_), Some(_)) => vec![1.0; setup.body(body).points.len()],
@@ -274,7 +273,10 @@ fn check_body(
 
 #[typetag::serialize(name = "rigid_body")]
 impl Physics for RigidBody {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let dimension = setup.body(body).dimension;
         if dimension == 1 {
@@ -301,8 +303,14 @@ impl Physics for RigidBody {
         };
         setup.publish(body, Rigid)?;
         let volume = setup.body(body).points.volume.clone();
-        self.run = Some(Run {
+        setup.stepping(Stepping {
+            step: self.step,
+            ..Stepping::default()
+        });
+        Ok(Box::new(RunningRigidBody {
             body,
+            initial_velocity: self.initial_velocity,
+            initial_angular_velocity: self.initial_angular_velocity,
             name: setup.body(body).name.clone(),
             displacement: setup.own(body, &keys::DISPLACEMENT)?,
             velocity: setup.own(body, &keys::VELOCITY)?,
@@ -312,98 +320,87 @@ impl Physics for RigidBody {
             properties,
             dynamics,
             state: RigidState::default(),
-        });
-        Ok(())
+        }))
     }
+}
 
+impl RunningPhysics for RunningRigidBody {
     fn start(&mut self, world: &World) -> Result<(), RunError> {
-        let run = self.run.as_mut().expect("prepared before the start");
-        run.fit_displacement(world)
+        self.fit_displacement(world)
             .map_err(|cause| RunError::Plugin {
                 plugin: "rigid_body".into(),
                 time: 0.0,
                 cause: cause.into(),
             })?;
-        let rotation = run.state.rotation();
-        let field = run.velocity.into();
-        let fitted = run.properties.fit_velocity(&rotation, &world.read(field));
+        let rotation = self.state.rotation();
+        let field = self.velocity.into();
+        let fitted = self.properties.fit_velocity(&rotation, &world.read(field));
         let velocity = self.initial_velocity.map_or(fitted.0, Vector3::from);
         let given = self.initial_angular_velocity;
         let given =
-            given.and_then(|velocity| velocity.vector(run.dynamics.freedoms.dimension).ok());
+            given.and_then(|velocity| velocity.vector(self.dynamics.freedoms.dimension).ok());
         let angular = given.unwrap_or(fitted.1);
-        run.state.momentum = velocity * run.dynamics.mass;
-        run.state.spin = match run.dynamics.freedoms.turning {
+        self.state.momentum = velocity * self.dynamics.mass;
+        self.state.spin = match self.dynamics.freedoms.turning {
             Turning::About(axis, _) => {
-                Vector3::ith(axis, run.dynamics.inertia_about(axis) * angular[axis])
+                Vector3::ith(axis, self.dynamics.inertia_about(axis) * angular[axis])
             }
-            _ => rotation * run.dynamics.inertia * rotation.transpose() * angular,
+            _ => rotation * self.dynamics.inertia * rotation.transpose() * angular,
         };
-        run.dynamics.constrain_start(&mut run.state);
-        run.state.initial = run.dynamics.momenta(&run.state);
-        run.place_points(world);
+        self.dynamics.constrain_start(&mut self.state);
+        self.state.initial = self.dynamics.momenta(&self.state);
+        self.place_points(world);
         Ok(())
     }
 
-    fn clock(&self) -> Clock {
-        Clock {
-            step: self.step,
-            ..Clock::default()
+    fn stable_step(&mut self, _world: &World) -> Option<f64> {
+        self.dynamics.stable_step()
+    }
+
+    fn step_limits(&self, time: f64) -> StepLimits {
+        StepLimits {
+            next_event: self.dynamics.freedoms.next_event(time),
+            longest: None,
         }
     }
 
-    fn stable_step(&mut self, _world: &World) -> Option<f64> {
-        self.run.as_ref().and_then(|run| run.dynamics.stable_step())
-    }
-
-    fn next_event(&self, after: f64) -> Option<f64> {
-        let run = self.run.as_ref()?;
-        run.dynamics.freedoms.next_event(after)
-    }
-
-    fn programme(&self, run_end: f64) -> Option<Programme> {
-        Programme::of_events(run_end, |after| self.next_event(after))
-    }
-
     /// A body may travel far in free flight; an unstable load exceeds any limit within a few hundred steps.
-    fn plausible(&self, world: &World) -> Vec<(&'static str, f64)> {
-        let body = self.run.as_ref().map_or(0, |r| r.body);
-        let (min, max) = world.body(body).bounds();
-        vec![("displacement", 1e4 * (max - min).norm())]
+    fn find_blow_up(&mut self, world: &World, field: &str, largest: f64) -> Option<usize> {
+        let (min, max) = world.body(self.body).bounds();
+        let limit = 1e4 * (max - min).norm();
+        let is_beyond = field == keys::DISPLACEMENT.name && largest > limit;
+        let displacement = Read::from(self.displacement);
+        is_beyond.then(|| world.first_beyond(displacement, limit))?
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
-        let run = self.run.as_mut().expect("prepared before the first step");
-        run.advance(world, step);
+        self.move_points(world, step);
         Ok(Work::of_stages(1))
     }
 
-    fn observe(&mut self, _world: &World) {
-        let run = self.run.as_mut().expect("prepared before the first step");
-        run.state.observe();
+    fn observe(&mut self, _world: &World, _time: f64) -> Result<(), RunError> {
+        self.state.observe();
+        Ok(())
     }
 
     fn balance(&self, world: &World) -> Vec<Balance> {
-        let run = self.run.as_ref().expect("prepared before the first step");
-        run.balances(world)
+        self.balances(world)
     }
 
-    fn report(&self) -> Vec<Report> {
-        let run = self.run.as_ref().expect("prepared before the first step");
-        run.reports()
+    fn report(&self, _world: &World) -> PhysicsReport {
+        self.reports().into()
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        let run = self.run.as_ref().expect("prepared before a save");
-        Box::new(&run.state)
+        Box::new(&self.state)
     }
 
     fn load(
         &mut self,
+        _world: &World,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
-        let run = self.run.as_mut().expect("prepared before a restart");
-        run.state = erased_serde::deserialize(state)?;
+        self.state = erased_serde::deserialize(state)?;
         Ok(())
     }
 }

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use perimelt_core::solver::reduce::sum_of;
 use perimelt_core::{Balance, Report, World};
 
-use super::Run;
+use super::RunningRigidBody;
 use super::degrees::Turning;
 
 pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
@@ -17,7 +17,7 @@ fn axes_of_rotation(dimension: usize) -> std::ops::Range<usize> {
     }
 }
 
-impl Run {
+impl RunningRigidBody {
     /// Balances of momentum, and of angular momentum about the origin, of the axes that exist.
     pub(super) fn balances(&self, world: &World) -> Vec<Balance> {
         let (now, state) = (self.dynamics.momenta(&self.state), &self.state);
@@ -62,10 +62,9 @@ impl Run {
                 true => axes_of_rotation(dimension),
                 false => 0..dimension,
             };
-            let component = |axis| Report {
-                name: format!("{body}.{name}.{}", AXES[axis]),
-                unit: unit.into(),
-                value: value[axis],
+            let component = |axis| {
+                let name = format!("{body}.{name}.{}", AXES[axis]);
+                Report::new(name, unit, value[axis])
             };
             axes.map(component).collect::<Vec<_>>()
         };
@@ -73,11 +72,8 @@ impl Run {
             Turning::About(axis, _) => Vector3::ith(axis, state.angle),
             _ => state.orientation.scaled_axis(),
         };
-        let energy = Report {
-            name: format!("{body}.energy.kinetic"),
-            unit: "J".into(),
-            value: dynamics.kinetic_energy(state),
-        };
+        let name = format!("{body}.energy.kinetic");
+        let energy = Report::new(name, "J", dynamics.kinetic_energy(state));
         [
             vector("centre", "m", dynamics.position(state), false),
             vector("displacement", "m", state.displacement, false),

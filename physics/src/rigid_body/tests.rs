@@ -1,6 +1,9 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use perimelt_core::body::Store;
-use perimelt_core::{Coupler, RunError, Setup, SetupError, Simulation, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Physics, RunError, RunningCoupler, Setup, SetupError, Simulation, Step, World, Write,
+    keys,
+};
 use serde::{Deserialize, Serialize};
 
 use super::RigidBody;
@@ -20,12 +23,17 @@ struct Push {
 
 #[typetag::serialize(name = "test_rigid_push")]
 impl Coupler for Push {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let force = setup.add(0, &keys::BODY_FORCE)?;
         self.sinks = Some([force, setup.add(0, &keys::IMPULSE)?]);
-        Ok(())
+        Ok(self)
     }
+}
 
+impl RunningCoupler for Push {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let [force, impulse] = self.sinks.expect("prepared");
         for f in world.write(force).iter_mut() {
@@ -75,9 +83,9 @@ fn refusal(cells: [usize; 3], dimension: usize, keys: &str) -> String {
     let mut world = World::new(vec![block(cells, dimension, 0.1, Store::Lattice, STEEL)]);
     let mut setup = Setup::new(&mut world, std::path::Path::new("."));
     setup.next_plugin("rigid_body");
-    let mut physics: RigidBody = read(keys);
-    let error = perimelt_core::Physics::prepare(&mut physics, &mut setup);
-    let error = error.expect_err(keys);
+    let physics: RigidBody = read(keys);
+    let error = Box::new(physics).prepare(&mut setup);
+    let error = error.err().expect(keys);
     format!("{}: {error}", error.key)
 }
 

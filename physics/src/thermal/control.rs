@@ -53,12 +53,12 @@ impl Method {
             Method::Rkl2(method) => {
                 let stages = Rkl2::stages(size, stable)?;
                 method.step(rate, start, size, stages, state)?;
-                method.error(rate, (start, size, stages), [before, state], error)?;
+                method.error(rate, start, size, [before, state], error)?;
                 Ok(Work::of_stages(stages + 1))
             }
             Method::Euler(method) | Method::CrankNicolson(method) => {
                 let mut report = method.step(rate, start, size, state)?;
-                method.error(rate, (start, size), [before, state], error)?;
+                method.error(rate, start, size, [before, state], error)?;
                 report.evaluations += 1;
                 Ok(report.into())
             }

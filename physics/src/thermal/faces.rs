@@ -69,24 +69,16 @@ impl HeatedFace {
 
     /// Heat that enters through all faces, zero in a steady state without sources.
     pub(super) fn total(faces: &[HeatedFace]) -> Report {
-        Report {
-            name: "heat.all_faces".into(),
-            unit: "W".into(),
-            value: faces.iter().map(|f| f.inflow).sum(),
-        }
+        let inflow = faces.iter().map(|f| f.inflow).sum();
+        Report::new("heat.all_faces", "W", inflow)
     }
 
     pub(super) fn reports(&self) -> [Report; 3] {
-        let report = |name: String, unit: &str, value: f64| Report {
-            name,
-            unit: unit.into(),
-            value,
-        };
         let ([least, most], face) = (self.flux, self.face.name());
         [
-            report(format!("heat.{face}"), "W", self.inflow),
-            report(format!("heat_flux.{face}.min"), "W/m2", least),
-            report(format!("heat_flux.{face}.max"), "W/m2", most),
+            Report::new(format!("heat.{face}"), "W", self.inflow),
+            Report::new(format!("heat_flux.{face}.min"), "W/m2", least),
+            Report::new(format!("heat_flux.{face}.max"), "W/m2", most),
         ]
     }
 }

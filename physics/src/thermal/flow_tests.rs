@@ -4,7 +4,9 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 use perimelt_core::body::{Body, Store};
-use perimelt_core::{Axis, LayerRole, Physics, RunError, Setup, Simulation, World};
+use perimelt_core::{
+    Axis, LayerRole, Physics, RunError, RunningCoupler, Setup, SetupError, Simulation, World,
+};
 
 use super::Thermal;
 use crate::fluid::Fluid;
@@ -230,7 +232,10 @@ struct HotFloor {
 
 #[typetag::serialize(name = "hot floor of a test")]
 impl perimelt_core::Coupler for HotFloor {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), perimelt_core::SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, perimelt_core::SetupError> {
         use perimelt_core::{Face, keys};
         for face in [Face::YMin, Face::YMax] {
             let slip = setup.layer(0, &keys::VELOCITY, face, LayerRole::Free)?;
@@ -238,9 +243,11 @@ impl perimelt_core::Coupler for HotFloor {
         }
         let hot = setup.layer(0, &keys::TEMPERATURE, Face::YMin, LayerRole::Prescribed)?;
         self.layers.push((hot, [-1.0; 3], 800.0));
-        Ok(())
+        Ok(self)
     }
+}
 
+impl RunningCoupler for HotFloor {
     fn apply(&mut self, world: &World, _: perimelt_core::Step) -> Result<(), RunError> {
         for (layer, scale, offset) in &self.layers {
             world.set_layer(*layer, *scale, [*offset; 3]);
@@ -325,13 +332,18 @@ struct WorkToHeat {
 
 #[typetag::serialize(name = "work to heat of a test")]
 impl perimelt_core::Coupler for WorkToHeat {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), perimelt_core::SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, perimelt_core::SetupError> {
         use perimelt_core::keys;
         let work = setup.read(0, &keys::VISCOUS_WORK)?;
         self.fields = Some((work, setup.add(0, &keys::HEAT_SOURCE)?));
-        Ok(())
+        Ok(self)
     }
+}
 
+impl RunningCoupler for WorkToHeat {
     fn apply(&mut self, world: &World, step: perimelt_core::Step) -> Result<(), RunError> {
         let (work, source) = self.fields.expect("prepared");
         let work = world.read(work);
@@ -349,18 +361,16 @@ impl perimelt_core::Coupler for WorkToHeat {
 
 #[test]
 fn heat_in_a_flow_is_explicit_and_of_bonds() {
-    let refusal = |physics: &mut [(&str, &mut dyn Physics)]| {
+    let refusal = |mut fluid: Fluid, thermal: Thermal| -> Result<(), SetupError> {
         let material = "density = 1\nviscosity = 1\nspecific_heat = 1\nconductivity = 1";
         let mut world = World::new(vec![periodic(8, material)]);
         let mut setup = Setup::new(&mut world, std::path::Path::new("."));
-        for (label, physics) in physics {
-            setup.next_plugin(label);
-            let published = physics.publish(&mut setup);
-            if let Err(error) = published.and_then(|()| physics.prepare(&mut setup)) {
-                return format!("{}: {error}", error.key);
-            }
-        }
-        String::new()
+        setup.next_plugin("water");
+        fluid.publish(&mut setup)?;
+        Box::new(fluid).prepare(&mut setup)?;
+        setup.next_plugin("warmth");
+        Box::new(thermal).prepare(&mut setup)?;
+        Ok(())
     };
     let updated = "state.tait.sound_speed = 1";
     let eulerian = "state.tait.sound_speed = 1\ndescription = 'eulerian'";
@@ -371,9 +381,8 @@ fn heat_in_a_flow_is_explicit_and_of_bonds() {
         (updated, "", ""),
         (eulerian, "", ""),
     ] {
-        let (mut fluid, mut thermal): (Fluid, Thermal) = (read(fluid), read(thermal));
-        let error = refusal(&mut [("water", &mut fluid), ("warmth", &mut thermal)]);
-        assert_eq!(error.split(':').next(), Some(key), "{error}");
+        let refused = refusal(read(fluid), read(thermal)).err();
+        assert_eq!(refused.map_or(String::new(), |e| e.key), key);
     }
 }
 

@@ -46,7 +46,7 @@ pub(super) struct HeatState {
 impl Growth {
     pub(super) fn prepare(setup: &mut Setup<'_>, body: BodyIndex) -> Result<Growth, SetupError> {
         let birth_temperature = setup.read_if_provided(body, &keys::BIRTH_TEMPERATURE)?;
-        let density = setup.density_at_points(body)?;
+        let density = setup.world().density_at_points(body)?;
         let volume = &setup.body(body).points.volume;
         Ok(Growth {
             body,
@@ -165,10 +165,6 @@ impl Growth {
     }
 
     pub(super) fn reports(&self) -> [Report; 1] {
-        [Report {
-            name: "heat.deposited".into(),
-            unit: "J".into(),
-            value: self.state.heat,
-        }]
+        [Report::new("heat.deposited", "J", self.state.heat)]
     }
 }

@@ -3,7 +3,8 @@ use crate::testing::{block, read, set, simulation, values};
 use perimelt_core::body::Store;
 use perimelt_core::simulation::{LogTimes, Named, Simulation, TimeOptions};
 use perimelt_core::{
-    Coupler, Physics, RunError, Setup, SetupError, Step, StepSize, World, Write, keys,
+    Change, Coupler, Physics, RunError, RunningCoupler, Setup, SetupError, Step, StepSize, World,
+    Write, keys,
 };
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -41,11 +42,14 @@ const LAST: f64 = 0.4;
 
 #[typetag::serialize(name = "births")]
 impl Coupler for Births {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let points = setup.body(0).points.len() as u32;
         let mut order: Vec<u32> = (points / 2..points).collect();
         order.sort_by_key(|p| p.wrapping_mul(2_654_435_761));
-        let active = setup.deposit(0, &order)?;
+        let active = setup.change_material(0, Change::Births, &order)?;
         let temperature = setup.write(0, &keys::BIRTH_TEMPERATURE)?;
         let heat = setup.add(0, &keys::HEAT_SOURCE)?;
         self.state = Some(BirthsState {
@@ -54,9 +58,11 @@ impl Coupler for Births {
             temperature,
             heat,
         });
-        Ok(())
+        Ok(self)
     }
+}
 
+impl RunningCoupler for Births {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         let BirthsState {
             order,

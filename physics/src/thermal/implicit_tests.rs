@@ -5,7 +5,9 @@ use crate::testing::{block, read, set, simulation, values};
 use perimelt_core::body::{Body, Store};
 use perimelt_core::simulation::Simulation;
 use perimelt_core::world::PhaseChange;
-use perimelt_core::{Coupler, Read, RunError, Setup, SetupError, Step, World, Write, keys};
+use perimelt_core::{
+    Coupler, Read, RunError, RunningCoupler, Setup, SetupError, Step, World, Write, keys,
+};
 use serde::{Deserialize, Serialize};
 
 const ALUMINIUM: &str = "density = 2700\nspecific_heat = 900\nconductivity = 200";
@@ -28,15 +30,20 @@ struct Cooling {
 
 #[typetag::serialize(name = "cooling_of_a_face")]
 impl Coupler for Cooling {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         if self.melts {
             setup.publish(0, PhaseChange::default()).expect("free");
         }
         let temperature = setup.read(0, &keys::TEMPERATURE)?;
         self.fields = Some((temperature, setup.add(0, &keys::HEAT_SOURCE)?));
-        Ok(())
+        Ok(self)
     }
+}
 
+impl RunningCoupler for Cooling {
     fn apply(&mut self, world: &World, _: Step) -> Result<(), RunError> {
         let (temperature, heat) = self.fields.expect("prepared");
         let (temperature, mut heat) = (world.read(temperature), world.write(heat));

@@ -15,7 +15,7 @@ use super::control::{ControlledSteps, Method, StepControl};
 use super::keys::{Thermal, ThermalSolver};
 use super::rates::{CurrentVolumes, Drawn, EnthalpyRate, Flow, TemperatureRate, Vectors};
 use super::refined::Refined;
-use super::run::{HeatAccount, Run};
+use super::run::{HeatAccount, RunningThermal};
 
 /// A solver with its work vectors.
 #[derive(Debug)]
@@ -198,9 +198,9 @@ impl Fields<'_> {
     }
 }
 
-impl Run {
+impl RunningThermal {
     /// Advances temperature and enthalpy over `step`.
-    pub(super) fn advance(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
+    pub(super) fn integrate(&mut self, world: &World, step: Step) -> Result<Work, SolverError> {
         let work = self.take_step(world, step)?;
         if let Some(refined) = &self.refined {
             refined.cover(world, (self.temperature, self.enthalpy), &self.curves);

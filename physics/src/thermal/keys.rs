@@ -6,8 +6,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::advection::Convection;
 
-use super::run::Run;
-
 /// Heat conduction, and convection with an Eulerian fluid; owns `temperature` and `enthalpy`, consumes `heat_source`.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -62,9 +60,6 @@ pub struct Thermal {
     /// Advance in every macro `step`, or once per `log` interval.
     #[serde(default)]
     pub update: Update,
-    #[serde(skip)]
-    #[schemars(skip)]
-    pub(super) run: Option<Run>,
 }
 
 fn tolerance() -> f64 {

@@ -71,10 +71,12 @@ mod tests;
 pub use crate::advection::Convection;
 pub use keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
 
+use perimelt_core::keys as core_keys;
 use perimelt_core::plugin::check_length;
 use perimelt_core::solver::reduce::{sum_of, weighted_sum};
 use perimelt_core::{
-    Balance, Clock, Physics, Report, RunError, Setup, SetupError, Step, StepSize, Work, World,
+    Balance, Physics, PhysicsReport, Read, Report, RunError, RunningPhysics, Setup, SetupError,
+    Step, StepLimits, Stepping, Work, World,
 };
 
 use serde::{Deserialize, Serialize};
@@ -82,7 +84,7 @@ use serde::{Deserialize, Serialize};
 use control::StepControl;
 use faces::HeatedFace;
 use growth::{Born, Growth};
-use run::{HeatAccount, Run};
+use run::{HeatAccount, RunningThermal};
 
 /// The initial temperature was left out: 0 K everywhere.
 #[derive(Debug, thiserror::Error)]
@@ -90,16 +92,6 @@ use run::{HeatAccount, Run};
     "body `{0}` has no initial temperature; give `initial.temperature` (K) under `[bodies.{0}]`"
 )]
 struct NoTemperature(String);
-
-impl Thermal {
-    fn run(&self) -> &Run {
-        self.run.as_ref().expect("prepared at set-up")
-    }
-
-    fn run_mut(&mut self) -> &mut Run {
-        self.run.as_mut().expect("prepared at set-up")
-    }
-}
 
 /// State that is saved with checkpoints.
 #[derive(Serialize, Deserialize)]
@@ -123,16 +115,15 @@ struct BelowZero {
     cure: &'static str,
 }
 
-impl Thermal {
+impl RunningThermal {
     /// Refuses temperatures below 0 K.
     fn check_absolute_zero(&self, world: &World, step: Step) -> Result<(), RunError> {
-        let run = self.run();
-        let temperature = world.read::<f64>(run.temperature.into());
+        let temperature = world.read::<f64>(self.temperature.into());
         let least = temperature.iter().copied().fold(f64::INFINITY, f64::min);
         if !(least < 0.0) {
             return Ok(());
         }
-        let body = world.body(run.body);
+        let body = world.body(self.body);
         let point = temperature.iter().position(|t| *t == least).unwrap_or(0);
         let (solver, cure) = match self.solver {
             ThermalSolver::CrankNicolson => (
@@ -164,15 +155,24 @@ impl Thermal {
 
 #[typetag::serialize(name = "thermal")]
 impl Physics for Thermal {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
-        self.run = Some(Run::prepare(self, setup)?);
-        Ok(())
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
+        setup.stepping(Stepping {
+            step: self.step,
+            update: self.update,
+            is_steady: self.solver == ThermalSolver::Steady,
+            ..Stepping::default()
+        });
+        Ok(Box::new(RunningThermal::prepare(&self, setup)?))
     }
+}
 
+impl RunningPhysics for RunningThermal {
     fn start(&mut self, world: &World) -> Result<(), RunError> {
-        let run = self.run_mut();
-        let body = world.body(run.body);
-        let temperature = world.read(run.temperature.into());
+        let body = world.body(self.body);
+        let temperature = world.read(self.temperature.into());
         if temperature.iter().all(|t| *t == 0.0) {
             return Err(RunError::Plugin {
                 plugin: "thermal".into(),
@@ -180,65 +180,57 @@ impl Physics for Thermal {
                 cause: Box::new(NoTemperature(body.name.clone())),
             });
         }
-        let mut enthalpy = world.write(run.enthalpy);
+        let mut enthalpy = world.write(self.enthalpy);
         for ((h, &t), &m) in enthalpy
             .iter_mut()
             .zip(&*temperature)
             .zip(&body.material_of_point)
         {
-            *h = run.curves[m as usize].enthalpy(t);
+            *h = self.curves[m as usize].enthalpy(t);
         }
-        if let Some(growth) = &mut run.growth {
+        if let Some(growth) = &mut self.growth {
             growth.start(world);
         }
-        run.heat.initial = weighted_sum(&enthalpy, &run.heated_volumes(world));
+        self.heat.initial = weighted_sum(&enthalpy, &self.heated_volumes(world));
         Ok(())
     }
 
-    fn clock(&self) -> Clock {
-        Clock {
-            step: self.step,
-            update: self.update,
-        }
-    }
-
-    fn is_steady_state(&self) -> bool {
-        self.solver == ThermalSolver::Steady
-    }
-
     fn stable_step(&mut self, world: &World) -> Option<f64> {
+        if self.stable_step.is_none() {
+            self.find_stable_step(world);
+        }
         let is_explicit = self.solver == ThermalSolver::Explicit;
-        let run = self.run_mut();
-        run.find_stable_step(world);
-        is_explicit.then_some(run.stable_step)
-    }
-
-    fn changed_stable_step(&self) -> Option<f64> {
-        let run = self.run();
-        let is_limited = self.solver == ThermalSolver::Explicit && run.has_changing_limit();
-        is_limited.then_some(run.stable_step)
+        self.stable_step.filter(|_| is_explicit)
     }
 
     /// The step in which the temperature changes as far as the error in time allows: histories and other physics see it then.
-    fn step_limit(&self, _time: f64) -> Option<f64> {
-        let is_automatic = self.step == StepSize::Auto;
-        self.run().integrator.next_step().filter(|_| is_automatic)
+    fn step_limits(&self, _time: f64) -> StepLimits {
+        let longest = self.integrator.next_step().filter(|_| self.is_automatic);
+        StepLimits {
+            longest,
+            next_event: None,
+        }
     }
 
-    fn plausible(&self, _world: &World) -> Vec<(&'static str, f64)> {
-        vec![("temperature", 1e7)]
+    fn find_blow_up(&mut self, world: &World, field: &str, largest: f64) -> Option<usize> {
+        /// K
+        const IMPLAUSIBLE: f64 = 1e7;
+        let is_beyond = field == core_keys::TEMPERATURE.name && largest > IMPLAUSIBLE;
+        let temperature = Read::from(self.temperature);
+        is_beyond.then(|| world.first_beyond(temperature, IMPLAUSIBLE))?
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
-        let run = self.run_mut();
-        run.follow_cracks(world);
-        let work = run.advance(world, step).map_err(|cause| RunError::Plugin {
-            plugin: "thermal".into(),
-            time: step.end(),
-            cause: cause.into(),
-        })?;
-        if run.has_changing_limit() {
-            run.find_stable_step(world);
+        self.follow_cracks(world);
+        let work = self
+            .integrate(world, step)
+            .map_err(|cause| RunError::Plugin {
+                plugin: "thermal".into(),
+                time: step.end(),
+                cause: cause.into(),
+            })?;
+        if self.has_changing_limit() {
+            self.find_stable_step(world);
         }
         // explicit steps up to the stable one keep temperatures between those around them
         if self.solver != ThermalSolver::Explicit {
@@ -247,32 +239,29 @@ impl Physics for Thermal {
         Ok(work)
     }
 
-    fn examine(&mut self, world: &World, time: f64) -> Result<(), RunError> {
-        self.check_absolute_zero(world, Step::new(time, 0.0))
-    }
-
-    fn observe(&mut self, world: &World) {
-        self.run_mut().observe(world);
+    fn observe(&mut self, world: &World, time: f64) -> Result<(), RunError> {
+        self.check_absolute_zero(world, Step::new(time, 0.0))?;
+        self.measure_faces(world);
+        Ok(())
     }
 
     /// Heat, where the form conserves it. In an Eulerian fluid it is that of the mass, not of the volume.
     fn balance(&self, world: &World) -> Vec<Balance> {
-        let run = self.run();
-        if !run.conduction.is_conservative() || run.carried.is_some() {
+        if !self.conduction.is_conservative() || self.carried.is_some() {
             return Vec::new();
         }
-        let enthalpy = world.read::<f64>(run.enthalpy.into());
-        let volume = &run.heated_volumes(world)[..];
+        let enthalpy = world.read::<f64>(self.enthalpy.into());
+        let volume = &self.heated_volumes(world)[..];
         let stored = weighted_sum(&enthalpy, volume);
         // the heat of a body that cools down again ends where it began
         let content = sum_of([&enthalpy, volume], |[h, v]| (h * v).abs());
         let (initial, supplied) = (
-            run.heat.initial,
-            run.heat.supplied + run.heat_of_moves(world),
+            self.heat.initial,
+            self.heat.supplied + self.heat_of_moves(world),
         );
         let balance = Balance::new("heat", "J", stored, initial, supplied);
-        let balance = balance.of_size(content + run.heat.exchanged);
-        match &run.growth {
+        let balance = balance.of_size(content + self.heat.exchanged);
+        match &self.growth {
             None => vec![balance],
             Some(growth) => {
                 let heat = balance.with_deposited(growth.deposited_heat());
@@ -281,39 +270,35 @@ impl Physics for Thermal {
         }
     }
 
-    fn report(&self) -> Vec<Report> {
-        let faces = &self.run().faces;
+    fn report(&self, _world: &World) -> PhysicsReport {
+        let faces = &self.faces;
         let mut reports: Vec<Report> = faces.iter().flat_map(HeatedFace::reports).collect();
         if faces.len() > 1 {
             reports.push(HeatedFace::total(faces));
-            reports.push(Report {
-                name: "heat.layers".into(),
-                unit: "W".into(),
-                value: self.run().through_layers,
-            });
+            reports.push(Report::new("heat.layers", "W", self.through_layers));
         }
-        reports.extend(self.run().growth.iter().flat_map(Growth::reports));
-        reports
+        reports.extend(self.growth.iter().flat_map(Growth::reports));
+        reports.into()
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        let run = self.run();
         Box::new(Saved {
-            heat: run.heat,
-            control: run.integrator.control(),
-            growth: run.growth.as_ref().map(|growth| growth.state.clone()),
+            heat: self.heat,
+            control: self.integrator.control(),
+            growth: self.growth.as_ref().map(|growth| growth.state.clone()),
         })
     }
 
     fn load(
         &mut self,
+        _world: &World,
         state: &mut dyn erased_serde::Deserializer<'_>,
     ) -> Result<(), erased_serde::Error> {
         let saved: Saved = erased_serde::deserialize(state)?;
-        let run = self.run_mut();
-        run.heat = saved.heat;
-        run.integrator.set_control(saved.control);
-        if let (Some(growth), Some(state)) = (&mut run.growth, saved.growth) {
+        self.heat = saved.heat;
+        self.integrator.set_control(saved.control);
+        self.stable_step = None;
+        if let (Some(growth), Some(state)) = (&mut self.growth, saved.growth) {
             growth.state = state;
             let [found, expected] = growth.points();
             check_length("born points", found, expected)?;

@@ -8,7 +8,7 @@ use perimelt_core::world::exchange::Exchange;
 use perimelt_core::world::{BodyIndex, SurfaceDepths};
 use perimelt_core::{
     Access, Body, Correction, Description, Face, FamilyHandle, FamilySpec, Horizon, Influence,
-    Pddo, ReadIfProvided, Setup, SetupError, Wall, keys,
+    Pddo, ReadIfProvided, Setup, SetupError, StepSize, Wall, keys,
 };
 
 use crate::advection::{FlowFamily, usual_horizon};
@@ -20,7 +20,7 @@ use super::growth::Growth;
 use super::integrate::Integrator;
 use super::keys::{BrokenConduction, Form, Surfaces, Thermal, ThermalSolver};
 use super::refined::Refined;
-use super::run::{Cracks, HeatAccount, Run};
+use super::run::{Cracks, HeatAccount, RunningThermal};
 use super::surface::Surface;
 use super::surface_depth;
 
@@ -37,8 +37,11 @@ struct Place {
     heated: Vec<Face>,
 }
 
-impl Run {
-    pub(super) fn prepare(thermal: &Thermal, setup: &mut Setup<'_>) -> Result<Run, SetupError> {
+impl RunningThermal {
+    pub(super) fn prepare(
+        thermal: &Thermal,
+        setup: &mut Setup<'_>,
+    ) -> Result<RunningThermal, SetupError> {
         let body = setup.find_body(thermal.body.as_deref())?;
         let description = setup.world().description(body);
         let horizon = thermal.horizon_of(setup.body(body), description);
@@ -87,7 +90,7 @@ impl Run {
                         "a body without `powder`",
                     ));
                 }
-                let powder = setup.property(body, "powder_conductivity")?;
+                let powder = setup.world().property(body, "powder_conductivity")?;
                 conduction.set_powder(powder);
                 Some(setup.read(body, &keys::CONSOLIDATED)?)
             }
@@ -115,7 +118,9 @@ impl Run {
         let follows_cracks = thermal.broken_bonds == BrokenConduction::Insulate && is_at_rest;
         let faces = place.heated.iter().filter(|_| !moves);
         let faces = faces.map(|face| HeatedFace::of(setup.body(body), *face));
-        Ok(Run {
+        Ok(RunningThermal {
+            solver: thermal.solver,
+            is_automatic: thermal.step == StepSize::Auto,
             body,
             family,
             moves,
@@ -143,7 +148,7 @@ impl Run {
             faces: faces.filter(HeatedFace::is_measurable).collect(),
             through_layers: 0.0,
             surface,
-            stable_step: f64::INFINITY,
+            stable_step: None,
             conduction_step: None,
             exchange_limit: None,
         })
@@ -253,7 +258,7 @@ impl Thermal {
         if !applies || is_refined || materials.iter().all(|m| m.get(KEY).is_none()) {
             return Ok(None);
         }
-        let rest = setup.property(body, "conductivity")?;
+        let rest = setup.world().property(body, "conductivity")?;
         let materials = setup.body(body).materials.iter().zip(rest);
         let conductivity = materials.map(|(m, rest)| m.get(KEY).cloned().unwrap_or(rest));
         let conductivity = conductivity.collect();
@@ -327,7 +332,7 @@ impl Thermal {
         place: &Place,
     ) -> Result<(FamilyHandle, Conduction), SetupError> {
         let body = place.body;
-        let conductivity = setup.property(body, "conductivity")?;
+        let conductivity = setup.world().property(body, "conductivity")?;
         let points = setup.body(body).points.len();
         if self.form == Form::SecondDerivatives {
             let (family, pddo) = self.second_derivatives(setup, place)?;

@@ -16,12 +16,16 @@ use super::faces::HeatedFace;
 use super::growth::{Growth, HeatState};
 use super::integrate::Integrator;
 use super::interfaces::Points;
+use super::keys::ThermalSolver;
 use super::refined::Refined;
 use super::surface::Surface;
 
 /// A prepared heat physics.
 #[derive(Debug)]
-pub(super) struct Run {
+pub(super) struct RunningThermal {
+    pub(super) solver: ThermalSolver,
+    /// Whether steps are as long as stability and accuracy allow.
+    pub(super) is_automatic: bool,
     pub(super) body: BodyIndex,
     pub(super) family: FamilyHandle,
     /// Whether a physics moves the points, which change neighbours.
@@ -56,8 +60,8 @@ pub(super) struct Run {
     pub(super) through_layers: f64,
     /// What the surface exchanges with its surroundings.
     pub(super) surface: Option<Surface>,
-    /// Largest stable explicit step, s.
-    pub(super) stable_step: f64,
+    /// Largest stable explicit step, s, once it is found.
+    pub(super) stable_step: Option<f64>,
     /// The same of conduction alone, where points stay; found once.
     pub(super) conduction_step: Option<f64>,
     pub(super) exchange_limit: Option<ExchangeLimit>,
@@ -121,7 +125,7 @@ impl Cracks {
     }
 }
 
-impl Run {
+impl RunningThermal {
     /// Breaks the bonds that broke in the mechanics since the last step.
     pub(super) fn follow_cracks(&mut self, world: &World) {
         if let Some(cracks) = &mut self.cracks {
@@ -281,7 +285,7 @@ impl Run {
             Some(refined) => refined.step_fraction() * stable_step,
             None => stable_step,
         };
-        self.stable_step = stable_step;
+        self.stable_step = Some(stable_step);
         self.integrator.set_stable_step(stable_step);
     }
 
@@ -327,7 +331,7 @@ impl Run {
     }
 
     /// Measures the heat that crosses faces.
-    pub(super) fn observe(&mut self, world: &World) {
+    pub(super) fn measure_faces(&mut self, world: &World) {
         self.follow_surface(world);
         let temperature = world.read::<f64>(self.temperature.into());
         if let Some(surface) = &self.surface {

@@ -1,5 +1,6 @@
 //! Exchange at surfaces: closed forms of steady states, a half space and cooling walls, with every solver.
 
+use super::run::RunningThermal;
 use std::cell::RefCell;
 use std::path::Path;
 use std::rc::Rc;
@@ -8,7 +9,7 @@ use perimelt_core::body::SurfaceCell;
 use perimelt_core::shape::{BoxShape, Shape};
 use perimelt_core::world::PhaseChange;
 use perimelt_core::world::exchange::{SurfaceDepth, SurfaceFlux, SurfaceLaw};
-use perimelt_core::{Body, Face, LayerRole, Physics, Setup, Step, World, keys};
+use perimelt_core::{Body, Face, LayerRole, RunningPhysics, Setup, Step, World, keys};
 
 use super::Thermal;
 use super::surface_depth::depths;
@@ -61,7 +62,7 @@ fn bar(length: f64, spacing: f64, dimension: usize, across: f64) -> Body {
 /// A world with its heat physics, whose surface towards `faces` exchanges heat by a law.
 struct Cooled {
     world: World,
-    physics: Thermal,
+    physics: RunningThermal,
 }
 
 impl Cooled {
@@ -73,7 +74,7 @@ impl Cooled {
         held: Option<f64>,
     ) -> Cooled {
         let mut world = World::new(vec![body]);
-        let mut physics: Thermal = toml::from_str(keys_of_physics).expect("keys");
+        let physics: Thermal = toml::from_str(keys_of_physics).expect("keys");
         let mut setup = Setup::new(&mut world, Path::new("."));
         setup.next_plugin("film");
         if setup.body(0).materials[0].get("solidus").is_some() {
@@ -90,8 +91,8 @@ impl Cooled {
                 .layer(0, &keys::TEMPERATURE, Face::XMin, LayerRole::Prescribed)
                 .expect("a layer")
         });
-        setup.next_physics("thermal");
-        physics.prepare(&mut setup).expect("prepared");
+        setup.next_plugin("thermal");
+        let physics = RunningThermal::prepare(&physics, &mut setup).expect("prepared");
         setup.finish().expect("complete");
         if let (Some(layer), Some(held)) = (layer, held) {
             world.set_layer(layer, [-1.0; 3], [2.0 * held; 3]);
@@ -337,7 +338,7 @@ fn thin_walls_have_the_resistances_of_thick_ones() {
             let mut wall = Cooled::new(body, &physics, &[Face::XMax], law, Some(300.0));
             wall.start(300.0);
             wall.run(1.0, 1);
-            let run = wall.physics.run();
+            let run = &wall.physics;
             let family = wall.world.family(run.family);
             let depth = depths(wall.world.body(0), &family)[Face::XMax as usize] * spacing;
             let points = wall.world.body(0).points.position.iter();
@@ -376,7 +377,7 @@ fn the_surface_lies_where_the_linear_temperature_below_meets_it() {
         let slope = (b - a) / 8.0;
         let surface = a + slope * (39.5 - 20.0);
         let expected = (surface - t[39]) / slope;
-        let run = wall.physics.run();
+        let run = &wall.physics;
         let family = wall.world.family(run.family);
         let found = depths(wall.world.body(0), &family)[Face::XMax as usize];
         assert!(

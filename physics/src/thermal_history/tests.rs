@@ -12,7 +12,7 @@ const ALLOY: &str = "density = 7800\nsolidus = 1700\nliquidus = 1750";
 struct Heated {
     world: World,
     temperature: Write<f64>,
-    history: ThermalHistory,
+    history: RunningHistory,
     time: f64,
 }
 
@@ -25,12 +25,12 @@ impl Heated {
             Store::Lattice,
             ALLOY,
         )]);
-        let mut history: ThermalHistory = read(keys);
+        let history: ThermalHistory = read(keys);
         let mut setup = Setup::new(&mut world, Path::new("."));
-        setup.next_physics("heat");
+        setup.next_plugin("heat");
         let temperature = setup.own(0, &keys::TEMPERATURE).expect("free");
-        setup.next_physics("history");
-        history.prepare(&mut setup).expect("valid");
+        setup.next_plugin("history");
+        let history = history.ready(&mut setup).expect("valid");
         setup.finish().expect("complete");
         let mut heated = Heated {
             world,
@@ -109,7 +109,7 @@ fn gradients_of_quadratic_fields_are_exact_also_at_faces() {
         let heated = Heated::new(dimension, "", field);
         let body = heated.world.body(0);
         let values: Vec<f64> = body.points.position.iter().map(|x| field(*x)).collect();
-        let run = heated.history.run.as_ref().expect("prepared");
+        let run = &heated.history;
         let images = images(body, &[]);
         let around = (&run.neighbours, &images[..]);
         for (i, x) in body.points.position.iter().enumerate() {
@@ -266,7 +266,10 @@ fn a_restart_goes_on_with_the_cooling() {
     let saved = serde_json::to_string(&first.history.save()).expect("serialises");
     let mut json = serde_json::Deserializer::from_str(&saved);
     let mut erased = <dyn erased_serde::Deserializer<'_>>::erase(&mut json);
-    second.history.load(&mut erased).expect("what was saved");
+    second
+        .history
+        .load(&second.world, &mut erased)
+        .expect("what was saved");
     second.time = 1.0;
     second.step(1.0, |_| 773.15);
     // from 800 °C after half a second to 500 °C after two

@@ -18,11 +18,9 @@ struct MoistureDiffusion {
     body: Option<String>,
     /// Horizon in spacings.
     horizon: f64,
-    #[serde(skip)]
-    run: Option<Run>,
 }
 
-struct Run {
+struct RunningDiffusion {
     body: usize,
     moisture: Write<f64>,
     diffusivity: Vec<f64>,
@@ -42,7 +40,7 @@ impl BondKernel<2, 2> for Diffusion {
     }
 }
 
-impl Run {
+impl RunningDiffusion {
     fn rates(&mut self, moisture: &[f64]) -> &[[f64; 2]] {
         self.operator.sum(&Diffusion, [moisture, &self.diffusivity])
     }
@@ -50,36 +48,39 @@ impl Run {
 
 #[typetag::serialize(name = "moisture_diffusion")]
 impl Physics for MoistureDiffusion {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
         let spec = FamilySpec::mirrored(setup.body(body), self.horizon);
-        let family = setup.family(body, &spec)?;
-        self.run = Some(Run {
+        let (family, property) = (setup.family(body, &spec)?, "moisture_diffusivity");
+        Ok(Box::new(RunningDiffusion {
             body,
             moisture: setup.own(body, &MOISTURE)?,
-            diffusivity: setup.constant_at_points(body, "moisture_diffusivity")?,
+            diffusivity: setup.world().constant_at_points(body, property)?,
             operator: Operator::new(setup.world().family(family)),
             initial: 0.0,
-        });
-        Ok(())
+        }))
     }
+}
 
+register_physics!("moisture_diffusion", MoistureDiffusion);
+
+impl RunningPhysics for RunningDiffusion {
     fn start(&mut self, world: &World) -> Result<(), RunError> {
-        let run = self.run.as_mut().expect("prepared");
-        run.initial = world.integral(run.body, run.moisture.into());
+        self.initial = world.integral(self.body, self.moisture.into());
         Ok(())
     }
 
     fn stable_step(&mut self, world: &World) -> Option<f64> {
-        let run = self.run.as_mut().expect("prepared");
-        let rates = run.rates(&world.read(run.moisture.into()));
+        let rates = self.rates(&world.read(self.moisture.into()));
         Some(1.0 / rates.iter().map(|r| r[1]).fold(0.0, f64::max))
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
-        let run = self.run.as_mut().expect("prepared");
-        let mut moisture = world.write(run.moisture);
-        let rates = run.rates(&moisture);
+        let mut moisture = world.write(self.moisture);
+        let rates = self.rates(&moisture);
         for (m, [rate, _]) in moisture.iter_mut().zip(rates) {
             *m += step.size * rate;
         }
@@ -87,19 +88,20 @@ impl Physics for MoistureDiffusion {
     }
 
     fn balance(&self, world: &World) -> Vec<Balance> {
-        let run = self.run.as_ref().expect("prepared");
-        let now = world.integral(run.body, run.moisture.into());
-        vec![Balance::new("moisture", "kg", now, run.initial, 0.0).of_size(run.initial)]
+        let now = world.integral(self.body, self.moisture.into());
+        vec![Balance::new("moisture", "kg", now, self.initial, 0.0).of_size(self.initial)]
     }
 
     fn save(&self) -> Box<dyn erased_serde::Serialize + '_> {
-        Box::new(self.run.as_ref().expect("prepared").initial)
+        Box::new(self.initial)
     }
 
-    fn load(&mut self, state: &mut dyn erased_serde::Deserializer<'_>) -> erased_serde::Result<()> {
-        self.run.as_mut().expect("prepared").initial = erased_serde::deserialize(state)?;
+    fn load(
+        &mut self,
+        _world: &World,
+        state: &mut dyn erased_serde::Deserializer<'_>,
+    ) -> erased_serde::Result<()> {
+        self.initial = erased_serde::deserialize(state)?;
         Ok(())
     }
 }
-
-register_physics!("moisture_diffusion", MoistureDiffusion);

@@ -13,30 +13,37 @@ struct Swelling {
     coefficient: f64,
     /// Moisture at which the body is free of stress, kg/m³.
     dry: f64,
-    #[serde(skip)]
-    handles: Option<(Read<f64>, Write<f64>)>,
+}
+
+struct RunningSwelling {
+    keys: Swelling,
+    moisture: Read<f64>,
+    eigenstrain: Write<f64>,
 }
 
 #[typetag::serialize(name = "swelling")]
 impl Coupler for Swelling {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let body = setup.find_body(self.body.as_deref())?;
-        let moisture = setup.read(body, &crate::diffusion::MOISTURE)?;
-        self.handles = Some((moisture, setup.add(body, &keys::EIGENSTRAIN)?));
-        Ok(())
-    }
-
-    fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
-        let (moisture, eigenstrain) = self.handles.expect("prepared");
-        for (e, m) in world
-            .write(eigenstrain)
-            .iter_mut()
-            .zip(&*world.read(moisture))
-        {
-            *e += self.coefficient * (m - self.dry);
-        }
-        Ok(())
+        Ok(Box::new(RunningSwelling {
+            moisture: setup.read(body, &crate::diffusion::MOISTURE)?,
+            eigenstrain: setup.add(body, &keys::EIGENSTRAIN)?,
+            keys: *self,
+        }))
     }
 }
 
 register_coupler!("swelling", Swelling);
+
+impl RunningCoupler for RunningSwelling {
+    fn apply(&mut self, world: &World, _step: Step) -> Result<(), RunError> {
+        let mut eigenstrain = world.write(self.eigenstrain);
+        for (e, m) in eigenstrain.iter_mut().zip(&*world.read(self.moisture)) {
+            *e += self.keys.coefficient * (m - self.keys.dry);
+        }
+        Ok(())
+    }
+}

@@ -2,8 +2,8 @@
 //! coupler pushes them and the points of a ship apart (`bumper`). Linking this crate makes both known.
 use nalgebra::Vector3;
 use perimelt_core::{
-    Coupler, PairList, Physics, Read, RunError, Setup, SetupError, Step, Work, World, Write, keys,
-    register_coupler, register_physics,
+    Coupler, PairList, Physics, Read, RunError, RunningCoupler, RunningPhysics, Setup, SetupError,
+    Step, Work, World, Write, keys, register_coupler, register_physics,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -18,11 +18,11 @@ struct Fender {
     stiffness: f64,
     /// Damping by volume, N s/m⁴.
     damping: f64,
-    #[serde(skip)]
-    prepared: Option<FenderFields>,
 }
 
-struct FenderFields {
+struct RunningFender {
+    stiffness: f64,
+    damping: f64,
     displacement: Write<Vector3<f64>>,
     velocity: Write<Vector3<f64>>,
     impulse: Option<Read<Vector3<f64>>>,
@@ -31,29 +31,35 @@ struct FenderFields {
 
 #[typetag::serialize(name = "fender")]
 impl Physics for Fender {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningPhysics>, SetupError> {
         let body = setup.find_body(Some(&self.body))?;
-        self.prepared = Some(FenderFields {
+        Ok(Box::new(RunningFender {
+            stiffness: self.stiffness,
+            damping: self.damping,
             displacement: setup.own(body, &keys::DISPLACEMENT)?,
             velocity: setup.own(body, &keys::VELOCITY)?,
             impulse: setup.take_if_added(body, &keys::IMPULSE)?,
-            density: setup.density_at_points(body)?,
-        });
-        Ok(())
+            density: setup.world().density_at_points(body)?,
+        }))
     }
+}
 
+register_physics!("fender", Fender);
+
+impl RunningPhysics for RunningFender {
     fn stable_step(&mut self, _world: &World) -> Option<f64> {
-        let density = &self.prepared.as_ref()?.density;
-        let lightest = density.iter().copied().fold(f64::INFINITY, f64::min);
+        let lightest = self.density.iter().copied().fold(f64::INFINITY, f64::min);
         Some((2.0 * (lightest / self.stiffness).sqrt()).min(lightest / self.damping))
     }
 
     fn advance(&mut self, world: &World, step: Step) -> Result<Work, RunError> {
-        let fields = self.prepared.as_ref().expect("prepared");
-        let mut u = world.write(fields.displacement);
-        let mut v = world.write(fields.velocity);
-        let impulse = fields.impulse.map(|j| world.read(j));
-        for (i, rho) in fields.density.iter().enumerate() {
+        let mut u = world.write(self.displacement);
+        let mut v = world.write(self.velocity);
+        let impulse = self.impulse.map(|j| world.read(j));
+        for (i, rho) in self.density.iter().enumerate() {
             let given = impulse.as_deref().map_or_else(Vector3::zeros, |j| j[i]);
             let force = -self.stiffness * u[i] - self.damping * v[i];
             v[i] += (given + step.size * force) / *rho;
@@ -73,8 +79,12 @@ struct Bumper {
     reach: f64,
     /// Force by distance and volumes, N/m⁷.
     stiffness: f64,
-    #[serde(skip)]
-    prepared: Option<(PairList, [BumperSide; 2])>,
+}
+
+struct RunningBumper {
+    keys: Bumper,
+    pairs: PairList,
+    sides: [BumperSide; 2],
 }
 
 /// Momentum that a body gets, and the volumes of its points, m³.
@@ -82,7 +92,10 @@ struct BumperSide(Write<Vector3<f64>>, Vec<f64>);
 
 #[typetag::serialize(name = "bumper")]
 impl Coupler for Bumper {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         let [a, b] = &self.bodies;
         let bodies = [setup.find_body(Some(a))?, setup.find_body(Some(b))?];
         let volumes = bodies.map(|body| setup.body(body).points.volume.clone());
@@ -90,22 +103,29 @@ impl Coupler for Bumper {
         let [first, second] = volumes;
         let first = BumperSide(setup.add(bodies[0], &keys::IMPULSE)?, first);
         let second = BumperSide(setup.add(bodies[1], &keys::IMPULSE)?, second);
-        self.prepared = Some((PairList::between(bodies, reach), [first, second]));
-        Ok(())
+        Ok(Box::new(RunningBumper {
+            keys: *self,
+            pairs: PairList::between(bodies, reach),
+            sides: [first, second],
+        }))
     }
+}
 
+register_coupler!("bumper", Bumper, supports: [Motion]);
+
+impl RunningCoupler for RunningBumper {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
-        let (pairs, [a, b]) = self.prepared.as_mut().expect("prepared");
+        let (pairs, [a, b]) = (&mut self.pairs, &self.sides);
         pairs.update(world);
         let (first, positions) = (pairs.first_points(), pairs.positions());
         let (mut on_first, mut on_second) = (world.write(a.0), world.write(b.0));
         for i in 0..first {
             for &j in pairs.candidates(i) {
                 let apart = positions[i] - positions[j as usize];
-                let overlap = self.reach - apart.norm();
+                let overlap = self.keys.reach - apart.norm();
                 if overlap > 0.0 {
                     let j = j as usize - first;
-                    let impulse = apart.normalize() * (step.size * self.stiffness * overlap);
+                    let impulse = apart.normalize() * (step.size * self.keys.stiffness * overlap);
                     on_first[i] += impulse * b.1[j];
                     on_second[j] -= impulse * a.1[i];
                 }
@@ -114,6 +134,3 @@ impl Coupler for Bumper {
         Ok(())
     }
 }
-
-register_physics!("fender", Fender);
-register_coupler!("bumper", Bumper);

@@ -123,9 +123,10 @@ impl Forgery {
         let messages = self.messages.iter_mut().rev();
         let mut checkpoints = messages.filter(|message| message.topic == "/checkpoint");
         let last = checkpoints.next().expect("a checkpoint");
-        let mut checkpoint = rmp_serde::from_slice(&last.data).expect("a checkpoint");
+        let packed = rmp_serde::from_slice(&last.data);
+        let (format, mut checkpoint): (u32, Checkpoint) = packed.expect("a checkpoint");
         change(&mut checkpoint);
-        last.data = rmp_serde::to_vec(&checkpoint).expect("memory");
+        last.data = rmp_serde::to_vec(&(format, checkpoint)).expect("memory");
     }
 }
 

@@ -1,7 +1,7 @@
 //! Sources of 6061 and AlSi10Mg.
 
 use super::formulas::{absorptivity_1070nm, mixture, viscosity};
-use super::{Check, celsius, constant, constant_bulk_modulus, formula, kelvin};
+use super::{PropertyCheck, celsius, constant, constant_bulk_modulus, formula, kelvin};
 
 /// Molar masses, g/mol.
 const AL: f64 = 26.982;
@@ -35,7 +35,7 @@ const STIFFNESS_ALSI10MG: &[(f64, f64)] = &[
 ];
 
 /// Aluminium, and EN 1999-1-2.
-fn both() -> Vec<Check> {
+fn both() -> Vec<PropertyCheck> {
     vec![
         // CRC Handbook
         constant("boiling_temperature", 2792.15),
@@ -58,7 +58,7 @@ fn both() -> Vec<Check> {
     ]
 }
 
-pub(super) fn a6061() -> Vec<Check> {
+pub(super) fn a6061() -> Vec<PropertyCheck> {
     let mut checks = vec![
         constant("density", 2700.0),
         formula("specific_heat.solid", 293.0, 774.0, |t| {
@@ -104,7 +104,7 @@ pub(super) fn a6061() -> Vec<Check> {
     checks
 }
 
-pub(super) fn alsi10mg() -> Vec<Check> {
+pub(super) fn alsi10mg() -> Vec<PropertyCheck> {
     let mut checks = vec![
         constant("density", 2670.0),
         // Akwaboa et al. (2023)

@@ -15,8 +15,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::ENTRIES;
 
-/// What a source says about a property.
-enum Source {
+/// Values of a property in a source.
+enum SourceData {
     Constant(f64),
     /// A constant between two values.
     Range(f64, f64),
@@ -33,51 +33,51 @@ enum Source {
 }
 
 /// A property of a file and its source.
-struct Check {
+struct PropertyCheck {
     /// Key in the file, with the phase: `conductivity.liquid`.
     property: &'static str,
-    source: Source,
+    source: SourceData,
     /// Temperature (K) from which the rows of the file are `[floor]`: below 5 % of the first row.
     floor: f64,
 }
 
-impl Check {
+impl PropertyCheck {
     /// Rows of the file from `temperature` (K) on are no longer the source's.
     fn floor(mut self, temperature: f64) -> Self {
         self.floor = temperature;
         self
     }
 
-    /// How far the file's straight lines may be from the formula between rows.
+    /// Sets the largest relative deviation of the file's straight lines from the formula between rows.
     fn between(mut self, relative: f64) -> Self {
-        if let Source::Formula { between, .. } = &mut self.source {
+        if let SourceData::Formula { between, .. } = &mut self.source {
             *between = relative;
         }
         self
     }
 }
 
-fn check(property: &'static str, source: Source) -> Check {
-    Check {
+fn check(property: &'static str, source: SourceData) -> PropertyCheck {
+    PropertyCheck {
         property,
         source,
         floor: f64::INFINITY,
     }
 }
 
-fn constant(property: &'static str, value: f64) -> Check {
-    check(property, Source::Constant(value))
+fn constant(property: &'static str, value: f64) -> PropertyCheck {
+    check(property, SourceData::Constant(value))
 }
 
 /// Rows (K, value).
-fn rows(property: &'static str, rows: &[(f64, f64)]) -> Check {
-    check(property, Source::Rows(rows.to_vec()))
+fn rows(property: &'static str, rows: &[(f64, f64)]) -> PropertyCheck {
+    check(property, SourceData::Rows(rows.to_vec()))
 }
 
 /// Rows (°C, factor of `unit`).
-fn celsius(property: &'static str, unit: f64, rows: &[(f64, f64)]) -> Check {
+fn celsius(property: &'static str, unit: f64, rows: &[(f64, f64)]) -> PropertyCheck {
     let rows = rows.iter().map(|(t, v)| (t + 273.15, v * unit)).collect();
-    check(property, Source::Rows(rows))
+    check(property, SourceData::Rows(rows))
 }
 
 /// A function of the temperature (K) between two temperatures.
@@ -86,10 +86,10 @@ fn formula(
     from: f64,
     to: f64,
     value: impl Fn(f64) -> f64 + 'static,
-) -> Check {
+) -> PropertyCheck {
     check(
         property,
-        Source::Formula {
+        SourceData::Formula {
             from,
             to,
             value: Box::new(value),
@@ -99,7 +99,10 @@ fn formula(
 }
 
 /// Poisson's ratio that keeps the bulk modulus of the first row, by rows of Young's modulus (K, any unit).
-fn constant_bulk_modulus(ratio: f64, stiffness: impl IntoIterator<Item = (f64, f64)>) -> Check {
+fn constant_bulk_modulus(
+    ratio: f64,
+    stiffness: impl IntoIterator<Item = (f64, f64)>,
+) -> PropertyCheck {
     let stiffness: Vec<_> = stiffness.into_iter().collect();
     let first = stiffness.first().map_or(1.0, |row| row.1);
     let of_row = |(t, e): &(f64, f64)| (*t, 0.5 - (0.5 - ratio) * e / first);
@@ -121,7 +124,7 @@ fn kelvin<'a>(
 }
 
 /// Checks of an entry.
-fn checks(name: &str) -> Vec<Check> {
+fn checks(name: &str) -> Vec<PropertyCheck> {
     match name {
         "304L" => stainless::s304l(),
         "316L" => stainless::s316l(),
@@ -246,8 +249,8 @@ fn rounding(value: f64) -> f64 {
     0.5 * 10f64.powi(exponent + 1 - digits as i32)
 }
 
-/// What differs between the rows of a file and its source.
-fn differences(name: &str, check: &Check, file: &[(Option<f64>, f64)]) -> Vec<String> {
+/// Differences between the rows of a file and its source.
+fn differences(name: &str, check: &PropertyCheck, file: &[(Option<f64>, f64)]) -> Vec<String> {
     let property = check.property;
     let first = file.first().map_or(0.0, |row| row.1);
     let is_floor = |t: f64| t >= check.floor;
@@ -260,14 +263,14 @@ fn differences(name: &str, check: &Check, file: &[(Option<f64>, f64)]) -> Vec<St
                 }
                 continue;
             }
-            (Source::Constant(source), None) => Some(*source),
-            (Source::Range(low, high), None) => Some(value.clamp(*low, *high)),
-            (Source::Rows(rows), Some(t)) => {
+            (SourceData::Constant(source), None) => Some(*source),
+            (SourceData::Range(low, high), None) => Some(value.clamp(*low, *high)),
+            (SourceData::Rows(rows), Some(t)) => {
                 let row = rows.iter().find(|row| (row.0 - t).abs() < 0.1);
                 row.map(|row| row.1)
             }
             (
-                Source::Formula {
+                SourceData::Formula {
                     from, to, value, ..
                 },
                 Some(t),
@@ -285,7 +288,7 @@ fn differences(name: &str, check: &Check, file: &[(Option<f64>, f64)]) -> Vec<St
             Some(_) => {}
         }
     }
-    if let Source::Formula { value, between, .. } = &check.source {
+    if let SourceData::Formula { value, between, .. } = &check.source {
         for pair in file.windows(2) {
             let (Some(a), Some(b)) = (pair[0].0, pair[1].0) else {
                 continue;
@@ -388,7 +391,7 @@ fn a_wrong_number_and_a_row_of_no_source_are_found() {
             &[(100.0, 5.0), (200.0, 4.0), (300.0, 0.0)],
         )
     };
-    let compare = |check: &Check, text: &str| {
+    let compare = |check: &PropertyCheck, text: &str| {
         let text = text.replace("T =", "viscosity.temperature =");
         let file = properties(&text.replace("V =", "viscosity.value ="));
         differences("test", check, &file["viscosity"]).len()

@@ -1,10 +1,10 @@
 //! Sources of IN625 and IN718.
 
 use super::formulas::boiling;
-use super::{Check, celsius, constant, constant_bulk_modulus, formula, rows};
+use super::{PropertyCheck, celsius, constant, constant_bulk_modulus, formula, rows};
 
 /// Nickel, Aziz, Schmon and Pottlacher (2015); Keller et al. (2015); Honda and Watanabe (2025).
-fn both() -> Vec<Check> {
+fn both() -> Vec<PropertyCheck> {
     vec![
         formula("surface_tension", 1600.0, 3000.0, |t| {
             1.864 - 0.35e-3 * (t - 1728.0)
@@ -14,7 +14,7 @@ fn both() -> Vec<Check> {
     ]
 }
 
-pub(super) fn in625() -> Vec<Check> {
+pub(super) fn in625() -> Vec<PropertyCheck> {
     let (boiling, vaporisation) = boiling(&[
         ("Ni", 62.5),
         ("Cr", 21.5),
@@ -117,7 +117,7 @@ pub(super) fn in625() -> Vec<Check> {
     checks
 }
 
-pub(super) fn in718() -> Vec<Check> {
+pub(super) fn in718() -> Vec<PropertyCheck> {
     let (boiling, vaporisation) = boiling(&[
         ("Ni", 52.5),
         ("Cr", 19.0),

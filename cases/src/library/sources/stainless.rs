@@ -1,7 +1,7 @@
 //! Sources of 304L and 316L.
 
 use super::formulas::{absorptivity_1070nm, boiling, viscosity};
-use super::{Check, celsius, constant, constant_bulk_modulus, formula, kelvin};
+use super::{PropertyCheck, celsius, constant, constant_bulk_modulus, formula, kelvin};
 
 /// Reduction of Young's modulus by temperature (°C).
 const STIFFNESS: &[(f64, f64)] = &[
@@ -20,7 +20,7 @@ const STIFFNESS: &[(f64, f64)] = &[
 ];
 
 /// EN 1993-1-2 annex C and EN 1993-1-4, for both steels; the optical constants of Karlsson and Ribbing (1982).
-fn both() -> Vec<Check> {
+fn both() -> Vec<PropertyCheck> {
     vec![
         formula("thermal_expansion", 293.15, 1473.15, |kelvin| {
             let t = kelvin - 273.15;
@@ -43,7 +43,7 @@ fn melt_conductivity(temperature: f64) -> f64 {
 }
 
 /// Kim (1975), molten 316, and Pichler et al. (2022), 316L.
-fn melt(from: f64) -> Vec<Check> {
+fn melt(from: f64) -> Vec<PropertyCheck> {
     vec![
         formula("conductivity.liquid", from, 2500.0, melt_conductivity),
         formula("viscosity", 1700.0, 3000.0, viscosity(-0.5958, 2385.2)),
@@ -53,7 +53,7 @@ fn melt(from: f64) -> Vec<Check> {
     ]
 }
 
-pub(super) fn s304l() -> Vec<Check> {
+pub(super) fn s304l() -> Vec<PropertyCheck> {
     let (boiling, vaporisation) = boiling(&[("Fe", 72.0), ("Cr", 19.0), ("Ni", 9.0)]);
     let calorie = 4184.0;
     let mut checks = vec![
@@ -96,7 +96,7 @@ pub(super) fn s304l() -> Vec<Check> {
     checks
 }
 
-pub(super) fn s316l() -> Vec<Check> {
+pub(super) fn s316l() -> Vec<PropertyCheck> {
     let mut checks = vec![
         constant("density", 7955.0),
         formula("specific_heat.solid", 298.0, 1573.15, |t| {

@@ -1,7 +1,7 @@
 //! Sources of S355.
 
 use super::formulas::{absorptivity_1070nm, viscosity};
-use super::{Check, Source, celsius, check, constant, formula};
+use super::{PropertyCheck, SourceData, celsius, check, constant, formula};
 
 /// EN 1993-1-2, 3.4.1.2 (J/(kg K)).
 fn specific_heat(kelvin: f64) -> f64 {
@@ -73,7 +73,7 @@ fn poissons_ratio() -> Vec<(f64, f64)> {
         .collect()
 }
 
-pub(super) fn s355() -> Vec<Check> {
+pub(super) fn s355() -> Vec<PropertyCheck> {
     let iron = 55.845e-3;
     let (c, mn, si) = (0.17, 1.4, 0.3);
     vec![
@@ -102,9 +102,9 @@ pub(super) fn s355() -> Vec<Check> {
         celsius("poissons_ratio", 1.0, &poissons_ratio()),
         celsius("yield_stress", 355e6, STRENGTH).floor(1473.0),
         constant("emissivity", 0.7),
-        check("carbon", Source::Range(0.17, 0.20)),
-        check("manganese", Source::Range(1.20, 1.60)),
-        check("silicon", Source::Range(0.10, 0.40)),
+        check("carbon", SourceData::Range(0.17, 0.20)),
+        check("manganese", SourceData::Range(1.20, 1.60)),
+        check("silicon", SourceData::Range(0.10, 0.40)),
         // Johnson and Christy (1974), iron
         constant(
             "absorptivity",

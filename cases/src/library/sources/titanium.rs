@@ -1,7 +1,7 @@
 //! Sources of Ti-6Al-4V.
 
 use super::formulas::absorptivity_1070nm;
-use super::{Check, constant, constant_bulk_modulus, formula, rows};
+use super::{PropertyCheck, constant, constant_bulk_modulus, formula, rows};
 
 /// Young's modulus, K and Pa.
 const STIFFNESS: &[(f64, f64)] = &[
@@ -17,7 +17,7 @@ const STIFFNESS: &[(f64, f64)] = &[
     (1263.0, 33.5e9),
 ];
 
-pub(super) fn ti_6al_4v() -> Vec<Check> {
+pub(super) fn ti_6al_4v() -> Vec<PropertyCheck> {
     // McCormick and Brooks (1996): densities at 295.75 K and at 1871.62 K
     let elongation = (4419.90f64 / 4198.77).cbrt() - 1.0;
     vec![

@@ -2,7 +2,7 @@
 //! 0.1 MPa are others than those from which the file was computed.
 
 use super::formulas::hemispherical_emissivity;
-use super::{Check, constant, formula, rows};
+use super::{PropertyCheck, constant, formula, rows};
 
 /// IAPWS SR6-08 (2011): sum of aᵢ (T/300 K)^bᵢ.
 fn sr6_08(a: [f64; 4], b: [f64; 4]) -> impl Fn(f64) -> f64 + 'static {
@@ -45,7 +45,7 @@ const OPTICAL: &[(f64, f64, f64)] = &[
 ];
 
 /// The liquid at 0 to 100 °C, rows of the file; releases R6-95 and R10-06 evaluated at 101325 Pa.
-pub(super) fn water() -> Vec<Check> {
+pub(super) fn water() -> Vec<PropertyCheck> {
     let viscosity = sr6_08(
         [280.68, 511.45, 61.131, 0.45903],
         [-1.9, -7.7, -19.6, -40.0],

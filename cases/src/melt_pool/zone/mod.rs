@@ -31,12 +31,12 @@ pub(crate) struct Zone {
     pub length: Option<f64>,
     /// whether the direction of travel or the beam turns
     pub turns: bool,
-    /// along the beam from the molten surface; the largest one of the sections where the beam turns
+    /// penetration along the beam from the molten surface; the largest one of the sections where the beam turns
     pub penetration: Option<Penetration>,
-    /// where the beam pierces the metal
+    /// the root, where the beam pierces the metal
     pub root: Option<Root>,
     /// the largest section, or those of the logged states on a path that turns; `None` for one that is left out
-    sections: Vec<Option<Section>>,
+    sections: Vec<Option<ZoneSection>>,
 }
 
 /// The side of a zone that lies on the far side of the metal.
@@ -50,14 +50,14 @@ pub(crate) struct Root {
 
 /// A section normal to the direction of travel.
 #[derive(Clone, Copy, Debug)]
-struct Section {
+struct ZoneSection {
     /// smallest and largest coordinate across, m; `None` if the body does not have that direction
     sides: Option<[f64; 2]>,
     /// extent across, m, with its mirror image behind a plane of symmetry
     width: Option<f64>,
     /// m², with its mirror images; `None` for a body that is not three-dimensional
     area: Option<f64>,
-    /// along the beam of the section
+    /// penetration along the beam of the section
     penetration: Option<Penetration>,
     /// width of the root, m; `None` where the beam does not pierce the metal
     root: Option<f64>,
@@ -79,7 +79,7 @@ impl Zone {
         self.penetration.map(|penetration| penetration.depth)
     }
 
-    fn largest(&self, size: impl Fn(&Section) -> Option<f64>) -> Option<f64> {
+    fn largest(&self, size: impl Fn(&ZoneSection) -> Option<f64>) -> Option<f64> {
         let sizes = self.sections.iter().flatten().filter_map(size);
         sizes.max_by(f64::total_cmp)
     }
@@ -109,7 +109,7 @@ impl MeltPoolGauge {
         let fractions = fractions.filter(|(_, fraction)| *fraction > 0.0).collect();
         let present = (0..values.len()).filter(|&cell| !values[cell].is_nan());
         let hottest = present.max_by(|&a, &b| values[a].total_cmp(&values[b]))?;
-        let cut = Cut {
+        let cut = CutRegion {
             gauge: self,
             hottest,
             cells,
@@ -126,7 +126,7 @@ impl MeltPoolGauge {
                 turns: false,
                 penetration: unknown,
                 root: None,
-                sections: vec![Some(Section::of_pool(&pool, self, f64::NAN))],
+                sections: vec![Some(ZoneSection::of_pool(&pool, self, f64::NAN))],
             });
         }
         let whole = Region::above(&cut.cells, self.isotherm);
@@ -135,7 +135,7 @@ impl MeltPoolGauge {
         let penetration = beam.and_then(|beam| whole.penetration(cut.hottest, beam));
         let across = Some(directions.across()).filter(|across| self.has(*across));
         if !turns(aim.sources) {
-            let section = Section::of_pool(&pool, self, cut.largest_area(pool.travel));
+            let section = ZoneSection::of_pool(&pool, self, cut.largest_area(pool.travel));
             let root = beam.zip(across).and_then(|(beam, across)| {
                 let [width, length] = whole.root(beam, across, directions.travel)?;
                 let mirrored = axis_of(across).map_or(1.0, |axis| cut.halves[axis]);
@@ -158,7 +158,7 @@ impl MeltPoolGauge {
             let directions = aim.sources[state].directions(aim.otherwise);
             cut.across(aim.sources, state, directions)
         });
-        let sections: Vec<Option<Section>> = sections.collect();
+        let sections: Vec<Option<ZoneSection>> = sections.collect();
         let there = || sections.iter().flatten();
         let roots = there().filter_map(|section| section.root);
         let width = roots.clone().fold(0.0, f64::max);
@@ -180,10 +180,10 @@ impl MeltPoolGauge {
     }
 }
 
-impl Section {
+impl ZoneSection {
     /// The section of a zone along a straight path, with its largest area (m²).
     fn of_pool(pool: &MeltPool, gauge: &MeltPoolGauge, area: f64) -> Self {
-        Section {
+        ZoneSection {
             sides: pool.sides,
             width: pool.width,
             area: (gauge.dimension == 3).then_some(area),
@@ -194,17 +194,17 @@ impl Section {
 }
 
 /// A region above an isotherm that is cut by planes.
-struct Cut<'a> {
+struct CutRegion<'a> {
     gauge: &'a MeltPoolGauge,
     cells: CellValues<'a>,
     hottest: usize,
-    /// of the cells that are not below the isotherm as a whole
+    /// fractions above the isotherm, of the cells that are not entirely below it
     fractions: Vec<(usize, f64)>,
-    /// by axis, 2 where a plane of symmetry normal to it cuts the region
+    /// 2 for each axis whose normal plane of symmetry cuts the region, else 1
     halves: [f64; 3],
 }
 
-impl Cut<'_> {
+impl CutRegion<'_> {
     /// Centre of the hottest cell, m.
     fn hottest_place(&self) -> [f64; 3] {
         self.cells.centre(self.cells.cell(self.hottest))
@@ -241,7 +241,7 @@ impl Cut<'_> {
 
     /// The section through the source in a state of its path; `None` if nothing lies there, or if it reaches a corner or a
     /// part of the path with another direction.
-    fn across(&self, path: &[SourceState], state: usize, d: Directions) -> Option<Section> {
+    fn across(&self, path: &[SourceState], state: usize, d: Directions) -> Option<ZoneSection> {
         let (cells, spacing) = (&self.cells, self.cells.grid.spacing);
         let (travel, across) = (d.travel, d.across());
         let position = path[state].position;
@@ -275,7 +275,7 @@ impl Cut<'_> {
         } else {
             1.0
         };
-        let region = Region::around(cells, (nearest, self.gauge.isotherm), within);
+        let region = Region::around(cells, nearest, self.gauge.isotherm, within);
         // the isotherm also crosses cells beside those of the region
         let joins = |&&(cell, _): &&(usize, f64)| {
             let place = cells.cell(cell);
@@ -294,7 +294,7 @@ impl Cut<'_> {
         let copies = mirrored * self.mirrored(travel, axis);
         let area = copies * areas.sum::<f64>() * spacing.powi(2);
         let root = region.root(d.beam, across, travel);
-        Some(Section {
+        Some(ZoneSection {
             sides: Some([from, to]),
             width: Some(mirrored * (to - from)),
             area: (self.gauge.dimension == 3).then_some(area),

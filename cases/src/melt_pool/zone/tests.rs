@@ -37,7 +37,7 @@ fn around(p: [f64; 3], [from, to]: [[f64; 2]; 2], half: [f64; 2]) -> f64 {
 
 fn gauge(positions: &[[f64; 3]], symmetry: &[Face]) -> MeltPoolGauge {
     let grid = CellGrid::new(positions, SPACING).expect("a lattice");
-    MeltPoolGauge::on(grid, (3, 1.0), 1500.0).with_symmetry(symmetry)
+    MeltPoolGauge::on(grid, 3, 1.0, 1500.0).with_symmetry(symmetry)
 }
 
 fn state(position: [f64; 2], travel: [f64; 2]) -> SourceState {
@@ -151,7 +151,7 @@ fn a_section_that_ends_at_a_plane_of_symmetry_is_doubled() {
     // the first leg lies in the plane
     let positions = plate([-56, 0], [112, 56, 8]);
     let (highest, path) = corner(&positions, 90.0);
-    // of the second leg only the state at the corner, through which no section counts
+    // the second leg has only the state at the corner, through which no section counts
     let zone = measured(&gauge(&positions, &[Face::YMin]), &highest, &path[..13]);
     close(zone.width(), 2.0 * HALF[0]);
     close(zone.area(), 0.5 * PI * HALF[0] * HALF[1]);

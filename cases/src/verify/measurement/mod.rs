@@ -22,7 +22,7 @@ pub struct Measurement {
 }
 
 impl Measurement {
-    /// Finds what `measure` names in a composed simulation.
+    /// Finds the bodies, fields and points of `measure` in a composed simulation.
     ///
     /// # Errors
     /// The key at fault.
@@ -36,7 +36,7 @@ impl Measurement {
         })
     }
 
-    /// Looks at the state after a step; `logging`: the state is logged.
+    /// Updates the values after a step; `logging`: the state is logged.
     pub fn observe(&mut self, simulation: &Simulation, logging: bool) {
         if self.sampler.is_followed() {
             self.sampler.follow(simulation, logging, &mut self.values);
@@ -45,7 +45,7 @@ impl Measurement {
         }
     }
 
-    /// Takes the values of a state if it counts and has them.
+    /// Takes the values of a state within the schedule.
     fn take(&mut self, simulation: &Simulation) {
         let (now, end) = (simulation.time(), simulation.options().end);
         if !self.schedule.includes(now, end) {

@@ -15,7 +15,7 @@ use crate::verify::check::{
     StatisticMeasure, TipMeasure,
 };
 
-/// When the values of a measurement are taken, and which of them count.
+/// Times of a measurement, and the reduction of its values.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Schedule {
     /// First state, s; the first one after the start when left out.
@@ -71,7 +71,7 @@ impl Schedule {
     }
 }
 
-/// The sampler of a measurement and when it is to be asked.
+/// The sampler of a measurement and the times at which it is used.
 ///
 /// # Errors
 /// The key at fault.
@@ -138,7 +138,7 @@ pub(super) fn sampler(
 }
 
 fn field(m: &FieldMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(simulation, &m.body, (&m.field, "measure.field.field"))?;
+    let found = Found::new(simulation, &m.body, &m.field, "measure.field.field")?;
     let weights = |at| found.weights(at, m.interpolation, "measure.field.at");
     let subtracted = m.from.map(weights).transpose()?;
     let difference = |&at: &[f64; 3]| {
@@ -161,7 +161,7 @@ fn field(m: &FieldMeasure, simulation: &Simulation) -> Result<Sampler, SetupErro
 
 fn passing(m: &PassingMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
     find_moving_body(simulation, m.body.as_deref())?;
-    let found = Found::new(simulation, &m.body, (&m.field, "measure.passing.field"))?;
+    let found = Found::new(simulation, &m.body, &m.field, "measure.passing.field")?;
     Ok(Sampler::Passing {
         body: found.body,
         component: found.component(m.component.as_deref())?,
@@ -170,7 +170,7 @@ fn passing(m: &PassingMeasure, simulation: &Simulation) -> Result<Sampler, Setup
 }
 
 fn history(m: &HistoryMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(simulation, &m.body, (&m.field, "measure.history.field"))?;
+    let found = Found::new(simulation, &m.body, &m.field, "measure.history.field")?;
     let end = simulation.options().end;
     Ok(Sampler::History {
         component: found.component(m.component.as_deref())?,
@@ -180,7 +180,7 @@ fn history(m: &HistoryMeasure, simulation: &Simulation) -> Result<Sampler, Setup
 }
 
 fn crossing(m: &CrossingMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(simulation, &m.body, (&m.field, "measure.crossing.field"))?;
+    let found = Found::new(simulation, &m.body, &m.field, "measure.crossing.field")?;
     let interpolation = match found.points().lattice() {
         Some(_) => Interpolation::Cubic,
         None => Interpolation::Linear,
@@ -199,13 +199,13 @@ fn onset(m: &OnsetMeasure, simulation: &Simulation) -> Result<Sampler, SetupErro
         statistic: Statistic::Max,
     };
     Ok(Sampler::Onset {
-        largest: region_probe(&m.body, (&m.field, None), region, simulation)?,
+        largest: region_probe(&m.body, &m.field, None, region, simulation)?,
         above: m.above,
     })
 }
 
 fn tip(m: &TipMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(simulation, &m.body, (&m.field, "measure.tip.field"))?;
+    let found = Found::new(simulation, &m.body, &m.field, "measure.tip.field")?;
     Ok(Sampler::Tip {
         body: found.body,
         component: found.component(None)?,
@@ -219,15 +219,14 @@ fn statistic(m: &StatisticMeasure, simulation: &Simulation) -> Result<Sampler, S
         name: m.region.clone(),
         statistic: m.statistic,
     };
-    let field = (m.field.as_str(), m.component.clone());
     Ok(Sampler::Statistic {
-        probe: region_probe(&m.body, field, region, simulation)?,
+        probe: region_probe(&m.body, &m.field, m.component.clone(), region, simulation)?,
         offset: m.offset,
     })
 }
 
 fn place(m: &PlaceMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(simulation, &m.body, (&m.field, "measure.place.field"))?;
+    let found = Found::new(simulation, &m.body, &m.field, "measure.place.field")?;
     let region = m.region.as_deref();
     Ok(Sampler::Place {
         body: found.body,
@@ -238,10 +237,9 @@ fn place(m: &PlaceMeasure, simulation: &Simulation) -> Result<Sampler, SetupErro
 }
 
 fn deviation(m: &DeviationMeasure, simulation: &Simulation) -> Result<Sampler, SetupError> {
-    let found = Found::new(simulation, &m.body, (&m.field, "measure.deviation.field"))?;
+    let found = Found::new(simulation, &m.body, &m.field, "measure.deviation.field")?;
     let region = m.region.as_deref();
     Ok(Sampler::Deviation {
-        body: found.body,
         component: found.component(m.component.as_deref())?,
         points: points_of(found.points(), region, "measure.deviation.region")?,
         section: m.clone(),
@@ -294,7 +292,8 @@ impl<'a> Found<'a> {
     fn new(
         simulation: &'a Simulation,
         body: &Option<String>,
-        (field, key): (&str, &str),
+        field: &str,
+        key: &str,
     ) -> Result<Self, SetupError> {
         let body = find_body(simulation.world(), body.as_deref())?;
         Ok(Found {
@@ -344,7 +343,8 @@ fn find_moving_body(simulation: &Simulation, name: Option<&str>) -> Result<usize
 /// A probe of a field (name and component) in a region of a body.
 fn region_probe(
     body: &Option<String>,
-    (field, component): (&str, Option<String>),
+    field: &str,
+    component: Option<String>,
     region: RegionProbe,
     simulation: &Simulation,
 ) -> Result<Probe, SetupError> {

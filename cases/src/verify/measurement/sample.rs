@@ -41,7 +41,7 @@ pub(super) enum Sampler {
         component: Component,
         weights: Weights,
         level: f64,
-        /// time (s) and value after the step before
+        /// time (s) and value after the previous step
         last: (f64, f64),
     },
     Onset {
@@ -65,7 +65,6 @@ pub(super) enum Sampler {
         of: Extreme,
     },
     Deviation {
-        body: usize,
         component: Component,
         points: Vec<u32>,
         section: DeviationMeasure,
@@ -81,7 +80,7 @@ pub(super) enum Sampler {
     },
     Report {
         name: String,
-        /// divides it
+        /// name of the divisor
         of: Option<String>,
     },
     Passes,
@@ -143,8 +142,8 @@ impl Sampler {
         }
     }
 
-    /// The values of the present state; `None` where it has none, such as of a melt pool while all is solid, and of what
-    /// has to be followed.
+    /// The values of the present state; `None` where there are none, such as the extent of a melt pool while all is solid, and for
+    /// samplers that follow every state ([`Sampler::is_followed`]).
     pub(super) fn take(&self, simulation: &Simulation) -> Option<Vec<f64>> {
         let world = simulation.world();
         Some(match self {
@@ -161,14 +160,7 @@ impl Sampler {
                 component,
                 section,
             } => passing(world, *body, *component, &section.at),
-            Sampler::Reach { body, along } => {
-                let along = along.normalize();
-                let spacings = &world.body(*body).points.spacing;
-                let ends = world.positions(*body).into_iter().zip(spacings);
-                vec![largest(
-                    ends.map(|(x, spacing)| x.dot(&along) + 0.5 * spacing),
-                )]
-            }
+            Sampler::Reach { body, along } => vec![reach(world, *body, along)],
             Sampler::Nearest { body } => vec![nearest(world, *body)],
             Sampler::Statistic { probe, offset } => probe
                 .measure(world, &[])
@@ -185,59 +177,24 @@ impl Sampler {
                     Extreme::Max => 1.0,
                     Extreme::Min => -1.0,
                 };
-                let there = is_there(*component, world);
-                let points = points.iter().map(|&p| p as usize).filter(there);
+                let points = present(points.iter().map(|&p| p as usize), *component, world);
                 place_of_largest(world.body(*body), points, |p| sign * component.at(world, p))?
             }
             Sampler::Deviation {
-                body,
                 component,
                 points,
                 section,
-            } => {
-                let positions = &world.body(*body).points.position;
-                let there = is_there(*component, world);
-                let points: Vec<usize> = points.iter().map(|&p| p as usize).filter(there).collect();
-                let pairs = points.iter().map(|&p| {
-                    let position = positions[p].into();
-                    let expected = section.expected.at(position, simulation.time());
-                    (component.at(world, p) - expected, expected)
-                });
-                vec![deviation(pairs, section.norm)]
-            }
+            } => vec![deviation(simulation, *component, points, section)],
             Sampler::MeltPool {
                 temperature,
                 gauge,
                 extent,
             } => {
-                let field = world.fields().field(*temperature);
-                let (temperature, activity) = (field.data(), world.activity(field.body));
-                // the gauge counts from where the case places the body
-                let shift = world.window_shift(field.body);
-                let sources = sources_of(simulation);
-                let sources: Vec<_> = sources.iter().map(|s| s.seen_from(shift.into())).collect();
-                let aim = Aim {
-                    sources: &sources,
-                    ..Aim::fixed(Travel::X)
-                };
-                let state = (temperature.flat(), activity.as_deref());
-                let pool = gauge.measure_present(state, aim)?;
-                let along = shift.dot(&Vector3::from(pool.travel));
-                vec![match extent {
-                    Extent::Rear => pool.rear + along,
-                    Extent::Front => pool.front + along,
-                    Extent::Length => pool.length(),
-                    Extent::Width => pool.width?,
-                    Extent::Depth => pool.depth?,
-                }]
+                vec![pool_extent(simulation, *temperature, gauge, *extent)?]
             }
             Sampler::Report { name, of } => {
-                let reports = simulation.reports();
-                let sum = |name: &String| -> f64 {
-                    let all = reports.iter().flat_map(|(_, r)| r);
-                    all.filter(|r| r.name == *name).map(|r| r.value).sum()
-                };
-                vec![sum(name) / of.as_ref().map_or(1.0, sum)]
+                let divisor = of.as_ref().map_or(1.0, |of| report_sum(simulation, of));
+                vec![report_sum(simulation, name) / divisor]
             }
             Sampler::Passes => {
                 let progress = simulation.progress();
@@ -250,8 +207,7 @@ impl Sampler {
                 along,
             } => {
                 let body = world.body(*body);
-                let there = is_there(*component, world);
-                let points = (0..body.points.len()).filter(there);
+                let points = present(0..body.points.len(), *component, world);
                 let beyond = points.filter(|&p| component.at(world, p) > *above);
                 place_of_largest(body, beyond, |p| body.points.position[p].dot(along))?
             }
@@ -263,14 +219,80 @@ impl Sampler {
     }
 }
 
-/// Whether a point of the body of a field has material.
-fn is_there(component: Component, world: &World) -> impl Fn(&usize) -> bool {
-    let activity = component.activity(world);
-    move |point| activity.as_ref().is_none_or(|a| is_active(a[*point]))
+/// Largest coordinate (m) of the cells of a body along a direction.
+fn reach(world: &World, body: usize, along: &Vector3<f64>) -> f64 {
+    let along = along.normalize();
+    let spacings = &world.body(body).points.spacing;
+    let ends = world.positions(body).into_iter().zip(spacings);
+    largest(ends.map(|(x, spacing)| x.dot(&along) + 0.5 * spacing))
 }
 
-/// A component at places in space (m) among the points that are there now; not a number where
-/// there are too few.
+/// An extent (m) of the melt pool; `None` while nothing is molten.
+fn pool_extent(
+    simulation: &Simulation,
+    temperature: FieldIndex,
+    gauge: &MeltPoolGauge,
+    extent: Extent,
+) -> Option<f64> {
+    let world = simulation.world();
+    let field = world.fields().field(temperature);
+    let (temperature, activity) = (field.data(), world.activity(field.body));
+    // the gauge has the initial position of the body
+    let shift = world.window_shift(field.body);
+    let sources = sources_of(simulation);
+    let sources: Vec<_> = sources.iter().map(|s| s.seen_from(shift.into())).collect();
+    let aim = Aim {
+        sources: &sources,
+        ..Aim::fixed(Travel::X)
+    };
+    let pool = gauge.measure_present(temperature.flat(), activity.as_deref(), aim)?;
+    let along = shift.dot(&Vector3::from(pool.travel));
+    match extent {
+        Extent::Rear => Some(pool.rear + along),
+        Extent::Front => Some(pool.front + along),
+        Extent::Length => Some(pool.length()),
+        Extent::Width => pool.width,
+        Extent::Depth => pool.depth,
+    }
+}
+
+/// Sum of all reports of a name.
+fn report_sum(simulation: &Simulation, name: &str) -> f64 {
+    let reports = simulation.reports().into_iter().flat_map(|(_, r)| r);
+    reports.filter(|r| r.name == name).map(|r| r.value).sum()
+}
+
+/// The points of the body of a field that have material.
+fn present(
+    points: impl Iterator<Item = usize>,
+    component: Component,
+    world: &World,
+) -> impl Iterator<Item = usize> {
+    let activity = component.activity(world);
+    points.filter(move |point| activity.as_ref().is_none_or(|a| is_active(a[*point])))
+}
+
+/// Norm of the deviations of a field from a formula.
+fn deviation(
+    simulation: &Simulation,
+    component: Component,
+    points: &[u32],
+    measure: &DeviationMeasure,
+) -> f64 {
+    let world = simulation.world();
+    let body = world.fields().field(component.field).body;
+    let positions = &world.body(body).points.position;
+    let points = points.iter().map(|&p| p as usize);
+    let points: Vec<usize> = present(points, component, world).collect();
+    let pairs = points.iter().map(|&p| {
+        let expected = measure.expected.at(positions[p].into(), simulation.time());
+        (component.at(world, p) - expected, expected)
+    });
+    relative_norm(pairs, measure.norm)
+}
+
+/// A component at places in space (m) among the present points; NaN where there are
+/// too few.
 fn passing(world: &World, body: usize, component: Component, at: &[[f64; 3]]) -> Vec<f64> {
     let positions = world.positions(body);
     let body = world.body(body);
@@ -299,7 +321,7 @@ fn nearest(world: &World, body: usize) -> f64 {
 }
 
 /// Norm of (difference, expected value) pairs.
-fn deviation(pairs: impl Iterator<Item = (f64, f64)> + Clone, norm: Norm) -> f64 {
+fn relative_norm(pairs: impl Iterator<Item = (f64, f64)> + Clone, norm: Norm) -> f64 {
     match norm {
         Norm::L2 => {
             let [error, size] = pairs
@@ -314,7 +336,7 @@ fn deviation(pairs: impl Iterator<Item = (f64, f64)> + Clone, norm: Norm) -> f64
     }
 }
 
-/// The largest relative error of a balance, now or `before`; not a number if one of them is none.
+/// The larger of the present relative error of a balance and `before`; NaN if one of them is NaN.
 fn worst_error(simulation: &Simulation, quantity: &str, before: f64) -> f64 {
     let balances = simulation.balances();
     let all = balances.iter().flat_map(|(_, b)| b);
@@ -323,8 +345,8 @@ fn worst_error(simulation: &Simulation, quantity: &str, before: f64) -> f64 {
     largest(std::iter::once(before).chain(errors))
 }
 
-/// Reference position (m) of the point at which something is largest; `None` where there is no point, not a number where
-/// a value is not a number.
+/// Reference position (m) of the point at which something is largest; `None` where there is no point, NaN where
+/// a value is NaN.
 fn place_of_largest(
     body: &Body,
     points: impl Iterator<Item = usize>,

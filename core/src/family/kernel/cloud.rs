@@ -1,56 +1,70 @@
-//! Rows of a cloud: the bonds of a point advance side by side, and so do their weights.
+//! Rows of a cloud: the bonds of a point and their weights are computed side by side.
 //!
-//! Columns are gathered one by one: gather instructions are slower than loads.
+//! Columns are loaded one by one, as gather instructions are slower.
 
-use super::{Bits, Bond, BondKernel, Inputs, Output, bits, lanes};
+use super::lattice::lanes;
+use super::{Bits, Bond, BondKernel, Output, SweepInputs};
 use crate::family::{Chunk, Family, FamilySpec, Rows};
 
-/// Bonds of a row that advance together on a cloud: two AVX2 registers.
+/// Bonds of a row that are computed together on a cloud: two AVX2 registers.
 pub(in crate::family) const ROW_LANES: usize = 8;
 
+/// [`ROW_LANES`] bonds of a row.
+#[derive(Clone, Copy)]
+struct BondGroup<'a> {
+    rows: &'a Rows,
+    /// Slot of the point.
+    slot: usize,
+    /// Number of the first bond in `rows`.
+    first: usize,
+}
+
 impl Family {
-    /// The row of a point of a cloud: its bonds advance side by side, [`ROW_LANES`] at a time. Code that does not ask
-    /// whether bonds count where all do is compiled only where speed matters (`FAST`).
+    /// The sum of a row of a cloud, [`ROW_LANES`] bonds at a time. The loop for rows without broken bonds is compiled only
+    /// where speed matters (`FAST`).
     #[inline(always)]
     pub(super) fn sum_cloud_row<const I: usize, const O: usize, const FAST: bool>(
         &self,
         kernel: &impl BondKernel<I, O>,
         inputs: &[&[f64]; I],
-        (rows, row): (&Rows, usize),
+        rows: &Rows,
+        row: usize,
         broken: Bits<'_>,
     ) -> [f64; O] {
-        let at = rows.slot[row] as usize;
+        let slot = rows.slot[row] as usize;
         let (start, end) = (rows.start[row], rows.start[row + 1]);
         let mut first = start;
         let mut sums = [[0.0; ROW_LANES]; O];
         let all = |_| true;
         if const { FAST } {
             while first + ROW_LANES <= end && !broken.any() {
-                self.add_bonds::<I, O, true>(kernel, inputs, (rows, at, first), all, &mut sums);
+                let group = BondGroup { rows, slot, first };
+                self.add_bonds::<I, O, true>(kernel, inputs, group, all, &mut sums);
                 first += ROW_LANES;
             }
         }
         let counts = |bond| bond < end && !broken.is_broken(bond - start);
         while first < end {
-            self.add_bonds::<I, O, false>(kernel, inputs, (rows, at, first), counts, &mut sums);
+            let group = BondGroup { rows, slot, first };
+            self.add_bonds::<I, O, false>(kernel, inputs, group, counts, &mut sums);
             first += ROW_LANES;
         }
         sums.map(|lanes| lanes.into_iter().sum())
     }
 
-    /// Adds the bonds from number `first` on of the point in slot `at`. Those that do not count compute
-    /// with what is there in memory; where all do (`WHOLE`), not to ask saves a third.
+    /// Adds a group of bonds. Lanes that do not count compute with any numbers; if all count (`WHOLE`), skipping the test
+    /// saves a third of the time.
     #[inline(always)]
     fn add_bonds<const I: usize, const O: usize, const WHOLE: bool>(
         &self,
         kernel: &impl BondKernel<I, O>,
         inputs: &[&[f64]; I],
-        (rows, at, first): (&Rows, usize, usize),
+        BondGroup { rows, slot, first }: BondGroup<'_>,
         counts: impl Fn(usize) -> bool,
         sums: &mut [[f64; ROW_LANES]; O],
     ) {
-        let here: [f64; 3] = std::array::from_fn(|a| self.places[a][at]);
-        let own: [f64; I] = std::array::from_fn(|i| inputs[i][at]);
+        let here: [f64; 3] = std::array::from_fn(|a| self.places[a][slot]);
+        let own: [f64; I] = std::array::from_fn(|i| inputs[i][slot]);
         let columns: [u32; ROW_LANES] = rows.column[first..first + ROW_LANES]
             .try_into()
             .expect("the slice has as many elements");
@@ -59,8 +73,14 @@ impl Family {
             true => weight,
             false => lanes(&rows.dual, first),
         };
-        let there = gather_places(&self.places, (here, self.flat), columns);
-        let other: [[f64; ROW_LANES]; I] = std::array::from_fn(|i| gather(inputs[i], columns));
+        let plane = self.flat.then_some(here[2]);
+        // SAFETY: columns are slots (asserted by `Family::take_images`), for each of which there are positions (made
+        // there) and inputs (asserted by `Family::check_inputs`).
+        let (there, other) = unsafe {
+            let there = gather_places(&self.places, plane, columns);
+            let other: [[f64; ROW_LANES]; I] = std::array::from_fn(|i| gather(inputs[i], columns));
+            (there, other)
+        };
         for lane in 0..ROW_LANES {
             let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
             let length = (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt();
@@ -85,7 +105,7 @@ impl Family {
 pub(super) fn sweep_cloud_avx2<const I: usize, const O: usize>(
     family: &Family,
     kernel: &impl BondKernel<I, O>,
-    inputs: Inputs<'_, I>,
+    inputs: SweepInputs<'_, I>,
     output: &Output<'_, O>,
     chunk: &Chunk,
 ) {
@@ -96,84 +116,95 @@ pub(super) fn sweep_cloud_avx2<const I: usize, const O: usize>(
 pub(super) fn sweep_cloud<const I: usize, const O: usize>(
     family: &Family,
     kernel: &impl BondKernel<I, O>,
-    (inputs, broken): Inputs<'_, I>,
+    inputs: SweepInputs<'_, I>,
     output: &Output<'_, O>,
     chunk: &Chunk,
 ) {
     for row in chunk.rows.clone() {
         let point = family.rows.point[row] as usize;
-        let sum = family.sum_cloud_row::<I, O, true>(
-            kernel,
-            inputs,
-            (&family.rows, row),
-            bits(broken, point),
-        );
-        output.set(point, sum);
+        let (values, bits) = (inputs.values, inputs.bits(point));
+        let sum = family.sum_cloud_row::<I, O, true>(kernel, values, &family.rows, row, bits);
+        // SAFETY: rows are those of points of the family, for each of which `output` has sums, and no other chunk
+        // contains them.
+        unsafe { output.set(point, sum) }
     }
 }
 
-/// What the weights of rows are made of.
+/// Fields by slot from which the weights of rows follow.
 pub(in crate::family) struct Weighing<'a> {
+    spec: &'a FamilySpec,
     places: &'a [Vec<f64>; 3],
+    flat: bool,
     volume: &'a [f64],
     spacing: &'a [f64],
-    spec: &'a FamilySpec,
-    flat: bool,
+}
+
+/// The point whose family a row is.
+#[derive(Clone, Copy)]
+pub(in crate::family) struct RowOwner {
+    pub slot: usize,
+    /// m.
+    pub horizon: f64,
+    /// Moment of a family of this horizon.
+    pub moment: f64,
 }
 
 impl<'a> Weighing<'a> {
-    /// Of places (m; whether all in one plane), volumes (m³) and spacings (m) of each of the slots.
+    /// Positions (m; `flat`: all in one plane), volumes (m³) and spacings (m) of all slots.
     ///
     /// # Panics
-    /// When there is not one of each.
+    /// When there is not one of each for each slot.
     pub fn new(
         spec: &'a FamilySpec,
-        slots: usize,
-        (places, flat): (&'a [Vec<f64>; 3], bool),
-        [volume, spacing]: [&'a [f64]; 2],
+        places: &'a [Vec<f64>; 3],
+        flat: bool,
+        volume: &'a [f64],
+        spacing: &'a [f64],
     ) -> Self {
         let lengths = places.iter().map(Vec::len);
         let mut lengths = lengths.chain([volume.len(), spacing.len()]);
-        assert!(lengths.all(|n| n == slots), "one for each slot");
+        assert!(lengths.all(|n| n == volume.len()), "one for each slot");
         Weighing {
+            spec,
             places,
+            flat,
             volume,
             spacing,
-            spec,
-            flat,
         }
     }
 
-    /// Weights of the bonds of the point in slot `at` to the slots in `columns`, which go on for [`ROW_LANES`]
-    /// beyond the row, with its horizon (m) and the moment of its family.
-    pub fn weigh(
-        &self,
-        (at, horizon, moment): (usize, f64, f64),
-        columns: &[u32],
-        weights: &mut [f64],
-    ) {
+    /// Weights of the bonds of a point to the slots in `columns`, which continue for [`ROW_LANES`] beyond the row.
+    pub fn weigh(&self, owner: RowOwner, columns: &[u32], weights: &mut [f64]) {
         assert!(columns.len() >= weights.len().next_multiple_of(ROW_LANES));
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the instruction set was detected.
-            return unsafe { weigh_avx2(self, (at, horizon, moment), columns, weights) };
+            return unsafe { weigh_avx2(self, owner, columns, weights) };
         }
-        self.weigh_lanes((at, horizon, moment), columns, weights);
+        self.weigh_lanes(owner, columns, weights);
     }
 
     #[inline(always)]
-    fn weigh_lanes(
-        &self,
-        (at, horizon, moment): (usize, f64, f64),
-        columns: &[u32],
-        weights: &mut [f64],
-    ) {
-        let here: [f64; 3] = std::array::from_fn(|a| self.places[a][at]);
+    fn weigh_lanes(&self, owner: RowOwner, columns: &[u32], weights: &mut [f64]) {
+        let RowOwner {
+            slot,
+            horizon,
+            moment,
+        } = owner;
+        let here: [f64; 3] = std::array::from_fn(|a| self.places[a][slot]);
         let (rows, _) = columns.as_chunks::<ROW_LANES>();
         for (weights, &columns) in weights.chunks_mut(ROW_LANES).zip(rows) {
-            let there = gather_places(self.places, (here, self.flat), columns);
-            let volume = gather(self.volume, columns);
-            let spacing = gather(self.spacing, columns);
+            let plane = self.flat.then_some(here[2]);
+            // SAFETY: columns are slots (asserted by `Family::take_images`), for each of which there are positions (made
+            // there), volumes and spacings (asserted by `Weighing::new`).
+            let (there, volume, spacing) = unsafe {
+                let there = gather_places(self.places, plane, columns);
+                (
+                    there,
+                    gather(self.volume, columns),
+                    gather(self.spacing, columns),
+                )
+            };
             let length: [f64; ROW_LANES] = std::array::from_fn(|lane| {
                 let xi: [f64; 3] = std::array::from_fn(|a| there[a][lane] - here[a]);
                 (xi[0] * xi[0] + xi[1] * xi[1] + xi[2] * xi[2]).sqrt()
@@ -188,41 +219,37 @@ impl<'a> Weighing<'a> {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn weigh_avx2(
-    weighing: &Weighing<'_>,
-    row: (usize, f64, f64),
-    columns: &[u32],
-    weights: &mut [f64],
-) {
-    weighing.weigh_lanes(row, columns, weights);
+fn weigh_avx2(weighing: &Weighing<'_>, owner: RowOwner, columns: &[u32], weights: &mut [f64]) {
+    weighing.weigh_lanes(owner, columns, weights);
 }
 
+/// Values of some slots.
+///
+/// # Safety
+/// `columns` are indices of `values`.
 #[inline(always)]
-fn gather<const N: usize>(values: &[f64], columns: [u32; N]) -> [f64; N] {
+unsafe fn gather<const N: usize>(values: &[f64], columns: [u32; N]) -> [f64; N] {
     let mut gathered = [0.0; N];
     for lane in 0..N {
         debug_assert!((columns[lane] as usize) < values.len());
-        // SAFETY: columns are slots (asserted by `Family::take_images`), and places, volumes, spacings and inputs
-        // are as long as there are slots (so made there, asserted by those who sweep or weigh).
+        // SAFETY: the contract of the caller.
         gathered[lane] = unsafe { *values.get_unchecked(columns[lane] as usize) };
     }
     gathered
 }
 
-/// Places of the slots of a row; those of a flat body lie in the plane of `here`.
+/// Positions of some slots; `plane` is the common z of a flat body.
+///
+/// # Safety
+/// `columns` are indices of all `places`.
 #[inline(always)]
-fn gather_places(
+unsafe fn gather_places(
     places: &[Vec<f64>; 3],
-    (here, flat): ([f64; 3], bool),
+    plane: Option<f64>,
     columns: [u32; ROW_LANES],
 ) -> [[f64; ROW_LANES]; 3] {
-    let across = match flat {
-        true => [here[2]; ROW_LANES],
-        false => gather(&places[2], columns),
-    };
-    [
-        gather(&places[0], columns),
-        gather(&places[1], columns),
-        across,
-    ]
+    // SAFETY: the contract of the caller.
+    let along = |axis: usize| unsafe { gather(&places[axis], columns) };
+    let z = plane.map_or_else(|| along(2), |z| [z; ROW_LANES]);
+    [along(0), along(1), z]
 }

@@ -1,6 +1,6 @@
 //! Logs with damaged chunks.
 
-use super::super::source::{Limit, Place, Source};
+use super::super::source::{Limit, RecordPlace, RecordReader};
 use super::*;
 
 /// Places of the chunks of a file: each record has an opcode and its length before it.
@@ -110,12 +110,12 @@ fn records_that_exceed_a_chunk_without_compression_are_damage() {
     let [chunk] = &chunks(&bytes)[..] else {
         panic!("one chunk");
     };
-    let place = Place {
+    let place = RecordPlace {
         offset: chunk.start as u64 - 9,
         length: chunk.len() as u64 + 9,
     };
     let visited = || {
-        Source::open(&path)
+        RecordReader::open(&path)
             .unwrap()
             .visit(place, Limit::Series, |_| Ok(()))
     };

@@ -5,24 +5,31 @@ use std::{borrow::Cow, collections::BTreeMap};
 use mcap::{Attachment, records::Metadata};
 use serde_json::{Value, json};
 
-use super::{Channel, Writer};
-use crate::log::{LogError, Progress, RunInfo, foxglove_schema, series, topic};
+use super::{Channel, RunHeader, Writer};
+use crate::log::{LogError, Progress, foxglove_schema, series, topic};
+
+/// Schema of the messages of a channel.
+struct ChannelSchema<'a> {
+    name: &'a str,
+    encoding: &'a str,
+    data: &'a [u8],
+}
 
 impl Writer {
     /// Writes case, run and the channels that every log has.
-    pub(super) fn describe(
-        &mut self,
-        run: &RunInfo,
-        name: &str,
-        text: &str,
-    ) -> Result<(), LogError> {
+    pub(super) fn describe(&mut self, header: RunHeader<'_>) -> Result<(), LogError> {
+        let RunHeader {
+            run,
+            case_name,
+            case_text,
+        } = header;
         let nanoseconds = run.started.saturating_mul(1_000_000_000);
         let case = Attachment {
             log_time: nanoseconds,
             create_time: nanoseconds,
             name: "case.toml".into(),
             media_type: "application/toml".into(),
-            data: Cow::Borrowed(text.as_bytes()),
+            data: Cow::Borrowed(case_text.as_bytes()),
         };
         self.mcap
             .attach(&case)
@@ -33,7 +40,7 @@ impl Writer {
             source,
         };
         let mut description = serde_json::to_value(run).map_err(wrong)?;
-        description["case_file"] = name.into();
+        description["case_file"] = case_name.into();
         let entries = description.as_object().into_iter().flatten();
         let metadata = Metadata {
             name: "run".into(),
@@ -48,10 +55,18 @@ impl Writer {
         let descriptor = foxglove_schema::file_descriptor_set();
         for body in &run.bodies {
             let topic = topic::points(&body.name);
-            let schema = (foxglove_schema::NAME, "protobuf", descriptor.as_slice());
+            let schema = ChannelSchema {
+                name: foxglove_schema::NAME,
+                encoding: "protobuf",
+                data: &descriptor,
+            };
             self.declare(&topic, schema, "protobuf", Vec::new())?;
         }
-        let checkpoint = ("perimelt.Checkpoint", "", [].as_slice());
+        let checkpoint = ChannelSchema {
+            name: "perimelt.Checkpoint",
+            encoding: "",
+            data: &[],
+        };
         self.declare(topic::CHECKPOINT, checkpoint, "msgpack", Vec::new())?;
         self.declare_json(topic::INDEX, "perimelt.Index", &index_schema(), Vec::new())?;
         let progress = schemars::schema_for!(Progress).to_value();
@@ -76,29 +91,28 @@ impl Writer {
         columns: Vec<(String, String)>,
     ) -> Result<(), LogError> {
         let schema = schema.to_string();
-        self.declare(
-            topic,
-            (name, "jsonschema", schema.as_bytes()),
-            "json",
-            columns,
-        )
+        let schema = ChannelSchema {
+            name,
+            encoding: "jsonschema",
+            data: schema.as_bytes(),
+        };
+        self.declare(topic, schema, "json", columns)
     }
 
-    /// Declares a channel, if it is not yet; `schema` is name, encoding, data.
+    /// Declares a channel, unless it is declared.
     fn declare(
         &mut self,
         topic: &str,
-        schema: (&str, &str, &[u8]),
+        schema: ChannelSchema<'_>,
         encoding: &'static str,
         columns: Vec<(String, String)>,
     ) -> Result<(), LogError> {
         if self.channels.contains_key(topic) {
             return Ok(());
         }
-        let (name, schema_encoding, data) = schema;
         let schema = self
             .mcap
-            .add_schema(name, schema_encoding, data)
+            .add_schema(schema.name, schema.encoding, schema.data)
             .map_err(|source| self.failed(source))?;
         self.add_channel(topic, schema, encoding, columns)
     }
@@ -125,7 +139,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Declares the channel of a part, if it is not yet, with the schema of the `first` part.
+    /// Declares the channel of a part, unless it is declared, with the schema of the `first` part.
     pub(super) fn declare_part(&mut self, topic: &str, first: &str) -> Result<(), LogError> {
         if self.channels.contains_key(topic) {
             return Ok(());

@@ -21,7 +21,7 @@ pub(super) fn lock(file: &File, path: &Path) -> Result<(), LogError> {
 /// # Errors
 /// [`LogError::InUse`].
 pub fn check_unused(path: &Path) -> Result<(), LogError> {
-    // to open a pipe would wait for its reader
+    // opening a pipe would block until a reader opens it
     if !path.is_file() {
         return Ok(());
     }

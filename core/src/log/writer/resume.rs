@@ -1,18 +1,18 @@
 //! Starting a log from an older one.
 
-use super::{Destination, Writer, leads_to};
+use super::{Destination, RunHeader, Writer, leads_to};
 use crate::log::{
-    Log, LogError, RunInfo,
+    Log, LogError,
     scan::IndexLine,
     series,
     topic::{self, Topic},
 };
 
 impl Writer {
-    /// Starts the log of a run resumed from checkpoint number `checkpoint` of an older log:
-    /// describes the run and its case as [`Writer::begin`] does, copies everything logged up to and including the time of that checkpoint, of the
-    /// checkpoints only that one and the one before, and continues from there. A step should
-    /// therefore log its checkpoint last.
+    /// Starts the log of a run resumed from checkpoint number `checkpoint` of an older log: describes the run and its case
+    /// as [`Writer::begin`] does, copies everything logged up to and including the time of that checkpoint (of the
+    /// checkpoints only that one and the one before), and continues from there. A step should therefore log its checkpoint
+    /// last.
     ///
     /// # Errors
     /// No such checkpoint, the old log is damaged, the new one cannot be written or is the old.
@@ -20,14 +20,19 @@ impl Writer {
         old: &Log,
         destination: Destination,
         checkpoint: usize,
-        (run, case_file_name, case_text): (&RunInfo, &str, &str),
+        header: RunHeader<'_>,
     ) -> Result<Self, LogError> {
         if leads_to(old.path(), &destination.file) {
             let path = destination.path;
             return Err(LogError::SameFile { path });
         }
         let (end, oldest_checkpoint) = old.resume_range(checkpoint)?;
-        let mut writer = Self::begin(destination, run, case_file_name, case_text)?;
+        let RunHeader {
+            run,
+            case_name,
+            case_text,
+        } = header;
+        let mut writer = Self::begin(destination, run, case_name, case_text)?;
         old.visit_messages(|topic, schema, header, data| {
             let outdated = header.log_time < oldest_checkpoint
                 && match Topic::of(topic) {
@@ -48,7 +53,7 @@ impl Writer {
             if let Topic::Part(first) = Topic::of(topic) {
                 writer.declare_part(topic, first)?;
             }
-            // anything else unknown was added by another tool and is not the run's
+            // other topics were added by another tool and do not belong to the run
             if let Some(channel) = writer.channels.get_mut(topic) {
                 channel.next_sequence = header.sequence;
                 writer.write(topic, header.log_time, data)?;

@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 pub(super) struct Mesh {
     /// In units of the file.
     pub corners: Vec<Vector3<f64>>,
-    /// Of three different corners each.
+    /// Numbers of three different corners each.
     pub triangles: Vec<[u32; 3]>,
     /// Line or number of each triangle in the file.
     pub places: Vec<u32>,
@@ -105,7 +105,7 @@ impl Mesh {
             }
             cells.entry(cell(corner, [0; 3])).or_default().push(corner);
         }
-        // of joined corners the one that most triangles have
+        // joined corners become the one that most triangles have
         let mut uses = vec![0; self.corners.len()];
         for corner in self.triangles.as_flattened() {
             uses[*corner as usize] += 1;
@@ -124,7 +124,7 @@ impl Mesh {
         }))
     }
 
-    /// The same mesh without corners that no triangle has.
+    /// The mesh without corners that no triangle has.
     pub fn without_unused_corners(mut self) -> Mesh {
         let corners = std::mem::take(&mut self.corners);
         let mut numbers = vec![u32::MAX; corners.len()];
@@ -174,7 +174,7 @@ impl Mesh {
         }))
     }
 
-    /// The same corners with other triangles.
+    /// A mesh of these corners with other triangles.
     fn with(&self, triangles: impl Iterator<Item = ([u32; 3], u32)>) -> Mesh {
         let mut mesh = Mesh {
             corners: self.corners.clone(),

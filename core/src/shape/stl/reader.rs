@@ -154,7 +154,7 @@ fn binary(triangles: &[[u8; TRIANGLE]]) -> Result<Mesh, FormatError> {
         let (words, _) = bytes.as_chunks::<4>();
         let coordinate = |index: usize| f64::from(f32::from_le_bytes(words[index]));
         let corners = [3, 6, 9].map(|first| [0, 1, 2].map(|axis| coordinate(first + axis)));
-        add(&mut mesh, corners, (Format::Binary, number))?;
+        add(&mut mesh, corners, Format::Binary, number)?;
     }
     Ok(mesh)
 }
@@ -162,7 +162,8 @@ fn binary(triangles: &[[u8; TRIANGLE]]) -> Result<Mesh, FormatError> {
 fn add(
     mesh: &mut Mesh,
     corners: [[f64; 3]; 3],
-    (format, triangle): (Format, u32),
+    format: Format,
+    triangle: u32,
 ) -> Result<(), FormatError> {
     let mut coordinates = corners.as_flattened().iter();
     if let Some(&coordinate) = coordinates.find(|c| !c.is_finite()) {
@@ -340,7 +341,7 @@ fn solids(mut words: Words<'_>) -> Result<Mesh, FormatError> {
     while let Some(word) = words.next() {
         if word.is("facet") {
             let corners = words.corners()?;
-            add(&mut mesh, corners, (Format::Text, word.line))?;
+            add(&mut mesh, corners, Format::Text, word.line)?;
             in_solid = true;
         } else if word.is("solid") || in_solid && word.is("endsolid") {
             words.skip_name();

@@ -11,53 +11,38 @@
 //! - A null space could be projected out in its preconditioner only, which leaves the
 //!   drift of the residual into it.
 
-use super::{Hints, KrylovOptions, KrylovReport, Work};
+use super::{Iteration, KrylovReport, System, WorkVectors};
 use crate::solver::error::SolverError;
 use crate::solver::reduce::{dot, norm};
 use crate::solver::vector::update;
 
-pub(super) fn solve(
-    work: &mut Work,
-    options: KrylovOptions,
-    apply: &mut impl FnMut(&[f64], &mut [f64]) -> Result<(), SolverError>,
-    rhs: &[f64],
-    solution: &mut [f64],
-    hints: Hints,
-) -> Result<KrylovReport, SolverError> {
-    let tolerance = work.start(options, apply, rhs, solution, hints)?;
-    let Work {
-        residual: r,
-        direction: p,
-        preconditioned: z,
-        image,
-        ..
-    } = work;
+#[derive(Default)]
+pub(super) struct ConjugateGradient {
+    /// Product of the residual and the preconditioned residual in the last iteration.
+    last_product: f64,
+}
 
-    let mut curvature_of_preconditioner = 0.0;
-    for iteration in 0.. {
-        let residual = norm(r);
-        if !residual.is_finite() {
-            return Err(SolverError::NotFinite {
-                what: "the residual",
-                iteration,
-            });
-        }
-        if residual <= tolerance {
-            return Ok(KrylovReport {
-                iterations: iteration,
-                residual,
-            });
-        }
-        if iteration == options.max_iterations {
-            return Err(SolverError::NotConverged {
-                method: "the conjugate gradient method",
-                iterations: iteration,
-                residual,
-                tolerance,
-                advice: "allow more iterations, ask for less, or give the diagonal of the matrix as preconditioner",
-            });
-        }
-        hints.precondition(r, z);
+impl Iteration for ConjugateGradient {
+    const NAME: &str = "the conjugate gradient method";
+    const ADVICE: &str =
+        "allow more iterations, ask for less, or give the diagonal of the matrix as preconditioner";
+
+    fn advance(
+        &mut self,
+        system: &mut System,
+        work: &mut WorkVectors,
+        solution: &mut [f64],
+        before: KrylovReport,
+    ) -> Result<KrylovReport, SolverError> {
+        let WorkVectors {
+            residual: r,
+            direction: p,
+            preconditioned: z,
+            image,
+            ..
+        } = work;
+        let iteration = before.iterations;
+        system.hints.precondition(r, z);
         let rz = dot(r, z);
         if rz <= 0.0 {
             return Err(SolverError::NotPositiveDefinite {
@@ -68,12 +53,12 @@ pub(super) fn solve(
         if iteration == 0 {
             p.copy_from_slice(z);
         } else {
-            let beta = rz / curvature_of_preconditioner;
+            let beta = rz / self.last_product;
             update(p, [z], |p, [z]| z + beta * p);
         }
-        curvature_of_preconditioner = rz;
+        self.last_product = rz;
 
-        apply(p, image)?;
+        (system.apply)(p, image)?;
         let curvature = dot(p, image);
         if curvature <= 0.0 {
             return Err(SolverError::NotPositiveDefinite {
@@ -84,8 +69,11 @@ pub(super) fn solve(
         let alpha = rz / curvature;
         update(solution, [p], |x, [p]| x + alpha * p);
         update(r, [image], |r, [image]| r - alpha * image);
-        // rounding lets the residual creep back into the null space, where no step can remove it
-        hints.project(r);
+        // rounding adds components in the null space to the residual, which no step can remove
+        system.hints.project(r);
+        Ok(KrylovReport {
+            iterations: iteration + 1,
+            residual: norm(r),
+        })
     }
-    unreachable!("the loop ends by convergence or at the iteration limit")
 }

@@ -15,6 +15,10 @@ mod null_space;
 #[cfg(test)]
 mod tests;
 
+use bicgstab::BiCgStab;
+use conjugate_gradient::ConjugateGradient;
+use gmres::Gmres;
+
 pub use coarse::{CoarseSpace, Spring};
 pub use null_space::NullSpace;
 
@@ -60,7 +64,7 @@ impl Default for KrylovOptions {
     }
 }
 
-/// What a Krylov iteration did.
+/// Report of a Krylov iteration.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct KrylovReport {
     /// Iterations spent.
@@ -70,7 +74,7 @@ pub struct KrylovReport {
     pub residual: f64,
 }
 
-/// What is known of the matrix besides its action.
+/// Properties of the matrix that speed up the iteration.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Hints<'a> {
     /// Diagonal of the matrix, used as preconditioner; positive for conjugate gradients.
@@ -114,11 +118,11 @@ pub struct Krylov {
     pub method: KrylovMethod,
     /// When to stop.
     pub options: KrylovOptions,
-    work: Work,
+    work: WorkVectors,
 }
 
 #[derive(Debug, Clone, Default)]
-struct Work {
+struct WorkVectors {
     residual: Vec<f64>,
     direction: Vec<f64>,
     preconditioned: Vec<f64>,
@@ -126,7 +130,7 @@ struct Work {
     // used by BiCGStab only
     shadow: Vec<f64>,
     second_image: Vec<f64>,
-    /// Used by GMRES; as many as it has needed so far.
+    /// Used by GMRES; as many as it needed so far.
     basis: Vec<Vec<f64>>,
 }
 
@@ -136,7 +140,7 @@ impl Krylov {
         Self {
             method,
             options,
-            work: Work::default(),
+            work: WorkVectors::default(),
         }
     }
 
@@ -175,18 +179,25 @@ impl Krylov {
             )?;
         }
         self.work.resize(n, self.method);
-        let (work, options, apply) = (&mut self.work, self.options, &mut apply);
+        let work = &mut self.work;
+        let system = System {
+            apply: &mut apply,
+            rhs,
+            hints,
+            options: self.options,
+            tolerance: 0.0,
+        };
         match self.method {
             KrylovMethod::ConjugateGradient => {
-                conjugate_gradient::solve(work, options, apply, rhs, solution, hints)
+                system.solve(ConjugateGradient::default(), work, solution)
             }
-            KrylovMethod::BiCgStab => bicgstab::solve(work, options, apply, rhs, solution, hints),
-            KrylovMethod::Gmres => gmres::solve(work, options, apply, rhs, solution, hints),
+            KrylovMethod::BiCgStab => system.solve(BiCgStab::default(), work, solution),
+            KrylovMethod::Gmres => system.solve(Gmres, work, solution),
         }
     }
 }
 
-impl Work {
+impl WorkVectors {
     fn resize(&mut self, n: usize, method: KrylovMethod) {
         for vector in [
             &mut self.residual,
@@ -201,27 +212,98 @@ impl Work {
             self.second_image.resize(n, 0.0);
         }
     }
+}
 
-    /// Takes the residual of `solution`; returns the norm at which it is small enough.
-    fn start(
+/// Writes `A x` into its second argument.
+type Apply<'a> = dyn FnMut(&[f64], &mut [f64]) -> Result<(), SolverError> + 'a;
+
+/// A linear system.
+struct System<'a> {
+    apply: &'a mut Apply<'a>,
+    rhs: &'a [f64],
+    hints: Hints<'a>,
+    options: KrylovOptions,
+    /// Norm of the residual at which the iteration has converged.
+    tolerance: f64,
+}
+
+/// The iteration of a Krylov method.
+trait Iteration {
+    const NAME: &str;
+
+    /// Advice where the iteration does not converge.
+    const ADVICE: &str;
+
+    /// Improves `solution` from the residual in `work`. `before` is the report of the iterations so far; returns that
+    /// afterwards.
+    fn advance(
         &mut self,
-        options: KrylovOptions,
-        apply: &mut impl FnMut(&[f64], &mut [f64]) -> Result<(), SolverError>,
-        rhs: &[f64],
-        solution: &[f64],
-        hints: Hints,
-    ) -> Result<f64, SolverError> {
-        let Work {
-            residual, image, ..
-        } = self;
-        residual.copy_from_slice(rhs);
-        hints.project(residual);
-        let tolerance = options.relative_tolerance * norm(residual) + options.absolute_tolerance;
-        if solution.iter().any(|x| *x != 0.0) {
-            apply(solution, image)?;
-            update(residual, [image], |r, [image]| r - image);
-            hints.project(residual);
+        system: &mut System,
+        work: &mut WorkVectors,
+        solution: &mut [f64],
+        before: KrylovReport,
+    ) -> Result<KrylovReport, SolverError>;
+
+    /// The error of an iteration that stops at this report.
+    fn not_converged(system: &System, report: KrylovReport, advice: &'static str) -> SolverError {
+        SolverError::NotConverged {
+            method: Self::NAME,
+            iterations: report.iterations,
+            residual: report.residual,
+            tolerance: system.tolerance,
+            advice,
         }
-        Ok(tolerance)
+    }
+}
+
+impl System<'_> {
+    /// Computes the residual of `solution`, and the tolerance.
+    fn start(&mut self, work: &mut WorkVectors, solution: &[f64]) -> Result<(), SolverError> {
+        let WorkVectors {
+            residual, image, ..
+        } = work;
+        residual.copy_from_slice(self.rhs);
+        self.hints.project(residual);
+        let KrylovOptions {
+            relative_tolerance,
+            absolute_tolerance,
+            ..
+        } = self.options;
+        self.tolerance = relative_tolerance * norm(residual) + absolute_tolerance;
+        if solution.iter().any(|x| *x != 0.0) {
+            (self.apply)(solution, image)?;
+            update(residual, [image], |r, [image]| r - image);
+            self.hints.project(residual);
+        }
+        Ok(())
+    }
+
+    /// Iterates until the residual is below the tolerance.
+    fn solve<M: Iteration>(
+        mut self,
+        mut method: M,
+        work: &mut WorkVectors,
+        solution: &mut [f64],
+    ) -> Result<KrylovReport, SolverError> {
+        self.start(work, solution)?;
+        let mut report = KrylovReport {
+            iterations: 0,
+            residual: norm(&work.residual),
+        };
+        loop {
+            if !report.residual.is_finite() {
+                return Err(SolverError::NotFinite {
+                    what: "the residual",
+                    iteration: report.iterations,
+                });
+            }
+            if report.residual <= self.tolerance {
+                return Ok(report);
+            }
+            if report.iterations == self.options.max_iterations {
+                return Err(M::not_converged(&self, report, M::ADVICE));
+            }
+            report = method.advance(&mut self, work, solution, report)?;
+        }
     }
 }

@@ -25,7 +25,7 @@ impl NullSpace {
             null_space.project(&mut vector);
             null_space.project(&mut vector);
             let rest = norm(&vector);
-            // what is left of a dependent vector is rounding
+            // the rest of a dependent vector is rounding
             if rest > 1e-10 * length {
                 update(&mut vector, [], |value, []| value / rest);
                 null_space.basis.push(vector);

@@ -15,11 +15,10 @@ const JET: &str =
 /// Heat of the points (W), and dry, wet and lifted areas (m²).
 fn jet(faces: &str, dimension: usize) -> (Vec<f64>, Vec<f64>) {
     let mut world = World::new(vec![block([6, 1, 1], dimension, STEEL)]);
-    let mut coupler: WaterJet = read(&format!("{JET}{faces}"));
-    let exchange = exchange(&mut world, &mut coupler);
+    let (mut coupler, exchange) = exchange(&mut world, read::<WaterJet>(&format!("{JET}{faces}")));
     let temperatures = [900.0, 900.0, 400.0, 600.0, 800.0, 400.0];
     set(&mut world, &keys::TEMPERATURE, |i| temperatures[i]);
-    apply(&world, &mut coupler, 0.0);
+    apply(&world, &mut *coupler, 0.0);
     check_slopes(&exchange, &[310.0, 400.0]);
     let areas = coupler.report()[1..].iter().map(|r| r.value).collect();
     (heat(&world, &exchange, |i| temperatures[i]), areas)
@@ -39,7 +38,9 @@ fn the_film_runs_over_the_material_that_is_there() {
     let mut world = World::new(vec![block([2, 1, 4], 3, STEEL)]);
     let mut setup = Setup::new(&mut world, Path::new("."));
     setup.next_plugin("deposit");
-    let active = setup.deposit(0, &[4, 5, 6, 7]).expect("a lattice");
+    let active = setup
+        .change_material(0, perimelt_core::Change::Births, &[4, 5, 6, 7])
+        .expect("a lattice");
     setup.next_plugin("thermal");
     setup.own(0, &keys::TEMPERATURE).expect("free");
     setup.next_plugin("jet");
@@ -47,14 +48,14 @@ fn the_film_runs_over_the_material_that_is_there() {
     let jet = JET
         .replace("'x+'", "'z-'")
         .replace("start = 1", "start = 10");
-    let mut coupler: WaterJet = read(&format!("{jet}faces = ['x+']"));
-    coupler.prepare(&mut setup).expect("valid");
+    let coupler: WaterJet = read(&format!("{jet}faces = ['x+']"));
+    let mut coupler = Box::new(coupler).prepare(&mut setup).expect("valid");
     let exchange = setup.facts::<Rc<Exchange>>(0).next().cloned().expect("one");
     setup.finish().expect("complete");
     let temperature = |i: usize| if i < 4 { 400.0 } else { 900.0 };
     let mut heat = || {
         set(&mut world, &keys::TEMPERATURE, temperature);
-        apply(&world, &mut coupler, 0.0);
+        apply(&world, &mut *coupler, 0.0);
         let heat = heat(&world, &exchange, temperature);
         world.write(active).fill(1.0);
         heat
@@ -79,8 +80,7 @@ fn the_stiffness_is_that_of_the_steepest_part_of_the_boiling_curve() {
     ] {
         let table = format!("{JET}faces = ['z+']").replace(change, with);
         let mut world = World::new(vec![block([6, 1, 1], 3, STEEL)]);
-        let mut coupler: WaterJet = read(&table);
-        let exchange = exchange(&mut world, &mut coupler);
+        let (_, exchange) = exchange(&mut world, read::<WaterJet>(&table));
         assert_eq!(exchange.law().stiffness(1000.0), expected, "{with}");
     }
 }
@@ -118,10 +118,9 @@ fn the_jet_moves_and_its_limits_belong_to_the_wetted_surface() {
         let table = format!(
             "{keys}\nfaces = ['z+']\nimpingement = 1\nwater = 300\nleidenfrost = 700\nflux = 1000\nfilm_coefficient = 1"
         );
-        let mut coupler: WaterJet = read(&table);
-        let exchange = exchange(&mut world, &mut coupler);
+        let (mut coupler, exchange) = exchange(&mut world, read::<WaterJet>(&table));
         set(&mut world, &keys::TEMPERATURE, |i| temperatures[i]);
-        apply(&world, &mut coupler, 1.0);
+        apply(&world, &mut *coupler, 1.0);
         let expected_heat: Vec<f64> = expected
             .iter()
             .zip(temperatures)
@@ -143,14 +142,12 @@ fn the_jet_moves_and_its_limits_belong_to_the_wetted_surface() {
 fn a_jet_that_cannot_be_is_refused() {
     let mut world = World::new(vec![block([6, 1, 1], 3, STEEL)]);
     for (change, key) in [("faces = ['z+']\nregion = 'lef'", "region"), ("", "faces")] {
-        let mut coupler: WaterJet = read(&format!("{JET}{change}"));
-        assert!(refusal(&mut world, &mut coupler).starts_with(key));
+        assert!(refusal(&mut world, read::<WaterJet>(&format!("{JET}{change}"))).starts_with(key));
     }
-    let mut coupler: WaterJet = read(&JET.replace("leidenfrost = 700", "leidenfrost = 200"));
-    assert!(refusal(&mut world, &mut coupler).starts_with("leidenfrost"));
+    let coupler: WaterJet = read(&JET.replace("leidenfrost = 700", "leidenfrost = 200"));
+    assert!(refusal(&mut world, coupler).starts_with("leidenfrost"));
     let negative = JET.replace("flux = ", "flux = -1e6 # ");
-    let mut coupler: WaterJet = read(&negative);
-    assert!(refusal(&mut world, &mut coupler).starts_with("flux"));
+    assert!(refusal(&mut world, read::<WaterJet>(&negative)).starts_with("flux"));
     for (key, value) in [
         ("impingement = 1.6", "impingement = 0"),
         ("film_coefficient = 100", "film_coefficient = -1"),
@@ -160,9 +157,9 @@ fn a_jet_that_cannot_be_is_refused() {
         ("speed = 0", "speed = nan"),
     ] {
         let table = format!("{}faces = ['z+']", JET.replace(key, value));
-        let mut coupler: WaterJet = read(&table);
+        let coupler: WaterJet = read(&table);
         let key = key.split(' ').next().expect("a key");
-        let refused = refusal(&mut world, &mut coupler);
+        let refused = refusal(&mut world, coupler);
         assert!(refused.starts_with(&format!("{key}: ")), "{refused}");
     }
 }

@@ -8,7 +8,7 @@ const STIFF: &str = "density = 1000\nyoungs_modulus = 3e10";
 /// A body whose points move together in a plane, on a body at rest.
 struct Rolling {
     world: World,
-    contact: Contact,
+    contact: Box<dyn RunningCoupler>,
     /// Reference positions, from the centre, m.
     arms: Vec<Vector3<f64>>,
     mass: f64,
@@ -34,8 +34,8 @@ impl Rolling {
         let squares = arms.iter().map(|r| r.x * r.x + r.y * r.y).sum::<f64>();
         let mut world = World::new(vec![body, floor]);
         let keys = format!("body = 'block'\nother = 'floor'\nfriction = {friction}");
-        let mut contact: Contact = read(&keys);
-        prepare(&mut world, &mut contact, |setup| own(setup, 2)).expect("valid");
+        let contact: Contact = read(&keys);
+        let (contact, _) = prepare(&mut world, contact, |setup| own(setup, 2)).expect("valid");
         Rolling {
             world,
             contact,

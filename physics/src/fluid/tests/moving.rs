@@ -274,8 +274,8 @@ fn a_free_surface_needs_the_conservative_form() {
     ] {
         let mut setup = perimelt_core::Setup::new(&mut world, std::path::Path::new("."));
         setup.next_plugin("fluid");
-        let mut fluid: Fluid = read(&format!("state.tait.sound_speed = 1\n{keys}"));
-        let error = perimelt_core::Physics::prepare(&mut fluid, &mut setup).expect_err(keys);
+        let fluid: Fluid = read(&format!("state.tait.sound_speed = 1\n{keys}"));
+        let error = fluid.ready(&mut setup).err().expect(keys);
         assert_eq!(error.key, key, "{error}");
     }
 }

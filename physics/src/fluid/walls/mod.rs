@@ -124,10 +124,10 @@ impl Walls {
         let walls: Vec<Wall> = setup.facts(body).copied().collect();
         for wall in walls {
             setup.read(wall.other, &keys::DISPLACEMENT)?;
-            let density = setup.density_at_points(body)?;
+            let density = setup.world().density_at_points(body)?;
             let heaviest = density.into_iter().fold(0.0, f64::max);
             let solid = setup.body(wall.other);
-            let density = setup.density_at_points(wall.other)?;
+            let density = setup.world().density_at_points(wall.other)?;
             let mass = density.iter().zip(&solid.points.volume);
             bodies.push(WallBody {
                 name: solid.name.clone(),
@@ -399,11 +399,8 @@ impl Walls {
             forces.push(("all", forces.iter().map(|(_, force)| force).sum()));
         }
         let of_wall = |(name, force): (&str, Vector3<f64>)| {
-            [("x", force.x), ("y", force.y), ("z", force.z)].map(|(axis, value)| Report {
-                name: format!("force.{name}.{axis}"),
-                unit: "N".into(),
-                value,
-            })
+            [("x", force.x), ("y", force.y), ("z", force.z)]
+                .map(|(axis, value)| Report::new(format!("force.{name}.{axis}"), "N", value))
         };
         forces.into_iter().flat_map(of_wall).collect()
     }

@@ -26,7 +26,7 @@ mod kernels;
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
-use perimelt_core::family::{ByImage, Continuation, LayerRule, Mirrored};
+use perimelt_core::family::{AxisPlane, ByImage, Continuation, LayerRule, Mirrored};
 use perimelt_core::{Body, Bond, Family, Image, SlotField};
 use rayon::prelude::*;
 
@@ -453,12 +453,13 @@ impl Solid for Correspondence {
         &self.tensors
     }
 
-    fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3])) {
+    fn force_across(&mut self, plane: AxisPlane, receive: &mut dyn FnMut(usize, [f64; 3])) {
         self.load_gradient();
         self.load_force_state(StrainKind::Elastic, self.elastic.finite);
         self.family.sum_across(
             &Force,
-            (self.inputs.of_forces(), self.broken()),
+            self.inputs.of_forces(),
+            self.broken(),
             plane,
             receive,
         );

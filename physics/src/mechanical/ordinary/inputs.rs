@@ -146,16 +146,17 @@ impl Inputs {
     ) {
         const WITH_PRESSURE: usize = PRESSURE + 1;
         let family = &self.family;
+        let (vectors, last) = sums;
         match self.uniform {
             Some(point) if self.has_pressure => {
                 let inputs = self.first::<WITH_PRESSURE>();
-                family.sum_apart(&Uniform(kernel, point), inputs, broken, sums);
+                family.sum_apart(&Uniform(kernel, point), inputs, broken, vectors, last);
             }
             Some(point) => {
                 let inputs = self.first::<PRESSURE>();
-                family.sum_apart(&Uniform(kernel, point), inputs, broken, sums);
+                family.sum_apart(&Uniform(kernel, point), inputs, broken, vectors, last);
             }
-            None => family.sum_apart(kernel, self.first(), broken, sums),
+            None => family.sum_apart(kernel, self.first(), broken, vectors, last),
         }
     }
 

@@ -7,7 +7,7 @@ mod inputs;
 
 use std::sync::Arc;
 
-use perimelt_core::family::{Continuation, LayerRule, Mirrored};
+use perimelt_core::family::{AxisPlane, Continuation, LayerRule, Mirrored};
 use perimelt_core::solver::reduce::max_abs;
 use perimelt_core::{Body, Family, SlotField};
 
@@ -385,19 +385,19 @@ impl Solid for Ordinary {
         &self.tensors
     }
 
-    fn force_across(&mut self, plane: (usize, f64), receive: &mut dyn FnMut(usize, [f64; 3])) {
+    fn force_across(&mut self, plane: AxisPlane, receive: &mut dyn FnMut(usize, [f64; 3])) {
         self.load_inelastic(StrainKind::Elastic);
         self.load_pressure(StrainKind::Elastic, self.elastic.finite);
         let (family, inputs, broken) = (&self.family, &self.inputs, self.broken());
         let (finite, dilatation) = (self.elastic.finite, self.dilatation.is_some());
         if self.plastic.is_some() {
-            let inputs = (inputs.plastic(), broken);
+            let inputs = inputs.plastic();
             specialise!(FINITE = finite =>
-                family.sum_across(&Plastic(Force::<FINITE, true>), inputs, plane, receive));
+                family.sum_across(&Plastic(Force::<FINITE, true>), inputs, broken, plane, receive));
         } else {
-            let inputs = (inputs.first::<INPUTS>(), broken);
+            let inputs = inputs.first::<INPUTS>();
             specialise!(FINITE = finite, DILATATION = dilatation =>
-                family.sum_across(&Force::<FINITE, DILATATION>, inputs, plane, receive));
+                family.sum_across(&Force::<FINITE, DILATATION>, inputs, broken, plane, receive));
         }
     }
 }

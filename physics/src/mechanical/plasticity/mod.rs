@@ -132,7 +132,7 @@ impl Plasticity {
         let points = this.points.len();
         Ok(Plasticity {
             stress_state: StressState::of(this.dimension, plane),
-            yield_stress: setup.property(body, "yield_stress")?,
+            yield_stress: setup.world().property(body, "yield_stress")?,
             hardening_modulus: this
                 .materials
                 .iter()

@@ -3,7 +3,7 @@
 use perimelt_core::body::Store;
 use perimelt_core::world::LayerHandle;
 use perimelt_core::{
-    Coupler, Face, LayerRole, RunError, Setup, SetupError, Step, World, Write, keys,
+    Coupler, Face, LayerRole, RunError, RunningCoupler, Setup, SetupError, Step, World, Write, keys,
 };
 use serde::{Deserialize, Serialize};
 
@@ -23,15 +23,20 @@ struct HeatCycle {
 
 #[typetag::serialize(name = "test_heat_cycle")]
 impl Coupler for HeatCycle {
-    fn prepare(&mut self, setup: &mut Setup<'_>) -> Result<(), SetupError> {
+    fn prepare(
+        mut self: Box<Self>,
+        setup: &mut Setup<'_>,
+    ) -> Result<Box<dyn RunningCoupler>, SetupError> {
         self.eigenstrain = Some(setup.add(0, &keys::EIGENSTRAIN)?);
         for face in [Face::XMin, Face::XMax] {
             self.walls
                 .push(setup.layer(0, &keys::DISPLACEMENT, face, LayerRole::Free)?);
         }
-        Ok(())
+        Ok(self)
     }
+}
 
+impl RunningCoupler for HeatCycle {
     fn apply(&mut self, world: &World, step: Step) -> Result<(), RunError> {
         for wall in &self.walls {
             world.set_layer(*wall, [-1.0, 1.0, 1.0], [0.0; 3]);
@@ -113,15 +118,15 @@ fn the_tangent_of_a_flowing_body_is_the_derivative_of_its_forces() {
             ([7, 6, 6], "stress", 1e-12),
         ] {
             let body = block(cells, dimension(cells), 1e-3, Store::Lattice, material);
-            let mut mechanical: Mechanical = read(&format!(
+            let mechanical: Mechanical = read(&format!(
                 "formulation = '{formulation}'\nplane = '{plane}'\nplasticity = {{}}"
             ));
             let mut world = World::new(vec![body]);
             let mut setup = Setup::new(&mut world, std::path::Path::new("."));
             setup.next_plugin("mechanical");
-            perimelt_core::Physics::prepare(&mut mechanical, &mut setup).expect("valid");
+            let mut mechanical = mechanical.ready(&mut setup).expect("valid");
             setup.finish().expect("complete");
-            let run = mechanical.run.as_mut().expect("prepared");
+            let run = &mut mechanical.run;
             run.load_plasticity(&world, None);
             let plasticity = run.solid.plasticity().expect("it flows");
             if transformation > 0.0 {

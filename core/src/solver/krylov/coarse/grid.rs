@@ -9,9 +9,12 @@ use super::banded::Banded;
 /// widened until the factors take less.
 const MOST_WORK: usize = 600_000_000;
 
-/// Largest number of multiplications for the factors for each spring: as many as some ten iterations take. Cells that are
-/// finer cost more than the iterations that they spare.
+/// Largest number of multiplications for the factors for each spring: as many as some ten iterations take. Finer cells
+/// cost more than the iterations that they save.
 const WORK_FOR_SPRING: usize = 500;
+
+/// Number of multiplications that are always allowed, some milliseconds.
+const FREE_WORK: usize = 30_000_000;
 
 /// Smallest width of a cell in neighbourhoods. Cells of a whole neighbourhood take a fifth to a third more
 /// iterations.
@@ -58,7 +61,7 @@ struct Layout {
 
 /// Points in the cells of a grid.
 #[derive(Clone, Debug)]
-pub(super) struct Grid {
+pub(super) struct CoarseGrid {
     layout: Layout,
     /// The cell of each point along each axis.
     cell: Vec<[usize; 3]>,
@@ -82,7 +85,7 @@ impl Layout {
             longest,
         }: &Network,
     ) -> Option<Self> {
-        let most_work = MOST_WORK.min(WORK_FOR_SPRING * springs);
+        let most_work = (WORK_FOR_SPRING * springs).clamp(FREE_WORK, MOST_WORK);
         let first = *position.first()?;
         let (low, high) = position
             .iter()
@@ -161,7 +164,7 @@ impl Layout {
     }
 }
 
-impl Grid {
+impl CoarseGrid {
     /// The finest affordable grid; `None` if it has few nodes.
     pub(super) fn new(
         position: &[Vector3<f64>],
@@ -172,7 +175,7 @@ impl Grid {
         let layout = Layout::fitting(position, dimension, network)?;
         let cell: Vec<[usize; 3]> = position.iter().map(|x| layout.cell_at(x)).collect();
         let weights = position.iter().zip(&cell);
-        let mut grid = Grid {
+        let mut grid = CoarseGrid {
             weights: weights.map(|(x, cell)| layout.weights(x, cell)).collect(),
             cell,
             free,

@@ -15,7 +15,7 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use banded::Banded;
-use grid::{CORNERS, Grid, Network};
+use grid::{CORNERS, CoarseGrid, Network};
 
 /// Fraction of the coarse displacement that is applied: the diagonal corrects smooth displacements, too.
 const DAMPING: f64 = 0.6;
@@ -41,7 +41,7 @@ pub struct Spring {
 /// Displacements of the nodes of a coarse grid, and the factors of the stiffness between them.
 #[derive(Clone, Debug)]
 pub struct CoarseSpace {
-    grid: Grid,
+    grid: CoarseGrid,
     factor: Banded,
 }
 
@@ -73,7 +73,7 @@ impl CoarseSpace {
             shortest: reaches.fold(longest, f64::min),
             longest,
         };
-        let grid = Grid::new(position, dimension, &network, free)?;
+        let grid = CoarseGrid::new(position, dimension, &network, free)?;
         let (rows, band) = grid.size();
         let mut matrix = Banded::new(rows, band);
         for cells in grid.members.chunks(BATCH) {

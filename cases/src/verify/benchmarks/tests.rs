@@ -1,7 +1,7 @@
 use std::collections::BTreeSet;
 
-use super::benchmarks::{BENCHMARKS, BuiltIn, load};
-use super::check::Check;
+use super::{BENCHMARKS, BuiltIn, load};
+use crate::verify::check::Check;
 
 #[test]
 fn every_benchmark_file_is_built_in() {

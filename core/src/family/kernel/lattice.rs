@@ -1,0 +1,158 @@
+//! The sweep of lattices: consecutive points advance together through the shared stencil, with their sums in registers;
+//! each bond costs one load of each input per point.
+
+use super::{Bond, BondKernel, Output, SweepInputs};
+use crate::family::blocks::Weights;
+use crate::family::{Chunk, Family, StencilBond};
+
+/// Points that advance together: two AVX-512 or four AVX2 registers.
+const LANES: usize = 16;
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl")]
+pub(super) fn sweep_avx512<const I: usize, const O: usize>(
+    family: &Family,
+    kernel: &impl BondKernel<I, O>,
+    inputs: SweepInputs<'_, I>,
+    output: &Output<'_, O>,
+    chunk: &Chunk,
+) {
+    sweep_lattice(family, kernel, inputs, output, chunk);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+pub(super) fn sweep_avx2<const I: usize, const O: usize>(
+    family: &Family,
+    kernel: &impl BondKernel<I, O>,
+    inputs: SweepInputs<'_, I>,
+    output: &Output<'_, O>,
+    chunk: &Chunk,
+) {
+    sweep_lattice(family, kernel, inputs, output, chunk);
+}
+
+#[inline(always)]
+pub(super) fn sweep_lattice<const I: usize, const O: usize>(
+    family: &Family,
+    kernel: &impl BondKernel<I, O>,
+    inputs: SweepInputs<'_, I>,
+    output: &Output<'_, O>,
+    chunk: &Chunk,
+) {
+    // slices of one length need one check of bounds for all
+    let values = &inputs.values.map(|input| &input[..family.slots]);
+    // SAFETY: points of a chunk are points of the family, for each of which `output` has sums, and no other chunk
+    // contains them.
+    let set = |point: usize, sum: [f64; O]| unsafe { output.set(point, sum) };
+    let set_alone = |point: usize| {
+        set(
+            point,
+            family.sum_bonds(kernel, values, point, inputs.bits(point)),
+        )
+    };
+    let stencil = &family.stencil[..];
+    for run in &family.runs[chunk.runs.clone()] {
+        let (slot, point, len) = (run.slot as usize, run.point as usize, run.len as usize);
+        let mut done = 0;
+        while done < len {
+            // the last block overlaps the one before it: the same sums are written twice
+            let first = done.min(len.saturating_sub(LANES));
+            let points = point + first..point + (first + LANES).min(len);
+            if points.len() == LANES && inputs.is_whole(points.clone()) {
+                let bonds = LaneBonds::<LANES> {
+                    stencil,
+                    weights: None,
+                };
+                let sums = sum_lanes(kernel, bonds, values, slot + first);
+                points.zip(sums).for_each(|(p, sum)| set(p, sum));
+            } else {
+                points.for_each(set_alone);
+            }
+            done = first + LANES;
+        }
+    }
+    for block in chunk.blocks.clone() {
+        let head = family.blocks.head[block];
+        let points = head.points();
+        if inputs.is_whole(points.clone()) {
+            let bonds = LaneBonds {
+                stencil,
+                weights: Some(family.blocks.weights(block)),
+            };
+            let sums = sum_lanes(kernel, bonds, values, head.slot as usize);
+            points.zip(sums).for_each(|(p, sum)| set(p, sum));
+        } else {
+            points.for_each(set_alone);
+        }
+    }
+}
+
+/// Bonds of `N` consecutive points: those of the stencil, or with weights by bond and lane.
+#[derive(Clone, Copy)]
+pub(super) struct LaneBonds<'a, const N: usize> {
+    pub(super) stencil: &'a [StencilBond],
+    pub(super) weights: Option<&'a [Weights<N>]>,
+}
+
+impl<const N: usize> LaneBonds<'_, N> {
+    /// The bond of one lane; `bond` is that of the stencil.
+    #[inline(always)]
+    pub(super) fn of_lane(self, number: usize, bond: Bond, lane: usize) -> Bond {
+        self.weights.map_or(bond, |weights| Bond {
+            weight: weights[number][0][lane],
+            dual: weights[number][1][lane],
+            ..bond
+        })
+    }
+
+    /// Whether a bond counts: the inputs of slots without a point may be any number or NaN.
+    #[inline(always)]
+    pub(super) fn counts(self, bond: &Bond) -> bool {
+        self.weights.is_none() || bond.weight + bond.dual != 0.0
+    }
+}
+
+/// Sums of `N` points in consecutive slots; lanes of a block that are no points have zero sums.
+#[inline(always)]
+pub(super) fn sum_lanes<const I: usize, const O: usize, const N: usize>(
+    kernel: &impl BondKernel<I, O>,
+    bonds: LaneBonds<'_, N>,
+    inputs: &[&[f64]; I],
+    slot: usize,
+) -> [[f64; O]; N] {
+    let own: [[f64; N]; I] = std::array::from_fn(|i| lanes(inputs[i], slot));
+    let mut sums = [[0.0; N]; O];
+    // each bond is copied: the compiler would gather the fields of a reference lane by lane
+    for (number, &StencilBond { offset, bond }) in bonds.stencil.iter().enumerate() {
+        if bonds
+            .weights
+            .is_some_and(|weights| weights[number] == [[0.0; N]; 2])
+        {
+            continue;
+        }
+        let at = slot.wrapping_add_signed(offset);
+        let other: [[f64; N]; I] = std::array::from_fn(|i| lanes(inputs[i], at));
+        for lane in 0..N {
+            let bond = bonds.of_lane(number, bond, lane);
+            let part = kernel.bond(
+                &bond,
+                std::array::from_fn(|i| own[i][lane]),
+                std::array::from_fn(|i| other[i][lane]),
+            );
+            let counts = bonds.counts(&bond);
+            for o in 0..O {
+                sums[o][lane] += if counts { part[o] } else { 0.0 };
+            }
+        }
+    }
+    std::array::from_fn(|lane| std::array::from_fn(|o| sums[o][lane]))
+}
+
+/// `N` consecutive elements.
+#[inline(always)]
+pub(super) fn lanes<const N: usize>(input: &[f64], at: usize) -> [f64; N] {
+    input[at..at + N]
+        .try_into()
+        .expect("the slice has N elements")
+}

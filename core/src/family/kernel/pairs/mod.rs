@@ -1,0 +1,227 @@
+//! Every bond visited once: the sweep of lattices by kernels that give both ends of a bond their part.
+//!
+//! A bond under finite displacements costs a square root and a division, so it is evaluated once, from the end
+//! in the lower slot: *ahead*. Eight points advance together, with their own sums in registers and those of
+//! the other ends in memory. They are gathered in boxes of rows ([`RowBoxes`]); boxes of one colour write to different
+//! rows, so that threads may sweep them at the same time. Neither boxes nor colours depend on the number of threads, so
+//! that sums are bit-identical for any number.
+//!
+//! Layer points have no bonds ahead: bonds with layer points *behind* a point are evaluated from the point.
+
+mod sweep;
+#[cfg(test)]
+mod tests;
+
+use std::ops::Range;
+use std::sync::Mutex;
+
+use crate::family::blocks::{BLOCK, BlockBuilder, Blocks};
+use crate::family::{Family, StencilBond};
+
+/// Rows of a box, about: with more of them fewer inputs are read twice, with fewer more threads are busy.
+const ROWS: usize = 12;
+
+/// The bonds of a lattice, each once.
+#[derive(Debug)]
+pub(in crate::family) struct Pairs {
+    ahead: HalfStencil,
+    /// Pattern of blocks of complete families.
+    complete: Option<u32>,
+    /// Bonds between points and layer points.
+    behind: HalfStencil,
+    /// By colour.
+    boxes: [Vec<BoxBlocks>; 4],
+    /// By slot.
+    holds_point: Vec<bool>,
+    /// Memory of sums by slot, in planes; zero in the slots of points between sweeps.
+    work: Mutex<Vec<f64>>,
+}
+
+/// The blocks of a box.
+#[derive(Debug)]
+struct BoxBlocks {
+    ahead: Range<usize>,
+    behind: Range<usize>,
+}
+
+/// Bonds to one side of their points.
+#[derive(Debug)]
+struct HalfStencil {
+    stencil: Vec<StencilBond>,
+    blocks: Blocks,
+}
+
+/// Boxes of rows of a lattice, a row being the cells along x. Boxes next to each other differ in colour: on a plane lattice
+/// there are two colours along y, on a lattice of several planes four:
+///
+/// ```text
+/// z
+/// ^  | 2 | 3 | 2 | 3 |     height of a box: the planes that a bond reaches, and one
+/// |  | 0 | 1 | 0 | 1 |     width of a box: about `ROWS`
+/// +--------------------> y
+/// ```
+///
+/// A box writes to its own rows, to those that its bonds reach, and, as a block may run beyond the end of a row, to the
+/// one after these. The row after the last one of a plane is the first of the next plane, so that the number across is even.
+struct RowBoxes {
+    cells: [usize; 3],
+    /// How many rows of a plane lattice, or planes of others, a bond reaches.
+    reach: usize,
+    /// Boxes across a plane of a lattice of several planes.
+    across: usize,
+}
+
+impl RowBoxes {
+    /// Boxes of a lattice with so many `cells`; `farthest` is the largest offset of a bond in slots.
+    fn new(cells: [usize; 3], farthest: usize) -> Self {
+        let reach = match cells[2] {
+            1 => (farthest + cells[0] / 2) / cells[0],
+            _ => (farthest / cells[0] + cells[1] / 2) / cells[1],
+        };
+        let across = match cells[1] / ROWS.max(2 * reach + 1) {
+            0 | 1 => 1,
+            boxes => boxes / 2 * 2,
+        };
+        RowBoxes {
+            cells,
+            reach,
+            across,
+        }
+    }
+
+    /// The box of a slot, by its place along y and z.
+    fn place_of(&self, slot: usize) -> [usize; 2] {
+        let row = slot / self.cells[0];
+        let (y, z) = (row % self.cells[1], row / self.cells[1]);
+        match self.cells[2] {
+            1 => [y / (self.reach + 1), 0],
+            _ => [y * self.across / self.cells[1], z / (self.reach + 1)],
+        }
+    }
+}
+
+/// A point and its box, in the order in which boxes are swept.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct BoxedPoint {
+    colour: usize,
+    place: [usize; 2],
+    slot: u32,
+    point: u32,
+}
+
+/// The points of all boxes.
+fn boxed_points(family: &Family, boxes: &RowBoxes) -> Vec<BoxedPoint> {
+    let mut points = Vec::with_capacity(family.points);
+    for span in &family.spans {
+        for (slot, point) in (span.slot..).zip(span.point..span.point + span.len) {
+            let place = boxes.place_of(slot as usize);
+            points.push(BoxedPoint {
+                colour: place[0] % 2 + 2 * (place[1] % 2),
+                place,
+                slot,
+                point,
+            });
+        }
+    }
+    points.sort_unstable();
+    points
+}
+
+/// Numbers of the bonds ahead, ordered by x, so that consecutive bonds lead to different rows. A load of sums that the
+/// bond before it stored in part stalls for longer than a bond takes.
+fn order_of(ahead: &[StencilBond]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..ahead.len()).collect();
+    order.sort_by(|&a, &b| ahead[a].bond.xi[0].total_cmp(&ahead[b].bond.xi[0]));
+    order
+}
+
+impl Pairs {
+    /// The pairs of a family; `None` on a cloud, for rows, and on a line, whose points are few.
+    pub fn new(family: &Family) -> Option<Pairs> {
+        let cells = family.grid.as_ref()?.cells();
+        let is_line = cells[1] == 1 && cells[2] == 1;
+        if !family.rows.point.is_empty() || cells[0] < BLOCK || is_line {
+            return None;
+        }
+        let half = family.stencil.len() / 2;
+        let (behind, ahead) = family.stencil.split_at(half);
+        let order = order_of(ahead);
+        let mut rank = vec![0; half];
+        for (place, &number) in order.iter().enumerate() {
+            rank[number] = place;
+        }
+        let mut holds_point = vec![false; family.slots];
+        for span in &family.spans {
+            holds_point[span.slot as usize..][..span.len as usize].fill(true);
+        }
+        let mut blocks_ahead = BlockBuilder::new(half);
+        let mut blocks_behind = BlockBuilder::new(half);
+        let mut boxes: [Vec<BoxBlocks>; 4] = Default::default();
+        let rows = RowBoxes::new(cells, ahead[half - 1].offset as usize);
+        for of_box in boxed_points(family, &rows).chunk_by(|a, b| a.place == b.place) {
+            let first = [blocks_ahead.len(), blocks_behind.len()];
+            for &BoxedPoint { slot, point, .. } in of_box {
+                let (mut back, mut forth) = (Vec::new(), Vec::new());
+                family.for_each_bond(point as usize, |number, bond, other| {
+                    let weights = [bond.weight, bond.dual];
+                    if number >= half {
+                        forth.push((rank[number - half], weights));
+                    } else if !holds_point[other] {
+                        back.push((number, weights));
+                    }
+                });
+                if !back.is_empty() {
+                    blocks_behind.push(point, slot, back.into_iter());
+                }
+                blocks_ahead.push(point, slot, forth.into_iter());
+            }
+            boxes[of_box[0].colour].push(BoxBlocks {
+                ahead: first[0]..blocks_ahead.len(),
+                behind: first[1]..blocks_behind.len(),
+            });
+        }
+        let stencil: Vec<StencilBond> = order.iter().map(|&number| ahead[number]).collect();
+        let ahead = HalfStencil {
+            stencil,
+            blocks: blocks_ahead.finish(),
+        };
+        let weights = ahead.stencil.iter().map(|b| [b.bond.weight, b.bond.dual]);
+        let pairs = Pairs {
+            complete: ahead.blocks.pattern_of(weights),
+            ahead,
+            behind: HalfStencil {
+                stencil: behind.to_vec(),
+                blocks: blocks_behind.finish(),
+            },
+            boxes,
+            holds_point,
+            work: Mutex::default(),
+        };
+        pairs.check(cells[0]);
+        Some(pairs)
+    }
+
+    /// Boxes of one colour write to different rows.
+    fn check(&self, row: usize) {
+        let rows = self.holds_point.len().div_ceil(row);
+        for boxes in &self.boxes {
+            let mut writer = vec![None; rows];
+            for (number, blocks) in boxes.iter().enumerate() {
+                // blocks behind contain points of these
+                for head in &self.ahead.blocks.head[blocks.ahead.clone()] {
+                    let ends = self.ahead.stencil.iter().map(|bond| bond.offset as usize);
+                    for first in ends.chain([0]).map(|offset| head.slot as usize + offset) {
+                        for row in first / row..=(first + BLOCK - 1) / row {
+                            let writer = writer[row].get_or_insert(number);
+                            assert_eq!(*writer, number, "rows of boxes of one colour");
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    pub fn memory(&self) -> usize {
+        self.ahead.blocks.memory() + self.behind.blocks.memory() + self.holds_point.len()
+    }
+}
